@@ -1,0 +1,10 @@
+"""The ideal: prediction from true pasts."""
+
+from mtp_bench import Agent, Pipeline, Task
+from mtp_bench.prediction import KinematicPredictor, KMeansSampler
+from mtp_bench.tracking import TruthTracker
+
+
+def build(task: Task, draws: int = 1) -> Agent:
+    """``draws`` x k samples from the true past, reduced to k."""
+    return Pipeline(TruthTracker(), KinematicPredictor(), KMeansSampler(), draws=draws)

@@ -1,0 +1,184 @@
+"""Boxes per CPU-second of `tracking_counts` beside motmetrics and TrackEval, on the same synthetic frames.
+
+    python benchmarks/scorer.py [--scenes 10] [--frames 300] [--objects 20] [--area 80] [--json FILE]
+
+A box is a true box or a track box. The peers get their distances or similarities ready-made, before their clock starts;
+CPU time (all threads) is the least of ``--repeats`` runs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import json
+import time
+import warnings
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mtp_bench.scoring import tracking_counts
+
+GATE = 2.0  # m
+Frames = list[tuple[str, int, Any, Any, Any, Any]]
+Counts = dict[str, float]
+
+
+def synthetic_frames(scenes: int, frames: int, objects: int, area: float, seed: int = 0) -> Frames:
+    """Objects on random walks in a square; their tracks with noise, misses (8 %), switches (1 %) and false boxes."""
+    rng = np.random.default_rng(seed)
+    made: Frames = []
+    for s in range(scenes):
+        xy, velocity = rng.uniform(0, area, (objects, 2)), rng.normal(0, 0.5, (objects, 2))
+        ids, unused = np.arange(objects), objects
+        for t in range(frames):
+            velocity = np.where((xy < 0) | (xy > area), -np.sign(xy) * np.abs(velocity), velocity)
+            xy = xy + velocity
+            switched = rng.random(objects) < 0.01
+            ids = np.where(switched, unused + np.arange(objects), ids)
+            seen, false = rng.random(objects) > 0.08, int(rng.poisson(1.5))
+            track_ids = np.concatenate([ids[seen], unused + objects + np.arange(false)])
+            track_xy = np.concatenate(
+                [xy[seen] + rng.normal(0, 0.4, (seen.sum(), 2)), rng.uniform(0, area, (false, 2))]
+            )
+            unused += objects + false
+            made.append((f"s{s}", t, np.arange(objects), xy, track_ids, track_xy))
+    return made
+
+
+def ours(mode: Any) -> Callable[[Frames], Callable[[], Counts]]:
+    """`tracking_counts`, straight from the frames."""
+
+    def prepare(frames: Frames) -> Callable[[], Counts]:
+        def run() -> Counts:
+            return {k: float(v) for k, v in tracking_counts(frames, GATE, mode).items() if v is not None}
+
+        return run
+
+    return prepare
+
+
+def motmetrics(frames: Frames) -> Callable[[], Counts]:
+    """One accumulator per scene; distances beyond the gate are NaN, as it asks for."""
+    import motmetrics as mm
+
+    by_scene: dict[str, list[Any]] = {}
+    for scene, _, true_ids, true_xy, track_ids, track_xy in frames:
+        distance = np.linalg.norm(true_xy[:, None] - track_xy, axis=-1)
+        distance[distance > GATE] = np.nan
+        by_scene.setdefault(scene, []).append((true_ids, track_ids, distance))
+    names = ["num_detections", "num_misses", "num_false_positives", "num_switches", "num_fragmentations"]
+
+    def run() -> Counts:
+        total = np.zeros(len(names))
+        for rows in by_scene.values():
+            accumulator = mm.MOTAccumulator(auto_id=True)
+            for row in rows:
+                accumulator.update(*row)
+            summary: Any = mm.metrics.create().compute(accumulator, metrics=names)
+            total += summary.iloc[0].to_numpy(dtype=float)
+        return dict(zip(("TP", "FN", "FP", "IDS", "FRAG"), total.tolist(), strict=True))
+
+    return run
+
+
+def trackeval(frames: Frames) -> Callable[[], Counts]:
+    """CLEAR of TrackEval on similarities max(0, 1 - d / 4), so that 0.5 lies at the gate."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        import trackeval as te
+
+        metric = te.metrics.CLEAR({"THRESHOLD": 0.5, "PRINT_CONFIG": False})
+    by_scene: dict[str, list[Any]] = {}
+    for scene, _, true_ids, true_xy, track_ids, track_xy in frames:
+        distance = np.linalg.norm(true_xy[:, None] - track_xy, axis=-1)
+        by_scene.setdefault(scene, []).append((true_ids, track_ids, np.maximum(0.0, 1.0 - distance / (2 * GATE))))
+    data = []
+    for rows in by_scene.values():
+        names = np.unique(np.concatenate([row[1] for row in rows]))
+        data.append(
+            {
+                "num_gt_dets": sum(len(row[0]) for row in rows),
+                "num_tracker_dets": sum(len(row[1]) for row in rows),
+                "num_gt_ids": len(np.unique(np.concatenate([row[0] for row in rows]))),
+                "num_tracker_ids": len(names),
+                "num_timesteps": len(rows),
+                "gt_ids": [row[0] for row in rows],
+                "tracker_ids": [np.searchsorted(names, row[1]) for row in rows],
+                "similarity_scores": [row[2] for row in rows],
+            }
+        )
+
+    def run() -> Counts:
+        results = [metric.eval_sequence(scene) for scene in data]
+        keys = {"TP": "CLR_TP", "FN": "CLR_FN", "FP": "CLR_FP", "IDS": "IDSW", "FRAG": "Frag"}
+        return {name: float(sum(result[key] for result in results)) for name, key in keys.items()}
+
+    return run
+
+
+PROGRAMS: dict[str, tuple[Callable[[Frames], Callable[[], Counts]], str]] = {
+    "mtp_bench, frame": (ours("frame"), "mtp-bench"),
+    "mtp_bench, sticky": (ours("sticky"), "mtp-bench"),
+    "motmetrics": (motmetrics, "motmetrics"),
+    "TrackEval CLEAR": (trackeval, "trackeval"),
+}
+
+
+def measure(frames: Frames, repeats: int) -> list[dict[str, Any]]:
+    boxes = sum(len(frame[2]) + len(frame[4]) for frame in frames)
+    rows = []
+    for name, (prepare, package) in PROGRAMS.items():
+        run = prepare(frames)
+        seconds, counts = [], Counts()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            for _ in range(repeats):
+                start = time.process_time()
+                counts = run()
+                seconds.append(time.process_time() - start)
+        least = min(seconds)
+        rows.append(
+            {"program": name, "version": version(package), "cpu_s": least, "boxes_per_s": boxes / least, **counts}
+        )
+    return rows
+
+
+def show(rows: list[dict[str, Any]], title: str) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title)
+    for column in ("program", "version", "CPU s", "boxes / CPU s", "TP", "FN", "FP", "IDS", "FRAG"):
+        table.add_column(column, justify="left" if column in ("program", "version") else "right")
+    for row in rows:
+        counts = [f"{row[name]:.0f}" for name in ("TP", "FN", "FP", "IDS", "FRAG")]
+        table.add_row(row["program"], row["version"], f"{row['cpu_s']:.3f}", f"{row['boxes_per_s']:,.0f}", *counts)
+    Console().print(table)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    for name, default in (("scenes", 10), ("frames", 300), ("objects", 20), ("repeats", 3)):
+        parser.add_argument(f"--{name}", type=int, default=default)
+    parser.add_argument("--area", type=float, default=80.0, help="side of the square, m; smaller is more crowded")
+    parser.add_argument("--json", type=Path, default=None)
+    given = parser.parse_args()
+    frames = synthetic_frames(given.scenes, given.frames, given.objects, given.area)
+    tracking_counts(frames[:2])  # imports happen here
+    rows = measure(frames, given.repeats)
+    boxes = sum(len(frame[2]) + len(frame[4]) for frame in frames)
+    show(
+        rows,
+        f"{boxes:,} boxes: {given.scenes} scenes x {given.frames} frames, {given.objects} objects, {given.area:g} m",
+    )
+    if given.json:
+        setting = {"scenes": given.scenes, "frames": given.frames, "objects": given.objects, "area_m": given.area}
+        given.json.write_text(json.dumps({**setting, "boxes": boxes, "rows": rows}, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,25 @@
+"""Where the cards, baselines and records are: in the checkout or, once installed, inside the wheel."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+_PACKAGE = Path(__file__).resolve().parent
+
+
+def bundled(kind: str) -> Path:
+    """Folder of ``kind`` ("envs", "baselines" or "leaderboard"): the checkout's own, else the wheel's copy."""
+    checkout = _PACKAGE.parent / kind
+    if (_PACKAGE.parent / "pyproject.toml").is_file() and checkout.is_dir():
+        return checkout
+    return _PACKAGE / "_bundled" / kind
+
+
+def card_ids() -> tuple[str, ...]:
+    """Ids of the cards that ship with the library, sorted."""
+    return tuple(sorted(path.stem for path in bundled("envs").glob("MTP-*.toml")))
+
+
+def baseline_names() -> tuple[str, ...]:
+    """Names of the baselines that ship with the library, sorted."""
+    return tuple(sorted(path.parent.name for path in bundled("baselines").glob("*/submission.toml")))

@@ -1,0 +1,160 @@
+"""What an agent is, and the usual one: tracker, then predictor, then sampler."""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import ShapeError
+from .tracks import Objects as Objects
+from .tracks import Tracks as Tracks
+from .tracks import group
+from .types import Floats, Ints, Task
+
+Observation = dict[str, NDArray[np.generic]]
+Action = dict[str, NDArray[np.generic]]
+
+
+@runtime_checkable
+class Agent(Protocol):
+    """Anything that answers detections with hypotheses and forecasts, frame by frame."""
+
+    def reset(self, task: Task) -> None:
+        """Forget everything; a new scene begins under the rules of ``task``."""
+
+    def act(self, observation: Observation) -> Action:
+        """Answer one frame; keys and shapes as in the env's observation and action space."""
+        ...
+
+
+class Tracker(Protocol):
+    """Turns the detections of a frame into tracks."""
+
+    def reset(self, task: Task) -> None:
+        """Forget everything."""
+
+    def step(self, observation: Observation) -> Tracks:
+        """Tracks to output after this frame."""
+        ...
+
+
+class Predictor(Protocol):
+    """Samples futures of tracks."""
+
+    def reset(self, task: Task) -> None:
+        """Forget everything."""
+
+    def sample(self, tracks: Tracks, leaf: Ints, draw: Ints, samples: int) -> Floats:
+        """Futures [Q, samples, T, 2] in absolute x y of the tracks ``leaf`` [Q].
+
+        ``draw`` [Q] numbers the random draws: equal numbers mean equal draws, whatever track they are applied to.
+        """
+        ...
+
+
+class Sampler(Protocol):
+    """Reduces a pool of samples to the number allowed."""
+
+    def reduce(self, pool: Floats, log_weight: Floats, k: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        """``k`` samples [O, k, T, 2] and log-weights [O, k] that stand for the pool [O, S, T, 2] weighted [O, S]."""
+        ...
+
+
+class Pipeline:
+    """Track, then predict every distinct track, then reduce to the samples allowed.
+
+    The single-hypothesis pipeline (STP) and the multi-hypothesis one (MTP) are this class with trackers of one and of
+    H hypotheses. Each hypothesis contributes ``draws`` x k samples to the pool of an object; a pool that is larger than
+    the task's K is reduced by the sampler.
+
+    ``weighting``: "posterior" weighs samples by their hypothesis, "uniform" counts hypotheses alike, as in the paper.
+    ``min_mass``: an object is reported if hypotheses of at least this total weight hold it; 0.5 is "likelier than not".
+    """
+
+    def __init__(
+        self,
+        tracker: Tracker,
+        predictor: Predictor,
+        sampler: Sampler,
+        draws: int = 1,
+        weighting: str = "posterior",
+        min_mass: float = 0.5,
+    ) -> None:
+        if weighting not in ("posterior", "uniform"):
+            raise ShapeError(f"weighting is {weighting!r}, expected 'posterior' or 'uniform'")
+        self._tracker, self._predictor, self._sampler = tracker, predictor, sampler
+        self._draws = draws
+        self._posterior = weighting == "posterior"
+        self._min_mass = min_mass
+
+    def reset(self, task: Task) -> None:
+        """Forget everything; a new scene begins."""
+        self._task = task
+        self._frame = 0
+        self._tracker.reset(task)
+        self._predictor.reset(task)
+
+    def act(self, observation: Observation) -> Action:
+        """Answer one frame."""
+        self._frame += 1
+        tracks = self._tracker.step(observation)
+        objects = group(tracks, self._task.objects, self._min_mass)
+        pool, log_weight = self._pool(tracks, objects)
+        if pool.shape[1] > self._task.samples:
+            rng = np.random.default_rng([self._task.seed, self._frame, 1])
+            pool, log_weight = self._sampler.reduce(pool, log_weight, self._task.samples, rng)
+        return pack(self._task, tracks, objects, pool, log_weight)
+
+    def _pool(self, tracks: Tracks, objects: Objects) -> tuple[Floats, Floats]:
+        """All samples of all hypotheses: [O, H x draws x k, T, 2], and their log-weights; -inf where none is."""
+        count, hypotheses = objects.leaf.shape
+        k, draws = self._task.k, self._draws
+        row, hypothesis = np.nonzero(objects.leaf >= 0)
+        slot = (hypothesis[:, None] * draws + np.arange(draws)).ravel()
+        leaf = np.repeat(objects.leaf[row, hypothesis], draws)
+        row = np.repeat(row, draws)
+        samples = self._predictor.sample(tracks, leaf, slot, k)
+        pool = np.zeros((count, hypotheses * draws, k, self._task.future, 2))
+        pool[row, slot] = samples
+        log_weight = np.full((count, hypotheses * draws, k), -np.inf)
+        weight = tracks.log_weight if self._posterior else np.zeros(hypotheses)
+        log_weight[row, slot] = weight[slot // draws][:, None]
+        size = hypotheses * draws * k
+        return pool.reshape(count, size, self._task.future, 2), log_weight.reshape(count, size)
+
+
+def pack(task: Task, tracks: Tracks, objects: Objects, samples: Floats, log_weight: Floats) -> Action:
+    """The action that says all this: ``samples`` [O, k, T, 2] in absolute x y with log-weights [O, k].
+
+    Tracks and hypotheses beyond the task's sizes are left out, the least likely first.
+    """
+    action: Action = {
+        "track_id": np.zeros(task.tracks, dtype=np.int64),
+        "track_box": np.zeros((task.tracks, 7), dtype=np.float32),
+        "track_class": np.full(task.tracks, -1, dtype=np.int64),
+        "track_valid": np.zeros(task.tracks, dtype=np.int8),
+        "hypothesis_member": np.zeros((task.hypotheses, task.tracks), dtype=np.int8),
+        "hypothesis_log_weight": np.full(task.hypotheses, -np.inf, dtype=np.float32),
+        "object_box": np.zeros((task.objects, 7), dtype=np.float32),
+        "object_class": np.zeros(task.objects, dtype=np.int64),
+        "object_valid": np.zeros(task.objects, dtype=np.int8),
+        "forecast": np.zeros((task.objects, task.samples, task.future, 2), dtype=np.float32),
+        "forecast_log_weight": np.full((task.objects, task.samples), -np.inf, dtype=np.float32),
+    }
+    h = min(task.hypotheses, len(tracks.log_weight))
+    kept = np.sort(np.argsort(tracks.member.argmax(axis=0), kind="stable")[: task.tracks])
+    n, o, k = len(kept), min(len(objects.box), task.objects), samples.shape[1]
+    action["track_id"][:n] = tracks.track_id[kept]
+    action["track_box"][:n] = tracks.box[kept]
+    action["track_class"][:n] = tracks.class_id[kept]
+    action["track_valid"][:n] = 1
+    action["hypothesis_member"][:h, :n] = tracks.member[:h, kept]
+    action["hypothesis_log_weight"][:h] = tracks.log_weight[:h]
+    action["object_box"][:o] = objects.box[:o]
+    action["object_class"][:o] = objects.class_id[:o]
+    action["object_valid"][:o] = 1
+    action["forecast"][:o, :k] = samples[:o] - objects.box[:o, None, None, :2]
+    action["forecast_log_weight"][:o, :k] = log_weight[:o]
+    return action

@@ -1,0 +1,149 @@
+"""Environment cards: strict TOML, read into a frozen record with a digest.
+
+A card says which source an env replays, what the task is and how large the padded arrays are; see ``envs/README.md``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from ._bundle import bundled, card_ids
+from ._strict import Section, read_toml, validate
+from .errors import CardError, UnknownNameError, nearest
+
+PerClass = dict[str, float]  # a single number in the TOML stands for every class
+
+
+class KittiSource(Section):
+    """KITTI tracking logs with stored detections."""
+
+    name: Literal["kitti"]
+    detector: str = "pointrcnn"  # folder under detections/
+    split: Literal["train", "val"] = "val"
+    ego_motion: bool = True  # False: every frame in its own camera frame, as without ego-motion compensation
+    stride: Annotated[int, Field(ge=1)] = 1  # keep every n-th frame
+
+
+Source = KittiSource  # further sources join here as a union that ``name`` tells apart
+
+
+class EventGate(Section):
+    """When a true box and a track count as matched for identity events (protocol, "Matching")."""
+
+    measure: Literal["iou_3d", "center_distance"]
+    threshold: PerClass  # inclusive: IoU at least, or metres at most
+
+
+class TaskSection(Section):
+    """The rules of prediction and scoring (protocol, table of tasks)."""
+
+    rate: Annotated[float, Field(gt=0)]  # Hz, nominal
+    past: Annotated[int, Field(ge=2)]  # P
+    future: Annotated[int, Field(ge=1)]  # T
+    samples: Annotated[int, Field(ge=1)]  # k
+    classes: Annotated[tuple[str, ...], Field(min_length=1, strict=False)]  # TOML has lists only
+    event_gate: EventGate
+    forecast_gate: PerClass  # m, BEV centre distance
+    miss_error: PerClass  # m, c of the missing-aware error
+
+
+class SizeSection(Section):
+    """Padded sizes of the spaces; constants of the env id."""
+
+    detections: Annotated[int, Field(ge=1)]  # D
+    tracks: Annotated[int, Field(ge=1)]  # N
+    objects: Annotated[int, Field(ge=1)]  # O
+    hypotheses: Annotated[int, Field(ge=1)]  # H
+
+
+class Card(Section):
+    """One environment id."""
+
+    id: str
+    summary: str
+    reference: str = "stp"  # baseline whose events define the frozen subsets
+    source: Source
+    task: TaskSection
+    size: SizeSection
+
+    @property
+    def digest(self) -> str:
+        """First 16 hex digits of the sha256 of the card's content."""
+        text = json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def per_class(self, table: PerClass) -> tuple[float, ...]:
+        """Values of a per-class table in the order of ``task.classes``."""
+        return tuple(table[name] for name in self.task.classes)
+
+
+def load_card(name: str | Path) -> Card:
+    """Read a card by env id or from a TOML file.
+
+    Raises UnknownNameError for an id that does not exist and CardError for content that is wrong, naming the key.
+    """
+    path = Path(name)
+    if path.suffix == ".toml":
+        if not path.is_file():
+            raise CardError(f"no card file at {path}")
+    else:
+        if str(name) not in card_ids():
+            raise UnknownNameError("environment", str(name), card_ids(), "`mtp-bench envs` lists them")
+        path = bundled("envs") / f"{name}.toml"
+    content = read_toml(path, CardError)
+    return parse_card(content, where=path.name, stem=path.stem)
+
+
+def parse_card(content: dict[str, Any], where: str = "card", stem: str | None = None) -> Card:
+    """Validate the content of a card; ``stem`` is the id that its file name promises."""
+    card = validate(Card, _spread_scalars(content), where, CardError)
+    if stem is not None and card.id != stem:
+        raise CardError(f"{where}: id is {card.id!r}, expected the file's stem {stem!r}")
+    _check_classes(card, where)
+    return card
+
+
+def _spread_scalars(content: dict[str, Any]) -> dict[str, Any]:
+    """Write a single number in place of a per-class table as a table with every class."""
+    task = content.get("task")
+    if not isinstance(task, dict):
+        return content
+    task = dict(task)
+    classes = task.get("classes")
+    names = [c for c in classes if isinstance(c, str)] if isinstance(classes, list) else []
+
+    def spread(value: Any) -> Any:
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        return dict.fromkeys(names, value) if number else value
+
+    for key in ("forecast_gate", "miss_error"):
+        if key in task:
+            task[key] = spread(task[key])
+    if isinstance(task.get("event_gate"), dict) and "threshold" in task["event_gate"]:
+        task["event_gate"] = {**task["event_gate"], "threshold": spread(task["event_gate"]["threshold"])}
+    return {**content, "task": task}
+
+
+def _check_classes(card: Card, where: str) -> None:
+    classes = set(card.task.classes)
+    if len(classes) != len(card.task.classes):
+        raise CardError(f"{where}: task.classes is {list(card.task.classes)}, expected each class once")
+    tables = {
+        "task.event_gate.threshold": card.task.event_gate.threshold,
+        "task.forecast_gate": card.task.forecast_gate,
+        "task.miss_error": card.task.miss_error,
+    }
+    for key, table in tables.items():
+        for name in table:
+            if name not in classes:
+                raise CardError(f"{where}: {key} has an unknown class {name!r}{nearest(name, classes)}")
+        for name in card.task.classes:
+            if name not in table:
+                raise CardError(f"{where}: {key} has no value for class {name!r}")
+            if table[name] <= 0:
+                raise CardError(f"{where}: {key}.{name} is {table[name]}, expected a number above 0")

@@ -1,0 +1,55 @@
+"""Errors of the library: each says what was got, what was expected, where, and what to do."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class MtpBenchError(Exception):
+    """Base of every error that a user can cause; the command line prints it without a traceback."""
+
+
+class CardError(MtpBenchError):
+    """An environment card is missing, misspelt or inconsistent."""
+
+
+class DataError(MtpBenchError):
+    """A data root, a file or a row of a dataset is missing or broken."""
+
+
+class SubmissionError(MtpBenchError):
+    """A submission folder cannot be loaded or its agent breaks the contract."""
+
+
+class RolloutError(MtpBenchError):
+    """A stored rollout is missing, incomplete or was made for another card."""
+
+
+class ShapeError(MtpBenchError, ValueError):
+    """An array has another shape, type or content than its function needs."""
+
+
+class UnknownNameError(MtpBenchError, KeyError):
+    """A name that is not among the known ones; the text suggests the nearest."""
+
+    def __init__(self, kind: str, got: str, known: Iterable[str], hint: str = "") -> None:
+        self.got = got
+        known = tuple(known)
+        self._given = (kind, got, known, hint)
+        super().__init__(f"unknown {kind} {got!r}{nearest(got, known)}" + (f"; {hint}" if hint else ""))
+
+    def __reduce__(self) -> tuple[type[UnknownNameError], tuple[str, str, tuple[str, ...], str]]:
+        return type(self), self._given  # workers send their errors home
+
+    def __str__(self) -> str:  # KeyError would show the repr of the text
+        return str(self.args[0])
+
+
+def nearest(got: str, known: Iterable[str]) -> str:
+    """The part of an error text that names the nearest known name, else all of them."""
+    names = sorted(known)
+    close = difflib.get_close_matches(got, names, n=1, cutoff=0.5)
+    if close:
+        return f": did you mean {close[0]!r}?"
+    return f": known are {', '.join(names)}" if names else ": none is known"

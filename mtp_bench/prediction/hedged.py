@@ -1,0 +1,42 @@
+"""One hypothesis, several readings of its past: the control that costs nothing (protocol, "Controls")."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..agent import Predictor, Tracks
+from ..types import Floats, Ints, Task
+
+
+class StandingStill:
+    """The object stays where it was last seen."""
+
+    def reset(self, task: Task) -> None:
+        """Forget everything."""
+        self._future = task.future
+
+    def sample(self, tracks: Tracks, leaf: Ints, draw: Ints, samples: int) -> Floats:
+        """The last position, repeated: [Q, samples, T, 2]."""
+        here = tracks.past[leaf, -1, :2][:, None, None, :]
+        return np.broadcast_to(here, (len(leaf), samples, self._future, 2)).copy()
+
+
+class HedgedPredictor:
+    """Spreads the samples evenly over several predictors; the first ones get what is left over."""
+
+    def __init__(self, predictors: Sequence[Predictor]) -> None:
+        self._predictors = tuple(predictors)
+
+    def reset(self, task: Task) -> None:
+        """Forget everything."""
+        for predictor in self._predictors:
+            predictor.reset(task)
+
+    def sample(self, tracks: Tracks, leaf: Ints, draw: Ints, samples: int) -> Floats:
+        """Futures [Q, samples, T, 2] in absolute x y, in the order of the predictors."""
+        share, rest = divmod(samples, len(self._predictors))
+        sizes = [share + (i < rest) for i in range(len(self._predictors))]
+        parts = [p.sample(tracks, leaf, draw, n) for p, n in zip(self._predictors, sizes, strict=True) if n]
+        return np.concatenate(parts, axis=1)

@@ -1,0 +1,142 @@
+"""Identity events: switches, losses and re-acquisitions of true objects (protocol, "Events")."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ShapeError
+from ..types import Bools, Ints
+from .matching import Matched
+
+FragAt = Literal["current", "previous"]
+
+
+@dataclass(frozen=True, eq=False)
+class EventList:
+    """Events of one kind, sorted by row of the truth."""
+
+    row: Ints  # [E] row of the truth
+    frame: Ints  # [E]
+    object_id: Ints  # [E]
+    old_id: Ints  # [E] track before, -1 none
+    new_id: Ints  # [E] track after, -1 none
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    def records(self, scene: str) -> list[tuple[str, int, int, int, int]]:
+        """(scene, object, frame, old id, new id) of each event."""
+        columns = (self.object_id, self.frame, self.old_id, self.new_id)
+        return [(scene, int(g), int(t), int(old), int(new)) for g, t, old, new in zip(*columns, strict=True)]
+
+
+@dataclass(frozen=True, eq=False)
+class Events:
+    """The three kinds; ``frag`` is lost or reacquired."""
+
+    ids: EventList
+    lost: EventList
+    wrong: Bools  # [lost] True: the old id is output, but outside the gate; False ("under"): it is not output
+    reacquired: EventList
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """Rows of a ragged table in the order of identity, then frame, and who comes before whom."""
+
+    order: NDArray[np.intp]  # [R]
+    identity: Ints  # [R] in that order
+    frame: Ints  # [R] in that order
+    follows: Bools  # [R] the row before is the same identity, at any earlier frame
+    consecutive: Bools  # [R] ... in the frame just before
+
+    def previous(self) -> NDArray[np.intp]:
+        """Row of the same identity in the frame just before [R], -1 for none; in the order of the table."""
+        earlier = np.full(len(self.order), -1, dtype=np.intp)
+        place = np.flatnonzero(self.consecutive)
+        earlier[self.order[place]] = self.order[place - 1]
+        return earlier
+
+
+def history(frame: Ints, identity: Ints) -> History:
+    """History of a table [R] that is sorted by frame; an identity occurs once per frame, else ShapeError."""
+    order = np.argsort(identity, kind="stable")
+    who, when = identity[order], frame[order]
+    follows, consecutive = np.zeros(len(order), dtype=bool), np.zeros(len(order), dtype=bool)
+    follows[1:] = who[1:] == who[:-1]
+    step = when[1:] - when[:-1]
+    consecutive[1:] = follows[1:] & (step == 1)
+    twice = np.flatnonzero(follows[1:] & (step == 0))
+    if len(twice):
+        i = int(twice[0])
+        raise ShapeError(f"identity {who[i]} occurs twice in frame {when[i]}, expected once per frame")
+    return History(order, who, when, follows, consecutive)
+
+
+def find_events(
+    objects: History, matched: Matched, tracks: History, track_id: Ints, frag_at: FragAt = "current"
+) -> Events:
+    """Events of one stream of tracks.
+
+    ``objects`` and ``tracks`` are the histories of the true boxes [R] and the tracks; ``matched`` [R] the row of the
+    track of each true box, -1 none; ``track_id`` the ids by row. ``frag_at="previous"`` records a loss at the frame
+    before, where the track still exists.
+    """
+    if frag_at not in ("current", "previous"):
+        raise ShapeError(f"frag_at is {frag_at!r}, expected 'current' or 'previous'")
+    column = matched[objects.order]
+    seen = column >= 0
+    before = np.roll(column, 1)
+    ids = np.append(np.asarray(track_id, dtype=np.int64), -1)  # row -1: no track
+    follows_match = objects.consecutive & (before >= 0)
+    switch = np.flatnonzero(follows_match & seen & (ids[before] != ids[column]))
+    lost = np.flatnonzero(follows_match & ~seen)
+    back = np.flatnonzero(_reacquired(objects, seen))
+    went_on = np.zeros(len(tracks.order), dtype=bool)  # tracks that are output in the next frame too
+    went_on[tracks.order[np.flatnonzero(tracks.consecutive) - 1]] = True
+    none = np.full(len(lost), -1)
+    return Events(
+        ids=_list(objects, switch, ids[before[switch]], ids[column[switch]]),
+        lost=_list(objects, lost - int(frag_at == "previous"), ids[before[lost]], none),
+        wrong=_sorted(went_on[before[lost]], objects, lost),
+        reacquired=_list(objects, back, ids[_last_match(column)[back]], ids[column[back]]),
+    )
+
+
+def clear_identity(objects: History, matched: Matched, track_id: Ints) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows of CLEAR-IDS (the last id of any age differs) and of CLEAR-FRAG (a matched run begins, not the first)."""
+    column = matched[objects.order]
+    seen = np.flatnonzero(column >= 0)
+    same = objects.identity[seen[1:]] == objects.identity[seen[:-1]]
+    switched = seen[1:][same & (track_id[column[seen[1:]]] != track_id[column[seen[:-1]]])]
+    return objects.order[switched], objects.order[np.flatnonzero(_reacquired(objects, column >= 0))]
+
+
+def _reacquired(objects: History, seen: Bools) -> Bools:
+    """Rows matched after an unmatched one, of objects that had been matched before."""
+    count = np.cumsum(seen)
+    start = ~objects.follows
+    at_start = np.maximum.accumulate(np.where(start, count - seen, 0))
+    before = count - seen - at_start > 0
+    unmatched_before = objects.follows & ~np.roll(seen, 1)
+    return seen & unmatched_before & before
+
+
+def _last_match(column: Matched) -> NDArray[np.intp]:
+    """Track row of the nearest matched row before each row (of the same object where there is one)."""
+    place = np.where(column >= 0, np.arange(len(column)), -1)
+    return np.asarray(column[np.roll(np.maximum.accumulate(place), 1)] if len(column) else column)
+
+
+def _list(objects: History, place: NDArray[np.intp], old: NDArray[np.int64], new: NDArray[np.int64]) -> EventList:
+    """Events at places of the history, sorted by row."""
+    columns = objects.order[place], objects.frame[place], objects.identity[place], old, new
+    return EventList(*(_sorted(column, objects, place) for column in columns))
+
+
+def _sorted(column: NDArray[Any], objects: History, place: NDArray[np.intp]) -> NDArray[Any]:
+    return column[np.argsort(objects.order[place])]

@@ -1,0 +1,159 @@
+"""Lineages of hypotheses: which hypothesis of the frame before a hypothesis descends from, and its events.
+
+An action does not say it, so the parent is inferred: the hypothesis whose tracks had to move least. Identities are
+followed along that lineage, never by rank (protocol, "Targets and subsets").
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..cards import Card
+from ..types import Bools, Floats, Ints, Rollout, Truth
+from .definitions import MAX_SPEED
+from .matching import match
+from .pairs import Pairs, Rows, box_pairs
+from .targets import frame_of_rows
+
+
+@dataclass(frozen=True, eq=False)
+class Hypotheses:
+    """Hypotheses of a rollout in every frame; a frame without any counts as one hypothesis without tracks."""
+
+    alive: Bools  # [F, H]
+    member: Bools  # [R, H] tracks of alive hypotheses
+    best: Ints  # [F] heaviest; the lowest index among equals
+    parent: Ints  # [F, H] hypothesis of the frame before; 0 in frame 0
+
+
+@dataclass(frozen=True, eq=False)
+class LineageEvents:
+    """Events of every hypothesis along its own lineage, per true box."""
+
+    ids: Bools  # [R, H]
+    lost: Bools  # [R, H]
+    wrong: Bools  # [R, H] a loss whose old id is still output
+    reacquired: Bools  # [R, H]
+
+    @property
+    def frag(self) -> Bools:
+        """Lost or reacquired [R, H]."""
+        return self.lost | self.reacquired
+
+    def of(self, hypothesis: Ints) -> LineageEvents:
+        """The events [R, 1] of one hypothesis per row."""
+        index = np.asarray(hypothesis)[:, None]
+        kinds = (self.ids, self.lost, self.wrong, self.reacquired)
+        return LineageEvents(*(np.take_along_axis(kind, index, axis=1) for kind in kinds))
+
+
+def hypotheses(rollout: Rollout, card: Card) -> Hypotheses:
+    """Which hypotheses exist, which is best, and from which each descends."""
+    weight = np.asarray(rollout.hypothesis_log_weight, dtype=np.float64)
+    alive = np.isfinite(weight)
+    if alive.shape[1] == 0:
+        alive, weight = np.zeros((len(weight), 1), dtype=bool), np.full((len(weight), 1), -np.inf)
+    member = np.zeros((len(rollout.track_id), alive.shape[1]), dtype=bool)
+    member[:, : rollout.member.shape[1]] = rollout.member
+    member &= alive[frame_of_rows(rollout.track_start)]
+    best = np.argmax(weight, axis=1)
+    alive = alive.copy()
+    alive[~alive.any(axis=1), 0] = True
+    parent = np.zeros(alive.shape, dtype=np.intp)
+    if alive.shape[1] > 1:
+        for t in range(1, len(alive)):
+            parent[t] = _parents(rollout, member, alive[t - 1], weight[t - 1], t, _reach(card))
+    return Hypotheses(alive, member, best, parent)
+
+
+def match_hypotheses(truth: Truth, rollout: Rollout, member: Bools, card: Card) -> NDArray[np.intp]:
+    """Track row of each evaluated true box in each hypothesis [R, H], -1 none; ``frame`` mode, event gate."""
+    pairs = event_pairs(truth, rollout, card)
+    pairs = pairs.keep(~truth.neutral[pairs.row])
+    count = member.shape[1]
+    pair, hypothesis = np.nonzero(member[pairs.column])
+    spread = Pairs(pairs.row[pair] * count + hypothesis, pairs.column[pair] * count + hypothesis, pairs.cost[pair])
+    matched = match(spread, len(truth.box) * count).reshape(-1, count)
+    return np.where(matched >= 0, matched // count, -1)
+
+
+def event_pairs(truth: Truth, rollout: Rollout, card: Card) -> Pairs:
+    """Pairs of true boxes and tracks inside the event gate of the card."""
+    gate = card.task.event_gate
+    return box_pairs(
+        frame_of_rows(truth.start),
+        truth.box,
+        truth.class_id,
+        frame_of_rows(rollout.track_start),
+        rollout.track_box,
+        rollout.track_class,
+        gate.measure,
+        card.per_class(gate.threshold),
+    )
+
+
+def lineage_events(truth: Truth, rollout: Rollout, found: Hypotheses, matched: NDArray[np.intp]) -> LineageEvents:
+    """Events [R, H] of all hypotheses; ``matched`` [R, H] as `match_hypotheses` gives it."""
+    shape = matched.shape
+    ids, lost, wrong, reacquired = (np.zeros(shape, dtype=bool) for _ in range(4))
+    objects, number = np.unique(truth.object_id, return_inverse=True)
+    track_id = np.append(rollout.track_id, -1)  # row -1: no track, never compared
+    before = np.full((len(objects), shape[1]), -1, dtype=np.intp)  # track row in the frame before
+    ever = np.zeros(before.shape, dtype=bool)  # matched at some time
+    missed = np.zeros(before.shape, dtype=bool)  # unmatched when it last existed
+    for t in range(len(truth.start) - 1):
+        parent, rows = found.parent[t], truth.rows(t)
+        before, ever, missed = before[:, parent], ever[:, parent], missed[:, parent]
+        who, now = number[rows], matched[rows]
+        old, seen = before[who], now >= 0
+        ids[rows] = (old >= 0) & seen & (track_id[old] != track_id[now])
+        lost[rows] = (old >= 0) & ~seen
+        reacquired[rows] = seen & ever[who] & missed[who]
+        if lost[rows].any():
+            wrong[rows] = lost[rows] & _still_output(rollout, found.member, t, track_id[old])
+        before = np.full_like(before, -1)
+        before[who] = now
+        ever[who] |= seen
+        missed[who] = ~seen
+    alive = found.alive[frame_of_rows(truth.start)]
+    return LineageEvents(ids & alive, lost & alive, wrong & alive, reacquired & alive)
+
+
+def _still_output(rollout: Rollout, member: Bools, t: int, old_id: Ints) -> Bools:
+    """Whether hypothesis h of frame ``t`` holds a track of ``old_id[:, h]``."""
+    rows = rollout.track_rows(t)
+    same = rollout.track_id[rows][:, None, None] == old_id
+    return np.asarray((same & member[rows][:, None]).any(axis=0))
+
+
+def _reach(card: Card) -> NDArray[np.float64]:
+    """Farthest a track may move in a frame [C + 1], m; the last entry is for tracks without a class."""
+    gates = card.per_class(card.task.forecast_gate)
+    return np.array([*gates, max(gates)]) + MAX_SPEED / card.task.rate
+
+
+def _parents(rollout: Rollout, member: Bools, alive: Bools, weight: Floats, t: int, reach: NDArray[np.float64]) -> Rows:
+    """Parent [H] of the hypotheses of frame ``t``, by index.
+
+    Cost of a parent: capped BEV distance summed over the tracks that both hold (same id and class), plus the cap for
+    every track that one of them lacks. Equal costs: the heavier, then the lower index.
+    """
+    now, past = rollout.track_rows(t), rollout.track_rows(t - 1)
+    cap_now, cap_past = reach[rollout.track_class[now]], reach[rollout.track_class[past]]
+    row, column = np.nonzero(
+        (rollout.track_id[now][:, None] == rollout.track_id[past])
+        & (rollout.track_class[now][:, None] == rollout.track_class[past])
+    )
+    gap = rollout.track_box[now][row, :2] - rollout.track_box[past][column, :2]
+    moved = np.minimum(np.hypot(gap[:, 0], gap[:, 1]), cap_now[row])
+    saved = np.zeros((len(cap_now), len(cap_past)))
+    saved[row, column] = cap_now[row] + cap_past[column] - moved
+    holds_now, holds_past = member[now].astype(np.float64), member[past].astype(np.float64)
+    cost = (cap_past @ holds_past)[None] - holds_now.T @ saved @ holds_past  # [H now, H past], less what all share
+    order = np.lexsort((np.arange(len(weight)), -weight))
+    order = order[alive[order]]
+    # sums of the same terms in another order differ by rounding: such costs are equal
+    return np.asarray(order[np.argmin(np.round(cost[:, order], 6), axis=1)])

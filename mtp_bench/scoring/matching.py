@@ -1,0 +1,180 @@
+"""One-to-one matching of ragged rows: maximum cardinality first, then minimum total cost (protocol, "Matching").
+
+All frames are matched at once. A pair without competitor is decided by array operations, so are components with one
+row, one column, or two of each; only larger components reach an assignment solver. Equal input gives equal output;
+among solutions of equal cost the one with the lower row, then the lower column is preferred where the choice is ours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..types import Bools, Floats, Ints
+from .pairs import Pairs, Rows
+
+Matched = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class _Contested:
+    """Pairs with competitors, sorted by connected component and then as they came."""
+
+    pairs: Pairs
+    label: Rows  # [E] component
+    rows: Ints  # [components] number of rows
+    columns: Ints  # [components] number of columns
+    local_row: Rows  # [E] number of the row within its component
+    local_column: Rows  # [E]
+
+    def keep(self, mask: Bools) -> _Contested:
+        """The components where ``mask`` [components] holds."""
+        inside = mask[self.label]
+        return replace(
+            self,
+            pairs=self.pairs.keep(inside),
+            label=self.label[inside],
+            local_row=self.local_row[inside],
+            local_column=self.local_column[inside],
+        )
+
+    def parts(self) -> list[tuple[int, int]]:
+        """First and last place of each component."""
+        first = np.flatnonzero(np.diff(self.label, prepend=-1))
+        return list(pairwise([*first.tolist(), len(self.label)]))
+
+
+def match(pairs: Pairs, rows: int) -> Matched:
+    """Column matched to each row [rows], -1 for none; ``frame`` mode, without memory."""
+    matched = np.full(rows, -1, dtype=np.intp)
+    rest = _settle_single(pairs, matched)
+    if len(rest):
+        contested = _components(rest)
+        star = np.minimum(contested.rows, contested.columns) == 1
+        square = (contested.rows == 2) & (contested.columns == 2)
+        _settle_star(contested.keep(star), matched)
+        _settle_square(contested.keep(square), matched)
+        large = contested.keep(~(star | square))
+        row, column, cost = large.pairs.row, large.pairs.column, large.pairs.cost
+        for low, high in large.parts():
+            chosen = low + _assign(large.local_row[low:high], large.local_column[low:high], cost[low:high])
+            matched[row[chosen]] = column[chosen]
+    return matched
+
+
+def match_sticky(pairs: Pairs, rows: int, earlier_row: Ints, earlier_column: Ints) -> Matched:
+    """Column matched to each row [rows], -1 for none; pairs of the previous frame that are still inside are kept first.
+
+    ``earlier_row`` [rows] and ``earlier_column`` [columns] give the row of the same object, the column of the same
+    track, in the previous frame, -1 where it has none. Rows and columns are sorted by frame.
+    """
+    matched = np.full(rows, -1, dtype=np.intp)
+    rest = _settle_single(pairs, matched)
+    if len(rest) == 0:
+        return matched
+    contested = _components(rest)
+    row, column, cost = contested.pairs.row, contested.pairs.column, contested.pairs.cost
+    before, old = earlier_row[row], earlier_column[column]
+    known = (before >= 0) & (old >= 0)
+    i, j = contested.local_row, contested.local_column
+    # a component lies inside one frame; components in the order of their first row follow time
+    for low, high in sorted(contested.parts(), key=lambda part: int(row[part[0]])):
+        kept = low + np.flatnonzero(known[low:high] & (matched[before[low:high]] == old[low:high]))
+        part = np.arange(low, high)
+        if len(kept):
+            matched[row[kept]] = column[kept]
+            taken = (i[part, None] == i[kept]) | (j[part, None] == j[kept])
+            part = part[~taken.any(axis=1)]
+        if len(part):
+            chosen = part[_assign(i[part], j[part], cost[part])]
+            matched[row[chosen]] = column[chosen]
+    return matched
+
+
+def columns_to_rows(matched: Matched, columns: int) -> Matched:
+    """Row matched to each column [columns], -1 for none: the inverse of a matching."""
+    inverse = np.full(columns, -1, dtype=np.intp)
+    row = np.flatnonzero(matched >= 0)
+    inverse[matched[row]] = row
+    return inverse
+
+
+def _settle_single(pairs: Pairs, matched: Matched) -> Pairs:
+    """Match the pairs whose row and column have no other candidate; returns the others."""
+    if len(pairs) == 0:
+        return pairs
+    of_row, of_column = np.bincount(pairs.row), np.bincount(pairs.column)
+    single = (of_row[pairs.row] == 1) & (of_column[pairs.column] == 1)
+    matched[pairs.row[single]] = pairs.column[single]
+    return pairs.keep(~single)
+
+
+def _components(pairs: Pairs) -> _Contested:
+    """Connected components of the pairs, which are not none."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    row, row_of = np.unique(pairs.row, return_inverse=True)
+    column, column_of = np.unique(pairs.column, return_inverse=True)
+    size = len(row) + len(column)
+    graph = coo_array((np.ones(len(pairs), dtype=np.int8), (row_of, len(row) + column_of)), shape=(size, size))
+    count, node = connected_components(graph, directed=False)
+    label = node[row_of].astype(np.intp)
+    order = np.argsort(label, kind="stable")
+    rows, local_row = _numbered(node[: len(row)], count)
+    columns, local_column = _numbered(node[len(row) :], count)
+    ordered = Pairs(pairs.row[order], pairs.column[order], pairs.cost[order])
+    return _Contested(ordered, label[order], rows, columns, local_row[row_of][order], local_column[column_of][order])
+
+
+def _numbered(label: Ints, count: int) -> tuple[Ints, Rows]:
+    """Size of each of ``count`` components, and the number of each node within its own."""
+    size = np.bincount(label, minlength=count)
+    order = np.argsort(label, kind="stable")
+    number = np.empty(len(label), dtype=np.intp)
+    number[order] = np.arange(len(label)) - np.repeat(np.cumsum(size) - size, size)
+    return size, number
+
+
+def _settle_star(contested: _Contested, matched: Matched) -> None:
+    """Components with one row or one column: the cheapest pair."""
+    pairs, label = contested.pairs, contested.label
+    order = np.lexsort((pairs.column, pairs.row, pairs.cost, label))
+    first = order[np.diff(label[order], prepend=-1) != 0]
+    matched[pairs.row[first]] = pairs.column[first]
+
+
+def _settle_square(contested: _Contested, matched: Matched) -> None:
+    """Connected components of two rows and two columns: one of the two full matchings."""
+    pairs, i, j = contested.pairs, contested.local_row, contested.local_column
+    if len(pairs) == 0:
+        return
+    _, group = np.unique(contested.label, return_inverse=True)
+    count = int(group[-1]) + 1
+    row, column, cost = np.empty((count, 2), np.intp), np.empty((count, 2), np.intp), np.full((count, 2, 2), np.inf)
+    row[group, i], column[group, j], cost[group, i, j] = pairs.row, pairs.column, pairs.cost
+    crossed = cost[:, 0, 1] + cost[:, 1, 0] < cost[:, 0, 0] + cost[:, 1, 1]
+    matched[row] = np.where(crossed[:, None], column[:, ::-1], column)
+
+
+def _assign(row: Rows, column: Rows, cost: Floats) -> Rows:
+    """Places of the chosen pairs of one component, or of what is left of it; rows and columns are its own numbers."""
+    if len(row) == 1:
+        return np.zeros(1, dtype=np.intp)
+    rows, columns = int(row.max()) + 1, int(column.max()) + 1
+    if min(rows, columns) == 1:
+        return np.array([np.argmin(cost)], dtype=np.intp)
+    from scipy.optimize import linear_sum_assignment
+
+    least = float(cost.min())
+    spread = float(cost.max()) - least
+    # one more pair always outweighs any sum of costs, without the rounding that a fixed huge number brings
+    dense = np.full((rows, columns), (min(rows, columns) + 1) * spread if spread > 0 else 1.0)
+    dense[row, column] = cost - least
+    place = np.full((rows, columns), -1, dtype=np.intp)
+    place[row, column] = np.arange(len(row))
+    chosen = place[linear_sum_assignment(dense)]
+    return np.asarray(chosen[chosen >= 0])

@@ -1,0 +1,88 @@
+"""CLEAR counts of what an agent outputs: the tracks of its best hypothesis of every frame, by their ids as given."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..cards import Card
+from ..types import Ints, Rollout, Truth
+from .events import clear_identity, history
+from .lineage import Hypotheses, event_pairs
+from .matching import columns_to_rows, match, match_sticky
+from .pairs import Pairs, Rows
+from .targets import frame_of_rows
+
+
+@dataclass(frozen=True, eq=False)
+class StreamCounts:
+    """Counts per class [C + 1]; the last entry holds track boxes without a stated class."""
+
+    truth: Ints
+    tp: Ints
+    fp: Ints  # a box matched to a neutral one is neither right nor wrong
+    fn: Ints
+    ids: Ints  # CLEAR-IDS
+    frag: Ints  # CLEAR-FRAG
+    cost: NDArray[np.float64]  # summed over matched pairs: m, or 1 - IoU, as the event gate measures
+    false_positives: int  # unmatched boxes in frame mode
+    spurious_tracks: int  # ids matched in no frame of their life, in frame mode
+
+
+def stream_counts(truth: Truth, rollout: Rollout, found: Hypotheses, card: Card) -> StreamCounts:
+    """CLEAR counts (sticky mode) and false output (frame mode) of the best hypothesis of every frame."""
+    frame = frame_of_rows(rollout.track_start)
+    chosen = np.flatnonzero(found.member[np.arange(len(frame)), found.best[frame]])
+    pairs = _of_columns(event_pairs(truth, rollout, card), chosen, len(frame))
+    neutral = truth.neutral[pairs.row]
+    pairs, beside = pairs.keep(~neutral), pairs.keep(neutral)
+    objects = history(frame_of_rows(truth.start), truth.object_id)
+    tracks = history(frame[chosen], rollout.track_id[chosen])
+    matched = match_sticky(pairs, len(truth.box), objects.previous(), tracks.previous())
+    switched, begun = clear_identity(objects, matched, rollout.track_id[chosen])
+    row = np.flatnonzero(matched >= 0)
+    cost = np.zeros(len(truth.box))
+    hit = matched[pairs.row] == pairs.column
+    cost[pairs.row[hit]] = pairs.cost[hit]
+    wrong = _unmatched(matched, beside, len(chosen))
+    in_frame = _unmatched(match(pairs, len(truth.box)), beside, len(chosen))
+    count = len(card.task.classes) + 1
+
+    def per_class(rows: Rows) -> NDArray[np.intp]:
+        return np.bincount(truth.class_id[rows], minlength=count)
+
+    evaluated = np.flatnonzero(~truth.neutral)
+    track_class = rollout.track_class[chosen]
+    return StreamCounts(
+        truth=per_class(evaluated),
+        tp=per_class(row),
+        fp=np.bincount(np.where(track_class < 0, count - 1, track_class)[wrong], minlength=count),
+        fn=per_class(evaluated) - per_class(row),
+        ids=per_class(switched),
+        frag=per_class(begun),
+        cost=np.bincount(truth.class_id[row], weights=cost[row], minlength=count).astype(np.float64),
+        false_positives=int(in_frame.sum()),
+        spurious_tracks=_never_matched(rollout.track_id[chosen], in_frame),
+    )
+
+
+def _of_columns(pairs: Pairs, chosen: Rows, columns: int) -> Pairs:
+    """The pairs of the chosen columns, numbered among them."""
+    number = np.full(columns, -1, dtype=np.intp)
+    number[chosen] = np.arange(len(chosen))
+    kept = pairs.keep(number[pairs.column] >= 0)
+    return Pairs(kept.row, number[kept.column], kept.cost)
+
+
+def _unmatched(matched: NDArray[np.intp], beside: Pairs, columns: int) -> NDArray[np.bool_]:
+    """Columns that belong to no evaluated and, of what is left, to no neutral box."""
+    free = columns_to_rows(matched, columns) < 0
+    second = match(beside.keep(free[beside.column]), len(matched))
+    return free & (columns_to_rows(second, columns) < 0)
+
+
+def _never_matched(track_id: Ints, unmatched: NDArray[np.bool_]) -> int:
+    ids, number = np.unique(track_id, return_inverse=True)
+    return int((np.bincount(number, weights=~unmatched, minlength=len(ids)) == 0).sum())

@@ -1,0 +1,95 @@
+"""Targets: the true objects whose future is known and is to be forecast (protocol, "Targets and subsets")."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..cards import Card
+from ..errors import DataError
+from ..types import Bools, Floats, Ints, Scene, Truth
+from .definitions import MOVING_SPEED
+
+
+@dataclass(frozen=True, eq=False)
+class Targets:
+    """Targets of a scene, ``n`` of them, sorted by their row in the truth; frame t holds ``start[t]:start[t + 1]``."""
+
+    start: Ints  # [F + 1]
+    row: Ints  # [n] row of the truth
+    frame: Ints  # [n]
+    object_id: Ints  # [n]
+    class_id: Ints  # [n]
+    future: Floats  # [n, T, 2] true x y of the next T frames, m, frame of the scene
+    distance: Floats  # [n] m to the ego now (BEV)
+    approach: Floats  # [n] m, nearest BEV distance to the ego over the future
+    moving: Bools  # [n] mean speed over past and future above MOVING_SPEED
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    def rows(self, t: int) -> slice:
+        """Targets of frame ``t``."""
+        return slice(int(self.start[t]), int(self.start[t + 1]))
+
+
+def find_targets(scene: Scene, card: Card) -> Targets:
+    """Targets of ``scene``: eligible, not neutral, with P past frames (the current one included) and T future ones.
+
+    The P + T frames are consecutive. ``moving`` compares the straight displacement over them with the time it took.
+    Raises DataError where an object occurs twice in a frame.
+    """
+    truth, past, future = scene.truth, card.task.past, card.task.future
+    frame = frame_of_rows(truth.start)
+    order = _by_object(truth, frame, scene.name)
+    window = past + future
+    place = _windows(truth.object_id[order], frame[order], window)
+    rows = order[place[:, None] + np.arange(window)] if len(place) else np.zeros((0, window), dtype=np.intp)
+    now = rows[:, past - 1]
+    wanted = truth.eligible[now] & ~truth.neutral[now]
+    rows = rows[wanted][np.argsort(now[wanted])]
+    now = rows[:, past - 1]
+    xy = np.asarray(truth.box[:, :2], dtype=np.float64)
+    ahead = rows[:, past:]
+    steps = frame[now][:, None] + np.arange(1, future + 1)
+    ego = np.asarray(scene.ego[:, :2], dtype=np.float64)
+    seconds = scene.time[frame[rows[:, -1]]] - scene.time[frame[rows[:, 0]]]
+    travelled = np.linalg.norm(xy[rows[:, -1]] - xy[rows[:, 0]], axis=-1)
+    return Targets(
+        start=np.searchsorted(frame[now], np.arange(scene.frames + 1)),
+        row=now,
+        frame=frame[now],
+        object_id=np.asarray(truth.object_id)[now],
+        class_id=np.asarray(truth.class_id)[now],
+        future=xy[ahead],
+        distance=np.linalg.norm(xy[now] - ego[frame[now]], axis=-1),
+        approach=np.linalg.norm(xy[ahead] - ego[steps], axis=-1).min(axis=1, initial=np.inf),
+        moving=travelled > MOVING_SPEED * seconds,
+    )
+
+
+def frame_of_rows(start: Ints) -> NDArray[np.intp]:
+    """Frame [R] of each row of a ragged table with the row starts [F + 1]."""
+    return np.repeat(np.arange(len(start) - 1, dtype=np.intp), np.diff(start))
+
+
+def _by_object(truth: Truth, frame: NDArray[np.intp], scene: str) -> NDArray[np.intp]:
+    """Order of the rows by object, then frame."""
+    order = np.argsort(truth.object_id, kind="stable")
+    ids, frames = truth.object_id[order], frame[order]
+    twice = np.flatnonzero((ids[1:] == ids[:-1]) & (frames[1:] == frames[:-1]))
+    if len(twice):
+        i = int(twice[0])
+        raise DataError(f"scene {scene!r}: object {ids[i]} occurs twice in frame {frames[i]}, expected once per frame")
+    return order
+
+
+def _windows(ids: Ints, frames: NDArray[np.intp], length: int) -> NDArray[np.intp]:
+    """First places [n] of ``length`` consecutive frames of one object."""
+    if len(ids) < length:
+        return np.zeros(0, dtype=np.intp)
+    first, last = slice(0, len(ids) - length + 1), slice(length - 1, len(ids))
+    whole = (ids[first] == ids[last]) & (frames[last] - frames[first] == length - 1)
+    return np.flatnonzero(whole)

@@ -1,0 +1,38 @@
+"""Fitting the parameters of baselines on the training split of an env."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ..cards import load_card
+from ..env import MTPEnv
+from ..errors import MtpBenchError
+from ..sources import open_source
+
+KINDS = ("motion-noise",)
+
+
+def fit_motion_noise(
+    env_id: str,
+    data: str | None = None,
+    observe: str = "detections",
+    started: Callable[[int], object] | None = None,
+    progress: Callable[[str], object] | None = None,
+) -> str:
+    """TOML of the motion noise fitted on the training split of ``env_id``, as ``mtp_bench.prediction`` stores it."""
+    from ..prediction.motion_noise import as_toml, condition, fit_scenes
+
+    card = load_card(env_id)
+    task = MTPEnv(env_id, data=data, observe=observe).task
+    training = card.model_copy(update={"source": card.source.model_copy(update={"split": "train"})})
+    source = open_source(training, data)
+    if started is not None:
+        started(len(source.names))
+    scenes = []
+    for name in source.names:
+        scenes.append(source.load(name))
+        if progress is not None:
+            progress(name)
+    if not scenes:
+        raise MtpBenchError(f"{env_id} has no scene in its training split")
+    return as_toml(condition(task), fit_scenes(scenes, task))

@@ -1,0 +1,91 @@
+"""AB3DMOT's constant-velocity Kalman filter, batched over tracks (Weng et al. 2020).
+
+The state is ``x y z yaw l w h vx vy vz`` per frame. With its diagonal noise the filter decouples exactly into one 2 x 2
+covariance shared by x, y and z, and one variance shared by yaw, l, w and h.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..geometry import wrap_angle
+from ..types import Floats, Ints
+
+MEASUREMENT_VARIANCE = 1.0
+POSITION_VARIANCE_AT_BIRTH = 10.0
+VELOCITY_VARIANCE_AT_BIRTH = 10_000.0
+POSITION_NOISE = 1.0  # per frame
+VELOCITY_NOISE = 0.01  # per frame
+
+
+@dataclass(frozen=True, eq=False)
+class MotionState:
+    """State of N tracks."""
+
+    mean: Floats  # [N, 10]
+    covariance: Floats  # [N, 2, 2] of position and velocity along each axis
+    variance: Floats  # [N] of yaw, l, w, h
+
+    @property
+    def box(self) -> Floats:
+        """Boxes of the tracks, [N, 7]."""
+        return self.mean[:, :7]
+
+    def take(self, index: Ints) -> MotionState:
+        """Rows ``index`` of the state."""
+        return MotionState(self.mean[index], self.covariance[index], self.variance[index])
+
+
+def born(box: Floats) -> MotionState:
+    """State of new tracks at detected boxes [n, 7]."""
+    n = len(box)
+    covariance = np.diag([POSITION_VARIANCE_AT_BIRTH, VELOCITY_VARIANCE_AT_BIRTH])
+    return MotionState(
+        np.concatenate([box, np.zeros((n, 3))], axis=1),
+        np.broadcast_to(covariance, (n, 2, 2)).copy(),
+        np.full(n, POSITION_VARIANCE_AT_BIRTH),
+    )
+
+
+def joined(first: MotionState, second: MotionState) -> MotionState:
+    """The rows of both."""
+    return MotionState(
+        np.concatenate([first.mean, second.mean]),
+        np.concatenate([first.covariance, second.covariance]),
+        np.concatenate([first.variance, second.variance]),
+    )
+
+
+def predicted(state: MotionState) -> MotionState:
+    """State one frame later."""
+    mean = state.mean.copy()
+    mean[:, :3] += mean[:, 7:]
+    (pp, pv), (vp, vv) = np.moveaxis(state.covariance, 0, -1)
+    covariance = np.empty_like(state.covariance)
+    covariance[:, 0, 0] = pp + pv + vp + vv + POSITION_NOISE
+    covariance[:, 0, 1] = pv + vv
+    covariance[:, 1, 0] = vp + vv
+    covariance[:, 1, 1] = vv + VELOCITY_NOISE
+    return MotionState(mean, covariance, state.variance + POSITION_NOISE)
+
+
+def updated(state: MotionState, box: Floats) -> MotionState:
+    """State after taking one detected box [n, 7] each.
+
+    A detection that faces the other way is turned by pi: a box detector confuses front and back more often than a
+    vehicle turns round within a frame.
+    """
+    mean = state.mean.copy()
+    innovation = box - mean[:, :7]
+    turn = wrap_angle(innovation[:, 3])
+    innovation[:, 3] = np.where(np.abs(turn) > np.pi / 2, wrap_angle(turn + np.pi), turn)
+    gain = state.covariance[:, :, 0] / (state.covariance[:, :1, 0] + MEASUREMENT_VARIANCE)
+    mean[:, :3] += gain[:, :1] * innovation[:, :3]
+    mean[:, 7:] += gain[:, 1:] * innovation[:, :3]
+    shape_gain = state.variance / (state.variance + MEASUREMENT_VARIANCE)
+    mean[:, 3:7] += shape_gain[:, None] * innovation[:, 3:]
+    mean[:, 3] = wrap_angle(mean[:, 3])
+    covariance = state.covariance - gain[:, :, None] * state.covariance[:, :1, :]
+    return MotionState(mean, covariance, (1 - shape_gain) * state.variance)

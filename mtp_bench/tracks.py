@@ -1,0 +1,88 @@
+"""Tracks shared by hypotheses, and the objects that they agree are there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .types import Bools, Floats, Ints
+
+_ROUNDING = 1e-9  # the weights of all hypotheses sum to 1 only up to rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """What a tracker believes after a frame: distinct tracks (leaves) and the hypotheses that share them."""
+
+    track_id: Ints  # [N] identity along the lineage of a hypothesis; one hypothesis never holds it twice
+    box: Floats  # [N, 7] now
+    class_id: Ints  # [N]
+    detection: Ints  # [N] the detection of this frame that the track took, -1 for none
+    past: Floats  # [N, P, 7] the detections that the track took, oldest first, the last row is now
+    past_valid: Bools  # [N, P] False: no detection taken, or not yet born
+    member: Bools  # [H, N]
+    log_weight: Floats  # [H] normalised, heaviest first
+
+
+@dataclass(frozen=True, eq=False)
+class Objects:
+    """What is there now according to all hypotheses together, likeliest first."""
+
+    box: Floats  # [O, 7] in the heaviest hypothesis that holds the object
+    class_id: Ints  # [O]
+    leaf: Ints  # [O, H] the track that stands for the object in each hypothesis, -1 where it holds none
+    log_mass: Floats  # [O] total weight of the hypotheses that hold the object
+
+
+def group(tracks: Tracks, most: int, min_mass: float = 0.0) -> Objects:
+    """The at most ``most`` objects held by hypotheses of a total weight of at least ``min_mass``.
+
+    Tracks of different hypotheses are one object if they took the same detection. A track that took none stands, in its
+    hypothesis, for the object whose detection its identity took elsewhere (in the heaviest hypothesis that knows one),
+    unless another track took that detection there: then it is an object of its own, as in a single hypothesis.
+    """
+    leaf = np.concatenate([_by_detection(tracks), _by_identity(tracks)])
+    _move_coasting(tracks, leaf)
+    held = leaf >= 0
+    # As logarithms: an object of very unlikely hypotheses must not come to a mass of 0.
+    log_mass = np.logaddexp.reduce(np.where(held, tracks.log_weight, -np.inf), axis=1)
+    order = np.argsort(-log_mass, kind="stable")
+    enough = np.exp(log_mass[order]) >= min_mass - _ROUNDING
+    order = order[enough & held[order].any(axis=1)][:most]
+    first = leaf[order, held[order].argmax(axis=1)]
+    return Objects(tracks.box[first], tracks.class_id[first], leaf[order], log_mass[order])
+
+
+def _by_detection(tracks: Tracks) -> Ints:
+    """The track [D, H] that took each detection in each hypothesis, -1 for none."""
+    table = np.full((int(tracks.detection.max(initial=-1)) + 1, len(tracks.member)), -1, dtype=np.int64)
+    hypothesis, track = np.nonzero(tracks.member & (tracks.detection >= 0))
+    table[tracks.detection[track], hypothesis] = track
+    return table
+
+
+def _by_identity(tracks: Tracks) -> Ints:
+    """The track [I, H] without a detection of each distinct identity in each hypothesis, -1 for none."""
+    coasting = np.flatnonzero(tracks.detection < 0)
+    identities, row = np.unique(tracks.track_id[coasting], return_inverse=True)
+    table = np.full((len(identities), len(tracks.member)), -1, dtype=np.int64)
+    hypothesis, place = np.nonzero(tracks.member[:, coasting])
+    table[row[place], hypothesis] = coasting[place]
+    return table
+
+
+def _move_coasting(tracks: Tracks, leaf: Ints) -> None:
+    """Let tracks without a detection stand for the object that their identity is elsewhere, where that is free."""
+    detections = int(tracks.detection.max(initial=-1)) + 1
+    rank = tracks.member.argmax(axis=0)  # the heaviest hypothesis that holds the track
+    home: dict[int, int] = {}
+    for i in np.argsort(rank, kind="stable"):
+        if tracks.detection[i] >= 0:
+            home.setdefault(int(tracks.track_id[i]), int(tracks.detection[i]))
+    for row in leaf[detections:]:
+        target = home.get(int(tracks.track_id[row.max()]))
+        if target is not None:
+            free = (row >= 0) & (leaf[target] < 0)
+            leaf[target, free] = row[free]
+            row[free] = -1

@@ -1,0 +1,78 @@
+"""What a comparison shows, in sentences: how much tracking errors cost, and what won it back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..scoring import Report
+from ..scoring.definitions import RANKED_OBJECTS
+
+Row = dict[str, Any]
+
+
+def findings(
+    report: Report, truth: str = "truth_past", stp: str = "stp", control: str = "stp_same_budget"
+) -> list[str]:
+    """Sentences about a report; those whose rows are missing are left out."""
+    rows = {(row["agent"], row["hypotheses"], row["budget"], row["subset"]): row for row in report.rows}
+    sentences = [_cost(rows, truth, stp, subset) for subset in ("ids", "lost", "reacquired")]
+    best = max((key[1] for key in rows if key[0] == "mtp" and key[2] == "equal"), default=None)
+    if best is not None:
+        sentences += [_share_of_sampling(report, stp, control, best)]
+        sentences += [_beyond_control(report, control, best, subset) for subset in ("ids", "lost", "reacquired")]
+    sentences.append(_few(report))
+    return [sentence for sentence in sentences if sentence]
+
+
+def _cost(rows: dict[tuple[Any, ...], Row], truth: str, stp: str, subset: str) -> str | None:
+    """How much worse prediction gets where the tracker erred."""
+    ideal, real = rows.get((truth, 1, "equal", subset)), rows.get((stp, 1, "equal", subset))
+    if not ideal or not real or not ideal["minADE"] or real["minADE"] is None:
+        return None
+    return (
+        f"{subset}: minADE is {real['minADE']:.2f} m from tracks and {ideal['minADE']:.2f} m from true pasts "
+        f"({real['minADE'] / ideal['minADE']:.1f} times), {real['targets']} targets on {real['objects']} objects."
+    )
+
+
+def _share_of_sampling(report: Report, stp: str, control: str, hypotheses: int) -> str | None:
+    """The part of the gain over STP that one hypothesis gets from drawing as many samples (paired minADE)."""
+    gain = _paired(report, "mtp", hypotheses, stp, "all")
+    sampling = _paired(report, control, 1, stp, "all")
+    if not gain or not sampling or gain["minADE"] is None or sampling["minADE"] is None or gain["minADE"] >= 0:
+        return None
+    return (
+        f"all: MTP (H = {hypotheses}, equal k) lowers minADE by {-gain['minADE']:.3f} m; as many samples from one "
+        f"hypothesis lower it by {-sampling['minADE']:.3f} m. So {100 * sampling['minADE'] / gain['minADE']:.0f} % of "
+        "the global gain is sampling, not hypotheses."
+    )
+
+
+def _beyond_control(report: Report, control: str, hypotheses: int, subset: str) -> str | None:
+    """What hypotheses add to the same sample budget on an event subset, by the missing-aware error."""
+    row = _paired(report, "mtp", hypotheses, control, subset)
+    if not row or row["missing_aware"] is None:
+        return None
+    return (
+        f"{subset}: beyond the same-budget control MTP (H = {hypotheses}) changes the missing-aware error by "
+        f"{row['missing_aware']:+.2f} m ({_certainty(row)})."
+    )
+
+
+def _certainty(row: Row) -> str:
+    scenes = f"{row['scenes']} scene" + ("s" if row["scenes"] != 1 else "")
+    if row["interval"] is None:
+        return f"{scenes}: too few for an interval"
+    low, high = row["interval"]
+    covers = "" if low > 0 or high < 0 else ", the interval covers 0"
+    return f"95 % interval {low:+.2f} to {high:+.2f}, p = {row['p']:.2f}, {scenes}{covers}"
+
+
+def _few(report: Report) -> str | None:
+    few = sorted({r["subset"] for r in report.rows if r["subset"] != "all" and r["objects"] < RANKED_OBJECTS})
+    return f"Shown but not ranked, with fewer than {RANKED_OBJECTS} objects: {', '.join(few)}." if few else None
+
+
+def _paired(report: Report, agent: str, hypotheses: int, other: str, subset: str) -> Row | None:
+    wanted = (agent, hypotheses, other, subset)
+    return next((r for r in report.paired if (r["agent"], r["hypotheses"], r["other"], r["subset"]) == wanted), None)

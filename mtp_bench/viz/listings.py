@@ -1,0 +1,79 @@
+"""Listings of environments and data for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from ..cards import Card
+from ..sources import DataStatus
+
+if TYPE_CHECKING:
+    from rich.console import Group
+    from rich.table import Table
+
+
+def env_table(cards: Sequence[Card]) -> Table:
+    """One row per environment."""
+    from rich.table import Table
+
+    table = Table(title="Environments", title_justify="left")
+    for heading in ("id", "rate", "past / future", "k", "classes", "what"):
+        table.add_column(heading, no_wrap=heading == "id")
+    for card in cards:
+        task = card.task
+        table.add_row(
+            card.id,
+            f"{task.rate:g} Hz",
+            f"{task.past} / {task.future}",
+            str(task.samples),
+            ", ".join(task.classes),
+            card.summary,
+        )
+    return table
+
+
+def data_report(statuses: Mapping[str, DataStatus]) -> Group:
+    """What each environment needs of its dataset: found, missing, checked; how to get it, licence and citation."""
+    from rich.console import Group
+    from rich.text import Text
+
+    parts: list[Table | Text] = [_status_table(statuses)]
+    shown: set[str] = set()
+    for status in statuses.values():
+        for line in (*status.missing, *status.problems, *status.notes):
+            if line not in shown:
+                shown.add(line)
+                parts.append(Text(f"  {line}"))
+        if status.dataset not in shown:
+            shown.add(status.dataset)
+            parts.append(Text(_about(status)))
+    return Group(*parts)
+
+
+def _status_table(statuses: Mapping[str, DataStatus]) -> Table:
+    from rich.table import Table
+
+    table = Table(title="Data", title_justify="left")
+    for heading in ("environment", "dataset", "state", "root", "counts (found / known)"):
+        table.add_column(heading, no_wrap=heading == "environment")
+    for env_id, status in statuses.items():
+        checks = "\n".join(
+            f"{'' if check.ok else '[red]'}{check.what}: {check.found} / {check.expected}" for check in status.checks
+        )
+        root = str(status.root) if status.root else "looked in " + ", ".join(map(str, status.searched))
+        table.add_row(env_id, status.dataset, _state(status), root, checks)
+    return table
+
+
+def _state(status: DataStatus) -> str:
+    if status.verified:
+        return "[green]complete[/green]"
+    if status.usable:
+        return "[yellow]usable, counts differ[/yellow]"
+    return "[red]not found[/red]" if status.root is None else "[red]incomplete[/red]"
+
+
+def _about(status: DataStatus) -> str:
+    missing = "" if status.usable else f"\nExpected layout:\n{status.layout}\n\nHow to get it: {status.how_to_get}"
+    return f"\n{status.dataset}\nLicence: {status.licence}\nPlease cite: {status.citation}{missing}"

@@ -1,0 +1,54 @@
+"""Fixtures of all tests, and the marker ``data`` for tests that read real recordings."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+VARIABLE = "MTP_BENCH_DATA"
+REPOSITORY = Path(__file__).resolve().parent.parent
+_deselected = pytest.StashKey[int]()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    root = os.environ.get(VARIABLE)
+    if root and not Path(root).is_dir():
+        raise pytest.UsageError(f"{VARIABLE} is {root!r}, expected an existing folder; unset it to run without data")
+    if root:
+        os.environ[VARIABLE] = str(Path(root).resolve())  # tests may change the working directory
+
+
+def pytest_report_header(config: pytest.Config) -> str:
+    return f"{VARIABLE}: {os.environ.get(VARIABLE) or 'not set, tests on real data are deselected'}"
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if os.environ.get(VARIABLE):
+        return
+    marked = [item for item in items if item.get_closest_marker("data")]
+    if marked:
+        config.hook.pytest_deselected(items=marked)
+        items[:] = [item for item in items if not item.get_closest_marker("data")]
+    config.stash[_deselected] = len(marked)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    count = config.stash.get(_deselected, 0)
+    if count:
+        terminalreporter.write_line(
+            f"{count} tests need real data and did not run: set {VARIABLE} to its folder", yellow=True
+        )
+
+
+@pytest.fixture(scope="session")
+def data_root() -> Path:
+    """The data root; a test that asks for it carries the marker ``data``."""
+    return Path(os.environ[VARIABLE])
+
+
+@pytest.fixture(scope="session")
+def repository() -> Path:
+    """Root of the checkout."""
+    return REPOSITORY

@@ -1,0 +1,281 @@
+"""Cards: strict TOML with a digest of its content."""
+
+from __future__ import annotations
+
+import copy
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mtp_bench import card_ids
+from mtp_bench._bundle import bundled
+from mtp_bench.cards import Card, load_card, parse_card
+from mtp_bench.errors import CardError, UnknownNameError
+
+Content = dict[str, Any]
+
+SMALL = """
+id = "MTP-small-v0"
+summary = "two classes"
+
+[source]
+name = "kitti"
+
+[task]
+rate = 10.0
+past = 10
+future = 10
+samples = 20
+classes = ["car", "pedestrian"]
+miss_error = 2.0
+
+[task.event_gate]
+measure = "iou_3d"
+threshold = 0.5
+
+[task.forecast_gate]
+pedestrian = 1.0
+car = 2.0
+
+[size]
+detections = 4
+tracks = 8
+objects = 4
+hypotheses = 2
+"""
+
+
+@pytest.fixture
+def content() -> Content:
+    return tomllib.loads(SMALL)
+
+
+def at(content: Content, key: str) -> tuple[Content, str]:
+    """The table that holds ``key`` ("task.event_gate.measure") and the last part of it."""
+    *path, last = key.split(".")
+    for part in path:
+        content = content[part]
+    return content, last
+
+
+def put(key: str, value: Any) -> Callable[[Content], None]:
+    def edit(content: Content) -> None:
+        table, last = at(content, key)
+        table[last] = value
+
+    return edit
+
+
+def drop(key: str) -> Callable[[Content], None]:
+    def edit(content: Content) -> None:
+        table, last = at(content, key)
+        del table[last]
+
+    return edit
+
+
+def rename(key: str, new: str) -> Callable[[Content], None]:
+    def edit(content: Content) -> None:
+        table, last = at(content, key)
+        table[new] = table.pop(last)
+
+    return edit
+
+
+@pytest.mark.parametrize("env_id", card_ids())
+def test_every_shipped_card_parses(env_id: str) -> None:
+    card = load_card(env_id)
+    assert card.id == env_id
+    assert card.summary
+    assert card.size.objects >= card.size.detections, "an agent must be able to forecast whatever it sees"
+
+
+@pytest.mark.parametrize(
+    ("env_id", "ego_motion", "rate", "stride"),
+    [
+        ("MTP-KITTI-v0", True, 10.0, 1),
+        ("MTP-KITTI-noego-v0", False, 10.0, 1),
+        ("MTP-KITTI-5Hz-v0", False, 5.0, 2),
+    ],
+)
+def test_kitti_cards_follow_the_protocol(env_id: str, ego_motion: bool, rate: float, stride: int) -> None:
+    card = load_card(env_id)
+    task = card.task
+    assert (card.source.ego_motion, task.rate, card.source.stride) == (ego_motion, rate, stride)
+    assert (card.source.split, card.source.detector) == ("val", "pointrcnn")
+    assert (task.past, task.future, task.samples) == (10, 10, 20)
+    assert task.classes == ("car", "pedestrian", "cyclist")
+    assert task.event_gate.measure == "iou_3d"
+    assert card.per_class(task.event_gate.threshold) == (0.5, 0.5, 0.5)
+    assert card.per_class(task.forecast_gate) == (2.0, 1.0, 1.5)
+    assert card.per_class(task.miss_error) == (2.0, 2.0, 2.0)
+
+
+def test_a_single_number_stands_for_every_class(content: Content) -> None:
+    card = parse_card(content)
+    assert card.task.miss_error == {"car": 2.0, "pedestrian": 2.0}
+    assert card.per_class(card.task.forecast_gate) == (2.0, 1.0), "in the order of task.classes"
+
+
+def test_a_card_from_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "MTP-small-v0.toml"
+    path.write_text(SMALL)
+    assert load_card(path) == load_card(str(path)) == parse_card(tomllib.loads(SMALL))
+
+
+def test_the_digest_does_not_depend_on_order_and_spelling(content: Content) -> None:
+    reordered = dict(reversed(content.items()))
+    reordered["task"] = {**dict(reversed(content["task"].items())), "miss_error": {"pedestrian": 2.0, "car": 2.0}}
+    assert parse_card(reordered).digest == parse_card(content).digest
+
+
+def test_the_digest_is_the_same_everywhere(content: Content) -> None:
+    assert parse_card(content).digest == "6621378e5670e103"
+
+
+CHANGES = {
+    "id": "MTP-other-v0",
+    "summary": "three classes",
+    "reference": "mtp",
+    "source.detector": "other",
+    "source.split": "train",
+    "source.ego_motion": False,
+    "source.stride": 2,
+    "task.rate": 5.0,
+    "task.past": 9,
+    "task.future": 9,
+    "task.samples": 19,
+    "task.classes": ["pedestrian", "car"],
+    "task.event_gate.measure": "center_distance",
+    "task.event_gate.threshold": 0.25,
+    "task.forecast_gate.car": 3.0,
+    "task.miss_error": 3.0,
+    "size.detections": 5,
+    "size.tracks": 9,
+    "size.objects": 5,
+    "size.hypotheses": 3,
+}
+
+
+@pytest.mark.parametrize(("key", "value"), CHANGES.items(), ids=CHANGES)
+def test_the_digest_changes_with_every_field(content: Content, key: str, value: object) -> None:
+    changed = copy.deepcopy(content)
+    put(key, value)(changed)
+    assert parse_card(changed).digest != parse_card(content).digest
+
+
+def test_every_field_has_a_change_in_the_test_above(content: Content) -> None:
+    def leaves(table: Content, prefix: str = "") -> set[str]:
+        found = set()
+        for key, value in table.items():
+            nested = isinstance(value, dict) and prefix + key not in {"task.event_gate.threshold", "task.miss_error"}
+            found |= leaves(value, f"{prefix}{key}.") if nested else {prefix + key}
+        return found
+
+    dumped = leaves(parse_card(content).model_dump())
+    assert dumped - {"source.name", "task.forecast_gate.pedestrian"} == set(CHANGES)
+
+
+WRONG = {
+    "typo in an optional key": (put("refrence", "stp"), "unknown key 'refrence': did you mean 'reference'?"),
+    "typo in a required key": (
+        rename("task.samples", "sampels"),
+        "unknown key 'task.sampels': did you mean 'samples'?",
+    ),
+    "typo in a nested key": (
+        rename("task.event_gate.measure", "mesure"),
+        "unknown key 'task.event_gate.mesure': did you mean 'measure'?",
+    ),
+    "typo in a source key": (put("source.detecter", "x"), "unknown key 'source.detecter': did you mean 'detector'?"),
+    "unlike any key": (put("size.qqq", 1), "unknown key 'size.qqq': known are detections, hypotheses, objects, tracks"),
+    "missing key": (drop("task.past"), "key 'task.past' is missing"),
+    "missing table": (drop("size"), "key 'size' is missing"),
+    "missing gate": (drop("task.event_gate.threshold"), "key 'task.event_gate.threshold' is missing"),
+    "no table": (put("task", 3), "task: got 3: expected a table"),
+    "text for an integer": (put("task.past", "10"), "task.past: got '10': Input should be a valid integer"),
+    "decimal for an integer": (put("task.past", 10.0), "task.past: got 10.0: Input should be a valid integer"),
+    "truth value for a number": (put("task.rate", True), "task.rate: got True: Input should be a valid number"),
+    "text for a truth value": (
+        put("source.ego_motion", "no"),
+        "source.ego_motion: got 'no': Input should be a valid boolean",
+    ),
+    "number for a text": (put("summary", 1), "summary: got 1: Input should be a valid string"),
+    "text for a list": (put("task.classes", "car"), "task.classes: got 'car': Input should be a valid tuple"),
+    "number in a list": (put("task.classes", ["car", 1]), "task.classes.1: got 1: Input should be a valid string"),
+    "no classes": (put("task.classes", []), "task.classes: got []: Tuple should have at least 1 item"),
+    "the same class twice": (put("task.classes", ["car", "car", "pedestrian"]), "expected each class once"),
+    "one past frame": (put("task.past", 1), "task.past: got 1: Input should be greater than or equal to 2"),
+    "no samples": (put("task.samples", 0), "task.samples: got 0: Input should be greater than or equal to 1"),
+    "no rate": (put("task.rate", 0.0), "task.rate: got 0.0: Input should be greater than 0"),
+    "infinite": (put("task.forecast_gate.car", float("inf")), "task.forecast_gate.car: got inf"),
+    "not a number": (put("task.miss_error", float("nan")), "task.miss_error.car: got nan"),
+    "negative gate": (put("task.forecast_gate.car", -1.0), "task.forecast_gate.car is -1.0, expected a number above 0"),
+    "unknown measure": (put("task.event_gate.measure", "iou"), "'iou_3d' or 'center_distance'"),
+    "unknown source": (put("source.name", "kiti"), "source.name: got 'kiti': Input should be 'kitti'"),
+    "unknown split": (put("source.split", "test"), "source.split: got 'test': Input should be 'train' or 'val'"),
+    "unknown class in a table": (
+        put("task.forecast_gate.pedestrain", 1.0),
+        "task.forecast_gate has an unknown class 'pedestrain': did you mean 'pedestrian'?",
+    ),
+    "class without a value": (
+        drop("task.forecast_gate.pedestrian"),
+        "task.forecast_gate has no value for class 'pedestrian'",
+    ),
+    "text in a class table": (put("task.miss_error", {"car": "2", "pedestrian": 1.0}), "task.miss_error.car: got '2'"),
+}
+
+
+@pytest.mark.parametrize(("edit", "text"), WRONG.values(), ids=WRONG)
+def test_wrong_content_is_one_clear_error(content: Content, edit: Callable[[Content], None], text: str) -> None:
+    edit(content)
+    with pytest.raises(CardError) as caught:
+        parse_card(content, where="MTP-small-v0.toml")
+    message = str(caught.value)
+    assert message.startswith("MTP-small-v0.toml: ")
+    assert text in message
+    assert "\n" not in message
+
+
+def test_unknown_env_id_names_the_nearest() -> None:
+    with pytest.raises(UnknownNameError, match=r"unknown environment 'MTP-KITI-v0': did you mean 'MTP-KITTI-v0'\?"):
+        load_card("MTP-KITI-v0")
+
+
+def test_unknown_env_id_unlike_any_lists_all() -> None:
+    with pytest.raises(UnknownNameError) as caught:
+        load_card("qqqq")
+    assert all(env_id in str(caught.value) for env_id in card_ids())
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(CardError, match=r"no card file at .*none\.toml"):
+        load_card(tmp_path / "none.toml")
+
+
+@pytest.mark.parametrize("raw", [b"id = ", b"\xff\xfe"], ids=["truncated", "not utf-8"])
+def test_a_file_that_is_no_toml(tmp_path: Path, raw: bytes) -> None:
+    path = tmp_path / "MTP-broken-v0.toml"
+    path.write_bytes(raw)
+    with pytest.raises(CardError, match=r"MTP-broken-v0\.toml: not valid TOML"):
+        load_card(path)
+
+
+def test_the_file_name_promises_the_id(tmp_path: Path) -> None:
+    path = tmp_path / "MTP-other-v0.toml"
+    path.write_text(SMALL)
+    with pytest.raises(CardError, match="id is 'MTP-small-v0', expected the file's stem 'MTP-other-v0'"):
+        load_card(path)
+
+
+def test_a_card_cannot_be_changed() -> None:
+    card = load_card(card_ids()[0])
+    with pytest.raises(ValueError, match="frozen"):
+        card.id = "other"  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_shipped_cards_have_different_digests() -> None:
+    cards: list[Card] = [load_card(env_id) for env_id in card_ids()]
+    assert len({card.digest for card in cards}) == len(cards) == len(list(bundled("envs").glob("*.toml")))

@@ -1,0 +1,217 @@
+"""Overlap and distance of boxes, against shapely and by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from shapely.geometry import MultiPoint
+
+from mtp_bench.geometry import (
+    Measure,
+    bev_corners,
+    bev_hull_area,
+    bev_intersection_area,
+    center_distance,
+    giou_3d,
+    giou_reach,
+    iou_3d,
+    iou_bev,
+    pairwise,
+    transform_boxes,
+    wrap_angle,
+)
+from mtp_bench.types import Floats
+
+MEASURES = [iou_bev, iou_3d, giou_3d, center_distance]
+QUARTER = np.pi / 2
+
+
+def box(x: float = 0, y: float = 0, z: float = 0, yaw: float = 0, l: float = 4, w: float = 2, h: float = 1) -> Floats:
+    return np.array([x, y, z, yaw, l, w, h], dtype=np.float64)
+
+
+def random_boxes(rng: np.random.Generator, rows: int, spread: float = 3.0) -> Floats:
+    low = [-spread, -spread, -1, -7, 0.2, 0.2, 0.3]
+    return rng.uniform(low, [spread, spread, 1, 7, 6, 3, 3], size=(rows, 7))
+
+
+def oracle_areas(a: Floats, b: Floats) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Areas of intersection and hull by shapely."""
+    pairs = list(zip(bev_corners(a), bev_corners(b), strict=True))
+    common = [MultiPoint(p).convex_hull.intersection(MultiPoint(q).convex_hull).area for p, q in pairs]
+    return np.array(common), np.array([MultiPoint(np.vstack(pair)).convex_hull.area for pair in pairs])
+
+
+def test_random_pairs_agree_with_shapely() -> None:
+    rng = np.random.default_rng(0)
+    a, b = random_boxes(rng, 4000), random_boxes(rng, 4000)
+    common, hull = oracle_areas(a, b)
+    assert 0.2 < np.mean(common > 0) < 0.8  # both kinds of pairs are tested
+    np.testing.assert_allclose(bev_intersection_area(a, b), common, atol=1e-7)
+    np.testing.assert_allclose(bev_hull_area(a, b), hull, atol=1e-10)
+
+
+DEGENERATE = {  # two boxes and the area they share
+    "identical": (box(), box(), 8.0),
+    "identical, turned": (box(yaw=0.7), box(yaw=0.7), 8.0),
+    "same box a quarter turn on": (box(), box(yaw=QUARTER, l=2, w=4), 8.0),
+    "same box facing back": (box(yaw=0.3), box(yaw=0.3 + np.pi), 8.0),
+    "crossing": (box(), box(yaw=QUARTER), 4.0),
+    "diamond in square": (box(l=2, w=2), box(yaw=QUARTER / 2, l=2**0.5, w=2**0.5), 2.0),
+    "inside": (box(), box(x=0.3, l=1, w=1), 1.0),
+    "inside, one edge shared": (box(), box(x=1.5, l=1, w=1), 1.0),
+    "inside, corner shared": (box(), box(x=1.5, y=0.5, l=1, w=1), 1.0),
+    "edges touch from outside": (box(), box(x=4), 0.0),
+    "parts of edges touch": (box(), box(x=4, y=1), 0.0),
+    "corners touch": (box(), box(x=4, y=2), 0.0),
+    "corner touches edge": (box(l=2, w=2), box(x=1 + 2**0.5, yaw=QUARTER / 2, l=2, w=2), 0.0),
+    "shifted along": (box(), box(x=1), 6.0),
+    "shifted across": (box(yaw=1.1), box(yaw=1.1, x=-np.sin(1.1), y=np.cos(1.1)), 4.0),
+    "far": (box(), box(x=1e4, y=-1e4), 0.0),
+    "no width": (box(w=0), box(yaw=0.4), 0.0),
+    "no length": (box(), box(l=0), 0.0),
+    "an edge without width": (box(), box(y=1, w=0), 0.0),
+    "a point inside": (box(), box(l=0, w=0), 0.0),
+    "two points": (box(l=0, w=0), box(x=1, l=0, w=0), 0.0),
+    "two crossing segments": (box(w=0), box(w=0, yaw=0.5), 0.0),
+    "collinear segments": (box(w=0), box(w=0, x=5), 0.0),
+    "long and thin": (box(l=1000, w=1e-3), box(l=1000, w=1e-3, yaw=1e-3), 1e-6 / np.sin(1e-3)),
+    "far from the origin": (box(x=5e5, y=5e6), box(x=5e5 + 1, y=5e6), 6.0),
+}
+
+
+@pytest.mark.parametrize("case", DEGENERATE)
+@pytest.mark.parametrize("turn", [0.0, 0.1, 1.0, QUARTER, 3.0, -2.2])
+def test_degenerate_pairs(case: str, turn: float) -> None:
+    *pair, common = DEGENERATE[case]
+    a, b = (transform_boxes(one[None], turn, [0.7, -0.2, 0]) for one in pair)
+    hull = oracle_areas(a, b)[1]
+    for first, second in ((a, b), (b, a)):
+        np.testing.assert_allclose(bev_intersection_area(first, second), common, atol=2e-7)
+        np.testing.assert_allclose(bev_hull_area(first, second), hull, rtol=1e-7, atol=1e-9)
+
+
+@pytest.mark.parametrize("exponent", range(-17, 0))
+def test_nearly_parallel_edges(exponent: int) -> None:
+    """A box against itself turned and shifted by next to nothing: the boundaries cross at tiny angles."""
+    rng = np.random.default_rng(-exponent)
+    a = random_boxes(rng, 200)
+    b = a + rng.normal(0, 10.0**exponent, a.shape) * [1, 1, 0, 1, 1, 1, 0]
+    b[:, 3] += rng.integers(-2, 3, len(a)) * np.pi
+    b[:, 4:6] = np.abs(b[:, 4:6])
+    common, hull = oracle_areas(a, b)
+    np.testing.assert_allclose(bev_intersection_area(a, b), common, atol=1e-6)
+    np.testing.assert_allclose(bev_hull_area(a, b), hull, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "bev", "volume", "generalised"),
+    [
+        pytest.param(box(), box(), 1.0, 1.0, 1.0, id="identical"),
+        pytest.param(box(), box(x=2), 1 / 3, 1 / 3, 1 / 3, id="half a length on: the hull is the union"),
+        pytest.param(box(), box(x=4), 0.0, 0.0, 0.0, id="touching"),
+        pytest.param(box(l=1, w=1), box(x=2, l=1, w=1), 0.0, 0.0, -1 / 3, id="a gap of one length"),
+        pytest.param(box(l=1, w=1), box(x=2, z=1, l=1, w=1), 0.0, 0.0, -2 / 3, id="a gap, and one above the other"),
+        pytest.param(box(), box(z=0.5), 1.0, 1 / 3, 1 / 3, id="half a height up"),
+        pytest.param(box(), box(z=2), 1.0, 0.0, -1 / 3, id="above, not touching"),
+        pytest.param(box(), box(yaw=QUARTER), 1 / 3, 1 / 3, 1 / 3 - (14 - 12) / 14, id="cross"),
+        pytest.param(box(l=0, w=0, h=0), box(l=0, w=0, h=0), 0.0, 0.0, 0.0, id="both empty"),
+    ],
+)
+def test_values_by_hand(a: Floats, b: Floats, bev: float, volume: float, generalised: float) -> None:
+    got = [measure(a[None], b[None])[0] for measure in (iou_bev, iou_3d, giou_3d)]
+    np.testing.assert_allclose(got, [bev, volume, generalised], atol=1e-8)
+
+
+@pytest.mark.parametrize("measure", MEASURES)
+def test_symmetric_and_unmoved_by_rigid_motion(measure: Measure) -> None:
+    rng = np.random.default_rng(1)
+    a, b = random_boxes(rng, 1000), random_boxes(rng, 1000)
+    value = measure(a, b)
+    np.testing.assert_allclose(measure(b, a), value, atol=1e-7)
+    for _ in range(3):
+        yaw, shift = rng.uniform(-4, 4), rng.uniform(-1000, 1000, 3)
+        moved = measure(transform_boxes(a, yaw, shift), transform_boxes(b, yaw, shift))
+        np.testing.assert_allclose(moved, value, atol=1e-7)
+
+
+def test_bounds() -> None:
+    rng = np.random.default_rng(2)
+    a, b = random_boxes(rng, 2000), random_boxes(rng, 2000)
+    bev, volume, generalised = iou_bev(a, b), iou_3d(a, b), giou_3d(a, b)
+    assert bev.min() >= 0
+    assert bev.max() <= 1
+    assert np.all((volume >= 0) & (volume <= 1))
+    assert np.all((generalised > -1) & (generalised <= volume))
+    np.testing.assert_allclose(iou_3d(a, a), 1.0, atol=1e-12)
+    np.testing.assert_allclose(giou_3d(a, a), 1.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("measure", MEASURES)
+@pytest.mark.parametrize(("n", "m"), [(0, 0), (0, 3), (3, 0), (1, 1), (30, 12)])
+def test_pairwise_is_the_measure_of_every_pair(measure: Measure, n: int, m: int) -> None:
+    rng = np.random.default_rng(3)
+    a, b = random_boxes(rng, n, spread=8), random_boxes(rng, m, spread=8)
+    value = pairwise(measure, a, b)
+    assert value.shape == (n, m)
+    for i in range(n):
+        for j in range(m):
+            assert value[i, j] == pytest.approx(measure(a[i : i + 1], b[j : j + 1])[0], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("measure", "beyond"), [(iou_bev, 0.0), (iou_3d, 0.0), (giou_3d, -np.inf), (center_distance, np.inf)]
+)
+def test_pairs_beyond_reach_get_a_value_that_is_never_better(measure: Measure, beyond: float) -> None:
+    rng = np.random.default_rng(4)
+    a, b = random_boxes(rng, 40), random_boxes(rng, 30)
+    far = pairwise(center_distance, a, b) > 2.0
+    assert 0.1 < far.mean() < 0.9
+    value, every = pairwise(measure, a, b, reach=2.0), pairwise(measure, a, b, reach=np.inf)
+    np.testing.assert_array_equal(value[far], beyond)
+    np.testing.assert_array_equal(value[~far], every[~far])
+
+
+@pytest.mark.parametrize("gate", [-0.9, -0.5, -0.4, -0.2, 0.0, 0.5])
+def test_giou_is_below_the_gate_beyond_its_reach(gate: float) -> None:
+    rng = np.random.default_rng(5)
+    a, b = random_boxes(rng, 60, spread=15), random_boxes(rng, 60, spread=15)
+    a[:30, 3] = np.arctan2(a[:30, 1], a[:30, 0])  # in line with each other: the smallest hulls
+    value, reach = pairwise(giou_3d, a, b), giou_reach(a, b, gate)
+    beyond = pairwise(center_distance, a, b) > reach
+    assert np.all(value[beyond] < gate)
+    if gate >= -0.4:
+        assert beyond.mean() > 0.05
+    gated = pairwise(giou_3d, a, b, reach=reach)
+    np.testing.assert_array_equal(gated >= gate, value >= gate)
+
+
+def test_corners_run_counter_clockwise_from_front_left() -> None:
+    corners = bev_corners(box(x=10, y=20, yaw=QUARTER))
+    np.testing.assert_allclose(corners, [[9, 22], [9, 18], [11, 18], [11, 22]], atol=1e-12)
+
+
+def test_transform_turns_about_the_origin_then_shifts() -> None:
+    moved = transform_boxes(box(x=1, z=3, yaw=3.0), QUARTER, [10, 20, 30])
+    np.testing.assert_allclose(moved, [10, 21, 33, 3.0 + QUARTER - 2 * np.pi, 4, 2, 1], atol=1e-12)
+
+
+def test_transform_and_back() -> None:
+    boxes = random_boxes(np.random.default_rng(6), 50)
+    boxes[:, 3] = wrap_angle(boxes[:, 3])
+    there = transform_boxes(transform_boxes(boxes, 0.0, [5, 6, 7]), 1.3, [0, 0, 0])
+    back = transform_boxes(transform_boxes(there, -1.3, [0, 0, 0]), 0.0, [-5, -6, -7])
+    np.testing.assert_allclose(back, boxes, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("angle", "wrapped"),
+    [(0.0, 0.0), (np.pi, -np.pi), (-np.pi, -np.pi), (3.5, 3.5 - 2 * np.pi), (-7.0, -7.0 + 2 * np.pi), (100.0, None)],
+)
+def test_wrap_angle(angle: float, wrapped: float | None) -> None:
+    got = float(wrap_angle(angle))
+    assert -np.pi <= got < np.pi
+    assert np.exp(1j * got) == pytest.approx(np.exp(1j * angle))
+    if wrapped is not None:
+        assert got == pytest.approx(wrapped)

@@ -1,0 +1,204 @@
+"""What the package promises as a whole: its names, what it loads, and what its wheel holds."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import subprocess
+import sys
+import tomllib
+import zipfile
+from functools import partial
+from pathlib import Path
+from types import ModuleType
+
+import gymnasium as gym
+import pytest
+
+import mtp_bench
+from mtp_bench import _bundle
+
+PUBLIC = {
+    "Action",
+    "Agent",
+    "Card",
+    "CardError",
+    "DataError",
+    "Detections",
+    "MtpBenchError",
+    "Observation",
+    "Pipeline",
+    "Rollout",
+    "RolloutError",
+    "Scene",
+    "ShapeError",
+    "Submission",
+    "SubmissionError",
+    "Task",
+    "Truth",
+    "UnknownNameError",
+    "card_ids",
+    "load_card",
+    "load_submission",
+}
+LAZY = {"prediction", "scoring", "tracking"}
+HEAVY = {"torch", "rerun", "highway_env", "sklearn", "numba"}
+SLOW = HEAVY | {"scipy", "joblib", "rich", "typer", "pandas", "matplotlib", "jinja2", "pygame", "safetensors"}
+
+
+def python(code: str, *arguments: str) -> str:
+    """What a fresh interpreter prints."""
+    command = [sys.executable, "-c", code, *arguments]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    return result.stdout
+
+
+def loaded_after(statement: str) -> set[str]:
+    """Top-level modules that a statement loads."""
+    out = python(f"import json, sys\n{statement}\nprint(json.dumps(sorted({{m.split('.')[0] for m in sys.modules}})))")
+    return set(json.loads(out.splitlines()[-1]))
+
+
+def test_the_public_names_are_exactly_these() -> None:
+    values = {name: value for name, value in vars(mtp_bench).items() if not name.startswith("_")}
+    assert {name for name, value in values.items() if not isinstance(value, ModuleType)} == PUBLIC
+    modules = {value.__name__ for value in values.values() if isinstance(value, ModuleType)}
+    assert all(name.startswith("mtp_bench.") for name in modules), "only its own modules are attributes"
+    assert set(dir(mtp_bench)) >= PUBLIC | LAZY
+
+
+@pytest.mark.parametrize("name", sorted(LAZY))
+def test_parts_are_imported_when_they_are_used(name: str) -> None:
+    out = python(
+        "import sys, mtp_bench\n"
+        f"print('mtp_bench.{name}' in sys.modules, mtp_bench.{name}.__name__, 'mtp_bench.{name}' in sys.modules)"
+    )
+    assert out.split() == ["False", f"mtp_bench.{name}", "True"]
+
+
+def test_an_unknown_attribute_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="module 'mtp_bench' has no attribute 'trackign'"):
+        _ = mtp_bench.trackign  # type: ignore[attr-defined]  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_the_import_loads_nothing_heavy() -> None:
+    loaded = loaded_after("import mtp_bench")
+    assert "mtp_bench" in loaded
+    assert not loaded & SLOW
+
+
+def test_the_help_loads_nothing_heavy() -> None:
+    loaded = loaded_after(
+        "from mtp_bench.cli import main\n"
+        "sys.argv = ['mtp-bench', '--help']\n"
+        "try: main()\n"
+        "except SystemExit as end: assert not end.code, end.code"
+    )
+    assert "mtp_bench" in loaded
+    assert not loaded & HEAVY
+
+
+def test_the_command_line_is_installed() -> None:
+    command = [str(Path(sys.executable).with_name("mtp-bench")), "--help"]
+    out = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert "compare" in out
+
+
+def test_every_card_is_registered_once() -> None:
+    registered = {env_id for env_id in gym.registry if env_id.startswith("MTP-")}
+    assert registered == set(mtp_bench.card_ids())
+    out = python(
+        "import warnings; warnings.simplefilter('error')\n"
+        "import importlib, mtp_bench; importlib.reload(mtp_bench)\n"
+        "import gymnasium; print(gymnasium.spec('MTP-KITTI-v0').to_json())"
+    )
+    spec = json.loads(out)
+    assert (spec["entry_point"], spec["kwargs"]) == ("mtp_bench.env:MTPEnv", {"card": "MTP-KITTI-v0"})
+
+
+def test_the_version_is_the_same_everywhere(repository: Path) -> None:
+    version = mtp_bench.__version__
+    assert f"\nversion: {version}\n" in (repository / "CITATION.cff").read_text()
+    assert f"\n## [{version}]" in (repository / "CHANGELOG.md").read_text()
+
+
+def test_baselines_use_public_names_only(repository: Path) -> None:
+    for path in sorted((repository / "baselines").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "mtp_bench":
+                names = [*(node.module or "").split("."), *(alias.name for alias in node.names)]
+            elif isinstance(node, ast.Import):
+                names = [part for alias in node.names for part in alias.name.split(".")]
+            else:
+                continue
+            assert not [name for name in names if name.startswith("_")], f"{path}, line {node.lineno}"
+
+
+@pytest.fixture(scope="module")
+def wheel(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(repository)]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout + result.stderr
+    (path,) = folder.glob("*.whl")
+    return path
+
+
+def files_under(folder: Path) -> set[str]:
+    paths = (path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
+    return {path.as_posix() for path in paths if "__pycache__" not in path.parts}
+
+
+def test_the_wheel_has_one_top_level_name(wheel: Path) -> None:
+    names = zipfile.ZipFile(wheel).namelist()
+    assert {name.split("/")[0] for name in names} == {"mtp_bench", f"mtp_bench-{mtp_bench.__version__}.dist-info"}
+
+
+def test_the_wheel_holds_the_library_and_its_bundle(wheel: Path, repository: Path) -> None:
+    names = set(zipfile.ZipFile(wheel).namelist())
+    assert {f"mtp_bench/{name}" for name in files_under(repository / "mtp_bench")} <= names
+    for kind in ("envs", "baselines", "leaderboard/records"):
+        assert {f"mtp_bench/_bundled/{kind}/{name}" for name in files_under(repository / kind)} <= names
+    assert not [name for name in names if "__pycache__" in name or name.endswith(".pyc")]
+
+
+def test_the_installed_wheel_works_without_the_checkout(wheel: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--target"]
+    subprocess.run([*command, str(tmp_path), str(wheel)], check=True)
+    out = python(
+        "import json, sys; sys.path.insert(0, sys.argv[1]); import mtp_bench\n"
+        "from mtp_bench._bundle import baseline_names, bundled\n"
+        "card = mtp_bench.load_card('MTP-KITTI-v0')\n"
+        "print(json.dumps([mtp_bench.__file__, str(bundled('envs')), card.digest, mtp_bench.card_ids(), "
+        "baseline_names(), [mtp_bench.load_submission(name).digest for name in baseline_names()]]))",
+        str(tmp_path),
+    )
+    file, envs, digest, ids, baselines, digests = json.loads(out)
+    assert Path(file).is_relative_to(tmp_path)
+    assert Path(envs).is_relative_to(tmp_path)
+    assert digest == mtp_bench.load_card("MTP-KITTI-v0").digest
+    assert tuple(ids) == mtp_bench.card_ids()
+    assert tuple(baselines) == _bundle.baseline_names()
+    assert digests == [mtp_bench.load_submission(name).digest for name in _bundle.baseline_names()]
+
+
+def test_heavy_packages_are_dependencies_and_lazy(repository: Path) -> None:
+    project = tomllib.loads((repository / "pyproject.toml").read_text())["project"]
+    declared = " ".join(project["dependencies"]).replace("-", "_")
+    for package in ("torch", "rerun", "highway_env", "scikit_learn", "numba"):
+        assert package in declared
+
+
+def test_tests_on_real_data_are_deselected_visibly(repository: Path) -> None:
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--collect-only", "tests/test_readme.py"]
+    environment = {key: value for key, value in os.environ.items() if key != "MTP_BENCH_DATA"}
+    run = partial(subprocess.run, command, cwd=repository, capture_output=True, text=True, check=False)
+    without = run(env=environment)
+    assert without.returncode == 0
+    assert "test_the_example_runs" not in without.stdout
+    assert "1 tests need real data and did not run: set MTP_BENCH_DATA" in without.stdout
+    wrong = run(env=environment | {"MTP_BENCH_DATA": "/nowhere/at/all"})
+    assert wrong.returncode == pytest.ExitCode.USAGE_ERROR
+    assert "MTP_BENCH_DATA is '/nowhere/at/all', expected an existing folder" in wrong.stderr

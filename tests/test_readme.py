@@ -1,0 +1,120 @@
+"""What the documents say is true: their code runs, and their tables list what there is."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench import card_ids, load_card, load_submission
+from mtp_bench._bundle import baseline_names
+from mtp_bench.types import Task
+
+DOCUMENTS = ("README.md", "CONTRIBUTING.md", "envs/README.md", "baselines/README.md", "leaderboard/README.md")
+TASK = Task(
+    env_id="MTP-small-v0",
+    classes=("car",),
+    dt=0.1,
+    past=2,
+    future=3,
+    k=4,
+    samples=4,
+    detections=5,
+    tracks=6,
+    objects=7,
+    hypotheses=2,
+    detector="none",
+)
+
+
+def blocks(path: Path, language: str) -> list[str]:
+    """Fenced blocks of one language in a document."""
+    return re.findall(rf"^```{language}\n(.*?)^```$", path.read_text(), flags=re.MULTILINE | re.DOTALL)
+
+
+def block(path: Path, language: str, contains: str) -> str:
+    (found,) = [text for text in blocks(path, language) if contains in text]
+    return found
+
+
+def first_column(path: Path, prefix: str = "") -> set[str]:
+    """Names in backticks that begin the rows of tables."""
+    names = re.findall(r"^\| `([^`]+)` \|", path.read_text(), flags=re.MULTILINE)
+    return {name for name in names if name.startswith(prefix)}
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_python_blocks_compile(repository: Path, document: str) -> None:
+    for text in blocks(repository / document, "python"):
+        compile(text, document, "exec")
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_links_lead_somewhere(repository: Path, document: str) -> None:
+    path = repository / document
+    for target in re.findall(r"\]\(([^)]+)\)", path.read_text()):
+        if "://" not in target:
+            assert (path.parent / target).exists(), target
+
+
+@pytest.mark.data
+def test_the_example_runs(
+    repository: Path, data_root: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("MTP_BENCH_DATA", str(data_root))
+    exec(compile(block(repository / "README.md", "python", "gym.make"), "README.md", "exec"), {})
+    found = re.match(r"\d{4}: error (\d+\.\d+) m per frame", capsys.readouterr().out)
+    assert found
+    assert 0 < float(found[1]) < 1000
+
+
+def test_the_submission_works(repository: Path, tmp_path: Path) -> None:
+    readme = repository / "README.md"
+    folder = tmp_path / "standing_still"
+    folder.mkdir()
+    (folder / "submission.toml").write_text(block(readme, "toml", "standing_still/submission.toml"))
+    (folder / "agent.py").write_text(block(readme, "python", "standing_still/agent.py"))
+    agent = load_submission(folder).build(TASK)
+    agent.reset(TASK)
+    observation: dict[str, Any] = {
+        "detection_box": np.arange(35.0).reshape(5, 7),
+        "detection_class": np.array([0, 0, 0, -1, -1]),
+        "detection_valid": np.array([1, 1, 1, 0, 0]),
+    }
+    action = agent.act(observation)
+    assert action["object_valid"].tolist() == [1, 1, 1, 0, 0, 0, 0]
+    assert action["object_box"].shape == (7, 7)
+    np.testing.assert_array_equal(action["object_box"][:3], observation["detection_box"][:3])
+    assert action["forecast"].shape == (7, 4, 3, 2)
+
+
+def test_the_example_manifest_is_valid(repository: Path, tmp_path: Path) -> None:
+    (tmp_path / "submission.toml").write_text(block(repository / "baselines/README.md", "toml", "[compare]"))
+    (tmp_path / "agent.py").write_text("def build(task, hypotheses): ...")
+    assert load_submission(tmp_path).compare.sweep == {"hypotheses": (5, 10, 20)}
+
+
+def test_the_table_of_environments_is_complete(repository: Path) -> None:
+    readme = repository / "README.md"
+    assert first_column(readme, "MTP-") == set(card_ids())
+    for env_id in card_ids():
+        task = load_card(env_id).task
+        (row,) = [line for line in readme.read_text().splitlines() if line.startswith(f"| `{env_id}` |")]
+        cells = [cell.strip() for cell in row.strip("|").split("|")]
+        want = [f"{task.rate:g} Hz", f"{task.past}, {task.future} frames", str(task.samples), ", ".join(task.classes)]
+        assert cells[2:] == want
+
+
+def test_the_table_of_baselines_is_complete(repository: Path) -> None:
+    assert first_column(repository / "baselines/README.md") == set(baseline_names())
+
+
+def test_the_table_of_card_keys_is_complete(repository: Path) -> None:
+    card = load_card(card_ids()[0])
+    documented = (repository / "envs/README.md").read_text()
+    keys = ["id", "summary", "reference", *(f"task.{key}" for key in type(card.task).model_fields)]
+    for key in [*keys, *type(card.source).model_fields]:
+        assert f"`{key}`" in documented or f"`source.{key}`" in documented, key

@@ -1,0 +1,286 @@
+"""Errors of samples: by hand, by enumeration, and what must never help."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from mtp_bench.errors import ShapeError
+from mtp_bench.scoring import displacement, energy_score, k_curve
+from mtp_bench.scoring.forecasts import sample_weights
+
+steady = settings(derandomize=True, deadline=None, max_examples=100)
+seeds = st.integers(0, 10_000)
+
+
+def random_samples(seed: int, n: int = 5, s: int = 6, t: int = 3) -> tuple[Any, Any, Any]:
+    """Samples, truth, and weights of which about a quarter is 0 and the first of a target never."""
+    rng = np.random.default_rng(seed)
+    weight = rng.random((n, s)) * (rng.random((n, s)) > 0.25)
+    weight[:, 0] += 0.1
+    return rng.normal(0, 2, (n, s, t, 2)), rng.normal(0, 1, (n, t, 2)), weight
+
+
+def test_by_hand() -> None:
+    truth = np.array([[[1.0, 0.0], [2.0, 0.0]]])
+    samples = np.array([[[[1.0, 0.0], [2.0, 3.0]], [[1.0, 2.0], [2.0, 2.0]]]])
+    got = displacement(samples, truth)
+    assert got.ade.tolist() == [[1.5, 2.0]]
+    assert got.min_ade.tolist() == [1.5]  # each minimised on its own
+    assert got.min_fde.tolist() == [2.0]
+    assert got.miss.tolist() == [False]  # 2 m is inside
+    # mean distance over 4 coordinates, less half the distance between the two samples
+    assert got.energy_score[0] == pytest.approx(((3 + np.sqrt(8)) / 2 - np.sqrt(4 + 1) / 2) / np.sqrt(2))
+    assert got.valid.tolist() == [True]
+
+
+def test_a_final_point_beyond_two_metres_misses() -> None:
+    truth = np.zeros((2, 1, 2))
+    samples = np.array([[[[2.0, 0.0]]], [[[2.01, 0.0]]]])
+    assert displacement(samples, truth).miss.tolist() == [False, True]
+
+
+INVALID: dict[str, tuple[float, list[float], bool]] = {
+    # first coordinate of sample 0, weights, valid
+    "NaN in a sample": (np.nan, [1.0, 1.0], False),
+    "inf in a sample": (np.inf, [1.0, 1.0], False),
+    "NaN in an absent sample": (np.nan, [0.0, 1.0], True),
+    "inf in an absent sample": (-np.inf, [0.0, 1.0], True),
+    "no sample at all": (0.0, [0.0, 0.0], False),
+}
+
+
+@pytest.mark.parametrize(("value", "weights", "valid"), INVALID.values(), ids=INVALID.keys())
+def test_broken_output_is_never_better(value: float, weights: list[float], valid: bool) -> None:
+    samples, truth = np.zeros((1, 2, 2, 2)), np.zeros((1, 2, 2))
+    samples[0, 0, 0, 0] = value
+    got = displacement(samples, truth, [weights])
+    want = 0.0 if valid else np.inf
+    assert got.valid.tolist() == [valid]
+    assert got.miss.tolist() == [not valid]
+    assert (got.min_ade[0], got.min_fde[0], got.energy_score[0]) == (want, want, want)
+
+
+def test_one_broken_target_leaves_the_others_alone() -> None:
+    samples, truth, weight = random_samples(3)
+    want = displacement(samples, truth, weight)
+    samples[2, 0] = np.nan
+    got = displacement(samples, truth, weight)
+    others = np.arange(5) != 2
+    assert got.valid.tolist() == others.tolist()
+    assert np.array_equal(got.energy_score[others], want.energy_score[others])
+    assert np.array_equal(got.min_ade[others], want.min_ade[others])
+
+
+def test_without_targets_and_without_samples() -> None:
+    assert len(displacement(np.zeros((0, 4, 3, 2)), np.zeros((0, 3, 2))).min_ade) == 0
+    got = displacement(np.zeros((2, 0, 3, 2)), np.zeros((2, 3, 2)))
+    assert got.min_ade.tolist() == got.energy_score.tolist() == [np.inf, np.inf]
+    assert not got.valid.any()
+
+
+BAD: dict[str, tuple[Any, Any, Any, str]] = {
+    "three coordinates": (np.zeros((1, 2, 3, 3)), np.zeros((1, 3, 2)), None, r"samples has shape \(1, 2, 3, 3\)"),
+    "other horizon": (np.zeros((1, 2, 3, 2)), np.zeros((1, 4, 2)), None, r"truth has shape \(1, 4, 2\)"),
+    "no horizon": (np.zeros((1, 2, 0, 2)), np.zeros((1, 0, 2)), None, "at least one future step"),
+    "NaN in the truth": (np.zeros((1, 2, 1, 2)), np.full((1, 1, 2), np.nan), None, r"truth\[0, 0, 0\] is nan"),
+    "weights of another shape": (np.zeros((1, 2, 1, 2)), np.zeros((1, 1, 2)), np.ones((1, 3)), "weights has shape"),
+    "weights below 0": (np.zeros((1, 1, 1, 2)), np.zeros((1, 1, 2)), [[-1.0]], "weights reach down to -1.0"),
+    "weights not finite": (np.zeros((1, 1, 1, 2)), np.zeros((1, 1, 2)), [[np.nan]], "weights.*nan"),
+}
+
+
+@pytest.mark.parametrize(("samples", "truth", "weights", "message"), BAD.values(), ids=BAD.keys())
+def test_wrong_input_is_an_error(samples: Any, truth: Any, weights: Any, message: str) -> None:
+    with pytest.raises(ShapeError, match=message):
+        displacement(samples, truth, weights)
+
+
+# ---- what must not matter, and what must not help
+
+
+@steady
+@given(seeds)
+def test_absent_samples_do_not_exist(seed: int) -> None:
+    samples, truth, weight = random_samples(seed, n=1)
+    got = displacement(samples, truth, weight)
+    there = weight[0] > 0
+    want = displacement(samples[:, there], truth, weight[:, there])
+    assert got.min_ade == pytest.approx(want.min_ade)
+    assert got.min_fde == pytest.approx(want.min_fde)
+    assert got.energy_score == pytest.approx(want.energy_score)
+
+
+@steady
+@given(seeds, st.floats(-3, 3))
+def test_order_scale_of_weights_and_place_do_not_matter(seed: int, yaw: float) -> None:
+    samples, truth, weight = random_samples(seed)
+    want = displacement(samples, truth, weight)
+    order = np.random.default_rng(seed).permutation(samples.shape[1])
+    turn = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
+    got = displacement(samples[:, order] @ turn + 300, truth @ turn + 300, 7 * weight[:, order])
+    for name in ("min_ade", "min_fde", "energy_score"):
+        np.testing.assert_allclose(getattr(got, name), getattr(want, name), rtol=1e-9, atol=1e-9)
+    assert np.array_equal(got.valid, want.valid)
+
+
+@steady
+@given(seeds)
+def test_errors_do_not_grow_with_the_number_of_samples(seed: int) -> None:
+    samples, truth, _ = random_samples(seed)
+    best = [displacement(samples[:, :k], truth) for k in range(1, 7)]
+    for fewer, more in itertools.pairwise(best):
+        assert (more.min_ade <= fewer.min_ade).all()
+        assert (more.min_fde <= fewer.min_fde).all()
+
+
+@steady
+@given(seeds)
+def test_a_copy_of_all_samples_changes_no_minimum_and_the_energy_score_for_the_worse(seed: int) -> None:
+    samples, truth, weight = random_samples(seed)
+    want = displacement(samples, truth, weight)
+    got = displacement(np.concatenate([samples, samples], axis=1), truth, np.concatenate([weight, weight], axis=1))
+    assert np.array_equal(got.min_ade, want.min_ade)
+    assert (got.energy_score >= want.energy_score - 1e-9).all()
+
+
+# ---- the curve over k
+
+
+@steady
+@given(seeds, st.integers(1, 7))
+def test_the_curve_is_the_mean_over_all_subsets(seed: int, k: int) -> None:
+    errors = np.random.default_rng(seed).integers(0, 5, (3, 6)).astype(float)
+    errors[1, :2] = np.inf
+    want = []
+    for row in errors:
+        present = row[np.isfinite(row)]
+        want.append(np.mean([min(c) for c in itertools.combinations(present, min(k, len(present)))]))
+    np.testing.assert_allclose(k_curve(errors, [k])[:, 0], want, rtol=1e-12)
+
+
+@steady
+@given(seeds)
+def test_the_curve_falls_from_the_mean_to_the_minimum(seed: int) -> None:
+    errors = np.random.default_rng(seed).exponential(size=(4, 400))
+    curve = k_curve(errors, (1, 2, 5, 10, 20, 50, 100, 200, 399, 400))
+    assert (np.diff(curve, axis=1) <= 1e-12).all()
+    np.testing.assert_allclose(curve[:, 0], errors.mean(axis=1), rtol=1e-12)
+    np.testing.assert_allclose(curve[:, -1], errors.min(axis=1), rtol=1e-12)
+
+
+def test_the_curve_of_a_target_without_samples_is_infinite() -> None:
+    assert k_curve(np.full((1, 3), np.inf), (1, 3)).tolist() == [[np.inf, np.inf]]
+    assert k_curve(np.zeros((2, 0)), (1,)).tolist() == [[np.inf], [np.inf]]
+
+
+def test_equal_errors_give_a_flat_curve() -> None:
+    np.testing.assert_allclose(k_curve(np.full((1, 400), 3.0), (1, 7, 200, 400)), 3.0, rtol=1e-12)
+
+
+def test_wrong_input_of_the_curve() -> None:
+    with pytest.raises(ShapeError, match="k is 0, expected 1 or more"):
+        k_curve(np.zeros((1, 2)), (0,))
+    with pytest.raises(ShapeError, match="errors hold a NaN"):
+        k_curve(np.full((1, 2), np.nan), (1,))
+    with pytest.raises(ShapeError, match="errors has shape"):
+        k_curve(np.zeros(3), (1,))
+
+
+# ---- energy score
+
+
+def by_sums(samples: NDArray[Any], truth: NDArray[Any], weight: NDArray[Any]) -> float:
+    """The definition, one pair at a time; of one target."""
+    first = sum(w * np.linalg.norm(x - truth) for x, w in zip(samples, weight, strict=True))
+    pairs = 0.0
+    for (x, v), (y, w) in itertools.permutations(zip(samples, weight, strict=True), 2):
+        pairs += v * w / (1 - min(v, w)) * float(np.linalg.norm(x - y))
+    return float((first - pairs / 2) / np.sqrt(len(truth)))
+
+
+@steady
+@given(seeds, st.integers(1, 7), st.booleans())
+def test_energy_score_equals_its_sums(seed: int, count: int, equal: bool) -> None:
+    rng = np.random.default_rng(seed)
+    samples, truth = rng.normal(size=(3, count, 4, 2)) + 50, rng.normal(size=(3, 4, 2)) + 50
+    weight = np.full((3, count), 1 / count) if equal else rng.dirichlet(np.full(count, 0.3), 3)
+    want = [by_sums(*case) for case in zip(samples, truth, weight, strict=True)]
+    np.testing.assert_allclose(energy_score(samples, truth, weight), want, rtol=1e-9, atol=1e-9)
+
+
+def test_energy_score_of_many_samples_in_blocks() -> None:
+    rng = np.random.default_rng(0)
+    samples, truth = rng.normal(size=(2, 150, 2, 2)), rng.normal(size=(2, 2, 2))
+    weight = rng.dirichlet(np.ones(150), 2)
+    want = [by_sums(*case) for case in zip(samples, truth, weight, strict=True)]
+    np.testing.assert_allclose(energy_score(samples, truth, weight), want, rtol=1e-9)
+
+
+def test_equal_weights_give_the_fair_form() -> None:
+    rng = np.random.default_rng(1)
+    samples, truth, n = rng.normal(size=(1, 5, 2, 2)), rng.normal(size=(1, 2, 2)), 5
+    flat = samples.reshape(n, -1)
+    pairs = np.linalg.norm(flat[:, None] - flat, axis=-1).sum()
+    mean = np.linalg.norm(flat - truth.reshape(1, -1), axis=1).mean()
+    want = (mean - pairs / (2 * n * (n - 1))) / np.sqrt(2)
+    assert energy_score(samples, truth, np.full((1, n), 1 / n))[0] == pytest.approx(want)
+
+
+@steady
+@given(seeds)
+def test_energy_score_is_never_negative(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    samples = rng.normal(0, 10.0 ** rng.integers(-2, 4, (4, 6, 1, 1)), (4, 6, 2, 2))
+    weight = rng.dirichlet(np.full(6, 10.0 ** rng.integers(-2, 2)), 4)
+    assert (energy_score(samples, rng.normal(size=(4, 2, 2)), weight) >= 0).all()
+
+
+@pytest.mark.parametrize("weight", [1e-12, 1e-3, 0.1])
+def test_a_far_sample_of_little_weight_earns_nothing(weight: float) -> None:
+    # with 1 - sum w^2 as the denominator this would be about -500 m
+    truth = np.zeros((1, 1, 2))
+    honest = energy_score(np.full((1, 1, 1, 2), 1.0), truth, np.ones((1, 1)))
+    samples = np.array([[[[1.0, 1.0]], [[1000.0, 0.0]]]])
+    got = energy_score(samples, truth, np.array([[1 - weight, weight]]))
+    assert got[0] >= honest[0] - weight * 1.5
+
+
+def test_the_true_distribution_scores_best_on_average() -> None:
+    rng = np.random.default_rng(2)
+    truth = rng.normal(size=(4000, 1, 2))
+    weight = np.full((4000, 10), 0.1)
+
+    def mean(scale: float, shift: float) -> float:
+        samples = shift + scale * rng.normal(size=(4000, 10, 1, 2))
+        return float(energy_score(samples, truth, weight).mean())
+
+    true = mean(1.0, 0.0)
+    assert all(mean(*wrong) > true + 0.01 for wrong in ((0.5, 0.0), (2.0, 0.0), (1.0, 0.5), (0.0, 0.0)))
+
+
+def test_junk_samples_cost() -> None:
+    rng = np.random.default_rng(3)
+    truth = rng.normal(size=(500, 1, 2))
+    samples = rng.normal(size=(500, 20, 1, 2))
+    weight = np.full((500, 20), 1 / 20)
+    with_junk = samples.copy()
+    with_junk[:, :5] += rng.normal(0, 20, (500, 5, 1, 2))
+    assert energy_score(with_junk, truth, weight).mean() > energy_score(samples, truth, weight).mean() + 0.2
+
+
+# ---- weights from log-weights
+
+
+def test_weights_of_log_weights() -> None:
+    got = sample_weights(np.array([[0.0, -np.inf, -1e31, np.log(0.5)], [-5000.0, -np.inf, 0.0, -np.inf]]))
+    assert got[0].tolist() == [1.0, 0.0, 0.0, 0.5]
+    assert got[1, 0] > 0  # however light, it is there
+    assert (sample_weights(np.full((2, 3), -np.inf)) == 0).all()
+    assert sample_weights(np.zeros((2, 0))).shape == (2, 0)

@@ -1,0 +1,232 @@
+"""Events and CLEAR counts on streams that can be read off a line; input that is wrong."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mtp_bench.errors import ShapeError
+from mtp_bench.scoring import find_events, history, tracking_counts
+from mtp_bench.scoring.clear import identity_scores
+
+# One object, one character per frame: a letter is the id of the track on it, "-" no track on it, "." no object,
+# "!" the track before is output, but 9 m away.
+EVENTS = {
+    # stream: ids, lost, of these "wrong", reacquired (frames)
+    "aaaa": ([], [], [], []),
+    "aabb": ([2], [], [], []),
+    "aa-a": ([], [2], [], [3]),
+    "aa-b": ([], [2], [], [3]),
+    "aa!a": ([], [2], [2], [3]),
+    "--aa": ([], [], [], []),
+    "aa--": ([], [2], [], []),
+    "a-a-": ([], [1, 3], [], [2]),
+    "aba": ([1, 2], [], [], []),
+    "aa.a": ([], [], [], []),
+    "aa.b": ([], [], [], []),
+    "a-.a": ([], [1], [], [3]),
+    "a.-a": ([], [], [], [3]),
+    "a.-.a": ([], [], [], [4]),
+    "----": ([], [], [], []),
+    "-a-a": ([], [2], [], [3]),
+    ".a": ([], [], [], []),
+}
+
+
+def frames_of(stream: str) -> list[Any]:
+    frames, last = [], "a"
+    for t, c in enumerate(stream):
+        last = c if c.isalpha() else last
+        tracks = [(last, [t + 9.0, 0.0])] if c == "!" else [(c, [t + 0.1, 0.0])] if c.isalpha() else []
+        truth = [] if c == "." else [("g", [float(t), 0.0])]
+        frames.append(
+            ("s", t, [i for i, _ in truth], [x for _, x in truth], [i for i, _ in tracks], [x for _, x in tracks])
+        )
+    return frames
+
+
+def events_of(stream: str, frag_at: Any = "current") -> Any:
+    code = {c: i for i, c in enumerate(sorted(set(stream)))}
+    frame = np.array([t for t, c in enumerate(stream) if c != "."], dtype=int)
+    matched, track_frame, track_id, last = [], [], [], "a"
+    for t, c in enumerate(stream):
+        last = c if c.isalpha() else last
+        if c.isalpha() or c == "!":
+            track_frame.append(t)
+            track_id.append(code[last])
+        if c != ".":
+            matched.append(len(track_id) - 1 if c.isalpha() else -1)
+    ids = np.array(track_id, dtype=int)
+    objects = history(frame, np.full(len(frame), 7))
+    return find_events(
+        objects, np.array(matched, dtype=int), history(np.array(track_frame, dtype=int), ids), ids, frag_at
+    )
+
+
+@pytest.mark.parametrize(("stream", "want"), EVENTS.items(), ids=EVENTS.keys())
+def test_events_of_one_object(stream: str, want: tuple[list[int], ...]) -> None:
+    found = events_of(stream)
+    got = found.ids.frame, found.lost.frame, found.lost.frame[found.wrong], found.reacquired.frame
+    assert tuple(g.tolist() for g in got) == want
+    counts = tracking_counts(frames_of(stream))
+    assert (counts["ids"], counts["lost"], counts["reacquired"]) == tuple(len(want[i]) for i in (0, 1, 3))
+
+
+def test_records_name_scene_object_frame_and_both_tracks() -> None:
+    found = events_of("aab-b")
+    a, b = 1, 2  # codes of the letters after "-"
+    assert found.ids.records("s") == [("s", 7, 2, a, b)]
+    assert found.lost.records("s") == [("s", 7, 3, b, -1)]
+    assert found.reacquired.records("s") == [("s", 7, 4, b, b)]
+
+
+def test_a_loss_can_be_recorded_where_the_track_still_exists() -> None:
+    found = events_of("ab-b!", "previous")
+    assert found.lost.frame.tolist() == [1, 3]
+    assert found.wrong.tolist() == [False, True]
+    assert found.reacquired.frame.tolist() == [3]
+    with pytest.raises(ShapeError, match="frag_at is 'before', expected 'current' or 'previous'"):
+        events_of("a", "before")
+
+
+def test_an_identity_twice_in_a_frame_is_an_error() -> None:
+    with pytest.raises(ShapeError, match="identity 4 occurs twice in frame 1"):
+        history(np.array([0, 1, 1]), np.array([4, 4, 4]))
+
+
+CLEAR = {
+    # stream: IDS, FRAG
+    "aa-b": (1, 1),
+    "aa.b": (1, 0),
+    "aa.a": (0, 0),
+    "a-b-a": (2, 2),
+    "--a": (0, 0),
+    "a--": (0, 0),
+    "abab": (3, 0),
+}
+
+
+@pytest.mark.parametrize(("stream", "want"), CLEAR.items(), ids=CLEAR.keys())
+def test_clear_counts_of_one_object(stream: str, want: tuple[int, int]) -> None:
+    for mode in ("frame", "sticky"):
+        counts = tracking_counts(frames_of(stream), mode=mode)
+        assert (counts["IDS"], counts["FRAG"]) == want
+
+
+# ---- frames as they come
+
+
+def test_scenes_are_kept_apart_and_may_be_interleaved() -> None:
+    one, two = frames_of("aab-"), [("z", *frame[1:]) for frame in frames_of("ba-a")]
+    mixed = [frame for pair in zip(one, two, strict=True) for frame in pair]
+    apart = [tracking_counts(frames) for frames in (one, two)]
+    got = tracking_counts(mixed)
+    for name in ("TP", "FP", "FN", "IDS", "FRAG", "ids", "lost", "reacquired"):
+        assert got[name] == sum(counts[name] for counts in apart)  # type: ignore[misc]
+    assert tracking_counts(mixed[::-1]) == got
+
+
+def random_frames(rng: np.random.Generator) -> list[Any]:
+    frames = []
+    for scene in ("s", "t"):
+        for t in range(6):
+            n, m = rng.integers(0, 5, 2)
+            frames.append(
+                (
+                    scene,
+                    t,
+                    rng.permutation(9)[:n],
+                    rng.uniform(0, 6, (n, 2)),
+                    rng.permutation(9)[:m],
+                    rng.uniform(0, 6, (m, 2)),
+                )
+            )
+    return frames
+
+
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(st.integers(0, 10_000), st.sampled_from(["frame", "sticky"]))
+def test_names_types_order_and_place_do_not_matter(seed: int, mode: Any) -> None:
+    rng = np.random.default_rng(seed)
+    frames = random_frames(rng)
+    want = tracking_counts(frames, mode=mode)
+    as_lists = [(s, t, a.tolist(), b.tolist(), c.tolist(), d.tolist()) for s, t, a, b, c, d in frames]
+    assert tracking_counts(iter(as_lists), mode=mode) == want
+    as_text = [(s, t, [f"car {i}" for i in a], b, [str(i) for i in c], d) for s, t, a, b, c, d in frames]
+    assert tracking_counts(as_text, mode=mode) == want
+    name = rng.permutation(9) * 10**12 - 5
+    renamed = [(s, t, name[a], b, name[c], d) for s, t, a, b, c, d in frames]
+    assert tracking_counts(renamed, mode=mode) == want
+    shuffled = []
+    for s, t, a, b, c, d in frames:
+        p, q = rng.permutation(len(a)), rng.permutation(len(c))
+        shuffled.append((s, t, a[p], b[p], c[q], d[q]))
+    moved = [(s, t, a, b @ [[0, 1], [-1, 0]] + 100, c, d @ [[0, 1], [-1, 0]] + 100) for s, t, a, b, c, d in shuffled]
+    for other in (shuffled, moved):
+        assert tracking_counts(other, mode=mode) == pytest.approx(want)
+
+
+def test_one_and_its_name_are_two_ids() -> None:
+    frames: Any = [("s", 0, [1], [[0, 0]], [1], [[0, 0]]), ("s", 1, [1], [[0, 0]], ["1"], [[0, 0]])]
+    assert tracking_counts(frames)["ids"] == 1
+    both: Any = np.array([1, "1"], dtype=object)
+    assert tracking_counts([("s", 0, both, [[0, 0], [9, 9]], both, [[0, 0], [9, 9]])])["TP"] == 2
+
+
+def test_nothing_at_all() -> None:
+    empty = {
+        "TP": 0,
+        "FP": 0,
+        "FN": 0,
+        "IDS": 0,
+        "FRAG": 0,
+        "MOTA": None,
+        "MOTP": None,
+        "ids": 0,
+        "lost": 0,
+        "reacquired": 0,
+    }
+    nothing: Any
+    for nothing in ([], [("s", 0, [], [], [], [])], [("s", 0, np.zeros(0, int), np.zeros((0, 2)), (), ())]):
+        assert tracking_counts(nothing) == empty
+        assert identity_scores(nothing)["HOTA"] is None
+
+
+def test_gate_zero_matches_what_coincides() -> None:
+    frames: Any = [("s", 0, [1, 2], [[0, 0], [5, 5]], [1, 2], [[0, 0], [5, 5.001]])]
+    assert tracking_counts(frames, gate=0.0)["TP"] == 1
+    assert identity_scores(frames, gate=0.0)["IDF1"] == 0.5
+
+
+GOOD: Any = ("s", 3, [1, 2], [[0, 0], [1, 1]], [5], [[0, 0]])
+BAD: dict[str, tuple[Any, str]] = {
+    "NaN": ([(*GOOD[:3], [[0, 0], [1, float("nan")]], *GOOD[4:])], r"true xy of \(scene 's', t 3\) holds \[1.0, nan\]"),
+    "infinite": ([(*GOOD[:5], [[np.inf, 0]])], r"track xy of \(scene 's', t 3\)"),
+    "true id twice": ([(*GOOD[:2], [1, 1], *GOOD[3:])], "true id 1 occurs twice in frame"),
+    "track id twice": ([(*GOOD[:4], ["a", "a"], [[0, 0], [1, 1]])], "track id 'a' occurs twice in frame"),
+    "lengths differ": ([(*GOOD[:3], [[0, 0]], *GOOD[4:])], r"true xy .* has shape \(1, 2\), expected \(2, 2\)"),
+    "three coordinates": ([(*GOOD[:5], [[0, 0, 0]])], r"track xy .* has shape \(1, 3\), expected \(1, 2\)"),
+    "frame twice": ([GOOD, GOOD], r"frame \(scene 's', t 3\) is given twice"),
+    "ids are floats": ([(*GOOD[:4], [0.5], [[0, 0]])], "track ids have type float64, expected integers or strings"),
+}
+
+
+@pytest.mark.parametrize(("frames", "message"), BAD.values(), ids=BAD.keys())
+def test_wrong_frames_are_an_error(frames: Any, message: str) -> None:
+    with pytest.raises(ShapeError, match=message):
+        tracking_counts(frames)
+
+
+@pytest.mark.parametrize("gate", [-1.0, float("nan"), float("inf")])
+def test_a_wrong_gate_is_an_error(gate: float) -> None:
+    with pytest.raises(ShapeError, match=r"gate is .*, expected a distance of 0 m or more"):
+        tracking_counts([GOOD], gate=gate)
+
+
+def test_an_unknown_mode_is_an_error() -> None:
+    with pytest.raises(ShapeError, match="mode is 'greedy', expected 'frame' or 'sticky'"):
+        tracking_counts([GOOD], mode="greedy")  # type: ignore[arg-type]

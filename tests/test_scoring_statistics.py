@@ -1,0 +1,116 @@
+"""Intervals, tests and ranks with scenes as the unit."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mtp_bench.errors import ShapeError
+from mtp_bench.scoring import bootstrap_interval, paired_interval, shared_ranks, sign_flip_test
+
+steady = settings(derandomize=True, deadline=None, max_examples=50)
+
+
+def test_equal_scenes_have_no_uncertainty() -> None:
+    assert bootstrap_interval([2.0, 4.0, 6.0], [1, 2, 3]) == pytest.approx((2.0, 2.0))
+
+
+def test_the_interval_holds_the_mean_and_repeats() -> None:
+    rng = np.random.default_rng(0)
+    count = rng.integers(1, 50, 11)
+    total = count * rng.normal(1.0, 0.3, 11)
+    interval = bootstrap_interval(total, count)
+    assert interval is not None
+    assert interval[0] < total.sum() / count.sum() < interval[1]
+    assert bootstrap_interval(total, count) == interval
+
+
+def test_coverage_is_about_that_promised() -> None:
+    rng = np.random.default_rng(1)
+    inside = 0
+    for _ in range(200):
+        interval = bootstrap_interval(rng.normal(3.0, 1.0, 20), np.ones(20))
+        assert interval is not None
+        inside += interval[0] <= 3.0 <= interval[1]
+    assert 0.87 <= inside / 200 <= 0.98  # 95 % promised, a little less for 20 scenes
+
+
+def test_scenes_without_targets_do_not_count() -> None:
+    with_empty = bootstrap_interval([1.0, 0.0, 5.0, 0.0, 2.0], [1, 0, 2, 0, 1])
+    assert with_empty == bootstrap_interval([1.0, 5.0, 2.0], [1, 2, 1])
+
+
+@pytest.mark.parametrize("count", [[], [3], [3, 0], [0, 0, 0]])
+def test_fewer_than_two_scenes_have_no_interval(count: list[int]) -> None:
+    assert bootstrap_interval(np.ones(len(count)), count) is None
+
+
+def test_pairing_removes_what_scenes_have_in_common() -> None:
+    rng = np.random.default_rng(2)
+    scene = rng.normal(10, 5, 12)
+    a, b = scene + 0.1 + rng.normal(0, 0.02, 12), scene
+    paired = paired_interval(a, b, np.ones(12))
+    assert paired is not None
+    assert 0.05 < paired[0] < paired[1] < 0.15
+
+
+@steady
+@given(st.lists(st.integers(-5, 5), min_size=1, max_size=8))
+def test_sign_flips_equal_enumeration(difference: list[int]) -> None:
+    seen = abs(sum(difference))
+    flips = [abs(sum(s * d for s, d in zip(signs, difference, strict=True)))
+             for signs in itertools.product((-1, 1), repeat=len(difference))]  # fmt: skip
+    assert sign_flip_test(difference) == pytest.approx(np.mean([f >= seen for f in flips]))
+
+
+def test_sign_flips_of_scenes_that_all_agree() -> None:
+    assert sign_flip_test([0.1, 0.7, 0.3, 0.2]) == 2 / 16
+    assert sign_flip_test(np.full(14, 0.1)) == 2 / 2**14
+    assert sign_flip_test(np.zeros(5)) == 1.0
+    assert sign_flip_test([]) == 1.0
+
+
+def test_many_scenes_are_sampled_and_repeat() -> None:
+    rng = np.random.default_rng(3)
+    even, shifted = rng.normal(0, 1, 40), rng.normal(1, 1, 40)
+    assert sign_flip_test(shifted) < 1e-3
+    assert sign_flip_test(even) > 0.05
+    assert sign_flip_test(even) == sign_flip_test(even)
+    assert sign_flip_test(np.ones(40)) == 1 / 10_001  # never 0
+
+
+def test_sampled_and_exact_flips_agree() -> None:
+    difference = np.random.default_rng(4).normal(0.3, 1, 14)
+    exact = sign_flip_test(difference)
+    # a scene that decides nothing takes the sampled path
+    sampled = sign_flip_test(np.append(difference, 1e-12))
+    assert sampled == pytest.approx(exact, abs=0.02)
+
+
+def test_ranks_are_shared_where_the_interval_covers_zero() -> None:
+    rng = np.random.default_rng(5)
+    scene, count = rng.normal(10, 3, 15), np.ones(15)
+    noise = rng.normal(0, 0.5, 15)
+    noise += 0.05 - noise.mean()  # a difference far inside its interval
+    agents = [scene + 5.0 + noise, scene + noise, scene, scene + 5.0, scene + 9.0]
+    assert shared_ranks(agents, count) == [3, 1, 1, 3, 5]
+
+
+def test_without_an_interval_all_share_the_first_rank() -> None:
+    assert shared_ranks([[3.0], [1.0]], [1]) == [1, 1]
+    assert shared_ranks(np.zeros((0, 4)), np.ones(4)) == []
+
+
+def test_wrong_input_is_an_error() -> None:
+    with pytest.raises(ShapeError, match="numerator has shape"):
+        bootstrap_interval([1.0, 2.0], [1])
+    with pytest.raises(ShapeError, match=r"numerator\[1\] is nan"):
+        bootstrap_interval([1.0, float("nan")], [1, 1])
+    with pytest.raises(ShapeError, match="denominator reaches down to -1"):
+        bootstrap_interval([1.0, 1.0], [1, -1])
+    with pytest.raises(ShapeError, match=r"difference\[0\] is inf"):
+        sign_flip_test([np.inf])
