@@ -34,11 +34,12 @@ lint: .venv/installed-dev
 	@echo '== pyright'
 	@$(BIN)/pyright
 	@echo '== import-linter'
-	@$(BIN)/lint-imports --no-logo
+	@$(BIN)/lint-imports --no-logo --no-cache
 
+# Python 3.11 first: the pinned torch has a small CPU build for it everywhere.
 # pip is the last thing that `python -m venv` writes
 .venv/bin/pip:
-	@for python in python3.12 python3.13 python3.11 python3 python; do \
+	@for python in python3.11 python3 python3.12 python3.13 python; do \
 		if $$python -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then \
 			echo "== creating .venv with $$($$python --version)"; \
 			exec $$python -m venv .venv; \

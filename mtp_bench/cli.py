@@ -107,6 +107,9 @@ def compare(
     scenes: ScenesOption = None,
     jobs: JobsOption = 0,
     seeds: Annotated[int, typer.Option("--seeds", min=1, help="Runs with different random draws.")] = 3,
+    reference: Annotated[
+        str | None, typer.Option("--reference", help="Take the subsets from this agent's events, not the frozen ones.")
+    ] = None,
     json_file: JsonOption = None,
 ) -> None:
     """Run agents side by side, with true pasts and the controls beside them, and print the comparison."""
@@ -116,7 +119,7 @@ def compare(
 
     keywords = {} if root is None else {"data": root}
     with _progress("compare") as (started, done):
-        result = run_comparison(agents, env, keywords, scenes, range(seeds), _workers(jobs), started, done)
+        result = run_comparison(agents, env, keywords, scenes, range(seeds), _workers(jobs), started, done, reference)
     report = result.report
     _print(error_table(report, f"{report.env}: missing-aware error (m), {_count(seeds, 'seed')} of sampling"))
     _print(displacement_table(report, result.dataset))

@@ -182,11 +182,14 @@ def test_the_gate_is_inclusive() -> None:
         assert len(near_pairs(zero, np.zeros((1, 2)), zero, np.array([[gate, 0.0]]), gate)[0]) == 1
 
 
-def test_the_gate_is_inclusive_however_far_into_the_recording() -> None:
+@pytest.mark.parametrize("gate", [0.7, 1.7, 1.9])
+def test_the_gate_is_inclusive_however_far_into_the_recording(gate: float) -> None:
     frame = np.arange(0, 10**7, 99_991)
-    a, b = np.tile([0.1, 0.0], (len(frame), 1)), np.tile([2.1, 0.0], (len(frame), 1))
-    i, j, _ = near_pairs(frame, a, frame, b, 2.0)
+    a, b = np.tile([0.05, 0.0], (len(frame), 1)), np.tile([0.05 + gate, 0.0], (len(frame), 1))
+    b[0, 0] = -0.3373  # no round numbers
+    i, j, distance = near_pairs(frame, a, frame, b, gate)
     assert i.tolist() == j.tolist() == list(range(len(frame)))
+    assert (distance[1:] == gate).all()
 
 
 def boxes(*rows: tuple[float, float]) -> NDArray[np.float64]:

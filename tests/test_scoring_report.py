@@ -42,7 +42,7 @@ def answer(error: float, spurious: int = 0, seen: bool = True, switch: bool = Fa
 
 
 def agent(name: str, *runs: list[SceneScore], samples: int = 2, budget: Any = "equal") -> AgentScores:
-    return AgentScores(name, 1, samples, budget, tuple(tuple(run) for run in runs))
+    return AgentScores(name, 1, samples, budget, tuple(tuple(run) for run in runs), ideal=name == "truth_past")
 
 
 def row(report: Report, subset: str = "all", agent: int = 0) -> dict[str, Any]:

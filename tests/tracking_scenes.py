@@ -11,7 +11,7 @@ import numpy as np
 from mtp_bench.agent import Observation, Tracker
 from mtp_bench.tracking import AB3DMOT, ClassParameters
 from mtp_bench.tracks import Tracks
-from mtp_bench.types import Floats, Ints, Task
+from mtp_bench.types import Bools, Floats, Ints, Task
 
 CAR, PEDESTRIAN, CYCLIST = 0, 1, 2
 SIZE = np.array([[4.0, 1.8, 1.5], [0.7, 0.6, 1.75], [1.8, 0.6, 1.7]])  # l w h of the three classes
@@ -82,3 +82,18 @@ def random_frames(rng: np.random.Generator, frames: int, objects: int = 8, area:
         order = rng.permutation(len(kind)) if rng.random() < 0.95 else np.zeros(0, dtype=np.int64)
         result.append((box[order], kind[order]))
     return result
+
+
+def tracks_with_past(past: Floats, valid: Bools | None = None, class_id: Ints | None = None) -> Tracks:
+    """One hypothesis with tracks of these pasts [N, P, 7], seen in every frame unless told otherwise."""
+    n, length = past.shape[:2]
+    return Tracks(
+        track_id=np.arange(n),
+        box=past[:, -1].copy(),
+        class_id=np.zeros(n, dtype=np.int64) if class_id is None else class_id,
+        detection=np.arange(n),
+        past=past,
+        past_valid=np.ones((n, length), dtype=bool) if valid is None else valid,
+        member=np.ones((1, n), dtype=bool),
+        log_weight=np.zeros(1),
+    )

@@ -18,7 +18,7 @@ def end_to_end_accuracy(hits: float, spurious: float, targets: float) -> float |
     A hit is a target with a matched forecast and a minFDE of at most 2 m. ViP3D matches within 2 m; the benchmark uses
     the forecast gate of its card, which is 2 m for vehicles.
     """
-    return (hits - EPA_ALPHA * spurious) / targets if targets > 0 else None
+    return float((hits - EPA_ALPHA * spurious) / targets) if targets > 0 else None
 
 
 def forecast_average_precision(correct: ArrayLike, score: ArrayLike, targets: int) -> float | None:

@@ -119,7 +119,7 @@ def lineage_events(truth: Truth, rollout: Rollout, found: Hypotheses, matched: N
         ever[who] |= seen
         missed[who] = ~seen
     alive = found.alive[frame_of_rows(truth.start)]
-    return LineageEvents(ids & alive, lost & alive, wrong & alive, reacquired & alive)
+    return LineageEvents(ids, lost & alive, wrong & alive, reacquired)  # an absent hypothesis has lost nothing
 
 
 def _still_output(rollout: Rollout, member: Bools, t: int, old_id: Ints) -> Bools:

@@ -62,7 +62,7 @@ def summarise(
         env=card.id,
         definitions=DEFINITIONS,
         rows=[_row(table, subset, ends) for table in tables for subset in SUBSETS],
-        ranks=[rank for subset in SUBSETS for rank in _ranks(tables, subset, truth)],
+        ranks=[rank for subset in SUBSETS for rank in _ranks(tables, subset)],
         paired=[
             paired_difference(table, other, subset)
             for other in others
@@ -141,10 +141,10 @@ def _gap_closed(table: AgentTable, subset: str, stp: AgentTable | None, truth: A
     return float((high.sum() - here.sum()) / (high.sum() - low.sum()))
 
 
-def _ranks(tables: Sequence[AgentTable], subset: str, truth: str) -> list[Row]:
-    """Ranks of the agents with equal budget, true pasts apart; None for all where the subset has too few objects."""
+def _ranks(tables: Sequence[AgentTable], subset: str) -> list[Row]:
+    """Ranks of the agents with equal budget, ideals apart; None for all where the subset has too few objects."""
     mask = tables[0].mask[subset] if tables else np.zeros(0, dtype=bool)
-    ranked = [i for i, t in enumerate(tables) if t.given.budget == "equal" and t.given.agent != truth]
+    ranked = [i for i, t in enumerate(tables) if t.given.budget == "equal" and not t.given.ideal]
     rank: dict[int, int] = {}
     if ranked and tables[0].objects(mask) >= RANKED_OBJECTS:
         count = tables[0].per_scene(np.ones(len(mask)), mask)

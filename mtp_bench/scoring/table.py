@@ -27,6 +27,7 @@ class AgentScores:
     samples: int  # k, per object
     budget: Literal["equal", "free"]  # "free": another number of samples than the task's k, never ranked
     seeds: tuple[tuple[SceneScore, ...], ...]
+    ideal: bool = False  # saw the truth: shown, never ranked
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,12 +9,14 @@ from typing import Any, Literal
 
 from ..cards import Card
 from ..env import MTPEnv
-from ..errors import MtpBenchError
-from ..runner import run_jobs
+from ..errors import MtpBenchError, SubmissionError
+from ..runner import Job, run_jobs
 from ..scoring import AgentScores, Report, SceneScore, score_scene, summarise
+from ..types import Rollout, Scene
 from .jobs import jobs_of
 from .loader import Submission, load_submission
-from .reference import Reference, find_reference
+from .reading import total_skipped
+from .reference import Reference, find_reference, frozen_reference, reference_of
 
 TRUTH, STP = "truth_past", "stp"
 CONTROLS = (TRUTH, STP, "stp_same_budget", "stp_hedged")  # protocol, "Controls that every comparison prints"
@@ -30,6 +32,11 @@ class Setting:
     budget: Literal["equal", "free"]
     hypotheses: int
     samples: int  # K
+
+    @property
+    def ideal(self) -> bool:
+        """Whether the agent is fed the truth."""
+        return self.submission.compare.observe == "truth"
 
     def env_keywords(self, card: Card) -> dict[str, Any]:
         """What the env of this setting needs beyond the card."""
@@ -47,6 +54,7 @@ class Comparison:
     reference: Reference
     settings: tuple[Setting, ...]
     dataset: str  # name of the card's source
+    skipped: dict[str, int]  # rows of the data that could not be used, by reason
 
 
 def expand(submission: Submission, card: Card) -> list[Setting]:
@@ -56,17 +64,23 @@ def expand(submission: Submission, card: Card) -> list[Setting]:
     for budget in submission.compare.budgets:
         for values in itertools.product(*sweep.values()):
             chosen = dict(zip(sweep, values, strict=True))
-            setting = _setting(submission, chosen, budget, card)
-            if budget == "equal" or setting.samples > card.task.samples:
+            setting = setting_of(submission, card, chosen, budget)
+            if (budget == "equal" or setting.samples > card.task.samples) and setting not in settings:
                 settings.append(setting)
     return settings
 
 
-def _setting(submission: Submission, chosen: dict[str, Any], budget: Literal["equal", "free"], card: Card) -> Setting:
-    """``chosen`` are the swept parameters; those that are neither the default nor H show in the label."""
+def setting_of(
+    submission: Submission, card: Card, chosen: dict[str, Any] | None = None, budget: Literal["equal", "free"] = "equal"
+) -> Setting:
+    """A submission with its own parameters and ``chosen``: those that are neither the default nor H show in the label.
+
+    Raises SubmissionError unless the parameters that count samples are whole numbers.
+    """
+    chosen = chosen or {}
     parameters = {**submission.parameters, **chosen}
-    hypotheses = int(parameters.get("hypotheses", 1))
-    pool = card.task.samples * hypotheses * int(parameters.get("draws", 1))
+    hypotheses = _count(submission, parameters, "hypotheses")
+    pool = card.task.samples * hypotheses * (_count(submission, parameters, "draws") if budget == "free" else 1)
     shown = [f"{k}={v}" for k, v in chosen.items() if k != "hypotheses" and v != submission.parameters.get(k)]
     return Setting(
         label=" ".join([submission.name, *shown]),
@@ -76,6 +90,15 @@ def _setting(submission: Submission, chosen: dict[str, Any], budget: Literal["eq
         hypotheses=hypotheses,
         samples=pool if budget == "free" else card.task.samples,
     )
+
+
+def _count(submission: Submission, parameters: dict[str, Any], name: str) -> int:
+    value = parameters.get(name, 1)
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise SubmissionError(
+            f"{submission.name}: parameter {name!r} is {value!r}, expected a whole number of at least 1"
+        )
+    return value
 
 
 def all_settings(names: Sequence[str], card: Card) -> list[Setting]:
@@ -101,34 +124,60 @@ def compare(
     workers: int = 1,
     started: Callable[[int], object] | None = None,
     progress: Callable[[str], object] | None = None,
+    reference: str | None = None,
 ) -> Comparison:
     """Run and score the controls and the agents ``names`` on the first ``scenes`` scenes of an env (None: all).
 
     ``env_keywords`` go to every env (``data``). ``started`` is told the number of runs (settings x seeds x scenes),
-    ``progress`` the scene of each finished one. Raises MtpBenchError for whatever the user can mend.
+    ``progress`` the scene of each finished one. ``reference`` names another agent whose own events define the subsets
+    in place of the frozen ones: a look, not a ranking. Raises MtpBenchError for whatever the user can mend.
     """
     common = env_keywords or {}
     env = MTPEnv(env_id, **common)
     if scenes is not None and scenes < 1:
         raise MtpBenchError(f"scenes is {scenes}, expected at least 1")
     chosen = env.scene_names[:scenes]
-    settings = all_settings(names, env.card)
-    jobs = [
-        job
-        for s in settings
-        for seed in seeds
-        for job in jobs_of(
-            s.submission, env_id, {**common, **s.env_keywords(env.card)}, chosen, seed, s.parameters, s.label
-        )
-    ]
+    wanted = reference or env.card.reference
+    settings = all_settings([*names, wanted], env.card)
+    place = _reference_place(settings, wanted)
+    frozen_reference(env.card)  # a broken file shows before anything runs
+    jobs = [job for s in settings for seed in seeds for job in _jobs(s, env_id, env.card, common, chosen, seed)]
     if started is not None:
         started(len(jobs))
-    results: list[SceneScore] = run_jobs(jobs, workers, score_scene, progress)
-    runs = iter([tuple(results[i : i + len(chosen)]) for i in range(0, len(results), len(chosen))])
+    results: list[tuple[SceneScore, dict[str, int]]] = run_jobs(jobs, workers, _score, progress)
+    scores = [score for score, _ in results]
+    runs = iter([tuple(scores[i : i + len(chosen)]) for i in range(0, len(scores), len(chosen))])
     agents = [
-        AgentScores(s.label, s.hypotheses, s.samples, s.budget, tuple(next(runs) for _ in seeds)) for s in settings
+        AgentScores(s.label, s.hypotheses, s.samples, s.budget, tuple(next(runs) for _ in seeds), s.ideal)
+        for s in settings
     ]
-    stp = next(agent for agent in agents if agent.agent == env.card.reference and agent.budget == "equal")
-    reference = find_reference(env.card, stp.seeds[0])
-    report = summarise(agents, env.card, reference.subsets, stp=STP, truth=TRUTH)
-    return Comparison(report, reference, tuple(settings), env.card.source.name)
+    subsets = _subsets(env.card, agents[place], own=settings[place].submission.name == env.card.reference)
+    report = summarise(agents, env.card, subsets.subsets, stp=STP, truth=TRUTH)
+    skipped = total_skipped(counts for _, counts in results[: len(chosen)])  # every setting reads the same scenes
+    return Comparison(report, subsets, tuple(settings), env.card.source.name, skipped)
+
+
+def _jobs(
+    setting: Setting, env_id: str, card: Card, keywords: dict[str, Any], scenes: Sequence[str], seed: int
+) -> list[Job]:
+    keywords = {**keywords, **setting.env_keywords(card)}
+    return jobs_of(setting.submission, env_id, keywords, scenes, seed, setting.parameters, setting.label)
+
+
+def _score(scene: Scene, rollout: Rollout, card: Card) -> tuple[SceneScore, dict[str, int]]:
+    """Score of a scene, and what was skipped while reading it."""
+    return score_scene(scene, rollout, card), scene.skipped
+
+
+def _reference_place(settings: Sequence[Setting], name: str) -> int:
+    """Where the row of the agent is whose events define the subsets: with its own parameters, else its first."""
+    submission = load_submission(name).name
+    rows = [i for i, s in enumerate(settings) if s.submission.name == submission and s.budget == "equal"]
+    if not rows:
+        raise MtpBenchError(f"reference {name!r} has no row with equal k in this comparison")
+    return next((i for i in rows if settings[i].parameters == settings[i].submission.parameters), rows[0])
+
+
+def _subsets(card: Card, agent: AgentScores, own: bool) -> Reference:
+    """Subsets by the events of ``agent``, or the frozen ones where it is the card's ``own`` reference."""
+    return find_reference(card, agent.seeds[0]) if own else reference_of(card, agent.seeds[0], agent.agent)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +30,7 @@ class Reference:
         """One sentence for the report."""
         name, short = self.subsets.reference, self.subsets.hash[:12]
         if not self.frozen:
-            return f"subsets from the events of {name!r} in this run (hash {short}); none are frozen for this split"
+            return f"subsets from the events of {name!r} in this run (hash {short}), not the frozen ones of a ranking"
         text = f"frozen subsets of {name!r} (hash {short})"
         return text if not self.differing else f"{text}; {name!r} on this machine differs in {self.differing} events"
 
@@ -64,6 +64,11 @@ def find_reference(card: Card, scores: Sequence[SceneScore]) -> Reference:
         for kind in ("ids", "lost", "reacquired")
     )
     return Reference(frozen, frozen=True, differing=differing)
+
+
+def reference_of(card: Card, scores: Sequence[SceneScore], name: str) -> Reference:
+    """The events of an agent other than the card's reference baseline."""
+    return Reference(replace(reference_subsets(scores, card), reference=name), frozen=False)
 
 
 def freeze(

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
 
 from ..cards import load_card
 from ..env import MTPEnv
 from ..errors import RolloutError, UnknownNameError
-from ..rollouts import Run, load_run, save_run
+from ..rollouts import load_run, save_run
 from ..runner import run_info, run_jobs
 from ..scoring import AgentScores, Report, score_scene, summarise
 from ..sources import open_source
@@ -69,19 +68,16 @@ def score_stored(
         if progress is not None:
             progress(rollout.scene)
     agent = AgentScores(
-        run.info.agent, _hypotheses(run), run.info.samples, _budget(run, card.task.samples), (tuple(scores),)
+        agent=run.info.agent,
+        hypotheses=int(run.info.parameters.get("hypotheses", 1)),
+        samples=run.info.samples,
+        budget="equal" if run.info.samples <= card.task.samples else "free",
+        seeds=(tuple(scores),),
+        ideal=run.info.observe == "truth",
     )
     reference = frozen_reference(card)
     report = summarise([agent], card, reference.subsets if reference else None)
     return report, _origin(reference), card.source.name
-
-
-def _hypotheses(run: Run) -> int:
-    return int(run.info.parameters.get("hypotheses", 1))
-
-
-def _budget(run: Run, k: int) -> Literal["equal", "free"]:
-    return "equal" if run.info.samples <= k else "free"
 
 
 def _origin(reference: Reference | None) -> str:

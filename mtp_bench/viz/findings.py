@@ -65,7 +65,11 @@ def _certainty(row: Row) -> str:
         return f"{scenes}: too few for an interval"
     low, high = row["interval"]
     covers = "" if low > 0 or high < 0 else ", the interval covers 0"
-    return f"95 % interval {low:+.2f} to {high:+.2f}, p = {row['p']:.2f}, {scenes}{covers}"
+    return f"95 % interval {low:+.2f} to {high:+.2f}, p {_p(row['p'])}, {scenes}{covers}"
+
+
+def _p(value: float) -> str:
+    return "< 0.001" if value < 0.001 else f"= {value:.3f}"
 
 
 def _few(report: Report) -> str | None:

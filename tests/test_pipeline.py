@@ -1,0 +1,148 @@
+"""Tracker, predictor and sampler put together: one hypothesis is STP, more of them pool their samples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench import load_submission
+from mtp_bench.agent import Action, Agent, Pipeline, pack
+from mtp_bench.errors import ShapeError
+from mtp_bench.prediction import KinematicPredictor, KMeansSampler, StandingStill
+from mtp_bench.tracking import HypothesisTracker
+from mtp_bench.tracks import Objects, Tracks, group
+from mtp_bench.types import Task
+
+from .tracking_scenes import CYCLIST, Frame, at_once, frame, kitti_task, observation, random_frames
+
+TASK = kitti_task(seed=3)
+CROWD = random_frames(np.random.default_rng(2), 30, objects=12, area=7.0)
+
+
+def answers(agent: Agent, task: Task = TASK, frames: Iterable[Frame] = CROWD) -> list[Any]:
+    """Actions; Any stands for their arrays of numbers, which NumPy's types cannot tell from others."""
+    agent.reset(task)
+    return [agent.act(observation(detections)) for detections in frames]
+
+
+def assert_equal_actions(first: list[Action], second: list[Action]) -> None:
+    for a, b in zip(first, second, strict=True):
+        assert a.keys() == b.keys()
+        for key in a:
+            np.testing.assert_array_equal(a[key], b[key], err_msg=key)
+
+
+def pipeline(hypotheses: int, **settings: Any) -> Pipeline:
+    return Pipeline(HypothesisTracker(hypotheses, at_once()), KinematicPredictor(), KMeansSampler(), **settings)
+
+
+def test_mtp_with_one_hypothesis_is_stp() -> None:
+    stp = answers(load_submission("stp").build(TASK))
+    assert_equal_actions(stp, answers(load_submission("mtp").build(TASK, hypotheses=1)))
+    assert_equal_actions(stp, answers(load_submission("mtp").build(TASK, hypotheses=1, weighting="uniform")))
+    assert_equal_actions(stp, answers(load_submission("stp_same_budget").build(TASK, draws=1)))
+    assert sum(int(a["object_valid"].sum()) for a in stp) > 100
+
+
+def test_an_agent_repeats_itself_after_reset() -> None:
+    agent = load_submission("mtp").build(TASK)
+    first = answers(agent)
+    assert_equal_actions(first, answers(agent))
+    other = answers(agent, replace(TASK, seed=4))
+    np.testing.assert_array_equal(first[-1]["track_box"], other[-1]["track_box"])
+    assert not np.array_equal(first[-1]["forecast"], other[-1]["forecast"])
+
+
+def test_the_order_of_the_actions_arrays() -> None:
+    # One cyclist at rest in view of one hypothesis.
+    (action,) = answers(pipeline(1), frames=[frame((3.0, 4.0, CYCLIST))])
+    assert action["track_valid"].tolist() == [1] + [0] * 639
+    assert action["hypothesis_member"].sum() == action["hypothesis_member"][0, 0] == 1
+    assert action["hypothesis_log_weight"].tolist() == [0.0] + [-np.inf] * 19
+    assert action["object_valid"].tolist() == [1] + [0] * 79
+    assert action["object_class"][0] == action["track_class"][0] == CYCLIST
+    np.testing.assert_array_equal(action["object_box"][0], action["track_box"][0])
+    np.testing.assert_allclose(action["object_box"][0, :2], [3.0, 4.0])
+    assert np.isfinite(action["forecast_log_weight"][0]).all()
+    assert (action["forecast_log_weight"][1:] == -np.inf).all()
+    # Forecasts are offsets from the object: they do not start 5 m away from it.
+    assert np.abs(action["forecast"][0, :, 0]).max() < 5.0
+
+
+def test_all_samples_of_all_hypotheses_fit_into_a_larger_task() -> None:
+    free, equal = replace(TASK, samples=6 * 20), TASK
+    for all_samples, reduced in zip(answers(pipeline(6), free), answers(pipeline(6), equal), strict=True):
+        np.testing.assert_array_equal(all_samples["object_box"], reduced["object_box"])
+        alive = int(np.isfinite(all_samples["hypothesis_log_weight"]).sum())
+        drawn = np.isfinite(all_samples["forecast_log_weight"]).sum(axis=1)
+        assert set(drawn.tolist()) <= {20 * h for h in range(alive + 1)}
+        assert (np.isfinite(reduced["forecast_log_weight"]).sum(axis=1) <= 20).all()
+        if len(all_samples["object_valid"].nonzero()[0]):
+            assert drawn.max() == 20 * alive
+            far = np.abs(all_samples["forecast"]).max(axis=(1, 2, 3))
+            assert (np.abs(reduced["forecast"]).max(axis=(1, 2, 3)) <= far + 1e-4).all()  # centres lie among them
+
+
+def test_samples_weigh_as_much_as_their_hypothesis() -> None:
+    free = replace(TASK, samples=4 * 20)
+    posterior, uniform = answers(pipeline(4), free)[-1], answers(pipeline(4, weighting="uniform"), free)[-1]
+    np.testing.assert_array_equal(posterior["forecast"], uniform["forecast"])
+    weight = np.unique(posterior["forecast_log_weight"][0])
+    np.testing.assert_allclose(weight, np.sort(posterior["hypothesis_log_weight"][:4]))
+    assert np.unique(uniform["forecast_log_weight"][0]).tolist() == [0.0]
+
+
+def test_objects_of_small_mass_are_left_out() -> None:
+    few, many = (answers(pipeline(20, min_mass=mass)) for mass in (0.9, 0.0))
+    counts = np.array([[a["object_valid"].sum() for a in actions] for actions in (few, many)])
+    assert (counts[0] <= counts[1]).all()
+    assert counts[0].sum() < counts[1].sum()
+    for a, b in zip(few, many, strict=True):
+        np.testing.assert_array_equal(a["track_box"], b["track_box"])  # the tracks are all there
+
+
+def test_an_unknown_weighting_is_an_error() -> None:
+    with pytest.raises(ShapeError, match="weighting is 'equal'"):
+        pipeline(1, weighting="equal")
+
+
+def test_what_does_not_fit_is_left_out_the_least_likely_first() -> None:
+    # Leaves 0 and 3 in the best hypothesis, 2 in the second, 1 in the third; room for two hypotheses, three tracks.
+    tracks = Tracks(
+        track_id=np.array([10, 11, 12, 13]),
+        box=np.arange(28.0).reshape(4, 7),
+        class_id=np.array([0, 1, 2, 0]),
+        detection=np.arange(4),
+        past=np.zeros((4, 10, 7)),
+        past_valid=np.ones((4, 10), dtype=bool),
+        member=np.array([[1, 0, 0, 1], [0, 0, 1, 1], [0, 1, 0, 0]], dtype=bool),
+        log_weight=np.log([0.5, 0.3, 0.2]),
+    )
+    small = replace(TASK, tracks=3, hypotheses=2, objects=2, samples=1)
+    objects: Objects = group(tracks, 10)
+    samples = np.broadcast_to(objects.box[:, None, None, :2] + 1.0, (4, 1, 10, 2))
+    action: Any = pack(small, tracks, objects, samples, np.zeros((4, 1)))
+    assert action["track_id"].tolist() == [10, 12, 13]
+    assert action["track_class"].tolist() == [0, 2, 0]
+    assert action["hypothesis_member"].tolist() == [[1, 0, 1], [0, 1, 1]]
+    np.testing.assert_allclose(np.exp(action["hypothesis_log_weight"]), [0.5, 0.3])
+    np.testing.assert_allclose(action["object_box"], tracks.box[[3, 0]])
+    np.testing.assert_allclose(action["forecast"], 1.0)
+
+
+def test_frames_without_detections() -> None:
+    for action in answers(pipeline(5), frames=[frame()] * 3):
+        assert not action["track_valid"].any()
+        assert not action["object_valid"].any()
+        assert action["hypothesis_log_weight"][0] == 0.0
+
+
+def test_parts_can_be_exchanged() -> None:
+    agent = Pipeline(HypothesisTracker(1, at_once()), StandingStill(), KMeansSampler(iterations=0))
+    for action in answers(agent):
+        coasting = np.abs(action["forecast"]).max(axis=(1, 2, 3))
+        assert (coasting < 2.0).all()  # from the filtered box to the last detection
