@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -70,6 +71,7 @@ class Pipeline:
     the task's K is reduced by the sampler.
 
     ``weighting``: "posterior" weighs samples by their hypothesis, "uniform" counts hypotheses alike, as in the paper.
+    ``min_score``: objects whose track has a lower mean score are not reported; by default all are, as in the paper.
     ``min_mass``: an object is reported if hypotheses of at least this total weight hold it; 0.5 is "likelier than not".
     """
 
@@ -81,13 +83,14 @@ class Pipeline:
         draws: int = 1,
         weighting: str = "posterior",
         min_mass: float = 0.5,
+        min_score: float = -math.inf,
     ) -> None:
         if weighting not in ("posterior", "uniform"):
             raise ShapeError(f"weighting is {weighting!r}, expected 'posterior' or 'uniform'")
         self._tracker, self._predictor, self._sampler = tracker, predictor, sampler
         self._draws = draws
         self._posterior = weighting == "posterior"
-        self._min_mass = min_mass
+        self._min_mass, self._min_score = min_mass, min_score
 
     def reset(self, task: Task) -> None:
         """Forget everything; a new scene begins."""
@@ -100,7 +103,7 @@ class Pipeline:
         """Answer one frame."""
         self._frame += 1
         tracks = self._tracker.step(observation)
-        objects = group(tracks, self._task.objects, self._min_mass)
+        objects = group(tracks, self._task.objects, self._min_mass, self._min_score)
         pool, log_weight = self._pool(tracks, objects)
         if pool.shape[1] > self._task.samples:
             rng = np.random.default_rng([self._task.seed, self._frame, 1])

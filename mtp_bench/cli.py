@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,7 +12,9 @@ import typer
 from .errors import MtpBenchError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Mapping
+
+    from .scoring import Report
 
 app = typer.Typer(
     help="Tracking and prediction together: your agent sees detections, not the truth.",
@@ -39,27 +39,33 @@ def envs(json_file: JsonOption = None) -> None:
     from ._bundle import card_ids
     from .cards import load_card
     from .viz.listings import env_table
+    from .viz.terminal import show
 
     cards = [load_card(env_id) for env_id in card_ids()]
-    _print(env_table(cards))
     _write_json(json_file, {card.id: {**card.model_dump(mode="json"), "digest": card.digest} for card in cards})
+    show(env_table(cards))
 
 
 @app.command()
 def data(
-    env: Annotated[str | None, typer.Option("--env", help="Only this environment.")] = None, root: DataOption = None
+    env: Annotated[str | None, typer.Option("--env", help="Only this environment.")] = None,
+    root: DataOption = None,
+    json_file: JsonOption = None,
 ) -> None:
     """Show which data is found, what is missing and how to get it."""
     from ._bundle import card_ids
     from .cards import load_card
-    from .sources import describe
-    from .viz.listings import data_report
+    from .submission.reading import read_status
+    from .viz.listings import data_report, status_json
+    from .viz.terminal import show
 
     cards = [load_card(env_id) for env_id in ([env] if env else card_ids())]
-    statuses = {card.id: describe(card, root) for card in cards}
-    _print(data_report(statuses))
-    if not all(status.usable for status in statuses.values()):
-        raise typer.Exit(1)
+    statuses = {card.id: read_status(card, root) for card in cards}
+    _write_json(json_file, {env_id: status_json(status) for env_id, status in statuses.items()})
+    show(data_report(statuses))
+    lacking = [env_id for env_id, status in statuses.items() if not status.usable]
+    if lacking:
+        raise MtpBenchError(f"data is missing or broken for {', '.join(lacking)}: the listing says what and why")
 
 
 @app.command()
@@ -74,29 +80,34 @@ def run(
 ) -> None:
     """Run an agent and store what it said."""
     from .submission.stored import run_and_store
+    from .viz.terminal import progress_bar, show
 
-    with _progress(agent) as (started, done):
-        count = run_and_store(agent, env, output, root, scenes, _workers(jobs), seed, started, done)
-    _print(f"{count} scenes of {env} by {agent} are in {output}; score them with `mtp-bench score {output}`")
+    with progress_bar(agent) as (started, done):
+        stored = run_and_store(agent, env, output, root, scenes, _workers(jobs), seed, started, done)
+    _show_skipped(stored.skipped)
+    count = _count(stored.scenes, "scene")
+    show(f"{count} of {env} by {agent} in {output}; score with `mtp-bench score {output}`")
 
 
 @app.command()
 def score(
     folder: Annotated[Path, typer.Argument(help="Folder written by `mtp-bench run`.")],
     root: DataOption = None,
+    env: Annotated[str | None, typer.Option("--env", help="Card of the run, where it does not ship.")] = None,
     json_file: JsonOption = None,
 ) -> None:
     """Score stored rollouts."""
     from .submission.stored import score_stored
-    from .viz.tables import displacement_table, error_table, parts_table
+    from .viz.terminal import progress_bar, show
 
-    with _progress("score") as (started, done):
-        report, origin, dataset = score_stored(folder, root, started, done)
-    _print(error_table(report, f"{report.env}: {folder.name}"))
-    _print(displacement_table(report, dataset))
-    _print(parts_table(report))
-    _print(origin)
-    _write_json(json_file, {**report.to_json(), "details": report.details})
+    _require_file(json_file)
+    with progress_bar("score") as (started, done):
+        scored = score_stored(folder, root, started, done, env)
+    report = scored.report
+    _write_json(json_file, {**report.to_json(), "details": report.details, "skipped": scored.skipped})
+    _show_report(report, f"{report.env}: {folder.name}", scored.dataset)
+    show(scored.origin)
+    _show_skipped(scored.skipped)
 
 
 @app.command()
@@ -115,21 +126,20 @@ def compare(
     """Run agents side by side, with true pasts and the controls beside them, and print the comparison."""
     from .submission.compare import compare as run_comparison
     from .viz.findings import findings
-    from .viz.tables import displacement_table, error_table, parts_table
+    from .viz.terminal import progress_bar, show
 
+    _require_file(json_file)
     keywords = {} if root is None else {"data": root}
-    with _progress("compare") as (started, done):
+    with progress_bar("compare") as (started, done):
         result = run_comparison(agents, env, keywords, scenes, range(seeds), _workers(jobs), started, done, reference)
     report = result.report
-    _print(error_table(report, f"{report.env}: missing-aware error (m), {_count(seeds, 'seed')} of sampling"))
-    _print(displacement_table(report, result.dataset))
-    _print(parts_table(report))
-    _print(result.reference.origin)
+    further = {"ranks": report.ranks, "paired": report.paired, "details": report.details, "skipped": result.skipped}
+    _write_json(json_file, {**report.to_json(), **further})
+    _show_report(report, f"{report.env}: missing-aware error (m), {_count(seeds, 'seed')} of sampling", result.dataset)
+    show(result.reference.origin)
+    _show_skipped(result.skipped)
     for sentence in findings(report):
-        _print(f"• {sentence}")
-    _write_json(
-        json_file, {**report.to_json(), "ranks": report.ranks, "paired": report.paired, "details": report.details}
-    )
+        show(f"• {sentence}")
 
 
 @app.command()
@@ -143,65 +153,81 @@ def train(
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Write here instead of printing.")] = None,
 ) -> None:
     """Fit the parameters of a baseline on the training split of an environment."""
+    from .submission.files import write_text
     from .submission.training import KINDS, fit_motion_noise
+    from .viz.terminal import progress_bar
 
+    _require_file(output)
     if what not in KINDS:
         raise typer.BadParameter(f"{what!r} cannot be fitted, expected one of: {', '.join(KINDS)}", param_hint="WHAT")
-    with _progress("read") as (started, done):
+    with progress_bar("read") as (started, done):
         text = fit_motion_noise(env, root, observe, started, done)
     if output is None:
         sys.stdout.write(text)
     else:
-        output.write_text(text, encoding="utf-8")
+        write_text(output, text)
 
 
 @app.command(hidden=True)
 def freeze(env: EnvOption, root: DataOption = None, jobs: JobsOption = 0) -> None:
     """Write the frozen subsets of a shipped environment (maintainers)."""
     from .submission.reference import freeze as write
+    from .viz.terminal import progress_bar, show
 
-    with _progress("freeze") as (started, done):
+    with progress_bar("freeze") as (started, done):
         path, counts = write(env, root, _workers(jobs), started, done)
-    _print(f"{path}: {counts}")
+    show(f"{path}: {counts}")
 
 
 def main() -> None:
     """Entry point: errors of the library become one line and exit status 1."""
     try:
-        app()
+        app(prog_name="mtp-bench")
     except MtpBenchError as error:
         _fail(str(error))
-    except KeyboardInterrupt:
-        _fail("interrupted; nothing was written")
+    except OSError as error:  # a full disk, a file without permission
+        _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error))
 
 
 def _fail(text: str) -> None:
     from rich.console import Console
 
     Console(stderr=True, soft_wrap=True).print("error:", style="bold red", end=" ")
-    Console(stderr=True, soft_wrap=True, markup=False, highlight=False).print(text)
+    line = " ".join(part.strip() for part in text.splitlines())
+    Console(stderr=True, soft_wrap=True, markup=False, highlight=False).print(line)
     raise SystemExit(1)
 
 
-def _print(content: Any) -> None:
-    """Tables as wide as they need to be where the output is a file or a pipe."""
-    from rich.console import Console
+def _show_report(report: Report, title: str, dataset: str) -> None:
+    from .viz.tables import displacement_table, error_table, parts_table
+    from .viz.terminal import show_numbers
 
-    console = Console() if sys.stdout.isatty() else Console(width=180)
-    console.print(content, highlight=False)
+    for table in (error_table(report, title), displacement_table(report, dataset), parts_table(report)):
+        show_numbers(table)
+
+
+def _show_skipped(skipped: Mapping[str, int]) -> None:
+    from .submission.reading import skipped_line
+    from .viz.terminal import show
+
+    line = skipped_line(skipped)
+    if line is not None:
+        show(line)
+
+
+def _require_file(path: Path | None) -> None:
+    """Refuse a file that cannot be written before the work, not after it."""
+    from .submission.files import require_file
+
+    if path is not None:
+        require_file(path)
 
 
 def _write_json(path: Path | None, content: dict[str, Any]) -> None:
-    """The file appears complete or not at all."""
-    if path is None:
-        return
-    temporary = path.with_name(f".{path.name}.part")
-    try:
-        temporary.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        temporary.replace(path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise MtpBenchError(f"cannot write {path}: {error.strerror}") from None
+    from .submission.files import write_text
+
+    if path is not None:
+        write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
 def _workers(jobs: int) -> int:
@@ -212,34 +238,6 @@ def _workers(jobs: int) -> int:
 
 def _count(number: int, noun: str) -> str:
     return f"{number} {noun}" + ("" if number == 1 else "s")
-
-
-@contextmanager
-def _progress(label: str) -> Iterator[tuple[Callable[[int], None], Callable[[str], None]]]:
-    """A progress bar: ``started(total)`` and ``done(scene)`` drive it; it shows on the error stream."""
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(label, total=None)
-        yield (
-            lambda total: progress.update(task, total=total),
-            lambda scene: progress.update(task, advance=1, description=f"{label} {scene}"),
-        )
 
 
 if __name__ == "__main__":

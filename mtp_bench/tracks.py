@@ -18,6 +18,7 @@ class Tracks:
     track_id: Ints  # [N] identity along the lineage of a hypothesis; one hypothesis never holds it twice
     box: Floats  # [N, 7] now
     class_id: Ints  # [N]
+    score: Floats  # [N] mean score of the detections that the track took
     detection: Ints  # [N] the detection of this frame that the track took, -1 for none
     past: Floats  # [N, P, 7] the detections that the track took, oldest first, the last row is now
     past_valid: Bools  # [N, P] False: no detection taken, or not yet born
@@ -31,12 +32,15 @@ class Objects:
 
     box: Floats  # [O, 7] in the heaviest hypothesis that holds the object
     class_id: Ints  # [O]
+    score: Floats  # [O] of the track in that hypothesis
     leaf: Ints  # [O, H] the track that stands for the object in each hypothesis, -1 where it holds none
     log_mass: Floats  # [O] total weight of the hypotheses that hold the object
 
 
-def group(tracks: Tracks, most: int, min_mass: float = 0.0) -> Objects:
+def group(tracks: Tracks, most: int, min_mass: float = 0.0, min_score: float = -np.inf) -> Objects:
     """The at most ``most`` objects held by hypotheses of a total weight of at least ``min_mass``.
+
+    ``min_score`` leaves out objects whose track, in the heaviest hypothesis that holds them, scores less on average.
 
     Tracks of different hypotheses are one object if they took the same detection. A track that took none stands, in its
     hypothesis, for the object whose detection its identity took elsewhere (in the heaviest hypothesis that knows one),
@@ -49,9 +53,11 @@ def group(tracks: Tracks, most: int, min_mass: float = 0.0) -> Objects:
     log_mass = np.logaddexp.reduce(np.where(held, tracks.log_weight, -np.inf), axis=1)
     order = np.argsort(-log_mass, kind="stable")
     enough = np.exp(log_mass[order]) >= min_mass - _ROUNDING
-    order = order[enough & held[order].any(axis=1)][:most]
+    order = order[enough & held[order].any(axis=1)]
     first = leaf[order, held[order].argmax(axis=1)]
-    return Objects(tracks.box[first], tracks.class_id[first], leaf[order], log_mass[order])
+    kept = np.flatnonzero(tracks.score[first] >= min_score)[:most]
+    order, first = order[kept], first[kept]
+    return Objects(tracks.box[first], tracks.class_id[first], tracks.score[first], leaf[order], log_mass[order])
 
 
 def _by_detection(tracks: Tracks) -> Ints:

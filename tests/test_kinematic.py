@@ -172,7 +172,7 @@ def test_the_turn_rate_model_follows_a_circle() -> None:
 def test_turn_rate() -> None:
     prior = np.full(4, 100.0)  # hardly any
     heading = np.array([[0.0, 0.1, 0.2, 0.3]] * 4) - np.pi + 0.05
-    heading[1, 2] += np.pi  # a flipped detection
+    heading[1, 3] += np.pi  # a flipped detection
     heading[2, 0] = 77.0
     valid = np.ones((4, 4), dtype=bool)
     valid[2, 0] = False

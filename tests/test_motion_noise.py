@@ -126,8 +126,8 @@ def test_windows_of_a_tracker() -> None:
     windows = collect([scene, bare_scene()], RULES, HypothesisTracker())
     # In frame 4 all three coast; the pasts show it, the futures are the truth as ever.
     assert windows.valid[12:15].tolist() == [[True, True, False]] * 3
-    first = windows.future[0] + windows.position[0, -1]
-    np.testing.assert_allclose(first, [[0.7, 0], [1.5, 0]], atol=1e-12)  # detections are 0.1 m ahead
+    # The origin is the last detection, 0.1 m ahead of the object, not the filtered box.
+    np.testing.assert_allclose(windows.future[:12:3], np.tile([[0.7, 0], [1.5, 0]], (4, 1, 1)), atol=1e-12)
     assert len(collect([bare_scene()], RULES, HypothesisTracker()).class_id) == 0
     far = replace(scene, truth=replace(scene.truth, box=scene.truth.box + 5.0))
     assert len(collect([far], RULES, HypothesisTracker()).class_id) == 0

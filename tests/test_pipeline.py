@@ -96,6 +96,14 @@ def test_samples_weigh_as_much_as_their_hypothesis() -> None:
     assert np.unique(uniform["forecast_log_weight"][0]).tolist() == [0.0]
 
 
+def test_every_hypothesis_draws_as_often() -> None:
+    free = replace(TASK, samples=4 * 3 * 20)
+    action = answers(pipeline(4, draws=3), free)[-1]
+    np.testing.assert_allclose(action["forecast_log_weight"][0], np.repeat(action["hypothesis_log_weight"][:4], 60))
+    samples = action["forecast"][0].reshape(240, -1)
+    assert len(np.unique(samples, axis=0)) == 240
+
+
 def test_objects_of_small_mass_are_left_out() -> None:
     few, many = (answers(pipeline(20, min_mass=mass)) for mass in (0.9, 0.0))
     counts = np.array([[a["object_valid"].sum() for a in actions] for actions in (few, many)])
@@ -116,6 +124,7 @@ def test_what_does_not_fit_is_left_out_the_least_likely_first() -> None:
         track_id=np.array([10, 11, 12, 13]),
         box=np.arange(28.0).reshape(4, 7),
         class_id=np.array([0, 1, 2, 0]),
+        score=np.ones(4),
         detection=np.arange(4),
         past=np.zeros((4, 10, 7)),
         past_valid=np.ones((4, 10), dtype=bool),

@@ -78,6 +78,16 @@ def test_seeds_spread_over_the_pool() -> None:
     np.testing.assert_allclose(np.sort(np.exp(log_weight)), np.tile([0.01, 0.01, 0.01, 0.97], (30, 1)))
 
 
+def test_seeds_are_drawn_by_weight_and_squared_distance() -> None:
+    # The first seed is nearly always the heavy sample; then 3 m away against 1 m away is 9 to 1.
+    pool = np.zeros((8000, 3, 1, 2))
+    pool[:, 1, 0, 0], pool[:, 2, 0, 0] = 1.0, 3.0
+    log_weight = np.tile(np.log([1.0, 1e-4, 1e-4]), (8000, 1))
+    centre, _ = reduce(pool, log_weight, 2, iterations=0)
+    far = (centre[:, :, 0, 0] == 3.0).any(axis=1).mean()
+    assert far == pytest.approx(0.9, abs=0.015)
+
+
 def test_without_iterations_the_samples_are_of_the_pool() -> None:
     pool = make_pool(np.random.default_rng(0), 4, 60)
     centre, _ = reduce(pool, np.zeros((4, 60)), 7, iterations=0)
@@ -142,6 +152,8 @@ def test_equal_samples_are_one_cluster() -> None:
         np.testing.assert_allclose(np.sort(np.exp(weight[0, there])), [1 / 6, 2 / 6, 3 / 6])
         for sample, mass in zip(centre[0, there], np.exp(weight[0, there]), strict=True):
             np.testing.assert_allclose(sample, distinct[round(mass * 6) - 1], atol=1e-9)
+        for absent in centre[0, ~there]:  # a repeated seed stays where it is
+            assert np.abs(absent - distinct).max(axis=(1, 2)).min() < 1e-9
 
 
 def test_one_sample_many_times() -> None:

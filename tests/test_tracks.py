@@ -24,6 +24,7 @@ def make_tracks(leaves: list[tuple[int, int, str]], weights: list[float] | Float
         track_id=np.array([i for i, _, _ in leaves], dtype=np.int64),
         box=box,
         class_id=np.arange(n) % 3,
+        score=np.arange(n, dtype=np.float64),
         detection=np.array([d for _, d, _ in leaves], dtype=np.int64),
         past=np.zeros((n, 2, 7)),
         past_valid=np.ones((n, 2), dtype=bool),
@@ -47,7 +48,8 @@ CASES: dict[str, tuple[list[tuple[int, int, str]], list[float], int, float, list
     "no room for objects": ([(7, 0, "0")], [1.0], 0, 0.0, [], []),
     "min_mass": ([(7, 0, "1"), (8, 1, "0")], HALVES, 9, 0.5, [[1, -1]], [0.6]),
     "min_mass is inclusive": ([(7, 0, "1"), (8, 1, "0")], HALVES, 9, 0.4, [[1, -1], [-1, 0]], [0.6, 0.4]),
-    "min_mass of 1: held by all": ([(7, 0, "012"), (8, 1, "01")], THREE, 9, 1.0, [[0, 0, 0]], [1.0]),
+    "min_mass of 1: held by all, whatever rounding says": ([(7, 0, "012"), (8, 1, "01")], [1 / 3] * 3, 9, 1.0,
+                                                           [[0, 0, 0]], [1.0]),
     "min_mass beyond all": ([(7, 0, "1"), (8, 1, "0")], HALVES, 9, 0.7, [], []),
     "a leaf that no hypothesis holds": ([(7, 0, ""), (8, 1, "0")], [1.0], 9, 0.0, [[1]], [1.0]),
     # Tracks without a detection in this frame:
@@ -107,3 +109,12 @@ def test_every_track_of_every_hypothesis_is_in_one_object(seed: int) -> None:
         # A single hypothesis has its own tracks as objects; more of them only add to these.
         assert set(np.flatnonzero(tracks.member[0])) <= set(objects.leaf[:, 0])
     assert several > 20
+
+
+def test_objects_of_weak_detections_are_withheld() -> None:
+    # The score of a leaf is its number; the object is judged by the heaviest hypothesis that holds it.
+    tracks = make_tracks([(7, 0, "0"), (8, 1, "01"), (9, 0, "1")], HALVES)
+    assert group(tracks, 9).score.tolist() == [0.0, 1.0]
+    assert group(tracks, 9, min_score=1.0).leaf.tolist() == [[1, 1]]
+    assert group(tracks, 1, min_score=1.0).leaf.tolist() == [[1, 1]]
+    assert len(group(tracks, 9, min_score=1.5).box) == 0

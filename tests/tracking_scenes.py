@@ -47,7 +47,12 @@ def frame(*objects: tuple[float, float, int]) -> Frame:
 def observation(detections: Frame) -> Observation:
     """What trackers read, without padding."""
     box, class_id = detections
-    return {"detection_box": box, "detection_class": class_id, "detection_valid": np.ones(len(box), dtype=np.int8)}
+    return {
+        "detection_box": box,
+        "detection_class": class_id,
+        "detection_score": np.arange(1.0, len(box) + 1),
+        "detection_valid": np.ones(len(box), dtype=np.int8),
+    }
 
 
 def run(tracker: Tracker, frames: Iterable[Frame], task: Task | None = None) -> Iterator[Tracks]:
@@ -91,6 +96,7 @@ def tracks_with_past(past: Floats, valid: Bools | None = None, class_id: Ints | 
         track_id=np.arange(n),
         box=past[:, -1].copy(),
         class_id=np.zeros(n, dtype=np.int64) if class_id is None else class_id,
+        score=np.ones(n),
         detection=np.arange(n),
         past=past,
         past_valid=np.ones((n, length), dtype=bool) if valid is None else valid,

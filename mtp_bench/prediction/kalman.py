@@ -63,7 +63,6 @@ def filtered(position: Floats, valid: Bools, class_id: Ints, noise: NoiseTable, 
         started |= seen
         # Before its first detection a track has no state: begin there with the prior.
         mean_p = np.where(first, position[:, step], mean_p)
-        mean_v = np.where(first, 0.0, mean_v)
         pp, pv = np.where(first, r2, pp), np.where(first, 0.0, pv)
         vv = np.where(first, noise.speed[class_id] ** 2, vv)
         use = (seen[:, None] & ~first).astype(np.float64)

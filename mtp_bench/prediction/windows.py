@@ -50,15 +50,18 @@ def _scene_windows(scene: Scene, task: Task, tracker: Tracker, gate: float) -> I
 
 def frame_observation(scene: Scene, t: int, observe: str) -> Observation:
     """The part of an observation that trackers read, unpadded and in the scene's frame."""
-    if observe == "truth":
-        rows = np.arange(scene.truth.rows(t).start, scene.truth.rows(t).stop)
-        rows = rows[~scene.truth.neutral[rows]]
-        box, class_id = scene.truth.box[rows], scene.truth.class_id[rows]
-        extra = {"detection_id": scene.truth.object_id[rows]}
-    else:
-        span = scene.detections.rows(t)
-        box, class_id, extra = scene.detections.box[span], scene.detections.class_id[span], {}
-    return {"detection_box": box, "detection_class": class_id, "detection_valid": np.ones(len(box), bool), **extra}
+    if observe != "truth":
+        rows = scene.detections.rows(t)
+        return _observed(scene.detections.box[rows], scene.detections.class_id[rows], scene.detections.score[rows])
+    span = np.arange(scene.truth.start[t], scene.truth.start[t + 1])
+    span = span[~scene.truth.neutral[span]]
+    seen = _observed(scene.truth.box[span], scene.truth.class_id[span], np.ones(len(span)))
+    return {**seen, "detection_id": scene.truth.object_id[span]}
+
+
+def _observed(box: Floats, class_id: Ints, score: Floats) -> Observation:
+    valid = np.ones(len(box), dtype=bool)
+    return {"detection_box": box, "detection_class": class_id, "detection_score": score, "detection_valid": valid}
 
 
 def _frame_windows(scene: Scene, t: int, tracks: Tracks, task: Task, gate: float) -> Windows:

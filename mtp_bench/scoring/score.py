@@ -26,7 +26,7 @@ class SceneScore:
 
     scene: str
     frames: int
-    hypotheses: int  # H of the rollout's arrays
+    hypotheses: int  # the most that were stated in a frame
     samples: int  # K
     truth_complete: bool
     classes: tuple[str, ...]
@@ -87,7 +87,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     return SceneScore(
         scene=scene.name,
         frames=scene.frames,
-        hypotheses=rollout.hypothesis_log_weight.shape[1],
+        hypotheses=int(np.isfinite(rollout.hypothesis_log_weight).sum(axis=1).max(initial=0)),
         samples=rollout.forecast.shape[1],
         truth_complete=scene.truth_complete,
         classes=card.task.classes,

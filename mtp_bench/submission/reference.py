@@ -8,11 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from .._bundle import bundled
+from .._bundle import bundled, card_ids
 from ..cards import Card, load_card
 from ..env import MTPEnv
+from ..errors import UnknownNameError
 from ..runner import run_jobs
 from ..scoring import ReferenceSubsets, SceneScore, read_reference, reference_subsets, score_scene, write_reference
+from .files import require_file
 from .jobs import jobs_of
 from .loader import load_submission
 
@@ -32,7 +34,10 @@ class Reference:
         if not self.frozen:
             return f"subsets from the events of {name!r} in this run (hash {short}), not the frozen ones of a ranking"
         text = f"frozen subsets of {name!r} (hash {short})"
-        return text if not self.differing else f"{text}; {name!r} on this machine differs in {self.differing} events"
+        if not self.differing:
+            return text
+        events = "1 event" if self.differing == 1 else f"{self.differing} events"
+        return f"{text}; {name!r} on this machine differs in {events}"
 
 
 def frozen_path(env_id: str) -> Path:
@@ -78,15 +83,21 @@ def freeze(
     started: Callable[[int], object] | None = None,
     progress: Callable[[str], object] | None = None,
 ) -> tuple[Path, dict[str, int]]:
-    """Run the reference baseline of a shipped env and write its events as the frozen subsets; their path and counts."""
+    """Run the reference baseline of a shipped env and write its events as the frozen subsets; their path and counts.
+
+    Raises UnknownNameError for the path of a card: its subsets would be found by no one.
+    """
+    if env_id not in card_ids():
+        raise UnknownNameError("environment", env_id, card_ids(), "only those that ship have frozen subsets")
     card = load_card(env_id)
+    path = frozen_path(env_id)
+    path.parent.mkdir(exist_ok=True)
+    require_file(path)
     submission = load_submission(card.reference)
     names = MTPEnv(env_id, data=data).scene_names
     if started is not None:
         started(len(names))
     jobs = jobs_of(submission, env_id, {"data": data}, names)
     subsets = reference_subsets(run_jobs(jobs, workers, score_scene, progress), card)
-    path = frozen_path(env_id)
-    path.parent.mkdir(exist_ok=True)
     write_reference(path, subsets)
     return path, {kind: len(subsets.keys(kind)) for kind in ("ids", "lost", "reacquired")}

@@ -2,22 +2,47 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
-from ..cards import load_card
+from .._bundle import card_ids
+from ..cards import Card, load_card
 from ..env import MTPEnv
 from ..errors import RolloutError, UnknownNameError
-from ..rollouts import load_run, save_run
+from ..rollouts import Run, _refuse_foreign, load_run, save_run
 from ..runner import run_info, run_jobs
-from ..scoring import AgentScores, Report, score_scene, summarise
+from ..scoring import AgentScores, Report, SceneScore, score_scene, summarise
 from ..sources import open_source
+from ..types import Rollout, Scene
+from .compare import setting_of
+from .files import require_folder
 from .jobs import jobs_of
 from .loader import load_submission
+from .reading import total_skipped
 from .reference import Reference, frozen_reference
 
 Started = Callable[[int], object]
 Done = Callable[[str], object]
+
+
+@dataclass(frozen=True)
+class StoredRun:
+    """What `run_and_store` did."""
+
+    scenes: int
+    skipped: dict[str, int]  # rows of the data that could not be used, by reason
+
+
+@dataclass(frozen=True)
+class StoredScore:
+    """Report of a stored run."""
+
+    report: Report
+    origin: str  # where its subsets come from
+    dataset: str
+    skipped: dict[str, int]  # rows of the data that could not be used, by reason
 
 
 def run_and_store(
@@ -30,54 +55,105 @@ def run_and_store(
     seed: int = 0,
     started: Started | None = None,
     progress: Done | None = None,
-) -> int:
-    """Run a submission on the first ``scenes`` scenes (None: all) of an env; number of scenes stored in ``folder``."""
+) -> StoredRun:
+    """Run a submission on the first ``scenes`` scenes (None: all) of an env and store its rollouts in ``folder``.
+
+    Raises MtpBenchError for whatever the user can mend, a folder that cannot be written before anything runs.
+    """
+    _refuse_foreign(folder.absolute())
+    require_folder(folder)
     submission = load_submission(agent)
     env = MTPEnv(env_id, data=data, observe=submission.compare.observe, evaluation=True)
     names = env.scene_names[:scenes]
+    setting = setting_of(submission, env.card)
+    keywords = setting.env_keywords(env.card)
     if started is not None:
         started(len(names))
-    jobs = jobs_of(submission, env_id, {"data": data}, names, seed)
-    rollouts = run_jobs(jobs, workers, None, progress)
-    save_run(folder, run_info(env, submission.name, seed, submission.parameters, submission.digest), rollouts)
-    return len(rollouts)
+    jobs = jobs_of(submission, env_id, {"data": data, **keywords}, names, seed)
+    results: list[tuple[Rollout, dict[str, int]]] = run_jobs(jobs, workers, _keep, progress)
+    keywords.pop("samples")  # the card's, and a field of its own
+    info = run_info(env, submission.name, seed, submission.parameters, submission.digest, keywords)
+    save_run(folder, info, [rollout for rollout, _ in results])
+    return StoredRun(len(results), total_skipped(skipped for _, skipped in results))
+
+
+def _keep(scene: Scene, rollout: Rollout, card: Card) -> tuple[Rollout, dict[str, int]]:
+    """The rollout of a scene, and what was skipped while reading it."""
+    return rollout, scene.skipped
 
 
 def score_stored(
-    folder: Path, data: str | None = None, started: Started | None = None, progress: Done | None = None
-) -> tuple[Report, str, str]:
-    """Report of a stored run, where its subsets come from, and the name of the dataset.
+    folder: Path,
+    data: str | None = None,
+    started: Started | None = None,
+    progress: Done | None = None,
+    env_id: str | None = None,
+) -> StoredScore:
+    """Report of a stored run; ``env_id`` names the card of a run whose env does not ship with the library.
 
-    Raises RolloutError where the run was made for another version of the card.
+    Raises RolloutError where the run was made for another version of the card, or says other things than its rollouts.
     """
     run = load_run(folder)
-    card = load_card(run.info.env_id)
-    if card.digest != run.info.card_digest:
-        raise RolloutError(
-            f"{folder}: made for {card.id} with card digest {run.info.card_digest}, the card now has {card.digest}; "
-            "run the agent again"
-        )
+    card = _card(folder, run, env_id)
+    _check(folder, run)
     source = open_source(card, data)
     if started is not None:
         started(len(run.rollouts))
-    scores = []
+    scores: list[SceneScore] = []
+    skipped: list[dict[str, int]] = []
     for rollout in run.rollouts:
         if rollout.scene not in source.names:
             raise UnknownNameError(f"scene of {folder}", rollout.scene, source.names)
-        scores.append(score_scene(source.load(rollout.scene), rollout, card))
+        scene = source.load(rollout.scene)
+        scores.append(score_scene(scene, rollout, card))
+        skipped.append(scene.skipped)
         if progress is not None:
             progress(rollout.scene)
     agent = AgentScores(
         agent=run.info.agent,
-        hypotheses=int(run.info.parameters.get("hypotheses", 1)),
+        hypotheses=_hypotheses(folder, run),
         samples=run.info.samples,
-        budget="equal" if run.info.samples <= card.task.samples else "free",
+        budget="equal" if run.info.samples == card.task.samples else "free",
         seeds=(tuple(scores),),
         ideal=run.info.observe == "truth",
     )
     reference = frozen_reference(card)
     report = summarise([agent], card, reference.subsets if reference else None)
-    return report, _origin(reference), card.source.name
+    return StoredScore(report, _origin(reference), card.source.name, total_skipped(skipped))
+
+
+def _card(folder: Path, run: Run, env_id: str | None) -> Card:
+    """The card that the run was made for, by its digest."""
+    info = run.info
+    if env_id is None and info.env_id not in card_ids():
+        raise RolloutError(f"{folder}: made for {info.env_id!r}, which does not ship here; name its card with --env")
+    card = load_card(env_id or info.env_id)
+    if card.digest != info.card_digest:
+        raise RolloutError(
+            f"{folder}: made for {info.env_id} with card digest {info.card_digest}, {card.id} now has {card.digest}; "
+            "run the agent again"
+        )
+    return card
+
+
+def _check(folder: Path, run: Run) -> None:
+    """Raise RolloutError where what the run says of itself is not what its rollouts hold."""
+    for rollout in run.rollouts:
+        if rollout.forecast.shape[1] != run.info.samples:
+            raise RolloutError(
+                f"{folder}: says {run.info.samples} samples per object, scene {rollout.scene!r} has "
+                f"{rollout.forecast.shape[1]}; run the agent again"
+            )
+    scene, count = Counter(rollout.scene for rollout in run.rollouts).most_common(1)[0] if run.rollouts else ("", 0)
+    if count > 1:
+        raise RolloutError(f"{folder}: names scene {scene!r} {count} times, expected once; run the agent again")
+
+
+def _hypotheses(folder: Path, run: Run) -> int:
+    value = run.info.parameters.get("hypotheses", 1)
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise RolloutError(f"{folder}: parameter 'hypotheses' is {value!r}, expected a whole number")
+    return value
 
 
 def _origin(reference: Reference | None) -> str:

@@ -19,7 +19,10 @@ def fit_motion_noise(
     started: Callable[[int], object] | None = None,
     progress: Callable[[str], object] | None = None,
 ) -> str:
-    """TOML of the motion noise fitted on the training split of ``env_id``, as ``mtp_bench.prediction`` stores it."""
+    """TOML of the motion noise fitted on the training split of ``env_id``, as ``mtp_bench.prediction`` stores it.
+
+    Raises MtpBenchError for whatever the user can mend, an empty training split among it.
+    """
     from ..prediction.motion_noise import as_toml, condition, fit_scenes
 
     card = load_card(env_id)
@@ -35,4 +38,10 @@ def fit_motion_noise(
             progress(name)
     if not scenes:
         raise MtpBenchError(f"{env_id} has no scene in its training split")
-    return as_toml(condition(task), fit_scenes(scenes, task))
+    rows = fit_scenes(scenes, task)
+    if not rows:
+        raise MtpBenchError(
+            f"{env_id}: no track of the {len(scenes)} training scenes follows an object with {task.future} future "
+            "frames, so there is nothing to fit"
+        )
+    return as_toml(condition(task), rows)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,14 @@ from .k_best import k_best
 from .parameters import ClassParameters, ab3dmot_parameters
 
 
+class _Seen(NamedTuple):
+    """The detections of a frame."""
+
+    box: Floats  # [D, 7]
+    class_id: Ints  # [D]
+    score: Floats  # [D]
+
+
 @dataclass(frozen=True, eq=False)
 class _Leaves:
     """Distinct track states after a frame: one layer of the tree."""
@@ -29,6 +38,7 @@ class _Leaves:
     class_id: Ints  # [N]
     track_id: Ints  # [N]
     hits: Ints  # [N] detections taken so far
+    score: Floats  # [N] sum of their scores
     age: Ints  # [N] frames since the last one
     detection: Ints  # [N] taken in this frame, -1 none
     measured: Floats  # [N, 7] that detection's box (the state's where none was taken)
@@ -79,15 +89,13 @@ class HypothesisTracker:
 
     def step(self, observation: Observation) -> Tracks:
         """Tracks to output after this frame: hit often enough, and not unseen for too long."""
-        valid = np.asarray(observation["detection_valid"]).astype(bool)
-        box = np.asarray(observation["detection_box"], dtype=np.float64)[valid]
-        class_id = np.asarray(observation["detection_class"], dtype=np.int64)[valid]
+        seen = _seen(observation)
         self._frame += 1
         before = self._leaves
         ahead = motion.predicted(before.state)
-        gain = gains(ahead.box, before.class_id, box, class_id, self._parameters)
+        gain = gains(ahead.box, before.class_id, seen.box, seen.class_id, self._parameters)
         cost, column, parent = self._associate(-gain, before.class_id)
-        self._grow(ahead, column, parent, box, class_id)
+        self._grow(ahead, column, parent, seen)
         self._cost = cost - cost[0]
         self._merge_equal()
         self._layers.append(self._leaves)
@@ -99,14 +107,14 @@ class HypothesisTracker:
             return np.zeros(1), column[None], np.zeros(1, dtype=np.int64)
         return k_best(cost, self._hypotheses, self._member, self._cost)
 
-    def _grow(self, ahead: motion.MotionState, column: Ints, parent: Ints, box: Floats, class_id: Ints) -> None:
+    def _grow(self, ahead: motion.MotionState, column: Ints, parent: Ints, seen: _Seen) -> None:
         """Replace the leaves by the distinct children of the new hypotheses.
 
         A child is named by a code: old leaf x (1 + detection), detection 0 standing for a miss, and after all of those
         the births.
         """
         before = self._leaves
-        n, d = len(before.class_id), len(box)
+        n, d = len(before.class_id), len(seen.box)
         held = self._member[parent]  # [H, N]
         code = np.where(held, np.arange(n) * (d + 1) + 1 + column, -1)
         taken = np.zeros((len(parent), d + 1), dtype=bool)  # the last column catches "unmatched"
@@ -116,7 +124,7 @@ class HypothesisTracker:
         distinct = np.unique(code[code >= 0])
         dying = self._dying(distinct, n, d)
         distinct = distinct[~dying]
-        self._leaves = self._children(ahead, distinct, box, class_id)
+        self._leaves = self._children(ahead, distinct, seen)
         member = np.zeros((len(parent), len(distinct)), dtype=bool)
         row, place = np.nonzero(code >= 0)
         leaf = np.searchsorted(distinct, code[row, place])
@@ -134,14 +142,14 @@ class HypothesisTracker:
         dying[miss] = self._leaves.age[old] + 1 >= self._max_age[self._leaves.class_id[old]]
         return dying
 
-    def _children(self, ahead: motion.MotionState, code: Ints, box: Floats, class_id: Ints) -> _Leaves:
-        before, n, d = self._leaves, len(self._leaves.class_id), len(box)
+    def _children(self, ahead: motion.MotionState, code: Ints, seen: _Seen) -> _Leaves:
+        before, n, d = self._leaves, len(self._leaves.class_id), len(seen.box)
         grown = code[code < n * (d + 1)]
         born = code[code >= n * (d + 1)] - n * (d + 1)
         parent, detection = grown // (d + 1), grown % (d + 1) - 1
         hit = detection >= 0
         state = ahead.take(parent)
-        fresh = motion.updated(state.take(np.flatnonzero(hit)), box[detection[hit]])
+        fresh = motion.updated(state.take(np.flatnonzero(hit)), seen.box[detection[hit]])
         for whole, part in (
             (state.mean, fresh.mean),
             (state.covariance, fresh.covariance),
@@ -150,15 +158,18 @@ class HypothesisTracker:
             whole[hit] = part
         ids = self._next_id + np.arange(len(born))
         self._next_id += len(born)
-        state = motion.joined(state, motion.born(box[born]))
+        state = motion.joined(state, motion.born(seen.box[born]))
         detection = np.concatenate([detection, born])
-        measured = state.box.copy()
-        measured[detection >= 0] = box[detection[detection >= 0]]
+        measured, score = state.box.copy(), np.concatenate([before.score[parent], np.zeros(len(born))])
+        took = np.flatnonzero(detection >= 0)
+        measured[took] = seen.box[detection[took]]
+        score[took] += seen.score[detection[took]]
         return _Leaves(
             state=state,
-            class_id=np.concatenate([before.class_id[parent], class_id[born]]),
+            class_id=np.concatenate([before.class_id[parent], seen.class_id[born]]),
             track_id=np.concatenate([before.track_id[parent], ids]),
             hits=np.concatenate([before.hits[parent] + hit, np.ones(len(born), dtype=np.int64)]),
+            score=score,
             age=np.concatenate([np.where(hit, 0, before.age[parent] + 1), np.zeros(len(born), dtype=np.int64)]),
             detection=detection,
             measured=measured,
@@ -182,6 +193,7 @@ class HypothesisTracker:
             track_id=leaves.track_id[out],
             box=leaves.state.box[out],
             class_id=leaves.class_id[out],
+            score=leaves.score[out] / leaves.hits[out],
             detection=leaves.detection[out],
             past=past,
             past_valid=past_valid,
@@ -206,7 +218,16 @@ class HypothesisTracker:
 
 def _no_leaves() -> _Leaves:
     none = np.zeros(0, dtype=np.int64)
-    return _Leaves(motion.born(np.zeros((0, 7))), none, none, none, none, none, np.zeros((0, 7)), none)
+    return _Leaves(motion.born(np.zeros((0, 7))), none, none, none, np.zeros(0), none, none, np.zeros((0, 7)), none)
+
+
+def _seen(observation: Observation) -> _Seen:
+    valid = np.asarray(observation["detection_valid"]).astype(bool)
+    return _Seen(
+        np.asarray(observation["detection_box"], dtype=np.float64)[valid],
+        np.asarray(observation["detection_class"], dtype=np.int64)[valid],
+        np.asarray(observation["detection_score"], dtype=np.float64)[valid],
+    )
 
 
 def _greedy_where_asked(cost: Floats, class_id: Ints, parameters: tuple[ClassParameters, ...]) -> Ints:

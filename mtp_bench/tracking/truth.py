@@ -37,6 +37,7 @@ class TruthTracker:
             track_id=ids,
             box=box,
             class_id=np.asarray(observation["detection_class"], dtype=np.int64)[valid],
+            score=np.asarray(observation["detection_score"], dtype=np.float64)[valid],
             detection=np.arange(len(ids)),
             past=past,
             past_valid=past_valid,

@@ -6,6 +6,7 @@ from typing import Any
 
 from ..scoring import Report
 from ..scoring.definitions import RANKED_OBJECTS
+from .tables import counted, targets_on_objects
 
 Row = dict[str, Any]
 
@@ -31,7 +32,7 @@ def _cost(rows: dict[tuple[Any, ...], Row], truth: str, stp: str, subset: str) -
         return None
     return (
         f"{subset}: minADE is {real['minADE']:.2f} m from tracks and {ideal['minADE']:.2f} m from true pasts "
-        f"({real['minADE'] / ideal['minADE']:.1f} times), {real['targets']} targets on {real['objects']} objects."
+        f"({real['minADE'] / ideal['minADE']:.1f} times), {targets_on_objects(real)}."
     )
 
 
@@ -39,11 +40,16 @@ def _share_of_sampling(report: Report, stp: str, control: str, hypotheses: int) 
     """The part of the gain over STP that one hypothesis gets from drawing as many samples (paired minADE)."""
     gain = _paired(report, "mtp", hypotheses, stp, "all")
     sampling = _paired(report, control, 1, stp, "all")
-    if not gain or not sampling or gain["minADE"] is None or sampling["minADE"] is None or gain["minADE"] >= 0:
+    if not gain or not sampling or gain["minADE"] is None or sampling["minADE"] is None:
         return None
+    who = f"all: MTP (H = {hypotheses}, equal k)"
+    if gain["minADE"] >= 0:
+        return f"{who} does not lower minADE ({gain['minADE']:+.3f} m)."
+    who += f" lowers minADE by {-gain['minADE']:.3f} m; as many samples from one hypothesis"
+    if sampling["minADE"] >= 0:
+        return f"{who} do not lower it ({sampling['minADE']:+.3f} m): none of the global gain is sampling."
     return (
-        f"all: MTP (H = {hypotheses}, equal k) lowers minADE by {-gain['minADE']:.3f} m; as many samples from one "
-        f"hypothesis lower it by {-sampling['minADE']:.3f} m. So {100 * sampling['minADE'] / gain['minADE']:.0f} % of "
+        f"{who} lower it by {-sampling['minADE']:.3f} m. So {100 * sampling['minADE'] / gain['minADE']:.0f} % of "
         "the global gain is sampling, not hypotheses."
     )
 
@@ -60,7 +66,7 @@ def _beyond_control(report: Report, control: str, hypotheses: int, subset: str) 
 
 
 def _certainty(row: Row) -> str:
-    scenes = f"{row['scenes']} scene" + ("s" if row["scenes"] != 1 else "")
+    scenes = counted(row["scenes"], "scene")
     if row["interval"] is None:
         return f"{scenes}: too few for an interval"
     low, high = row["interval"]

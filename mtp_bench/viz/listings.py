@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..cards import Card
 from ..sources import DataStatus
@@ -51,7 +51,23 @@ def data_report(statuses: Mapping[str, DataStatus]) -> Group:
     return Group(*parts)
 
 
+def status_json(status: DataStatus) -> dict[str, Any]:
+    """What was found of one environment's data, as a record that can be written as JSON."""
+    return {
+        "dataset": status.dataset,
+        "root": None if status.root is None else str(status.root),
+        "searched": [str(path) for path in status.searched],
+        "usable": status.usable,
+        "verified": status.verified,
+        "missing": list(status.missing),
+        "problems": list(status.problems),
+        "notes": list(status.notes),
+        "checks": [{"what": check.what, "found": check.found, "known": check.expected} for check in status.checks],
+    }
+
+
 def _status_table(statuses: Mapping[str, DataStatus]) -> Table:
+    from rich.markup import escape
     from rich.table import Table
 
     table = Table(title="Data", title_justify="left")
@@ -62,7 +78,7 @@ def _status_table(statuses: Mapping[str, DataStatus]) -> Table:
             f"{'' if check.ok else '[red]'}{check.what}: {check.found} / {check.expected}" for check in status.checks
         )
         root = str(status.root) if status.root else "looked in " + ", ".join(map(str, status.searched))
-        table.add_row(env_id, status.dataset, _state(status), root, checks)
+        table.add_row(env_id, status.dataset, _state(status), escape(root), checks)
     return table
 
 

@@ -19,9 +19,10 @@ Row = dict[str, Any]
 
 def error_table(report: Report, title: str) -> Table:
     """Missing-aware error per agent and subset with its 95 % interval, coverage, rank and time: what is ranked."""
+    from rich.markup import escape
     from rich.table import Table
 
-    table = Table(title=title, caption=_caption(report), caption_justify="left", title_justify="left")
+    table = Table(title=escape(title), caption=_caption(report), caption_justify="left", title_justify="left")
     for heading in ("agent", "H", "K"):
         table.add_column(heading, justify="left" if heading == "agent" else "right", no_wrap=heading == "agent")
     for subset in SUBSETS:
@@ -120,15 +121,25 @@ def _paper() -> dict[str, Any]:
 def subset_line(report: Report) -> str:
     """Events, targets and objects of each subset, in words."""
     rows = {row["subset"]: row for row in report.rows[: len(SUBSETS)]}
-    parts = [f"all: {rows['all']['targets']} targets on {rows['all']['objects']} objects"]
+    parts = [f"all: {targets_on_objects(rows['all'])}"]
     for subset in SUBSETS[1:]:
         row = rows[subset]
         few = "" if row["objects"] >= RANKED_OBJECTS else ", not ranked"
         parts.append(
-            f"{subset}: {row['events']} events, {row['targets']} targets on {row['objects']} objects "
-            f"in {row['scenes']} scenes{few}"
+            f"{subset}: {counted(row['events'], 'event')}, {targets_on_objects(row)} "
+            f"in {counted(row['scenes'], 'scene')}{few}"
         )
     return "\n".join(parts)
+
+
+def targets_on_objects(row: Row) -> str:
+    """Targets and objects of a row, in words."""
+    return f"{counted(row['targets'], 'target')} on {counted(row['objects'], 'object')}"
+
+
+def counted(number: int | None, noun: str) -> str:
+    """A number with its noun; without a number, "unknown events"."""
+    return f"{'unknown' if number is None else number} {noun}{'' if number == 1 else 's'}"
 
 
 def _caption(report: Report) -> str:
