@@ -105,7 +105,7 @@ def score(
         scored = score_stored(folder, root, started, done, env)
     report = scored.report
     _write_json(json_file, {**report.to_json(), "details": report.details, "skipped": scored.skipped})
-    _show_report(report, f"{report.env}: {folder.name}", scored.dataset)
+    _show_report(report, f"{report.env}: {folder.name}")
     show(scored.origin)
     _show_skipped(scored.skipped)
 
@@ -135,7 +135,7 @@ def compare(
     report = result.report
     further = {"ranks": report.ranks, "paired": report.paired, "details": report.details, "skipped": result.skipped}
     _write_json(json_file, {**report.to_json(), **further})
-    _show_report(report, f"{report.env}: missing-aware error (m), {_count(seeds, 'seed')} of sampling", result.dataset)
+    _show_report(report, f"{report.env}: missing-aware error (m), {_count(seeds, 'seed')} of sampling")
     show(result.reference.origin)
     _show_skipped(result.skipped)
     for sentence in findings(report):
@@ -198,11 +198,11 @@ def _fail(text: str) -> None:
     raise SystemExit(1)
 
 
-def _show_report(report: Report, title: str, dataset: str) -> None:
+def _show_report(report: Report, title: str) -> None:
     from .viz.tables import displacement_table, error_table, parts_table
     from .viz.terminal import show_numbers
 
-    for table in (error_table(report, title), displacement_table(report, dataset), parts_table(report)):
+    for table in (error_table(report, title), displacement_table(report), parts_table(report)):
         show_numbers(table)
 
 

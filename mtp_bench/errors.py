@@ -37,7 +37,7 @@ class UnknownNameError(MtpBenchError, KeyError):
         self.got = got
         known = tuple(known)
         self._given = (kind, got, known, hint)
-        super().__init__(f"unknown {kind} {got!r}{nearest(got, known)}" + (f"; {hint}" if hint else ""))
+        super().__init__(f"unknown {kind} {got!r}{nearest(got, known)}" + (f" ({hint})" if hint else ""))
 
     def __reduce__(self) -> tuple[type[UnknownNameError], tuple[str, str, tuple[str, ...], str]]:
         return type(self), self._given  # workers send their errors home

@@ -126,7 +126,7 @@ def save_run(folder: str | Path, info: RunInfo, rollouts: Iterable[Rollout]) -> 
     Raises RolloutError if ``folder`` holds anything but a run, or cannot be written.
     """
     folder = Path(folder).absolute()
-    _refuse_foreign(folder)
+    require_run_folder(folder)
     partial = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}.partial")
     try:
         partial.mkdir(parents=True)
@@ -176,7 +176,7 @@ def _write(folder: Path, info: RunInfo, rollouts: Iterable[Rollout]) -> None:
     (folder / RUN_FILE).write_text(text + "\n", encoding="utf-8")
 
 
-def _refuse_foreign(folder: Path) -> None:
+def require_run_folder(folder: Path) -> None:
     """Raise RolloutError if writing a run to ``folder`` would delete something that is not a run."""
     if not folder.exists():
         return

@@ -38,7 +38,7 @@ def run_scene(agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str |
     observation, _ = env.reset(seed=derived_seed(seed, scene_name, "env"), options={"scene": scene_name})
     try:
         agent.reset(agent_task(env, seed))
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise _failure(name, scene_name, "reset", error) from error
     seconds: list[float] = []
     truncated = False
@@ -47,7 +47,7 @@ def run_scene(agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str |
             start = time.perf_counter()
             action = agent.act(observation)
             seconds.append(time.perf_counter() - start)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise _failure(name, scene_name, f"frame {len(seconds)}", error) from error
         observation, _, _, truncated, _ = env.step(action)
     return replace(env.rollout(), seconds=np.array(seconds))
@@ -197,15 +197,15 @@ def _one_scene(index: int, job: Job, finish: Finish | None) -> tuple[int, Any]:
     env = MTPEnv(job.env_id, **job.env_kwargs)
     try:
         agent = job.make_agent(agent_task(env, job.seed))
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise SubmissionError(f"agent {job.name or 'of this run'!r} cannot be built: {_text(error)}") from error
     rollout = run_scene(agent, env, job.scene, job.seed, job.name)
     return index, rollout if finish is None else finish(env.scene, rollout, env.card)
 
 
-def _failure(agent: str, scene: str, where: str, error: Exception) -> SubmissionError:
+def _failure(agent: str, scene: str, where: str, error: BaseException) -> SubmissionError:
     return SubmissionError(f"agent {agent!r} failed on scene {scene!r} at {where}: {_text(error)}")
 
 
-def _text(error: Exception) -> str:
+def _text(error: BaseException) -> str:
     return str(error) if isinstance(error, MtpBenchError) else f"{type(error).__name__}: {error}"

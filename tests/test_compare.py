@@ -112,7 +112,7 @@ def test_a_folder_stands_beside_the_baselines_and_does_not_change_them(
     alone = written(cli, tmp_path / "alone.json", card_path, kitti, "stp", "--jobs", 1)["rows"]
     beside = written(cli, tmp_path / "beside.json", card_path, kitti, folder, "stp", folder, "--jobs", 1)["rows"]
     assert settings_of(alone) == CONTROLS
-    assert settings_of(beside) == [*CONTROLS, ("echo", 1, 4, "equal")]
+    assert settings_of(beside) == [*CONTROLS, ("echo", 2, 4, "equal")]  # it declares none and states two
     assert without_times({"rows": beside})["rows"][: len(alone)] == without_times({"rows": alone})["rows"]
     (echo,) = [row for row in beside if row["agent"] == "echo" and row["subset"] == "all"]
     assert 0 < echo["coverage"] < 1
@@ -158,7 +158,7 @@ def test_the_events_of_another_agent_define_the_subsets_on_demand(tmp_path: Path
     folder = str(write_submission(tmp_path / "mine"))
     own = compare([], card_path, {"data": kitti})
     other = compare([], card_path, {"data": kitti}, reference=folder)
-    assert settings_of(other.report.rows) == [*CONTROLS, ("echo", 1, 4, "equal")]
+    assert settings_of(other.report.rows) == [*CONTROLS, ("echo", 2, 4, "equal")]  # it declares none and states two
     assert (own.reference.subsets.reference, other.reference.subsets.reference) == ("stp", "echo")
     assert not other.reference.frozen
     assert "'echo' in this run" in other.reference.origin
@@ -192,7 +192,7 @@ def test_an_ideal_agent_is_fed_the_truth_and_never_ranked(card: Card) -> None:
 
 
 SWEEPS: dict[str, tuple[str, list[tuple[Any, ...]]]] = {
-    "nothing said": ("", [("echo", 1, 4, "equal")]),
+    "nothing said": ("", [("echo", None, 4, "equal")]),
     "hypotheses without a sweep": ("[parameters]\nhypotheses = 7", [("echo", 7, 4, "equal")]),
     "a sweep of hypotheses": (
         "[compare]\nsweep = {hypotheses = [2, 3]}",
@@ -206,14 +206,14 @@ SWEEPS: dict[str, tuple[str, list[tuple[Any, ...]]]] = {
         '[compare]\nsweep = {hypotheses = [1, 2]}\nbudgets = ["free", "equal"]',
         [("echo", 2, 8, "free"), ("echo", 1, 4, "equal"), ("echo", 2, 4, "equal")],
     ),
-    "nothing is free with one draw": ('[compare]\nbudgets = ["free", "equal"]', [("echo", 1, 4, "equal")]),
+    "nothing is free with one draw": ('[compare]\nbudgets = ["free", "equal"]', [("echo", None, 4, "equal")]),
     "draws count among the free samples": (
         '[parameters]\nhypotheses = 2\n[compare]\nsweep = {draws = [1, 5]}\nbudgets = ["free"]',
         [("echo draws=1", 2, 8, "free"), ("echo draws=5", 2, 40, "free")],
     ),
     "only what is not the default shows": (
         "[parameters]\nnoise = 0.5\n[compare]\nsweep = {noise = [0.5, 1.0]}",
-        [("echo", 1, 4, "equal"), ("echo noise=1.0", 1, 4, "equal")],
+        [("echo", None, 4, "equal"), ("echo noise=1.0", None, 4, "equal")],
     ),
     "two parameters, the last one first": (
         "[compare]\nsweep = {noise = [1, 2], hypotheses = [2, 3]}",

@@ -59,7 +59,7 @@ def report(
     table: list[dict[str, Any]], paired: list[dict[str, Any]] | None = None, ranks: list[dict[str, Any]] | None = None
 ) -> Report:
     settings = dict.fromkeys((r["agent"], r["hypotheses"], r["samples"], r["budget"]) for r in table)
-    return Report("MTP-Small-v0", "1.0", table, ranks or [], paired or [], [detail(setting) for setting in settings])
+    return Report("MTP-KITTI-v0", "1.0", table, ranks or [], paired or [], [detail(setting) for setting in settings])
 
 
 def test_nothing_is_said_without_the_rows() -> None:
@@ -212,7 +212,7 @@ def render(content: Any, width: int) -> str:
              "2000", "34 events, 40 targets on 25 objects in 11 scenes", "Definitions 1.0"],
         ),
         (
-            lambda r: displacement_table(r, "kitti"),
+            lambda r: displacement_table(r),
             ["0.100 / 0.171", "0.123 / 0.234", "0.747 / 1.173", "2.820 / 4.514", "1.621 / 2.155", "– / –", "0.146 / "],
         ),
         (parts_table, ["0.567", "0.678", "0.78", "0.89", "34", "462", "17", "–"]),
@@ -227,7 +227,7 @@ def test_tables_hold_every_number_whatever_the_width(make: Any, numbers: list[st
 
 
 def test_a_wide_terminal_is_not_filled() -> None:
-    table = displacement_table(report(LARGE), "kitti")
+    table = displacement_table(report(LARGE))
     assert render(table, 180) == render(table, 400)
 
 
@@ -245,12 +245,12 @@ def test_ranks_stand_beside_ranked_rows_only() -> None:
 
 
 def test_the_figures_of_the_paper() -> None:
-    assert paper_figures("kitti", row(STP, "all"))["ids"] == [2.820, 4.514]
-    assert paper_figures("kitti", row(MTP, "all"))["ids"] == [0.747, 1.173]
-    assert paper_figures("kitti", row(("mtp", 20, 400, "free"), "all"))["ids"] == [0.707, 1.093]
-    assert paper_figures("kitti", row(("mtp", 7, 20, "equal"), "all")) == {}
-    assert paper_figures("kitti", row(CONTROL, "all")) == {}
-    assert paper_figures("elsewhere", row(STP, "all")) == {}
+    assert paper_figures("MTP-KITTI-v0", row(STP, "all"))["ids"] == [2.820, 4.514]
+    assert paper_figures("MTP-KITTI-v0", row(MTP, "all"))["ids"] == [0.747, 1.173]
+    assert paper_figures("MTP-KITTI-v0", row(("mtp", 20, 400, "free"), "all"))["ids"] == [0.707, 1.093]
+    assert paper_figures("MTP-KITTI-v0", row(("mtp", 7, 20, "equal"), "all")) == {}
+    assert paper_figures("MTP-KITTI-v0", row(CONTROL, "all")) == {}
+    assert paper_figures("MTP-KITTI-5Hz-v0", row(STP, "all")) == {}
 
 
 def test_the_counts_of_subsets_in_words() -> None:

@@ -35,5 +35,6 @@ from .subsets import read_reference as read_reference
 from .subsets import reference_subsets as reference_subsets
 from .subsets import write_reference as write_reference
 from .table import AgentScores as AgentScores
+from .table import stated_hypotheses as stated_hypotheses
 from .targets import Targets as Targets
 from .targets import find_targets as find_targets

@@ -58,7 +58,8 @@ class SceneScore:
     counts: StreamCounts
     invalid: Ints  # [3] rows rejected: tracks, hypotheses, objects
     dropped: int  # detections that did not fit into the observation
-    seconds: float  # per frame, mean
+    skipped: dict[str, int]  # rows of the scene that could not be read, by reason
+    seconds: float  # per frame, mean; the first frame, in which code is loaded, is left out of it
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -119,6 +120,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         counts=stream_counts(truth, rollout, alive, card),
         invalid=np.asarray(rollout.invalid).sum(axis=0),
         dropped=int(np.asarray(rollout.dropped).sum()),
+        skipped=scene.skipped,
         seconds=_mean(rollout.seconds),
     )
 
@@ -143,4 +145,4 @@ def _check(scene: Scene, rollout: Rollout, card: Card) -> None:
 
 
 def _mean(seconds: NDArray[np.floating]) -> float:
-    return float(np.mean(seconds)) if len(seconds) else 0.0
+    return float(np.mean(seconds[1:] if len(seconds) > 1 else seconds)) if len(seconds) else 0.0

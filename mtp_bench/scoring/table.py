@@ -78,6 +78,11 @@ class AgentTable:
         return len(np.unique(np.stack([self.scene[mask], self.object_id[mask]]), axis=1).T)
 
 
+def stated_hypotheses(seeds: Sequence[Sequence[SceneScore]]) -> int:
+    """The most hypotheses that an agent stated in a frame of any scene."""
+    return max((score.hypotheses for run in seeds for score in run), default=0)
+
+
 def agent_table(given: AgentScores, reference: ReferenceSubsets | None) -> AgentTable:
     """Table of one agent; without ``reference`` only the subset "all" has targets.
 

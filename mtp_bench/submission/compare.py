@@ -11,8 +11,7 @@ from ..cards import Card
 from ..env import MTPEnv
 from ..errors import MtpBenchError, SubmissionError
 from ..runner import Job, run_jobs
-from ..scoring import AgentScores, Report, SceneScore, score_scene, summarise
-from ..types import Rollout, Scene
+from ..scoring import AgentScores, Report, SceneScore, score_scene, stated_hypotheses, summarise
 from .jobs import jobs_of
 from .loader import Submission, load_submission
 from .reading import total_skipped
@@ -30,7 +29,7 @@ class Setting:
     submission: Submission
     parameters: dict[str, Any]
     budget: Literal["equal", "free"]
-    hypotheses: int
+    hypotheses: int | None  # as declared; None: what the agent states will tell
     samples: int  # K
 
     @property
@@ -41,7 +40,7 @@ class Setting:
     def env_keywords(self, card: Card) -> dict[str, Any]:
         """What the env of this setting needs beyond the card."""
         keywords: dict[str, Any] = {"samples": self.samples}
-        if self.hypotheses > card.size.hypotheses:
+        if self.hypotheses and self.hypotheses > card.size.hypotheses:
             keywords["hypotheses"] = self.hypotheses
         return keywords
 
@@ -53,7 +52,6 @@ class Comparison:
     report: Report
     reference: Reference
     settings: tuple[Setting, ...]
-    dataset: str  # name of the card's source
     skipped: dict[str, int]  # rows of the data that could not be used, by reason
 
 
@@ -80,7 +78,7 @@ def setting_of(
     chosen = chosen or {}
     parameters = {**submission.parameters, **chosen}
     hypotheses = _count(submission, parameters, "hypotheses")
-    pool = card.task.samples * hypotheses * (_count(submission, parameters, "draws") if budget == "free" else 1)
+    draws = _count(submission, parameters, "draws") or 1
     shown = [f"{k}={v}" for k, v in chosen.items() if k != "hypotheses" and v != submission.parameters.get(k)]
     return Setting(
         label=" ".join([submission.name, *shown]),
@@ -88,17 +86,19 @@ def setting_of(
         parameters=parameters,
         budget=budget,
         hypotheses=hypotheses,
-        samples=pool if budget == "free" else card.task.samples,
+        samples=card.task.samples * ((hypotheses or 1) * draws if budget == "free" else 1),
     )
 
 
-def _count(submission: Submission, parameters: dict[str, Any], name: str) -> int:
-    value = parameters.get(name, 1)
+def _count(submission: Submission, parameters: dict[str, Any], name: str) -> int | None:
+    if name not in parameters:
+        return None
+    value = parameters[name]
     if isinstance(value, bool) or not isinstance(value, int) or value < 1:
         raise SubmissionError(
             f"{submission.name}: parameter {name!r} is {value!r}, expected a whole number of at least 1"
         )
-    return value
+    return int(value)
 
 
 def all_settings(names: Sequence[str], card: Card) -> list[Setting]:
@@ -144,17 +144,13 @@ def compare(
     jobs = [job for s in settings for seed in seeds for job in _jobs(s, env_id, env.card, common, chosen, seed)]
     if started is not None:
         started(len(jobs))
-    results: list[tuple[SceneScore, dict[str, int]]] = run_jobs(jobs, workers, _score, progress)
-    scores = [score for score, _ in results]
+    scores: list[SceneScore] = run_jobs(jobs, workers, score_scene, progress)
     runs = iter([tuple(scores[i : i + len(chosen)]) for i in range(0, len(scores), len(chosen))])
-    agents = [
-        AgentScores(s.label, s.hypotheses, s.samples, s.budget, tuple(next(runs) for _ in seeds), s.ideal)
-        for s in settings
-    ]
+    agents = [_agent_scores(setting, tuple(next(runs) for _ in seeds)) for setting in settings]
     subsets = _subsets(env.card, agents[place], own=settings[place].submission.name == env.card.reference)
     report = summarise(agents, env.card, subsets.subsets, stp=STP, truth=TRUTH)
-    skipped = total_skipped(counts for _, counts in results[: len(chosen)])  # every setting reads the same scenes
-    return Comparison(report, subsets, tuple(settings), env.card.source.name, skipped)
+    skipped = total_skipped(score.skipped for score in scores[: len(chosen)])  # every setting reads the same scenes
+    return Comparison(report, subsets, tuple(settings), skipped)
 
 
 def _jobs(
@@ -164,9 +160,9 @@ def _jobs(
     return jobs_of(setting.submission, env_id, keywords, scenes, seed, setting.parameters, setting.label)
 
 
-def _score(scene: Scene, rollout: Rollout, card: Card) -> tuple[SceneScore, dict[str, int]]:
-    """Score of a scene, and what was skipped while reading it."""
-    return score_scene(scene, rollout, card), scene.skipped
+def _agent_scores(setting: Setting, seeds: tuple[tuple[SceneScore, ...], ...]) -> AgentScores:
+    hypotheses = setting.hypotheses or stated_hypotheses(seeds)
+    return AgentScores(setting.label, hypotheses, setting.samples, setting.budget, seeds, setting.ideal)
 
 
 def _reference_place(settings: Sequence[Setting], name: str) -> int:

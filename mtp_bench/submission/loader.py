@@ -163,7 +163,7 @@ def _import(submission: Submission, module: str) -> ModuleType:
     importlib.invalidate_caches()
     try:
         return importlib.import_module(f"{package}.{module}")
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         hint = ""
         if isinstance(error, ModuleNotFoundError) and (folder / f"{error.name}.py").is_file():
             hint = f"; {error.name}.py is a file of the submission: write `from .{error.name} import ...`"

@@ -11,9 +11,9 @@ from .._bundle import card_ids
 from ..cards import Card, load_card
 from ..env import MTPEnv
 from ..errors import RolloutError, UnknownNameError
-from ..rollouts import Run, _refuse_foreign, load_run, save_run
+from ..rollouts import Run, load_run, require_run_folder, save_run
 from ..runner import run_info, run_jobs
-from ..scoring import AgentScores, Report, SceneScore, score_scene, summarise
+from ..scoring import AgentScores, Report, SceneScore, score_scene, stated_hypotheses, summarise
 from ..sources import open_source
 from ..types import Rollout, Scene
 from .compare import setting_of
@@ -41,7 +41,6 @@ class StoredScore:
 
     report: Report
     origin: str  # where its subsets come from
-    dataset: str
     skipped: dict[str, int]  # rows of the data that could not be used, by reason
 
 
@@ -60,7 +59,7 @@ def run_and_store(
 
     Raises MtpBenchError for whatever the user can mend, a folder that cannot be written before anything runs.
     """
-    _refuse_foreign(folder.absolute())
+    require_run_folder(folder.absolute())
     require_folder(folder)
     submission = load_submission(agent)
     env = MTPEnv(env_id, data=data, observe=submission.compare.observe, evaluation=True)
@@ -100,18 +99,15 @@ def score_stored(
     if started is not None:
         started(len(run.rollouts))
     scores: list[SceneScore] = []
-    skipped: list[dict[str, int]] = []
     for rollout in run.rollouts:
         if rollout.scene not in source.names:
             raise UnknownNameError(f"scene of {folder}", rollout.scene, source.names)
-        scene = source.load(rollout.scene)
-        scores.append(score_scene(scene, rollout, card))
-        skipped.append(scene.skipped)
+        scores.append(score_scene(source.load(rollout.scene), rollout, card))
         if progress is not None:
             progress(rollout.scene)
     agent = AgentScores(
         agent=run.info.agent,
-        hypotheses=_hypotheses(folder, run),
+        hypotheses=_hypotheses(folder, run) or stated_hypotheses([scores]),
         samples=run.info.samples,
         budget="equal" if run.info.samples == card.task.samples else "free",
         seeds=(tuple(scores),),
@@ -119,7 +115,7 @@ def score_stored(
     )
     reference = frozen_reference(card)
     report = summarise([agent], card, reference.subsets if reference else None)
-    return StoredScore(report, _origin(reference), card.source.name, total_skipped(skipped))
+    return StoredScore(report, _origin(reference), total_skipped(score.skipped for score in scores))
 
 
 def _card(folder: Path, run: Run, env_id: str | None) -> Card:
@@ -150,7 +146,7 @@ def _check(folder: Path, run: Run) -> None:
 
 
 def _hypotheses(folder: Path, run: Run) -> int:
-    value = run.info.parameters.get("hypotheses", 1)
+    value = run.info.parameters.get("hypotheses", 0)
     if isinstance(value, bool) or not isinstance(value, int):
         raise RolloutError(f"{folder}: parameter 'hypotheses' is {value!r}, expected a whole number")
     return value

@@ -43,20 +43,20 @@ def error_table(report: Report, title: str) -> Table:
     return table
 
 
-def displacement_table(report: Report, dataset: str) -> Table:
+def displacement_table(report: Report) -> Table:
     """Table of minADE / minFDE of the covered targets per agent and subset, with the paper's figures below them."""
     from rich.table import Table
 
-    table = Table(
-        title="minADE / minFDE (m) on covered targets; [dim]the paper's figures below[/dim]",
-        caption="The paper's FRAG stands beside lost and frag. Its predictor and detections differ: compare relations.",
-        title_justify="left",
-        caption_justify="left",
-    )
+    table = Table(title="minADE / minFDE (m) on covered targets", title_justify="left", caption_justify="left")
     for heading in ("agent", "H", "K", *SUBSETS):
         table.add_column(heading, justify="left" if heading == "agent" else "right", no_wrap=True)
+    if report.env in _paper()["dataset"]:
+        table.caption = (
+            "[dim]Below ours: the figures of the paper[/dim], its FRAG beside lost and frag. Its predictor and its "
+            "detections differ: compare relations."
+        )
     for rows in _by_agent(report.rows):
-        paper = paper_figures(dataset, rows["all"])
+        paper = paper_figures(report.env, rows["all"])
         cells = []
         for subset in SUBSETS:
             ours = f"{_number(rows[subset]['minADE'])} / {_number(rows[subset]['minFDE'])}"
@@ -105,9 +105,10 @@ def parts_table(report: Report) -> Table:
     return table
 
 
-def paper_figures(dataset: str, row: Row) -> dict[str, list[float]]:
-    """The paper's [minADE, minFDE] per subset for the setting of ``row``; empty where it has none."""
-    found: Any = _paper().get(dataset, {}).get(row["agent"], {})
+def paper_figures(env_id: str, row: Row) -> dict[str, list[float]]:
+    """The paper's [minADE, minFDE] per subset for the env and setting of ``row``; empty where it has none."""
+    paper = _paper()
+    found: Any = paper.get(paper["dataset"].get(env_id, ""), {}).get(row["agent"], {})
     if row["agent"] == "mtp":
         found = found.get(row["budget"], {}).get(str(row["hypotheses"]), {})
     return dict(found)
