@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -181,6 +182,8 @@ def freeze(env: EnvOption, root: DataOption = None, jobs: JobsOption = 0) -> Non
 
 def main() -> None:
     """Entry point: errors of the library become one line and exit status 1."""
+    # joblib renews workers that hold much memory, and says so; nothing is lost by it.
+    warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given")
     try:
         app(prog_name="mtp-bench")
     except MtpBenchError as error:
