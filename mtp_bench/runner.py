@@ -8,7 +8,7 @@ import platform
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar, overload
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +24,6 @@ from .types import Rollout, Scene, Task
 MakeAgent = Callable[[Task], Agent]
 Finish = Callable[[Scene, Rollout, Card], Any]
 Progress = Callable[[str], object]
-X = TypeVar("X")
 
 
 def run_scene(agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str | None = None) -> Rollout:
@@ -51,35 +50,6 @@ def run_scene(agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str |
             raise _failure(name, scene_name, f"frame {len(seconds)}", error) from error
         observation, _, _, truncated, _ = env.step(action)
     return replace(env.rollout(), seconds=np.array(seconds))
-
-
-@overload
-def run_scenes(
-    make_agent: MakeAgent,
-    env_id: str,
-    env_kwargs: dict[str, Any] | None = None,
-    scene_names: Sequence[str] | None = None,
-    seed: int = 0,
-    jobs: int = 1,
-    finish: None = None,
-    progress: Progress | None = None,
-    name: str | None = None,
-) -> list[Rollout]: ...
-
-
-@overload
-def run_scenes(
-    make_agent: MakeAgent,
-    env_id: str,
-    env_kwargs: dict[str, Any] | None = None,
-    scene_names: Sequence[str] | None = None,
-    seed: int = 0,
-    jobs: int = 1,
-    *,
-    finish: Callable[[Scene, Rollout, Card], X],
-    progress: Progress | None = None,
-    name: str | None = None,
-) -> list[X]: ...
 
 
 def run_scenes(

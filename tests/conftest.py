@@ -7,6 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from .command_line import CommandLine
+from .small_scenes import write_card, write_kitti
+
 VARIABLE = "MTP_BENCH_DATA"
 REPOSITORY = Path(__file__).resolve().parent.parent
 _deselected = pytest.StashKey[int]()
@@ -52,3 +55,21 @@ def data_root() -> Path:
 def repository() -> Path:
     """Root of the checkout."""
     return REPOSITORY
+
+
+@pytest.fixture(scope="session")
+def kitti(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A data root with the tiny sequences of `small_scenes`; tests that break files make their own."""
+    return write_kitti(tmp_path_factory.mktemp("data"))
+
+
+@pytest.fixture(scope="session")
+def card(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Path of a card for them."""
+    return write_card(tmp_path_factory.mktemp("card"))
+
+
+@pytest.fixture
+def cli(capsys: pytest.CaptureFixture[str]) -> CommandLine:
+    """Runs commands in this process."""
+    return CommandLine(capsys)

@@ -17,15 +17,10 @@ import typer.main
 from mtp_bench import card_ids, load_card
 from mtp_bench.cli import app
 from tests.command_line import CommandLine, copy_sequence, read_json, write_submission
-from tests.small_scenes import write_card, write_kitti
+from tests.small_scenes import write_kitti
 
 COMMANDS = ["envs", "data", "run", "score", "compare", "train"]
 HEAVY = ["torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "pandas", "matplotlib", "jinja2"]
-
-
-@pytest.fixture(scope="module")
-def kitti(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return write_kitti(tmp_path_factory.mktemp("data"))
 
 
 @pytest.fixture(scope="module")
@@ -34,16 +29,6 @@ def training(tmp_path_factory: pytest.TempPathFactory) -> str:
     root = write_kitti(tmp_path_factory.mktemp("training"))
     copy_sequence(Path(root), "0001", "0002")
     return root
-
-
-@pytest.fixture(scope="module")
-def card(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return write_card(tmp_path_factory.mktemp("card"))
-
-
-@pytest.fixture
-def cli(capsys: pytest.CaptureFixture[str]) -> CommandLine:
-    return CommandLine(capsys)
 
 
 def registered() -> dict[str, Any]:

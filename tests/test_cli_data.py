@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from tests.command_line import CommandLine, copy_sequence, read_json
-from tests.small_scenes import write_card, write_kitti
+from tests.small_scenes import write_kitti
 
 LABELS = "training/label_02/0006.txt"
 CALIBRATION = "training/calib/0006.txt"
@@ -23,16 +23,6 @@ SKIPPED = "skipped 3 rows of the data that cannot be used: detection not finite 
 def kitti(tmp_path: Path) -> Path:
     """Folder of the sequences, to be broken."""
     return Path(write_kitti(tmp_path / "data")) / "kitti_tracking"
-
-
-@pytest.fixture(scope="module")
-def card(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return write_card(tmp_path_factory.mktemp("card"))
-
-
-@pytest.fixture
-def cli(capsys: pytest.CaptureFixture[str]) -> CommandLine:
-    return CommandLine(capsys)
 
 
 def replace(name: str, old: str, new: str) -> Callable[[Path], None]:

@@ -14,7 +14,7 @@ from mtp_bench.scoring import SUBSETS
 from mtp_bench.submission import load_submission
 from mtp_bench.submission.compare import compare, expand
 from tests.command_line import CommandLine, read_json, write_submission
-from tests.small_scenes import CARD, write_card, write_kitti
+from tests.small_scenes import CARD, write_card
 
 KEYS = [
     "agent", "hypotheses", "samples", "budget", "subset", "minADE", "minFDE", "missing_aware", "energy_score",
@@ -31,11 +31,6 @@ MTP = [("mtp", h, 4, "equal") for h in (5, 10, 20)] + [("mtp", h, 4 * h, "free")
 
 
 @pytest.fixture(scope="module")
-def kitti(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return write_kitti(tmp_path_factory.mktemp("data"))
-
-
-@pytest.fixture(scope="module")
 def card_path(tmp_path_factory: pytest.TempPathFactory) -> str:
     return write_card(tmp_path_factory.mktemp("card"))
 
@@ -43,11 +38,6 @@ def card_path(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.fixture(scope="module")
 def card(card_path: str) -> Card:
     return load_card(card_path)
-
-
-@pytest.fixture
-def cli(capsys: pytest.CaptureFixture[str]) -> CommandLine:
-    return CommandLine(capsys)
 
 
 def settings_of(rows: list[dict[str, Any]]) -> list[tuple[Any, ...]]:

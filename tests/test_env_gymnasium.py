@@ -17,19 +17,9 @@ from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 
 import mtp_bench
 from mtp_bench.env import MTPEnv
-from tests.small_scenes import CARD_ID, write_card, write_kitti
+from tests.small_scenes import CARD_ID
 
 SMALL: dict[str, Any] = {"samples": 2, "tracks": 3, "objects": 2, "hypotheses": 2, "detections": 4}
-
-
-@pytest.fixture(scope="session")
-def kitti(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return write_kitti(tmp_path_factory.mktemp("data"))
-
-
-@pytest.fixture(scope="session")
-def card(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return write_card(tmp_path_factory.mktemp("card"))
 
 
 def check(env: gym.Env[Any, Any]) -> None:

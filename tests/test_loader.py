@@ -14,22 +14,10 @@ import pytest
 from mtp_bench._bundle import baseline_names
 from mtp_bench.errors import SubmissionError, UnknownNameError
 from mtp_bench.submission import SubmissionFactory, load_submission
-from mtp_bench.types import Task
 
-TASK = Task(
-    env_id="MTP-small-v0",
-    classes=("car",),
-    dt=0.1,
-    past=2,
-    future=3,
-    k=4,
-    samples=4,
-    detections=5,
-    tracks=6,
-    objects=5,
-    hypotheses=2,
-    detector="none",
-)
+from .small_scenes import task
+
+TASK = task(classes=("car",), detections=5, objects=5)
 
 MANIFEST = """
 name = "silent"

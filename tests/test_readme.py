@@ -11,23 +11,11 @@ import pytest
 
 from mtp_bench import card_ids, load_card, load_submission
 from mtp_bench._bundle import baseline_names
-from mtp_bench.types import Task
 
+from .small_scenes import task
+
+TASK = task(classes=("car",), detections=5, objects=7)
 DOCUMENTS = ("README.md", "CONTRIBUTING.md", "envs/README.md", "baselines/README.md", "leaderboard/README.md")
-TASK = Task(
-    env_id="MTP-small-v0",
-    classes=("car",),
-    dt=0.1,
-    past=2,
-    future=3,
-    k=4,
-    samples=4,
-    detections=5,
-    tracks=6,
-    objects=7,
-    hypotheses=2,
-    detector="none",
-)
 
 
 def blocks(path: Path, language: str) -> list[str]:

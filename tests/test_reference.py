@@ -23,21 +23,6 @@ from tests.small_scenes import CARD, write_card, write_kitti
 KINDS = ("ids", "lost", "reacquired")
 
 
-@pytest.fixture(scope="module")
-def kitti(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return write_kitti(tmp_path_factory.mktemp("data"))
-
-
-@pytest.fixture(scope="module")
-def card(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return write_card(tmp_path_factory.mktemp("card"))
-
-
-@pytest.fixture
-def cli(capsys: pytest.CaptureFixture[str]) -> CommandLine:
-    return CommandLine(capsys)
-
-
 @pytest.fixture
 def shipped(tmp_path: Path, repository: Path, card: str) -> Iterator[str]:
     """Id of the small card, which ships with a bundle of its own, without frozen subsets."""

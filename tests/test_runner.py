@@ -17,19 +17,9 @@ from mtp_bench.errors import MtpBenchError, SubmissionError, UnknownNameError
 from mtp_bench.rollouts import digest
 from mtp_bench.runner import derived_seed, run_info, run_scene, run_scenes
 from mtp_bench.types import Rollout, Scene, Task
-from tests.small_scenes import Action, EchoAgent, make_echo, make_noisy, write_card, write_kitti
+from tests.small_scenes import Action, EchoAgent, make_echo, make_noisy
 
 NAMES = ["0006", "0001", "0008"]
-
-
-@pytest.fixture(scope="module")
-def kitti(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return write_kitti(tmp_path_factory.mktemp("data"))
-
-
-@pytest.fixture(scope="module")
-def card(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return write_card(tmp_path_factory.mktemp("card"))
 
 
 @dataclass

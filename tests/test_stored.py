@@ -23,21 +23,6 @@ from tests.small_scenes import CARD, write_card, write_kitti
 
 
 @pytest.fixture(scope="module")
-def kitti(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return write_kitti(tmp_path_factory.mktemp("data"))
-
-
-@pytest.fixture(scope="module")
-def card(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return write_card(tmp_path_factory.mktemp("card"))
-
-
-@pytest.fixture
-def cli(capsys: pytest.CaptureFixture[str]) -> CommandLine:
-    return CommandLine(capsys)
-
-
-@pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> Path:
     """A run of stp."""
     folder = tmp_path_factory.mktemp("runs") / "stp"

@@ -44,7 +44,7 @@ def data_report(statuses: Mapping[str, DataStatus]) -> Group:
         for line in (*status.missing, *status.problems, *status.notes):
             if line not in shown:
                 shown.add(line)
-                parts.append(Text(f"  {line}"))
+                parts.append(Text(f"  {line}", no_wrap=True, overflow="ignore"))  # a path stays whole
         if status.dataset not in shown:
             shown.add(status.dataset)
             parts.append(Text(_about(status)))

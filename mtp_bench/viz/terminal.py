@@ -20,7 +20,7 @@ def show(content: RenderableType) -> None:
     """Print a listing, as wide as the terminal; a text as it is, without markup."""
     console = _console()
     text = isinstance(content, str)
-    console.print(content, highlight=False, markup=not text, soft_wrap=text and not console.is_terminal)
+    console.print(content, highlight=False, markup=not text, crop=False, soft_wrap=text and not console.is_terminal)
 
 
 def show_numbers(table: Table, console: Console | None = None) -> None:
