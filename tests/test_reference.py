@@ -14,9 +14,12 @@ import pytest
 
 from mtp_bench.cards import load_card
 from mtp_bench.errors import UnknownNameError
-from mtp_bench.scoring import read_reference, write_reference
+from mtp_bench.runner import run_jobs
+from mtp_bench.scoring import read_reference, score_scene, write_reference
+from mtp_bench.submission import load_submission
 from mtp_bench.submission.compare import compare
-from mtp_bench.submission.reference import freeze, frozen_path, frozen_reference
+from mtp_bench.submission.jobs import jobs_of
+from mtp_bench.submission.reference import find_reference, freeze, frozen_path, frozen_reference
 from tests.command_line import CommandLine, ship, write_submission
 from tests.small_scenes import CARD, write_card, write_kitti
 
@@ -179,3 +182,15 @@ def test_the_shipped_files_fit_their_cards(env_id: str) -> None:
     counts = content(env_id)["counts"]
     assert counts == {kind: len(reference.subsets.keys(kind)) for kind in KINDS}
     assert counts["lost"] > counts["ids"]
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("env_id", ["MTP-KITTI-v0", "MTP-KITTI-noego-v0", "MTP-KITTI-5Hz-v0"])
+def test_the_reference_still_has_the_frozen_events(env_id: str, data_root: Path) -> None:
+    # sequence 0014 has most of the switches, 0012 is the shortest
+    card = load_card(env_id)
+    submission = load_submission(card.reference)
+    jobs = jobs_of(submission, env_id, {"data": str(data_root)}, ["0012", "0014"])
+    reference = find_reference(card, run_jobs(jobs, 1, score_scene))
+    assert reference.frozen
+    assert reference.differing == 0
