@@ -36,7 +36,7 @@ lint: .venv/installed-dev
 	@echo '== import-linter'
 	@$(BIN)/lint-imports --no-logo --no-cache
 
-# Python 3.11 first: the pinned torch has a small CPU build for it everywhere.
+# Python 3.11 first: the version that the tests are run with.
 # pip is the last thing that `python -m venv` writes
 .venv/bin/pip:
 	@for python in python3.11 python3 python3.12 python3.13 python; do \

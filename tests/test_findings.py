@@ -50,7 +50,7 @@ def detail(setting: Setting) -> dict[str, Any]:
     return {
         "agent": setting[0], "hypotheses": setting[1], "samples": setting[2], "budget": setting[3],
         "parts": {"localisation": 0.567, "missed": 0.678, "false": None}, "spurious_per_frame": None, "EPA": 0.78,
-        "tracking": {"all": {"MOTA": 0.89}}, "own_events": {"ids": 34, "lost": 462},
+        "silence": 20.0, "tracking": {"all": {"MOTA": 0.89}}, "own_events": {"ids": 34, "lost": 462},
         "own": {"all_h_ids": {"targets": 17}},
     }  # fmt: skip
 
@@ -275,3 +275,22 @@ def test_every_figure_of_the_paper_is_in_its_table(repository: Path) -> None:
     figures = re.findall(r"^(\w+) = \[([\d.]+), ([\d.]+)\]$", text, flags=re.MULTILINE)
     assert len(figures) == 23
     assert all(float(ade) < float(fde) for _, ade, fde in figures)
+
+
+@pytest.mark.parametrize(
+    ("stp", "mtp", "worse"),
+    [(20.5, 19.5, "stp"), (20.5, 21.0, "stp, mtp"), (20.0, 19.9, None), (None, 19.0, None)],
+    ids=["one", "both", "equal is not worse", "no number"],
+)
+def test_who_would_score_better_by_saying_nothing(stp: float | None, mtp: float, worse: str | None) -> None:
+    # rows of other subsets and with more samples do not count
+    table = [
+        row(STP, "all", missing_aware=stp),
+        row(MTP, "all", missing_aware=mtp),
+        row(STP, "ids", missing_aware=99.0),
+        row(("free", 20, 400, "free"), "all", missing_aware=99.0),
+    ]
+    said = [sentence for sentence in findings(report(table)) if "says nothing" in sentence]
+    assert said == ([] if worse is None else [said[0]])
+    if worse is not None:
+        assert f"scores 20.00 m. Worse than that: {worse};" in said[0]

@@ -36,6 +36,9 @@ def details(table: AgentTable, card: Card) -> Row:
         "budget": given.budget,
         "seeds": len(given.seeds),
         "parts": _parts(table),
+        "silence": _ratio(
+            float(table.miss_error.sum()), len(table.miss_error)
+        ),  # missing-aware error of saying nothing
         "miss_rate": _ratio((table.covered - table.hit).sum(), table.covered.sum()),
         "PI_ADE": _planning_aware(table),
         "EPA": _accuracy(table, everything, spurious),

@@ -48,6 +48,7 @@ class AgentTable:
     curve: Array  # [n, len(ks)] m, summed
     hit: Array  # [n] seeds with a final point within 2 m
     near: Array  # [n] seeds with a final point within 4 m
+    miss_error: Array  # [n] m, c
     capped: Array  # [n] m, mean over seeds of min(minADE, c), c where missing
     missed: Array  # [n] m, the part of it that is missing
     spurious_error: Array  # [S] m per scene, mean over seeds
@@ -108,6 +109,7 @@ def agent_table(given: AgentScores, reference: ReferenceSubsets | None) -> Agent
         hit=_count([~_join(run, "miss") for run in given.seeds]),
         near=_count([_join(run, "min_fde") <= FORECAST_AP_GATES[1] for run in given.seeds]),
         capped=np.mean([_join(run, "capped") for run in given.seeds], axis=0),
+        miss_error=_join(first, "miss_error"),
         missed=lacking * _join(first, "miss_error"),
         spurious_error=np.mean([[score.spurious_error for score in run] for run in given.seeds], axis=0),
         mask=_masks(first, reference),

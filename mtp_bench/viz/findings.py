@@ -21,7 +21,7 @@ def findings(
     if best is not None:
         sentences += [_share_of_sampling(report, stp, control, best)]
         sentences += [_beyond_control(report, control, best, subset) for subset in ("ids", "lost", "reacquired")]
-    sentences.append(_few(report))
+    sentences += [_silence(report), _few(report)]
     return [sentence for sentence in sentences if sentence]
 
 
@@ -76,6 +76,21 @@ def _certainty(row: Row) -> str:
 
 def _p(value: float) -> str:
     return "< 0.001" if value < 0.001 else f"= {value:.3f}"
+
+
+def _silence(report: Report) -> str | None:
+    """Who would score better by saying nothing: false positives can cost more than all forecasts win."""
+    silence = next((row["silence"] for row in report.details), None)
+    ranked = [
+        r for r in report.rows if r["subset"] == "all" and r["budget"] == "equal" and r["missing_aware"] is not None
+    ]
+    worse = list(dict.fromkeys(r["agent"] for r in ranked if silence is not None and r["missing_aware"] > silence))
+    if not worse:
+        return None
+    return (
+        f"all: an agent that says nothing scores {silence:.2f} m. Worse than that: {', '.join(worse)}; their false "
+        "positives cost more than their forecasts win, so withholding weak tracks improves the ranked number."
+    )
 
 
 def _few(report: Report) -> str | None:
