@@ -81,10 +81,10 @@ def _p(value: float) -> str:
 def _silence(report: Report) -> str | None:
     """Who would score better by saying nothing: false positives can cost more than all forecasts win."""
     silence = next((row["silence"] for row in report.details), None)
-    ranked = [
-        r for r in report.rows if r["subset"] == "all" and r["budget"] == "equal" and r["missing_aware"] is not None
-    ]
-    worse = list(dict.fromkeys(r["agent"] for r in ranked if silence is not None and r["missing_aware"] > silence))
+    if silence is None:
+        return None
+    ranked = [row for row in report.rows if row["subset"] == "all" and row["budget"] == "equal"]
+    worse = list(dict.fromkeys(row["agent"] for row in ranked if (row["missing_aware"] or 0.0) > silence))
     if not worse:
         return None
     return (
