@@ -36,9 +36,7 @@ def details(table: AgentTable, card: Card) -> Row:
         "budget": given.budget,
         "seeds": len(given.seeds),
         "parts": _parts(table),
-        "silence": _ratio(
-            float(table.miss_error.sum()), len(table.miss_error)
-        ),  # missing-aware error of saying nothing
+        "silence": float(table.miss_error.mean()) if len(table.miss_error) else None,  # what saying nothing scores
         "miss_rate": _ratio((table.covered - table.hit).sum(), table.covered.sum()),
         "PI_ADE": _planning_aware(table),
         "EPA": _accuracy(table, everything, spurious),
