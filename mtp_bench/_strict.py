@@ -5,7 +5,8 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from types import UnionType
+from typing import Any, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
@@ -43,19 +44,60 @@ def validate(model: type[SectionT], content: dict[str, Any], where: str, error: 
 def _explain(errors: Sequence[ErrorDetails], model: type[BaseModel]) -> str:
     # A misspelt required key is both missing and unknown: the unknown one tells what to do.
     first = min(errors, key=lambda detail: detail["type"] != "extra_forbidden")
-    where = ".".join(str(part) for part in first["loc"])
+    where, _ = _follow(model, first["loc"])
     if first["type"] == "extra_forbidden":
-        return f"unknown key {where!r}{nearest(str(first['loc'][-1]), _keys_at(model, first['loc'][:-1]))}"
+        known = _follow(model, first["loc"][:-1])[1]
+        return f"unknown key {where!r}{nearest(str(first['loc'][-1]), known)}"
     if first["type"] == "missing":
         return f"key {where!r} is missing"
-    expected = "expected a table" if first["type"] == "model_type" else first["msg"]
+    if first["type"].startswith("union_tag"):
+        tags = [tag for member in get_args(_annotation(model, first["loc"])) for tag in _tags(member)]
+        return f"{where}.name: got {_tag(first['input'])!r}, expected one of {', '.join(map(repr, tags))}"
+    expected = "expected a table" if first["type"] in ("model_type", "model_attributes_type") else first["msg"]
     return f"{where}: got {first['input']!r}: {expected}"
 
 
-def _keys_at(model: type[BaseModel], loc: tuple[int | str, ...]) -> list[str]:
-    """Keys that the section at ``loc`` knows."""
+def _follow(model: type[BaseModel], loc: tuple[int | str, ...]) -> tuple[str, list[str]]:
+    """``loc`` as the user wrote it, without the tags of unions; and the keys that the section there knows."""
+    path: list[str] = []
+    at: Any = model
     for part in loc:
-        field = model.model_fields.get(str(part))
-        if field is not None and isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-            model = field.annotation
-    return list(model.model_fields)
+        at = _only_section(at)
+        if get_origin(at) in (Union, UnionType):  # pydantic names the member by its tag
+            at = next((member for member in get_args(at) if str(part) in _tags(member)), None)
+            continue
+        path.append(str(part))
+        if _is_section(at):
+            field = at.model_fields.get(str(part))
+            at = None if field is None else field.annotation
+        elif get_origin(at) is dict:
+            at = get_args(at)[1]
+    at = _only_section(at)
+    return ".".join(path), list(at.model_fields) if _is_section(at) else []
+
+
+def _annotation(model: type[BaseModel], loc: tuple[int | str, ...]) -> Any:
+    for part in loc[:-1]:
+        model = _only_section(model.model_fields[str(part)].annotation)
+    return model.model_fields[str(loc[-1])].annotation
+
+
+def _only_section(annotation: Any) -> Any:
+    """The section of an optional one; anything else as it is."""
+    if get_origin(annotation) not in (Union, UnionType):
+        return annotation
+    sections = [member for member in get_args(annotation) if _is_section(member)]
+    return sections[0] if len(sections) == 1 else annotation
+
+
+def _is_section(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
+def _tags(member: Any) -> tuple[str, ...]:
+    """Values of ``name`` that choose this member of a union of sections."""
+    return get_args(member.model_fields["name"].annotation) if _is_section(member) else ()
+
+
+def _tag(content: Any) -> Any:
+    return content.get("name") if isinstance(content, dict) else content

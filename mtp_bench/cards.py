@@ -8,28 +8,20 @@ from __future__ import annotations
 import hashlib
 import json
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field
 
 from ._bundle import bundled, card_ids
+from ._card_sections import DetectorSection as DetectorSection
+from ._card_sections import HighwaySource as HighwaySource
+from ._card_sections import KittiSource as KittiSource
+from ._card_sections import Source as Source
 from ._strict import Section, read_toml, validate
+from .detector import load_profile
 from .errors import CardError, UnknownNameError, nearest
 
 PerClass = dict[str, float]  # a single number in the TOML stands for every class
-
-
-class KittiSource(Section):
-    """KITTI tracking logs with stored detections."""
-
-    name: Literal["kitti"]
-    detector: str = "pointrcnn"  # folder under detections/
-    split: Literal["train", "val"] = "val"
-    ego_motion: bool = True  # False: every frame in its own camera frame, as without ego-motion compensation
-    stride: Annotated[int, Field(ge=1)] = 1  # keep every n-th frame
-
-
-Source = KittiSource  # further sources join here as a union that ``name`` tells apart
 
 
 class EventGate(Section):
@@ -68,14 +60,64 @@ class Card(Section):
     summary: str
     reference: str = "stp"  # baseline whose events define the frozen subsets
     source: Source
+    detector: DetectorSection | None = None
     task: TaskSection
     size: SizeSection
 
     @property
     def digest(self) -> str:
-        """First 16 hex digits of the sha256 of the card's content."""
-        text = json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
+        """First 16 hex digits of the sha256 of the card's content, the noise of a simulated detector included."""
+        content = self.model_dump(mode="json", exclude_none=True)
+        if self.detector is not None:
+            content["detector"]["noise"] = self.detector.resolved.model_dump(mode="json", exclude_none=True)
+        text = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    @property
+    def detector_name(self) -> str:
+        """What agents choose their parameters by: the stored detector, or the profile of the simulated one."""
+        if self.detector is not None:
+            return self.detector.name
+        return self.source.detector if isinstance(self.source, KittiSource) else ""
+
+    @property
+    def ego_motion(self) -> bool:
+        """False: every frame is given in its own sensor frame."""
+        return self.source.ego_motion if isinstance(self.source, KittiSource) else True
+
+    @property
+    def velocity(self) -> bool:
+        """Whether detections carry a measured velocity."""
+        if self.detector is None:
+            return False
+        noise = self.detector.resolved
+        return all(noise.noise(name).velocity is not None for name in self.task.classes)
+
+    def with_split(self, split: str) -> Card:
+        """The same card on another split of its source; raises UnknownNameError for one that it has not."""
+        known = get_args(type(self.source).model_fields["split"].annotation)
+        if split not in known:
+            raise UnknownNameError(f"split of {self.id}", split, known)
+        return self.model_copy(update={"source": self.source.model_copy(update={"split": split})})
+
+    def with_detector(self, name: str) -> Card:
+        """The card with another simulated detector, of the same reach.
+
+        ``name``: a shipped profile, the path of a profile (.toml), or "iid" or "hard" for that variant of the card's
+        own profile. Raises UnknownNameError or CardError.
+        """
+        own = self.detector or DetectorSection()
+        if name in ("iid", "hard"):
+            if self.detector is None:
+                raise CardError(f"detector {name!r} is a variant of a simulated detector, and {self.id} has none")
+            changed = own.model_copy(update={"variant": name})
+        elif name.endswith(".toml"):
+            changed = own.model_copy(update={"profile": None, "noise": load_profile(name), "variant": "as_fitted"})
+        else:
+            changed = own.model_copy(update={"profile": name, "noise": None, "variant": "as_fitted"})
+        card = self.model_copy(update={"detector": changed})
+        _check_detector(card, self.id)
+        return card
 
     def per_class(self, table: PerClass) -> tuple[float, ...]:
         """Values of a per-class table in the order of ``task.classes``."""
@@ -105,7 +147,15 @@ def parse_card(content: dict[str, Any], where: str = "card", stem: str | None = 
     if stem is not None and card.id != stem:
         raise CardError(f"{where}: id is {card.id!r}, expected the file's stem {stem!r}")
     _check_classes(card, where)
+    _check_detector(card, where)
     return card
+
+
+def changed_card(card: Card, split: str | None = None, detector: str | None = None) -> Card:
+    """``card`` on another split or with another simulated detector, where one is named."""
+    if split is not None:
+        card = card.with_split(split)
+    return card if detector is None else card.with_detector(detector)
 
 
 def _spread_scalars(content: dict[str, Any]) -> dict[str, Any]:
@@ -147,3 +197,17 @@ def _check_classes(card: Card, where: str) -> None:
                 raise CardError(f"{where}: {key} has no value for class {name!r}")
             if table[name] <= 0:
                 raise CardError(f"{where}: {key}.{name} is {table[name]}, expected a number above 0")
+
+
+def _check_detector(card: Card, where: str) -> None:
+    """A simulated source needs a simulated detector, which must know every class."""
+    if card.detector is None:
+        if isinstance(card.source, HighwaySource):
+            raise CardError(f"{where}: simulated traffic has no detections: a [detector] section is missing")
+        return
+    try:
+        noise = card.detector.resolved
+    except CardError as error:
+        raise CardError(f"{where}: {error}") from None
+    for name in card.task.classes:
+        noise.noise(name)

@@ -2,20 +2,33 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
+from ._command_line import (
+    DataOption,
+    DetectorOption,
+    EnvOption,
+    JobsOption,
+    JsonOption,
+    ScenesOption,
+    SeedOption,
+    SplitOption,
+    count,
+    fail,
+    generate,
+    given,
+    require_writable,
+    show_report,
+    show_skipped,
+    workers,
+    write_json,
+)
 from .errors import MtpBenchError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from .scoring import Report
 
 app = typer.Typer(
     help="Tracking and prediction together: your agent sees detections, not the truth.",
@@ -23,15 +36,6 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-
-DataOption = Annotated[
-    str | None, typer.Option("--data", help="Data root; else MTP_BENCH_DATA, else the user data folder.")
-]
-JsonOption = Annotated[Path | None, typer.Option("--json", help="Write the table's content to this file.")]
-EnvOption = Annotated[str, typer.Option("--env", help="Environment id; `mtp-bench envs` lists them.")]
-JobsOption = Annotated[int, typer.Option("--jobs", min=0, help="Processes; 0 takes one per core.")]
-ScenesOption = Annotated[int | None, typer.Option("--scenes", min=1, help="Only the first N scenes.")]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the run.")]
 
 
 @app.command()
@@ -43,7 +47,7 @@ def envs(json_file: JsonOption = None) -> None:
     from .viz.terminal import show
 
     cards = [load_card(env_id) for env_id in card_ids()]
-    _write_json(json_file, {card.id: {**card.model_dump(mode="json"), "digest": card.digest} for card in cards})
+    write_json(json_file, {card.id: {**card.model_dump(mode="json"), "digest": card.digest} for card in cards})
     show(env_table(cards))
 
 
@@ -62,7 +66,7 @@ def data(
 
     cards = [load_card(env_id) for env_id in ([env] if env else card_ids())]
     statuses = {card.id: read_status(card, root) for card in cards}
-    _write_json(json_file, {env_id: status_json(status) for env_id, status in statuses.items()})
+    write_json(json_file, {env_id: status_json(status) for env_id, status in statuses.items()})
     show(data_report(statuses))
     lacking = [env_id for env_id, status in statuses.items() if not status.usable]
     if lacking:
@@ -78,16 +82,19 @@ def run(
     scenes: ScenesOption = None,
     jobs: JobsOption = 0,
     seed: SeedOption = 0,
+    split: SplitOption = None,
+    detector: DetectorOption = None,
 ) -> None:
     """Run an agent and store what it said."""
     from .submission.stored import run_and_store
     from .viz.terminal import progress_bar, show
 
+    changes = given(split=split, detector=detector)
+    generate(env, scenes, jobs, changes)
     with progress_bar(agent) as (started, done):
-        stored = run_and_store(agent, env, output, root, scenes, _workers(jobs), seed, started, done)
-    _show_skipped(stored.skipped)
-    count = _count(stored.scenes, "scene")
-    show(f"{count} of {env} by {agent} in {output}; score with `mtp-bench score {output}`")
+        stored = run_and_store(agent, env, output, root, scenes, workers(jobs), seed, started, done, changes)
+    show_skipped(stored.skipped)
+    show(f"{count(stored.scenes, 'scene')} of {env} by {agent} in {output}; score with `mtp-bench score {output}`")
 
 
 @app.command()
@@ -101,14 +108,14 @@ def score(
     from .submission.stored import score_stored
     from .viz.terminal import progress_bar, show
 
-    _require_file(json_file)
+    require_writable(json_file)
     with progress_bar("score") as (started, done):
         scored = score_stored(folder, root, started, done, env)
     report = scored.report
-    _write_json(json_file, {**report.to_json(), "details": report.details, "skipped": scored.skipped})
-    _show_report(report, f"{report.env}: {folder.name}")
+    write_json(json_file, {**report.to_json(), "details": report.details, "skipped": scored.skipped})
+    show_report(report, f"{report.env}: {folder.name}")
     show(scored.origin)
-    _show_skipped(scored.skipped)
+    show_skipped(scored.skipped)
 
 
 @app.command()
@@ -122,6 +129,8 @@ def compare(
     reference: Annotated[
         str | None, typer.Option("--reference", help="Take the subsets from this agent's events, not the frozen ones.")
     ] = None,
+    split: SplitOption = None,
+    detector: DetectorOption = None,
     json_file: JsonOption = None,
 ) -> None:
     """Run agents side by side, with true pasts and the controls beside them, and print the comparison."""
@@ -129,16 +138,18 @@ def compare(
     from .viz.findings import findings
     from .viz.terminal import progress_bar, show
 
-    _require_file(json_file)
-    keywords = {} if root is None else {"data": root}
+    require_writable(json_file)
+    changes = given(split=split, detector=detector)
+    generate(env, scenes, jobs, changes)
+    keywords = {**given(data=root), **changes}
     with progress_bar("compare") as (started, done):
-        result = run_comparison(agents, env, keywords, scenes, range(seeds), _workers(jobs), started, done, reference)
+        result = run_comparison(agents, env, keywords, scenes, range(seeds), workers(jobs), started, done, reference)
     report = result.report
     further = {"ranks": report.ranks, "paired": report.paired, "details": report.details, "skipped": result.skipped}
-    _write_json(json_file, {**report.to_json(), **further})
-    _show_report(report, f"{report.env}: missing-aware error (m), {_count(seeds, 'seed')} of sampling")
+    write_json(json_file, {**report.to_json(), **further})
+    show_report(report, f"{report.env}: missing-aware error (m), {count(seeds, 'seed')} of sampling")
     show(result.reference.origin)
-    _show_skipped(result.skipped)
+    show_skipped(result.skipped)
     for sentence in findings(report):
         show(f"• {sentence}")
 
@@ -151,6 +162,9 @@ def train(
     observe: Annotated[
         str, typer.Option("--observe", help="detections or truth: what the pasts are made of.")
     ] = "detections",
+    scenes: ScenesOption = None,
+    jobs: JobsOption = 0,
+    detector: DetectorOption = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Write here instead of printing.")] = None,
 ) -> None:
     """Fit the parameters of a baseline on the training split of an environment."""
@@ -158,11 +172,47 @@ def train(
     from .submission.training import KINDS, fit_motion_noise
     from .viz.terminal import progress_bar
 
-    _require_file(output)
+    require_writable(output)
     if what not in KINDS:
         raise typer.BadParameter(f"{what!r} cannot be fitted, expected one of: {', '.join(KINDS)}", param_hint="WHAT")
+    generate(env, scenes, jobs, {**given(detector=detector), "split": "train"})
     with progress_bar("read") as (started, done):
-        text = fit_motion_noise(env, root, observe, started, done)
+        text = fit_motion_noise(env, root, observe, started, done, scenes, detector)
+    if output is None:
+        sys.stdout.write(text)
+    else:
+        write_text(output, text)
+
+
+@app.command("fit-noise")
+def fit_noise(
+    env: EnvOption,
+    root: DataOption = None,
+    scenes: ScenesOption = None,
+    split: SplitOption = None,
+    detector: DetectorOption = None,
+    min_score: Annotated[
+        list[str] | None, typer.Option("--min-score", help="Operating point: a number, or class=number; repeatable.")
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option("--name", help="Name of the profile; agents go by the part before its first hyphen.")
+    ] = None,
+    reach: Annotated[float | None, typer.Option("--reach", min=1, help="How far the detector sees, metres.")] = None,
+    field_of_view: Annotated[
+        float | None, typer.Option("--field-of-view", min=1, max=360, help="Degrees around the heading.")
+    ] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write here instead of printing.")] = None,
+) -> None:
+    """Fit the noise of a simulated detector to the detections of an environment, as a section of a card."""
+    from .submission.files import write_text
+    from .submission.fitting import fit_noise as fit
+    from .viz.terminal import progress_bar
+
+    require_writable(output)
+    changes = given(split=split, detector=detector)
+    generate(env, scenes, 0, changes)
+    with progress_bar("read") as (started, done):
+        text = fit(env, root, scenes, changes, min_score or (), name, reach, field_of_view, started, done)
     if output is None:
         sys.stdout.write(text)
     else:
@@ -175,8 +225,9 @@ def freeze(env: EnvOption, root: DataOption = None, jobs: JobsOption = 0) -> Non
     from .submission.reference import freeze as write
     from .viz.terminal import progress_bar, show
 
+    generate(env, None, jobs, {})
     with progress_bar("freeze") as (started, done):
-        path, counts = write(env, root, _workers(jobs), started, done)
+        path, counts = write(env, root, workers(jobs), started, done)
     show(f"{path}: {counts}")
 
 
@@ -187,60 +238,9 @@ def main() -> None:
     try:
         app(prog_name="mtp-bench")
     except MtpBenchError as error:
-        _fail(str(error))
+        fail(str(error))
     except OSError as error:  # a full disk, a file without permission
-        _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error))
-
-
-def _fail(text: str) -> None:
-    from rich.console import Console
-
-    Console(stderr=True, soft_wrap=True).print("error:", style="bold red", end=" ")
-    line = " ".join(part.strip() for part in text.splitlines())
-    Console(stderr=True, soft_wrap=True, markup=False, highlight=False).print(line)
-    raise SystemExit(1)
-
-
-def _show_report(report: Report, title: str) -> None:
-    from .viz.tables import displacement_table, error_table, parts_table
-    from .viz.terminal import show_numbers
-
-    for table in (error_table(report, title), displacement_table(report), parts_table(report)):
-        show_numbers(table)
-
-
-def _show_skipped(skipped: Mapping[str, int]) -> None:
-    from .submission.reading import skipped_line
-    from .viz.terminal import show
-
-    line = skipped_line(skipped)
-    if line is not None:
-        show(line)
-
-
-def _require_file(path: Path | None) -> None:
-    """Refuse a file that cannot be written before the work, not after it."""
-    from .submission.files import require_file
-
-    if path is not None:
-        require_file(path)
-
-
-def _write_json(path: Path | None, content: dict[str, Any]) -> None:
-    from .submission.files import write_text
-
-    if path is not None:
-        write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
-
-
-def _workers(jobs: int) -> int:
-    import os
-
-    return jobs or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else jobs or os.cpu_count() or 1
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" + ("" if number == 1 else "s")
+        fail(f"{error.filename}: {error.strerror}" if error.filename else str(error))
 
 
 if __name__ == "__main__":

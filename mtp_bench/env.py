@@ -17,12 +17,12 @@ from gymnasium.error import ResetNeeded
 from ._answer import Answer, decode
 from ._observation import Feed, LocalFrame, Observation, make_feed, rotate
 from ._spaces import action_space, observation_space
-from .cards import Card, load_card
+from .cards import Card, changed_card, load_card
 from .errors import DataError, MtpBenchError, RolloutError, UnknownNameError
 from .rollouts import assemble
 from .scoring.forecasts import frame_error
 from .scoring.targets import Targets, find_targets
-from .sources import open_source
+from .sources import detected, open_source
 from .types import Rollout, Scene, Task
 
 OBSERVE = ("detections", "truth")
@@ -56,7 +56,9 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
     boxes with true ids. ``samples``, ``tracks``, ``objects``, ``hypotheses``, ``detections``: sizes of the spaces in
     place of the card's; more ``samples`` than the card's belong to unranked runs. ``scenes``: names to choose from.
     ``evaluation``: the reward is 0 and nothing that is returned derives from the truth. ``rigid_motion``: the local
-    frame of every episode is turned and shifted at random.
+    frame of every episode is turned and shifted at random. ``split``: another split of the card's source.
+    ``detector``: another simulated detector on the true boxes (`Card.with_detector`). ``fresh_noise``: the noise of a
+    simulated detector is drawn anew in every episode, for training; else a scene always has the same detections.
 
     Raises UnknownNameError, DataError or CardError (all MtpBenchError) for a wrong argument or missing data.
     """
@@ -76,6 +78,9 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
         scenes: Sequence[str] | None = None,
         evaluation: bool = False,
         rigid_motion: bool = False,
+        split: str | None = None,
+        detector: str | None = None,
+        fresh_noise: bool = False,
         render_mode: str | None = None,
     ) -> None:
         if observe not in OBSERVE:
@@ -83,7 +88,7 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise UnknownNameError("render mode", str(render_mode), RENDER_MODES)
         self.render_mode = render_mode
-        self.card = load_card(card)
+        self.card = changed_card(load_card(card), split, detector)
         sizes = {
             "samples": _size("samples", samples, self.card.task.samples),
             "tracks": _size("tracks", tracks, self.card.size.tracks),
@@ -94,6 +99,9 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
         self.task = _task(self.card, observe, sizes)
         self._evaluation = _flag("evaluation", evaluation)
         self._rigid_motion = _flag("rigid_motion", rigid_motion)
+        self._fresh_noise = _flag("fresh_noise", fresh_noise)
+        if self._fresh_noise and self.card.detector is None:
+            raise MtpBenchError(f"fresh_noise needs a simulated detector: {self.card.id} has stored detections")
         self._source = open_source(self.card, data)
         self.scene_names = _choose(tuple(self._source.names), scenes)
         self.observation_space = cast("gymnasium.Space[Observation]", observation_space(self.task))
@@ -147,8 +155,11 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
 
     def _load(self, name: str) -> Scene:
         if self._episode is not None and self._episode.scene.name == name:
-            return self._episode.scene
-        scene = self._source.load(name)
+            scene = self._episode.scene
+        else:
+            scene = self._source.load(name)
+        if self._fresh_noise:
+            scene = detected(scene, self.card, int(self.np_random.integers(2**62)))
         if scene.frames == 0:
             raise DataError(f"scene {name!r} of {self.card.id} has no frames, expected at least one")
         return scene
@@ -202,10 +213,10 @@ def _task(card: Card, observe: str, sizes: dict[str, int]) -> Task:
         past=card.task.past,
         future=card.task.future,
         k=min(card.task.samples, sizes["samples"]),
-        detector=card.source.detector,
+        detector=card.detector_name,
         observe=observe,
-        ego_motion=card.source.ego_motion,
-        velocity=False,  # no source of today measures it
+        ego_motion=card.ego_motion,
+        velocity=card.velocity,
         **sizes,
     )
 

@@ -54,6 +54,16 @@ class Detections:
 
 
 @dataclass(frozen=True, eq=False)
+class Lane:
+    """A lane of the road map: polylines along the direction of travel."""
+
+    center: Floats  # [n, 2]
+    left: Floats  # [n, 2] left border
+    right: Floats  # [n, 2] right border
+    following: tuple[int, ...] = ()  # lanes that continue it, by their place in ``Scene.lanes``
+
+
+@dataclass(frozen=True, eq=False)
 class Scene:
     """One log: the same record for every source."""
 
@@ -64,8 +74,9 @@ class Scene:
     detections: Detections
     truth_complete: bool = True  # False: objects outside the truth exist, so an unmatched forecast is not spurious
     detector: str = ""  # what made the detections, in words; simulated ones say so
+    visible: Floats | None = None  # [R] share of each true box in line of sight, 0 to 1; None where it is not known
     skipped: dict[str, int] = field(default_factory=dict)  # rows dropped while reading, by reason
-    lanes: tuple[Floats, ...] = ()  # [n, 2] polylines, for drawing
+    lanes: tuple[Lane, ...] = ()  # the road map, for drawing and training; empty where there is none
 
     @property
     def frames(self) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.errors import UnknownNameError
-from mtp_bench.prediction import NoiseTable, fit_motion_noise, stored_noise
+from mtp_bench.prediction import NoiseTable, fit_motion_noise, motion_noise, stored_noise
 from mtp_bench.prediction.motion_noise import as_toml, condition, fit_scenes, forecast_score, table
 from mtp_bench.prediction.windows import collect, frame_observation
 from mtp_bench.tracking import HypothesisTracker, TruthTracker
@@ -72,16 +72,16 @@ def test_the_score_is_least_at_the_true_noise() -> None:
 
 
 CONDITIONS: dict[str, dict[str, Any]] = {
-    "pointrcnn-world": {},
-    "pointrcnn-ego": {"ego_motion": False},
-    "truth-world": {"observe": "truth"},
-    "truth-ego": {"observe": "truth", "ego_motion": False},
+    "KITTI-pointrcnn-world": {},
+    "KITTI-pointrcnn-ego": {"ego_motion": False},
+    "KITTI-truth-world": {"observe": "truth"},
+    "KITTI-truth-ego": {"observe": "truth", "ego_motion": False},
 }
 
 
 @pytest.mark.parametrize("name", CONDITIONS)
 def test_stored_noise(name: str) -> None:
-    task = kitti_task(**CONDITIONS[name])
+    task = kitti_task(env_id="MTP-KITTI-5Hz-v0", **CONDITIONS[name])
     assert condition(task) == name
     noise = stored_noise(task)
     for field in fields(NoiseTable):
@@ -93,11 +93,39 @@ def test_stored_noise(name: str) -> None:
     np.testing.assert_array_equal(swapped.jerkiness, noise.jerkiness[[2, 0]])
 
 
-def test_unknown_conditions_and_classes_are_errors() -> None:
-    with pytest.raises(UnknownNameError, match="motion noise 'centerpoint-world'"):
-        stored_noise(kitti_task(detector="centerpoint"))
-    with pytest.raises(UnknownNameError, match="class of motion noise 'pointrcnn-world' 'pedestrain': did you mean"):
-        stored_noise(kitti_task(classes=("car", "pedestrain")))
+def test_unknown_classes_are_errors() -> None:
+    with pytest.raises(UnknownNameError, match="class of motion noise 'KITTI-pointrcnn-world' 'pedestrain': did you"):
+        stored_noise(kitti_task(env_id="MTP-KITTI-v0", classes=("car", "pedestrain")))
+
+
+STORE: dict[str, dict[str, Any]] = {
+    "KITTI-pointrcnn-world": {"car": {**TRUE, "measurement": 1.0}, "cyclist": {**TRUE, "measurement": 1.5}},
+    "KITTI-truth-world": {"car": {**TRUE, "measurement": 2.0}},
+    "Merge-kitti_pointrcnn-world": {"car": {**TRUE, "measurement": 3.0}},
+    "Merge-clean-world": {"car": {**TRUE, "measurement": 4.0}},
+}
+LIKE = {
+    "own": ({"env_id": "MTP-Merge-v0", "detector": "clean"}, 4.0),
+    "another variant": ({"env_id": "MTP-Merge-v0", "detector": "kitti_pointrcnn-hard"}, 3.0),
+    "the same detector under another name": ({"env_id": "MTP-Merge-v0", "detector": "pointrcnn"}, 3.0),
+    "another detector of the domain": ({"env_id": "MTP-Merge-v0", "detector": "lidar"}, 3.0),
+    "another domain": ({"env_id": "mine", "detector": "pointrcnn"}, 1.0),
+    "another domain that knows the class": ({"env_id": "MTP-Merge-v0", "classes": ("cyclist",)}, 1.5),
+    "truth of another domain": ({"env_id": "MTP-Merge-v0", "observe": "truth"}, 2.0),
+}
+
+
+@pytest.mark.parametrize("name", LIKE)
+def test_the_most_similar_condition_stands_in(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(motion_noise, "_read_store", lambda: STORE)
+    changes, measurement = LIKE[name]
+    assert stored_noise(kitti_task(**{"classes": ("car",), **changes})).measurement[0] == measurement
+
+
+def test_a_moving_frame_has_no_substitute(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(motion_noise, "_read_store", lambda: STORE)
+    with pytest.raises(UnknownNameError, match="motion noise 'test-pointrcnn-ego'"):
+        stored_noise(kitti_task(classes=("car",), ego_motion=False))
 
 
 def test_the_text_of_a_condition_can_be_read_back() -> None:

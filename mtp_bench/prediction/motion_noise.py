@@ -26,20 +26,52 @@ _FIELDS = ("measurement", "jerkiness", "speed", "acceleration", "turn_rate")
 
 
 def condition(task: Task) -> str:
-    """Name of the fit that suits a task: what is observed, and in which frame."""
-    return f"{'truth' if task.observe == 'truth' else task.detector}-{'world' if task.ego_motion else 'ego'}"
+    """Name of the fit for a task: its domain ("KITTI" of MTP-KITTI-v0), what is observed, and in which frame."""
+    return f"{_domain(task.env_id)}-{_observed(task)}-{_frame(task)}"
 
 
 def stored_noise(task: Task) -> NoiseTable:
-    """The noise table fitted for the task's condition; raises UnknownNameError if there is none."""
+    """The noise table for the task's condition: its own fit, else the most similar one that knows its classes.
+
+    Most similar: the same domain and another variant of the detector; the same domain and another detector; another
+    domain. True boxes and detections, moving and still frames never stand in for each other. Raises UnknownNameError
+    if nothing is left.
+    """
     store = _read_store()
-    name = condition(task)
-    if name not in store:
-        raise UnknownNameError("motion noise", name, store, "fit it with `mtp-bench train motion-noise`")
-    for class_name in task.classes:
-        if class_name not in store[name]:
-            raise UnknownNameError(f"class of motion noise {name!r}", class_name, store[name])
-    return table([store[name][c] for c in task.classes])
+    similar = [name for name in store if _likeness(name, task) > 0]
+    if not similar:
+        raise UnknownNameError("motion noise", condition(task), store, "fit it with `mtp-bench train motion-noise`")
+    knowing = [name for name in similar if all(class_name in store[name] for class_name in task.classes)]
+    if not knowing:
+        best = max(similar, key=lambda name: _likeness(name, task))
+        strange = next(class_name for class_name in task.classes if class_name not in store[best])
+        raise UnknownNameError(f"class of motion noise {best!r}", strange, store[best])
+    best = max(knowing, key=lambda name: _likeness(name, task))
+    return table([store[best][c] for c in task.classes])
+
+
+def _likeness(name: str, task: Task) -> int:
+    """How well the stored condition suits the task; 0: not at all."""
+    domain, observed, frame = name.split("-")
+    wanted = _observed(task)
+    if frame != _frame(task) or (observed == "truth") != (wanted == "truth"):
+        return 0
+    same_family = observed.split("_")[-1] == wanted.split("_")[-1]
+    return 1 + same_family + 2 * (observed == wanted) + 4 * (domain == _domain(task.env_id))
+
+
+def _domain(env_id: str) -> str:
+    parts = env_id.split("-")
+    return parts[1] if parts[0] == "MTP" and len(parts) > 2 else parts[0]
+
+
+def _observed(task: Task) -> str:
+    """What pasts are made of; variants of a detector ("kitti_pointrcnn-hard") share a fit."""
+    return "truth" if task.observe == "truth" else task.detector.split("-")[0]
+
+
+def _frame(task: Task) -> str:
+    return "world" if task.ego_motion else "ego"
 
 
 def table(rows: list[dict[str, Any]]) -> NoiseTable:

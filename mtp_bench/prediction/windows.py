@@ -51,17 +51,23 @@ def _scene_windows(scene: Scene, task: Task, tracker: Tracker, gate: float) -> I
 def frame_observation(scene: Scene, t: int, observe: str) -> Observation:
     """The part of an observation that trackers read, unpadded and in the scene's frame."""
     if observe != "truth":
-        rows = scene.detections.rows(t)
-        return _observed(scene.detections.box[rows], scene.detections.class_id[rows], scene.detections.score[rows])
+        seen, rows = scene.detections, scene.detections.rows(t)
+        return _observed(seen.box[rows], seen.class_id[rows], seen.score[rows], seen.velocity[rows])
     span = np.arange(scene.truth.start[t], scene.truth.start[t + 1])
     span = span[~scene.truth.neutral[span]]
-    seen = _observed(scene.truth.box[span], scene.truth.class_id[span], np.ones(len(span)))
-    return {**seen, "detection_id": scene.truth.object_id[span]}
+    truth = scene.truth
+    shown = _observed(truth.box[span], truth.class_id[span], np.ones(len(span)), truth.velocity[span])
+    return {**shown, "detection_id": truth.object_id[span]}
 
 
-def _observed(box: Floats, class_id: Ints, score: Floats) -> Observation:
-    valid = np.ones(len(box), dtype=bool)
-    return {"detection_box": box, "detection_class": class_id, "detection_score": score, "detection_valid": valid}
+def _observed(box: Floats, class_id: Ints, score: Floats, velocity: Floats) -> Observation:
+    return {
+        "detection_box": box,
+        "detection_class": class_id,
+        "detection_score": score,
+        "detection_velocity": np.nan_to_num(velocity),
+        "detection_valid": np.ones(len(box), dtype=bool),
+    }
 
 
 def _frame_windows(scene: Scene, t: int, tracks: Tracks, task: Task, gate: float) -> Windows:

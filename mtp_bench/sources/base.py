@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from ..types import Scene
+import numpy as np
+
+from ..types import Detections, Scene
 
 
 class SceneSource(Protocol):
@@ -20,6 +22,13 @@ class SceneSource(Protocol):
     def load(self, name: str) -> Scene:
         """Read one scene; DataError names the file and line that is wrong, UnknownNameError a name not in the split."""
         ...
+
+
+def no_detections(frames: int) -> Detections:
+    """The record of a scene of ``frames`` frames in which nothing is detected."""
+    none = np.zeros(0, dtype=np.int64)
+    start = np.zeros(frames + 1, dtype=np.int64)
+    return Detections(start, np.zeros((0, 7)), np.zeros((0, 2)), none, np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -51,6 +60,7 @@ class DataStatus:
     licence: str
     citation: str
     how_to_get: str
+    generated: bool = False  # made by the library: there are no files to read and check
 
     @property
     def usable(self) -> bool:

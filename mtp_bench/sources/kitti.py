@@ -10,6 +10,7 @@ import numpy as np
 from ..cards import Card
 from ..errors import CardError, DataError, UnknownNameError, nearest
 from ..types import Bools, Detections, Floats, Ints, Scene, Truth
+from .base import no_detections
 from .kitti_files import (
     Labels,
     StoredDetections,
@@ -19,7 +20,7 @@ from .kitti_files import (
     read_odometry,
     read_oxts,
 )
-from .kitti_layout import TYPES, find_root, require_detector, split_names, validation_lengths
+from .kitti_layout import TYPES, find_root, require_detector, section_of, split_names, validation_lengths
 from .kitti_poses import FRAME_PERIOD, Poses, integrated_poses, odometry_poses
 
 # Types that KITTI's own evaluation neither rewards nor punishes: their annotation overlaps with the class.
@@ -35,37 +36,41 @@ class KittiTracking:
 
     def __init__(self, card: Card, data: str | Path | None = None) -> None:
         self.card = card
+        self.section = section_of(card)
         self.root = find_root(data)
         for name in card.task.classes:
             if name not in TYPES:
                 raise CardError(f"{card.id}: KITTI has no class {name!r}{nearest(name, TYPES)}")
-        if not np.isclose(card.task.rate * card.source.stride, 10.0):
+        stride = self.section.stride
+        if not np.isclose(card.task.rate * stride, 10.0):
             raise CardError(
-                f"{card.id}: task.rate is {card.task.rate} Hz, but every {card.source.stride}. frame of KITTI's 10 Hz "
-                f"is {10 / card.source.stride:g} Hz"
+                f"{card.id}: task.rate is {card.task.rate} Hz, but every {stride}. frame of KITTI's 10 Hz is "
+                f"{10 / stride:g} Hz"
             )
         self._lengths = validation_lengths(self.root)
-        self.names = split_names(self.root, card.source.split, self._lengths)
-        require_detector(self.root, card)
+        self.names = split_names(self.root, self.section.split, self._lengths)
+        if card.detector is None:
+            require_detector(self.root, card)
 
     def load(self, name: str) -> Scene:
         """Read one sequence; all its frames count, also those without labels or detections."""
         if name not in self.names:
             raise UnknownNameError("scene", name, self.names)
-        source, length = self.card.source, self._length(name)
-        poses = read_poses(self.root, name, length) if source.ego_motion else None
-        frames = _Frames(length, source.stride, poses)
-        kept = np.arange(0, length, source.stride)
-        detections, skipped = _detections(
-            self.root / "detections" / source.detector, name, self.card.task.classes, frames
-        )
+        section, length = self.section, self._length(name)
+        poses = read_poses(self.root, name, length) if section.ego_motion else None
+        frames = _Frames(length, section.stride, poses)
+        kept = np.arange(0, length, section.stride)
+        detections, skipped = no_detections(len(kept)), dict[str, int]()
+        if self.card.detector is None:
+            folder = self.root / "detections" / section.detector
+            detections, skipped = _detections(folder, name, self.card.task.classes, frames)
         return Scene(
             name=name,
             time=kept * FRAME_PERIOD,
             ego=poses.ego()[kept] if poses else np.zeros((len(kept), 4)),
             truth=_truth(self.root / f"training/label_02/{name}.txt", self.card.task.classes, frames),
             detections=detections,
-            detector=f"{source.detector}, stored detections",
+            detector=f"{section.detector}, stored detections",
             skipped=skipped,
         )
 

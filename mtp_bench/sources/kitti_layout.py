@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..cards import Card
-from ..errors import DataError
+from ..cards import Card, KittiSource
+from ..errors import CardError, DataError
 from .kitti_files import read_sequence_map
 from .roots import candidates
 
@@ -21,6 +21,13 @@ SEQUENCE_MAP = "evaluate_tracking.seqmap.val"
 # The paper's validation sequences (AB3DMOT's split), for a root without the sequence map.
 VALIDATION = ("0001", "0006", "0008", "0010", "0012", "0013", "0014", "0015", "0016", "0018", "0019")
 TYPES = {"car": ("Car", 2), "pedestrian": ("Pedestrian", 1), "cyclist": ("Cyclist", 3)}  # label type, detection code
+
+
+def section_of(card: Card) -> KittiSource:
+    """The card's source section; raises CardError where it is another source's."""
+    if not isinstance(card.source, KittiSource):
+        raise CardError(f"{card.id}: source is {card.source.name!r}, expected 'kitti'")
+    return card.source
 
 
 def find_root(data: str | Path | None) -> Path:
@@ -57,9 +64,10 @@ def require_detector(root: Path, card: Card) -> None:
     if not folder.is_dir():
         raise DataError(f"no folder {folder}; {HOW_TO_GET}")
     found = sorted(path.name for path in folder.iterdir() if path.is_dir())
-    if card.source.detector not in found:
+    detector = section_of(card).detector
+    if detector not in found:
         listed = ", ".join(found) or "none"
-        raise DataError(f"{folder} has no detector {card.source.detector!r}; found: {listed}")
+        raise DataError(f"{folder} has no detector {detector!r}; found: {listed}")
     for name in card.task.classes:
-        if not (folder / card.source.detector / TYPES[name][0]).is_dir():
-            raise DataError(f"no folder {folder / card.source.detector / TYPES[name][0]}, expected for class {name!r}")
+        if not (folder / detector / TYPES[name][0]).is_dir():
+            raise DataError(f"no folder {folder / detector / TYPES[name][0]}, expected for class {name!r}")

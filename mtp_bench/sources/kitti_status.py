@@ -13,7 +13,7 @@ from ..errors import DataError
 from ..types import Ints
 from .base import DataCheck, DataStatus
 from .kitti_files import Labels, read_labels, read_oxts, read_sequence_map
-from .kitti_layout import FOLDER, HOW_TO_GET, SEQUENCE_MAP, TYPES, VALIDATION, find_root
+from .kitti_layout import FOLDER, HOW_TO_GET, SEQUENCE_MAP, TYPES, VALIDATION, find_root, section_of
 from .roots import candidates
 
 Read = TypeVar("Read")
@@ -45,12 +45,13 @@ def kitti_status(card: Card, data: str | Path | None) -> DataStatus:
         return _status(None, candidates(data, FOLDER)[0])
     problems: list[str] = []
     validation = _validation(root, problems)
-    names = validation if card.source.split == "val" else tuple(name for name in SEQUENCES if name not in validation)
+    training = tuple(name for name in SEQUENCES if name not in validation)
+    names = validation if section_of(card).split == "val" else training
     missing = _missing(root, card, names)
     notes = []
     if not (root / SEQUENCE_MAP).is_file():
         notes.append(f"{SEQUENCE_MAP} is absent: the validation split is taken as {', '.join(VALIDATION)}")
-    if card.source.ego_motion and "0019" in names and not (root / "poses_orbslam3/0019.txt").is_file():
+    if card.ego_motion and "0019" in names and not (root / "poses_orbslam3/0019.txt").is_file():
         notes.append("poses_orbslam3/0019.txt is absent: sequence 0019 uses its GPS/IMU unit, which is bad there")
     return _status(root, (root,), missing, tuple(notes), _checks(root, validation, problems), tuple(problems))
 
@@ -73,11 +74,13 @@ def _validation(root: Path, problems: list[str]) -> tuple[str, ...]:
 def _missing(root: Path, card: Card, names: tuple[str, ...]) -> tuple[str, ...]:
     """What the card needs and is not there; a folder stands for its files if it has none of them."""
     folders = ["training/label_02"]
-    if card.source.ego_motion:
+    if card.ego_motion:
         folders += ["training/calib", "training/oxts"]
-    elif not (root / SEQUENCE_MAP).is_file() or card.source.split == "train":
+    elif not (root / SEQUENCE_MAP).is_file() or section_of(card).split == "train":
         folders += ["training/oxts"]  # the number of frames
-    folders += [f"detections/{card.source.detector}/{TYPES[name][0]}" for name in card.task.classes if name in TYPES]
+    if card.detector is None:
+        stored = f"detections/{section_of(card).detector}"
+        folders += [f"{stored}/{TYPES[name][0]}" for name in card.task.classes if name in TYPES]
     missing: list[str] = []
     for folder in folders:
         absent = [f"{folder}/{name}.txt" for name in names if not (root / folder / f"{name}.txt").is_file()]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from ..cards import Card
+from ..cards import Card, changed_card, load_card
 from ..errors import DataError
-from ..sources import DataStatus, describe, open_source
+from ..sources import DataStatus, describe, generate, open_source
 
 
 def total_skipped(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
@@ -29,10 +29,26 @@ def skipped_line(skipped: Mapping[str, int]) -> str | None:
     return f"skipped {count} row{'' if count == 1 else 's'} of the data that cannot be used: {reasons}"
 
 
+def generate_scenes(
+    env_id: str,
+    changes: Mapping[str, str],
+    scenes: int | None = None,
+    workers: int = 1,
+    started: Callable[[int], object] | None = None,
+    progress: Callable[[str], object] | None = None,
+) -> None:
+    """Make the first ``scenes`` scenes of a simulated env (None: all) that are not in the cache yet.
+
+    ``changes`` are the ``split`` and ``detector`` of the env where they are not the card's. Recorded logs need nothing.
+    """
+    card = changed_card(load_card(env_id), **changes)
+    generate(card, scenes, workers, started, progress)
+
+
 def read_status(card: Card, data: str | Path | None = None) -> DataStatus:
     """Status of the data of ``card`` after reading all its scenes: broken files are problems, skipped rows a note."""
     status = describe(card, data)
-    if status.root is None or status.missing:
+    if status.root is None or status.missing or status.generated:
         return status
     problems, skipped = list(status.problems), []
     try:

@@ -6,12 +6,13 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from .._bundle import card_ids
-from ..cards import Card, load_card
+from ..cards import Card, changed_card, load_card
 from ..env import MTPEnv
 from ..errors import RolloutError, UnknownNameError
-from ..rollouts import Run, load_run, require_run_folder, save_run
+from ..rollouts import Run, RunInfo, load_run, require_run_folder, save_run
 from ..runner import run_info, run_jobs
 from ..scoring import AgentScores, Report, SceneScore, score_scene, stated_hypotheses, summarise
 from ..sources import open_source
@@ -54,18 +55,22 @@ def run_and_store(
     seed: int = 0,
     started: Started | None = None,
     progress: Done | None = None,
+    changes: dict[str, Any] | None = None,
 ) -> StoredRun:
     """Run a submission on the first ``scenes`` scenes (None: all) of an env and store its rollouts in ``folder``.
+
+    ``changes``: the ``split`` or ``detector`` of the env where it is not the card's.
 
     Raises MtpBenchError for whatever the user can mend, a folder that cannot be written before anything runs.
     """
     require_run_folder(folder.absolute())
     require_folder(folder)
     submission = load_submission(agent)
-    env = MTPEnv(env_id, data=data, observe=submission.compare.observe, evaluation=True)
+    changes = changes or {}
+    env = MTPEnv(env_id, data=data, observe=submission.compare.observe, evaluation=True, **changes)
     names = env.scene_names[:scenes]
     setting = setting_of(submission, env.card)
-    keywords = setting.env_keywords(env.card)
+    keywords = {**setting.env_keywords(env.card), **changes}
     if started is not None:
         started(len(names))
     jobs = jobs_of(submission, env_id, {"data": data, **keywords}, names, seed)
@@ -123,13 +128,20 @@ def _card(folder: Path, run: Run, env_id: str | None) -> Card:
     info = run.info
     if env_id is None and info.env_id not in card_ids():
         raise RolloutError(f"{folder}: made for {info.env_id!r}, which does not ship here; name its card with --env")
-    card = load_card(env_id or info.env_id)
+    card = changed_card(load_card(env_id or info.env_id), *(_text(folder, info, key) for key in ("split", "detector")))
     if card.digest != info.card_digest:
         raise RolloutError(
             f"{folder}: made for {info.env_id} with card digest {info.card_digest}, {card.id} now has {card.digest}; "
             "run the agent again"
         )
     return card
+
+
+def _text(folder: Path, info: RunInfo, key: str) -> str | None:
+    value = info.keywords.get(key)
+    if value is not None and not isinstance(value, str):
+        raise RolloutError(f"{folder}: {key} is {value!r}, expected a name")
+    return value
 
 
 def _check(folder: Path, run: Run) -> None:

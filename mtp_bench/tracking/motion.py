@@ -1,7 +1,8 @@
 """AB3DMOT's constant-velocity Kalman filter, batched over tracks (Weng et al. 2020).
 
 The state is ``x y z yaw l w h vx vy vz`` per frame. With its diagonal noise the filter decouples exactly into one 2 x 2
-covariance shared by x, y and z, and one variance shared by yaw, l, w and h.
+covariance shared by x, y and z, and one variance shared by yaw, l, w and h. Where detections carry a velocity it is one
+more measurement, which AB3DMOT has not: at 2 Hz a fast vehicle is out of every gate without it.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from ..geometry import wrap_angle
 from ..types import Floats, Ints
 
 MEASUREMENT_VARIANCE = 1.0
+VELOCITY_MEASUREMENT_VARIANCE = 0.1  # (m per frame)^2
 POSITION_VARIANCE_AT_BIRTH = 10.0
 VELOCITY_VARIANCE_AT_BIRTH = 10_000.0
 POSITION_NOISE = 1.0  # per frame
@@ -38,15 +40,16 @@ class MotionState:
         return MotionState(self.mean[index], self.covariance[index], self.variance[index])
 
 
-def born(box: Floats) -> MotionState:
-    """State of new tracks at detected boxes [n, 7]."""
+def born(box: Floats, velocity: Floats | None = None) -> MotionState:
+    """State of new tracks at detected boxes [n, 7], with their measured velocities [n, 2] in metres per frame."""
     n = len(box)
     covariance = np.diag([POSITION_VARIANCE_AT_BIRTH, VELOCITY_VARIANCE_AT_BIRTH])
-    return MotionState(
+    state = MotionState(
         np.concatenate([box, np.zeros((n, 3))], axis=1),
         np.broadcast_to(covariance, (n, 2, 2)).copy(),
         np.full(n, POSITION_VARIANCE_AT_BIRTH),
     )
+    return state if velocity is None else _with_velocity(state, velocity)
 
 
 def joined(first: MotionState, second: MotionState) -> MotionState:
@@ -71,8 +74,8 @@ def predicted(state: MotionState) -> MotionState:
     return MotionState(mean, covariance, state.variance + POSITION_NOISE)
 
 
-def updated(state: MotionState, box: Floats) -> MotionState:
-    """State after taking one detected box [n, 7] each.
+def updated(state: MotionState, box: Floats, velocity: Floats | None = None) -> MotionState:
+    """State after taking one detected box [n, 7] each, with its velocity [n, 2] in metres per frame.
 
     A detection that faces the other way is turned by pi: a box detector confuses front and back more often than a
     vehicle turns round within a frame.
@@ -88,4 +91,16 @@ def updated(state: MotionState, box: Floats) -> MotionState:
     mean[:, 3:7] += shape_gain[:, None] * innovation[:, 3:]
     mean[:, 3] = wrap_angle(mean[:, 3])
     covariance = state.covariance - gain[:, :, None] * state.covariance[:, :1, :]
-    return MotionState(mean, covariance, (1 - shape_gain) * state.variance)
+    state = MotionState(mean, covariance, (1 - shape_gain) * state.variance)
+    return state if velocity is None else _with_velocity(state, velocity)
+
+
+def _with_velocity(state: MotionState, velocity: Floats) -> MotionState:
+    """State after measuring velocities [n, 2] in metres per frame; nothing moves up or down."""
+    mean = state.mean.copy()
+    innovation = np.concatenate([velocity, np.zeros((len(velocity), 1))], axis=1) - mean[:, 7:]
+    gain = state.covariance[:, :, 1] / (state.covariance[:, 1:, 1] + VELOCITY_MEASUREMENT_VARIANCE)
+    mean[:, :3] += gain[:, :1] * innovation
+    mean[:, 7:] += gain[:, 1:] * innovation
+    covariance = state.covariance - gain[:, :, None] * state.covariance[:, 1:, :]
+    return MotionState(mean, covariance, state.variance)

@@ -23,21 +23,57 @@ class ClassParameters:
     max_age: int  # a track ends after this many frames without a detection
 
 
+_KITTI = {
+    "car": ClassParameters("hungarian", "giou_3d", -0.2, 3, 2),
+    "pedestrian": ClassParameters("greedy", "giou_3d", -0.4, 1, 4),
+    "cyclist": ClassParameters("hungarian", "center_distance", 2.0, 3, 4),
+}
+_NUSCENES_PEDESTRIAN = ClassParameters("greedy", "center_distance", 2.0, 1, 2)
+_MEGVII = {
+    "car": ClassParameters("greedy", "giou_3d", -0.5, 1, 2),
+    "truck": ClassParameters("greedy", "giou_3d", -0.2, 1, 2),
+    "bus": ClassParameters("greedy", "giou_3d", -0.2, 1, 2),
+    "trailer": ClassParameters("greedy", "giou_3d", -0.2, 3, 2),
+    "pedestrian": _NUSCENES_PEDESTRIAN,
+}
+_CENTERPOINT = {
+    **dict.fromkeys(("car", "truck", "bus"), ClassParameters("greedy", "giou_3d", -0.4, 1, 2)),
+    "trailer": ClassParameters("greedy", "giou_3d", -0.3, 3, 2),
+    "pedestrian": _NUSCENES_PEDESTRIAN,
+}
+
 # AB3DMOT's settings per detector (Weng et al. 2020, its code's KITTI and nuScenes configuration).
 AB3DMOT: dict[str, dict[str, ClassParameters]] = {
-    "pointrcnn": {
-        "car": ClassParameters("hungarian", "giou_3d", -0.2, 3, 2),
-        "pedestrian": ClassParameters("greedy", "giou_3d", -0.4, 1, 4),
-        "cyclist": ClassParameters("hungarian", "center_distance", 2.0, 3, 4),
+    "pointrcnn": _KITTI,
+    "megvii": _MEGVII,
+    "centerpoint": _CENTERPOINT,
+}
+
+# For simulated detectors: those of the detector that their noise was fitted to. Classes that AB3DMOT has no settings
+# for take those of the most similar class. A detector without errors is tracked like Megvii's.
+_SIMULATED: dict[str, dict[str, ClassParameters]] = {
+    "kitti_pointrcnn": {
+        **_KITTI,
+        **dict.fromkeys(("truck", "bus"), _KITTI["car"]),
+        "motorcycle": _KITTI["cyclist"],
     },
+    "nuscenes_megvii": {**_MEGVII, "motorcycle": _MEGVII["car"]},
+    "nuscenes_centerpoint": {**_CENTERPOINT, "motorcycle": _CENTERPOINT["car"]},
+    "clean": {**_MEGVII, "motorcycle": _MEGVII["car"], "cyclist": _MEGVII["car"]},
 }
 
 
 def ab3dmot_parameters(detector: str, classes: Sequence[str]) -> tuple[ClassParameters, ...]:
-    """AB3DMOT's settings of each class for a detector; raises UnknownNameError for what it was never tuned on."""
-    if detector not in AB3DMOT:
-        raise UnknownNameError("detector", detector, AB3DMOT, "pass `parameters` for your own")
-    table = AB3DMOT[detector]
+    """AB3DMOT's settings of each class for a detector; raises UnknownNameError for what it was never tuned on.
+
+    What follows the first hyphen of the detector's name does not matter: "kitti_pointrcnn-hard" is tracked like
+    "kitti_pointrcnn".
+    """
+    known = {**AB3DMOT, **_SIMULATED}
+    family = detector.split("-")[0]
+    if family not in known:
+        raise UnknownNameError("detector", detector, known, "pass `parameters` for your own")
+    table = known[family]
     for name in classes:
         if name not in table:
             raise UnknownNameError(f"class for detector {detector!r}", name, table, "pass `parameters` for your own")

@@ -1,0 +1,99 @@
+"""Options that several commands share, and what they do before and after their work."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from .scoring import Report
+
+DataOption = Annotated[
+    str | None, typer.Option("--data", help="Data root; else MTP_BENCH_DATA, else the user data folder.")
+]
+JsonOption = Annotated[Path | None, typer.Option("--json", help="Write the table's content to this file.")]
+EnvOption = Annotated[str, typer.Option("--env", help="Environment id; `mtp-bench envs` lists them.")]
+JobsOption = Annotated[int, typer.Option("--jobs", min=0, help="Processes; 0 takes one per core.")]
+ScenesOption = Annotated[int | None, typer.Option("--scenes", min=1, help="Only the first N scenes.")]
+SplitOption = Annotated[str | None, typer.Option("--split", help="Another split of the environment: train, val, test.")]
+DetectorOption = Annotated[
+    str | None,
+    typer.Option("--detector", help="Another simulated detector: a profile, iid, hard or a .toml file of a profile."),
+]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the run.")]
+
+
+def given(**options: str | None) -> dict[str, str]:
+    """The options that were given."""
+    return {name: value for name, value in options.items() if value is not None}
+
+
+def generate(env: str, scenes: int | None, jobs: int, changes: dict[str, str]) -> None:
+    """Make the scenes of a simulated environment that are not in the cache yet."""
+    from .submission.reading import generate_scenes
+    from .viz.terminal import progress_bar
+
+    with progress_bar("generate") as (started, done):
+        generate_scenes(env, changes, scenes, workers(jobs), started, done)
+
+
+def fail(text: str) -> None:
+    """Print one line on the error stream and leave with status 1."""
+    from rich.console import Console
+
+    Console(stderr=True, soft_wrap=True).print("error:", style="bold red", end=" ")
+    line = " ".join(part.strip() for part in text.splitlines())
+    Console(stderr=True, soft_wrap=True, markup=False, highlight=False).print(line)
+    raise SystemExit(1)
+
+
+def show_report(report: Report, title: str) -> None:
+    """Print the tables of a report."""
+    from .viz.tables import displacement_table, error_table, parts_table
+    from .viz.terminal import show_numbers
+
+    for table in (error_table(report, title), displacement_table(report), parts_table(report)):
+        show_numbers(table)
+
+
+def show_skipped(skipped: Mapping[str, int]) -> None:
+    """Print what could not be read, if anything."""
+    from .submission.reading import skipped_line
+    from .viz.terminal import show
+
+    line = skipped_line(skipped)
+    if line is not None:
+        show(line)
+
+
+def require_writable(path: Path | None) -> None:
+    """Refuse a file that cannot be written before the work, not after it."""
+    from .submission.files import require_file
+
+    if path is not None:
+        require_file(path)
+
+
+def write_json(path: Path | None, content: dict[str, Any]) -> None:
+    """Write what a table shows, where a file is named."""
+    from .submission.files import write_text
+
+    if path is not None:
+        write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+
+
+def workers(jobs: int) -> int:
+    """Number of processes; 0 stands for the cores that this process may use."""
+    import os
+
+    return jobs or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else jobs or os.cpu_count() or 1
+
+
+def count(number: int, noun: str) -> str:
+    """``1 scene``, ``2 scenes``."""
+    return f"{number} {noun}" + ("" if number == 1 else "s")

@@ -1,0 +1,61 @@
+"""The noise profile of a real detector, fitted to its detections of known objects."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from ..errors import DataError
+from ..types import Scene
+from .fit_clutter import fit_clutter
+from .fit_errors import fit_heading, fit_height, fit_position, fit_score, fit_size, fit_velocity
+from .fit_misses import fit_misses
+from .profile import ClassNoise, Profile
+from .samples import RADIAL, TANGENTIAL, ClutterSamples, ObjectSamples, collect
+from .sight import Sensor
+
+LEAST_HITS = 100  # detections of true boxes that a class needs to be fitted
+
+
+def fit_profile(
+    scenes: Iterable[Scene],
+    classes: Sequence[str],
+    dt: float,
+    sensor: Sensor,
+    name: str,
+    summary: str,
+    source: str,
+    floor: Mapping[str, float] | None = None,
+) -> Profile:
+    """The profile of the detector that made the detections of ``scenes``, for the classes with enough data.
+
+    ``dt`` is the frame period in seconds, ``floor`` the operating point per class: detections with a lower score are
+    not used; without one the lowest score that occurs becomes it. Classes with fewer than 100 detections of true
+    boxes are left out of the profile; DataError if none remains.
+    """
+    samples = collect(scenes, classes, sensor, floor)
+    enough = [one for one in classes if samples[one][0].hit.sum() >= LEAST_HITS]
+    if not enough:
+        hits = ", ".join(f"{one} {int(samples[one][0].hit.sum())}" for one in classes)
+        raise DataError(
+            f"no detector profile can be fitted: detections of true boxes: {hits}; expected at least {LEAST_HITS} of "
+            "one class. Give more scenes, or a lower floor of the scores"
+        )
+    noise = {one: _fit_class(*samples[one], None if floor is None else floor.get(one)) for one in enough}
+    return Profile(name=name, summary=summary, source=source, dt=dt, classes=noise)
+
+
+def _fit_class(objects: ObjectSamples, clutter: ClutterSamples, floor: float | None) -> ClassNoise:
+    hits = int(objects.hit.sum())
+    lowest = min(objects.score[objects.hit].min(), clutter.score.min(initial=float("inf")))
+    return ClassNoise(
+        miss=fit_misses(objects),
+        radial=fit_position(objects, RADIAL),
+        tangential=fit_position(objects, TANGENTIAL),
+        heading=fit_heading(objects),
+        size=fit_size(objects),
+        score=fit_score(objects, round(float(lowest), 4) if floor is None else floor),
+        false_positives=fit_clutter(clutter),
+        velocity=fit_velocity(objects),
+        z=fit_height(objects),
+        duplicates=round(min(float(clutter.duplicate.sum()) / hits, 1.0), 4),
+    )

@@ -1,0 +1,147 @@
+"""Errors of position, heading, size, height, score and velocity, fitted to the true boxes that were hit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..geometry import wrap_angle
+from ..types import Floats
+from .profile import HeadingNoise, Memory, PositionNoise, ScoreNoise, SizeNoise
+from .samples import HEADING, HEIGHT, SIZE, ObjectSamples
+from .statistics import robust_deviation
+
+_LAGS = range(1, 9)  # frames
+_FEW = 30  # pairs or values from which a figure is taken
+_LATENT = 4.0  # bound of a latent normal number: one wild error does not make an autocorrelation
+_PHI = np.linspace(0.0, 0.98, 99)
+
+
+def fit_position(objects: ObjectSamples, column: int) -> PositionNoise:
+    """Student's t margins by maximum likelihood, then the memory of the latent normal numbers behind the errors."""
+    from scipy.special import ndtri, stdtr
+
+    error, distance = objects.error[:, column], objects.feature[:, 1]
+    s0, s1, nu = _student(error[objects.hit], distance[objects.hit])
+    latent = np.full(len(error), np.nan)
+    latent[objects.hit] = ndtri(stdtr(nu, error[objects.hit] / (s0 + s1 * distance[objects.hit])))
+    memory = fit_memory(objects, latent)
+    return PositionNoise(
+        s0=round(s0, 4), s1=round(s1, 4), nu=round(nu, 4),
+        bias=memory.bias, ar=memory.ar, phi=memory.phi, white=memory.white,
+    )  # fmt: skip
+
+
+def _student(error: Floats, distance: Floats) -> tuple[float, float, float]:
+    """s0, s1 and nu of errors distributed as ``(s0 + s1 d) T_nu``."""
+    from scipy.optimize import minimize
+    from scipy.special import gammaln
+
+    def loss(log: Floats) -> float:
+        s0, s1, nu = np.exp(log[0]), np.exp(log[1]), 1.05 + np.exp(log[2])
+        scale = s0 + s1 * distance
+        norm = gammaln((nu + 1) / 2) - gammaln(nu / 2) - 0.5 * np.log(nu * np.pi)
+        each = norm - np.log(scale) - (nu + 1) / 2 * np.log1p((error / scale) ** 2 / nu)
+        return -float(each.mean())
+
+    typical = np.log(max(robust_deviation(error) or 0.0, 1e-3))
+    bounds = [(-7.0, 1.0), (-10.0, 1.0), (-2.0, 4.0)]
+    start = np.clip([typical - 0.7, typical - 2.0, 1.0], *np.transpose(bounds))
+    log = minimize(loss, start, method="L-BFGS-B", bounds=bounds).x
+    return float(np.exp(log[0])), float(np.exp(log[1])), float(1.05 + np.exp(log[2]))
+
+
+def fit_memory(objects: ObjectSamples, latent: Floats) -> Memory:
+    """Shares of a latent number's variance from its autocorrelation over 1 to 8 frames; ``latent`` ``[R]``, mean 0.
+
+    The autocorrelation is ``bias + ar phi^lag``. Its mean is known, so short tracks do not pull it down. Without
+    enough pairs all of it is white.
+    """
+    latent = np.clip(latent, -_LATENT, _LATENT)
+    variance = float(np.mean(latent[objects.hit] ** 2))
+    lags, correlation, weight = [], [], []
+    for lag in _LAGS:
+        earlier, later = objects.hit_pairs(lag)
+        if len(earlier) >= _FEW and variance > 0:
+            lags.append(lag)
+            correlation.append(float(np.mean(latent[earlier] * latent[later])) / variance)
+            weight.append(np.sqrt(len(earlier)))
+    if not lags:
+        return Memory(bias=0.0, ar=0.0, phi=0.0, white=1.0)
+    return _shares(np.array(lags), np.array(correlation), np.array(weight))
+
+
+def _shares(lag: Floats, correlation: Floats, weight: Floats) -> Memory:
+    """The least squares fit of ``bias + ar phi^lag`` to a correlation per lag, all shares in 0..1."""
+    from scipy.optimize import lsq_linear
+
+    best, least = (0.0, 0.0, 0.0), np.inf
+    for phi in _PHI:
+        # With the white share as a third unknown that must fill up to 1: bias + ar + white = 1, heavily weighted.
+        rows = np.column_stack([weight, weight * phi**lag, 0 * weight])
+        whole = 1e3 * weight.max() * np.ones((1, 3))
+        aim = np.append(weight * correlation, whole[0, 0])
+        answer = lsq_linear(np.vstack([rows, whole]), aim, bounds=(0.0, 1.0))
+        if answer.cost < least:
+            least, best = float(answer.cost), (float(answer.x[0]), float(answer.x[1]), float(phi))
+    bias, ar = round(best[0], 4), round(best[1], 4)
+    return Memory(bias=bias, ar=ar, phi=round(best[2], 4), white=round(max(1.0 - bias - ar, 0.0), 4))
+
+
+def fit_heading(objects: ObjectSamples) -> HeadingNoise:
+    """Robust deviation of the heading modulo pi; chance of a flip after a flip, and after none.
+
+    The second one follows from the share of flips, so that a chain in equilibrium has that share.
+    """
+    error = objects.error[:, HEADING]
+    upright = np.remainder(error + np.pi / 2, np.pi) - np.pi / 2
+    flipped = np.abs(wrap_angle(error)) > np.pi / 2
+    share = float(np.mean(flipped[objects.hit]))
+    earlier, later = objects.hit_pairs()
+    after = flipped[earlier]
+    again = float(np.mean(flipped[later][after])) if after.sum() >= _FEW / 3 else share
+    flip = min(share * (1.0 - again) / max(1.0 - share, 1e-9), 1.0)
+    scale = robust_deviation(upright[objects.hit]) or 0.0
+    return HeadingNoise(scale=round(scale, 4), flip=round(flip, 4), flip_again=round(again, 4))
+
+
+def fit_size(objects: ObjectSamples) -> SizeNoise:
+    """Mean and deviation of the error of length, width and height, and the share that changes between frames."""
+    error = objects.error[:, SIZE]
+    mean, deviation = error[objects.hit].mean(axis=0), error[objects.hit].std(axis=0)
+    latent = np.clip((error - mean) / np.maximum(deviation, 1e-9), -_LATENT, _LATENT)
+    product = [latent[a] * latent[b] for a, b in (objects.hit_pairs(lag) for lag in _LAGS)]
+    kept = float(np.mean(np.concatenate(product))) if sum(map(len, product)) >= _FEW else 0.0
+    white = min(max(1.0 - kept, 0.0), 1.0)
+    return SizeNoise(mean=_triple(mean), deviation=_triple(deviation), white=round(white, 4))
+
+
+def fit_height(objects: ObjectSamples) -> tuple[float, float]:
+    """Mean and deviation of the error of the centre's height, m."""
+    error = objects.error[objects.hit, HEIGHT]
+    return round(float(error.mean()), 4), round(float(error.std()), 4)
+
+
+def fit_score(objects: ObjectSamples, floor: float) -> ScoreNoise:
+    """A parabola of the score over distance by least squares, and the memory of what is left."""
+    distance, score = objects.feature[:, 1], objects.score
+    power = np.column_stack([np.ones(len(score)), distance, distance**2])
+    parabola = np.linalg.lstsq(power[objects.hit], score[objects.hit], rcond=None)[0]
+    rest = score - power @ parabola
+    deviation = float(rest[objects.hit].std())
+    memory = fit_memory(objects, rest / max(deviation, 1e-9))
+    probability = bool(((score[objects.hit] >= 0) & (score[objects.hit] <= 1)).all())
+    return ScoreNoise(
+        quadratic=_triple(parabola), deviation=round(deviation, 4), floor=floor, ceiling=1.0 if probability else None,
+        bias=memory.bias, ar=memory.ar, phi=memory.phi, white=memory.white,
+    )  # fmt: skip
+
+
+def fit_velocity(objects: ObjectSamples) -> float | None:
+    """Robust deviation of the velocity per axis, m/s; None where too few velocities were measured."""
+    known = objects.velocity_error[np.isfinite(objects.velocity_error).all(axis=1)]
+    deviation = robust_deviation(known.ravel()) if len(known) >= _FEW else None
+    return None if deviation is None else round(deviation, 4)
+
+
+def _triple(value: Floats) -> tuple[float, float, float]:
+    return round(float(value[0]), 4), round(float(value[1]), 4), round(float(value[2]), 4)

@@ -1,0 +1,146 @@
+"""Noise of a detector: fitted parameters per class, as stored in TOML.
+
+The model and its symbols are described in ``mtp_bench/detector/README.md``. Distances d are in units of 10 m from the
+sensor; ``z`` is a latent standard normal number with a share that stays with the object, a share that follows a
+first-order autoregression over frames, and a white share.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from .._strict import Section, read_toml, validate
+from ..errors import CardError, UnknownNameError
+
+Variant = Literal["as_fitted", "iid", "hard"]
+Share = Annotated[float, Field(ge=0, le=1)]
+Scale = Annotated[float, Field(ge=0)]
+Correlation = Annotated[float, Field(gt=-1, lt=1)]
+
+_STORE = Path(__file__).parent / "profiles"
+
+
+class Memory(Section):
+    """How a latent number is correlated over the frames of an object; the three shares of its variance sum to 1."""
+
+    bias: Share  # constant over the object's life
+    ar: Share  # autoregressive
+    phi: Correlation  # of the autoregression, from frame to frame
+    white: Share
+
+    @model_validator(mode="after")
+    def _shares_are_complete(self) -> Self:
+        total = self.bias + self.ar + self.white
+        if abs(total - 1.0) > 0.01:
+            raise ValueError(f"bias + ar + white is {total:.4g}, expected 1")
+        return self
+
+
+class MissNoise(Section):
+    """Log-odds of a miss."""
+
+    first: Annotated[tuple[float, ...], Field(min_length=6, max_length=6, strict=False)]
+    # of an object's first frame: 1, d, partly occluded, largely occluded, hidden, truncated
+    later: Annotated[tuple[float, ...], Field(min_length=7, max_length=7, strict=False)]
+    # the same, and: missed in the frame before
+    memory: bool = True  # False: every later frame is drawn with the long-run chance of that chain
+
+
+class PositionNoise(Memory):
+    """Position error along one axis: ``(s0 + s1 d) T_nu^-1(Phi(z))``, metres."""
+
+    s0: Scale  # m
+    s1: Scale  # m per 10 m
+    nu: Annotated[float, Field(gt=1)]  # degrees of freedom of Student's t
+
+
+class HeadingNoise(Section):
+    """Heading error: Student's t with 4 degrees of freedom, and turns by pi as a two-state Markov chain."""
+
+    scale: Scale  # rad, robust standard deviation (1.4826 x median absolute deviation) of the unflipped error
+    flip: Share  # chance of a flip after a frame without
+    flip_again: Share  # chance of a flip after a flip
+
+
+class SizeNoise(Section):
+    """Error of length, width, height: normal, constant over the object's life up to ``white``."""
+
+    mean: Annotated[tuple[float, float, float], Field(strict=False)]  # m
+    deviation: Annotated[tuple[float, float, float], Field(strict=False)]  # m
+    white: Share = 0.1  # share of the variance that changes from frame to frame
+
+
+class ScoreNoise(Memory):
+    """Score of a detection: ``quadratic(d) + deviation z``, never below ``floor``."""
+
+    quadratic: Annotated[tuple[float, float, float], Field(strict=False)]  # constant, per d, per d^2
+    deviation: Scale
+    floor: float  # the operating point: the detector's output ends here
+    ceiling: float | None = None  # e.g. 1 for probabilities
+
+
+class FalsePositives(Section):
+    """Clutter: births are Poisson with a rate that is Gamma distributed over scenes; each survives geometrically."""
+
+    rate: Scale  # clutter boxes per frame over the sensor's whole field of view
+    dispersion: Annotated[float, Field(ge=1)]  # variance over mean of the count per frame
+    survive: Annotated[float, Field(ge=0, lt=1)]  # chance that a clutter box is there in the next frame too
+    score: float  # mean
+    score_deviation: Scale
+    size: Annotated[tuple[float, float, float], Field(strict=False)]  # m, mean length, width, height
+
+
+class ClassNoise(Section):
+    """All noise of one class."""
+
+    miss: MissNoise
+    radial: PositionNoise
+    tangential: PositionNoise
+    heading: HeadingNoise
+    size: SizeNoise
+    score: ScoreNoise
+    false_positives: FalsePositives | None = None
+    velocity: Scale | None = None  # m/s per axis; None: velocities are not measured
+    z: Annotated[tuple[float, float], Field(strict=False)] = (0.0, 0.0)  # m, height of the centre: mean, deviation
+    duplicates: Share = 0.0  # chance that a detection comes twice
+
+
+class Profile(Section):
+    """A detector: noise per class at one frame period."""
+
+    name: str
+    summary: str
+    source: str  # where the figures come from
+    dt: Annotated[float, Field(gt=0)]  # s between frames at which the memory was fitted
+    classes: dict[str, ClassNoise]
+    # Further classes and the class whose noise they have; they emit no clutter of their own.
+    alike: dict[str, str] = Field(default_factory=dict)
+
+    def noise(self, class_name: str) -> ClassNoise:
+        """Noise of a class; raises UnknownNameError for one that the profile does not know."""
+        own = self.alike.get(class_name, class_name)
+        if own not in self.classes:
+            known = [*self.classes, *self.alike]
+            raise UnknownNameError(f"class of detector profile {self.name!r}", class_name, known)
+        return self.classes[own]
+
+
+def profile_names() -> list[str]:
+    """Names of the profiles that ship."""
+    return sorted(path.stem for path in _STORE.glob("*.toml"))
+
+
+def load_profile(name: str) -> Profile:
+    """A shipped profile by name, or one from a TOML file; raises UnknownNameError or CardError."""
+    path = Path(name)
+    if path.suffix != ".toml":
+        if name not in profile_names():
+            raise UnknownNameError("detector profile", name, profile_names(), "or give the path of a .toml file")
+        path = _STORE / f"{name}.toml"
+    content = read_toml(path, CardError)
+    if isinstance(content.get("detector"), dict):  # a section of a card, as fit-noise writes it
+        content = content["detector"].get("noise", {})
+    return validate(Profile, content, path.name, CardError)

@@ -1,0 +1,145 @@
+"""What a detector made of the true boxes of a class, over all scenes: hits, errors, scores and clutter in arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import TypeVar
+
+import numpy as np
+
+from ..geometry import wrap_angle
+from ..types import Bools, Detections, Floats, Ints, Scene
+from .match import Matches, at_floor, match
+from .sight import Sensor, Sight, frame_of_rows, sight, within
+
+RADIAL, TANGENTIAL, HEIGHT, HEADING, SIZE = 0, 1, 2, 3, slice(4, 7)  # columns of ``ObjectSamples.error``
+
+_SAME_PLACE = 1.0  # m: clutter that near in the next frame is the same clutter
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectSamples:
+    """The covered true boxes of a class, neutral ones left out, sorted by object and frame."""
+
+    object: Ints  # [R] unique over scenes
+    frame: Ints  # [R] within the scene
+    hit: Bools  # [R]
+    feature: Floats  # [R, 6] 1, distance / 10 m, partly occluded, largely occluded, hidden, truncated
+    error: Floats  # [R, 7] detected less true: radial, tangential, z m, heading rad, l w h m; NaN where missed
+    velocity_error: Floats  # [R, 2] m/s; NaN where missed or not measured
+    score: Floats  # [R] NaN where missed
+
+    def pairs(self, lag: int = 1) -> tuple[Ints, Ints]:
+        """Rows of the same object, earlier and later, ``lag`` frames apart."""
+        width = int(self.frame.max(initial=0)) + lag + 1
+        key = self.object * width + self.frame
+        later = np.searchsorted(key, key + lag)
+        found = np.flatnonzero(later < len(key))
+        found = found[key[later[found]] == key[found] + lag]
+        return found, later[found]
+
+    def hit_pairs(self, lag: int = 1) -> tuple[Ints, Ints]:
+        """The pairs of which both were hit."""
+        earlier, later = self.pairs(lag)
+        both = self.hit[earlier] & self.hit[later]
+        return earlier[both], later[both]
+
+
+@dataclass(frozen=True, eq=False)
+class ClutterSamples:
+    """The false positives of a class inside the sensor's coverage."""
+
+    count: Ints  # [F] per frame, all scenes one after another
+    duplicate: Bools  # [D] a second detection of an object
+    judged: Bools  # [D] there is a next frame
+    followed: Bools  # [D] another one is within 1 m in the next frame
+    score: Floats  # [D]
+    size: Floats  # [D, 3] m
+
+
+Samples = tuple[ObjectSamples, ClutterSamples]
+RecordT = TypeVar("RecordT", ObjectSamples, ClutterSamples)
+
+
+def collect(
+    scenes: Iterable[Scene], classes: Sequence[str], sensor: Sensor, floor: Mapping[str, float] | None = None
+) -> dict[str, Samples]:
+    """Samples per class over ``scenes``; only detections with a score of at least ``floor`` of their class count."""
+    parts: dict[str, list[Samples]] = {name: [] for name in classes}
+    objects = 0  # in the scenes so far
+    for scene in scenes:
+        detections = at_floor(scene.detections, classes, floor)
+        matches = match(scene.truth, detections, classes)
+        known, number = np.unique(scene.truth.object_id, return_inverse=True)
+        seen = sight(scene.truth, scene.ego, sensor)
+        inside = within(seen.distance, seen.bearing, sensor) & ~scene.truth.neutral
+        for class_id, name in enumerate(classes):
+            row = np.flatnonzero(inside & (scene.truth.class_id == class_id))
+            row = row[np.lexsort((seen.frame[row], number[row]))]
+            own = _objects(scene, detections, matches.detection[row], row, objects + number[row], seen)
+            parts[name].append((own, _clutter(scene, detections, matches, class_id, sensor)))
+        objects += len(known)
+    return {name: (_joined([a for a, _ in part]), _joined([b for _, b in part])) for name, part in parts.items()}
+
+
+def _objects(
+    scene: Scene, detections: Detections, detection: Ints, row: Ints, number: Ints, seen: Sight
+) -> ObjectSamples:
+    """Samples of the true rows ``row`` with the detections ``detection`` (-1: missed)."""
+    hit, frame = detection >= 0, seen.frame[row]
+    true, found = scene.truth.box[row], np.full((len(row), 7), np.nan)
+    found[hit] = detections.box[detection[hit]]
+    velocity, score = np.full((len(row), 2), np.nan), np.full(len(row), np.nan)
+    velocity[hit], score[hit] = detections.velocity[detection[hit]], detections.score[detection[hit]]
+    velocity[(velocity == 0).all(axis=1)] = np.nan  # some formats write zeros for an unknown velocity
+    off = found[:, :2] - true[:, :2]
+    away = true[:, :2] - scene.ego[frame, :2]
+    away = away / np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-9)[:, None]
+    across = away[:, 0] * off[:, 1] - away[:, 1] * off[:, 0]
+    view = (seen.occlusion[row, None] == [1, 2, 3], seen.truncated[row, None])
+    return ObjectSamples(
+        object=number,
+        frame=frame,
+        hit=hit,
+        feature=np.column_stack([np.ones(len(row)), seen.distance[row] / 10, *view]).astype(np.float64),
+        error=np.column_stack(
+            [(away * off).sum(axis=1), across, (found - true)[:, 2], wrap_angle(found[:, 3] - true[:, 3]),
+             found[:, 4:] - true[:, 4:]]
+        ),
+        velocity_error=velocity - scene.truth.velocity[row],
+        score=score,
+    )  # fmt: skip
+
+
+def _clutter(scene: Scene, detections: Detections, matches: Matches, class_id: int, sensor: Sensor) -> ClutterSamples:
+    frame = frame_of_rows(detections.start)
+    row = np.flatnonzero(matches.false & (detections.class_id == class_id))
+    row = row[_inside(detections.box[row, :2], scene.ego[frame[row]], sensor)]
+    frame, place = frame[row], detections.box[row, :2]
+    first = np.searchsorted(frame, np.arange(scene.frames + 1))
+    followed = np.zeros(len(row), dtype=bool)
+    for t in range(scene.frames - 1):
+        here, following = slice(first[t], first[t + 1]), slice(first[t + 1], first[t + 2])
+        off = place[here, None] - place[None, following]
+        followed[here] = (np.hypot(off[..., 0], off[..., 1]) <= _SAME_PLACE).any(axis=1)
+    return ClutterSamples(
+        count=np.diff(first),
+        duplicate=matches.duplicate[row],
+        judged=frame < scene.frames - 1,
+        followed=followed,
+        score=detections.score[row],
+        size=detections.box[row, 4:7],
+    )
+
+
+def _inside(place: Floats, pose: Floats, sensor: Sensor) -> Bools:
+    off = place - pose[:, :2]
+    bearing = wrap_angle(np.arctan2(off[:, 1], off[:, 0]) - pose[:, 3])
+    return within(np.hypot(off[:, 0], off[:, 1]), bearing, sensor)
+
+
+def _joined(parts: Sequence[RecordT]) -> RecordT:
+    """One record of several, end to end."""
+    columns = {one.name: np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(parts[0])}
+    return type(parts[0])(**columns)

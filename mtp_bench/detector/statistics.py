@@ -1,0 +1,122 @@
+"""How well a detector does and how its errors hang together over time: one record per class, real or simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..types import Bools, Floats, Scene
+from .samples import HEADING, RADIAL, TANGENTIAL, ClutterSamples, ObjectSamples, collect
+from .sight import Sensor
+
+_NORMAL_MAD = 1.4826  # standard deviation over median absolute deviation of a normal number
+
+
+@dataclass(frozen=True)
+class ClassStatistics:
+    """Figures of one class; None where there was nothing to measure."""
+
+    boxes: int  # true boxes inside the sensor's coverage, neutral ones left out
+    recall: float | None
+    miss_odds_ratio: float | None  # odds of a miss after a miss over those after a hit, in consecutive frames
+    gaps: int  # runs of misses between two hits of an object
+    gap_length: float | None  # mean length of the gaps in frames
+    radial_scale: float | None  # m, robust standard deviation of the error along the line of sight
+    tangential_scale: float | None  # m, the same across it
+    radial_autocorrelation: float | None  # of the errors' normal scores in consecutive frames
+    tangential_autocorrelation: float | None
+    flips: float | None  # share of headings that are turned by more than a right angle
+    false_positives: float  # per frame
+    dispersion: float | None  # variance over mean of their number per frame
+    survival: float | None  # share of them that have another one within 1 m in the next frame
+    score_true: float | None  # mean score of detections that belong to a true box
+    score_false: float | None  # mean score of false positives
+
+
+def detector_statistics(
+    scenes: Iterable[Scene], classes: Sequence[str], sensor: Sensor, floor: Mapping[str, float] | None = None
+) -> dict[str, ClassStatistics]:
+    """Statistics per class of the detections of ``scenes``, as far as ``sensor`` covers them.
+
+    ``floor`` is the operating point per class: detections with a lower score do not count.
+    """
+    samples = collect(scenes, classes, sensor, floor)
+    return {name: class_statistics(*samples[name]) for name in classes}
+
+
+def class_statistics(objects: ObjectSamples, clutter: ClutterSamples) -> ClassStatistics:
+    """Statistics of one class."""
+    length = gap_lengths(objects)
+    turned = np.abs(objects.error[objects.hit, HEADING]) > np.pi / 2
+    rate = float(clutter.count.mean()) if len(clutter.count) else 0.0
+    return ClassStatistics(
+        boxes=len(objects.hit),
+        recall=_mean(objects.hit),
+        miss_odds_ratio=_miss_odds_ratio(objects),
+        gaps=len(length),
+        gap_length=_mean(length),
+        radial_scale=robust_deviation(objects.error[objects.hit, RADIAL]),
+        tangential_scale=robust_deviation(objects.error[objects.hit, TANGENTIAL]),
+        radial_autocorrelation=_autocorrelation(objects, RADIAL),
+        tangential_autocorrelation=_autocorrelation(objects, TANGENTIAL),
+        flips=_mean(turned),
+        false_positives=rate,
+        dispersion=float(clutter.count.var()) / rate if rate else None,
+        survival=_mean(clutter.followed[clutter.judged]),
+        score_true=_mean(objects.score[objects.hit]),
+        score_false=_mean(clutter.score),
+    )
+
+
+def gap_lengths(objects: ObjectSamples) -> Floats:
+    """Lengths in frames of the gaps between two hits of an object; frames without the true box end a gap unseen."""
+    earlier, later = objects.pairs()
+    linked = np.zeros(len(objects.hit) + 1, dtype=bool)  # row i goes on where row i - 1 was
+    linked[later[later == earlier + 1]] = True
+    length, run = [], 0
+    open_gap = False
+    for row, hit in enumerate(objects.hit):
+        if not linked[row]:
+            run, open_gap = 0, False
+        if hit:
+            if open_gap and run:
+                length.append(run)
+            run, open_gap = 0, True
+        else:
+            run += 1
+    return np.array(length, dtype=np.float64)
+
+
+def robust_deviation(value: Floats) -> float | None:
+    """Standard deviation by the median absolute deviation; None for nothing."""
+    return float(_NORMAL_MAD * np.median(np.abs(value - np.median(value)))) if len(value) else None
+
+
+def _miss_odds_ratio(objects: ObjectSamples) -> float | None:
+    """Odds ratio; half a case is added to each of the four counts, so that it is finite."""
+    earlier, later = objects.pairs()
+    if not len(earlier):
+        return None
+    count = np.full((2, 2), 0.5)
+    np.add.at(count, (~objects.hit[earlier] * 1, ~objects.hit[later] * 1), 1)
+    return float(count[1, 1] * count[0, 0] / (count[1, 0] * count[0, 1]))
+
+
+def _autocorrelation(objects: ObjectSamples, column: int) -> float | None:
+    """Lag-1 autocorrelation of the errors' normal scores: ranks first, so that heavy tails do not count."""
+    from scipy.special import ndtri
+
+    score = np.full(len(objects.hit), np.nan)
+    row = np.flatnonzero(objects.hit)
+    rank = np.argsort(np.argsort(objects.error[row, column]))
+    score[row] = ndtri((rank + 0.5) / max(len(row), 1))
+    earlier, later = objects.hit_pairs()
+    if len(earlier) < 3:
+        return None
+    return float(np.corrcoef(score[earlier], score[later])[0, 1])
+
+
+def _mean(value: Floats | Bools) -> float | None:
+    return float(np.mean(value)) if len(value) else None

@@ -1,0 +1,73 @@
+"""Variants of a profile: without memory, and harder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from .chains import stationary
+from .profile import ClassNoise, FalsePositives, HeadingNoise, MissNoise, PositionNoise, Profile, Variant
+
+WORSE = 2.0  # factor on position errors and on false positives
+HARDER = 1.0  # added to the log-odds of a miss
+
+
+def with_variant(profile: Profile, variant: Variant) -> Profile:
+    """``profile`` itself, or one named "<name>-iid" or "<name>-hard".
+
+    "iid": the same recall and margins without memory: every frame of an object is drawn anew. "hard": log-odds of a
+    miss + 1, position errors x 2, false positives x 2.
+    """
+    if variant == "as_fitted":
+        return profile
+    change: Callable[[ClassNoise], ClassNoise] = _without_memory if variant == "iid" else _harder
+    classes = {name: change(noise) for name, noise in profile.classes.items()}
+    return profile.model_copy(update={"name": f"{profile.name}-{variant}", "classes": classes})
+
+
+def _without_memory(noise: ClassNoise) -> ClassNoise:
+    white = {"bias": 0.0, "ar": 0.0, "white": 1.0}
+    false = noise.false_positives
+    return noise.model_copy(
+        update={
+            "miss": noise.miss.model_copy(update={"memory": False}),
+            "radial": noise.radial.model_copy(update=white),
+            "tangential": noise.tangential.model_copy(update=white),
+            "heading": _flips_without_memory(noise.heading),
+            "size": noise.size.model_copy(update={"white": 1.0}),
+            "score": noise.score.model_copy(update=white),
+            "false_positives": None if false is None else false.model_copy(update={"survive": 0.0}),
+        }
+    )
+
+
+def _flips_without_memory(heading: HeadingNoise) -> HeadingNoise:
+    share = float(stationary(np.asarray(heading.flip), np.asarray(heading.flip_again)))
+    return heading.model_copy(update={"flip": share, "flip_again": share})
+
+
+def _harder(noise: ClassNoise) -> ClassNoise:
+    return noise.model_copy(
+        update={
+            "miss": _more_misses(noise.miss),
+            "radial": _wider(noise.radial),
+            "tangential": _wider(noise.tangential),
+            "false_positives": None if noise.false_positives is None else _more(noise.false_positives),
+        }
+    )
+
+
+def _more_misses(miss: MissNoise) -> MissNoise:
+    first, later = miss.first, miss.later
+    return miss.model_copy(update={"first": (first[0] + HARDER, *first[1:]), "later": (later[0] + HARDER, *later[1:])})
+
+
+def _wider(axis: PositionNoise) -> PositionNoise:
+    return axis.model_copy(update={"s0": WORSE * axis.s0, "s1": WORSE * axis.s1})
+
+
+def _more(false: FalsePositives) -> FalsePositives:
+    # The factor of the scene keeps its distribution: only what it multiplies is doubled.
+    dispersion = 1.0 + WORSE * (false.dispersion - 1.0)
+    return false.model_copy(update={"rate": WORSE * false.rate, "dispersion": dispersion})

@@ -1,0 +1,220 @@
+"""The four road maps: lanes, routes and crossings, built of highway-env's lane classes; its frame, y points down."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from highway_env.road.lane import CircularLane, LineType, SineLane, StraightLane
+from highway_env.road.road import RoadNetwork
+
+from ...types import Floats
+from .lane_table import LaneTable
+from .routes import Route
+from .world import ScenarioName
+
+WIDTH = 3.5  # m, of a lane
+ROUND_WIDTH = 4.5  # m, of the lanes of the roundabout
+APPROACH = 75.0  # m, of the arms of a junction
+RING, BEND = 20.0, 14.0  # m, radii of the roundabout's ring and of its entries and exits
+ISLAND = 3.0  # m, from the middle of an arm of the roundabout to the middle of its lanes
+RIGHT_RADIUS = 9.0  # m, of the intersection's right turns
+ZEBRA = (1.0, 4.0)  # m, from the junction's mouth to the near and the far edge of a crossing
+RAMP_SWING = 3.25  # m, half of the sideways way of a ramp
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A zebra crossing over an arm: its axis runs from ``origin`` in ``direction`` over ``span`` metres of road."""
+
+    origin: tuple[float, float]
+    direction: tuple[float, float]
+    span: float
+    width: float
+
+
+@dataclass(frozen=True, eq=False)
+class RoadMap:
+    """A network with the ways through it."""
+
+    network: Any  # a RoadNetwork
+    table: LaneTable
+    routes: tuple[Route, ...]
+    crossings: tuple[Crossing, ...]
+    sensor: tuple[float, float, float]  # x, y, z of a roadside sensor
+    regulated: bool  # vehicles give way by conflicts of routes
+    overtaking: bool  # vehicles change lanes
+    first_in_first_out: bool  # False: also in front of somebody who is far away
+
+
+def build(scenario: ScenarioName, seconds: float) -> RoadMap:
+    """The map of ``scenario``; fast roads are long enough that somebody stays on them for ``seconds``."""
+    if scenario == "intersection":
+        return _intersection()
+    if scenario == "roundabout":
+        return _roundabout()
+    return _merge(seconds) if scenario == "merge" else _highway(seconds)
+
+
+def _turned(corner: int, x: float, y: float) -> Floats:
+    cos, sin = ((1, 0), (0, 1), (-1, 0), (0, -1))[corner % 4]
+    return np.array([cos * x - sin * y, sin * x + cos * y], dtype=np.float64)
+
+
+def _intersection(lanes: int = 2) -> RoadMap:
+    network = RoadNetwork()
+    outermost = WIDTH * (lanes - 0.5)
+    mouth = outermost + RIGHT_RADIUS
+    for arm in range(4):
+        _intersection_arm(network, arm, lanes, mouth)
+    table = LaneTable(network)
+    routes = []
+    for arm in range(4):
+        into, left, ahead, right = (f"m{arm}", *(f"w{(arm + turn) % 4}" for turn in (1, 2, 3)))
+        for to, places, weight, heavy in (
+            (left, (0,), 0.7, False),
+            (ahead, tuple(range(lanes)), 1.0, True),
+            (right, (lanes - 1,), 0.8, False),
+        ):
+            for k in places:
+                within = k if heavy else 0  # a turn has a single lane
+                indices = ((f"o{arm}", into, k), (into, to, within), (to, "x" + to[1], k))
+                routes.append(Route(tuple((table.number[i],) for i in indices), weight / len(places), heavy))
+    half = WIDTH * lanes
+    middle = mouth + sum(ZEBRA) / 2
+    crossings = tuple(
+        Crossing(
+            (float(o[0]), float(o[1])), (float(u[0]), float(u[1])), span=2 * half, width=ZEBRA[1] - ZEBRA[0]
+        )
+        for o, u in ((_turned(arm, -half, middle), _turned(arm, 1.0, 0.0)) for arm in range(4))
+    )
+    corner = half + 2.5
+    return RoadMap(network, table, tuple(routes), crossings, (corner, corner, 4.0), True, False, True)
+
+
+def _intersection_arm(network: Any, arm: int, lanes: int, mouth: float) -> None:
+    none, solid, dashed = LineType.NONE, LineType.CONTINUOUS, LineType.STRIPED
+    quarter = np.pi / 2 * arm
+    into, left, ahead, right = (f"m{arm}", *(f"w{(arm + turn) % 4}" for turn in (1, 2, 3)))
+    inner, outer = WIDTH / 2, WIDTH * (lanes - 0.5)
+    for k in range(lanes):
+        x = WIDTH * (k + 0.5)
+        lines = [solid if k == 0 else none, solid if k == lanes - 1 else dashed]
+        start, end, over = _turned(arm, x, mouth + APPROACH), _turned(arm, x, mouth), _turned(arm, x, -mouth)
+        network.add_lane(f"o{arm}", into, StraightLane(start, end, WIDTH, lines, speed_limit=11.0))
+        network.add_lane(into, ahead, StraightLane(end, over, WIDTH, [none, none], speed_limit=11.0))
+        start, end = _turned(arm, -x, mouth), _turned(arm, -x, mouth + APPROACH)
+        network.add_lane(f"w{arm}", f"x{arm}", StraightLane(start, end, WIDTH, lines, speed_limit=11.0))
+    network.add_lane(
+        into, right,
+        CircularLane(
+            _turned(arm, mouth, mouth), mouth - outer, quarter + np.pi, quarter + 1.5 * np.pi, True, WIDTH,
+            [none, solid], speed_limit=5.5,
+        ),
+    )
+    network.add_lane(
+        into, left,
+        CircularLane(
+            _turned(arm, -mouth, mouth), mouth + inner, quarter, quarter - np.pi / 2, False, WIDTH,
+            [none, none], speed_limit=7.5,
+        ),
+    )
+
+
+def _roundabout() -> RoadMap:
+    network = RoadNetwork()
+    for arm in range(4):
+        _roundabout_arm(network, arm)
+    table = LaneTable(network)
+    ring = [node for k in range(4) for node in (f"n{-k % 4}", f"e{(-k - 1) % 4}")]
+    routes = []
+    for arm in range(4):
+        for quarters, weight in ((1, 0.8), (2, 1.0), (3, 0.7), (4, 0.1)):
+            out = (arm - quarters) % 4
+            first = ring.index(f"n{arm}")
+            nodes = [f"o{arm}", f"a{arm}", *(ring[(first + k) % 8] for k in range(2 * quarters)), f"z{out}", f"x{out}"]
+            pairs = zip(nodes, nodes[1:], strict=False)
+            routes.append(Route(tuple((table.number[a, b, 0],) for a, b in pairs), weight, heavy=True))
+    return RoadMap(network, table, tuple(routes), (), (0.0, 0.0, 4.0), True, False, False)
+
+
+def _roundabout_arm(network: Any, arm: int) -> None:
+    none, solid = LineType.NONE, LineType.CONTINUOUS
+    aside = ISLAND + BEND
+    away = float(np.sqrt((RING + BEND) ** 2 - aside**2))
+    angle = float(np.arctan2(away, aside))  # where the entry touches the ring; the exit mirrors it
+    quarter = np.pi / 2 * arm
+    lines = [solid, solid]
+
+    def straight(start: tuple[float, float], end: tuple[float, float]) -> StraightLane:
+        return StraightLane(_turned(arm, *start), _turned(arm, *end), ROUND_WIDTH, lines, speed_limit=11.0)
+
+    def arc(center: Floats, radius: float, start: float, end: float, limit: float) -> CircularLane:
+        return CircularLane(
+            center, radius, quarter + start, quarter + end, end > start, ROUND_WIDTH, [none, solid], speed_limit=limit
+        )
+
+    network.add_lane(f"o{arm}", f"a{arm}", straight((ISLAND, away + APPROACH), (ISLAND, away)))
+    network.add_lane(f"a{arm}", f"n{arm}", arc(_turned(arm, aside, away), BEND, np.pi, np.pi + angle, 6.5))
+    network.add_lane(f"e{arm}", f"z{arm}", arc(_turned(arm, -aside, away), BEND, -angle, 0.0, 7.0))
+    network.add_lane(f"z{arm}", f"x{arm}", straight((-ISLAND, away), (-ISLAND, away + APPROACH)))
+    middle = np.zeros(2)
+    network.add_lane(f"n{arm}", f"e{(arm - 1) % 4}", arc(middle, RING, angle, np.pi / 2 - angle, 7.5))
+    network.add_lane(f"e{arm}", f"n{arm}", arc(middle, RING, np.pi - angle, angle, 7.5))
+
+
+def _parallel(network: Any, road: tuple[str, str], x: tuple[float, float], lanes: range, limit: float) -> None:
+    none, solid, dashed = LineType.NONE, LineType.CONTINUOUS_LINE, LineType.STRIPED
+    for k in lanes:
+        lines = [solid if k == 0 else dashed, solid if k == lanes[-1] else none]
+        start, end = (x[0], k * WIDTH), (x[1], k * WIDTH)
+        network.add_lane(*road, StraightLane(start, end, WIDTH, lines, speed_limit=limit))
+
+
+def _ramp(x: tuple[float, float], y: float, approaching: bool, limit: float) -> SineLane:
+    middle = y + RAMP_SWING
+    phase = np.pi / 2 if approaching else -np.pi / 2
+    solid = LineType.CONTINUOUS_LINE
+    return SineLane(
+        (x[0], middle), (x[1], middle), RAMP_SWING, np.pi / (x[1] - x[0]), phase, WIDTH, [solid, solid],
+        speed_limit=limit,
+    )
+
+
+def _merge(seconds: float) -> RoadMap:
+    network, lanes = RoadNetwork(), 2
+    total = max(560.0, 26.0 * seconds + 200.0)
+    bend, joined, narrow = total * 0.4, total * 0.4 + 80.0, total * 0.4 + 220.0
+    _parallel(network, ("a", "b"), (0.0, joined), range(lanes), 25.0)
+    _parallel(network, ("b", "c"), (joined, narrow), range(lanes + 1), 25.0)
+    _parallel(network, ("c", "d"), (narrow, total), range(lanes), 25.0)
+    y, solid = lanes * WIDTH, LineType.CONTINUOUS_LINE
+    far = y + 2 * RAMP_SWING
+    network.add_lane("j", "k", StraightLane((0.0, far), (bend, far), WIDTH, [solid, solid], speed_limit=20.0))
+    network.add_lane("k", "b", _ramp((bend, joined), y, True, 20.0))
+    table = LaneTable(network)
+    main, beside, after = (tuple(table.number[a, b, k] for k in range(lanes)) for a, b in ("ab", "bc", "cd"))
+    extra = table.number["b", "c", lanes]
+    entry = ((table.number["j", "k", 0],), (table.number["k", "b", 0],))
+    routes = (Route((main, beside, after), 0.7), Route((*entry, (*beside, extra), after), 0.3))
+    return RoadMap(network, table, routes, (), ((joined + narrow) / 2, -7.0, 4.0), False, True, True)
+
+
+def _highway(seconds: float) -> RoadMap:
+    network, lanes = RoadNetwork(), 3
+    total = max(600.0, 29.0 * seconds + 200.0)
+    wide, split = total * 0.45, total * 0.45 + 200.0
+    _parallel(network, ("a", "b"), (0.0, wide), range(lanes), 28.0)
+    _parallel(network, ("b", "c"), (wide, split), range(lanes + 1), 28.0)
+    _parallel(network, ("c", "d"), (split, total), range(lanes), 28.0)
+    y, solid = lanes * WIDTH, LineType.CONTINUOUS_LINE
+    far, parted = y + 2 * RAMP_SWING, split + 90.0
+    network.add_lane("c", "e", _ramp((split, parted), y, False, 22.0))
+    network.add_lane("e", "f", StraightLane((parted, far), (total, far), WIDTH, [solid, solid], speed_limit=20.0))
+    table = LaneTable(network)
+    main, beside, after = (tuple(table.number[a, b, k] for k in range(lanes)) for a, b in ("ab", "bc", "cd"))
+    out = ((table.number["c", "e", 0],), (table.number["e", "f", 0],))
+    leaving = (main, (*beside, table.number["b", "c", lanes]), *out)
+    routes = (Route((main, beside, after), 0.75), Route(leaving, 0.25, otherwise=0))
+    return RoadMap(network, table, routes, (), (split, -7.0, 4.0), False, True, True)

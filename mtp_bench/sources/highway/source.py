@@ -1,0 +1,126 @@
+"""Scenes of simulated traffic: worlds from the cache, cut to the card's frame rate, reach and classes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ...cards import Card, HighwaySource
+from ...errors import CardError, UnknownNameError
+from ...types import Bools, Floats, Ints, Scene, Truth
+from ..base import no_detections
+from .store import WorldStore
+from .world import CLASSES, RATE, Traffic, World
+
+
+class HighwayTraffic:
+    """Scenes of one split, named ``<scenario>-<seed>``; without detections, which a simulated detector adds.
+
+    Frame of reference: the road's, x and y in the plane, z up, the road at z = 0. What is beyond the detector's reach
+    or field of view is not in the truth: nobody could have annotated it.
+    """
+
+    def __init__(self, card: Card) -> None:
+        self.card = card
+        self.section = section_of(card)
+        self.stride = _stride(card)
+        for name in card.task.classes:
+            if name not in CLASSES:
+                raise UnknownNameError("class of simulated traffic", name, CLASSES)
+        first, end = getattr(self.section.seeds, self.section.split)
+        self.names = tuple(scene_name(self.section.scenario, seed) for seed in range(first, end))
+        self.store = WorldStore(traffic_of(self.section))
+
+    def load(self, name: str) -> Scene:
+        """One scene, from the cache or made now (a second or two)."""
+        if name not in self.names:
+            raise UnknownNameError("scene", name, self.names)
+        return self._cut(name, self.store.get(seed_of(name)))
+
+    def generate(
+        self,
+        names: Sequence[str],
+        workers: int = 1,
+        started: Callable[[int], object] | None = None,
+        progress: Callable[[str], object] | None = None,
+    ) -> None:
+        """Make those of the scenes ``names`` that are not in the cache, over ``workers`` processes."""
+        seeds = [seed for seed in map(seed_of, names) if not self.store.has(seed)]
+        if started is not None:
+            started(len(seeds))
+        for seed in self.store.make(seeds, workers):
+            if progress is not None:
+                progress(scene_name(self.section.scenario, seed))
+
+    def _cut(self, name: str, world: World) -> Scene:
+        from ...detector.sight import Sensor, covered
+
+        detector = self.card.detector
+        if detector is None:
+            raise CardError(f"{self.card.id}: simulated traffic needs a [detector]")
+        sensor = Sensor(detector.reach, float(np.deg2rad(detector.field_of_view)))
+        frames = np.arange(0, len(world.time), self.stride)
+        class_id = _class_ids(self.card.task.classes)[world.truth.class_id]
+        keep = covered(world.truth, world.ego, sensor) & (class_id >= 0)
+        truth, visible = _select(world.truth, world.visible, frames, keep, class_id)
+        return Scene(
+            name=name,
+            time=world.time[frames],
+            ego=world.ego[frames],
+            truth=truth,
+            detections=no_detections(len(frames)),
+            visible=visible,
+            lanes=world.lanes,
+        )
+
+
+def section_of(card: Card) -> HighwaySource:
+    """The card's source section; raises CardError where it is another source's."""
+    if not isinstance(card.source, HighwaySource):
+        raise CardError(f"{card.id}: source is {card.source.name!r}, expected 'highway'")
+    return card.source
+
+
+def traffic_of(section: HighwaySource) -> Traffic:
+    """The part of the section that the simulation depends on."""
+    return Traffic(section.scenario, section.sensor, section.seconds, section.vehicles, section.pedestrians)
+
+
+def scene_name(scenario: str, seed: int) -> str:
+    """Name of the scene of one seed."""
+    return f"{scenario}-{seed:06d}"
+
+
+def seed_of(name: str) -> int:
+    """Seed of a scene by its name."""
+    return int(name.rsplit("-", 1)[1])
+
+
+def _stride(card: Card) -> int:
+    stride = round(RATE / card.task.rate)
+    if stride < 1 or not np.isclose(card.task.rate * stride, RATE):
+        raise CardError(f"{card.id}: task.rate is {card.task.rate} Hz, expected {RATE:g} Hz or a whole part of it")
+    return stride
+
+
+def _class_ids(classes: Sequence[str]) -> Ints:
+    """Index into ``classes`` of each class of a world, -1 for those that the card leaves out."""
+    return np.array([classes.index(name) if name in classes else -1 for name in CLASSES])
+
+
+def _select(truth: Truth, visible: Floats, frames: Ints, keep: Bools, class_id: Ints) -> tuple[Truth, Floats]:
+    """The rows to keep of the frames to keep."""
+    rows = [np.arange(truth.start[t], truth.start[t + 1]) for t in frames]
+    rows = [row[keep[row]] for row in rows]
+    row = np.concatenate(rows) if rows else np.zeros(0, dtype=np.int64)
+    selected = Truth(
+        start=np.concatenate([[0], np.cumsum([len(part) for part in rows])]).astype(np.int64),
+        box=truth.box[row],
+        velocity=truth.velocity[row],
+        class_id=class_id[row],
+        object_id=truth.object_id[row],
+        eligible=truth.eligible[row],
+        neutral=truth.neutral[row],
+    )
+    return selected, visible[row]

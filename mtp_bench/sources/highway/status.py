@@ -1,0 +1,40 @@
+"""How much of the simulated traffic is generated, for ``mtp-bench data``."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from ...cards import Card
+from ..base import DataStatus
+from .source import HighwayTraffic, seed_of
+from .store import VARIABLE
+
+LICENCE = "simulated with highway-env (MIT); detector noise fitted to real detectors, see the profile's source"
+CITATION = "E. Leurent: An environment for autonomous driving decision-making. 2018 (highway-env)"
+
+
+def highway_status(card: Card) -> DataStatus:
+    """What is in the cache; nothing is ever missing, since a scene is made when it is first used."""
+    source = HighwayTraffic(card)
+    worlds = [world for world in (source.store.read(seed_of(name)) for name in source.names) if world is not None]
+    notes = [f"{len(worlds)} of {len(source.names)} scenes are generated; the others are made when they are first used"]
+    if worlds:
+        reasons = Counter(reason for world in worlds for reason in world.rejected)
+        attempts = len(worlds) + sum(reasons.values())
+        listed = ", ".join(f"{reason} {count}" for reason, count in sorted(reasons.items())) or "none"
+        share = 100 * sum(reasons.values()) / attempts
+        notes.append(f"{card.id}: {share:.0f} % of {attempts} attempts rejected ({listed}); all scenes are crash-free")
+    return DataStatus(
+        dataset=f"simulated traffic ({source.section.scenario})",
+        root=source.store.folder,
+        searched=(source.store.folder,),
+        layout="",
+        missing=(),
+        notes=tuple(notes),
+        problems=(),
+        checks=(),
+        licence=LICENCE,
+        citation=CITATION,
+        how_to_get=f"nothing to get: generated once and kept in the folder that {VARIABLE} names",
+        generated=True,
+    )

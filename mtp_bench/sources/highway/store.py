@@ -1,0 +1,119 @@
+"""Worlds on disk: made once, kept with a hash of their content, made again where a file is broken."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+import warnings
+import zipfile
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from .packing import Arrays, content_hash, pack, unpack
+from .world import GENERATOR, Traffic, World
+
+VARIABLE = "MTP_BENCH_CACHE"
+_BROKEN = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
+
+
+@dataclass(frozen=True)
+class WorldStore:
+    """The worlds of one kind of traffic, by seed.
+
+    They lie in the folder that the environment variable MTP_BENCH_CACHE names, else in the user cache folder.
+    """
+
+    traffic: Traffic
+
+    @cached_property
+    def folder(self) -> Path:
+        """Where the worlds of this traffic are; its name is a digest of all that their content depends on."""
+        from importlib.metadata import version
+
+        described = {**asdict(self.traffic), "generator": GENERATOR, "highway-env": version("highway-env")}
+        digest = hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()[:16]
+        return cache_root() / "worlds" / f"{self.traffic.scenario}-{digest}"
+
+    def path(self, seed: int) -> Path:
+        """File of one world."""
+        return self.folder / f"{seed:06d}.npz"
+
+    def has(self, seed: int) -> bool:
+        """Whether the world is there and whole."""
+        return self.read(seed) is not None
+
+    def read(self, seed: int) -> World | None:
+        """The stored world; None where there is none or its content is not what was written."""
+        path = self.path(seed)
+        if not path.is_file():
+            return None
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                arrays: Arrays = {name: file[name] for name in file.files}
+            digest = str(arrays.pop("digest"))
+            return unpack(arrays) if content_hash(arrays) == digest else None
+        except _BROKEN:
+            return None
+
+    def get(self, seed: int) -> World:
+        """The stored world, else a new one, which is stored."""
+        world = self.read(seed)
+        return self._make(seed) if world is None else world
+
+    def make(self, seeds: Sequence[int], workers: int = 1) -> Iterator[int]:
+        """Make and store worlds over ``workers`` processes; gives each seed when it is done."""
+        if workers <= 1 or len(seeds) <= 1:
+            for seed in seeds:
+                self._make(seed)
+                yield seed
+            return
+        from joblib import Parallel, delayed
+
+        parallel = Parallel(n_jobs=min(workers, len(seeds)), backend="loky", return_as="generator_unordered")
+        yield from parallel(delayed(_make_one)(self, seed) for seed in seeds)
+
+    def _make(self, seed: int) -> World:
+        from ...detector.sight import visible_fractions
+        from .simulate import simulate_world
+
+        world = simulate_world(self.traffic, seed)
+        world = replace(world, visible=visible_fractions(world.truth, world.ego))
+        self._write(seed, world)
+        return world
+
+    def _write(self, seed: int, world: World) -> None:
+        """Store a world as a whole or not at all; a cache that cannot be written is no reason to stop."""
+        arrays = pack(world)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            handle, name = tempfile.mkstemp(dir=self.folder, suffix=".part")
+            with os.fdopen(handle, "wb") as file:
+                np.savez_compressed(file, allow_pickle=False, digest=np.array(content_hash(arrays)), **arrays)
+            Path(name).replace(self.path(seed))
+        except OSError as error:
+            warnings.warn(
+                f"a generated scene cannot be kept in {self.folder} ({error.strerror}) and is made anew each time; "
+                f"{VARIABLE} names another folder",
+                RuntimeWarning,
+                stacklevel=2,
+            )
+
+
+def cache_root() -> Path:
+    """The folder of everything that is generated once."""
+    if os.environ.get(VARIABLE):
+        return Path(os.environ[VARIABLE]).expanduser()
+    from platformdirs import user_cache_path
+
+    return user_cache_path("mtp_bench", appauthor=False)
+
+
+def _make_one(store: WorldStore, seed: int) -> int:
+    store._make(seed)
+    return seed

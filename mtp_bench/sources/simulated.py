@@ -1,0 +1,66 @@
+"""A simulated detector in place of stored detections, on the truth of any source."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+
+import numpy as np
+
+from ..cards import Card
+from ..detector import Profile
+from ..types import Scene
+from .base import SceneSource
+
+
+class SimulatedDetections:
+    """The scenes of another source, seen by the detector of the card instead of their own."""
+
+    def __init__(self, source: SceneSource, card: Card) -> None:
+        self.card = card
+        self._source = source
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the scenes, as in the source."""
+        return self._source.names
+
+    def load(self, name: str) -> Scene:
+        """Read one scene and detect it; the same noise every time."""
+        return detected(self._source.load(name), self.card)
+
+
+def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
+    """``scene`` with the detections of the card's simulated detector.
+
+    The noise depends on the scene's name and the detector's seed, or on ``seed`` alone where it is given. All profiles
+    share their random numbers: a box that is missed by one is likely missed by another.
+    """
+    from ..detector.sight import Sensor, sight, visible_fractions
+    from ..detector.simulate import simulate
+
+    if card.detector is None:
+        return scene
+    section, noise = card.detector, card.detector.resolved
+    sensor = Sensor(section.reach, float(np.deg2rad(section.field_of_view)))
+    visible = scene.visible if scene.visible is not None else visible_fractions(scene.truth, scene.ego)
+    seen = simulate(
+        scene.truth,
+        scene.ego,
+        card.task.classes,
+        noise,
+        sensor,
+        _seed(section.seed, scene.name) if seed is None else seed,
+        dt=1.0 / card.task.rate,
+        sight=sight(scene.truth, scene.ego, sensor, visible),
+    )
+    return replace(scene, detections=seen, detector=_label(noise), skipped={}, visible=visible)
+
+
+def _label(noise: Profile) -> str:
+    return f"{noise.name}, simulated detections"
+
+
+def _seed(seed: int, name: str) -> int:
+    """The same in every process and on every machine."""
+    return int.from_bytes(hashlib.sha256(f"{seed}|detector|{name}".encode()).digest()[:8], "big")

@@ -1,0 +1,84 @@
+"""Fitting a noise profile to the detections of an env, as a section of a card."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from ..cards import Card, DetectorSection, changed_card, load_card
+from ..errors import MtpBenchError, UnknownNameError
+from ..sources import open_source
+from ..types import Scene
+
+
+def fit_noise(
+    env_id: str,
+    data: str | None = None,
+    scenes: int | None = None,
+    changes: dict[str, str] | None = None,
+    min_score: Sequence[str] = (),
+    name: str | None = None,
+    reach: float | None = None,
+    field_of_view: float | None = None,
+    started: Callable[[int], object] | None = None,
+    progress: Callable[[str], object] | None = None,
+) -> str:
+    """TOML of a ``[detector]`` section with the noise of the detections of the first ``scenes`` scenes of an env.
+
+    ``changes`` are the env's ``split`` and ``detector`` where they are not the card's. ``min_score``: operating point,
+    "2.5" or "car=2.5" each. ``name``: of the profile; the part before its first hyphen tells agents which detector's
+    settings suit it. ``reach`` (m) and ``field_of_view`` (degrees) say what part of the truth the detector covers.
+    Raises MtpBenchError for whatever the user can mend.
+    """
+    from ..detector.fit import fit_profile
+    from ..detector.sight import Sensor
+    from ..detector.text import section_text
+
+    card = changed_card(load_card(env_id), **(changes or {}))
+    floor = _floor(min_score, card)
+    source = open_source(card, data)
+    names = source.names[:scenes]
+    if started is not None:
+        started(len(names))
+    given = card.detector or DetectorSection()
+    section = given.model_copy(
+        update={"reach": reach or given.reach, "field_of_view": field_of_view or given.field_of_view}
+    )
+    profile = fit_profile(
+        _loaded(source.load, names, progress),
+        card.task.classes,
+        1.0 / card.task.rate,
+        Sensor(section.reach, float(np.deg2rad(section.field_of_view))),
+        name or f"{card.detector_name.split('-')[0]}-refit",
+        f"{card.detector_name or 'detector'} as fitted on {len(names)} scenes of {card.id}",
+        f"{card.id}, split {card.source.split}, {card.task.rate:g} Hz",
+        floor,
+    )
+    missing = [one for one in card.task.classes if one not in profile.classes]
+    lines = [f"# too few detections to fit: {', '.join(missing)}; name a similar class in [detector.noise.alike]"]
+    return "\n".join([*(lines if missing else []), section_text(profile, section.reach, section.field_of_view)])
+
+
+def _loaded(
+    load: Callable[[str], Scene], names: Sequence[str], progress: Callable[[str], object] | None
+) -> Iterator[Scene]:
+    for name in names:
+        yield load(name)
+        if progress is not None:
+            progress(name)
+
+
+def _floor(texts: Sequence[str], card: Card) -> dict[str, float] | None:
+    """Operating point per class of ``--min-score`` options."""
+    floor: dict[str, float] = {}
+    for text in texts:
+        name, _, value = text.rpartition("=")
+        if name and name not in card.task.classes:
+            raise UnknownNameError("class of --min-score", name, card.task.classes)
+        try:
+            number = float(value)
+        except ValueError:
+            raise MtpBenchError(f"--min-score is {text!r}, expected a number or class=number") from None
+        floor |= {name: number} if name else dict.fromkeys(card.task.classes, number)
+    return floor or None

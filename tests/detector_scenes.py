@@ -1,0 +1,94 @@
+"""Truths of many objects at one distance, and noise profiles with one kind of noise at a time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mtp_bench.detector import Profile, load_profile
+from mtp_bench.detector.sight import Sensor, Sight, frame_of_rows
+from mtp_bench.detector.simulate import simulate
+from mtp_bench.types import Bools, Detections, Floats, Ints, Truth
+
+SIZE = (4.0, 2.0, 1.6)
+SPACING = 20.0  # m between the objects of a crowd: a detection belongs to the nearest one
+DT = 0.1
+EVERYWHERE = Sensor(reach=1e9, field_of_view=2 * np.pi)
+WHITE = {"bias": 0.0, "ar": 0.0, "phi": 0.0, "white": 1.0}
+MEMORY = {"bias": 0.2, "ar": 0.5, "phi": 0.8, "white": 0.3}
+CLASSES = ("car",)
+
+
+def truth_of(frame: Ints, object_id: Ints, box: Floats, frames: int) -> Truth:
+    """A truth of cars that move at 1, 2 m/s, from rows in the order of frames."""
+    rows = len(frame)
+    start = np.searchsorted(frame, np.arange(frames + 1))
+    velocity = np.tile([1.0, 2.0], (rows, 1))
+    return Truth(start, box, velocity, np.zeros(rows, int), object_id, np.ones(rows, bool), np.zeros(rows, bool))
+
+
+def crowd(frames: int, objects: int) -> Truth:
+    """Standing objects in a row along x, object j at x = 20 j."""
+    column = np.tile(np.arange(objects), frames)
+    box = np.tile([0.0, 5.0, 0.8, 0.3, *SIZE], (frames * objects, 1))
+    box[:, 0] = SPACING * column
+    return truth_of(np.repeat(np.arange(frames), objects), column, box, frames)
+
+
+def seen_at(truth: Truth, distance: float, occlusion: int = 0, bearing: float = 0.0, truncated: bool = False) -> Sight:
+    """A sight in which every object has the same distance and bearing: what it looks like alone in front of a sensor."""
+    rows = len(truth.box)
+    return Sight(
+        frame_of_rows(truth.start),
+        np.full(rows, distance),
+        np.full(rows, bearing),
+        np.full(rows, occlusion),
+        np.full(rows, truncated),
+    )
+
+
+def noisy(**sections: Any) -> Profile:
+    """The clean profile with other noise for cars: entries of a section by name, or a value instead of one."""
+    clean = load_profile("clean").model_dump()
+    car = clean["classes"]["car"]
+    for name, change in sections.items():
+        car[name] = {**(car[name] or {}), **change} if isinstance(change, dict) else change
+    return Profile.model_validate({**clean, "name": "noisy", "dt": DT, "classes": {"car": car}})
+
+
+def missing(base: float, lag: float = 0.0, first: float | None = None) -> dict[str, tuple[float, ...]]:
+    """The section `miss` without any influence but that of the frame before."""
+    begin = base if first is None else first
+    return {"first": (begin, 0.0, 0.0, 0.0, 0.0, 0.0), "later": (base, 0.0, 0.0, 0.0, 0.0, 0.0, lag)}
+
+
+def detect(truth: Truth, profile: Profile, sight: Sight, seed: int = 0, dt: float = DT) -> Detections:
+    """Detections of a truth by a sensor at the origin that covers everything."""
+    ego = np.zeros((len(truth.start) - 1, 4))
+    return simulate(truth, ego, CLASSES, profile, EVERYWHERE, seed, dt, sight)
+
+
+def on_grid(detections: Detections, objects: int) -> tuple[Bools, Floats, Floats, Floats]:
+    """Of a crowd: hit ``[F, J]``; boxes ``[F, J, 7]``, velocities ``[F, J, 2]``, scores ``[F, J]``, NaN if not hit."""
+    frame = frame_of_rows(detections.start)
+    column = np.rint(detections.box[:, 0] / SPACING).astype(int)
+    shape = len(detections.start) - 1, objects
+    hit = np.zeros(shape, dtype=bool)
+    hit[frame, column] = True
+    box, velocity, score = np.full((*shape, 7), np.nan), np.full((*shape, 2), np.nan), np.full(shape, np.nan)
+    box[frame, column], velocity[frame, column], score[frame, column] = (
+        detections.box,
+        detections.velocity,
+        detections.score,
+    )
+    return hit, box, velocity, score
+
+
+def inner_gaps(hit: Bools) -> Ints:
+    """Lengths of the runs of misses between two hits of an object: ``hit`` ``[F, J]``."""
+    lengths = []
+    for column in hit.T:
+        steps = np.diff(np.flatnonzero(column))
+        lengths.append(steps[steps > 1] - 1)
+    return np.concatenate(lengths)
