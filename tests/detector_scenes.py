@@ -37,7 +37,7 @@ def crowd(frames: int, objects: int) -> Truth:
 
 
 def seen_at(truth: Truth, distance: float, occlusion: int = 0, bearing: float = 0.0, truncated: bool = False) -> Sight:
-    """A sight in which every object has the same distance and bearing: what it looks like alone in front of a sensor."""
+    """A sight in which every object has the same distance and bearing, and nothing stands before it by chance."""
     rows = len(truth.box)
     return Sight(
         frame_of_rows(truth.start),

@@ -1,4 +1,4 @@
-"""Errors of position, heading, size, height, score and velocity against the margins and memory that a profile states."""
+"""Errors of position, heading, size, height, score and velocity against the margins and memory of a profile."""
 
 from __future__ import annotations
 

@@ -180,38 +180,42 @@ def test_lanes_added_later_are_found() -> None:
     assert fast.get_closest_lane_index(np.array([5.0, 40.0])) == ("0", "2", 0)
     fast.graph["0"]["2"].insert(0, StraightLane([0, 30], [50, 30]))  # not by add_lane
     assert fast.get_closest_lane_index(np.array([5.0, 40.0])) == ("0", "2", 1)
+    fast.graph = {"0": {"3": fast.graph["0"]["1"], "4": fast.graph["0"]["2"]}}
+    assert fast.get_closest_lane_index(np.array([5.0, 40.0])) == ("0", "4", 1)
 
 
-CASES = {
-    "nobody": [],
-    "one ahead, one behind": [(60, 0), (40, 0)],
-    "beside on the next lane": [(50, 4)],
-    "at the very same place": [(50, 0), (50, 0.5)],
-    "two as far ahead": [(60, 0), (60, 0.5)],
-    "two as far behind": [(40, 0), (40, 0.5)],
-    "just on the margin of the lane": [(55, 3.0), (58, 0)],
-    "just off the margin": [(55, 3.0 + 1e-12), (58, 0)],
-    "at the end of the overhang": [(-5.0, 0), (55, 0)],
-    "beyond the overhang": [(-5.0 - 1e-12, 0)],
+CASES: dict[str, tuple[bool, list[tuple[float, float]]]] = {  # whether the arrays can tell on the own lane
+    "nobody": (True, []),
+    "one ahead, one behind": (True, [(60, 0), (40, 0)]),
+    "beside on the next lane": (True, [(50, 4)]),
+    "at the very same place": (False, [(50, 0), (50, 0.5)]),
+    "two as far ahead": (False, [(60, 0), (60, 0.5)]),
+    "two as far behind": (False, [(40, 0), (40, 0.5)]),
+    "just on the margin of the lane": (False, [(55, 3.0), (58, 0)]),
+    "just off the margin": (False, [(55, 3.0 + 1e-12), (58, 0)]),
+    "clearly off the margin": (True, [(55, 3.0 + 1e-6), (58, 0)]),
+    "at the end of the overhang": (False, [(-5.0, 0), (55, 0)]),
+    "beyond the overhang": (False, [(-5.0 - 1e-12, 0)]),
 }
 
 
-@pytest.mark.parametrize("others", CASES.values(), ids=CASES)
-def test_neighbours_are_those_of_the_stock_road(others: list[tuple[float, float]]) -> None:
-    for lane_index in (None, ("0", "1", 0), ("0", "1", 1)):
-        places = []
-        for fast in (False, True):
-            it = road(network("highway"), fast)
-            kind = FastVehicle if fast else IDMVehicle
-            it.vehicles = [kind(it, [x, y], 0.0, 10.0) for x, y in [(50, 0), *others]]
-            it.objects = [Landmark(it, [52, 0])]
-            if fast:
-                with it.frozen():
-                    found = it.neighbour_vehicles(it.vehicles[0], lane_index)
-            else:
-                found = it.neighbour_vehicles(it.vehicles[0], lane_index)
-            places.append([None if one is None else it.vehicles.index(one) for one in found])
-        assert places[0] == places[1]
+@pytest.mark.parametrize(("clear", "others"), CASES.values(), ids=CASES)
+def test_neighbours_are_those_of_the_stock_road(clear: bool, others: list[tuple[float, float]]) -> None:
+    fast, stock = road(network("highway"), True), road(network("highway"), False)
+    for it, kind in ((fast, FastVehicle), (stock, IDMVehicle)):
+        it.vehicles = [kind(it, [x, y], 0.0, 10.0) for x, y in [(50, 0), *others]]
+        it.objects = [Landmark(it, [52, 0])]
+    with fast.frozen():
+        assert (fast.still.neighbours(fast.vehicles[0], ("0", "1", 0)) is not None) == clear
+        for lane_index in (None, ("0", "1", 0), ("0", "1", 1)):
+            want, got = (
+                [
+                    None if one is None else it.vehicles.index(one)
+                    for one in it.neighbour_vehicles(it.vehicles[0], lane_index)
+                ]
+                for it in (stock, fast)
+            )
+            assert got == want
 
 
 def test_arrays_settle_nearly_all_queries(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -256,6 +260,15 @@ def test_queries_know_only_the_present() -> None:
     it.step(0.1)
 
 
+def test_history_is_recorded_on_demand() -> None:
+    it = populated("highway", True, vehicles=2)
+    it.record_history = True
+    for _ in range(3):
+        it.act()
+        it.step(0.1)
+    assert [len(vehicle.history) for vehicle in it.vehicles] == [3, 3]
+
+
 def test_close_pairs_keep_every_collision() -> None:
     rng, it = np.random.default_rng(2), road(network("highway"), True)
     it.vehicles = [FastVehicle(it, xy, heading, 9.0) for *xy, heading in rng.uniform(0, (30, 12, 6), (25, 3))]
@@ -265,11 +278,12 @@ def test_close_pairs_keep_every_collision() -> None:
     touching = [pair for pair in pairs if any(pair[0]._is_colliding(pair[1], 0.1)[:2])]
     kept = close_pairs(it.vehicles, it.objects, 0.1)
     assert [pair for pair in kept if pair in touching] == touching
+    assert all(one is not other for one, other in kept)
     assert 0 < len(touching) <= len(kept) < len(pairs) / 2
 
 
 def test_snap_rounds_to_a_millionth_and_drops_the_sign_of_zero() -> None:
-    vehicle = FastVehicle(road(network("highway"), True), [1.23456749, -1e-9], -1e-12, 3.0000006)
+    vehicle: Any = FastVehicle(road(network("highway"), True), [1.23456749, -1e-9], -1e-12, 3.0000006)
     snap(vehicle)
     assert vehicle.position.tolist() == [1.234567, 0.0]
     assert (vehicle.heading, vehicle.speed) == (0.0, 3.000001)

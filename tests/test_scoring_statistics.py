@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from mtp_bench.errors import ShapeError
 from mtp_bench.scoring import bootstrap_interval, paired_interval, shared_ranks, sign_flip_test
+from mtp_bench.scoring.statistics import share_interval
 
 steady = settings(derandomize=True, deadline=None, max_examples=50)
 
@@ -103,6 +104,22 @@ def test_ranks_are_shared_where_the_interval_covers_zero() -> None:
 def test_without_an_interval_all_share_the_first_rank() -> None:
     assert shared_ranks([[3.0], [1.0]], [1]) == [1, 1]
     assert shared_ranks(np.zeros((0, 4)), np.ones(4)) == []
+
+
+def test_the_interval_of_a_share() -> None:
+    rng = np.random.default_rng(3)
+    whole = rng.normal(2.0, 1.0, 30)
+    assert share_interval(0.4 * whole, whole) == pytest.approx((0.4, 0.4))
+    part = 0.4 * whole + rng.normal(0.0, 0.5, 30)
+    interval = share_interval(part, whole)
+    assert interval is not None
+    assert interval[0] < part.sum() / whole.sum() < interval[1]
+    assert interval[1] - interval[0] > 0.05
+
+
+def test_there_is_no_share_of_nothing() -> None:
+    assert share_interval([1.0], [2.0]) is None
+    assert share_interval([1.0, 1.0, 0.5], [0.1, -0.1, 0.0]) is None
 
 
 def test_wrong_input_is_an_error() -> None:

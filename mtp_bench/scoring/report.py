@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..cards import Card
 from .definitions import DEFINITIONS, RANKED_OBJECTS
 from .details import details
-from .statistics import bootstrap_interval, paired_interval, shared_ranks, sign_flip_test
+from .statistics import bootstrap_interval, paired_interval, share_interval, shared_ranks, sign_flip_test
 from .subsets import SUBSETS, ReferenceSubsets
 from .table import AgentScores, AgentTable, agent_table, require_same_targets
 
@@ -64,7 +64,7 @@ def summarise(
         rows=[_row(table, subset, ends) for table in tables for subset in SUBSETS],
         ranks=[rank for subset in SUBSETS for rank in _ranks(tables, subset)],
         paired=[
-            paired_difference(table, other, subset)
+            {**paired_difference(table, other, subset), "gap_interval": _gap_interval(table, subset, *ends)}
             for other in others
             for table in tables
             if table is not other and table.given.samples == other.given.samples
@@ -131,14 +131,30 @@ def _missing_aware(table: AgentTable, subset: str) -> Array:
 
 def _gap_closed(table: AgentTable, subset: str, stp: AgentTable | None, truth: AgentTable | None) -> float | None:
     """(E_STP - E_agent) / (E_STP - E_GT) at equal k; None where the denominator's interval covers 0."""
+    closed, gap = _gap(table, subset, stp, truth)
+    return None if gap is None else float(closed.sum() / gap.sum())
+
+
+def _gap_interval(
+    table: AgentTable, subset: str, stp: AgentTable | None, truth: AgentTable | None
+) -> list[float] | None:
+    """Interval of gap_closed over resampled scenes."""
+    closed, gap = _gap(table, subset, stp, truth)
+    return None if gap is None else _listed(share_interval(closed, gap))
+
+
+def _gap(
+    table: AgentTable, subset: str, stp: AgentTable | None, truth: AgentTable | None
+) -> tuple[Array, Array | None]:
+    """E_STP - E_agent and E_STP - E_GT, summed per scene [S]; None for the latter where its interval covers 0."""
     if stp is None or truth is None or len({t.given.samples for t in (table, stp, truth)}) > 1:
-        return None
+        return np.zeros(0), None
     mask = table.mask[subset]
     here, high, low = (t.per_scene(t.capped, mask) for t in (table, stp, truth))
     interval = paired_interval(high, low, table.per_scene(np.ones(len(mask)), mask))
     if interval is None or interval[0] <= 0.0 <= interval[1]:
-        return None
-    return float((high.sum() - here.sum()) / (high.sum() - low.sum()))
+        return np.zeros(0), None
+    return high - here, high - low
 
 
 def _ranks(tables: Sequence[AgentTable], subset: str) -> list[Row]:

@@ -42,6 +42,26 @@ def paired_interval(a: ArrayLike, b: ArrayLike, denominator: ArrayLike) -> tuple
     return bootstrap_interval(np.asarray(a, dtype=np.float64) - np.asarray(b, dtype=np.float64), denominator)
 
 
+def share_interval(part: ArrayLike, whole: ArrayLike) -> tuple[float, float] | None:
+    """Percentile interval (95 %) of sum(part) / sum(whole) over resampled scenes, [S] each and of either sign.
+
+    None with fewer than two scenes, or where the whole is not above 0 in nearly all resamples.
+    """
+    top, bottom = np.asarray(part, dtype=np.float64), np.asarray(whole, dtype=np.float64)
+    require_shape("whole", bottom, top.shape)
+    require_finite("part", top)
+    require_finite("whole", bottom)
+    if len(bottom) < 2:
+        return None
+    counts = _resamples(len(bottom))
+    total = counts @ bottom
+    if (total <= 0).mean() > (1 - LEVEL) / 2:
+        return None
+    positive = total > 0
+    low, high = np.quantile((counts @ top)[positive] / total[positive], [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return float(low), float(high)
+
+
 def sign_flip_test(difference: ArrayLike) -> float:
     """Two-sided p of the summed difference [S] per scene, if its sign were a matter of chance in every scene.
 

@@ -10,7 +10,7 @@ from highway_env.road.lane import CircularLane, LineType, SineLane, StraightLane
 from highway_env.road.road import RoadNetwork
 
 from ...types import Floats
-from .lane_table import LaneTable
+from .lane_geometry import LaneGeometry
 from .routes import Route
 from .world import ScenarioName
 
@@ -39,7 +39,7 @@ class RoadMap:
     """A network with the ways through it."""
 
     network: Any  # a RoadNetwork
-    table: LaneTable
+    geometry: LaneGeometry
     routes: tuple[Route, ...]
     crossings: tuple[Crossing, ...]
     sensor: tuple[float, float, float]  # x, y, z of a roadside sensor
@@ -68,7 +68,7 @@ def _intersection(lanes: int = 2) -> RoadMap:
     mouth = outermost + RIGHT_RADIUS
     for arm in range(4):
         _intersection_arm(network, arm, lanes, mouth)
-    table = LaneTable(network)
+    table = LaneGeometry(network)
     routes = []
     for arm in range(4):
         into, left, ahead, right = (f"m{arm}", *(f"w{(arm + turn) % 4}" for turn in (1, 2, 3)))
@@ -126,7 +126,7 @@ def _roundabout() -> RoadMap:
     network = RoadNetwork()
     for arm in range(4):
         _roundabout_arm(network, arm)
-    table = LaneTable(network)
+    table = LaneGeometry(network)
     ring = [node for k in range(4) for node in (f"n{-k % 4}", f"e{(-k - 1) % 4}")]
     routes = []
     for arm in range(4):
@@ -193,7 +193,7 @@ def _merge(seconds: float) -> RoadMap:
     far = y + 2 * RAMP_SWING
     network.add_lane("j", "k", StraightLane((0.0, far), (bend, far), WIDTH, [solid, solid], speed_limit=20.0))
     network.add_lane("k", "b", _ramp((bend, joined), y, True, 20.0))
-    table = LaneTable(network)
+    table = LaneGeometry(network)
     main, beside, after = (tuple(table.number[a, b, k] for k in range(lanes)) for a, b in ("ab", "bc", "cd"))
     extra = table.number["b", "c", lanes]
     entry = ((table.number["j", "k", 0],), (table.number["k", "b", 0],))
@@ -212,7 +212,7 @@ def _highway(seconds: float) -> RoadMap:
     far, parted = y + 2 * RAMP_SWING, split + 90.0
     network.add_lane("c", "e", _ramp((split, parted), y, False, 22.0))
     network.add_lane("e", "f", StraightLane((parted, far), (total, far), WIDTH, [solid, solid], speed_limit=20.0))
-    table = LaneTable(network)
+    table = LaneGeometry(network)
     main, beside, after = (tuple(table.number[a, b, k] for k in range(lanes)) for a, b in ("ab", "bc", "cd"))
     out = ((table.number["c", "e", 0],), (table.number["e", "f", 0],))
     leaving = (main, (*beside, table.number["b", "c", lanes]), *out)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...types import Bools, Floats, Ints
-from .lane_table import LaneTable
+from .lane_geometry import LaneGeometry
 
 REACH = 5  # lanes that a driver looks ahead, the present one included
 NOWHERE = -1
@@ -39,7 +39,7 @@ class RouteTable:
     path_start: Floats  # [routes, lanes, REACH] m from the lane's start to theirs
 
 
-def tabulate(routes: tuple[Route, ...], table: LaneTable) -> RouteTable:
+def tabulate(routes: tuple[Route, ...], table: LaneGeometry) -> RouteTable:
     """The table of ``routes`` through the lanes of ``table``."""
     shape = (len(routes), len(table))
     following, left, right = (np.full(shape, NOWHERE) for _ in range(3))
@@ -60,7 +60,7 @@ def tabulate(routes: tuple[Route, ...], table: LaneTable) -> RouteTable:
     return RouteTable(following, left, right, hops, room, start, last, path, path_start)
 
 
-def _continuation(lane: int, road: tuple[int, ...], table: LaneTable) -> int:
+def _continuation(lane: int, road: tuple[int, ...], table: LaneGeometry) -> int:
     end = table.lanes[lane].position(table.length[lane], 0.0)
     for after in road:
         if np.linalg.norm(table.lanes[after].position(0.0, 0.0) - end) < _JOINT:
@@ -69,7 +69,7 @@ def _continuation(lane: int, road: tuple[int, ...], table: LaneTable) -> int:
 
 
 def _obligations(
-    routes: tuple[Route, ...], table: LaneTable, following: Ints, left: Ints, right: Ints
+    routes: tuple[Route, ...], table: LaneGeometry, following: Ints, left: Ints, right: Ints
 ) -> tuple[Floats, Floats]:
     """Lane changes that are needed, and the metres until the first of them must have happened."""
     hops, room = np.full(following.shape, np.inf), np.full(following.shape, np.inf)

@@ -13,7 +13,7 @@ from ...types import Bools, Floats, Ints
 LaneIndex = tuple[str, str, int]
 
 
-class LaneTable:
+class LaneGeometry:
     """Lanes of a highway-env ``RoadNetwork``, numbered in the order of its graph.
 
     The frame is highway-env's: y points down, headings turn clockwise, and the lateral coordinate grows to the right.

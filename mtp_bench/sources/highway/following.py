@@ -1,0 +1,125 @@
+"""Longitudinal and lateral control: the intelligent driver model behind whatever lies in the path, and path tracking.
+
+The gap is taken from bumper to bumper along the path. Treiber, Hennecke, Helbing (2000), "Congested traffic states in
+empirical observations and microscopic simulations".
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...types import Floats
+from .lane_geometry import LaneGeometry
+from .routes import RouteTable
+from .state import DISCS, State
+
+MARGIN = 0.3  # m, free space that is wanted on both sides
+HARDEST = 8.0  # m/s2, emergency braking
+_CLOSE = 0.05  # m, smaller gaps count as this
+_LATERAL_RATE = 0.8  # 1/s, how fast an offset from the lane's middle is worked off
+_LATERAL_SPEED = 1.3  # m/s at most
+_HEADING_RATE = 4.0  # 1/s
+_PREVIEW = 0.25  # s
+_STEEPEST = 1.0  # rad of steering angle
+
+
+@dataclass(frozen=True, eq=False)
+class Leaders:
+    """What is first in everybody's path."""
+
+    gap: Floats  # [N] m from bumper; inf: nothing in sight
+    speed: Floats  # [N] m/s along the path
+
+
+def leaders(state: State, geometry: LaneGeometry, routes: RouteTable) -> Leaders:
+    """The nearest disc of somebody else in the strip that everybody is going to sweep."""
+    n = len(state)
+    lanes = routes.path[state.route, state.lane]  # [N, K]
+    start = routes.path_start[state.route, state.lane] - state.s[:, None]
+    s, d = state.along[lanes], state.across[lanes]  # [N, K, P]
+    ahead = s + start[:, :, None]
+    low, high = _strip(state, geometry, lanes)
+    taken = (lanes[:, :, None] >= 0) & (s > -0.3) & (s < geometry.length[lanes][:, :, None] + 0.3) & (ahead > 0.0)
+    taken &= (d + state.radius > low[:, :, None]) & (d - state.radius < high[:, :, None])
+    taken &= state.owner != np.arange(n)[:, None, None]
+    gap = np.where(taken, ahead - state.radius, np.inf).reshape(n, -1)
+    first = np.argmin(gap, axis=1)
+    rows = np.arange(n)
+    k, p = np.divmod(first, s.shape[2])
+    tangent = geometry.heading(lanes[rows, k], s[rows, k, p])
+    velocity = state.velocity[state.owner[p]]
+    along = velocity[:, 0] * np.cos(tangent) + velocity[:, 1] * np.sin(tangent)
+    nearest = gap[rows, first] - state.length / 2
+    return Leaders(nearest, np.where(np.isfinite(nearest), along, 0.0))
+
+
+def _strip(state: State, geometry: LaneGeometry, lanes: Floats) -> tuple[Floats, Floats]:
+    """Lateral range ``[N, K]`` that a vehicle sweeps in the lanes of its path, the way to their middle included."""
+    outer, inner = sweep(state.length, state.width, state.wheelbase, geometry.radius[lanes].T)
+    right_turn = geometry.turn[lanes] > 0
+    left, right = np.where(right_turn, outer.T, inner.T), np.where(right_turn, inner.T, outer.T)
+    low, high = np.minimum(state.d, state.aside), np.maximum(state.d, state.aside)
+    here = np.arange(lanes.shape[1]) == 0
+    low = np.where(here, low[:, None], np.minimum(state.aside, 0.0)[:, None])
+    high = np.where(here, high[:, None], np.maximum(state.aside, 0.0)[:, None])
+    return low - left - MARGIN, high + right + MARGIN
+
+
+def sweep(length: Floats, width: Floats, wheelbase: Floats, radius: Floats) -> tuple[Floats, Floats]:
+    """How far a box reaches to the outer and to the inner side of a bend that its centre follows."""
+    rear = np.where(np.isinf(radius), 0.0, np.sqrt(np.maximum(radius**2 - wheelbase**2 / 4, 0.0)))
+    front = (wheelbase + length) / 2
+    with np.errstate(invalid="ignore"):
+        outer = np.where(np.isinf(radius), width / 2, np.hypot(rear + width / 2, front) - radius)
+        inner = np.where(np.isinf(radius), width / 2, radius - rear + width / 2)
+    return outer, inner
+
+
+def desired_speed(state: State, geometry: LaneGeometry, routes: RouteTable) -> Floats:
+    """Speed ``[N]`` that everybody would like, slowing down in time for the limits ahead."""
+    lanes = routes.path[state.route, state.lane]
+    distance = np.maximum(routes.path_start[state.route, state.lane] - state.s[:, None] - state.length[:, None] / 2, 0)
+    limit = geometry.limit[lanes] * state.temper[:, 0, None]
+    allowed = np.sqrt(limit**2 + 2.0 * 1.3 * distance)
+    allowed = np.where(lanes >= 0, allowed, np.inf)
+    speed: Floats = np.minimum(allowed.min(axis=1), state.temper[:, 1])
+    return speed
+
+
+def free_acceleration(speed: Floats, wanted: Floats, temper: Floats) -> Floats:
+    """Acceleration ``[N]`` of the driver model on an empty road."""
+    a = temper[..., 4]
+    return np.maximum(a * (1.0 - (speed / np.maximum(wanted, 0.1)) ** 4), -temper[..., 5])
+
+
+def braking(speed: Floats, gap: Floats, leader: Floats, temper: Floats, least: Floats | float | None = None) -> Floats:
+    """What the driver model takes off the acceleration ``[N]`` for a leader at a gap."""
+    a, b = temper[..., 4], temper[..., 5]
+    closing = speed * (speed - leader) / (2.0 * np.sqrt(a * b))
+    jam = temper[..., 3] if least is None else least
+    wanted = jam + np.maximum(speed * temper[..., 2] + closing, 0.0)
+    share: Floats = a * (wanted / np.maximum(gap, _CLOSE)) ** 2
+    return share
+
+
+def steering(state: State, geometry: LaneGeometry, routes: RouteTable) -> Floats:
+    """Steering angle ``[N]`` that brings everybody to its place in the lane and along it."""
+    v = np.maximum(state.speed, 1.0)
+    ahead = state.s + v * _PREVIEW
+    after = routes.following[state.route, state.lane]
+    beyond = (ahead > geometry.length[state.lane]) & (after >= 0)
+    lane = np.where(beyond, after, state.lane)
+    s = np.where(beyond, ahead - geometry.length[state.lane], ahead)
+    slip = np.arcsin(np.clip(state.wheelbase / 2 * geometry.curvature(lane), -0.9, 0.9))
+    rate = np.clip(-_LATERAL_RATE * (state.d - state.aside), -_LATERAL_SPEED, _LATERAL_SPEED)
+    wanted = geometry.heading(lane, s) - slip + np.arcsin(np.clip(rate / np.maximum(v, 3.0), -0.35, 0.35))
+    error = np.remainder(wanted - state.heading + np.pi, 2 * np.pi) - np.pi
+    turn = np.arcsin(np.clip(state.wheelbase / 2 * _HEADING_RATE * error / v, -0.9, 0.9))
+    return np.clip(np.arctan(2 * np.tan(turn)), -_STEEPEST, _STEEPEST)
+
+
+def discs_of(vehicle: int) -> slice:
+    """Places of a vehicle's discs in `State.owner`."""
+    return slice(vehicle * DISCS, (vehicle + 1) * DISCS)

@@ -1,0 +1,122 @@
+"""Who drives: sizes and tempers drawn at random, and the places where vehicles come in."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...types import Floats
+from .driver import Driver, Profile
+from .networks import RoadMap
+from .routes import Route
+from .world import CLASSES
+
+_KINDS = ("car", "van", "motorcycle", "truck", "bus")
+_SHARES = {"urban": (0.66, 0.12, 0.10, 0.07, 0.05), "fast": (0.62, 0.13, 0.05, 0.17, 0.03)}
+# mean and spread of length, width, height; the least and the largest length
+_SIZES = {
+    "car": ((4.5, 0.3), (1.82, 0.07), (1.52, 0.09), (3.6, 5.2)),
+    "van": ((5.3, 0.4), (1.98, 0.06), (2.05, 0.2), (4.7, 6.4)),
+    "motorcycle": ((2.15, 0.12), (0.8, 0.06), (1.5, 0.1), (1.8, 2.5)),
+    "truck": ((8.6, 1.6), (2.46, 0.06), (3.3, 0.3), (6.5, 12.0)),
+    "bus": ((11.4, 0.7), (2.52, 0.03), (3.15, 0.12), (9.5, 12.5)),
+}
+LONG = 6.6  # m, longer vehicles do not turn at the intersection
+_FIRST_ROOM = 10.0  # m, least space between two vehicles that are there from the start
+
+
+def draw_profile(fast: bool, rng: np.random.Generator) -> Profile:
+    """A vehicle and its driver; ``fast``: for a motorway, where there are more trucks."""
+    kind = _KINDS[int(rng.choice(len(_KINDS), p=_SHARES["fast" if fast else "urban"]))]
+    length, width, height, (least, most) = _SIZES[kind]
+    size = float(np.clip(rng.normal(*length), least, most))
+    heavy = kind in ("truck", "bus")
+    return Profile(
+        class_id=CLASSES.index("car" if kind == "van" else kind),
+        length=round(size, 2),
+        width=round(float(np.clip(rng.normal(*width), width[0] - 0.25, min(width[0] + 0.25, 2.55))), 2),
+        height=round(float(np.clip(rng.normal(*height), 0.8 * height[0], 1.25 * height[0])), 2),
+        wheelbase=round((0.55 if heavy else 0.6) * size, 2),
+        pace=float(rng.uniform(0.78, 0.95) if heavy else rng.uniform(0.85, 1.12)),
+        top_speed=23.5 if heavy else 40.0,
+        time_gap=float(rng.uniform(1.2, 1.8) if heavy else rng.uniform(0.8, 1.5)),
+        min_gap=float(rng.uniform(0.6, 1.6)),
+        acceleration=float(rng.uniform(1.0, 1.5) if heavy else rng.uniform(1.6, 2.6)),
+        braking=float(rng.uniform(1.8, 2.8)),
+        politeness=float(rng.uniform(0.0, 0.6)),
+        aside=float(rng.uniform(-0.5, 0.5) if kind == "motorcycle" else rng.uniform(-0.2, 0.2)),
+    )
+
+
+class Gate:
+    """Where vehicles come in: keeps the road at the number of vehicles that is aimed at."""
+
+    def __init__(self, town: RoadMap, vehicles: int, rng: np.random.Generator) -> None:
+        self._map, self._aim, self._rng = town, vehicles, rng
+        self._made = 0
+        self._next: tuple[Profile, int, int] | None = None  # waits until there is room
+        self._patience = 0
+
+    def fill(self, road: Any, reach: float) -> None:
+        """Puts the first vehicles on the first ``reach`` share of the entry lanes."""
+        for _ in range(20 * self._aim):
+            if len(road.vehicles) >= self._aim:
+                return
+            profile, route, lane = self._draw()
+            at = float(self._rng.uniform(profile.length / 2, reach * self._map.geometry.length[lane]))
+            self._enter(road, profile, route, lane, at, _FIRST_ROOM)
+
+    def admit(self, road: Any, finished: list[Driver]) -> None:
+        """Takes out those who are ``finished`` and lets at most one other in, where there is room."""
+        for vehicle in finished:
+            road.vehicles.remove(vehicle)
+        if len(road.vehicles) >= self._aim:
+            return
+        if self._next is None or self._patience > 5:
+            self._next, self._patience = self._draw(), 0
+        profile, route, lane = self._next
+        if self._enter(road, profile, route, lane, profile.length / 2 + 0.5, profile.min_gap + 2.0):
+            self._next = None
+        self._patience += 1
+
+    def _draw(self) -> tuple[Profile, int, int]:
+        routes: tuple[Route, ...] = self._map.routes
+        profile = draw_profile(self._map.overtaking, self._rng)
+        weight = np.array([r.weight if r.heavy or profile.length < LONG else 0.0 for r in routes])
+        route = int(self._rng.choice(len(routes), p=weight / weight.sum()))
+        lanes = routes[route].roads[0]
+        slow = profile.top_speed < self._map.geometry.limit[lanes[0]]
+        lane = lanes[-1] if slow else lanes[int(self._rng.integers(len(lanes)))]
+        return profile, route, lane
+
+    def _enter(self, road: Any, profile: Profile, route: int, lane: int, at: float, room: float) -> bool:
+        geometry = self._map.geometry
+        way = geometry.lanes[lane]
+        speed = min(profile.pace * float(geometry.limit[lane]), profile.top_speed)
+        position = np.asarray(way.position(at, profile.aside), dtype=np.float64)
+        for other in road.vehicles:
+            s, d = way.local_coordinates(other.position)
+            if abs(d) > 2.5:
+                continue
+            gap = abs(s - at) - (other.profile.length + profile.length) / 2
+            if gap < room + (0.6 * profile.time_gap * speed if s > at else 0.0):
+                return False
+            if s > at:  # slow enough to stop behind the one ahead
+                speed = min(speed, float(np.sqrt(other.speed**2 + 2.0 * max(gap - room, 0.0))))
+        vehicle = Driver(road, position, float(way.heading_at(at)), speed, profile, self._made)
+        vehicle.route, vehicle.lane_number = route, lane
+        vehicle.snap()
+        road.vehicles.append(vehicle)
+        self._made += 1
+        return True
+
+
+def boxes(vehicles: list[Driver]) -> Floats:
+    """Boxes ``[n, 7]`` of vehicles in highway-env's frame (y down)."""
+    rows = [
+        (v.position[0], v.position[1], v.profile.height / 2, v.heading, v.profile.length, v.profile.width,
+         v.profile.height)
+        for v in vehicles
+    ]  # fmt: skip
+    return np.array(rows, dtype=np.float64).reshape(-1, 7)
