@@ -18,6 +18,15 @@ EVERYWHERE = Sensor(reach=1e9, field_of_view=2 * np.pi)
 WHITE = {"bias": 0.0, "ar": 0.0, "phi": 0.0, "white": 1.0}
 MEMORY = {"bias": 0.2, "ar": 0.5, "phi": 0.8, "white": 0.3}
 CLASSES = ("car",)
+AHEAD = Sensor(reach=60.0, field_of_view=np.pi / 2)
+CLUTTER: dict[str, Any] = {
+    "rate": 2.0,
+    "dispersion": 1.0,
+    "survive": 0.4,
+    "score": 3.0,
+    "score_deviation": 0.5,
+    "size": (4.0, 1.8, 1.5),
+}
 
 
 def truth_of(frame: Ints, object_id: Ints, box: Floats, frames: int) -> Truth:
@@ -92,3 +101,24 @@ def inner_gaps(hit: Bools) -> Ints:
         steps = np.diff(np.flatnonzero(column))
         lengths.append(steps[steps > 1] - 1)
     return np.concatenate(lengths)
+
+
+def cluttered(**changes: Any) -> Profile:
+    """Perfect detections of cars, and clutter."""
+    return noisy(
+        false_positives={**CLUTTER, **changes}, velocity=0.2, score={"quadratic": (5.0, 0.0, 0.0), "ceiling": None}
+    )
+
+
+def nothing(frames: int) -> Truth:
+    """A truth without objects."""
+    empty = np.zeros(0, dtype=int)
+    return truth_of(empty, empty, np.zeros((0, 7)), frames)
+
+
+def clutter(
+    profile: Profile, frames: int = 4000, seed: int = 0, ego: Floats | None = None, dt: float = DT
+) -> Detections:
+    """False positives of an empty scene."""
+    pose = np.zeros((frames, 4)) if ego is None else ego
+    return simulate(nothing(len(pose)), pose, ("car",), profile, AHEAD, seed, dt)

@@ -10,7 +10,7 @@ from scipy import stats
 
 from mtp_bench.geometry import wrap_angle
 from mtp_bench.types import Floats
-from tests.detector_scenes import DT, MEMORY, WHITE, crowd, detect, noisy, on_grid, seen_at
+from tests.detector_scenes import CLUTTER, DT, MEMORY, WHITE, crowd, detect, noisy, on_grid, seen_at
 
 FRAMES, OBJECTS = 200, 300
 TRUE_YAW = 0.3
@@ -51,7 +51,8 @@ def test_radial_errors_are_along_the_line_of_sight_and_tangential_ones_across(be
 @pytest.mark.parametrize("axis", ["radial", "tangential"])
 @pytest.mark.parametrize("steps", [1, 5])
 def test_position_errors_remember(axis: str, steps: int) -> None:
-    error = _errors(dt=steps * DT, **{axis: {"s0": 0.05, "s1": 0.0, "nu": 4.0, **MEMORY}})
+    noise: dict[str, Any] = {axis: {"s0": 0.05, "s1": 0.0, "nu": 4.0, **MEMORY}}
+    error = _errors(dt=steps * DT, **noise)
     latent = stats.norm.ppf(stats.t.cdf(error[..., 0 if axis == "radial" else 1] / 0.05, 4.0))
     assert latent.std() == pytest.approx(1.0, abs=0.05)
     for lag in (1, 3):
@@ -84,7 +85,7 @@ def test_flips_are_a_chain(steps: int) -> None:
 
 
 def test_sizes_err_mostly_with_the_object() -> None:
-    size = {"mean": (0.1, -0.05, 0.02), "deviation": (0.3, 0.1, 0.05), "white": 0.1}
+    size: dict[str, Any] = {"mean": (0.1, -0.05, 0.02), "deviation": (0.3, 0.1, 0.05), "white": 0.1}
     error = _errors(size=size)[..., 4:]
     np.testing.assert_allclose(error.mean((0, 1)), size["mean"], atol=0.05)
     np.testing.assert_allclose(error.std((0, 1)), size["deviation"], rtol=0.1)
@@ -129,7 +130,7 @@ def test_velocities_err_by_the_same_along_and_across() -> None:
 
 def test_without_velocity_noise_there_are_no_velocities() -> None:
     truth = crowd(3, 4)
-    profile = noisy(velocity=None, duplicates=0.5, false_positives={**_CLUTTER, "rate": 3.0})
+    profile = noisy(velocity=None, duplicates=0.5, false_positives={**CLUTTER, "rate": 3.0})
     assert np.isnan(detect(truth, profile, seen_at(truth, 20.0)).velocity).all()
 
 
@@ -148,13 +149,3 @@ def test_duplicates_lie_beside_their_original_and_score_less() -> None:
     less = original[column] - detections.score[second]
     assert less.min() >= 0.0
     assert less.mean() == pytest.approx(0.5 * 0.1 * np.sqrt(2 / np.pi), rel=0.1)
-
-
-_CLUTTER = {
-    "rate": 1.0,
-    "dispersion": 1.0,
-    "survive": 0.3,
-    "score": 2.0,
-    "score_deviation": 0.5,
-    "size": (4.0, 1.8, 1.5),
-}

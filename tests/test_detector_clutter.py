@@ -2,44 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
-from mtp_bench.detector import Profile, load_profile
-from mtp_bench.detector.sight import Sensor, frame_of_rows
+from mtp_bench.detector import load_profile
+from mtp_bench.detector.sight import frame_of_rows
 from mtp_bench.detector.simulate import simulate
-from mtp_bench.types import Detections, Floats, Truth
-from tests.detector_scenes import DT, noisy, truth_of
-
-SENSOR = Sensor(reach=60.0, field_of_view=np.pi / 2)
-LAW: dict[str, Any] = {
-    "rate": 2.0,
-    "dispersion": 1.0,
-    "survive": 0.4,
-    "score": 3.0,
-    "score_deviation": 0.5,
-    "size": (4.0, 1.8, 1.5),
-}
-
-
-def _cluttered(**changes: Any) -> Profile:
-    return noisy(
-        false_positives={**LAW, **changes}, velocity=0.2, score={"quadratic": (5.0, 0.0, 0.0), "ceiling": None}
-    )
-
-
-def _nothing(frames: int) -> Truth:
-    empty = np.zeros(0, dtype=int)
-    return truth_of(empty, empty, np.zeros((0, 7)), frames)
-
-
-def _clutter(
-    profile: Profile, frames: int = 4000, seed: int = 0, ego: Floats | None = None, dt: float = DT
-) -> Detections:
-    pose = np.zeros((frames, 4)) if ego is None else ego
-    return simulate(_nothing(len(pose)), pose, ("car",), profile, SENSOR, seed, dt)
+from mtp_bench.types import Detections, Floats
+from tests.detector_scenes import AHEAD, CLUTTER, DT, clutter, cluttered, noisy, nothing, truth_of
 
 
 def _survivors(detections: Detections) -> Floats:
@@ -52,7 +22,7 @@ def _survivors(detections: Detections) -> Floats:
 
 
 def test_rate_is_that_of_the_profile_from_the_first_frame_on() -> None:
-    count = np.diff([_clutter(_cluttered(), frames=20, seed=seed).start for seed in range(300)], axis=1)
+    count = np.diff([clutter(cluttered(), frames=20, seed=seed).start for seed in range(300)], axis=1)
     assert count.mean() == pytest.approx(2.0, rel=0.05)
     assert count[:, 0].mean() == pytest.approx(2.0, rel=0.12)
     assert count[:, -1].mean() == pytest.approx(2.0, rel=0.12)
@@ -60,20 +30,20 @@ def test_rate_is_that_of_the_profile_from_the_first_frame_on() -> None:
 
 @pytest.mark.parametrize("dispersion", [1.0, 2.5])
 def test_counts_vary_between_scenes_as_stated(dispersion: float) -> None:
-    profile = _cluttered(dispersion=dispersion)
-    count = np.diff([_clutter(profile, frames=10, seed=seed).start for seed in range(600)], axis=1)
+    profile = cluttered(dispersion=dispersion)
+    count = np.diff([clutter(profile, frames=10, seed=seed).start for seed in range(600)], axis=1)
     assert count.var() / count.mean() == pytest.approx(dispersion, rel=0.15)
     assert count.mean() == pytest.approx(2.0, rel=0.1)
 
 
 @pytest.mark.parametrize(("steps", "share"), [(1.0, 0.4), (3.0, 0.4**3)])
 def test_boxes_survive_geometrically_at_the_period_of_the_frames(steps: float, share: float) -> None:
-    assert _survivors(_clutter(_cluttered(), dt=steps * DT)).mean() == pytest.approx(share, abs=0.025)
+    assert _survivors(clutter(cluttered(), dt=steps * DT)).mean() == pytest.approx(share, abs=0.025)
 
 
 def test_places_are_even_over_distance_and_bearing_in_view() -> None:
     ego = np.tile([100.0, -50.0, 2.0, 2.0], (4000, 1))
-    box = _clutter(_cluttered(survive=0.0), ego=ego).box
+    box = clutter(cluttered(survive=0.0), ego=ego).box
     dx, dy = box[:, 0] - 100.0, box[:, 1] + 50.0
     distance = np.hypot(dx, dy)
     bearing = np.remainder(np.arctan2(dy, dx) - 2.0 + np.pi, 2 * np.pi) - np.pi
@@ -87,7 +57,7 @@ def test_boxes_stand_still_while_the_sensor_drives_past_them() -> None:
     frames = 400
     ego = np.zeros((frames, 4))
     ego[:, 0] = np.arange(frames) * 2.0
-    detections = _clutter(_cluttered(survive=0.9), ego=ego)
+    detections = clutter(cluttered(survive=0.9), ego=ego)
     frame = frame_of_rows(detections.start)
     assert _survivors(detections).mean() > 0.7
     ahead = detections.box[:, :2] - ego[frame, :2]
@@ -96,7 +66,7 @@ def test_boxes_stand_still_while_the_sensor_drives_past_them() -> None:
 
 
 def test_looks_are_around_the_mean_of_the_class() -> None:
-    detections = _clutter(_cluttered(survive=0.0))
+    detections = clutter(cluttered(survive=0.0))
     np.testing.assert_allclose(detections.box[:, 4:].mean(0), [4.0, 1.8, 1.5], rtol=0.01)
     np.testing.assert_allclose(detections.box[:, 4:].std(0), [0.4, 0.18, 0.15], rtol=0.05)
     np.testing.assert_allclose(detections.box[:, 2], detections.box[:, 6] / 2)  # on the ground at the ego's feet
@@ -108,19 +78,19 @@ def test_looks_are_around_the_mean_of_the_class() -> None:
 
 def test_boxes_stand_where_the_true_ones_stand() -> None:
     truth = truth_of(np.zeros(3, int), np.arange(3), np.tile([5.0, 0, -1.0, 0, 4.0, 2.0, 1.4], (3, 1)), frames=200)
-    detections = simulate(truth, np.zeros((200, 4)), ("car",), _cluttered(), SENSOR, 0, DT)
+    detections = simulate(truth, np.zeros((200, 4)), ("car",), cluttered(), AHEAD, 0, DT)
     np.testing.assert_allclose((detections.box[:, 2] - detections.box[:, 6] / 2), -1.7)
 
 
 def test_scores_stay_above_the_floor() -> None:
-    profile = noisy(false_positives=LAW, score={"quadratic": (5.0, 0.0, 0.0), "floor": 2.9, "ceiling": 3.2})
-    score = _clutter(profile, frames=300).score
+    profile = noisy(false_positives=CLUTTER, score={"quadratic": (5.0, 0.0, 0.0), "floor": 2.9, "ceiling": 3.2})
+    score = clutter(profile, frames=300).score
     assert (score.min(), score.max()) == (2.9, 3.2)
 
 
 def test_a_class_that_borrows_its_noise_emits_none() -> None:
-    profile, truth, ego = load_profile("nuscenes_megvii"), _nothing(200), np.zeros((200, 4))
+    profile, truth, ego = load_profile("nuscenes_megvii"), nothing(200), np.zeros((200, 4))
     classes = ("truck", "car", "bus", "pedestrian")
-    emitted = simulate(truth, ego, classes, profile, SENSOR, 0, 0.5).class_id
+    emitted = simulate(truth, ego, classes, profile, AHEAD, 0, 0.5).class_id
     assert set(emitted.tolist()) == {1, 3}
-    assert len(simulate(truth, ego, ("truck", "bus"), profile, SENSOR, 0, 0.5).box) == 0
+    assert len(simulate(truth, ego, ("truck", "bus"), profile, AHEAD, 0, 0.5).box) == 0

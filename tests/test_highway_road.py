@@ -188,7 +188,8 @@ CASES: dict[str, tuple[bool, list[tuple[float, float]]]] = {  # whether the arra
     "nobody": (True, []),
     "one ahead, one behind": (True, [(60, 0), (40, 0)]),
     "beside on the next lane": (True, [(50, 4)]),
-    "at the very same place": (False, [(50, 0), (50, 0.5)]),
+    "as far along the lane": (False, [(50, 0.5)]),
+    "two as far along the lane": (False, [(50, 0.5), (50, -0.5)]),
     "two as far ahead": (False, [(60, 0), (60, 0.5)]),
     "two as far behind": (False, [(40, 0), (40, 0.5)]),
     "just on the margin of the lane": (False, [(55, 3.0), (58, 0)]),
@@ -248,8 +249,10 @@ def test_queries_know_only_the_present() -> None:
     with it.frozen():
         assert it.neighbour_vehicles(one) == (two, None)
         assert one.lane_distance_to(guest) == 40
-        guest.position[0] += 5
+        assert guest.direction.tolist() == [1, 0]
+        guest.position[0], guest.heading = 55, 1.0
         assert one.lane_distance_to(guest) == 45
+        assert guest.direction.tolist() == [np.cos(1.0), np.sin(1.0)]
     two.position[0], one.heading = 5.0, 1.0
     assert it.neighbour_vehicles(one) == (None, two)
     assert one.direction.tolist() == [np.cos(1.0), np.sin(1.0)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from ..errors import DataError
@@ -53,7 +54,7 @@ def _fit_class(objects: ObjectSamples, clutter: ClutterSamples, floor: float | N
         tangential=fit_position(objects, TANGENTIAL),
         heading=fit_heading(objects),
         size=fit_size(objects),
-        score=fit_score(objects, round(float(lowest), 4) if floor is None else floor),
+        score=fit_score(objects, math.floor(1e4 * float(lowest)) / 1e4 if floor is None else floor),
         false_positives=fit_clutter(clutter),
         velocity=fit_velocity(objects),
         z=fit_height(objects),

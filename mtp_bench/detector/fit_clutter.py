@@ -8,6 +8,7 @@ from .profile import FalsePositives
 from .samples import ClutterSamples
 
 _FEW = 20  # boxes from which the variation of the rate and the survival are taken
+_LONGEST = 0.95  # survival from frame to frame that is believed
 
 
 def fit_clutter(clutter: ClutterSamples) -> FalsePositives | None:
@@ -16,10 +17,10 @@ def fit_clutter(clutter: ClutterSamples) -> FalsePositives | None:
     if not own.any():
         return None
     frames, boxes = len(clutter.count), int(own.sum())
-    survive, dispersion = 0.0, 1.0
-    if boxes >= _FEW:
-        dispersion = max(float(clutter.count.var() / clutter.count.mean()), 1.0)
-        survive = min(float(np.mean(clutter.followed[own & clutter.judged])), 0.95)
+    judged = own & clutter.judged
+    enough = judged.sum() >= _FEW
+    dispersion = max(float(clutter.count.var() / clutter.count.mean()), 1.0) if enough else 1.0
+    survive = min(float(np.mean(clutter.followed[judged])), _LONGEST) if enough else 0.0
     size = clutter.size[own].mean(axis=0)
     return FalsePositives(
         rate=round(boxes / frames, 4),

@@ -8,9 +8,11 @@ from typing import TypeVar
 
 import numpy as np
 
+from ..errors import DataError
 from ..geometry import wrap_angle
 from ..types import Bools, Detections, Floats, Ints, Scene
 from .match import Matches, at_floor, match
+from .misses import features
 from .sight import Sensor, Sight, frame_of_rows, sight, within
 
 RADIAL, TANGENTIAL, HEIGHT, HEADING, SIZE = 0, 1, 2, 3, slice(4, 7)  # columns of ``ObjectSamples.error``
@@ -65,7 +67,10 @@ RecordT = TypeVar("RecordT", ObjectSamples, ClutterSamples)
 def collect(
     scenes: Iterable[Scene], classes: Sequence[str], sensor: Sensor, floor: Mapping[str, float] | None = None
 ) -> dict[str, Samples]:
-    """Samples per class over ``scenes``; only detections with a score of at least ``floor`` of their class count."""
+    """Samples per class over ``scenes``; only detections with a score of at least ``floor`` of their class count.
+
+    Raises DataError without a scene.
+    """
     parts: dict[str, list[Samples]] = {name: [] for name in classes}
     objects = 0  # in the scenes so far
     for scene in scenes:
@@ -80,6 +85,8 @@ def collect(
             own = _objects(scene, detections, matches.detection[row], row, objects + number[row], seen)
             parts[name].append((own, _clutter(scene, detections, matches, class_id, sensor)))
         objects += len(known)
+    if not any(parts.values()):
+        raise DataError("no scenes to compare detections with true boxes in, expected at least one")
     return {name: (_joined([a for a, _ in part]), _joined([b for _, b in part])) for name, part in parts.items()}
 
 
@@ -97,12 +104,11 @@ def _objects(
     away = true[:, :2] - scene.ego[frame, :2]
     away = away / np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-9)[:, None]
     across = away[:, 0] * off[:, 1] - away[:, 1] * off[:, 0]
-    view = (seen.occlusion[row, None] == [1, 2, 3], seen.truncated[row, None])
     return ObjectSamples(
         object=number,
         frame=frame,
         hit=hit,
-        feature=np.column_stack([np.ones(len(row)), seen.distance[row] / 10, *view]).astype(np.float64),
+        feature=features(seen)[row],
         error=np.column_stack(
             [(away * off).sum(axis=1), across, (found - true)[:, 2], wrap_angle(found[:, 3] - true[:, 3]),
              found[:, 4:] - true[:, 4:]]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..types import Bools, Floats, Scene
+from ..types import Bools, Floats, Ints, Scene
 from .samples import HEADING, RADIAL, TANGENTIAL, ClutterSamples, ObjectSamples, collect
 from .sight import Sensor
 
@@ -70,23 +70,14 @@ def class_statistics(objects: ObjectSamples, clutter: ClutterSamples) -> ClassSt
     )
 
 
-def gap_lengths(objects: ObjectSamples) -> Floats:
-    """Lengths in frames of the gaps between two hits of an object; frames without the true box end a gap unseen."""
-    earlier, later = objects.pairs()
-    linked = np.zeros(len(objects.hit) + 1, dtype=bool)  # row i goes on where row i - 1 was
-    linked[later[later == earlier + 1]] = True
-    length, run = [], 0
-    open_gap = False
-    for row, hit in enumerate(objects.hit):
-        if not linked[row]:
-            run, open_gap = 0, False
-        if hit:
-            if open_gap and run:
-                length.append(run)
-            run, open_gap = 0, True
-        else:
-            run += 1
-    return np.array(length, dtype=np.float64)
+def gap_lengths(objects: ObjectSamples) -> Ints:
+    """Lengths in frames of the gaps between two hits of an object; a frame without the true box ends a gap unseen."""
+    begins = np.ones(len(objects.hit), dtype=bool)
+    begins[objects.pairs()[1]] = False
+    stretch = np.cumsum(begins)  # of consecutive frames; the rows of a stretch follow each other
+    hit = np.flatnonzero(objects.hit)
+    step, same = np.diff(hit), stretch[hit[1:]] == stretch[hit[:-1]]
+    return step[same & (step > 1)] - 1
 
 
 def robust_deviation(value: Floats) -> float | None:
@@ -108,15 +99,15 @@ def _autocorrelation(objects: ObjectSamples, column: int) -> float | None:
     """Lag-1 autocorrelation of the errors' normal scores: ranks first, so that heavy tails do not count."""
     from scipy.special import ndtri
 
-    score = np.full(len(objects.hit), np.nan)
-    row = np.flatnonzero(objects.hit)
-    rank = np.argsort(np.argsort(objects.error[row, column]))
-    score[row] = ndtri((rank + 0.5) / max(len(row), 1))
     earlier, later = objects.hit_pairs()
-    if len(earlier) < 3:
+    _, place, count = np.unique(objects.error[objects.hit, column], return_inverse=True, return_counts=True)
+    if len(earlier) < 3 or len(count) < 3:
         return None
+    middle = np.cumsum(count) - count / 2  # equal errors share the rank in their middle
+    score = np.full(len(objects.hit), np.nan)
+    score[objects.hit] = ndtri(middle / count.sum())[place]
     return float(np.corrcoef(score[earlier], score[later])[0, 1])
 
 
-def _mean(value: Floats | Bools) -> float | None:
+def _mean(value: Floats | Ints | Bools) -> float | None:
     return float(np.mean(value)) if len(value) else None

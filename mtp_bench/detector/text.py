@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
 
 from .profile import Profile
@@ -23,7 +24,7 @@ def profile_text(profile: Profile) -> str:
     if alike:
         lines += ["", "[alike]", *_values(alike, "")]
     for name, noise in classes.items():
-        lines += _table(f"classes.{json.dumps(name) if not name.isidentifier() else name}", noise, "")
+        lines += _table(f"classes.{_key(name)}", noise, "")
     return "\n".join(lines) + "\n"
 
 
@@ -39,8 +40,12 @@ def _table(heading: str, content: dict[str, Any], section: str) -> list[str]:
 
 def _values(content: dict[str, Any], section: str) -> list[str]:
     comments = {key: _COMMENTS.get(f"{section}.{key}") for key in content}
-    return [f"{key} = {_value(value)}" + (f"  # {comments[key]}" if comments[key] else "")
+    return [f"{_key(key)} = {_value(value)}" + (f"  # {comments[key]}" if comments[key] else "")
             for key, value in content.items()]  # fmt: skip
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch("[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
 
 
 def _value(value: str | bool | float | tuple[float, ...]) -> str:

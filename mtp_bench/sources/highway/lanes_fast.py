@@ -52,7 +52,10 @@ class LaneTable:
 
     def fits(self, graph: Graph) -> bool:
         """Whether it is the table's graph and has the very lanes of the table, in the same order."""
-        return graph is self._graph and [lane for to in graph.values() for side in to.values() for lane in side] == self._listed
+        return (
+            graph is self._graph
+            and [lane for to in graph.values() for side in to.values() for lane in side] == self._listed
+        )
 
     def _column(self, rows: slice, name: str) -> Floats:
         return np.array([[getattr(lane, name)] for lane in self.lanes[rows]], dtype=np.float64).reshape(-1, 1)

@@ -18,7 +18,7 @@ WIDTH = 3.5  # m, of a lane
 ROUND_WIDTH = 4.5  # m, of the lanes of the roundabout
 APPROACH = 75.0  # m, of the arms of a junction
 RING, BEND = 20.0, 14.0  # m, radii of the roundabout's ring and of its entries and exits
-ISLAND = 3.0  # m, from the middle of an arm of the roundabout to the middle of its lanes
+ISLAND = 4.5  # m, from the middle of an arm of the roundabout to the middle of its lanes
 RIGHT_RADIUS = 9.0  # m, of the intersection's right turns
 ZEBRA = (1.0, 4.0)  # m, from the junction's mouth to the near and the far edge of a crossing
 RAMP_SWING = 3.25  # m, half of the sideways way of a ramp
@@ -130,7 +130,7 @@ def _roundabout() -> RoadMap:
     ring = [node for k in range(4) for node in (f"n{-k % 4}", f"e{(-k - 1) % 4}")]
     routes = []
     for arm in range(4):
-        for quarters, weight in ((1, 0.8), (2, 1.0), (3, 0.7), (4, 0.1)):
+        for quarters, weight in ((1, 0.8), (2, 1.0), (3, 0.7)):
             out = (arm - quarters) % 4
             first = ring.index(f"n{arm}")
             nodes = [f"o{arm}", f"a{arm}", *(ring[(first + k) % 8] for k in range(2 * quarters)), f"z{out}", f"x{out}"]

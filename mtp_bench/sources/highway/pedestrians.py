@@ -1,0 +1,247 @@
+"""People on foot who cross an arm of the junction, alone or in groups.
+
+They walk by social forces: Helbing and Molnár (1995), "Social force model for pedestrian dynamics", with a pull towards
+the group as in Moussaïd et al. (2010). At the kerb they wait until nobody with the right to pass comes in the time that
+they need; who has waited long makes vehicles wait.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...types import Floats
+from .networks import Crossing
+from .right_of_way import Walk
+from .world import CLASSES
+
+ARRIVING, WAITING, CROSSING, LEAVING = range(4)
+_RELAX = 0.5  # s
+_PUSH, _RANGE, _SIGHT = 2.1, 0.35, 3.0  # m/s2, m, m
+_APART = 0.8  # m between two middles, always: no two boxes overlap then
+_BLIND = 0.35  # share of the push from somebody behind
+_PULL = 0.5  # 1/s2 towards the middle of the group
+_FROM_BOX = 0.55  # m to the outline of a vehicle that nobody steps into
+_PATIENCE = (3.0, 7.0)  # s at the kerb
+_CLASS = CLASSES.index("pedestrian")
+
+
+@dataclass(eq=False)
+class Person:
+    """Somebody on foot; places are (along the crossing, across it) in metres from its origin."""
+
+    number: int
+    group: int
+    crossing: int
+    direction: float
+    size: tuple[float, float, float]  # l w h
+    pace: float
+    patience: float
+    slot: Floats  # where to wait
+    beyond: Floats  # where to step off the road
+    goal: Floats
+    place: Floats
+    velocity: Floats = field(default_factory=lambda: np.zeros(2))
+    heading: float = 0.0
+    stage: int = ARRIVING
+    waited: float = 0.0
+
+
+class Crowd:
+    """Everybody on foot: keeps their number at what is aimed at."""
+
+    def __init__(self, crossings: tuple[Crossing, ...], aim: int, rng: np.random.Generator) -> None:
+        self._crossings, self._aim, self._rng = crossings, aim, rng
+        self.people: list[Person] = []
+        self._made = self._groups = 0
+        self._axes = [
+            np.array([c.direction, (-c.direction[1], c.direction[0])], dtype=np.float64) for c in crossings
+        ]  # rows: along, across
+        while crossings and len(self.people) < aim:
+            self._arrive(float(rng.uniform(0.0, 1.0)))
+
+    def xy(self) -> tuple[Floats, Floats]:
+        """Places and velocities ``[M, 2]``, ``[M, 2]`` in the frame of the road."""
+        place = [np.array(self._crossings[p.crossing].origin) + p.place @ self._axes[p.crossing] for p in self.people]
+        velocity = [p.velocity @ self._axes[p.crossing] for p in self.people]
+        return np.array(place).reshape(-1, 2), np.array(velocity).reshape(-1, 2)
+
+    def boxes(self) -> Floats:
+        """Boxes ``[M, 7]`` in the frame of the road (y down)."""
+        place, _ = self.xy()
+        rows = [
+            (x, y, p.size[2] / 2, p.heading, *p.size) for p, (x, y) in zip(self.people, place.tolist(), strict=True)
+        ]
+        return np.array(rows, dtype=np.float64).reshape(-1, 7)
+
+    def walks(self) -> list[Walk]:
+        """Those who are on a crossing."""
+        return [self._walk(p) for p in self.people if p.stage == CROSSING]
+
+    def claimed(self) -> set[int]:
+        """Crossings where somebody has lost patience."""
+        return {p.crossing for p in self.people if p.stage == WAITING and p.waited > p.patience}
+
+    def step(self, dt: float, vehicles: Floats, free: Callable[[Walk], bool]) -> None:
+        """Moves everybody by ``dt`` seconds around vehicles (boxes ``[N, 7]``) and lets new people come."""
+        if not self._crossings:
+            return
+        self._advance(dt, free)
+        self._move(dt, vehicles)
+        self.people = [p for p in self.people if not (p.stage == LEAVING and np.abs(p.goal - p.place).max() < 0.8)]
+        if len(self.people) < self._aim and self._rng.uniform() < dt / 1.5:
+            self._arrive(1.0)
+
+    def _walk(self, person: Person) -> Walk:
+        return Walk(person.crossing, float(person.place[0]), person.direction, max(0.85 * person.pace, 0.5))
+
+    def _arrive(self, distance: float) -> None:
+        """A new group; ``distance``: share of the way to the kerb that is left."""
+        rng = self._rng
+        crossing = int(rng.integers(len(self._crossings)))
+        direction = 1.0 if rng.uniform() < 0.5 else -1.0
+        size = int(min(rng.choice(4, p=(0.5, 0.3, 0.15, 0.05)) + 1, self._aim - len(self.people)))
+        pace = float(rng.uniform(1.05, 1.55))
+        patience = float(rng.uniform(*_PATIENCE))
+        way = np.array([-direction * rng.uniform(5.0, 9.0), rng.uniform(-3.0, 3.0)])
+        off = np.array([direction * rng.uniform(5.0, 9.0), rng.uniform(-3.0, 3.0)])
+        middle = float(rng.uniform(-0.5, 0.5))
+        others = np.array([p.place for p in self.people if p.crossing == crossing]).reshape(-1, 2)
+        span = self._crossings[crossing].span
+        near, far = (0.0, span) if direction > 0 else (span, 0.0)
+        for k in range(size):
+            lateral = middle + 0.85 * (k % 2) - 0.42 * (size > 1)
+            slot = np.array([near - direction * (0.9 + 0.9 * (k // 2)), lateral])
+            beyond = np.array([far + direction * 0.6, lateral])
+            place = slot + way * distance
+            if len(others) and np.hypot(*(others - place).T).min() < 1.0:
+                continue
+            others = np.concatenate([others, place[None]])
+            self._add(crossing, direction, pace, patience, slot, beyond, beyond + off, place)
+        self._groups += 1
+
+    def _add(
+        self, crossing: int, direction: float, pace: float, patience: float,
+        slot: Floats, beyond: Floats, goal: Floats, place: Floats,
+    ) -> None:  # fmt: skip
+        rng = self._rng
+        size = (float(rng.uniform(0.35, 0.5)), float(rng.uniform(0.45, 0.6)), float(rng.uniform(1.5, 1.9)))
+        self.people.append(
+            Person(
+                self._made, self._groups, crossing, direction, tuple(round(x, 2) for x in size),  # type: ignore[arg-type]
+                min(max(pace + float(rng.normal(0.0, 0.05)), 1.0), 1.6), patience,
+                slot, beyond, goal, np.round(place, 6), heading=_direction((slot - place + 1e-3) @ self._axes[crossing]),
+            )
+        )  # fmt: skip
+        self._made += 1
+
+    def _advance(self, dt: float, free: Callable[[Walk], bool]) -> None:
+        """Moves everybody on to the next stage; a group steps on the road together."""
+        for p in self.people:
+            if p.stage == ARRIVING and np.hypot(*(p.slot - p.place)) < 0.7:
+                p.stage = WAITING
+            elif p.stage == WAITING:
+                p.waited += dt
+            elif p.stage == CROSSING and (p.beyond[0] - p.place[0]) * p.direction < 0.3:
+                p.stage = LEAVING
+        groups = sorted({p.group for p in self.people if p.stage == WAITING})
+        for group in groups:
+            members = [p for p in self.people if p.group == group]
+            if all(p.stage == WAITING for p in members) and all(free(self._walk(p)) for p in members):
+                for p in members:
+                    p.stage = CROSSING
+
+    def _target(self, person: Person) -> Floats:
+        return (person.slot, person.slot, person.beyond, person.goal)[person.stage]
+
+    def _move(self, dt: float, vehicles: Floats) -> None:
+        if not self.people:
+            return
+        place, velocity = self.xy()
+        axes = np.array([self._axes[p.crossing] for p in self.people])
+        origin = np.array([self._crossings[p.crossing].origin for p in self.people])
+        target = np.array([self._target(p) for p in self.people])
+        goal = origin + np.einsum("ni,nij->nj", target, axes)
+        pace = np.array([p.pace for p in self.people])
+        new = velocity + dt * self._force(place, velocity, goal, pace)
+        speed = np.hypot(new[:, 0], new[:, 1])
+        new *= np.minimum(1.0, 1.25 * pace / np.maximum(speed, 1e-9))[:, None]
+        moved = _kept_out(place, _kept_apart(place + dt * new), vehicles)
+        new = (moved - place) / dt
+        for k, p in enumerate(self.people):
+            p.place = np.round(axes[k] @ (moved[k] - origin[k]), 6) + 0.0
+            p.velocity = np.round(axes[k] @ new[k], 6) + 0.0
+            p.heading = _turned(p.heading, new[k], goal[k] - moved[k], p.stage)
+
+    def _force(self, place: Floats, velocity: Floats, goal: Floats, pace: Floats) -> Floats:
+        to_goal = goal - place
+        far = np.hypot(to_goal[:, 0], to_goal[:, 1])
+        wanted = to_goal / np.maximum(far, 1e-9)[:, None] * np.minimum(pace, far / 0.8)[:, None]
+        force = (wanted - velocity) / _RELAX
+        between = place[:, None] - place
+        gap = np.hypot(between[..., 0], between[..., 1])
+        np.fill_diagonal(gap, np.inf)
+        strength = _PUSH * np.exp((_APART - gap) / _RANGE) * (gap < _SIGHT)
+        facing = np.einsum("nj,nmj->nm", wanted, -between) / np.maximum(
+            np.hypot(wanted[:, 0], wanted[:, 1])[:, None] * np.where(np.isinf(gap), 1.0, gap), 1e-9
+        )
+        group = np.array([p.group for p in self.people])
+        friends = (group[:, None] == group) & np.isfinite(gap)
+        strength *= (_BLIND + (1 - _BLIND) * (1 + facing) / 2) * np.where(friends, 0.3, 1.0)
+        push = np.einsum("nm,nmj->nj", strength / np.where(np.isinf(gap), 1.0, np.maximum(gap, 1e-9)), between)
+        count = friends.sum(axis=1)
+        middle = (friends @ place) / np.maximum(count, 1)[:, None]
+        pull = np.where((count > 0)[:, None], middle - place, 0.0)
+        distance = np.hypot(pull[:, 0], pull[:, 1])
+        pull *= np.where(distance > 1.3, _PULL, 0.0)[:, None]
+        result: Floats = force + push + pull
+        return result
+
+
+def _kept_apart(place: Floats) -> Floats:
+    """Places ``[M, 2]`` after pushing those apart who are too close."""
+    for _ in range(3):
+        between = place[:, None] - place
+        gap = np.hypot(between[..., 0], between[..., 1])
+        np.fill_diagonal(gap, np.inf)
+        short = np.maximum(_APART + 1e-3 - gap, 0.0)
+        if not short.any():
+            break
+        unit = between / np.where(np.isinf(gap), 1.0, np.maximum(gap, 1e-6))[..., None]
+        place = place + 0.5 * (short[..., None] * unit).sum(axis=1)
+    return place
+
+
+def _kept_out(place: Floats, moved: Floats, vehicles: Floats) -> Floats:
+    """``moved``, but who would step into a vehicle (or against it) stays at ``place``."""
+    if len(vehicles) == 0:
+        return moved
+    cos, sin = np.cos(vehicles[:, 3]), np.sin(vehicles[:, 3])
+
+    def clearance(points: Floats) -> Floats:
+        dx, dy = points[:, :1] - vehicles[:, 0], points[:, 1:] - vehicles[:, 1]
+        along = np.abs(cos * dx + sin * dy) - vehicles[:, 4] / 2
+        across = np.abs(cos * dy - sin * dx) - vehicles[:, 5] / 2
+        return np.maximum(along, across)
+
+    after, before = clearance(moved), clearance(place)
+    blocked = ((after < _FROM_BOX) & (after < before)).any(axis=1)
+    return np.where(blocked[:, None], place, moved)
+
+
+def _direction(vector: Floats) -> float:
+    return round(float(np.arctan2(vector[1], vector[0])), 6)
+
+
+def _turned(heading: float, velocity: Floats, to_goal: Floats, stage: int) -> float:
+    """The heading after a step: people turn where they walk, and look at the road while they wait."""
+    if np.hypot(*velocity) > 0.3:
+        wanted, share = float(np.arctan2(velocity[1], velocity[0])), 0.35
+    elif stage == WAITING:
+        return heading
+    else:
+        wanted, share = float(np.arctan2(to_goal[1], to_goal[0])), 0.1
+    turn = (wanted - heading + np.pi) % (2 * np.pi) - np.pi
+    return round(float((heading + share * turn + np.pi) % (2 * np.pi) - np.pi), 6) + 0.0

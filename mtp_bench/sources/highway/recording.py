@@ -1,0 +1,86 @@
+"""Frames of a run, turned into a world: right-handed with z up, where highway-env's y points down."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...geometry import wrap_angle
+from ...types import Floats, Ints, Lane, Truth
+from .pedestrians import Crowd
+from .state import State
+from .world import CLASSES, RATE, World
+
+_EGO_HEIGHT = 1.7  # m
+_PEOPLE_FROM = 1_000_000  # numbers of people follow those of vehicles
+_PICK_FROM = 3  # the ego is one of those who go farthest
+_COLUMNS = 12  # x y z yaw l w h, velocity x y, class, number, frame
+
+
+class Recording:
+    """Boxes, velocities, classes and numbers of all frames so far."""
+
+    def __init__(self, frames: int) -> None:
+        self._frames = frames
+        self._rows: list[Floats] = []
+
+    def add(self, state: State, vehicles: Floats, crowd: Crowd, people: Floats) -> None:
+        """Appends a frame: boxes ``[N, 7]`` and ``[M, 7]`` in highway-env's frame."""
+        box = np.concatenate([vehicles, people])
+        classes = [v.profile.class_id for v in state.vehicles] + [CLASSES.index("pedestrian")] * len(people)
+        numbers = [v.number for v in state.vehicles] + [_PEOPLE_FROM + p.number for p in crowd.people]
+        frame = np.full(len(box), len(self._rows))
+        self._rows.append(np.column_stack([box, _velocity(state, crowd), classes, numbers, frame]))
+
+    def world(
+        self, sensor: tuple[float, float, float] | None, lanes: tuple[Lane, ...], rejected: tuple[str, ...],
+        rng: np.random.Generator,
+    ) -> World | str:  # fmt: skip
+        """The world; ``sensor``: x y z of a fixed one, None: on a vehicle. The word "no_ego" if there is no such."""
+        rows = np.concatenate([np.empty((0, _COLUMNS)), *self._rows])
+        rows = rows[np.lexsort((rows[:, 10], rows[:, 11]))]
+        rows[:, [1, 3, 8]] *= -1.0
+        rows[:, 3] = wrap_angle(rows[:, 3])
+        rows[:, :9] += 0.0  # no negative zeros
+        if sensor is None:
+            number = self._ego(rows, rng)
+            if number is None:
+                return "no_ego"
+            own = rows[:, 10] == number
+            ego = rows[own][:, [0, 1, 2, 3]]
+            ego[:, 2] = _EGO_HEIGHT
+            rows = rows[~own]
+        else:
+            ego = np.tile([sensor[0], -sensor[1], sensor[2], 0.0], (self._frames, 1))
+        return World(np.arange(self._frames) / RATE, ego, _truth(rows, self._frames), lanes, rejected)
+
+    def _ego(self, rows: Floats, rng: np.random.Generator) -> int | None:
+        """A vehicle that is there in all frames, among those that go farthest."""
+        numbers, count = np.unique(rows[:, 10], return_counts=True)
+        candidates = [float(n) for n in numbers[(count == self._frames) & (numbers < _PEOPLE_FROM)]]
+        if not candidates:
+            return None
+        far = [float(np.hypot(*np.diff(rows[rows[:, 10] == n, :2], axis=0).T).sum()) for n in candidates]
+        best = np.argsort(-np.array(far), kind="stable")[:_PICK_FROM]
+        return int(candidates[int(best[int(rng.integers(len(best)))])])
+
+
+def _velocity(state: State, crowd: Crowd) -> Floats:
+    """Velocity of the boxes' centres ``[N + M, 2]``: of vehicles along heading and slip angle of the last step."""
+    slip = np.array([np.arctan(0.5 * np.tan(float(v.action["steering"]))) for v in state.vehicles]).reshape(-1)
+    course = state.heading + slip
+    velocity = np.stack([np.cos(course), np.sin(course)], axis=1) * state.speed[:, None]
+    return np.concatenate([velocity, crowd.xy()[1]])
+
+
+def _truth(rows: Floats, frames: int) -> Truth:
+    start: Ints = np.searchsorted(rows[:, 11], np.arange(frames + 1))
+    object_id: Ints = np.unique(rows[:, 10], return_inverse=True)[1].reshape(-1)
+    return Truth(
+        start=start,
+        box=rows[:, :7].copy(),
+        velocity=rows[:, 7:9].copy(),
+        class_id=rows[:, 9].astype(np.int64),
+        object_id=object_id.astype(np.int64),
+        eligible=np.ones(len(rows), dtype=np.bool_),
+        neutral=np.zeros(len(rows), dtype=np.bool_),
+    )
