@@ -55,9 +55,21 @@ def test_position_errors_remember(axis: str, steps: int) -> None:
     error = _errors(dt=steps * DT, **noise)
     latent = stats.norm.ppf(stats.t.cdf(error[..., 0 if axis == "radial" else 1] / 0.05, 4.0))
     assert latent.std() == pytest.approx(1.0, abs=0.05)
+    assert latent[0].std() == pytest.approx(1.0, abs=0.12)  # from the first frame on
     for lag in (1, 3):
         assert _lag(latent, lag) == pytest.approx(0.2 + 0.5 * 0.8 ** (lag * steps), abs=0.05)
     assert latent.mean(0).var() == pytest.approx(0.2, abs=0.08)  # the bias stays with the object
+
+
+def test_kinds_of_errors_have_nothing_to_do_with_each_other() -> None:
+    axis, score = {"s0": 0.05, "s1": 0.0, "nu": 8.0, **WHITE}, {"deviation": 1.0, "floor": -9.0, "ceiling": None}
+    noise: dict[str, Any] = {"radial": axis, "tangential": axis, "heading": {"scale": 0.05}, "z": (0.0, 0.1)}
+    noise |= {"size": {"deviation": (0.3, 0.2, 0.1), "white": 1.0}, "velocity": 0.2, "score": score}
+    truth = crowd(FRAMES, OBJECTS)
+    _, box, velocity, scores = on_grid(detect(truth, noisy(**noise), seen_at(truth, 20.0)), OBJECTS)
+    values = np.concatenate([box.reshape(-1, 7), velocity.reshape(-1, 2), scores.reshape(-1, 1)], axis=1)
+    values[:, 0] -= truth.box[:, 0]
+    assert np.abs(np.corrcoef(values.T) - np.eye(10)).max() < 0.02
 
 
 def test_position_errors_end_at_two_metres() -> None:

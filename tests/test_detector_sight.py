@@ -116,12 +116,13 @@ def test_visibility_does_not_depend_on_the_order_of_boxes_or_on_the_heading_of_t
 
 
 @pytest.mark.parametrize(
-    ("top", "level"),
-    [(-9.0, NOT_OCCLUDED), (-6.5, NOT_OCCLUDED), (-4.0, PARTLY), (0.0, PARTLY), (2.0, LARGELY), (9.8, HIDDEN)],
+    ("visible", "level"),
+    [(0.81, NOT_OCCLUDED), (0.79, PARTLY), (0.41, PARTLY), (0.39, LARGELY), (0.06, LARGELY), (0.04, HIDDEN)],
 )
-def test_the_occlusion_level_follows_the_visible_fraction(top: float, level: int) -> None:
-    # The far wall spans 45 degrees to each side; the near one at half the distance hides it from below up to `top`.
-    truth = _truth([[_wall(10.0, -10.0, 10.0), _wall(5.0, -20.0, top / 2)]])
+def test_the_occlusion_level_follows_the_visible_fraction(visible: float, level: int) -> None:
+    # The far wall spans 45 degrees to each side; the near one hides all of it but an angle on the left.
+    top = 5 * np.tan(np.pi / 4 - visible * np.pi / 2)
+    truth = _truth([[_wall(10.0, -10.0, 10.0), _wall(5.0, -20.0, float(top))]])
     seen = sight(truth, np.zeros((1, 4)), ALL_AROUND)
     assert seen.occlusion.tolist() == [level, NOT_OCCLUDED]
 

@@ -50,17 +50,19 @@ def within(distance: Floats, bearing: Floats, sensor: Sensor) -> Bools:
     return (distance <= sensor.reach) & (np.abs(bearing) <= sensor.field_of_view / 2)
 
 
-def sight(truth: Truth, ego: Floats, sensor: Sensor) -> Sight:
+def sight(truth: Truth, ego: Floats, sensor: Sensor, visible: Floats | None = None) -> Sight:
     """How a sensor at ``ego`` (``[F, 4]`` x y z yaw) sees every box, the ones that it does not cover included.
 
-    All boxes of a frame may hide each other, in BEV: heights do not matter.
+    All boxes of a frame may hide each other, in BEV: heights do not matter. ``visible``: `visible_fractions` if known.
     """
     frame = frame_of_rows(truth.start)
     pose = ego[frame]
     distance, bearing = polar(truth.box[:, :2], pose)
     _, corner_bearing = polar(bev_corners(truth.box), pose[:, None])
     truncated = np.any(np.abs(corner_bearing) > sensor.field_of_view / 2, axis=-1)
-    return Sight(frame, distance, bearing, _occlusion(truth, ego), np.asarray(truncated))
+    visible = visible_fractions(truth, ego) if visible is None else visible
+    occlusion = np.sum(visible[:, None] < np.array(VISIBLE), axis=-1)
+    return Sight(frame, distance, bearing, np.asarray(occlusion), np.asarray(truncated))
 
 
 def polar(place: Floats, pose: Floats) -> tuple[Floats, Floats]:
@@ -69,10 +71,10 @@ def polar(place: Floats, pose: Floats) -> tuple[Floats, Floats]:
     return np.hypot(dx, dy), wrap_angle(np.arctan2(dy, dx) - pose[..., 3])
 
 
-def _occlusion(truth: Truth, ego: Floats) -> Ints:
-    """Occlusion level of every row ``[R]``."""
+def visible_fractions(truth: Truth, ego: Floats) -> Floats:
+    """Share of every box in line of sight of the sensor, 0 to 1: ``[R]`` for sensor positions ``[F, 2 or more]``."""
     visible = np.ones(len(truth.box))
     for t in range(len(ego)):
         rows = truth.rows(t)
         visible[rows] = visible_fraction(truth.box[rows], ego[t, :2])
-    return np.asarray(np.sum(visible[:, None] < np.array(VISIBLE), axis=-1))
+    return visible

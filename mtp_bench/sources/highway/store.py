@@ -54,7 +54,7 @@ class WorldStore:
         if not path.is_file():
             return None
         try:
-            with np.load(path, allow_pickle=False) as file:
+            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
                 arrays: Arrays = {name: file[name] for name in file.files}
             digest = str(arrays.pop("digest"))
             return unpack(arrays) if content_hash(arrays) == digest else None

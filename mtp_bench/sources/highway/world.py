@@ -39,5 +39,5 @@ class World:
     ego: Floats  # [F, 4] x y z yaw of the sensor
     truth: Truth
     lanes: tuple[Lane, ...]
-    visible: Floats = field(default_factory=lambda: np.zeros(0))  # [R] share of each box in line of sight of the ego
     rejected: tuple[str, ...] = ()  # why earlier attempts were thrown away, one word each: "crash", "no_ego", ...
+    visible: Floats = field(default_factory=lambda: np.zeros(0))  # [R] share of each box in line of sight of the ego

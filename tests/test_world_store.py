@@ -1,0 +1,235 @@
+"""Generated worlds on disk, and the scenes that are cut from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mtp_bench.cards import Card, load_card, parse_card
+from mtp_bench.errors import CardError, UnknownNameError
+from mtp_bench.sources import describe, generate, open_source
+from mtp_bench.sources.highway.packing import content_hash, pack, unpack
+from mtp_bench.sources.highway.store import VARIABLE, WorldStore, cache_root
+from mtp_bench.sources.highway.world import CLASSES, Traffic, World
+from mtp_bench.types import Floats, Lane, Truth
+
+FRAMES = 40  # 4 s at 10 Hz
+TRAFFIC = Traffic("intersection", "ego", FRAMES / 10, 5, 1)
+
+
+def world(seed: int, traffic: Traffic = TRAFFIC) -> World:
+    """A car ahead of a still ego, a truck far away and a pedestrian, all walking along x; ``seed`` shifts them."""
+    box = np.zeros((FRAMES, 3, 7))
+    box[..., 0] = np.array([10.0, 300.0, 20.0]) + np.arange(FRAMES)[:, None] * 0.1
+    box[..., 1] = 0.01 * seed
+    box[..., 4:] = (4.0, 2.0, 1.5)
+    truth = Truth(
+        start=np.arange(0, 3 * FRAMES + 1, 3),
+        box=box.reshape(-1, 7),
+        velocity=np.tile([1.0, 0.0], (3 * FRAMES, 1)),
+        class_id=np.tile([CLASSES.index("car"), CLASSES.index("truck"), CLASSES.index("pedestrian")], FRAMES),
+        object_id=np.tile([4, 7, 9], FRAMES),
+        eligible=np.ones(3 * FRAMES, dtype=bool),
+        neutral=np.zeros(3 * FRAMES, dtype=bool),
+    )
+    lanes = (Lane(line(0, 0), line(0, 2), line(0, -2), (1,)), Lane(line(10, 0), line(10, 2), line(10, -2)))
+    return World(np.arange(FRAMES) / 10, np.zeros((FRAMES, 4)), truth, lanes, rejected=("crash", "no_ego"))
+
+
+def line(x: float, y: float) -> Floats:
+    """Ten metres along x."""
+    return np.array([[x, y], [x + 10.0, y]])
+
+
+@pytest.fixture(autouse=True)
+def made(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[int]:
+    """Seeds that were simulated; the simulation is replaced and the cache is empty."""
+    from mtp_bench.sources.highway import simulate
+
+    seeds: list[int] = []
+
+    def simulate_world(traffic: Traffic, seed: int) -> World:
+        seeds.append(seed)
+        return world(seed, traffic)
+
+    monkeypatch.setattr(simulate, "simulate_world", simulate_world)
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "cache"))
+    return seeds
+
+
+def card(**task: object) -> Card:
+    content = load_card("MTP-Intersection-v0").model_dump(mode="json", exclude_none=True)
+    content["source"] |= {"seconds": 4.0, "seeds": {"train": [0, 2], "val": [5, 8], "test": [9, 10]}}
+    content["task"] |= task
+    for table in (
+        content["task"]["event_gate"]["threshold"],
+        content["task"]["forecast_gate"],
+        content["task"]["miss_error"],
+    ):
+        for name in set(table) - set(content["task"]["classes"]):
+            del table[name]
+    return parse_card(content)
+
+
+def same(a: World, b: World) -> bool:
+    return content_hash(pack(a)) == content_hash(pack(b))
+
+
+def test_a_world_survives_packing() -> None:
+    before = replace(world(3), visible=np.linspace(0, 1, 3 * FRAMES))
+    after = unpack(pack(before))
+    assert same(before, after)
+    assert after.lanes[0].following == (1,)
+    assert after.lanes[1].following == ()
+    assert after.rejected == ("crash", "no_ego")
+    np.testing.assert_array_equal(after.lanes[1].right, before.lanes[1].right)
+    np.testing.assert_array_equal(after.truth.box, before.truth.box)
+
+
+def test_a_world_without_a_map_and_without_anybody_survives_packing() -> None:
+    none = np.zeros(0, dtype=np.int64)
+    empty = Truth(np.zeros(3, dtype=np.int64), np.zeros((0, 7)), np.zeros((0, 2)), none, none, none > 0, none > 0)
+    before = World(np.arange(2.0), np.zeros((2, 4)), empty, ())
+    assert same(unpack(pack(before)), before)
+
+
+def test_a_world_is_made_once(made: list[int]) -> None:
+    store = WorldStore(TRAFFIC)
+    assert not store.has(5)
+    first = store.get(5)
+    assert store.has(5)
+    assert same(WorldStore(TRAFFIC).get(5), first)
+    assert made == [5]
+    assert first.visible.shape == (3 * FRAMES,)
+
+
+def truncate(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-200])
+
+
+def empty(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+def text(path: Path) -> None:
+    path.write_text("not a zip file")
+
+
+def another_value(path: Path) -> None:
+    with np.load(path) as file:
+        arrays = {name: file[name] for name in file.files}
+    arrays["box"][0, 0] += 1e-6
+    np.savez(path, **arrays)
+
+
+def missing_array(path: Path) -> None:
+    with np.load(path) as file:
+        arrays = {name: file[name] for name in file.files if name != "lane_left"}
+    np.savez(path, **arrays)
+
+
+@pytest.mark.parametrize("damage", [truncate, empty, text, another_value, missing_array])
+def test_a_broken_file_is_made_again(damage: object, made: list[int]) -> None:
+    store = WorldStore(TRAFFIC)
+    good = store.get(5)
+    assert callable(damage)
+    damage(store.path(5))
+    assert not store.has(5)
+    assert same(store.get(5), good)
+    assert store.has(5)
+    assert made == [5, 5]
+
+
+def test_other_traffic_lies_elsewhere() -> None:
+    folders = {
+        WorldStore(replace(TRAFFIC, **change)).folder
+        for change in ({}, {"seconds": 5.0}, {"vehicles": 6}, {"pedestrians": 0}, {"sensor": "roadside"})
+    }
+    assert len(folders) == 5
+
+
+def test_a_cache_that_cannot_be_written_is_no_reason_to_stop(made: list[int], tmp_path: Path) -> None:
+    (tmp_path / "cache").write_text("in the way")
+    with pytest.warns(RuntimeWarning, match="cannot be kept in"):
+        got = WorldStore(TRAFFIC).get(5)
+    assert same(got, replace(world(5), visible=got.visible))
+
+
+def test_without_the_variable_the_cache_is_the_users(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(VARIABLE)
+    assert "mtp_bench" in str(cache_root())
+    assert cache_root().is_absolute()
+
+
+def test_a_scene_is_cut_to_rate_reach_and_classes() -> None:
+    source = open_source(card(classes=["truck", "car"]))
+    assert source.names == ("intersection-000005", "intersection-000006", "intersection-000007")
+    scene = source.load("intersection-000006")
+    assert scene.frames == 8  # 2 Hz
+    np.testing.assert_allclose(np.diff(scene.time), 0.5)
+    # The truck is out of reach, pedestrians are no class of this card.
+    assert scene.truth.object_id.tolist() == [4] * 8
+    assert scene.truth.class_id.tolist() == [1] * 8
+    np.testing.assert_allclose(scene.truth.box[:, 0], 10.0 + 0.5 * np.arange(8))
+    assert scene.truth.box[0, 1] == 0.06
+    assert scene.detector == "nuscenes_megvii, simulated detections"
+    assert scene.truth_complete
+    assert len(scene.lanes) == 2
+    assert len(scene.detections.start) == 9
+
+
+def test_what_is_hidden_stays_hidden_after_the_cut() -> None:
+    scene = open_source(card()).load("intersection-000005")
+    pedestrian = scene.truth.object_id == 9
+    assert scene.visible is not None
+    assert (scene.visible[pedestrian] == 0).all(), "it walks behind the car"
+    np.testing.assert_allclose(scene.visible[~pedestrian], 1)
+
+
+def test_detections_are_the_same_every_time_and_differ_between_scenes() -> None:
+    first, again = (open_source(card()).load("intersection-000005").detections for _ in range(2))
+    other = open_source(card()).load("intersection-000006").detections
+    np.testing.assert_array_equal(first.box, again.box)
+    assert first.box.shape != other.box.shape or not np.array_equal(first.box, other.box)
+
+
+def test_unknown_names_and_classes_are_errors() -> None:
+    with pytest.raises(UnknownNameError, match="unknown scene 'intersection-000000'"):
+        open_source(card()).load("intersection-000000")
+    with pytest.raises(CardError, match=r"task\.rate is 3\.0 Hz, expected 10 Hz or a whole part of it"):
+        open_source(card(rate=3.0))
+
+
+def test_generate_makes_what_is_missing(made: list[int]) -> None:
+    WorldStore(open_source_traffic(card())).get(6)
+    totals: list[int] = []
+    names: list[str] = []
+    generate(card(), 2, started=totals.append, progress=names.append)
+    assert (totals, names, made) == ([1], ["intersection-000005"], [6, 5])
+    generate(card(), None, started=totals.append, progress=names.append)
+    assert (totals, made) == ([1, 1], [6, 5, 7])
+
+
+def open_source_traffic(of: Card) -> Traffic:
+    from mtp_bench.sources.highway.source import section_of, traffic_of
+
+    return traffic_of(section_of(of))
+
+
+def notes(of: Card) -> Sequence[str]:
+    status = describe(of)
+    assert status.usable
+    assert status.generated
+    return status.notes
+
+
+def test_the_status_reports_rejected_attempts() -> None:
+    assert notes(card())[0].startswith("0 of 3 scenes are generated")
+    generate(card())
+    first, second = notes(card())
+    assert first.startswith("3 of 3")
+    assert "67 % of 9 attempts rejected (crash 3, no_ego 3)" in second
