@@ -19,7 +19,7 @@ from mtp_bench.detector.simulate import simulate
 from mtp_bench.detector.statistics import ClassStatistics, detector_statistics
 from mtp_bench.detector.text import profile_text
 from mtp_bench.errors import DataError
-from mtp_bench.types import Detections, Scene, Truth
+from mtp_bench.types import Detections, Floats, Scene, Truth
 
 SENSOR = Sensor(reach=60.0, field_of_view=2 * np.pi)
 CLASSES = ("car", "pedestrian")
@@ -162,7 +162,7 @@ def test_what_is_fitted_does_not_depend_on_the_frame_of_reference(scenes: list[S
 def _turned(scene: Scene) -> Scene:
     """The scene turned by a quarter and shifted."""
 
-    def move(box: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+    def move(box: Floats) -> Floats:
         return np.column_stack([100 - box[:, 1], box[:, 0] - 50, box[:, 2], box[:, 3] + np.pi / 2, box[:, 4:]])
 
     ego = np.tile([100.0, -50.0, 0.0, np.pi / 2], (scene.frames, 1))

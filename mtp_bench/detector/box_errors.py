@@ -24,7 +24,7 @@ _LATENT = np.linspace(0.0, 8.0, 801)  # a standard normal number beyond happens 
 
 
 def box_errors(truth_box: Floats, grid: Grid, sight: Sight, toward: Floats, seed: int) -> Floats:
-    """Boxes ``[R, 7]`` as the detector would estimate them; ``toward`` ``[R]`` rad is where the line of sight points."""
+    """Boxes ``[R, 7]`` as the detector would estimate them; ``toward`` ``[R]`` rad points from the sensor."""
     box = np.array(truth_box, dtype=np.float64)
     radial = _position_error(grid, sight, lambda noise: noise.radial, stream(seed, Kind.RADIAL))
     tangential = _position_error(grid, sight, lambda noise: noise.tangential, stream(seed, Kind.TANGENTIAL))

@@ -80,10 +80,11 @@ def _seen(box: Floats, ego: Floats, sensor: Sensor) -> Ints:
 def _rows(
     noise: ClassNoise, law: FalsePositives, frame: Ints, box: Floats, heading: Floats, class_id: int, seed: int
 ) -> Rows:
-    """The rows of standing boxes; scores and velocities, which turn with ``heading`` ``[R]``, are new in every frame."""
+    """The rows of standing boxes; scores and velocities are new in every frame. ``heading`` ``[R]`` is the sensor's."""
     count = len(frame)
     score = law.score + law.score_deviation * stream(seed, Kind.CLUTTER_SCORE, class_id).standard_normal(count)
     ceiling = np.inf if noise.score.ceiling is None else noise.score.ceiling
     deviation = np.nan if noise.velocity is None else noise.velocity
     velocity = deviation * stream(seed, Kind.CLUTTER_VELOCITY, class_id).standard_normal((count, 2))
-    return Rows(frame, box, turned(velocity, heading), np.full(count, class_id), np.clip(score, noise.score.floor, ceiling))
+    score = np.clip(score, noise.score.floor, ceiling)
+    return Rows(frame, box, turned(velocity, heading), np.full(count, class_id), score)

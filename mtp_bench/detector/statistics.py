@@ -42,7 +42,7 @@ def detector_statistics(
 
     ``floor`` is the operating point per class: detections with a lower score do not count.
     """
-    samples = collect(scenes, classes, sensor, floor)
+    samples = collect(scenes, classes, sensor, floor, features=False)
     return {name: class_statistics(*samples[name]) for name in classes}
 
 
@@ -77,7 +77,7 @@ def gap_lengths(objects: ObjectSamples) -> Ints:
     stretch = np.cumsum(begins)  # of consecutive frames; the rows of a stretch follow each other
     hit = np.flatnonzero(objects.hit)
     step, same = np.diff(hit), stretch[hit[1:]] == stretch[hit[:-1]]
-    return step[same & (step > 1)] - 1
+    return np.asarray(step[same & (step > 1)] - 1)
 
 
 def robust_deviation(value: Floats) -> float | None:

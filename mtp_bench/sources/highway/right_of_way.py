@@ -20,12 +20,12 @@ from .state import State
 
 _ASK = 14.0  # m before the line, and more at speed
 _ASK_TIME = 2.0  # s
-_AFTER, _BEFORE = 0.6, 1.2  # s between two vehicles at a shared stretch
+_AFTER, _BEFORE = 0.6, 0.5  # s between two vehicles at a shared stretch
 _KEEP = 0.2  # s, what is left of it before somebody with the right waits after all
 _PATIENCE = 6.0  # s, then nobody else may go in front
 _BESIDE = 1.7  # m from the middle of a vehicle's way to a pedestrian who is out of it
 _ON_FOOT = 1.0  # s between a vehicle and a pedestrian
-_STUCK = (1.0, 3.5)  # m/s and m: who is slower and this close behind somebody will not be gone soon
+_SLOW = 1.0  # m/s: who is slower may stay where it is
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,9 @@ class _Vehicle:
     front: float  # m from the start of the route
     rear: float
     speed: float
-    stuck: bool
+    acceleration: float
+    free: float  # m to somebody slow ahead
+    held: float = math.inf  # m to where it has to wait
 
 
 @dataclass
@@ -67,14 +69,14 @@ class RightOfWay:
         stop = np.full(len(state), np.inf)
         waiting = self._waiting(state)
         self._give(waiting, walks, claimed, time)
-        numbers = [vehicle.number for vehicle in state.vehicles]
-        for i, number in enumerate(numbers):
+        place = {vehicle.number: i for i, vehicle in enumerate(state.vehicles)}
+        for number, yields in self._granted.items():  # oldest right first: others wait for those who wait
             me = self._seen[number]
-            passage = self.passages[me.route]
-            if number in self._granted:
-                stop[i] = self._wait_inside(me, self._granted[number], walks)
-            elif me.front < passage.line + 3.0:
-                stop[i] = max(passage.line - me.front, 0.0)
+            stop[place[number]] = me.held = self._wait_inside(me, yields, walks)
+        for number, i in place.items():
+            me = self._seen[number]
+            if number not in self._granted and me.front < self.passages[me.route].line + 3.0:
+                stop[i] = max(self.passages[me.route].line - me.front, 0.0)
         return stop
 
     def free_to_walk(self, walk: Walk) -> bool:
@@ -88,12 +90,16 @@ class RightOfWay:
 
     def _look(self, state: State, ahead: Leaders) -> None:
         front, rear = state.way + state.length / 2, state.way - state.length / 2
-        stuck = (ahead.speed < _STUCK[0]) & (ahead.gap < _STUCK[1]) & (state.speed < 2 * _STUCK[0])
+        free = np.where(ahead.speed < _SLOW, ahead.gap, np.inf)
         rows = zip(
-            state.vehicles, state.route.tolist(), front.tolist(), rear.tolist(), state.speed.tolist(), stuck.tolist(),
-            strict=True,
+            state.route.tolist(), front.tolist(), rear.tolist(), state.speed.tolist(), state.temper[:, 4].tolist(),
+            free.tolist(), strict=True,
         )  # fmt: skip
-        self._seen = {vehicle.number: _Vehicle(*row) for vehicle, *row in rows}
+        before = self._seen
+        self._seen = {vehicle.number: _Vehicle(*row) for vehicle, row in zip(state.vehicles, rows, strict=True)}
+        for number in self._granted:
+            if number in self._seen:  # where it had to wait a step ago
+                self._seen[number].held = before[number].held
 
     def _forget(self) -> None:
         gone = [
@@ -189,12 +195,13 @@ class RightOfWay:
         return self._soonest(me, stripe.start) < leaves + _ON_FOOT / 2 and enters < self._latest(me, gone) + _ON_FOOT
 
     def _soonest(self, vehicle: _Vehicle, place: float) -> float:
-        return _time(place - vehicle.front, vehicle.speed, 2.2, 1.1 * self.passages[vehicle.route].cruise)
+        return _time(place - vehicle.front, vehicle.speed, 2.2, 1.05 * self.passages[vehicle.route].cruise)
 
     def _latest(self, other: _Vehicle, zone: Zone) -> float:
-        if other.stuck:
+        if min(other.free, other.held) < zone.other_end - other.rear:
             return math.inf
-        return _time(zone.other_end - other.rear, other.speed, 1.0, 0.75 * self.passages[other.route].cruise)
+        cruise = 0.85 * self.passages[other.route].cruise
+        return _time(zone.other_end - other.rear, other.speed, 0.7 * other.acceleration, cruise)
 
 
 def _left(other: _Vehicle, zone: Zone) -> bool:

@@ -27,7 +27,7 @@ from .world import RATE, ScenarioName, Traffic, World
 ATTEMPTS = 50
 WARM_UP = 15.0  # s
 _AT_LINES = 0.4  # m that are kept to a line
-_FIRST = {True: 0.85, False: 0.25}  # share of the entry lanes that is filled at the start; True: at a junction
+_FIRST = {True: 0.6, False: 0.25}  # share of the entry lanes that is filled at the start; True: at a junction
 
 
 def simulate_world(traffic: Traffic, seed: int) -> World:
