@@ -81,7 +81,7 @@ def runs(data_root: Path) -> Callable[[str, str], list[Run]]:
         return [
             Run(
                 scene,
-                read_annotations(root, scene, card.source.ego_motion),
+                read_annotations(root, scene, card.ego_motion),
                 track(scene, assignment, detection_image_boxes(root, scene, CLASSES)),
             )
             for scene in scenes

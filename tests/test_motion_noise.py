@@ -104,7 +104,7 @@ STORE: dict[str, dict[str, Any]] = {
     "Merge-kitti_pointrcnn-world": {"car": {**TRUE, "measurement": 3.0}},
     "Merge-clean-world": {"car": {**TRUE, "measurement": 4.0}},
 }
-LIKE = {
+LIKE: dict[str, tuple[dict[str, Any], float]] = {
     "own": ({"env_id": "MTP-Merge-v0", "detector": "clean"}, 4.0),
     "another variant": ({"env_id": "MTP-Merge-v0", "detector": "kitti_pointrcnn-hard"}, 3.0),
     "the same detector under another name": ({"env_id": "MTP-Merge-v0", "detector": "pointrcnn"}, 3.0),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
@@ -33,7 +34,7 @@ def fit_noise(
     """
     from ..detector.fit import fit_profile
     from ..detector.sight import Sensor
-    from ..detector.text import section_text
+    from ..detector.text import profile_text
 
     card = changed_card(load_card(env_id), **(changes or {}))
     floor = _floor(min_score, card)
@@ -57,7 +58,13 @@ def fit_noise(
     )
     missing = [one for one in card.task.classes if one not in profile.classes]
     lines = [f"# too few detections to fit: {', '.join(missing)}; name a similar class in [detector.noise.alike]"]
-    return "\n".join([*(lines if missing else []), section_text(profile, section.reach, section.field_of_view)])
+    return "\n".join([*(lines if missing else []), _section_text(profile_text(profile), section)])
+
+
+def _section_text(profile: str, section: DetectorSection) -> str:
+    """The text of a profile as the noise of a card's section."""
+    head = f"[detector]\nreach = {section.reach}\nfield_of_view = {section.field_of_view}\n\n[detector.noise]\n"
+    return head + re.sub(r"^\[", "[detector.noise.", profile, flags=re.MULTILINE)  # headings start a line
 
 
 def _loaded(

@@ -21,6 +21,7 @@ _CLOSE = 0.05  # m, smaller gaps count as this
 _LATERAL_RATE = 0.8  # 1/s, how fast an offset from the lane's middle is worked off
 _LATERAL_SPEED = 1.3  # m/s at most
 _HEADING_RATE = 4.0  # 1/s
+_SWERVE = 2.2  # m/s2 of lateral acceleration at most, beyond that of the bend
 _PREVIEW = 0.25  # s
 _STEEPEST = 1.0  # rad of steering angle
 
@@ -116,7 +117,9 @@ def steering(state: State, geometry: LaneGeometry, routes: RouteTable) -> Floats
     rate = np.clip(-_LATERAL_RATE * (state.d - state.aside), -_LATERAL_SPEED, _LATERAL_SPEED)
     wanted = geometry.heading(lane, s) - slip + np.arcsin(np.clip(rate / np.maximum(v, 3.0), -0.35, 0.35))
     error = np.remainder(wanted - state.heading + np.pi, 2 * np.pi) - np.pi
-    turn = np.arcsin(np.clip(state.wheelbase / 2 * _HEADING_RATE * error / v, -0.9, 0.9))
+    bend = v * geometry.curvature(lane)
+    rate = np.clip(_HEADING_RATE * error, bend - _SWERVE / v, bend + _SWERVE / v)
+    turn = np.arcsin(np.clip(state.wheelbase / 2 * rate / v, -0.9, 0.9))
     return np.clip(np.arctan(2 * np.tan(turn)), -_STEEPEST, _STEEPEST)
 
 

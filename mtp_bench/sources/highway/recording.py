@@ -13,6 +13,7 @@ from .world import CLASSES, RATE, World
 _EGO_HEIGHT = 1.7  # m
 _PEOPLE_FROM = 1_000_000  # numbers of people follow those of vehicles
 _PICK_FROM = 3  # the ego is one of those who go farthest
+_LARGEST_ANGLE = 3.141592  # rad, of six decimals
 _COLUMNS = 12  # x y z yaw l w h, velocity x y, class, number, frame
 
 
@@ -39,8 +40,8 @@ class Recording:
         rows = np.concatenate([np.empty((0, _COLUMNS)), *self._rows])
         rows = rows[np.lexsort((rows[:, 10], rows[:, 11]))]
         rows[:, [1, 3, 8]] *= -1.0
-        rows[:, 3] = wrap_angle(rows[:, 3])
-        rows[:, :9] += 0.0  # no negative zeros
+        rows[:, 3] = np.clip(wrap_angle(rows[:, 3]), -_LARGEST_ANGLE, _LARGEST_ANGLE)
+        rows[:, :9] = np.round(rows[:, :9], 6) + 0.0  # no negative zeros
         if sensor is None:
             number = self._ego(rows, rng)
             if number is None:

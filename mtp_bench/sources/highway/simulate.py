@@ -27,6 +27,7 @@ from .world import RATE, ScenarioName, Traffic, World
 ATTEMPTS = 50
 WARM_UP = 15.0  # s
 _AT_LINES = 0.4  # m that are kept to a line
+_JERK = (15.0, 5.0)  # m/s3, how fast a driver brakes and accelerates
 _FIRST = {True: 0.6, False: 0.25}  # share of the entry lanes that is filled at the start; True: at a junction
 
 
@@ -119,6 +120,8 @@ class _Attempt:
             result = np.minimum(result, self._changes.bounds(state, wanted))
             self._changes.decide(state, wanted, step, 1.0 / RATE)
         result = np.minimum(result, free - braking(state.speed, lines, np.zeros(1), state.temper, _AT_LINES))
+        before = np.array([vehicle.command[1] for vehicle in state.vehicles])
+        result = np.clip(result, before - _JERK[0] / RATE, before + _JERK[1] / RATE)
         least = np.maximum(-HARDEST, -state.speed * RATE)  # nobody drives backwards
         return np.maximum(result, least)
 
