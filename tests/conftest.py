@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -67,6 +68,15 @@ def kitti(tmp_path_factory: pytest.TempPathFactory) -> str:
 def card(tmp_path_factory: pytest.TempPathFactory) -> str:
     """Path of a card for them."""
     return write_card(tmp_path_factory.mktemp("card"))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Generated scenes of this session lie apart from the user's."""
+    folder = tmp_path_factory.mktemp("cache")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MTP_BENCH_CACHE", str(folder))
+        yield folder
 
 
 @pytest.fixture

@@ -187,6 +187,20 @@ def test_a_class_with_too_little_data_is_left_out(scenes: list[Scene]) -> None:
         fitted(empty_scenes()[:1])
 
 
+def test_velocities_that_are_zero_everywhere_are_unknown(scenes: list[Scene]) -> None:
+    still = [replace(one, detections=replace(one.detections, velocity=0 * one.detections.velocity)) for one in scenes]
+    assert fitted(still[:1]).classes["car"].velocity is None
+    assert fitted(scenes[:1]).classes["car"].velocity == pytest.approx(0.3, rel=0.05)
+
+
+def test_a_perfect_detector_can_be_fitted() -> None:
+    car = fitted(detected(empty_scenes()[:1], load_profile("clean"), seed=0)).classes["car"]
+    assert car.radial.s0 + car.radial.s1 < 0.002
+    assert (car.heading.scale, car.heading.flip, car.z) == (0.0, 0.0, (0.0, 0.0))
+    assert car.false_positives is None
+    assert max(car.miss.first[0], car.miss.later[0]) < -2.0
+
+
 def test_logistic_regression() -> None:
     rng = np.random.default_rng(0)
     feature = np.column_stack([np.ones(20000), rng.normal(size=(20000, 2)), np.zeros(20000)])

@@ -74,11 +74,14 @@ def pooled(recorded: Recorded, profile: Profile) -> Table:
     return detector_statistics(runs, CLASSES, AHEAD)
 
 
-@pytest.mark.parametrize("name", CLASSES)
-def test_a_refit_to_simulated_detections_recovers_the_profile(name: str, simulated: Table, refitted: Table) -> None:
+# The odds ratio of the 28 cyclists differs by 18 % (standard deviation) from one simulated run to the next.
+@pytest.mark.parametrize(("name", "odds"), [("car", 0.15), ("pedestrian", 0.15), ("cyclist", 0.35)])
+def test_a_refit_to_simulated_detections_recovers_the_profile(
+    name: str, odds: float, simulated: Table, refitted: Table
+) -> None:
     before, after = simulated[name], refitted[name]
     assert after.recall == pytest.approx(before.recall, abs=0.02)
-    assert after.miss_odds_ratio == pytest.approx(before.miss_odds_ratio, rel=0.15)
+    assert after.miss_odds_ratio == pytest.approx(before.miss_odds_ratio, rel=odds)
     assert after.gap_length == pytest.approx(before.gap_length, rel=0.2)
     assert after.radial_autocorrelation == pytest.approx(before.radial_autocorrelation, rel=0.15)
     assert after.tangential_autocorrelation == pytest.approx(before.tangential_autocorrelation, rel=0.15)

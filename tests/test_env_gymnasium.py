@@ -57,8 +57,9 @@ def test_random_agents_are_legal_on_every_card(env_id: str, data_root: Path) -> 
         _, reward, terminated, truncated, info = env.step(env.action_space.sample())
         assert np.isfinite(float(reward))
         assert not terminated
-        assert not truncated
         assert info["dropped_detections"] == 0
+        if truncated:
+            break
 
 
 def test_checker_would_notice_a_wrong_observation(card: str, kitti: str, monkeypatch: pytest.MonkeyPatch) -> None:

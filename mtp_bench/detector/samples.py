@@ -104,8 +104,9 @@ def _objects(scene: Scene, detections: Detections, detection: Ints, number: Ints
     true, frame, hit = scene.truth.box, frame_of_rows(scene.truth.start), detection >= 0
     found, velocity, score = (np.full((len(true), *shape), np.nan) for shape in ((7,), (2,), ()))
     found[hit] = detections.box[detection[hit]]
-    velocity[hit], score[hit] = detections.velocity[detection[hit]], detections.score[detection[hit]]
-    velocity[(velocity == 0).all(axis=1)] = np.nan  # some formats write zeros for an unknown velocity
+    score[hit] = detections.score[detection[hit]]
+    if detections.velocity.any():  # zeros everywhere: some formats write them where nothing was measured
+        velocity[hit] = detections.velocity[detection[hit]]
     off, away = found[:, :2] - true[:, :2], true[:, :2] - scene.ego[frame, :2]
     away = away / np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-9)[:, None]
     return ObjectSamples(

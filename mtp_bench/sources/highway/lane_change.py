@@ -21,6 +21,7 @@ _GAIN, _TO_THE_RIGHT = 0.25, 0.1  # m/s2 that a change must bring; a change to t
 _SAFE, _NEEDED = 2.0, 3.5  # m/s2 of braking that a change may ask of others; a necessary one
 _LEAST, _LEAST_TIME = 2.0, 0.25  # m and s to both neighbours
 _AHEAD = 260.0  # m before the last chance, times the changes needed: from here on a change is necessary
+_ENTRY = 60.0  # m from the start of a route, where others come in: no changes
 _KEEP_OFF = 500.0  # m: lanes that end sooner are not entered without need
 _TOO_LATE = 60.0  # m: who is not in the exit lane by then drives on
 _BESIDE = 0.4  # m
@@ -43,7 +44,8 @@ class LaneChanges:
             if (step + 3 * vehicle.number) % period:
                 continue
             self._drive_on(state, i)
-            if abs(state.d[i] - state.aside[i]) > _SETTLED or state.speed[i] < _SLOWEST:
+            changing = abs(state.d[i] - state.aside[i]) > _SETTLED
+            if changing or state.speed[i] < _SLOWEST or state.way[i] < _ENTRY:
                 continue
             lane = self._better(state, i, wanted, y)
             if lane != NOWHERE:

@@ -21,6 +21,7 @@ ARRIVING, WAITING, CROSSING, LEAVING = range(4)
 _RELAX = 0.5  # s
 _PUSH, _RANGE, _SIGHT = 2.1, 0.35, 3.0  # m/s2, m, m
 _APART = 0.8  # m between two middles, always: no two boxes overlap then
+_ROOM = 0.85  # m around somebody who comes
 _BLIND = 0.35  # share of the push from somebody behind
 _PULL = 0.5  # 1/s2 towards the middle of the group
 _FROM_BOX = 0.55  # m to the outline of a vehicle that nobody steps into
@@ -108,17 +109,18 @@ class Crowd:
         way = np.array([-direction * rng.uniform(5.0, 9.0), rng.uniform(-3.0, 3.0)])
         off = np.array([direction * rng.uniform(5.0, 9.0), rng.uniform(-3.0, 3.0)])
         middle = float(rng.uniform(-0.5, 0.5))
-        others = np.array([p.place for p in self.people if p.crossing == crossing]).reshape(-1, 2)
+        others = self.xy()[0]
         span = self._crossings[crossing].span
         near, far = (0.0, span) if direction > 0 else (span, 0.0)
         for k in range(size):
-            lateral = middle + 0.85 * (k % 2) - 0.42 * (size > 1)
-            slot = np.array([near - direction * (0.9 + 0.9 * (k // 2)), lateral])
+            lateral = middle + 0.9 * (k % 2) - 0.45 * (size > 1)
+            slot = np.array([near - direction * (0.9 + 0.95 * (k // 2)), lateral])
             beyond = np.array([far + direction * 0.6, lateral])
             place = slot + way * distance
-            if len(others) and np.hypot(*(others - place).T).min() < 1.0:
+            there = np.array(self._crossings[crossing].origin) + place @ self._axes[crossing]
+            if len(others) and np.hypot(*(others - there).T).min() < _ROOM:
                 continue
-            others = np.concatenate([others, place[None]])
+            others = np.concatenate([others, there[None]])
             self._add(crossing, direction, pace, patience, slot, beyond, beyond + off, place)
         self._groups += 1
 
