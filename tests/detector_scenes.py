@@ -105,9 +105,10 @@ def inner_gaps(hit: Bools) -> Ints:
 
 def cluttered(**changes: Any) -> Profile:
     """Perfect detections of cars, and clutter."""
-    return noisy(
+    profile = noisy(
         false_positives={**CLUTTER, **changes}, velocity=0.2, score={"quadratic": (5.0, 0.0, 0.0), "ceiling": None}
     )
+    return profile.model_copy(update={"field_of_view": 90.0})  # that of AHEAD
 
 
 def nothing(frames: int) -> Truth:

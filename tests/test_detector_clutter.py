@@ -36,6 +36,13 @@ def test_counts_vary_between_scenes_as_stated(dispersion: float) -> None:
     assert count.mean() == pytest.approx(2.0, rel=0.1)
 
 
+def test_a_sensor_that_covers_more_of_the_circle_has_more_of_it() -> None:
+    profile = cluttered(dispersion=1.5).model_copy(update={"field_of_view": 30.0})
+    count = np.diff([clutter(profile, frames=10, seed=seed).start for seed in range(600)], axis=1)
+    assert count.mean() == pytest.approx(6.0, rel=0.1)
+    assert count.var() / count.mean() == pytest.approx(2.5, rel=0.15), "scenes differ as much as before, relatively"
+
+
 @pytest.mark.parametrize(("steps", "share"), [(1.0, 0.4), (3.0, 0.4**3)])
 def test_boxes_survive_geometrically_at_the_period_of_the_frames(steps: float, share: float) -> None:
     assert _survivors(clutter(cluttered(), dt=steps * DT)).mean() == pytest.approx(share, abs=0.025)

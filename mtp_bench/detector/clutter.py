@@ -17,17 +17,24 @@ _SIZE_SPREAD = 0.1  # deviation of each side, share of its mean
 _SMALLEST = 0.3  # share of its mean that every side keeps
 
 
+def more_clutter(law: FalsePositives, factor: float) -> FalsePositives:
+    """``factor`` times as many false positives; how much scenes differ, relatively, stays."""
+    dispersion = 1.0 + factor * (law.dispersion - 1.0)
+    return law.model_copy(update={"rate": factor * law.rate, "dispersion": dispersion})
+
+
 def clutter(
-    noise: ClassNoise, ego: Floats, sensor: Sensor, ground: float, class_id: int, seed: int, steps: float
+    noise: ClassNoise, ego: Floats, sensor: Sensor, ground: float, class_id: int, seed: int, steps: float, factor: float
 ) -> Rows:
     """False positives of one class over a scene.
 
     ``ego`` is ``[F, 4]`` x y z yaw; ``ground`` (m) is the height of the boxes' undersides above the ego's z; ``steps``
-    are the frame periods of the profile per frame of the scene. A box that the moving sensor loses is gone.
+    are the frame periods of the profile per frame of the scene; ``factor`` is the sensor's field of view over that of
+    the profile. A box that the moving sensor loses is gone.
     """
-    law = noise.false_positives
-    if law is None or law.rate == 0:
+    if noise.false_positives is None or noise.false_positives.rate == 0:
         return Rows.none()
+    law = more_clutter(noise.false_positives, factor)
     survive = float(decayed(np.asarray(law.survive), steps))
     birth = _births(law, survive, len(ego), class_id, seed)
     life = stream(seed, Kind.CLUTTER_LIFE, class_id).geometric(1.0 - survive, len(birth))

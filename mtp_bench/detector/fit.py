@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
+import numpy as np
+
 from ..errors import DataError
 from ..types import Scene
 from .fit_clutter import fit_clutter
@@ -42,7 +44,14 @@ def fit_profile(
             "one class. Give more scenes, or a lower floor of the scores"
         )
     noise = {one: _fit_class(*samples[one], None if floor is None else floor.get(one)) for one in enough}
-    return Profile(name=name, summary=summary, source=source, dt=dt, classes=noise)
+    return Profile(
+        name=name,
+        summary=summary,
+        source=source,
+        dt=dt,
+        field_of_view=round(float(np.rad2deg(min(sensor.field_of_view, 2 * np.pi))), 4),
+        classes=noise,
+    )
 
 
 def _fit_class(objects: ObjectSamples, clutter: ClutterSamples, floor: float | None) -> ClassNoise:

@@ -115,6 +115,7 @@ class Profile(Section):
     summary: str
     source: str  # where the figures come from
     dt: Annotated[float, Field(gt=0)]  # s between frames at which the memory was fitted
+    field_of_view: Annotated[float, Field(gt=0, le=360)] = 360.0  # degrees in which the false positives were counted
     classes: dict[str, ClassNoise]
     # Further classes and the class whose noise they have; they emit no clutter of their own.
     alike: dict[str, str] = Field(default_factory=dict)

@@ -50,7 +50,8 @@ def simulate(
     hit = ~missed(grid, sight, covered, seed)
     ground = _ground(truth, ego, grid)
     own = [(class_id, name) for class_id, name in enumerate(classes) if name in profile.classes]
-    false = [clutter(profile.noise(name), ego, sensor, ground, class_id, seed, steps) for class_id, name in own]
+    wider = min(sensor.field_of_view, 2 * np.pi) / np.deg2rad(profile.field_of_view)
+    false = [clutter(profile.noise(name), ego, sensor, ground, class_id, seed, steps, wider) for class_id, name in own]
     return in_order([*_of_objects(truth, ego, grid, sight, hit, seed), *false], len(ego))
 
 

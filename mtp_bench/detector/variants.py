@@ -7,7 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from .chains import stationary
-from .profile import ClassNoise, FalsePositives, HeadingNoise, MissNoise, PositionNoise, Profile, Variant
+from .clutter import more_clutter
+from .profile import ClassNoise, HeadingNoise, MissNoise, PositionNoise, Profile, Variant
 
 WORSE = 2.0  # factor on position errors and on false positives
 HARDER = 1.0  # added to the log-odds of a miss
@@ -53,7 +54,7 @@ def _harder(noise: ClassNoise) -> ClassNoise:
             "miss": _more_misses(noise.miss),
             "radial": _wider(noise.radial),
             "tangential": _wider(noise.tangential),
-            "false_positives": None if noise.false_positives is None else _more(noise.false_positives),
+            "false_positives": None if noise.false_positives is None else more_clutter(noise.false_positives, WORSE),
         }
     )
 
@@ -65,9 +66,3 @@ def _more_misses(miss: MissNoise) -> MissNoise:
 
 def _wider(axis: PositionNoise) -> PositionNoise:
     return axis.model_copy(update={"s0": WORSE * axis.s0, "s1": WORSE * axis.s1})
-
-
-def _more(false: FalsePositives) -> FalsePositives:
-    # The factor of the scene keeps its distribution: only what it multiplies is doubled.
-    dispersion = 1.0 + WORSE * (false.dispersion - 1.0)
-    return false.model_copy(update={"rate": WORSE * false.rate, "dispersion": dispersion})

@@ -45,6 +45,7 @@ class Stripe:
 class Passage:
     """What matters about a route's way through the junction."""
 
+    entry: int  # the lane at its start
     line: float  # where to wait
     end: float  # the last conflict
     cruise: float  # m/s, lowest limit between them
@@ -120,7 +121,7 @@ def _passage(
     end = max([zone.end for zone in every] + [stripe.end for stripe in stripes])
     lanes = [road[0] for road in town.routes[r].roads]
     inside = [k for k in lanes if routes.start[r, k] + town.geometry.length[k] > line and routes.start[r, k] < end]
-    return Passage(line, end, float(town.geometry.limit[inside].min()), stripes, zones)
+    return Passage(lanes[0], line, end, float(town.geometry.limit[inside].min()), stripes, zones)
 
 
 def _stripes(number: int, crossing: Crossing, way: _Way) -> list[Stripe]:

@@ -25,6 +25,7 @@ _KEEP = 0.2  # s, what is left of it before somebody with the right waits after 
 _PATIENCE = 6.0  # s, then nobody else may go in front
 _BESIDE = 1.7  # m from the middle of a vehicle's way to a pedestrian who is out of it
 _ON_FOOT = 1.0  # s between a vehicle and a pedestrian
+_OVERSHOT = 3.0  # m: who stopped this far behind the line still waits
 _SLOW = 1.0  # m/s: who is slower may stay where it is
 
 
@@ -75,7 +76,7 @@ class RightOfWay:
             stop[place[number]] = me.held = self._wait_inside(me, yields, walks)
         for number, i in place.items():
             me = self._seen[number]
-            if number not in self._granted and me.front < self.passages[me.route].line + 3.0:
+            if number not in self._granted and me.front < self.passages[me.route].line + _OVERSHOT:
                 stop[i] = max(self.passages[me.route].line - me.front, 0.0)
         return stop
 
@@ -111,14 +112,14 @@ class RightOfWay:
             del self._asked[number]
 
     def _waiting(self, state: State) -> list[int]:
-        """The first in every lane who has no right yet."""
+        """The first on every approach who has no right yet."""
         first: dict[int, tuple[float, int]] = {}
-        for vehicle, lane, way in zip(state.vehicles, state.lane.tolist(), state.way.tolist(), strict=True):
-            me = self._seen[vehicle.number]
-            if vehicle.number in self._granted or me.front > self.passages[me.route].line + 3.0:
+        for vehicle, way in zip(state.vehicles, state.way.tolist(), strict=True):
+            passage = self.passages[self._seen[vehicle.number].route]
+            if vehicle.number in self._granted or self._seen[vehicle.number].front > passage.line + _OVERSHOT:
                 continue
-            if lane not in first or way > first[lane][0]:
-                first[lane] = (way, vehicle.number)
+            if passage.entry not in first or way > first[passage.entry][0]:
+                first[passage.entry] = (way, vehicle.number)
         return [number for _, number in first.values()]
 
     def _give(self, waiting: list[int], walks: list[Walk], claimed: set[int], time: float) -> None:
