@@ -109,13 +109,9 @@ def _zone(a: _Way, b: _Way, distance: Floats, close: Bools, run: Ints) -> Zone:
     return Zone(float(a.s[run[0]]), float(a.s[run[-1]]), float(b.s[other[0]]), float(b.s[other[-1]]), False)
 
 
-def _passage(
-    town: RoadMap, r: int, way: _Way, zones: dict[int, tuple[Zone, ...]], routes: RouteTable
-) -> Passage:
+def _passage(town: RoadMap, r: int, way: _Way, zones: dict[int, tuple[Zone, ...]], routes: RouteTable) -> Passage:
     every = [zone for found in zones.values() for zone in found]
-    stripes = tuple(
-        stripe for c, crossing in enumerate(town.crossings) for stripe in _stripes(c, crossing, way)
-    )
+    stripes = tuple(stripe for c, crossing in enumerate(town.crossings) for stripe in _stripes(c, crossing, way))
     stripes = tuple(sorted(stripes, key=lambda stripe: stripe.start))
     line = min([zone.start for zone in every] + [stripe.start for stripe in stripes]) - _BEFORE_LINE
     end = max([zone.end for zone in every] + [stripe.end for stripe in stripes])

@@ -38,10 +38,15 @@ class Driver(Vehicle):  # type: ignore[misc]
     `overlap.overlapping`. The lane is kept by number, for all vehicles at once, see `state.observe`.
     """
 
+    position: Any  # [2] m
+    heading: Any
+    speed: Any
+
     def __init__(
         self, road: Any, position: Floats, heading: float, speed: float, profile: Profile, number: int
     ) -> None:
-        super().__init__(None, position, heading, speed)
+        nowhere: Any = None  # highway-env would search the nearest of all lanes
+        super().__init__(nowhere, position, heading, speed)
         self.road = road
         self.LENGTH, self.WIDTH = profile.wheelbase, profile.width
         self.check_collisions = False

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...types import Floats
+from ...types import Floats, Ints
 from .lane_geometry import LaneGeometry
 from .routes import RouteTable
-from .state import DISCS, State
+from .state import State
 
 MARGIN = 0.3  # m, free space that is wanted on both sides
 HARDEST = 8.0  # m/s2, emergency braking
@@ -56,7 +56,7 @@ def leaders(state: State, geometry: LaneGeometry, routes: RouteTable) -> Leaders
     return Leaders(nearest, np.where(np.isfinite(nearest), along, 0.0))
 
 
-def _strip(state: State, geometry: LaneGeometry, lanes: Floats) -> tuple[Floats, Floats]:
+def _strip(state: State, geometry: LaneGeometry, lanes: Ints) -> tuple[Floats, Floats]:
     """Lateral range ``[N, K]`` that a vehicle sweeps in the lanes of its path, the way to their middle included."""
     outer, inner = sweep(state.length, state.width, state.wheelbase, geometry.radius[lanes].T)
     right_turn = geometry.turn[lanes] > 0
@@ -120,9 +120,5 @@ def steering(state: State, geometry: LaneGeometry, routes: RouteTable) -> Floats
     bend = v * geometry.curvature(lane)
     rate = np.clip(_HEADING_RATE * error, bend - _SWERVE / v, bend + _SWERVE / v)
     turn = np.arcsin(np.clip(state.wheelbase / 2 * rate / v, -0.9, 0.9))
-    return np.clip(np.arctan(2 * np.tan(turn)), -_STEEPEST, _STEEPEST)
-
-
-def discs_of(vehicle: int) -> slice:
-    """Places of a vehicle's discs in `State.owner`."""
-    return slice(vehicle * DISCS, (vehicle + 1) * DISCS)
+    angle: Floats = np.clip(np.arctan(2 * np.tan(turn)), -_STEEPEST, _STEEPEST)
+    return angle

@@ -55,9 +55,9 @@ class LaneChanges:
     def _drive_on(self, state: State, i: int) -> None:
         route, lane = int(state.route[i]), int(state.lane[i])
         instead = self._map.routes[route].otherwise
-        if instead != NOWHERE and self._routes.hops[route, lane] > 0:
-            if self._routes.room[route, lane] - state.s[i] < _TOO_LATE:
-                state.vehicles[i].route = instead
+        missed = self._routes.room[route, lane] - state.s[i] < _TOO_LATE
+        if instead != NOWHERE and self._routes.hops[route, lane] > 0 and missed:
+            state.vehicles[i].route = instead
 
     def _better(self, state: State, i: int, wanted: Floats, y: Floats) -> int:
         routes, route, lane = self._routes, int(state.vehicles[i].route), int(state.lane[i])
@@ -121,9 +121,9 @@ class LaneChanges:
         merging = needy & (self._routes.room[state.route, state.lane] - state.s < _AHEAD)
         kind = ahead & (merging | merging[:, None]) & (aside < 5.0) & ~same
         limit = -(_KINDNESS[0] + _KINDNESS[1] * state.temper[:, 6, None])
-        bound: Floats = np.where(same, follow, np.inf).min(axis=1)
-        bound = np.minimum(bound, np.where(kind, np.maximum(follow, limit), np.inf).min(axis=1))
-        return bound
+        behind: Floats = np.where(same, follow, np.inf).min(axis=1)
+        giving: Floats = np.where(kind, np.maximum(follow, limit), np.inf).min(axis=1)
+        return np.minimum(behind, giving)
 
     def lane_ends(self, state: State) -> Floats:
         """Free metres ``[N]`` to the end of a lane that does not go on along the route."""
@@ -148,4 +148,4 @@ def _follow(state: State, i: int, wanted: Floats, j: int, gap: float) -> float:
     free = float(free_acceleration(state.speed[i], wanted[i], temper))
     if j == NOWHERE:
         return free
-    return free - float(braking(state.speed[i], np.float64(gap), state.speed[j], temper))
+    return free - float(braking(state.speed[i], np.asarray(gap), state.speed[j], temper))

@@ -34,5 +34,6 @@ def lane_map(town: RoadMap) -> tuple[Lane, ...]:
 def _polyline(lane: Any, lateral: float) -> Floats:
     """Points ``[n, 2]`` at a distance to the right of the middle, from the lane's start to its end."""
     at = np.linspace(0.0, float(lane.length), max(math.ceil(float(lane.length) / _STEP), 1) + 1)
-    points = np.array([lane.position(float(s), lateral) for s in at], dtype=np.float64)
-    return points * np.array([1.0, -1.0]) + 0.0
+    points: Floats = np.array([lane.position(float(s), lateral) for s in at], dtype=np.float64)
+    points[:, 1] *= -1.0
+    return points + 0.0

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from highway_env.road.lane import CircularLane, LineType, SineLane, StraightLane
+from highway_env.road.lane import CircularLane, SineLane, StraightLane
 from highway_env.road.road import RoadNetwork
 
 from ...types import Floats
@@ -84,42 +85,32 @@ def _intersection(lanes: int = 2) -> RoadMap:
     half = WIDTH * lanes
     middle = mouth + sum(ZEBRA) / 2
     crossings = tuple(
-        Crossing(
-            (float(o[0]), float(o[1])), (float(u[0]), float(u[1])), span=2 * half, width=ZEBRA[1] - ZEBRA[0]
-        )
+        Crossing((float(o[0]), float(o[1])), (float(u[0]), float(u[1])), span=2 * half, width=ZEBRA[1] - ZEBRA[0])
         for o, u in ((_turned(arm, -half, middle), _turned(arm, 1.0, 0.0)) for arm in range(4))
     )
-    corner = half + 2.5
+    corner = mouth - 3.0
     return RoadMap(network, table, tuple(routes), crossings, (corner, corner, 4.0), True, False, True)
 
 
 def _intersection_arm(network: Any, arm: int, lanes: int, mouth: float) -> None:
-    none, solid, dashed = LineType.NONE, LineType.CONTINUOUS, LineType.STRIPED
     quarter = np.pi / 2 * arm
     into, left, ahead, right = (f"m{arm}", *(f"w{(arm + turn) % 4}" for turn in (1, 2, 3)))
     inner, outer = WIDTH / 2, WIDTH * (lanes - 0.5)
     for k in range(lanes):
         x = WIDTH * (k + 0.5)
-        lines = [solid if k == 0 else none, solid if k == lanes - 1 else dashed]
         start, end, over = _turned(arm, x, mouth + APPROACH), _turned(arm, x, mouth), _turned(arm, x, -mouth)
-        network.add_lane(f"o{arm}", into, StraightLane(start, end, WIDTH, lines, speed_limit=11.0))
-        network.add_lane(into, ahead, StraightLane(end, over, WIDTH, [none, none], speed_limit=11.0))
+        network.add_lane(f"o{arm}", into, StraightLane(start, end, WIDTH, speed_limit=11.0))
+        network.add_lane(into, ahead, StraightLane(end, over, WIDTH, speed_limit=11.0))
         start, end = _turned(arm, -x, mouth), _turned(arm, -x, mouth + APPROACH)
-        network.add_lane(f"w{arm}", f"x{arm}", StraightLane(start, end, WIDTH, lines, speed_limit=11.0))
-    network.add_lane(
-        into, right,
-        CircularLane(
-            _turned(arm, mouth, mouth), mouth - outer, quarter + np.pi, quarter + 1.5 * np.pi, True, WIDTH,
-            [none, solid], speed_limit=5.5,
-        ),
-    )
-    network.add_lane(
-        into, left,
-        CircularLane(
-            _turned(arm, -mouth, mouth), mouth + inner, quarter, quarter - np.pi / 2, False, WIDTH,
-            [none, none], speed_limit=7.5,
-        ),
-    )
+        network.add_lane(f"w{arm}", f"x{arm}", StraightLane(start, end, WIDTH, speed_limit=11.0))
+    right_arc = _arc(_turned(arm, mouth, mouth), mouth - outer, (quarter + np.pi, quarter + 1.5 * np.pi), 5.5)
+    left_arc = _arc(_turned(arm, -mouth, mouth), mouth + inner, (quarter, quarter - np.pi / 2), 7.5)
+    network.add_lane(into, right, right_arc)
+    network.add_lane(into, left, left_arc)
+
+
+def _arc(center: Floats, radius: float, phases: tuple[float, float], limit: float, width: float = WIDTH) -> Any:
+    return CircularLane(center, radius, *phases, clockwise=phases[1] > phases[0], width=width, speed_limit=limit)
 
 
 def _roundabout() -> RoadMap:
@@ -134,50 +125,46 @@ def _roundabout() -> RoadMap:
             out = (arm - quarters) % 4
             first = ring.index(f"n{arm}")
             nodes = [f"o{arm}", f"a{arm}", *(ring[(first + k) % 8] for k in range(2 * quarters)), f"z{out}", f"x{out}"]
-            pairs = zip(nodes, nodes[1:], strict=False)
-            routes.append(Route(tuple((table.number[a, b, 0],) for a, b in pairs), weight, heavy=True))
+            routes.append(Route(tuple((table.number[a, b, 0],) for a, b in pairwise(nodes)), weight, heavy=True))
     return RoadMap(network, table, tuple(routes), (), (0.0, 0.0, 4.0), True, False, False)
 
 
 def _roundabout_arm(network: Any, arm: int) -> None:
-    none, solid = LineType.NONE, LineType.CONTINUOUS
     aside = ISLAND + BEND
     away = float(np.sqrt((RING + BEND) ** 2 - aside**2))
     angle = float(np.arctan2(away, aside))  # where the entry touches the ring; the exit mirrors it
     quarter = np.pi / 2 * arm
-    lines = [solid, solid]
 
-    def straight(start: tuple[float, float], end: tuple[float, float]) -> StraightLane:
-        return StraightLane(_turned(arm, *start), _turned(arm, *end), ROUND_WIDTH, lines, speed_limit=11.0)
+    def straight(start: tuple[float, float], end: tuple[float, float]) -> Any:
+        return StraightLane(_turned(arm, *start), _turned(arm, *end), ROUND_WIDTH, speed_limit=11.0)
 
-    def arc(center: Floats, radius: float, start: float, end: float, limit: float) -> CircularLane:
-        return CircularLane(
-            center, radius, quarter + start, quarter + end, end > start, ROUND_WIDTH, [none, solid], speed_limit=limit
-        )
+    def arc(center: tuple[float, float], radius: float, start: float, end: float, limit: float) -> Any:
+        return _arc(_turned(arm, *center), radius, (quarter + start, quarter + end), limit, ROUND_WIDTH)
 
     network.add_lane(f"o{arm}", f"a{arm}", straight((ISLAND, away + APPROACH), (ISLAND, away)))
-    network.add_lane(f"a{arm}", f"n{arm}", arc(_turned(arm, aside, away), BEND, np.pi, np.pi + angle, 6.5))
-    network.add_lane(f"e{arm}", f"z{arm}", arc(_turned(arm, -aside, away), BEND, -angle, 0.0, 7.0))
+    network.add_lane(f"a{arm}", f"n{arm}", arc((aside, away), BEND, np.pi, np.pi + angle, 6.5))
+    network.add_lane(f"e{arm}", f"z{arm}", arc((-aside, away), BEND, -angle, 0.0, 7.0))
     network.add_lane(f"z{arm}", f"x{arm}", straight((-ISLAND, away), (-ISLAND, away + APPROACH)))
-    middle = np.zeros(2)
-    network.add_lane(f"n{arm}", f"e{(arm - 1) % 4}", arc(middle, RING, angle, np.pi / 2 - angle, 7.5))
-    network.add_lane(f"e{arm}", f"n{arm}", arc(middle, RING, np.pi - angle, angle, 7.5))
+    network.add_lane(f"n{arm}", f"e{(arm - 1) % 4}", arc((0.0, 0.0), RING, angle, np.pi / 2 - angle, 7.5))
+    network.add_lane(f"e{arm}", f"n{arm}", arc((0.0, 0.0), RING, np.pi - angle, angle, 7.5))
 
 
 def _parallel(network: Any, road: tuple[str, str], x: tuple[float, float], lanes: range, limit: float) -> None:
-    none, solid, dashed = LineType.NONE, LineType.CONTINUOUS_LINE, LineType.STRIPED
     for k in lanes:
-        lines = [solid if k == 0 else dashed, solid if k == lanes[-1] else none]
         start, end = (x[0], k * WIDTH), (x[1], k * WIDTH)
-        network.add_lane(*road, StraightLane(start, end, WIDTH, lines, speed_limit=limit))
+        network.add_lane(*road, StraightLane(start, end, WIDTH, speed_limit=limit))
 
 
 def _ramp(x: tuple[float, float], y: float, approaching: bool, limit: float) -> SineLane:
     middle = y + RAMP_SWING
     phase = np.pi / 2 if approaching else -np.pi / 2
-    solid = LineType.CONTINUOUS_LINE
     return SineLane(
-        (x[0], middle), (x[1], middle), RAMP_SWING, np.pi / (x[1] - x[0]), phase, WIDTH, [solid, solid],
+        (x[0], middle),
+        (x[1], middle),
+        RAMP_SWING,
+        np.pi / (x[1] - x[0]),
+        phase,
+        WIDTH,
         speed_limit=limit,
     )
 
@@ -189,9 +176,9 @@ def _merge(seconds: float) -> RoadMap:
     _parallel(network, ("a", "b"), (0.0, joined), range(lanes), 25.0)
     _parallel(network, ("b", "c"), (joined, narrow), range(lanes + 1), 25.0)
     _parallel(network, ("c", "d"), (narrow, total), range(lanes), 25.0)
-    y, solid = lanes * WIDTH, LineType.CONTINUOUS_LINE
+    y = lanes * WIDTH
     far = y + 2 * RAMP_SWING
-    network.add_lane("j", "k", StraightLane((0.0, far), (bend, far), WIDTH, [solid, solid], speed_limit=20.0))
+    network.add_lane("j", "k", StraightLane((0.0, far), (bend, far), WIDTH, speed_limit=20.0))
     network.add_lane("k", "b", _ramp((bend, joined), y, True, 20.0))
     table = LaneGeometry(network)
     main, beside, after = (tuple(table.number[a, b, k] for k in range(lanes)) for a, b in ("ab", "bc", "cd"))
@@ -208,10 +195,10 @@ def _highway(seconds: float) -> RoadMap:
     _parallel(network, ("a", "b"), (0.0, wide), range(lanes), 28.0)
     _parallel(network, ("b", "c"), (wide, split), range(lanes + 1), 28.0)
     _parallel(network, ("c", "d"), (split, total), range(lanes), 28.0)
-    y, solid = lanes * WIDTH, LineType.CONTINUOUS_LINE
+    y = lanes * WIDTH
     far, parted = y + 2 * RAMP_SWING, split + 90.0
     network.add_lane("c", "e", _ramp((split, parted), y, False, 22.0))
-    network.add_lane("e", "f", StraightLane((parted, far), (total, far), WIDTH, [solid, solid], speed_limit=20.0))
+    network.add_lane("e", "f", StraightLane((parted, far), (total, far), WIDTH, speed_limit=20.0))
     table = LaneGeometry(network)
     main, beside, after = (tuple(table.number[a, b, k] for k in range(lanes)) for a, b in ("ab", "bc", "cd"))
     out = ((table.number["c", "e", 0],), (table.number["e", "f", 0],))

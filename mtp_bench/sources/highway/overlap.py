@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...types import Floats, Ints
+from ...types import Bools, Floats, Ints
 
 
 def overlapping(box: Floats) -> Ints:
@@ -14,14 +14,15 @@ def overlapping(box: Floats) -> Ints:
     reach = np.hypot(box[:, 4], box[:, 5]) / 2
     dx, dy = box[:, 0, None] - box[:, 0], box[:, 1, None] - box[:, 1]
     near = np.triu(dx * dx + dy * dy < (reach[:, None] + reach) ** 2, 1)
-    pairs = np.argwhere(near)
+    pairs: Ints = np.argwhere(near)
     if len(pairs) == 0:
         return pairs
-    apart = _separated(box[pairs[:, 0]], box[pairs[:, 1]]) | _separated(box[pairs[:, 1]], box[pairs[:, 0]])
-    return pairs[~apart]
+    a, b = box[pairs[:, 0]], box[pairs[:, 1]]
+    together: Ints = pairs[~(_separated(a, b) | _separated(b, a))]
+    return together
 
 
-def _separated(a: Floats, b: Floats) -> Floats:
+def _separated(a: Floats, b: Floats) -> Bools:
     """Whether an axis of box a ``[n, 7]`` separates it from box b: ``[n]`` bool."""
     cos, sin = np.cos(a[:, 3]), np.sin(a[:, 3])
     x, y = b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]

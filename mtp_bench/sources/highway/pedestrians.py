@@ -1,7 +1,6 @@
 """People on foot who cross an arm of the junction, alone or in groups.
 
-They walk by social forces: Helbing and Molnár (1995), "Social force model for pedestrian dynamics", with a pull towards
-the group as in Moussaïd et al. (2010). At the kerb they wait until nobody with the right to pass comes in the time that
+At the kerb they wait until nobody with the right to pass comes in the time that
 they need; who has waited long makes vehicles wait.
 """
 
@@ -15,18 +14,11 @@ import numpy as np
 from ...types import Floats
 from .networks import Crossing
 from .right_of_way import Walk
-from .world import CLASSES
+from .social_force import kept_apart, kept_out, social_force
 
 ARRIVING, WAITING, CROSSING, LEAVING = range(4)
-_RELAX = 0.5  # s
-_PUSH, _RANGE, _SIGHT = 2.1, 0.35, 3.0  # m/s2, m, m
-_APART = 0.8  # m between two middles, always: no two boxes overlap then
 _ROOM = 0.85  # m around somebody who comes
-_BLIND = 0.35  # share of the push from somebody behind
-_PULL = 0.5  # 1/s2 towards the middle of the group
-_FROM_BOX = 0.55  # m to the outline of a vehicle that nobody steps into
 _PATIENCE = (3.0, 7.0)  # s at the kerb
-_CLASS = CLASSES.index("pedestrian")
 
 
 @dataclass(eq=False)
@@ -48,6 +40,29 @@ class Person:
     heading: float = 0.0
     stage: int = ARRIVING
     waited: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """What a group has in common."""
+
+    crossing: int
+    direction: float
+    span: float  # m of road
+    pace: float
+    patience: float
+    middle: float  # m across the crossing
+    way: Floats  # from the kerb back to where they come from
+    off: Floats  # from the other kerb to where they go
+
+    def slot(self, k: int) -> Floats:
+        """Where the k-th of them waits: two by two."""
+        kerb = 0.0 if self.direction > 0 else self.span
+        return np.array([kerb - self.direction * (0.9 + 0.95 * (k // 2)), self.middle + 0.9 * (k % 2)])
+
+    def beyond(self, slot: Floats) -> Floats:
+        """Where somebody with this slot leaves the road."""
+        return np.array([(self.span if self.direction > 0 else 0.0) + self.direction * 0.6, slot[1]])
 
 
 class Crowd:
@@ -104,40 +119,36 @@ class Crowd:
         crossing = int(rng.integers(len(self._crossings)))
         direction = 1.0 if rng.uniform() < 0.5 else -1.0
         size = int(min(rng.choice(4, p=(0.5, 0.3, 0.15, 0.05)) + 1, self._aim - len(self.people)))
-        pace = float(rng.uniform(1.05, 1.55))
-        patience = float(rng.uniform(*_PATIENCE))
-        way = np.array([-direction * rng.uniform(5.0, 9.0), rng.uniform(-3.0, 3.0)])
-        off = np.array([direction * rng.uniform(5.0, 9.0), rng.uniform(-3.0, 3.0)])
-        middle = float(rng.uniform(-0.5, 0.5))
+        plan = _Plan(
+            crossing, direction, self._crossings[crossing].span,
+            pace=float(rng.uniform(1.05, 1.55)), patience=float(rng.uniform(*_PATIENCE)),
+            middle=float(rng.uniform(-0.5, 0.5)) - 0.45 * (size > 1),
+            way=np.array([-direction * rng.uniform(5.0, 9.0), rng.uniform(-3.0, 3.0)]),
+            off=np.array([direction * rng.uniform(5.0, 9.0), rng.uniform(-3.0, 3.0)]),
+        )  # fmt: skip
         others = self.xy()[0]
-        span = self._crossings[crossing].span
-        near, far = (0.0, span) if direction > 0 else (span, 0.0)
         for k in range(size):
-            lateral = middle + 0.9 * (k % 2) - 0.45 * (size > 1)
-            slot = np.array([near - direction * (0.9 + 0.95 * (k // 2)), lateral])
-            beyond = np.array([far + direction * 0.6, lateral])
-            place = slot + way * distance
+            slot = plan.slot(k)
+            place = slot + plan.way * distance
             there = np.array(self._crossings[crossing].origin) + place @ self._axes[crossing]
             if len(others) and np.hypot(*(others - there).T).min() < _ROOM:
                 continue
             others = np.concatenate([others, there[None]])
-            self._add(crossing, direction, pace, patience, slot, beyond, beyond + off, place)
+            self.people.append(self._person(plan, slot, place))
         self._groups += 1
 
-    def _add(
-        self, crossing: int, direction: float, pace: float, patience: float,
-        slot: Floats, beyond: Floats, goal: Floats, place: Floats,
-    ) -> None:  # fmt: skip
+    def _person(self, plan: _Plan, slot: Floats, place: Floats) -> Person:
         rng = self._rng
-        size = (float(rng.uniform(0.35, 0.5)), float(rng.uniform(0.45, 0.6)), float(rng.uniform(1.5, 1.9)))
-        self.people.append(
-            Person(
-                self._made, self._groups, crossing, direction, tuple(round(x, 2) for x in size),  # type: ignore[arg-type]
-                min(max(pace + float(rng.normal(0.0, 0.05)), 1.0), 1.6), patience,
-                slot, beyond, goal, np.round(place, 6), heading=_direction((slot - place + 1e-3) @ self._axes[crossing]),
-            )
-        )  # fmt: skip
+        sizes = rng.uniform((0.35, 0.45, 1.5), (0.5, 0.6, 1.9)).tolist()
+        beyond = plan.beyond(slot)
         self._made += 1
+        return Person(
+            number=self._made, group=self._groups, crossing=plan.crossing, direction=plan.direction,
+            size=(round(sizes[0], 2), round(sizes[1], 2), round(sizes[2], 2)),
+            pace=min(max(plan.pace + float(rng.normal(0.0, 0.05)), 1.0), 1.6), patience=plan.patience,
+            slot=slot, beyond=beyond, goal=beyond + plan.off, place=np.round(place, 6),
+            heading=_direction((slot - place + 1e-3) @ self._axes[plan.crossing]),
+        )  # fmt: skip
 
     def _advance(self, dt: float, free: Callable[[Walk], bool]) -> None:
         """Moves everybody on to the next stage; a group steps on the road together."""
@@ -167,70 +178,16 @@ class Crowd:
         target = np.array([self._target(p) for p in self.people])
         goal = origin + np.einsum("ni,nij->nj", target, axes)
         pace = np.array([p.pace for p in self.people])
-        new = velocity + dt * self._force(place, velocity, goal, pace)
+        group = np.array([p.group for p in self.people])
+        new = velocity + dt * social_force(place, velocity, goal - place, pace, group)
         speed = np.hypot(new[:, 0], new[:, 1])
         new *= np.minimum(1.0, 1.25 * pace / np.maximum(speed, 1e-9))[:, None]
-        moved = _kept_out(place, _kept_apart(place + dt * new), vehicles)
+        moved = kept_out(place, kept_apart(place + dt * new), vehicles)
         new = (moved - place) / dt
         for k, p in enumerate(self.people):
             p.place = np.round(axes[k] @ (moved[k] - origin[k]), 6) + 0.0
             p.velocity = np.round(axes[k] @ new[k], 6) + 0.0
             p.heading = _turned(p.heading, new[k], goal[k] - moved[k], p.stage)
-
-    def _force(self, place: Floats, velocity: Floats, goal: Floats, pace: Floats) -> Floats:
-        to_goal = goal - place
-        far = np.hypot(to_goal[:, 0], to_goal[:, 1])
-        wanted = to_goal / np.maximum(far, 1e-9)[:, None] * np.minimum(pace, far / 0.8)[:, None]
-        force = (wanted - velocity) / _RELAX
-        between = place[:, None] - place
-        gap = np.hypot(between[..., 0], between[..., 1])
-        np.fill_diagonal(gap, np.inf)
-        strength = _PUSH * np.exp((_APART - gap) / _RANGE) * (gap < _SIGHT)
-        facing = np.einsum("nj,nmj->nm", wanted, -between) / np.maximum(
-            np.hypot(wanted[:, 0], wanted[:, 1])[:, None] * np.where(np.isinf(gap), 1.0, gap), 1e-9
-        )
-        group = np.array([p.group for p in self.people])
-        friends = (group[:, None] == group) & np.isfinite(gap)
-        strength *= (_BLIND + (1 - _BLIND) * (1 + facing) / 2) * np.where(friends, 0.3, 1.0)
-        push = np.einsum("nm,nmj->nj", strength / np.where(np.isinf(gap), 1.0, np.maximum(gap, 1e-9)), between)
-        count = friends.sum(axis=1)
-        middle = (friends @ place) / np.maximum(count, 1)[:, None]
-        pull = np.where((count > 0)[:, None], middle - place, 0.0)
-        distance = np.hypot(pull[:, 0], pull[:, 1])
-        pull *= np.where(distance > 1.3, _PULL, 0.0)[:, None]
-        result: Floats = force + push + pull
-        return result
-
-
-def _kept_apart(place: Floats) -> Floats:
-    """Places ``[M, 2]`` after pushing those apart who are too close."""
-    for _ in range(3):
-        between = place[:, None] - place
-        gap = np.hypot(between[..., 0], between[..., 1])
-        np.fill_diagonal(gap, np.inf)
-        short = np.maximum(_APART + 1e-3 - gap, 0.0)
-        if not short.any():
-            break
-        unit = between / np.where(np.isinf(gap), 1.0, np.maximum(gap, 1e-6))[..., None]
-        place = place + 0.5 * (short[..., None] * unit).sum(axis=1)
-    return place
-
-
-def _kept_out(place: Floats, moved: Floats, vehicles: Floats) -> Floats:
-    """``moved``, but who would step into a vehicle (or against it) stays at ``place``."""
-    if len(vehicles) == 0:
-        return moved
-    cos, sin = np.cos(vehicles[:, 3]), np.sin(vehicles[:, 3])
-
-    def clearance(points: Floats) -> Floats:
-        dx, dy = points[:, :1] - vehicles[:, 0], points[:, 1:] - vehicles[:, 1]
-        along = np.abs(cos * dx + sin * dy) - vehicles[:, 4] / 2
-        across = np.abs(cos * dy - sin * dx) - vehicles[:, 5] / 2
-        return np.maximum(along, across)
-
-    after, before = clearance(moved), clearance(place)
-    blocked = ((after < _FROM_BOX) & (after < before)).any(axis=1)
-    return np.where(blocked[:, None], place, moved)
 
 
 def _direction(vector: Floats) -> float:

@@ -23,6 +23,9 @@ _SIZES = {
     "bus": ((11.4, 0.7), (2.52, 0.03), (3.15, 0.12), (9.5, 12.5)),
 }
 LONG = 6.6  # m, longer vehicles do not turn at the intersection
+_TRIES = 6  # steps that a vehicle waits for room; then somebody else comes
+_LANE_WIDE = 2.5  # m from the middle of a lane: who is nearer is in it
+_SHARE = 0.6  # of the time gap that a vehicle comes in with
 _FIRST_ROOM = 10.0  # m, least space between two vehicles that are there from the start
 
 
@@ -40,7 +43,7 @@ def draw_profile(fast: bool, rng: np.random.Generator) -> Profile:
         wheelbase=round((0.55 if heavy else 0.6) * size, 2),
         pace=float(rng.uniform(0.78, 0.95) if heavy else rng.uniform(0.85, 1.12)),
         top_speed=23.5 if heavy else 40.0,
-        time_gap=float(rng.uniform(1.2, 1.8) if heavy else rng.uniform(0.8, 1.5)),
+        time_gap=float(rng.uniform(1.2, 1.8) if heavy else rng.uniform(0.7, 1.4)),
         min_gap=float(rng.uniform(0.6, 1.6)),
         acceleration=float(rng.uniform(1.0, 1.5) if heavy else rng.uniform(1.6, 2.6)),
         braking=float(rng.uniform(1.8, 2.8)),
@@ -55,15 +58,16 @@ class Gate:
     def __init__(self, town: RoadMap, vehicles: int, rng: np.random.Generator) -> None:
         self._map, self._aim, self._rng = town, vehicles, rng
         self._made = 0
-        self._next: tuple[Profile, int, int] | None = None  # waits until there is room
-        self._patience = 0
+        self._next: tuple[Profile, int] | None = None  # waits until there is room
+        self._tries = 0
 
     def fill(self, road: Any, reach: float) -> None:
         """Puts the first vehicles on the first ``reach`` share of the entry lanes."""
         for _ in range(20 * self._aim):
             if len(road.vehicles) >= self._aim:
                 return
-            profile, route, lane = self._draw()
+            profile, route = self._draw()
+            lane = self._lanes(profile, route)[0]
             at = float(self._rng.uniform(profile.length / 2, reach * self._map.geometry.length[lane]))
             self._enter(road, profile, route, lane, at, _FIRST_ROOM)
 
@@ -73,37 +77,34 @@ class Gate:
             road.vehicles.remove(vehicle)
         if len(road.vehicles) >= self._aim:
             return
-        if self._next is None or self._patience > 5:
-            self._next, self._patience = self._draw(), 0
-        profile, route, lane = self._next
-        if self._enter(road, profile, route, lane, profile.length / 2 + 0.5, profile.min_gap + 2.0):
-            self._next = None
-        self._patience += 1
+        if self._next is None or self._tries >= _TRIES:
+            self._next, self._tries = self._draw(), 0
+        profile, route = self._next
+        self._tries += 1
+        for lane in self._lanes(profile, route):
+            if self._enter(road, profile, route, lane, profile.length / 2 + 0.5, profile.min_gap + 2.0):
+                self._next = None
+                return
 
-    def _draw(self) -> tuple[Profile, int, int]:
+    def _draw(self) -> tuple[Profile, int]:
         routes: tuple[Route, ...] = self._map.routes
         profile = draw_profile(self._map.overtaking, self._rng)
         weight = np.array([r.weight if r.heavy or profile.length < LONG else 0.0 for r in routes])
-        route = int(self._rng.choice(len(routes), p=weight / weight.sum()))
-        lanes = routes[route].roads[0]
-        slow = profile.top_speed < self._map.geometry.limit[lanes[0]]
-        lane = lanes[-1] if slow else lanes[int(self._rng.integers(len(lanes)))]
-        return profile, route, lane
+        return profile, int(self._rng.choice(len(routes), p=weight / weight.sum()))
+
+    def _lanes(self, profile: Profile, route: int) -> list[int]:
+        """The lanes that the vehicle may come in on, in the order in which it tries them."""
+        lanes = self._map.routes[route].roads[0]
+        if profile.top_speed < self._map.geometry.limit[lanes[0]]:
+            return [lanes[-1]]
+        return [lanes[int(k)] for k in self._rng.permutation(len(lanes))]
 
     def _enter(self, road: Any, profile: Profile, route: int, lane: int, at: float, room: float) -> bool:
-        geometry = self._map.geometry
-        way = geometry.lanes[lane]
-        speed = min(profile.pace * float(geometry.limit[lane]), profile.top_speed)
+        speed = self._free_speed(road, profile, lane, at, room)
+        if speed is None:
+            return False
+        way = self._map.geometry.lanes[lane]
         position = np.asarray(way.position(at, profile.aside), dtype=np.float64)
-        for other in road.vehicles:
-            s, d = way.local_coordinates(other.position)
-            if abs(d) > 2.5:
-                continue
-            gap = abs(s - at) - (other.profile.length + profile.length) / 2
-            if gap < room + (0.6 * profile.time_gap * speed if s > at else 0.0):
-                return False
-            if s > at:  # slow enough to stop behind the one ahead
-                speed = min(speed, float(np.sqrt(other.speed**2 + 2.0 * max(gap - room, 0.0))))
         vehicle = Driver(road, position, float(way.heading_at(at)), speed, profile, self._made)
         vehicle.route, vehicle.lane_number = route, lane
         vehicle.snap()
@@ -111,12 +112,24 @@ class Gate:
         self._made += 1
         return True
 
+    def _free_speed(self, road: Any, profile: Profile, lane: int, at: float, room: float) -> float | None:
+        """Speed to come in with at a place in a lane; None: there is no room."""
+        way = self._map.geometry.lanes[lane]
+        speed = min(profile.pace * float(self._map.geometry.limit[lane]), profile.top_speed)
+        for other in road.vehicles:
+            s, d = way.local_coordinates(other.position)
+            if abs(d) > _LANE_WIDE:
+                continue
+            gap = abs(s - at) - (other.profile.length + profile.length) / 2
+            if gap < room + (_SHARE * profile.time_gap * speed if s > at else 0.0):
+                return None
+            if s > at:  # slow enough to brake behind the one ahead
+                speed = min(speed, float(np.sqrt(other.speed**2 + 2.0 * max(gap - room, 0.0))))
+        return speed
+
 
 def boxes(vehicles: list[Driver]) -> Floats:
     """Boxes ``[n, 7]`` of vehicles in highway-env's frame (y down)."""
-    rows = [
-        (v.position[0], v.position[1], v.profile.height / 2, v.heading, v.profile.length, v.profile.width,
-         v.profile.height)
-        for v in vehicles
-    ]  # fmt: skip
+    sizes = [(v.profile.length, v.profile.width, v.profile.height) for v in vehicles]
+    rows = [(*v.position.tolist(), h / 2, v.heading, l, w, h) for v, (l, w, h) in zip(vehicles, sizes, strict=True)]
     return np.array(rows, dtype=np.float64).reshape(-1, 7)

@@ -12,8 +12,10 @@ from .world import CLASSES, RATE, World
 
 _EGO_HEIGHT = 1.7  # m
 _PEOPLE_FROM = 1_000_000  # numbers of people follow those of vehicles
-_PICK_FROM = 3  # the ego is one of those who go farthest
+_PICK_FROM = 3  # the ego is one of the best
+_FAR, _NEAR = 0.6, 60.0  # share of the longest way that an ego goes, m around it where others count
 _LARGEST_ANGLE = 3.141592  # rad, of six decimals
+_NO_EGO = (CLASSES.index("motorcycle"), CLASSES.index("pedestrian"))
 _COLUMNS = 12  # x y z yaw l w h, velocity x y, class, number, frame
 
 
@@ -55,19 +57,21 @@ class Recording:
         return World(np.arange(self._frames) / RATE, ego, _truth(rows, self._frames), lanes, rejected)
 
     def _ego(self, rows: Floats, rng: np.random.Generator) -> int | None:
-        """A vehicle that is there in all frames, among those that go farthest."""
-        numbers, count = np.unique(rows[:, 10], return_counts=True)
-        candidates = [float(n) for n in numbers[(count == self._frames) & (numbers < _PEOPLE_FROM)]]
-        if not candidates:
+        """A vehicle that is there in all frames, goes far and has many others around it."""
+        numbers, count = np.unique(rows[~np.isin(rows[:, 9], _NO_EGO), 10], return_counts=True)
+        paths = [rows[rows[:, 10] == number, :2] for number in numbers[count == self._frames]]
+        if not paths:
             return None
-        far = [float(np.hypot(*np.diff(rows[rows[:, 10] == n, :2], axis=0).T).sum()) for n in candidates]
-        best = np.argsort(-np.array(far), kind="stable")[:_PICK_FROM]
-        return int(candidates[int(best[int(rng.integers(len(best)))])])
+        far = np.array([np.hypot(*np.diff(path, axis=0).T).sum() for path in paths])
+        frame = rows[:, 11].astype(np.int64)
+        near = np.array([np.mean(np.hypot(*(rows[:, :2] - path[frame]).T) < _NEAR) for path in paths])
+        best = np.argsort(-np.where(far >= _FAR * far.max(), near, near - 1.0), kind="stable")[:_PICK_FROM]
+        return int(numbers[count == self._frames][int(best[int(rng.integers(len(best)))])])
 
 
 def _velocity(state: State, crowd: Crowd) -> Floats:
     """Velocity of the boxes' centres ``[N + M, 2]``: of vehicles along heading and slip angle of the last step."""
-    slip = np.array([np.arctan(0.5 * np.tan(float(v.action["steering"]))) for v in state.vehicles]).reshape(-1)
+    slip = np.arctan(0.5 * np.tan([v.command[0] for v in state.vehicles])).reshape(-1)
     course = state.heading + slip
     velocity = np.stack([np.cos(course), np.sin(course)], axis=1) * state.speed[:, None]
     return np.concatenate([velocity, crowd.xy()[1]])

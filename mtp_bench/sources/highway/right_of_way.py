@@ -104,7 +104,9 @@ class RightOfWay:
 
     def _forget(self) -> None:
         gone = [
-            n for n in self._granted if n not in self._seen or self._seen[n].rear > self.passages[self._seen[n].route].end
+            n
+            for n in self._granted
+            if n not in self._seen or self._seen[n].rear > self.passages[self._seen[n].route].end
         ]
         for number in gone:
             del self._granted[number]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from highway_env.road.road import Road
@@ -34,9 +35,11 @@ _FIRST = {True: 0.6, False: 0.25}  # share of the entry lanes that is filled at 
 def simulate_world(traffic: Traffic, seed: int) -> World:
     """Crash-free traffic of ``traffic.seconds`` seconds; the same bits for the same seed, everywhere.
 
-    Sub-seeds are tried in turn; what was wrong with those before the first good one is in ``World.rejected``. Raises
-    DataError when none of `ATTEMPTS` is good.
+    Sub-seeds are tried in turn; what was wrong with those before the first good one is in ``World.rejected``: "crash"
+    (two true boxes overlapped, in the warm-up or later) or "no_ego" (nobody was there all the time). Raises DataError
+    when none of `ATTEMPTS` is good, and for numbers that make no sense.
     """
+    _check(traffic)
     rejected: list[str] = []
     for attempt in range(ATTEMPTS):
         world = _Attempt(traffic, seed, attempt).run(tuple(rejected))
@@ -48,6 +51,21 @@ def simulate_world(traffic: Traffic, seed: int) -> World:
         f"{traffic.scenario}, seed {seed}: all {ATTEMPTS} attempts were rejected ({reasons}); expected a crash-free "
         f"scene: ask for fewer vehicles than {traffic.vehicles}, fewer seconds than {traffic.seconds:g} or another seed"
     )
+
+
+def _check(traffic: Traffic) -> None:
+    wrong = [
+        (traffic.vehicles < 1, f"vehicles = {traffic.vehicles}: expected at least 1"),
+        (traffic.pedestrians < 0, f"pedestrians = {traffic.pedestrians}: expected 0 or more"),
+        (round(traffic.seconds * RATE) < 1, f"seconds = {traffic.seconds:g}: expected at least {1 / RATE:g}"),
+        (
+            traffic.pedestrians > 0 and traffic.scenario != "intersection",
+            f"pedestrians = {traffic.pedestrians}: only the intersection has crossings; expected 0",
+        ),
+    ]
+    for is_wrong, text in wrong:
+        if is_wrong:
+            raise DataError(f"simulated traffic, scenario {traffic.scenario!r}: {text}")
 
 
 @lru_cache(maxsize=8)
@@ -64,7 +82,8 @@ class _Attempt:
         self._traffic = traffic
         self._map, self._routes, routes_passages = _town(traffic.scenario, traffic.seconds)
         kinds = [np.random.default_rng([seed, attempt, kind]) for kind in range(3)]
-        self._road = Road(network=self._map.network, np_random=kinds[0])
+        unused: Any = kinds[0]  # otherwise the road would make a generator with a seed from the clock
+        self._road: Any = Road(network=self._map.network, np_random=unused)
         self._gate = Gate(self._map, traffic.vehicles, kinds[0])
         self._crowd = Crowd(self._map.crossings, traffic.pedestrians, kinds[1])
         self._rng = kinds[2]
@@ -123,7 +142,8 @@ class _Attempt:
         before = np.array([vehicle.command[1] for vehicle in state.vehicles])
         result = np.clip(result, before - _JERK[0] / RATE, before + _JERK[1] / RATE)
         least = np.maximum(-HARDEST, -state.speed * RATE)  # nobody drives backwards
-        return np.maximum(result, least)
+        bounded: Floats = np.maximum(result, least)
+        return bounded
 
 
 def _where(vehicles: list[Driver], chosen: Bools) -> list[Driver]:

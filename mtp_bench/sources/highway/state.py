@@ -48,7 +48,7 @@ class State:
 def observe(
     vehicles: list[Driver], town: RoadMap, routes: RouteTable, persons: Floats, persons_velocity: Floats
 ) -> State:
-    """The state of vehicles and pedestrians (places and velocities ``[M, 2]``); moves vehicles on to their next lane."""
+    """The state of vehicles and pedestrians (places and velocities ``[M, 2]``); moves vehicles on in their routes."""
     n = len(vehicles)
     xy = np.array([v.position for v in vehicles], dtype=np.float64).reshape(-1, 2)
     motion = np.array([(v.heading, v.speed, v.route, v.lane_number) for v in vehicles], dtype=np.float64).reshape(-1, 4)

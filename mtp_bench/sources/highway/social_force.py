@@ -1,0 +1,80 @@
+"""How people on foot move among each other and around vehicles.
+
+Social forces: Helbing and Molnár (1995), "Social force model for pedestrian dynamics", with a pull towards the group as
+in Moussaïd et al. (2010), "The walking behaviour of pedestrian social groups". Nobody comes closer to anybody than
+`APART`, so that no two boxes overlap.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...types import Bools, Floats, Ints
+
+APART = 0.8  # m between two middles, always
+_RELAX = 0.5  # s
+_PUSH, _RANGE, _SIGHT = 2.1, 0.35, 3.0  # m/s2, m, m
+_BLIND = 0.35  # share of the push from somebody behind
+_FRIEND = 0.3  # share of the push from somebody of the same group
+_PULL, _TOGETHER = 0.5, 1.3  # 1/s2 towards the middle of a group that is farther away than this, m
+_SLOWING = 0.8  # s, who is nearer to the goal slows down
+_FROM_BOX = 0.55  # m to the outline of a vehicle that nobody steps into
+_TINY = 1e-9
+
+
+def social_force(place: Floats, velocity: Floats, to_goal: Floats, pace: Floats, group: Ints) -> Floats:
+    """Acceleration ``[M, 2]`` of people at places ``[M, 2]`` on their way ``to_goal`` ``[M, 2]``."""
+    far = np.hypot(to_goal[:, 0], to_goal[:, 1])
+    wanted = to_goal / np.maximum(far, _TINY)[:, None] * np.minimum(pace, far / _SLOWING)[:, None]
+    between = place[:, None] - place
+    gap = np.hypot(between[..., 0], between[..., 1])
+    np.fill_diagonal(gap, np.inf)
+    unit = between / np.where(np.isinf(gap), 1.0, np.maximum(gap, _TINY))[..., None]
+    ahead = wanted / np.maximum(np.hypot(wanted[:, 0], wanted[:, 1]), _TINY)[:, None]
+    facing = -(ahead[:, None, :] * unit).sum(axis=2)
+    friends: Bools = (group[:, None] == group) & np.isfinite(gap)
+    strength = _PUSH * np.exp((APART - gap) / _RANGE) * (gap < _SIGHT) * np.where(friends, _FRIEND, 1.0)
+    strength *= _BLIND + (1 - _BLIND) * (1 + facing) / 2
+    push: Floats = (strength[..., None] * unit).sum(axis=1)
+    return (wanted - velocity) / _RELAX + push + _pull(between, friends)
+
+
+def _pull(between: Floats, friends: Bools) -> Floats:
+    count = friends.sum(axis=1)
+    to_middle = -(between * friends[..., None]).sum(axis=1) / np.maximum(count, 1)[:, None]
+    away = np.hypot(to_middle[:, 0], to_middle[:, 1]) > _TOGETHER
+    pull: Floats = to_middle * np.where(away, _PULL, 0.0)[:, None]
+    return pull
+
+
+def kept_apart(place: Floats) -> Floats:
+    """Places ``[M, 2]`` after pushing those apart who are too close."""
+    for _ in range(3):
+        between = place[:, None] - place
+        gap = np.hypot(between[..., 0], between[..., 1])
+        np.fill_diagonal(gap, np.inf)
+        short = np.maximum(APART + 1e-3 - gap, 0.0)
+        if not short.any():
+            break
+        unit = between / np.where(np.isinf(gap), 1.0, np.maximum(gap, 1e-6))[..., None]
+        place = place + 0.5 * (short[..., None] * unit).sum(axis=1)
+    return place
+
+
+def kept_out(place: Floats, moved: Floats, vehicles: Floats) -> Floats:
+    """``moved`` ``[M, 2]``, but who would step against a vehicle (boxes ``[N, 7]``) stays at ``place``."""
+    if len(vehicles) == 0:
+        return moved
+    after, before = _clearance(moved, vehicles), _clearance(place, vehicles)
+    blocked = np.any((after < _FROM_BOX) & (after < before), axis=1)
+    return np.where(blocked.reshape(-1, 1), place, moved)
+
+
+def _clearance(points: Floats, boxes: Floats) -> Floats:
+    """Distance ``[M, N]`` of points to the outlines of boxes along their axes; negative inside."""
+    cos, sin = np.cos(boxes[:, 3]), np.sin(boxes[:, 3])
+    dx, dy = points[:, :1] - boxes[:, 0], points[:, 1:] - boxes[:, 1]
+    along = np.abs(cos * dx + sin * dy) - boxes[:, 4] / 2
+    across = np.abs(cos * dy - sin * dx) - boxes[:, 5] / 2
+    clearance: Floats = np.maximum(along, across)
+    return clearance

@@ -1,0 +1,174 @@
+"""The parts of the simulated traffic on their own: lanes, routes, conflicts, overlap, right of way, people."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from shapely.geometry import Polygon
+
+from mtp_bench.geometry import bev_corners
+from mtp_bench.sources.highway.conflicts import Passage, Zone, passages
+from mtp_bench.sources.highway.driver import Driver
+from mtp_bench.sources.highway.following import Leaders, braking, sweep
+from mtp_bench.sources.highway.networks import build
+from mtp_bench.sources.highway.overlap import overlapping
+from mtp_bench.sources.highway.population import draw_profile
+from mtp_bench.sources.highway.right_of_way import RightOfWay, Walk
+from mtp_bench.sources.highway.routes import NOWHERE, tabulate
+from mtp_bench.sources.highway.social_force import APART, kept_apart, kept_out, social_force
+from mtp_bench.sources.highway.state import observe
+from mtp_bench.sources.highway.world import ScenarioName
+from mtp_bench.types import Floats
+
+SCENARIOS: tuple[ScenarioName, ...] = ("intersection", "roundabout", "merge", "highway")
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_lane_coordinates_are_those_of_highway_env(scenario: ScenarioName) -> None:
+    geometry = build(scenario, 5.0).geometry
+    points = np.random.default_rng(0).uniform(-60.0, 60.0, (20, 2))
+    s, d = geometry.coordinates(points)
+    for k, lane in enumerate(geometry.lanes):
+        expected = np.array([lane.local_coordinates(point) for point in points])
+        np.testing.assert_allclose(np.stack([s[k], d[k]], axis=1), expected, atol=1e-9)
+        heading = geometry.heading(np.full(20, k), s[k])
+        np.testing.assert_allclose(heading, [lane.heading_at(a) for a in s[k]], atol=1e-9)
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_lanes_of_a_route_join_without_a_kink(scenario: ScenarioName) -> None:
+    town = build(scenario, 5.0)
+    table, lanes = tabulate(town.routes, town.geometry), town.geometry.lanes
+    for r, k in np.argwhere(table.following != NOWHERE):
+        before, after = lanes[k], lanes[table.following[r, k]]
+        np.testing.assert_allclose(before.position(before.length, 0.0), after.position(0.0, 0.0), atol=1e-6)
+        turn = before.heading_at(before.length) - after.heading_at(0.0)
+        assert abs(math.remainder(turn, 2 * math.pi)) < 1e-6
+
+
+def test_who_leaves_the_highway_counts_lanes_to_the_exit() -> None:
+    town = build("highway", 5.0)
+    table, number = tabulate(town.routes, town.geometry), town.geometry.number
+    leaving = next(r for r, route in enumerate(town.routes) if route.otherwise != NOWHERE)
+    assert [table.hops[leaving, number["a", "b", k]] for k in range(3)] == [3, 2, 1]
+    assert [table.hops[leaving, number["b", "c", k]] for k in range(4)] == [3, 2, 1, 0]
+    assert table.room[leaving, number["b", "c", 0]] == pytest.approx(200.0)
+    assert np.isinf(table.room[leaving, number["b", "c", 3]])
+
+
+def _passages() -> dict[tuple[str, str, int], Passage]:
+    town = build("intersection", 5.0)
+    found = passages(town, tabulate(town.routes, town.geometry))
+    index = [[town.geometry.index[road[0]] for road in route.roads] for route in town.routes]
+    return {(lanes[0][0], lanes[-1][1], lanes[0][2]): p for lanes, p in zip(index, found, strict=True)}
+
+
+def test_conflicts_of_the_intersection() -> None:
+    """Arms 0 south, 1 west, 2 north, 3 east."""
+    every = _passages()
+    names = list(every)
+
+    def zones(a: tuple[str, str, int], b: tuple[str, str, int]) -> tuple[Zone, ...]:
+        return every[a].zones.get(names.index(b), ())
+
+    straight, oncoming = ("o0", "x2", 0), ("o2", "x0", 0)
+    assert zones(straight, oncoming) == ()
+    assert zones(("o0", "x1", 0), ("o2", "x3", 0)) == ()  # opposite left turns pass each other
+    assert [zone.merging for zone in zones(straight, ("o1", "x3", 0))] == [False]
+    assert [zone.merging for zone in zones(("o0", "x1", 0), ("o3", "x1", 0))] == [True]
+    for a in names:
+        for b in names:
+            mirrored = [Zone(z.other_start, z.other_end, z.start, z.end, z.merging) for z in zones(b, a)]
+            assert list(zones(a, b)) == mirrored
+    for passage in every.values():
+        assert len(passage.stripes) == 2
+        assert passage.line < passage.stripes[0].start < passage.stripes[1].end <= passage.end
+
+
+def test_overlap_against_polygons() -> None:
+    rng = np.random.default_rng(1)
+    box = np.zeros((40, 7))
+    box[:, :2] = rng.uniform(-10.0, 10.0, (40, 2))
+    box[:, 3] = rng.uniform(-4.0, 4.0, 40)
+    box[:, 4:] = rng.uniform(0.4, 5.0, (40, 3))
+    shapes = [Polygon(corners) for corners in bev_corners(box)]
+    expected = [(i, j) for i in range(40) for j in range(i + 1, 40) if shapes[i].intersects(shapes[j])]
+    assert [tuple(pair) for pair in overlapping(box).tolist()] == expected
+    assert len(overlapping(box[:1])) == 0
+
+
+def test_sweep_of_a_straight_lane_and_of_a_bend() -> None:
+    length, width, base = np.array([12.0]), np.array([2.5]), np.array([6.0])
+    outer, inner = sweep(length, width, base, np.array([np.inf]))
+    assert outer == inner == 1.25
+    outer, inner = sweep(length, width, base, np.array([15.0]))
+    assert outer > 2.5
+    assert 1.25 < inner < 2.0
+
+
+def test_the_model_brakes_harder_for_who_is_nearer_or_slower() -> None:
+    temper = np.array([1.0, 40.0, 1.2, 1.0, 2.0, 2.0, 0.0])
+    speed = np.array([10.0])
+    near, far = (braking(speed, np.array([gap]), np.array([10.0]), temper) for gap in (10.0, 30.0))
+    slow = braking(speed, np.array([30.0]), np.array([2.0]), temper)
+    assert near > far
+    assert slow > far
+    assert braking(speed, np.array([np.inf]), np.array([0.0]), temper) == 0.0
+
+
+def test_first_come_first_served() -> None:
+    """Two lanes that cross: who is nearer gets the right to pass, the other one stops at its line."""
+    town = build("intersection", 5.0)
+    table = tabulate(town.routes, town.geometry)
+    every = passages(town, table)
+    assert 5 in every[0].zones  # route 0: arm 0 to the left, route 5: arm 1 straight on
+    profile = draw_profile(False, np.random.default_rng(0))
+    vehicles = []
+    for number, (route, at) in enumerate(((0, 60.0), (5, 50.0))):
+        lane = town.routes[route].roads[0][0]
+        way = town.geometry.lanes[lane]
+        vehicle = Driver(None, way.position(at, 0.0), way.heading_at(at), 6.0, profile, number)
+        vehicle.route, vehicle.lane_number = route, lane
+        vehicles.append(vehicle)
+    state = observe(vehicles, town, table, np.empty((0, 2)), np.empty((0, 2)))
+    ahead = Leaders(np.full(2, np.inf), np.zeros(2))
+    rules = RightOfWay(every, first_in_first_out=True)
+    stop = rules.update(state, ahead, [], set(), 0.0)
+    assert np.isinf(stop[0])
+    assert stop[1] == pytest.approx(every[5].line - 50.0 - profile.length / 2)
+    rules = RightOfWay(every, first_in_first_out=True)
+    someone = Walk(every[0].stripes[0].crossing, every[0].stripes[0].across, 1.0, 1.2)
+    assert np.isfinite(rules.update(state, ahead, [someone], set(), 0.0)[0])
+    assert rules.free_to_walk(someone)
+    rules = RightOfWay(every, first_in_first_out=True)
+    rules.update(state, ahead, [], set(), 0.0)
+    assert not rules.free_to_walk(someone)
+    rules = RightOfWay(every, first_in_first_out=True)
+    assert np.isfinite(rules.update(state, ahead, [], {someone.crossing}, 0.0)[0])
+
+
+def test_people_keep_apart() -> None:
+    place: Floats = np.random.default_rng(2).uniform(-1.0, 1.0, (4, 2))
+    for _ in range(60):
+        place = kept_apart(place)
+    gap = np.hypot(*(place[:, None] - place).transpose(2, 0, 1)) + 10 * np.eye(4)
+    assert gap.min() > APART - 1e-3
+
+
+def test_nobody_steps_against_a_vehicle() -> None:
+    bus = np.array([[0.0, 0.0, 1.5, 0.0, 12.0, 2.5, 3.0]])
+    place = np.array([[0.0, 2.0], [0.0, 5.0]])
+    moved = np.array([[0.0, 1.5], [0.0, 4.5]])
+    np.testing.assert_array_equal(kept_out(place, moved, bus), [[0.0, 2.0], [0.0, 4.5]])
+    np.testing.assert_array_equal(kept_out(moved, place, bus), place)  # going away is free
+
+
+def test_who_meets_gives_way_and_who_is_alone_does_not() -> None:
+    place, velocity = np.array([[0.0, 0.0], [1.5, 0.1]]), np.array([[1.3, 0.0], [-1.3, 0.0]])
+    to_goal, pace = np.array([[10.0, 0.0], [-10.0, 0.0]]), np.array([1.3, 1.3])
+    force = social_force(place, velocity, to_goal, pace, np.array([0, 1]))
+    assert force[0, 0] < 0 < force[1, 0]
+    alone = social_force(place[:1], velocity[:1], to_goal[:1], pace[:1], np.array([0]))
+    np.testing.assert_allclose(alone, 0.0, atol=1e-12)
