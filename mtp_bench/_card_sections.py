@@ -49,6 +49,7 @@ class HighwaySource(Section):
     seconds: Annotated[float, Field(gt=0, le=600)] = 20.0
     vehicles: Annotated[int, Field(ge=2, le=200)]  # aimed at on the road
     pedestrians: Annotated[int, Field(ge=0, le=200)] = 0  # aimed at; only the intersection has crossings
+    drivers: Literal["cooperative", "idm"] = "cooperative"  # "idm": highway-env's own, on merge and highway only
     seeds: SeedRanges
 
 

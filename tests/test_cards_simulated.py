@@ -69,6 +69,7 @@ CHANGES: dict[str, object] = {
     "source.seconds": 10.0,
     "source.vehicles": 10,
     "source.pedestrians": 0,
+    "source.drivers": "idm",
     "source.seeds.train": [0, 2],
     "source.seeds.val": [10000, 10001],
     "source.seeds.test": [3, 4],

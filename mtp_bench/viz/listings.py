@@ -83,6 +83,8 @@ def _status_table(statuses: Mapping[str, DataStatus]) -> Table:
 
 
 def _state(status: DataStatus) -> str:
+    if status.generated:
+        return "[green]generated[/green]" if status.verified else "[green]made when used[/green]"
     if status.verified:
         return "[green]complete[/green]"
     if status.usable:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from highway_env.vehicle.kinematics import Vehicle
@@ -28,6 +28,30 @@ class Profile:
     braking: float  # m/s2, comfortable
     politeness: float  # 0 selfish, 1 counts others like itself
     aside: float  # m, how far right of the middle of the lane it keeps
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """Who comes in, and where."""
+
+    profile: Profile
+    number: int  # never used twice in a world
+    route: int
+    lane: int
+    position: Floats  # [2] m
+    heading: float
+    speed: float
+
+
+class RoadVehicle(Protocol):
+    """A vehicle of highway-env as its entry and the recording see it, whoever drives."""
+
+    position: Any  # [2] m
+    heading: Any
+    speed: Any
+    action: Any  # steering in rad, acceleration in m/s2 of the last step
+    profile: Profile
+    number: int
 
 
 class Driver(Vehicle):  # type: ignore[misc]

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from ...types import Floats
-from .driver import Driver, Profile
+from .driver import Entry, Profile, RoadVehicle
 from .networks import RoadMap
 from .routes import Route
 from .world import CLASSES
@@ -55,8 +56,10 @@ def draw_profile(fast: bool, rng: np.random.Generator) -> Profile:
 class Gate:
     """Where vehicles come in: keeps the road at the number of vehicles that is aimed at."""
 
-    def __init__(self, town: RoadMap, vehicles: int, rng: np.random.Generator) -> None:
-        self._map, self._aim, self._rng = town, vehicles, rng
+    def __init__(
+        self, town: RoadMap, vehicles: int, make: Callable[[Entry], RoadVehicle], rng: np.random.Generator
+    ) -> None:
+        self._map, self._aim, self._make, self._rng = town, vehicles, make, rng
         self._made = 0
         self._next: tuple[Profile, int] | None = None  # waits until there is room
         self._tries = 0
@@ -71,7 +74,7 @@ class Gate:
             at = float(self._rng.uniform(profile.length / 2, reach * self._map.geometry.length[lane]))
             self._enter(road, profile, route, lane, at, _FIRST_ROOM)
 
-    def admit(self, road: Any, finished: list[Driver]) -> None:
+    def admit(self, road: Any, finished: Sequence[RoadVehicle]) -> None:
         """Takes out those who are ``finished`` and lets at most one other in, where there is room."""
         for vehicle in finished:
             road.vehicles.remove(vehicle)
@@ -105,10 +108,8 @@ class Gate:
             return False
         way = self._map.geometry.lanes[lane]
         position = np.asarray(way.position(at, profile.aside), dtype=np.float64)
-        vehicle = Driver(road, position, float(way.heading_at(at)), speed, profile, self._made)
-        vehicle.route, vehicle.lane_number = route, lane
-        vehicle.snap()
-        road.vehicles.append(vehicle)
+        entry = Entry(profile, self._made, route, lane, position, float(way.heading_at(at)), speed)
+        road.vehicles.append(self._make(entry))
         self._made += 1
         return True
 
@@ -128,7 +129,7 @@ class Gate:
         return speed
 
 
-def boxes(vehicles: list[Driver]) -> Floats:
+def boxes(vehicles: Sequence[RoadVehicle]) -> Floats:
     """Boxes ``[n, 7]`` of vehicles in highway-env's frame (y down)."""
     sizes = [(v.profile.length, v.profile.width, v.profile.height) for v in vehicles]
     rows = [(*v.position.tolist(), h / 2, v.heading, l, w, h) for v, (l, w, h) in zip(vehicles, sizes, strict=True)]

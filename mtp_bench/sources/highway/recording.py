@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ...geometry import wrap_angle
 from ...types import Floats, Ints, Lane, Truth
+from .driver import RoadVehicle
 from .pedestrians import Crowd
-from .state import State
 from .world import CLASSES, RATE, World
 
 _EGO_HEIGHT = 1.7  # m
@@ -26,13 +28,13 @@ class Recording:
         self._frames = frames
         self._rows: list[Floats] = []
 
-    def add(self, state: State, vehicles: Floats, crowd: Crowd, people: Floats) -> None:
+    def add(self, vehicles: Sequence[RoadVehicle], vehicle_boxes: Floats, crowd: Crowd, people: Floats) -> None:
         """Appends a frame: boxes ``[N, 7]`` and ``[M, 7]`` in highway-env's frame."""
-        box = np.concatenate([vehicles, people])
-        classes = [v.profile.class_id for v in state.vehicles] + [CLASSES.index("pedestrian")] * len(people)
-        numbers = [v.number for v in state.vehicles] + [_PEOPLE_FROM + p.number for p in crowd.people]
+        box = np.concatenate([vehicle_boxes, people])
+        classes = [v.profile.class_id for v in vehicles] + [CLASSES.index("pedestrian")] * len(people)
+        numbers = [v.number for v in vehicles] + [_PEOPLE_FROM + p.number for p in crowd.people]
         frame = np.full(len(box), len(self._rows))
-        self._rows.append(np.column_stack([box, _velocity(state, crowd), classes, numbers, frame]))
+        self._rows.append(np.column_stack([box, _velocity(vehicles, crowd), classes, numbers, frame]))
 
     def world(
         self, sensor: tuple[float, float, float] | None, lanes: tuple[Lane, ...], rejected: tuple[str, ...],
@@ -69,11 +71,12 @@ class Recording:
         return int(numbers[count == self._frames][int(best[int(rng.integers(len(best)))])])
 
 
-def _velocity(state: State, crowd: Crowd) -> Floats:
+def _velocity(vehicles: Sequence[RoadVehicle], crowd: Crowd) -> Floats:
     """Velocity of the boxes' centres ``[N + M, 2]``: of vehicles along heading and slip angle of the last step."""
-    slip = np.arctan(0.5 * np.tan([v.command[0] for v in state.vehicles])).reshape(-1)
-    course = state.heading + slip
-    velocity = np.stack([np.cos(course), np.sin(course)], axis=1) * state.speed[:, None]
+    motion = [(v.heading, v.speed, v.action["steering"]) for v in vehicles]
+    heading, speed, steering = np.array(motion, dtype=np.float64).reshape(-1, 3).T
+    course = heading + np.arctan(0.5 * np.tan(steering))
+    velocity = np.stack([np.cos(course), np.sin(course)], axis=1) * speed[:, None]
     return np.concatenate([velocity, crowd.xy()[1]])
 
 

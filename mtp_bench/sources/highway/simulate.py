@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from highway_env.road.road import Road
 
 from ...errors import DataError
-from ...types import Bools, Floats
+from ...types import Floats
 from .conflicts import Passage, passages
-from .driver import Driver
+from .driver import Driver, Entry, RoadVehicle
 from .following import HARDEST, braking, desired_speed, free_acceleration, leaders, steering
+from .idm import IDMTraffic
 from .lane_change import LaneChanges
 from .lane_map import lane_map
 from .networks import RoadMap, build
@@ -62,6 +64,10 @@ def _check(traffic: Traffic) -> None:
             traffic.pedestrians > 0 and traffic.scenario != "intersection",
             f"pedestrians = {traffic.pedestrians}: only the intersection has crossings; expected 0",
         ),
+        (
+            traffic.drivers == "idm" and traffic.scenario in ("intersection", "roundabout"),
+            "drivers = 'idm': IDM knows no right of way; expected 'cooperative' at a junction",
+        ),
     ]
     for is_wrong, text in wrong:
         if is_wrong:
@@ -75,54 +81,77 @@ def _town(scenario: ScenarioName, seconds: float) -> tuple[RoadMap, RouteTable, 
     return town, routes, passages(town, routes) if town.regulated else ()
 
 
+class _Drivers(Protocol):
+    """Those who move the vehicles of an attempt."""
+
+    road: Any
+
+    def make(self, entry: Entry) -> RoadVehicle:
+        """A vehicle for ``road``, which does not have it yet; its state is rounded."""
+
+    def step(self, step: int, vehicle_boxes: Floats) -> Sequence[RoadVehicle]:
+        """Moves everybody by 1 / `RATE` seconds; gives those who are at the end of their route."""
+
+
 class _Attempt:
     """One run of the traffic."""
 
     def __init__(self, traffic: Traffic, seed: int, attempt: int) -> None:
         self._traffic = traffic
-        self._map, self._routes, routes_passages = _town(traffic.scenario, traffic.seconds)
-        kinds = [np.random.default_rng([seed, attempt, kind]) for kind in range(3)]
-        unused: Any = kinds[0]  # otherwise the road would make a generator with a seed from the clock
-        self._road: Any = Road(network=self._map.network, np_random=unused)
-        self._gate = Gate(self._map, traffic.vehicles, kinds[0])
-        self._crowd = Crowd(self._map.crossings, traffic.pedestrians, kinds[1])
-        self._rng = kinds[2]
-        self._rules = RightOfWay(routes_passages, self._map.first_in_first_out) if self._map.regulated else None
-        self._changes = LaneChanges(self._map, self._routes) if self._map.overtaking else None
+        self._map, routes, _ = places = _town(traffic.scenario, traffic.seconds)
+        entries, people, self._rng, drivers = (np.random.default_rng([seed, attempt, kind]) for kind in range(4))
+        self._crowd = Crowd(self._map.crossings, traffic.pedestrians, people)
+        self._drivers: _Drivers = (
+            IDMTraffic(self._map, routes, drivers) if traffic.drivers == "idm" else _Cooperative(*places, self._crowd)
+        )
+        self._gate = Gate(self._map, traffic.vehicles, self._drivers.make, entries)
 
     def run(self, rejected: tuple[str, ...]) -> World | str:
         """The recorded world, or a word for what was wrong."""
         frames = round(self._traffic.seconds * RATE)
         warm_up = round(WARM_UP * RATE)
-        recording = Recording(frames)
-        self._gate.fill(self._road, _FIRST[self._map.regulated])
+        recording, road = Recording(frames), self._drivers.road
+        self._gate.fill(road, _FIRST[self._map.regulated])
         for step in range(warm_up + frames):
-            state = self._observe()
-            vehicles, people = boxes(state.vehicles), self._crowd.boxes()
+            vehicles, people = boxes(road.vehicles), self._crowd.boxes()
             if len(overlapping(np.concatenate([vehicles, people]))):
                 return "crash"
             if step >= warm_up:
-                recording.add(state, vehicles, self._crowd, people)
-            self._step(state, step, vehicles)
-            self._gate.admit(self._road, _where(state.vehicles, state.finished))
+                recording.add(road.vehicles, vehicles, self._crowd, people)
+            self._gate.admit(road, self._drivers.step(step, vehicles))
         sensor = None if self._traffic.sensor == "ego" else self._map.sensor
         return recording.world(sensor, lane_map(self._map), rejected, self._rng)
 
-    def _observe(self) -> State:
-        return observe(self._road.vehicles, self._map, self._routes, *self._crowd.xy())
 
-    def _step(self, state: State, step: int, vehicles: Floats) -> None:
-        dt = 1.0 / RATE
+class _Cooperative:
+    """Drivers who give way, make room for each other and wait for people on foot."""
+
+    def __init__(self, town: RoadMap, routes: RouteTable, conflicts: tuple[Passage, ...], crowd: Crowd) -> None:
+        self._map, self._routes, self._crowd = town, routes, crowd
+        unused: Any = np.random.default_rng(0)  # otherwise the road would make a generator with a seed from the clock
+        self.road: Any = Road(network=town.network, np_random=unused)
+        self._rules = RightOfWay(conflicts, town.first_in_first_out) if town.regulated else None
+        self._changes = LaneChanges(town, routes) if town.overtaking else None
+
+    def make(self, entry: Entry) -> Driver:
+        vehicle = Driver(self.road, entry.position, entry.heading, entry.speed, entry.profile, entry.number)
+        vehicle.route, vehicle.lane_number = entry.route, entry.lane
+        vehicle.snap()
+        return vehicle
+
+    def step(self, step: int, vehicle_boxes: Floats) -> list[Driver]:
+        state = observe(self.road.vehicles, self._map, self._routes, *self._crowd.xy())
         acceleration = self._acceleration(state, step)
         angle = steering(state, self._map.geometry, self._routes)
         for vehicle, turn, gas in zip(state.vehicles, angle.tolist(), acceleration.tolist(), strict=True):
             vehicle.order(turn, gas)
-        self._road.act()
-        self._road.step(dt)
+        self.road.act()
+        self.road.step(1.0 / RATE)
         for vehicle in state.vehicles:
             vehicle.snap()
         if self._rules is not None:
-            self._crowd.step(dt, vehicles, self._rules.free_to_walk)
+            self._crowd.step(1.0 / RATE, vehicle_boxes, self._rules.free_to_walk)
+        return [state.vehicles[i] for i in np.flatnonzero(state.finished)]
 
     def _acceleration(self, state: State, step: int) -> Floats:
         geometry, routes = self._map.geometry, self._routes
@@ -144,7 +173,3 @@ class _Attempt:
         least = np.maximum(-HARDEST, -state.speed * RATE)  # nobody drives backwards
         bounded: Floats = np.maximum(result, least)
         return bounded
-
-
-def _where(vehicles: list[Driver], chosen: Bools) -> list[Driver]:
-    return [vehicles[i] for i in np.flatnonzero(chosen)]

@@ -84,7 +84,9 @@ def section_of(card: Card) -> HighwaySource:
 
 def traffic_of(section: HighwaySource) -> Traffic:
     """The part of the section that the simulation depends on."""
-    return Traffic(section.scenario, section.sensor, section.seconds, section.vehicles, section.pedestrians)
+    return Traffic(
+        section.scenario, section.sensor, section.seconds, section.vehicles, section.pedestrians, section.drivers
+    )
 
 
 def scene_name(scenario: str, seed: int) -> str:

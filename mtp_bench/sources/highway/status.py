@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 
 from ...cards import Card
-from ..base import DataStatus
+from ..base import DataCheck, DataStatus
 from .source import HighwayTraffic, seed_of
 from .store import VARIABLE
 
@@ -17,22 +17,22 @@ def highway_status(card: Card) -> DataStatus:
     """What is in the cache; nothing is ever missing, since a scene is made when it is first used."""
     source = HighwayTraffic(card)
     worlds = [world for world in (source.store.read(seed_of(name)) for name in source.names) if world is not None]
-    notes = [f"{len(worlds)} of {len(source.names)} scenes are generated; the others are made when they are first used"]
+    notes = ["simulated scenes are generated when they are first used, and kept"]
     if worlds:
         reasons = Counter(reason for world in worlds for reason in world.rejected)
         attempts = len(worlds) + sum(reasons.values())
-        listed = ", ".join(f"{reason} {count}" for reason, count in sorted(reasons.items())) or "none"
+        listed = f" ({', '.join(f'{reason} {count}' for reason, count in sorted(reasons.items()))})" if reasons else ""
         share = 100 * sum(reasons.values()) / attempts
-        notes.append(f"{card.id}: {share:.0f} % of {attempts} attempts rejected ({listed}); all scenes are crash-free")
+        notes.append(f"{card.id}: {share:.0f} % of {attempts} attempts rejected{listed}; all scenes are crash-free")
     return DataStatus(
-        dataset=f"simulated traffic ({source.section.scenario})",
+        dataset="simulated traffic",
         root=source.store.folder,
         searched=(source.store.folder,),
         layout="",
         missing=(),
         notes=tuple(notes),
         problems=(),
-        checks=(),
+        checks=(DataCheck("scenes generated", len(worlds), len(source.names)),),
         licence=LICENCE,
         citation=CITATION,
         how_to_get=f"nothing to get: generated once and kept in the folder that {VARIABLE} names",
