@@ -194,6 +194,10 @@ def fit_noise(
     min_score: Annotated[
         list[str] | None, typer.Option("--min-score", help="Operating point: a number, or class=number; repeatable.")
     ] = None,
+    alike: Annotated[
+        list[str] | None,
+        typer.Option("--alike", help="bus=car: has the noise of car if it cannot be fitted; repeatable."),
+    ] = None,
     name: Annotated[
         str | None, typer.Option("--name", help="Name of the profile; agents go by the part before its first hyphen.")
     ] = None,
@@ -212,7 +216,7 @@ def fit_noise(
     changes = given(split=split, detector=detector)
     generate(env, scenes, 0, changes)
     with progress_bar("read") as (started, done):
-        text = fit(env, root, scenes, changes, min_score or (), name, reach, field_of_view, started, done)
+        text = fit(env, root, scenes, changes, min_score or (), alike or (), name, reach, field_of_view, started, done)
     if output is None:
         sys.stdout.write(text)
     else:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from ..cards import Card, DetectorSection, changed_card, load_card
+from ..detector import Profile
 from ..errors import MtpBenchError, UnknownNameError
 from ..sources import open_source
 from ..types import Scene
@@ -19,6 +20,7 @@ def fit_noise(
     scenes: int | None = None,
     changes: dict[str, str] | None = None,
     min_score: Sequence[str] = (),
+    alike: Sequence[str] = (),
     name: str | None = None,
     reach: float | None = None,
     field_of_view: float | None = None,
@@ -28,7 +30,7 @@ def fit_noise(
     """TOML of a ``[detector]`` section with the noise of the detections of the first ``scenes`` scenes of an env.
 
     ``changes`` are the env's ``split`` and ``detector`` where they are not the card's. ``min_score``: operating point,
-    "2.5" or "car=2.5" each. ``name``: of the profile; the part before its first hyphen tells agents which detector's
+    "2.5" or "car=2.5" each. ``alike``: "bus=car" each, for classes with too few detections to fit. ``name``: of the profile; the part before its first hyphen tells agents which detector's
     settings suit it. ``reach`` (m) and ``field_of_view`` (degrees) say what part of the truth the detector covers.
     Raises MtpBenchError for whatever the user can mend.
     """
@@ -56,8 +58,9 @@ def fit_noise(
         f"{card.id}, split {card.source.split}, {card.task.rate:g} Hz",
         floor,
     )
-    missing = [one for one in card.task.classes if one not in profile.classes]
-    lines = [f"# too few detections to fit: {', '.join(missing)}; name a similar class in [detector.noise.alike]"]
+    profile = profile.model_copy(update={"alike": _alike(alike, card, profile)})
+    missing = [one for one in card.task.classes if one not in (*profile.classes, *profile.alike)]
+    lines = [f"# too few detections to fit: {', '.join(missing)}; --alike names a class whose noise they have"]
     return "\n".join([*(lines if missing else []), _section_text(profile_text(profile), section)])
 
 
@@ -74,6 +77,20 @@ def _loaded(
         yield load(name)
         if progress is not None:
             progress(name)
+
+
+def _alike(texts: Sequence[str], card: Card, profile: Profile) -> dict[str, str]:
+    """Class of the card and fitted class of each ``--alike`` option."""
+    alike: dict[str, str] = {}
+    for text in texts:
+        name, _, like = text.partition("=")
+        if name not in card.task.classes:
+            raise UnknownNameError("class of --alike", name, card.task.classes)
+        if like not in profile.classes:
+            raise UnknownNameError("fitted class of --alike", like, profile.classes)
+        if name not in profile.classes:
+            alike[name] = like
+    return alike
 
 
 def _floor(texts: Sequence[str], card: Card) -> dict[str, float] | None:
