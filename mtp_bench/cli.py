@@ -196,7 +196,7 @@ def fit_noise(
     ] = None,
     alike: Annotated[
         list[str] | None,
-        typer.Option("--alike", help="bus=car: has the noise of car if it cannot be fitted; repeatable."),
+        typer.Option("--alike", help="bus=car: its noise, where bus cannot be fitted; repeatable."),
     ] = None,
     name: Annotated[
         str | None, typer.Option("--name", help="Name of the profile; agents go by the part before its first hyphen.")
