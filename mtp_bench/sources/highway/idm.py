@@ -22,6 +22,7 @@ from .world import RATE
 _AHEAD = 260.0  # m before the last chance, times the changes needed: from here on a change is necessary
 _TOO_LATE = 60.0  # m: who is not in the exit lane by then drives on
 _CLOSE = 0.1  # m, smaller gaps count as this
+_SAFE, _NEEDED = 2.0, 12.0  # m/s2
 _AT_END = 1.0  # m
 
 
@@ -76,11 +77,8 @@ class _Ways:
         """Lane changes that are needed; inf: the lane is not part of the route."""
         return float(self._table.hops[route, self._number[index]])
 
-    def presses(self, route: int, index: LaneIndex, s: float, distance: float) -> bool:
-        """Whether fewer than ``distance`` metres per lane change that is needed are left at ``s`` in a lane."""
-        return 0 < self.hops(route, index) and self._left(route, index, s) < distance * self.hops(route, index)
-
-    def _left(self, route: int, index: LaneIndex, s: float) -> float:
+    def left(self, route: int, index: LaneIndex, s: float) -> float:
+        """Metres from ``s`` in a lane to where the route cannot be followed in this lane; inf: it can."""
         return float(self._table.room[route, self._number[index]]) - s
 
     def ended(self, route: int, lane: Any, index: LaneIndex, s: float) -> bool:
@@ -129,21 +127,21 @@ class IDMDriver(FastVehicle):
     def follow_road(self) -> None:
         """Switches to the next lane at the end of a lane; plans anew where the exit is missed."""
         instead, here = self._ways.instead(self._way), self.target_lane_index
-        if instead != NOWHERE and self._ways.presses(self._way, here, self._along(here), _TOO_LATE):
+        if instead != NOWHERE and self._ways.left(self._way, here, self._along(here)) < _TOO_LATE:
             self._way, self.route = instead, self._ways.plan(instead, here[0])
         super().follow_road()
 
     def mobil(self, lane_index: LaneIndex) -> bool:
         """Whether to change to a lane; ``route`` tells highway-env whether the change is necessary."""
         ways, way, here = self._ways, self._way, self.target_lane_index
-        s = self._along(here)
-        if isinf(ways.hops(way, lane_index)):
+        s, hops, fewest = self._along(here), ways.hops(way, lane_index), ways.hops(way, here)
+        if isinf(hops):
             return False
-        fewer = ways.hops(way, lane_index) < ways.hops(way, here)
-        must = ways.presses(way, here, s, _AHEAD)
-        if not fewer and ways.presses(way, lane_index, s, _AHEAD):
+        must = hops < fewest and ways.left(way, here, s) < _AHEAD * fewest
+        if hops > 0 and hops >= fewest and ways.left(way, lane_index, s) < _AHEAD * hops:
             return False
         self.route[:1] = [(*here[:2], lane_index[2] if must else None)]
+        self.LANE_CHANGE_MAX_BRAKING_IMPOSED = _NEEDED if must else _SAFE
         return bool(super().mobil(lane_index))
 
     def _along(self, index: LaneIndex) -> float:
