@@ -1,10 +1,13 @@
-"""Milliseconds per step of highway-env's own road and of `FastRoad`, on the same traffic, and whether states agree.
+"""Milliseconds per step of simulated traffic: highway-env's own road against `FastRoad`, then what the cards use.
 
     python benchmarks/traffic.py [--vehicles 30 50 100] [--steps 50] [--scenes 3] [--json FILE]
 
-A step is `road.act(); road.step(0.1)`. Both roads are stepped in turn, so that a busy machine slows both; CPU time
-(all threads) is added up. States agree if position, heading, speed, lane change timer, lane, target lane and crashes of
-every vehicle are the same bits after every step.
+The first table has the same traffic on both roads. A step is `road.act(); road.step(0.1)`. Both roads are stepped in
+turn, so that a busy machine slows both; CPU time (all threads) is added up. States agree if position, heading, speed,
+lane change timer, lane, target lane and crashes of every vehicle are the same bits after every step.
+
+The second table has whole scenes of the environments, and with highway-env's own drivers: CPU seconds per scene,
+warm-up and rejected attempts included, and milliseconds per step of an attempt.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ import argparse
 import json
 import sys
 import time
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -23,13 +27,19 @@ from highway_env.envs.roundabout_env import ConnectedLaneRoundaboutGenericEnv
 from highway_env.road.road import Road
 from highway_env.vehicle.behavior import IDMVehicle
 
+from mtp_bench.cards import load_card
 from mtp_bench.sources.highway.road import FastRoad, FastVehicle
+from mtp_bench.sources.highway.simulate import WARM_UP, simulate_world
+from mtp_bench.sources.highway.source import section_of, traffic_of
+from mtp_bench.sources.highway.world import RATE, Traffic
 
 DT = 0.1  # s
 NETWORKS = {  # environment, its maker of roads, exits, speeds m/s, metres of lane to fill per vehicle
     "roundabout": (ConnectedLaneRoundaboutGenericEnv, "_make_road", ("exr", "sxr", "nxr", "wxr"), (3, 9), 100.0),
     "highway": (HighwayEnv, "_create_road", ("1",), (18, 28), 12.0),
 }
+CARDS = ("MTP-Intersection-v0", "MTP-Roundabout-v0", "MTP-Merge-v0", "MTP-Highway-v0")
+IDM = {"merge": 24, "highway": 30}  # vehicles with highway-env's own drivers
 STATE = ("lane_index", "target_lane_index", "crashed")
 
 
@@ -103,17 +113,34 @@ def measure(name: str, vehicles: int, scenes: int, steps: int) -> dict[str, Any]
     }
 
 
+def generate(traffic: Traffic, scenes: int) -> dict[str, Any]:
+    """Times of making whole scenes; the steps of rejected attempts count as if they had run to the end."""
+    start, rejected = time.process_time(), 0
+    for seed in range(scenes):
+        rejected += len(simulate_world(traffic, seed).rejected)
+    spent = time.process_time() - start
+    return {
+        "scenario": traffic.scenario,
+        "drivers": traffic.drivers,
+        "vehicles": traffic.vehicles,
+        "pedestrians": traffic.pedestrians,
+        "seconds": traffic.seconds,
+        "rejected": rejected,
+        "step_ms": 1000 * spent / ((scenes + rejected) * (WARM_UP + traffic.seconds) * RATE),
+        "scene_s": spent / scenes,
+    }
+
+
 def show(rows: list[dict[str, Any]], title: str) -> None:
+    """Prints rows as a table with their keys as columns."""
     from rich.console import Console
     from rich.table import Table
 
     table = Table(title=title)
-    for column in ("network", "vehicles", "crashed", "stock ms", "fast ms", "ratio", "same states"):
-        table.add_column(column, justify="left" if column == "network" else "right")
+    for column in rows[0]:
+        table.add_column(column.replace("_", " "), justify="right")
     for row in rows:
-        times = (f"{row['stock_ms']:.2f}", f"{row['fast_ms']:.2f}", f"{row['ratio']:.1f}")
-        same = "yes" if row["same"] else "NO"
-        table.add_row(row["network"], str(row["vehicles"]), f"{row['crashed']:.1f}", *times, same)
+        table.add_row(*(f"{value:.2f}" if isinstance(value, float) else str(value) for value in row.values()))
     Console().print(table)
 
 
@@ -127,9 +154,16 @@ def main() -> None:
     measure("roundabout", 5, 1, 2)  # first calls take longer
     rows = [measure(name, n, given.scenes, given.steps) for name in NETWORKS for n in given.vehicles]
     show(rows, f"highway-env {version('highway-env')}: CPU ms per step, {given.scenes} scenes x {given.steps} steps")
+    simulate_world(Traffic("merge", "roadside", 1.0, 4, 0), 0)
+    kinds = [traffic_of(section_of(load_card(name))) for name in CARDS]
+    kinds += [replace(kind, drivers="idm", vehicles=IDM[kind.scenario]) for kind in kinds if kind.scenario in IDM]
+    scenes = [generate(kind, given.scenes) for kind in kinds]
+    show(scenes, f"CPU of making scenes, {WARM_UP:g} s of warm-up each, {given.scenes} of each kind")
     if given.json:
         setting = {"steps": given.steps, "scenes": given.scenes, "highway_env": version("highway-env")}
-        given.json.write_text(json.dumps({**setting, "rows": rows}, indent=1) + "\n", encoding="utf-8")
+        given.json.write_text(
+            json.dumps({**setting, "rows": rows, "generated": scenes}, indent=1) + "\n", encoding="utf-8"
+        )
     if not all(row["same"] for row in rows):
         sys.exit("states differ")
 

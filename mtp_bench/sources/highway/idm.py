@@ -1,7 +1,7 @@
 """highway-env's own drivers, IDM and MOBIL, on the maps of this package: another kind of driver to test an agent on.
 
 Treiber, Hennecke, Helbing (2000) for IDM; Kesting, Treiber, Helbing (2007) for MOBIL. They know no right of way, so
-there are none at junctions. What they are told per vehicle is its size, temper and route, and that a ramp ends.
+they are not for junctions, and they make no room for each other: some miss their exit, some wait where a ramp ends.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ from .world import RATE
 _AHEAD = 260.0  # m before the last chance, times the changes needed: from here on a change is necessary
 _TOO_LATE = 60.0  # m: who is not in the exit lane by then drives on
 _CLOSE = 0.1  # m, smaller gaps count as this
-_SAFE, _NEEDED = 2.0, 12.0  # m/s2
 _AT_END = 1.0  # m
+_SAFE = 2.0  # m/s2 of braking by IDM that a change may ask for, as in highway-env
+_NEEDED = 12.0  # the same for a necessary change: some 10 m behind at 20 m/s; what is braked is never more than ACC_MAX
 
 
 class IDMTraffic:
@@ -31,15 +32,16 @@ class IDMTraffic:
 
     def __init__(self, town: RoadMap, routes: RouteTable, rng: np.random.Generator) -> None:
         self._ways, self._rng = _Ways(town, routes), rng
-        self.road: Any = FastRoad(town.network, np_random=rng, neighbour_vehicles_connected_lanes=True)
-        for lane in np.flatnonzero((routes.following == NOWHERE).all(axis=0) & ~routes.last.any(axis=0)):
-            way = town.geometry.lanes[lane]
-            barrier = Obstacle(self.road, way.position(way.length, 0.0))
+        generator: Any = rng
+        self.road: Any = FastRoad(town.network, np_random=generator, neighbour_vehicles_connected_lanes=True)
+        for k in np.flatnonzero((routes.following == NOWHERE).all(axis=0) & ~routes.last.any(axis=0)):
+            lane = town.geometry.lanes[k]
+            barrier = Obstacle(self.road, lane.position(lane.length, 0.0))  # else vehicles drive on where a ramp ends
             barrier.check_collisions = False
             self.road.objects.append(barrier)
 
     def make(self, entry: Entry) -> IDMDriver:
-        """A vehicle with the temper of its profile."""
+        """A vehicle that comes in; the road does not have it yet."""
         vehicle = IDMDriver(self.road, entry, self._ways, self._rng)
         snap(vehicle)
         return vehicle
@@ -54,36 +56,32 @@ class IDMTraffic:
 
 
 class _Ways:
-    """Routes by highway-env's lane indices."""
+    """What is known about routes, by highway-env's lane indices."""
 
     def __init__(self, town: RoadMap, table: RouteTable) -> None:
-        self._routes, self._limit, self._table = town.routes, town.geometry.limit, table
-        self.index, self._number = town.geometry.index, town.geometry.number
+        self.index, self.routes = town.geometry.index, town.routes
+        self._number, self._limit, self._table = town.geometry.number, town.geometry.limit, table
 
     def plan(self, route: int, start: str) -> list[tuple[str, str, int | None]]:
         """A route as highway-env has it: its roads from node ``start`` on, in any lane."""
-        roads = [self.index[lanes[0]][:2] for lanes in self._routes[route].roads]
+        roads = [self.index[lanes[0]][:2] for lanes in self.routes[route].roads]
         return [(a, b, None) for a, b in roads[[a for a, _ in roads].index(start) :]]
 
     def fastest(self, route: int) -> float:
         """The highest limit on a route, m/s."""
-        return max(float(self._limit[lanes[0]]) for lanes in self._routes[route].roads)
-
-    def instead(self, route: int) -> int:
-        """The route of those who miss the exit of this one, or `NOWHERE`."""
-        return self._routes[route].otherwise
+        return max(float(self._limit[lanes[0]]) for lanes in self.routes[route].roads)
 
     def hops(self, route: int, index: LaneIndex) -> float:
         """Lane changes that are needed; inf: the lane is not part of the route."""
         return float(self._table.hops[route, self._number[index]])
 
-    def left(self, route: int, index: LaneIndex, s: float) -> float:
-        """Metres from ``s`` in a lane to where the route cannot be followed in this lane; inf: it can."""
-        return float(self._table.room[route, self._number[index]]) - s
+    def room(self, route: int, index: LaneIndex) -> float:
+        """Metres from a lane's start to where the route cannot be followed in this lane; inf: it can."""
+        return float(self._table.room[route, self._number[index]])
 
-    def ended(self, route: int, lane: Any, index: LaneIndex, s: float) -> bool:
-        """Whether the route is over at ``s`` in a lane."""
-        return bool(self._table.last[route, self._number[index]]) and s > lane.length - _AT_END
+    def is_last(self, route: int, index: LaneIndex) -> bool:
+        """Whether the lane belongs to the last road of the route."""
+        return bool(self._table.last[route, self._number[index]])
 
 
 class IDMDriver(FastVehicle):
@@ -93,26 +91,28 @@ class IDMDriver(FastVehicle):
     highway-env's collision handling is off, as for `Driver`.
     """
 
+    action: Any
+    speed: Any
+
     def __init__(self, road: Any, entry: Entry, ways: _Ways, rng: np.random.Generator) -> None:
-        p, index = entry.profile, ways.index[entry.lane]
+        p, lane = entry.profile, ways.index[entry.lane]
         timer = float(rng.uniform(0.0, self.LANE_CHANGE_DELAY))
         speed = min(p.pace * ways.fastest(entry.route), p.top_speed)
-        super().__init__(road, entry.position, entry.heading, entry.speed, index, speed, timer=timer)
+        super().__init__(road, entry.position, entry.heading, entry.speed, lane, speed, timer=timer)
         self.profile, self.number = p, entry.number
         self._ways, self._way = ways, entry.route
-        self.route = ways.plan(entry.route, index[0])
+        self.route = ways.plan(entry.route, lane[0])
         self.check_collisions = False
         self.LENGTH, self.WIDTH = p.length, p.width
         self.diagonal = float(np.hypot(p.length, p.width))
         self.TIME_WANTED, self.DISTANCE_WANTED = p.time_gap, p.min_gap
         self.COMFORT_ACC_MAX, self.COMFORT_ACC_MIN = p.acceleration, -p.braking
-        self.DELTA = float(rng.uniform(*self.DELTA_RANGE))
+        self.DELTA = float(rng.uniform(self.DELTA_RANGE[0], self.DELTA_RANGE[1]))
 
     @property
     def finished(self) -> bool:
         """Whether the route is over."""
-        s, _ = self.lane.local_coordinates(self.position)
-        return self._ways.ended(self._way, self.lane, self.lane_index, s)
+        return self._ways.is_last(self._way, self.lane_index) and self._along(self.lane) > self.lane.length - _AT_END
 
     def act(self, action: Any = None) -> None:
         """Decides as highway-env does, but brakes to a stop at most."""
@@ -126,23 +126,24 @@ class IDMDriver(FastVehicle):
 
     def follow_road(self) -> None:
         """Switches to the next lane at the end of a lane; plans anew where the exit is missed."""
-        instead, here = self._ways.instead(self._way), self.target_lane_index
-        if instead != NOWHERE and self._ways.left(self._way, here, self._along(here)) < _TOO_LATE:
-            self._way, self.route = instead, self._ways.plan(instead, here[0])
+        instead = self._ways.routes[self._way].otherwise
+        if instead != NOWHERE and self._left(self.target_lane_index) < _TOO_LATE:
+            self._way, self.route = instead, self._ways.plan(instead, self.target_lane_index[0])
         super().follow_road()
 
     def mobil(self, lane_index: LaneIndex) -> bool:
-        """Whether to change to a lane; ``route`` tells highway-env whether the change is necessary."""
-        ways, way, here = self._ways, self._way, self.target_lane_index
-        s, hops, fewest = self._along(here), ways.hops(way, lane_index), ways.hops(way, here)
-        if isinf(hops):
+        """Whether to change to a lane; the head of ``route`` tells highway-env if the change is necessary."""
+        here = self.target_lane_index
+        now, then = self._ways.hops(self._way, here), self._ways.hops(self._way, lane_index)
+        if isinf(then) or (then >= now and self._left(lane_index) < _AHEAD * then):
             return False
-        must = hops < fewest and ways.left(way, here, s) < _AHEAD * fewest
-        if hops > 0 and hops >= fewest and ways.left(way, lane_index, s) < _AHEAD * hops:
-            return False
+        must = then < now and self._left(here) < _AHEAD * now
         self.route[:1] = [(*here[:2], lane_index[2] if must else None)]
         self.LANE_CHANGE_MAX_BRAKING_IMPOSED = _NEEDED if must else _SAFE
         return bool(super().mobil(lane_index))
 
-    def _along(self, index: LaneIndex) -> float:
-        return float(self.road.network.get_lane(index).local_coordinates(self.position)[0])
+    def _left(self, index: LaneIndex) -> float:
+        return self._ways.room(self._way, index) - self._along(self.road.network.get_lane(index))
+
+    def _along(self, lane: Any) -> float:
+        return float(lane.local_coordinates(self.position)[0])

@@ -57,7 +57,7 @@ class LaneTable:
             and [lane for to in graph.values() for side in to.values() for lane in side] == self._listed
         )
 
-    def _column(self, rows: slice, name: str) -> Floats:
+    def _column(self, rows: slice, name: str) -> Floats:  # [L, 1]
         return np.array([[getattr(lane, name)] for lane in self.lanes[rows]], dtype=np.float64).reshape(-1, 1)
 
     @cached_property
@@ -72,20 +72,12 @@ class LaneTable:
         return np.array([lane.direction for lane in self.lanes[self._linear]]).reshape(-1, 2).T[:, :, None]
 
     @cached_property
-    def _sine(self) -> tuple[Floats, Floats, Floats]:
-        return (
-            self._column(self._sines, "amplitude"),
-            self._column(self._sines, "pulsation"),
-            self._column(self._sines, "phase"),
-        )
+    def _sine(self) -> Floats:  # [3, L, 1]
+        return np.array([self._column(self._sines, name) for name in ("amplitude", "pulsation", "phase")])
 
     @cached_property
-    def _circle(self) -> tuple[Floats, Floats, Floats]:
-        return (
-            self._column(self._circles, "radius"),
-            self._column(self._circles, "start_phase"),
-            self._column(self._circles, "direction"),
-        )
+    def _circle(self) -> Floats:  # [3, L, 1]
+        return np.array([self._column(self._circles, name) for name in ("radius", "start_phase", "direction")])
 
     @cached_property
     def _heading(self) -> Floats:  # [L, 1] rad
@@ -113,17 +105,15 @@ class LaneTable:
         (ux, uy), dxl, dyl = self._along, dx[linear], dy[linear]
         s[linear] = dxl * ux + dyl * uy
         r[linear] = dyl * ux - dxl * uy
-        if sines.start < sines.stop:
-            amplitude, pulsation, phase = self._sine
-            r[sines] -= amplitude * np.sin(pulsation * s[sines] + phase)
-        if circles.start < circles.stop:
-            radius, start, way = self._circle
-            turn = (np.arctan2(dy[circles], dx[circles]) - start + np.pi) % (2 * np.pi) - np.pi
-            s[circles] = way * radius * turn
-            r[circles] = way * (radius - np.hypot(dx[circles], dy[circles]))
-            for k, i in np.argwhere(np.abs(turn) > _SEAM):
-                row = circles.start + int(k)
-                s[row, i], r[row, i] = self.lanes[row].local_coordinates(xy[i])
+        amplitude, pulsation, phase = self._sine
+        r[sines] -= amplitude * np.sin(pulsation * s[sines] + phase)
+        radius, start, way = self._circle
+        turn = (np.arctan2(dy[circles], dx[circles]) - start + np.pi) % (2 * np.pi) - np.pi
+        s[circles] = way * radius * turn
+        r[circles] = way * (radius - np.hypot(dx[circles], dy[circles]))
+        for k, i in np.argwhere(np.abs(turn) > _SEAM):
+            row = circles.start + int(k)
+            s[row, i], r[row, i] = self.lanes[row].local_coordinates(xy[i])
         for row in self._others:
             for i, position in enumerate(xy):
                 s[row, i], r[row, i] = self.lanes[row].local_coordinates(position)

@@ -39,7 +39,7 @@ def simulate_world(traffic: Traffic, seed: int) -> World:
 
     Sub-seeds are tried in turn; what was wrong with those before the first good one is in ``World.rejected``: "crash"
     (two true boxes overlapped, in the warm-up or later) or "no_ego" (nobody was there all the time). Raises DataError
-    when none of `ATTEMPTS` is good, and for numbers that make no sense.
+    when none of `ATTEMPTS` is good, for numbers that make no sense, and for IDM drivers at a junction.
     """
     _check(traffic)
     rejected: list[str] = []
@@ -88,9 +88,11 @@ class _Drivers(Protocol):
 
     def make(self, entry: Entry) -> RoadVehicle:
         """A vehicle for ``road``, which does not have it yet; its state is rounded."""
+        ...
 
     def step(self, step: int, vehicle_boxes: Floats) -> Sequence[RoadVehicle]:
         """Moves everybody by 1 / `RATE` seconds; gives those who are at the end of their route."""
+        ...
 
 
 class _Attempt:
