@@ -192,12 +192,12 @@ def test_heavy_packages_are_dependencies_and_lazy(repository: Path) -> None:
 
 
 def test_tests_on_real_data_are_deselected_visibly(repository: Path) -> None:
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--collect-only", "tests/test_readme.py"]
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--collect-only", "tests/test_runner.py"]
     environment = {key: value for key, value in os.environ.items() if key != "MTP_BENCH_DATA"}
     run = partial(subprocess.run, command, cwd=repository, capture_output=True, text=True, check=False)
     without = run(env=environment)
     assert without.returncode == 0
-    assert "test_the_example_runs" not in without.stdout
+    assert "what_an_honest_agent_says_of_a_real_log" not in without.stdout
     assert "1 tests need real data and did not run: set MTP_BENCH_DATA" in without.stdout
     wrong = run(env=environment | {"MTP_BENCH_DATA": "/nowhere/at/all"})
     assert wrong.returncode == pytest.ExitCode.USAGE_ERROR

@@ -113,8 +113,8 @@ def _class_ids(classes: Sequence[str]) -> Ints:
 
 def _select(truth: Truth, visible: Floats, frames: Ints, keep: Bools, class_id: Ints) -> tuple[Truth, Floats]:
     """The rows to keep of the frames to keep."""
-    rows = [np.arange(truth.start[t], truth.start[t + 1]) for t in frames]
-    rows = [row[keep[row]] for row in rows]
+    start = truth.start.tolist()
+    rows = [start[t] + np.flatnonzero(keep[start[t] : start[t + 1]]) for t in frames.tolist()]
     row = np.concatenate(rows) if rows else np.zeros(0, dtype=np.int64)
     selected = Truth(
         start=np.concatenate([[0], np.cumsum([len(part) for part in rows])]).astype(np.int64),

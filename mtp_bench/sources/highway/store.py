@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -75,7 +76,7 @@ class WorldStore:
             return
         from joblib import Parallel, delayed
 
-        parallel = Parallel(n_jobs=min(workers, len(seeds)), backend="loky", return_as="generator_unordered")
+        parallel: Any = Parallel(n_jobs=min(workers, len(seeds)), backend="loky", return_as="generator_unordered")
         yield from parallel(delayed(_make_one)(self, seed) for seed in seeds)
 
     def _make(self, seed: int) -> World:
