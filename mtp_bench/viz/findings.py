@@ -19,7 +19,8 @@ def findings(
     sentences = [_cost(rows, truth, stp, subset) for subset in ("ids", "lost", "reacquired")]
     best = max((key[1] for key in rows if key[0] == "mtp" and key[2] == "equal"), default=None)
     if best is not None:
-        sentences += [_gap_closed(report, rows, stp, control, best), _share_of_sampling(report, stp, control, best)]
+        sentences += [_gap_closed(report, rows, stp, control, best, subset) for subset in ("all", "ids")]
+        sentences += [_share_of_sampling(report, stp, control, best)]
         sentences += [_beyond_control(report, control, best, subset) for subset in ("ids", "lost", "reacquired")]
     sentences += [_silence(report), _few(report)]
     return [sentence for sentence in sentences if sentence]
@@ -37,19 +38,19 @@ def _cost(rows: dict[tuple[Any, ...], Row], truth: str, stp: str, subset: str) -
 
 
 def _gap_closed(
-    report: Report, rows: dict[tuple[Any, ...], Row], stp: str, control: str, hypotheses: int
+    report: Report, rows: dict[tuple[Any, ...], Row], stp: str, control: str, hypotheses: int, subset: str
 ) -> str | None:
     """How much of what tracking errors cost is won back at equal k, by hypotheses and by drawing as many samples."""
-    mtp = rows.get(("mtp", hypotheses, "equal", "all"))
-    pair = _paired(report, "mtp", hypotheses, stp, "all")
+    mtp = rows.get(("mtp", hypotheses, "equal", subset))
+    pair = _paired(report, "mtp", hypotheses, stp, subset)
     if not mtp or mtp["gap_closed"] is None or not pair or pair["gap_interval"] is None:
         return None
     low, high = (100 * share for share in pair["gap_interval"])
     text = (
-        f"all: MTP (H = {hypotheses}, equal k) closes {100 * mtp['gap_closed']:.0f} % of the gap between STP and true "
+        f"{subset}: MTP (H = {hypotheses}, equal k) closes {100 * mtp['gap_closed']:.0f} % of the gap between STP and true "
         f"pasts (95 % interval {low:.0f} to {high:.0f} %, {counted(pair['scenes'], 'scene')})"
     )
-    same = rows.get((control, 1, "equal", "all"))
+    same = rows.get((control, 1, "equal", subset))
     if same and same["gap_closed"] is not None:
         text += f"; as many samples from one hypothesis close {100 * same['gap_closed']:.0f} %"
     return text + "."
