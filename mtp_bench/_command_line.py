@@ -52,6 +52,11 @@ def fail(text: str) -> None:
     raise SystemExit(1)
 
 
+def condition(report: Report) -> str:
+    """The env of a report, its split and its detector."""
+    return f"{report.env} ({report.condition['split']}, {report.condition['detector']})"
+
+
 def show_report(report: Report, title: str) -> None:
     """Print the tables of a report."""
     from .viz.tables import displacement_table, error_table, parts_table

@@ -18,6 +18,7 @@ from ._command_line import (
     ScenesOption,
     SeedOption,
     SplitOption,
+    condition,
     count,
     fail,
     generate,
@@ -112,8 +113,9 @@ def score(
     with progress_bar("score") as (started, done):
         scored = score_stored(folder, root, started, done, env)
     report = scored.report
-    write_json(json_file, {**report.to_json(), "details": report.details, "skipped": scored.skipped})
-    show_report(report, f"{report.env}: {folder.name}")
+    further = {"condition": report.condition, "details": report.details, "skipped": scored.skipped}
+    write_json(json_file, {**report.to_json(), **further})
+    show_report(report, f"{condition(report)}: {folder.name}")
     show(scored.origin)
     show_skipped(scored.skipped)
 
@@ -145,9 +147,10 @@ def compare(
     with progress_bar("compare") as (started, done):
         result = run_comparison(agents, env, keywords, scenes, range(seeds), workers(jobs), started, done, reference)
     report = result.report
-    further = {"ranks": report.ranks, "paired": report.paired, "details": report.details, "skipped": result.skipped}
+    further = {"condition": report.condition, "ranks": report.ranks, "paired": report.paired}
+    further |= {"details": report.details, "skipped": result.skipped}
     write_json(json_file, {**report.to_json(), **further})
-    show_report(report, f"{report.env}: missing-aware error (m), {count(seeds, 'seed')} of sampling")
+    show_report(report, f"{condition(report)}: missing-aware error (m), {count(seeds, 'seed')} of sampling")
     show(result.reference.origin)
     show_skipped(result.skipped)
     for sentence in findings(report):

@@ -62,7 +62,8 @@ def test_the_file_has_the_keys_that_others_script_against(
     cli: CommandLine, tmp_path: Path, card_path: str, kitti: str
 ) -> None:
     content = written(cli, tmp_path / "a.json", card_path, kitti, "stp", "mtp", "--jobs", 1)
-    assert list(content) == ["env", "definitions", "rows", "ranks", "paired", "details", "skipped"]
+    assert list(content) == ["env", "definitions", "rows", "condition", "ranks", "paired", "details", "skipped"]
+    assert (content["condition"]["split"], content["condition"]["detector"]) == ("val", "pointrcnn")
     assert (content["env"], content["definitions"], content["skipped"]) == ("MTP-Small-v0", "1.0", {})
     rows = content["rows"]
     assert all(list(row) == KEYS for row in rows)

@@ -16,6 +16,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from mtp_bench import load_submission
+from mtp_bench._bundle import baseline_names, bundled
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import MtpBenchError, UnknownNameError
 from mtp_bench.runner import run_scenes
@@ -125,6 +126,29 @@ def test_errors_rise_with_the_noise_and_events_come_from_it(env_id: str) -> None
         error.append(sum(score.capped.sum() for score in found) / sum(len(score.capped) for score in found))
     assert error[0] < error[1] < error[2]
     assert events[0] < 0.15 * events[1]
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Cards with scenes of a few seconds."""
+    folder = tmp_path_factory.mktemp("cards")
+    cards = {}
+    for env_id, seconds in (("MTP-Intersection-v0", 10.0), ("MTP-Merge-v0", 4.0)):
+        path = folder / f"{env_id}.toml"
+        text = (bundled("envs") / path.name).read_text()
+        path.write_text(text.replace("seconds = 20.0", f"seconds = {seconds}"))
+        cards[env_id] = str(path)
+    return cards
+
+
+@pytest.mark.parametrize("env_id", ["MTP-Intersection-v0", "MTP-Merge-v0"])
+@pytest.mark.parametrize("name", baseline_names())
+def test_every_baseline_runs(name: str, env_id: str, short: dict[str, str]) -> None:
+    observe = load_submission(name).compare.observe
+    (score,) = scores(short[env_id], 1, name, observe=observe)
+    assert len(score) > 10
+    assert score.invalid.sum() == 0
+    assert score.covered.mean() > 0.5
 
 
 RUN = ("run", "mtp", "--env", "MTP-Roundabout-v0", "--scenes", "1", "-o")

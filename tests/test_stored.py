@@ -60,7 +60,7 @@ def test_a_run_is_stored_and_scored(cli: CommandLine, tmp_path: Path, card: str,
     assert [path.name for path in run.parent.iterdir()] == ["stp"]
     printed = cli.ok("score", run, "--data", kitti, "--env", card, "--json", file)
     content = read_json(file)
-    assert list(content) == ["env", "definitions", "rows", "details", "skipped"]
+    assert list(content) == ["env", "definitions", "rows", "condition", "details", "skipped"]
     assert [row["subset"] for row in content["rows"]] == ["all", "ids", "lost", "reacquired", "frag"]
     assert f"{content['rows'][0]['missing_aware']:.3f}" in printed
     assert "no frozen subsets for this env and split" in printed

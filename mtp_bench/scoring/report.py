@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,7 @@ class Report:
     ranks: list[Row]  # agent, hypotheses, samples, subset, rank (None: shown, never ranked)
     paired: list[Row]  # differences to the controls
     details: list[Row]  # per agent: parts of the error, bins, tracking, own events
+    condition: dict[str, str] = field(default_factory=dict)  # split, detector and card digest
 
     def to_json(self) -> Row:
         """The content of ``compare --json``: env, definitions and rows."""
@@ -71,6 +72,7 @@ def summarise(
             for subset in SUBSETS
         ],
         details=[details(table, card) for table in tables],
+        condition={"split": card.source.split, "detector": card.detector_name, "card": card.digest},
     )
 
 

@@ -47,8 +47,8 @@ def _gap_closed(
         return None
     low, high = (100 * share for share in pair["gap_interval"])
     text = (
-        f"{subset}: MTP (H = {hypotheses}, equal k) closes {100 * mtp['gap_closed']:.0f} % of the gap between STP and true "
-        f"pasts (95 % interval {low:.0f} to {high:.0f} %, {counted(pair['scenes'], 'scene')})"
+        f"{subset}: MTP (H = {hypotheses}, equal k) closes {100 * mtp['gap_closed']:.0f} % of the gap between STP and "
+        f"true pasts (95 % interval {low:.0f} to {high:.0f} %, {counted(pair['scenes'], 'scene')})"
     )
     same = rows.get((control, 1, "equal", subset))
     if same and same["gap_closed"] is not None:
