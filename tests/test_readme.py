@@ -16,7 +16,14 @@ from mtp_bench.cards import DetectorSection, HighwaySource, KittiSource, TaskSec
 from .small_scenes import task
 
 TASK = task(classes=("car",), detections=5, objects=7)
-DOCUMENTS = ("README.md", "CONTRIBUTING.md", "envs/README.md", "baselines/README.md", "leaderboard/README.md")
+DOCUMENTS = (
+    "README.md",
+    "CONTRIBUTING.md",
+    "envs/README.md",
+    "baselines/README.md",
+    "leaderboard/README.md",
+    "mtp_bench/detector/README.md",
+)
 
 
 def blocks(path: Path, language: str) -> list[str]:
@@ -54,6 +61,13 @@ def test_the_example_runs(repository: Path, capsys: pytest.CaptureFixture[str]) 
     found = re.match(r"intersection-\d{6}: error (\d+\.\d+) m per frame", capsys.readouterr().out)
     assert found
     assert 0 < float(found[1]) < 1000
+
+
+def test_the_example_of_the_detector_runs(repository: Path) -> None:
+    found: dict[str, Any] = {}
+    text = block(repository / "mtp_bench/detector/README.md", "python", "simulate(")
+    exec(compile(text, "detector/README.md", "exec"), found)
+    assert found["detections"].box.shape[1] == 7
 
 
 def test_the_submission_works(repository: Path, tmp_path: Path) -> None:
