@@ -18,9 +18,10 @@ from ._card_sections import HighwaySource as HighwaySource
 from ._card_sections import KittiSource as KittiSource
 from ._card_sections import Source as Source
 from ._strict import Section, read_toml, validate
-from .detector import load_profile
+from .detector import load_profile, profile_names
 from .errors import CardError, UnknownNameError, nearest
 
+VARIANTS = ("iid", "hard")  # of a card's own simulated detector
 PerClass = dict[str, float]  # a single number in the TOML stands for every class
 
 
@@ -107,14 +108,17 @@ class Card(Section):
         own profile. Raises UnknownNameError or CardError.
         """
         own = self.detector or DetectorSection()
-        if name in ("iid", "hard"):
+        if name in VARIANTS:
             if self.detector is None:
                 raise CardError(f"detector {name!r} is a variant of a simulated detector, and {self.id} has none")
             changed = own.model_copy(update={"variant": name})
         elif name.endswith(".toml"):
             changed = own.model_copy(update={"profile": None, "noise": load_profile(name), "variant": "as_fitted"})
-        else:
+        elif name in profile_names():
             changed = own.model_copy(update={"profile": name, "noise": None, "variant": "as_fitted"})
+        else:
+            known = [*profile_names(), *VARIANTS]
+            raise UnknownNameError("detector profile", name, known, "or give the path of a .toml file")
         card = self.model_copy(update={"detector": changed})
         _check_detector(card, self.id)
         return card

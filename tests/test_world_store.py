@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card, load_card, parse_card
-from mtp_bench.errors import CardError, UnknownNameError
+from mtp_bench.errors import CardError, DataError, UnknownNameError
 from mtp_bench.sources import describe, generate, open_source
 from mtp_bench.sources.highway.packing import content_hash, pack, unpack
 from mtp_bench.sources.highway.store import VARIABLE, WorldStore, cache_root
@@ -157,6 +157,13 @@ def test_a_cache_that_cannot_be_written_is_no_reason_to_stop(made: list[int], tm
     with pytest.warns(RuntimeWarning, match="cannot be kept in"):
         got = WorldStore(TRAFFIC).get(5)
     assert same(got, replace(world(5), visible=got.visible))
+
+
+def test_many_scenes_are_not_generated_for_nothing(made: list[int], tmp_path: Path) -> None:
+    (tmp_path / "cache").write_text("in the way")
+    with pytest.raises(DataError, match=r"generated scenes cannot be kept in .* MTP_BENCH_CACHE names another folder"):
+        generate(card())
+    assert made == []
 
 
 def test_without_the_variable_the_cache_is_the_users(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -47,6 +47,8 @@ class HighwayTraffic:
     ) -> None:
         """Make those of the scenes ``names`` that are not in the cache, over ``workers`` processes."""
         seeds = [seed for seed in map(seed_of, names) if not self.store.has(seed)]
+        if seeds:
+            self.store.require_writable()  # else all of them would be made again and again
         if started is not None:
             started(len(seeds))
         for seed in self.store.make(seeds, workers):

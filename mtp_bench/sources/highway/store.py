@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import DataError
 from .packing import Arrays, content_hash, pack, unpack
 from .world import GENERATOR, Traffic, World
 
@@ -66,6 +67,16 @@ class WorldStore:
         """The stored world, else a new one, which is stored."""
         world = self.read(seed)
         return self._make(seed) if world is None else world
+
+    def require_writable(self) -> None:
+        """Raise DataError where worlds cannot be stored."""
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=self.folder).close()
+        except OSError as error:
+            raise DataError(
+                f"generated scenes cannot be kept in {self.folder}: {error.strerror}; {VARIABLE} names another folder"
+            ) from None
 
     def make(self, seeds: Sequence[int], workers: int = 1) -> Iterator[int]:
         """Make and store worlds over ``workers`` processes; gives each seed when it is done."""
