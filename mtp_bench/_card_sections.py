@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
 from ._strict import Section
 from .detector import Profile, Variant, load_profile
@@ -17,6 +18,14 @@ def _rising(seeds: tuple[int, int]) -> tuple[int, int]:
     return seeds
 
 
+def _current(generator: int) -> int:
+    if generator != GENERATOR:
+        raise ValueError(f"this version of the library makes generator {GENERATOR}")
+    return generator
+
+
+GENERATOR = 1  # version of the content that a seed gives
+Generator = Annotated[int, AfterValidator(_current)]
 SeedRange = Annotated[tuple[int, int], Field(strict=False), AfterValidator(_rising)]
 
 
@@ -31,18 +40,25 @@ class KittiSource(Section):
 
 
 class SeedRanges(Section):
-    """Seeds of the scenes of each split: the first, and the one after the last."""
+    """Seeds of the scenes of each split: the first, and the one after the last; no scene is in two splits."""
 
     train: SeedRange
     val: SeedRange
     test: SeedRange
+
+    @model_validator(mode="after")
+    def _apart(self) -> SeedRanges:
+        ranges = sorted((self.train, self.val, self.test))
+        if any(end > first for (_, end), (first, _) in itertools.pairwise(ranges)):
+            raise ValueError("expected splits without a common seed")
+        return self
 
 
 class HighwaySource(Section):
     """Simulated traffic on highway-env roads, one scene per seed; needs a ``[detector]``."""
 
     name: Literal["highway"]
-    generator: Literal[1]  # version of the simulated content: a change of the traffic gets a new number
+    generator: Generator  # version of the simulated content: a change of the traffic gets a new number
     scenario: Literal["intersection", "roundabout", "merge", "highway"]
     split: Literal["train", "val", "test"] = "val"
     sensor: Literal["ego", "roadside"] = "ego"  # on a moving vehicle, or at a fixed place
@@ -51,6 +67,20 @@ class HighwaySource(Section):
     pedestrians: Annotated[int, Field(ge=0, le=200)] = 0  # aimed at; only the intersection has crossings
     drivers: Literal["cooperative", "idm"] = "cooperative"  # "idm": highway-env's own, on merge and highway only
     seeds: SeedRanges
+
+    @field_validator("pedestrians")
+    @classmethod
+    def _where_they_cross(cls, pedestrians: int, info: ValidationInfo) -> int:
+        if pedestrians and info.data.get("scenario") != "intersection":
+            raise ValueError("expected 0: only the intersection has crossings")
+        return pedestrians
+
+    @field_validator("drivers")
+    @classmethod
+    def _where_they_drive(cls, drivers: str, info: ValidationInfo) -> str:
+        if drivers == "idm" and info.data.get("scenario") in ("intersection", "roundabout"):
+            raise ValueError("expected 'cooperative': IDM knows no right of way, which junctions need")
+        return drivers
 
 
 Source = Annotated[KittiSource | HighwaySource, Field(discriminator="name")]

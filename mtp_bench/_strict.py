@@ -54,7 +54,7 @@ def _explain(errors: Sequence[ErrorDetails], model: type[BaseModel]) -> str:
         tags = [tag for member in get_args(_annotation(model, first["loc"])) for tag in _tags(member)]
         return f"{where}.name: got {_tag(first['input'])!r}, expected one of {', '.join(map(repr, tags))}"
     expected = "expected a table" if first["type"] in ("model_type", "model_attributes_type") else first["msg"]
-    return f"{where}: got {first['input']!r}: {expected}"
+    return f"{where}: got {_short(first['input'])}: {expected.removeprefix('Value error, ')}"
 
 
 def _follow(model: type[BaseModel], loc: tuple[int | str, ...]) -> tuple[str, list[str]]:
@@ -97,6 +97,11 @@ def _is_section(annotation: Any) -> bool:
 def _tags(member: Any) -> tuple[str, ...]:
     """Values of ``name`` that choose this member of a union of sections."""
     return get_args(member.model_fields["name"].annotation) if _is_section(member) else ()
+
+
+def _short(value: Any) -> str:
+    """The value as it was written; a whole table would bury the message."""
+    return "a table" if isinstance(value, BaseModel) or (isinstance(value, dict) and len(value) > 1) else repr(value)
 
 
 def _tag(content: Any) -> Any:

@@ -19,7 +19,7 @@ from ._card_sections import KittiSource as KittiSource
 from ._card_sections import Source as Source
 from ._strict import Section, read_toml, validate
 from .detector import load_profile, profile_names
-from .errors import CardError, UnknownNameError, nearest
+from .errors import CardError, MtpBenchError, UnknownNameError, nearest
 
 VARIANTS = ("iid", "hard")  # of a card's own simulated detector
 PerClass = dict[str, float]  # a single number in the TOML stands for every class
@@ -152,6 +152,7 @@ def parse_card(content: dict[str, Any], where: str = "card", stem: str | None = 
         raise CardError(f"{where}: id is {card.id!r}, expected the file's stem {stem!r}")
     _check_classes(card, where)
     _check_detector(card, where)
+    _check_length(card, where)
     return card
 
 
@@ -211,7 +212,19 @@ def _check_detector(card: Card, where: str) -> None:
         return
     try:
         noise = card.detector.resolved
-    except CardError as error:
+        for name in card.task.classes:
+            noise.noise(name)
+    except MtpBenchError as error:
         raise CardError(f"{where}: {error}") from None
-    for name in card.task.classes:
-        noise.noise(name)
+
+
+def _check_length(card: Card, where: str) -> None:
+    """Simulated scenes must be long enough for a target."""
+    if not isinstance(card.source, HighwaySource):
+        return
+    frames, needed = card.source.seconds * card.task.rate, card.task.past + card.task.future
+    if frames < needed:
+        raise CardError(
+            f"{where}: scenes of {card.source.seconds:g} s at {card.task.rate:g} Hz have {frames:g} frames, expected "
+            f"at least {needed}: task.past and task.future"
+        )

@@ -15,6 +15,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 
 from ._answer import Answer, decode
+from ._arguments import choose, flag, size, wanted
 from ._observation import Feed, LocalFrame, Observation, make_feed, rotate
 from ._spaces import action_space, observation_space
 from .cards import Card, changed_card, load_card
@@ -90,20 +91,22 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
         self.render_mode = render_mode
         self.card = changed_card(load_card(card), split, detector)
         sizes = {
-            "samples": _size("samples", samples, self.card.task.samples),
-            "tracks": _size("tracks", tracks, self.card.size.tracks),
-            "objects": _size("objects", objects, self.card.size.objects),
-            "hypotheses": _size("hypotheses", hypotheses, self.card.size.hypotheses),
-            "detections": _size("detections", detections, self.card.size.detections),
+            "samples": size("samples", samples, self.card.task.samples),
+            "tracks": size("tracks", tracks, self.card.size.tracks),
+            "objects": size("objects", objects, self.card.size.objects),
+            "hypotheses": size("hypotheses", hypotheses, self.card.size.hypotheses),
+            "detections": size("detections", detections, self.card.size.detections),
         }
         self.task = _task(self.card, observe, sizes)
-        self._evaluation = _flag("evaluation", evaluation)
-        self._rigid_motion = _flag("rigid_motion", rigid_motion)
-        self._fresh_noise = _flag("fresh_noise", fresh_noise)
+        self._evaluation = flag("evaluation", evaluation)
+        self._rigid_motion = flag("rigid_motion", rigid_motion)
+        self._fresh_noise = flag("fresh_noise", fresh_noise)
         if self._fresh_noise and self.card.detector is None:
             raise MtpBenchError(f"fresh_noise needs a simulated detector: {self.card.id} has stored detections")
+        if self._fresh_noise and self._evaluation:
+            raise MtpBenchError("fresh_noise is for training: an evaluation takes the detections of the card")
         self._source = open_source(self.card, data)
-        self.scene_names = _choose(tuple(self._source.names), scenes)
+        self.scene_names = choose(tuple(self._source.names), scenes)
         self.observation_space = cast("gymnasium.Space[Observation]", observation_space(self.task))
         self.action_space = cast("gymnasium.Space[dict[str, Any]]", action_space(self.task))
         self._episode: _Episode | None = None
@@ -119,7 +122,7 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
         """First observation of a scene: the one that ``options={"scene": name}`` names, else one drawn at random."""
         super().reset(seed=seed)
         drawn = self.scene_names[int(self.np_random.integers(len(self.scene_names)))]
-        scene = self._load(_wanted(options or {}, self.scene_names, drawn))
+        scene = self._load(wanted(options or {}, self.scene_names, drawn))
         frame = LocalFrame.of(scene, self.np_random if self._rigid_motion else None)
         targets = None if self._evaluation else find_targets(scene, self.card)
         self._episode = _Episode(scene, frame, make_feed(scene, frame, self.task), targets)
@@ -219,43 +222,3 @@ def _task(card: Card, observe: str, sizes: dict[str, int]) -> Task:
         velocity=card.velocity,
         **sizes,
     )
-
-
-def _size(name: str, value: int | None, default: int) -> int:
-    if value is None:
-        return default
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        raise MtpBenchError(f"{name} is {value!r}, expected a whole number of at least 1 (the card has {default})")
-    return value
-
-
-def _flag(name: str, value: bool) -> bool:
-    if not isinstance(value, bool):
-        raise MtpBenchError(f"{name} is {value!r}, expected true or false")
-    return value
-
-
-def _choose(known: tuple[str, ...], wanted: Sequence[str] | None) -> tuple[str, ...]:
-    """Scenes to draw from: all, or those named."""
-    if wanted is None:
-        chosen = known
-    elif isinstance(wanted, str):
-        raise MtpBenchError(f"scenes is {wanted!r}, expected a list of names")
-    else:
-        for name in wanted:
-            if name not in known:
-                raise UnknownNameError("scene", str(name), known)
-        chosen = tuple(dict.fromkeys(wanted))
-    if not chosen:
-        raise MtpBenchError("no scene to choose from: expected at least one name in scenes")
-    return chosen
-
-
-def _wanted(options: dict[str, Any], known: tuple[str, ...], drawn: str) -> str:
-    for key in options:
-        if key != "scene":
-            raise UnknownNameError("reset option", str(key), ["scene"])
-    name = options.get("scene", drawn)
-    if name not in known:
-        raise UnknownNameError("scene", str(name), known)
-    return str(name)

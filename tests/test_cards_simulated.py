@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 
 from mtp_bench._bundle import bundled
+from mtp_bench._card_sections import GENERATOR
 from mtp_bench.cards import HighwaySource, changed_card, load_card, parse_card
 from mtp_bench.detector import load_profile
 from mtp_bench.errors import CardError, MtpBenchError, UnknownNameError
-from mtp_bench.sources.highway.world import GENERATOR
 
 Content = dict[str, Any]
 
@@ -63,16 +63,14 @@ def test_shipped_cards_follow_the_protocol(env_id: str) -> None:
 
 
 CHANGES: dict[str, object] = {
-    "source.scenario": "roundabout",
     "source.split": "test",
     "source.sensor": "roadside",
     "source.seconds": 10.0,
     "source.vehicles": 10,
     "source.pedestrians": 0,
-    "source.drivers": "idm",
     "source.seeds.train": [0, 2],
     "source.seeds.val": [10000, 10001],
-    "source.seeds.test": [3, 4],
+    "source.seeds.test": [30000, 30001],
     "detector.profile": "nuscenes_centerpoint",
     "detector.variant": "hard",
     "detector.reach": 50.0,
@@ -84,6 +82,17 @@ CHANGES: dict[str, object] = {
 @pytest.mark.parametrize("key", CHANGES)
 def test_the_digest_changes_with_every_field(key: str) -> None:
     assert parse_card(put(content(), key, CHANGES[key])).digest != parse_card(content()).digest
+
+
+def test_the_digest_changes_with_scenario_and_drivers() -> None:
+    merge = content("MTP-Merge-v0")
+    changed = [put(merge, "source.drivers", "idm"), put(merge, "source.scenario", "highway")]
+    assert len({parse_card(card).digest for card in (merge, *changed)}) == 3
+
+
+def test_pedestrians_only_where_they_cross() -> None:
+    with pytest.raises(CardError, match=r"source\.pedestrians: got 3: expected 0: only the intersection has crossings"):
+        parse_card(put(content("MTP-Merge-v0"), "source.pedestrians", 3))
 
 
 def test_the_digest_covers_the_noise_behind_a_name() -> None:
@@ -98,8 +107,19 @@ WRONG: dict[str, tuple[str, object, str]] = {
     "no such scenario": ("source.scenario", "intersektion", "source.scenario: got 'intersektion'"),
     "misspelt key": ("source.vehicle", 3, "unknown key 'source.vehicle': did you mean 'vehicles'?"),
     "misspelt key of the detector": ("detector.profil", "x", "unknown key 'detector.profil': did you mean 'profile'?"),
-    "no such profile": ("detector.profile", "megvii", "unknown detector profile 'megvii'"),
-    "an older generator": ("source.generator", 0, "source.generator: got 0"),
+    "no such profile": ("detector.profile", "megvii", "card.toml: unknown detector profile 'megvii'"),
+    "an older generator": (
+        "source.generator",
+        0,
+        "source.generator: got 0: this version of the library makes",
+    ),
+    "splits that overlap": (
+        "source.seeds.test",
+        [0, 10],
+        "source.seeds: got a table: expected splits without a",
+    ),
+    "idm at a junction": ("source.drivers", "idm", "source.drivers: got 'idm': expected 'cooperative'"),
+    "too short": ("source.seconds", 5.0, "scenes of 5 s at 2 Hz have 10 frames, expected at least 16"),
     "two kinds of noise": ("detector.noise", load_profile("clean").model_dump(exclude_none=True), "both or none"),
     "an empty split": ("source.seeds.val", [5, 5], "source.seeds.val: got [5, 5]"),
     "a negative seed": ("source.seeds.val", [-5, 5], "source.seeds.val: got [-5, 5]"),
@@ -126,7 +146,7 @@ def test_a_profile_without_the_class_is_an_error() -> None:
     noise = load_profile("nuscenes_megvii").model_dump(exclude_none=True)
     del noise["alike"]["bus"]
     card["detector"] = {"noise": noise}
-    with pytest.raises(UnknownNameError, match="class of detector profile 'nuscenes_megvii' 'bus'"):
+    with pytest.raises(CardError, match="class of detector profile 'nuscenes_megvii' 'bus'"):
         parse_card(card)
 
 

@@ -75,6 +75,8 @@ def test_a_scene_has_the_same_detections_in_every_episode_unless_noise_is_fresh(
 def test_fresh_noise_needs_a_simulated_detector(card: str, kitti: str) -> None:
     with pytest.raises(MtpBenchError, match="fresh_noise needs a simulated detector"):
         MTPEnv(card, data=kitti, fresh_noise=True)
+    with pytest.raises(MtpBenchError, match="fresh_noise is for training"):
+        MTPEnv("MTP-Merge-v0", fresh_noise=True, evaluation=True)
 
 
 def test_another_detector_sees_the_same_world() -> None:

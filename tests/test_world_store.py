@@ -13,11 +13,12 @@ from mtp_bench.cards import Card, load_card, parse_card
 from mtp_bench.errors import CardError, DataError, UnknownNameError
 from mtp_bench.sources import describe, generate, open_source
 from mtp_bench.sources.highway.packing import content_hash, pack, unpack
+from mtp_bench.sources.highway.source import ever_seen
 from mtp_bench.sources.highway.store import VARIABLE, WorldStore, cache_root
 from mtp_bench.sources.highway.world import CLASSES, Traffic, World
 from mtp_bench.types import Floats, Lane, Truth
 
-FRAMES = 40  # 4 s at 10 Hz
+FRAMES = 80  # 8 s at 10 Hz
 TRAFFIC = Traffic("intersection", "ego", FRAMES / 10, 5, 1)
 
 
@@ -63,7 +64,7 @@ def made(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[int]:
 
 def card(**task: object) -> Card:
     content = load_card("MTP-Intersection-v0").model_dump(mode="json", exclude_none=True)
-    content["source"] |= {"seconds": 4.0, "seeds": {"train": [0, 2], "val": [5, 8], "test": [9, 10]}}
+    content["source"] |= {"seconds": 8.0, "seeds": {"train": [0, 2], "val": [5, 8], "test": [9, 10]}}
     content["task"] |= task
     for table in (
         content["task"]["event_gate"]["threshold"],
@@ -119,6 +120,13 @@ def text(path: Path) -> None:
     path.write_text("not a zip file")
 
 
+def bytes_in_the_middle(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    for at in range(len(content) // 10, len(content) - 2000, 97):  # the directory at the end stays whole
+        content[at] ^= 0xFF
+    path.write_bytes(bytes(content))
+
+
 def another_value(path: Path) -> None:
     with np.load(path) as file:
         arrays = {name: file[name] for name in file.files}
@@ -132,7 +140,7 @@ def missing_array(path: Path) -> None:
     np.savez(path, **arrays)
 
 
-@pytest.mark.parametrize("damage", [truncate, empty, text, another_value, missing_array])
+@pytest.mark.parametrize("damage", [truncate, empty, text, bytes_in_the_middle, another_value, missing_array])
 def test_a_broken_file_is_made_again(damage: object, made: list[int]) -> None:
     store = WorldStore(TRAFFIC)
     good = store.get(5)
@@ -176,17 +184,17 @@ def test_a_scene_is_cut_to_rate_reach_and_classes() -> None:
     source = open_source(card(classes=["truck", "car"]))
     assert source.names == ("intersection-000005", "intersection-000006", "intersection-000007")
     scene = source.load("intersection-000006")
-    assert scene.frames == 8  # 2 Hz
+    assert scene.frames == 16  # 2 Hz
     np.testing.assert_allclose(np.diff(scene.time), 0.5)
     # The truck is out of reach, pedestrians are no class of this card.
-    assert scene.truth.object_id.tolist() == [4] * 8
-    assert scene.truth.class_id.tolist() == [1] * 8
-    np.testing.assert_allclose(scene.truth.box[:, 0], 10.0 + 0.5 * np.arange(8))
+    assert scene.truth.object_id.tolist() == [4] * 16
+    assert scene.truth.class_id.tolist() == [1] * 16
+    np.testing.assert_allclose(scene.truth.box[:, 0], 10.0 + 0.5 * np.arange(16))
     assert scene.truth.box[0, 1] == 0.06
     assert scene.detector == "nuscenes_megvii, simulated detections"
     assert scene.truth_complete
     assert len(scene.lanes) == 2
-    assert len(scene.detections.start) == 9
+    assert len(scene.detections.start) == 17
 
 
 def test_what_is_hidden_stays_hidden_after_the_cut() -> None:
@@ -195,6 +203,22 @@ def test_what_is_hidden_stays_hidden_after_the_cut() -> None:
     assert scene.visible is not None
     assert (scene.visible[pedestrian] == 0).all(), "it walks behind the car"
     np.testing.assert_allclose(scene.visible[~pedestrian], 1)
+
+
+def test_an_object_is_a_target_once_it_has_been_in_view() -> None:
+    scene = open_source(card()).load("intersection-000005")
+    assert (scene.truth.eligible == (scene.truth.object_id == 4)).all(), "the pedestrian is never seen"
+    rows = world(0).truth
+    visible = np.ones(len(rows.box))
+    visible[rows.object_id == 7] = 0.0
+    hidden_until = np.flatnonzero(rows.object_id == 9)[:12]
+    visible[hidden_until] = 0.04
+    seen = ever_seen(rows, visible)
+    assert seen[rows.object_id == 4].all()
+    assert not seen[rows.object_id == 7].any()
+    assert np.flatnonzero(seen[rows.object_id == 9])[0] == 12
+    visible[np.flatnonzero(rows.object_id == 9)[20:]] = 0.0
+    assert ever_seen(rows, visible)[rows.object_id == 9].sum() == FRAMES - 12, "what was seen stays known"
 
 
 def test_detections_are_the_same_every_time_and_differ_between_scenes() -> None:

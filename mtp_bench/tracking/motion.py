@@ -15,7 +15,7 @@ from ..geometry import wrap_angle
 from ..types import Floats, Ints
 
 MEASUREMENT_VARIANCE = 1.0
-VELOCITY_MEASUREMENT_VARIANCE = 0.1  # (m per frame)^2
+VELOCITY_DEVIATION = 0.5  # m/s, of a measured velocity
 POSITION_VARIANCE_AT_BIRTH = 10.0
 VELOCITY_VARIANCE_AT_BIRTH = 10_000.0
 POSITION_NOISE = 1.0  # per frame
@@ -40,8 +40,8 @@ class MotionState:
         return MotionState(self.mean[index], self.covariance[index], self.variance[index])
 
 
-def born(box: Floats, velocity: Floats | None = None) -> MotionState:
-    """State of new tracks at detected boxes [n, 7], with their measured velocities [n, 2] in metres per frame."""
+def born(box: Floats, velocity: Floats | None = None, dt: float = 1.0) -> MotionState:
+    """State of new tracks at detected boxes [n, 7], with their velocities [n, 2] in m/s; ``dt`` s per frame."""
     n = len(box)
     covariance = np.diag([POSITION_VARIANCE_AT_BIRTH, VELOCITY_VARIANCE_AT_BIRTH])
     state = MotionState(
@@ -49,7 +49,7 @@ def born(box: Floats, velocity: Floats | None = None) -> MotionState:
         np.broadcast_to(covariance, (n, 2, 2)).copy(),
         np.full(n, POSITION_VARIANCE_AT_BIRTH),
     )
-    return state if velocity is None else _with_velocity(state, velocity)
+    return state if velocity is None else _with_velocity(state, velocity, dt)
 
 
 def joined(first: MotionState, second: MotionState) -> MotionState:
@@ -74,8 +74,8 @@ def predicted(state: MotionState) -> MotionState:
     return MotionState(mean, covariance, state.variance + POSITION_NOISE)
 
 
-def updated(state: MotionState, box: Floats, velocity: Floats | None = None) -> MotionState:
-    """State after taking one detected box [n, 7] each, with its velocity [n, 2] in metres per frame.
+def updated(state: MotionState, box: Floats, velocity: Floats | None = None, dt: float = 1.0) -> MotionState:
+    """State after taking one detected box [n, 7] each, with its velocity [n, 2] in m/s; ``dt`` s per frame.
 
     A detection that faces the other way is turned by pi: a box detector confuses front and back more often than a
     vehicle turns round within a frame.
@@ -92,14 +92,15 @@ def updated(state: MotionState, box: Floats, velocity: Floats | None = None) -> 
     mean[:, 3] = wrap_angle(mean[:, 3])
     covariance = state.covariance - gain[:, :, None] * state.covariance[:, :1, :]
     state = MotionState(mean, covariance, (1 - shape_gain) * state.variance)
-    return state if velocity is None else _with_velocity(state, velocity)
+    return state if velocity is None else _with_velocity(state, velocity, dt)
 
 
-def _with_velocity(state: MotionState, velocity: Floats) -> MotionState:
-    """State after measuring velocities [n, 2] in metres per frame; nothing moves up or down."""
+def _with_velocity(state: MotionState, velocity: Floats, dt: float) -> MotionState:
+    """State after measuring velocities [n, 2] in m/s; nothing moves up or down. Exactly 0, 0 means not measured."""
     mean = state.mean.copy()
-    innovation = np.concatenate([velocity, np.zeros((len(velocity), 1))], axis=1) - mean[:, 7:]
-    gain = state.covariance[:, :, 1] / (state.covariance[:, 1:, 1] + VELOCITY_MEASUREMENT_VARIANCE)
+    innovation = np.concatenate([velocity * dt, np.zeros((len(velocity), 1))], axis=1) - mean[:, 7:]
+    gain = state.covariance[:, :, 1] / (state.covariance[:, 1:, 1] + (VELOCITY_DEVIATION * dt) ** 2)
+    gain = gain * velocity.any(axis=1, keepdims=True)
     mean[:, :3] += gain[:, :1] * innovation
     mean[:, 7:] += gain[:, 1:] * innovation
     covariance = state.covariance - gain[:, :, None] * state.covariance[:, 1:, :]

@@ -28,7 +28,7 @@ class _Seen(NamedTuple):
     box: Floats  # [D, 7]
     class_id: Ints  # [D]
     score: Floats  # [D]
-    velocity: Floats | None  # [D, 2] m per frame; None: not measured
+    velocity: Floats | None  # [D, 2] m/s; None: not measured
 
     def velocity_of(self, detection: Ints) -> Floats | None:
         """Velocities of some detections."""
@@ -84,7 +84,7 @@ class HypothesisTracker:
         if len(self._parameters) != len(task.classes):
             raise ShapeError(f"got parameters of {len(self._parameters)} classes, the task has {len(task.classes)}")
         self._min_hits = np.array([p.min_hits for p in self._parameters])
-        self._frame_period = task.dt if task.velocity else None
+        self._velocity, self._dt = task.velocity, task.dt
         self._max_age = np.array([p.max_age for p in self._parameters])
         self._frame = 0
         self._next_id = 0
@@ -95,7 +95,7 @@ class HypothesisTracker:
 
     def step(self, observation: Observation) -> Tracks:
         """Tracks to output after this frame: hit often enough, and not unseen for too long."""
-        seen = _seen(observation, self._frame_period)
+        seen = _seen(observation, self._velocity)
         self._frame += 1
         before = self._leaves
         ahead = motion.predicted(before.state)
@@ -156,7 +156,7 @@ class HypothesisTracker:
         hit = detection >= 0
         state = ahead.take(parent)
         fresh = motion.updated(
-            state.take(np.flatnonzero(hit)), seen.box[detection[hit]], seen.velocity_of(detection[hit])
+            state.take(np.flatnonzero(hit)), seen.box[detection[hit]], seen.velocity_of(detection[hit]), self._dt
         )
         for whole, part in (
             (state.mean, fresh.mean),
@@ -166,7 +166,7 @@ class HypothesisTracker:
             whole[hit] = part
         ids = self._next_id + np.arange(len(born))
         self._next_id += len(born)
-        state = motion.joined(state, motion.born(seen.box[born], seen.velocity_of(born)))
+        state = motion.joined(state, motion.born(seen.box[born], seen.velocity_of(born), self._dt))
         detection = np.concatenate([detection, born])
         measured, score = state.box.copy(), np.concatenate([before.score[parent], np.zeros(len(born))])
         took = np.flatnonzero(detection >= 0)
@@ -229,16 +229,13 @@ def _no_leaves() -> _Leaves:
     return _Leaves(motion.born(np.zeros((0, 7))), none, none, none, np.zeros(0), none, none, np.zeros((0, 7)), none)
 
 
-def _seen(observation: Observation, frame_period: float | None) -> _Seen:
+def _seen(observation: Observation, measured: bool) -> _Seen:
     valid = np.asarray(observation["detection_valid"]).astype(bool)
-    velocity = None
-    if frame_period is not None:
-        velocity = np.asarray(observation["detection_velocity"], dtype=np.float64)[valid] * frame_period
     return _Seen(
         np.asarray(observation["detection_box"], dtype=np.float64)[valid],
         np.asarray(observation["detection_class"], dtype=np.int64)[valid],
         np.asarray(observation["detection_score"], dtype=np.float64)[valid],
-        velocity,
+        np.asarray(observation["detection_velocity"], dtype=np.float64)[valid] if measured else None,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,12 +14,14 @@ from ..base import no_detections
 from .store import WorldStore
 from .world import CLASSES, RATE, Traffic, World
 
+IN_VIEW = 0.05  # visible share of a box from which on it is in view
+
 
 class HighwayTraffic:
     """Scenes of one split, named ``<scenario>-<seed>``; without detections, which a simulated detector adds.
 
     Frame of reference: the road's, x and y in the plane, z up, the road at z = 0. What is beyond the detector's reach
-    or field of view is not in the truth: nobody could have annotated it.
+    or field of view is not in the truth. An object is a prediction target once it has been in view.
     """
 
     def __init__(self, card: Card) -> None:
@@ -65,7 +68,8 @@ class HighwayTraffic:
         frames = np.arange(0, len(world.time), self.stride)
         class_id = _class_ids(self.card.task.classes)[world.truth.class_id]
         keep = covered(world.truth, world.ego, sensor) & (class_id >= 0)
-        truth, visible = _select(world.truth, world.visible, frames, keep, class_id)
+        seen = replace(world.truth, eligible=ever_seen(world.truth, world.visible))
+        truth, visible = _select(seen, world.visible, frames, keep, class_id)
         return Scene(
             name=name,
             time=world.time[frames],
@@ -99,6 +103,17 @@ def scene_name(scenario: str, seed: int) -> str:
 def seed_of(name: str) -> int:
     """Seed of a scene by its name."""
     return int(name.rsplit("-", 1)[1])
+
+
+def ever_seen(truth: Truth, visible: Floats) -> Bools:
+    """Whether each box's object has been in view at its frame or before [R]: before, nobody could know of it."""
+    order = np.argsort(truth.object_id, kind="stable")  # rows come by frame
+    object_id, in_view = truth.object_id[order], visible[order] >= IN_VIEW
+    first = np.searchsorted(object_id, object_id)
+    views = np.concatenate([[0], np.cumsum(in_view)])
+    seen = np.empty(len(order), dtype=bool)
+    seen[order] = views[1:] > views[first]
+    return seen
 
 
 def _stride(card: Card) -> int:

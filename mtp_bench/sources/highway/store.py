@@ -8,7 +8,9 @@ import os
 import tempfile
 import warnings
 import zipfile
+import zlib
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,12 +18,13 @@ from typing import Any
 
 import numpy as np
 
+from ..._card_sections import GENERATOR
 from ...errors import DataError
 from .packing import Arrays, content_hash, pack, unpack
-from .world import GENERATOR, Traffic, World
+from .world import Traffic, World
 
 VARIABLE = "MTP_BENCH_CACHE"
-_BROKEN = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
+_BROKEN = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error)
 
 
 @dataclass(frozen=True)
@@ -102,12 +105,12 @@ class WorldStore:
     def _write(self, seed: int, world: World) -> None:
         """Store a world as a whole or not at all; a cache that cannot be written is no reason to stop."""
         arrays = pack(world)
+        part = self.path(seed).with_suffix(f".{os.getpid()}.part")
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            handle, name = tempfile.mkstemp(dir=self.folder, suffix=".part")
-            with os.fdopen(handle, "wb") as file:
+            with part.open("wb") as file:
                 np.savez_compressed(file, allow_pickle=False, digest=np.array(content_hash(arrays)), **arrays)
-            Path(name).replace(self.path(seed))
+            part.replace(self.path(seed))
         except OSError as error:
             warnings.warn(
                 f"a generated scene cannot be kept in {self.folder} ({error.strerror}) and is made anew each time; "
@@ -115,6 +118,9 @@ class WorldStore:
                 RuntimeWarning,
                 stacklevel=2,
             )
+        finally:
+            with suppress(OSError):
+                part.unlink()
 
 
 def cache_root() -> Path:

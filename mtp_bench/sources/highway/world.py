@@ -15,7 +15,6 @@ DriversName = Literal["cooperative", "idm"]
 
 CLASSES = ("car", "truck", "bus", "motorcycle", "pedestrian")  # class_id of a world is an index into these
 RATE = 10.0  # Hz of the simulation
-GENERATOR = 1  # version of the content that a seed gives; cards name it
 
 
 @dataclass(frozen=True)
