@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
@@ -26,10 +27,30 @@ class Kind(IntEnum):
     CLUTTER_PLACE = 13
     CLUTTER_HEADING = 14
     CLUTTER_SIZE = 15
-    CLUTTER_SCORE = 16
-    CLUTTER_VELOCITY = 17
+    CLUTTER_CLASS = 16
 
 
-def stream(seed: int, kind: Kind, class_id: int = 0) -> np.random.Generator:
-    """The generator of one kind of noise; clutter has one for each class too."""
-    return np.random.default_rng([seed, int(kind), class_id])
+class Whose(IntEnum):
+    """Whose errors are drawn: each has its own streams of the kinds `RADIAL` to `VELOCITY`; the numbers stay too."""
+
+    OBJECTS = 0
+    DUPLICATES = 100
+    CLUTTER = 200
+
+
+@dataclass(frozen=True)
+class Streams:
+    """The generators of the errors of some boxes."""
+
+    seed: int
+    whose: Whose = Whose.OBJECTS
+    number: int = 0  # which noise of the profile clutter has; 0 for everything else
+
+    def of(self, kind: Kind) -> np.random.Generator:
+        """The generator of one kind of error."""
+        return np.random.default_rng([self.seed, int(kind) + int(self.whose), self.number])
+
+
+def stream(seed: int, kind: Kind, number: int = 0) -> np.random.Generator:
+    """The generator of one kind of noise; clutter has one for each noise of the profile too."""
+    return np.random.default_rng([seed, int(kind), number])

@@ -18,6 +18,7 @@ from ..errors import ShapeError
 from ..types import Bools, Floats, Ints, Task
 from . import motion
 from .affinity import gains
+from .greedy import greedy_where_asked
 from .k_best import k_best
 from .parameters import ClassParameters, ab3dmot_parameters
 
@@ -109,7 +110,7 @@ class HypothesisTracker:
 
     def _associate(self, cost: Floats, class_id: Ints) -> tuple[Floats, Ints, Ints]:
         if self._as_parameters:
-            column = _greedy_where_asked(cost, class_id, self._parameters)
+            column = greedy_where_asked(cost, class_id, self._parameters)
             return np.zeros(1), column[None], np.zeros(1, dtype=np.int64)
         return k_best(cost, self._hypotheses, self._member, self._cost)
 
@@ -237,19 +238,3 @@ def _seen(observation: Observation, measured: bool) -> _Seen:
         np.asarray(observation["detection_score"], dtype=np.float64)[valid],
         np.asarray(observation["detection_velocity"], dtype=np.float64)[valid] if measured else None,
     )
-
-
-def _greedy_where_asked(cost: Floats, class_id: Ints, parameters: tuple[ClassParameters, ...]) -> Ints:
-    """Column of each row, -1 for none: cheapest pair first for greedy classes, least total cost for the others."""
-    column = np.full(len(cost), -1, dtype=np.int64)
-    for c, rule in enumerate(parameters):
-        rows = np.flatnonzero(class_id == c)
-        if rule.assignment == "hungarian":
-            column[rows] = k_best(cost[rows], 1)[1][0]
-            continue
-        left = cost[rows].copy()
-        while left.size and np.isfinite(left.min()):
-            i, j = np.unravel_index(np.argmin(left), left.shape)
-            column[rows[i]] = j
-            left[i, :] = left[:, j] = np.inf
-    return column
