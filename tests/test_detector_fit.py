@@ -11,9 +11,7 @@ import pytest
 
 from mtp_bench.detector import Profile, load_profile, profile_names
 from mtp_bench.detector.fit import fit_profile
-from mtp_bench.detector.fit_errors import fit_memory
-from mtp_bench.detector.fit_misses import logistic
-from mtp_bench.detector.samples import ObjectSamples
+from mtp_bench.detector.samples import collect
 from mtp_bench.detector.sight import Sensor
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.detector.statistics import ClassStatistics, detector_statistics
@@ -147,7 +145,10 @@ class TestRefit:
         assert clutter.rate <= counted.false_positives
         assert clutter.rate == pytest.approx(counted.false_positives, rel=0.2)
         assert clutter.survive == pytest.approx(law.survive, abs=0.1)
-        assert clutter.size == pytest.approx(law.size, rel=0.05)
+        assert clutter.size == pytest.approx({"car": (4.0, 1.8, 1.5), "pedestrian": (0.7, 0.7, 1.8)}[name], rel=0.1)
+        assert clutter.distance[3:-1] == pytest.approx(law.distance[3:-1], rel=0.2)
+        assert clutter.score_deviation == pytest.approx(law.score_deviation, rel=0.6)
+        assert min(clutter.distance) >= 2.0
 
 
 def test_what_is_fitted_does_not_depend_on_the_frame_of_reference(scenes: list[Scene]) -> None:
@@ -201,41 +202,10 @@ def test_a_perfect_detector_can_be_fitted() -> None:
     assert max(car.miss.first[0], car.miss.later[0]) < -2.0
 
 
-def test_logistic_regression() -> None:
-    rng = np.random.default_rng(0)
-    feature = np.column_stack([np.ones(20000), rng.normal(size=(20000, 2)), np.zeros(20000)])
-    outcome = rng.random(20000) < 1 / (1 + np.exp(-feature @ [-1.0, 2.0, 0.0, 0.0]))
-    weight = logistic(feature, outcome, np.array([0.0, 0.0, 0.0, 0.7]))
-    assert weight == pytest.approx([-1.0, 2.0, 0.0, 0.7], abs=0.07)
-    assert weight[3] == pytest.approx(0.7)  # a feature that never occurs stays where it was
-    everywhere = logistic(np.ones((50, 1)), np.ones(50, dtype=bool), np.zeros(1))
-    assert 2 < everywhere[0] < 6  # finite though nothing was hit
-
-
-def test_memory_of_white_numbers_is_none_and_of_constant_ones_all() -> None:
-    rng = np.random.default_rng(0)
-    frames, objects = 40, 300
-    white = rng.normal(size=(objects, frames))
-    constant = np.repeat(white[:, :1], frames, axis=1)
-    samples = _all_hit(objects, frames)
-    assert fit_memory(samples, white.ravel()).white == pytest.approx(1.0, abs=0.03)
-    kept = fit_memory(samples, constant.ravel())
-    assert kept.bias + kept.ar * kept.phi == pytest.approx(1.0, abs=0.03)
-    short = fit_memory(_all_hit(3, 4), white[:3, :4].ravel())
-    assert (short.bias, short.ar, short.white) == (0.0, 0.0, 1.0)  # too few pairs to say
-
-
-def _all_hit(objects: int, frames: int) -> ObjectSamples:
-    rows = objects * frames
-    return ObjectSamples(
-        object=np.repeat(np.arange(objects), frames),
-        frame=np.tile(np.arange(frames), objects),
-        hit=np.ones(rows, dtype=bool),
-        feature=np.zeros((rows, 6)),
-        error=np.zeros((rows, 7)),
-        velocity_error=np.zeros((rows, 2)),
-        score=np.zeros(rows),
-    )
+def test_known_visibility_is_used(scenes: list[Scene]) -> None:
+    hidden = replace(scenes[0], visible=np.zeros(len(scenes[0].truth.box)))
+    assert (collect([hidden], CLASSES, SENSOR)["car"][0].feature[:, 4] == 1).all()
+    assert not (collect(scenes[:1], CLASSES, SENSOR)["car"][0].feature[:, 4] == 1).all()
 
 
 def test_text_is_read_back_equal(refit: Profile, tmp_path: Path) -> None:

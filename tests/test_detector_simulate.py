@@ -13,7 +13,7 @@ import pytest
 from mtp_bench.detector import Profile, load_profile, profile_names
 from mtp_bench.detector.sight import Sensor, covered
 from mtp_bench.detector.simulate import simulate
-from mtp_bench.detector.streams import Kind
+from mtp_bench.detector.streams import Kind, Whose
 from mtp_bench.errors import ShapeError, UnknownNameError
 from mtp_bench.geometry import transform_boxes
 from mtp_bench.types import Detections, Floats, Truth
@@ -115,7 +115,9 @@ def test_clutter_and_duplicates_change_no_detection() -> None:
 
 
 def test_kinds_of_noise_have_different_streams_for_good() -> None:
-    assert [kind.value for kind in Kind] == list(range(18))
+    assert [kind.value for kind in Kind] == list(range(17))
+    numbers = [streams.value + kind.value for streams in Whose for kind in Kind]
+    assert len(set(numbers)) == len(numbers)
 
 
 @pytest.mark.parametrize("name", profile_names())

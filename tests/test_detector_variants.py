@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import pytest
 
 from mtp_bench.detector import Profile, load_profile, profile_names
+from mtp_bench.detector.chains import decayed
 from mtp_bench.detector.simulate import simulate
+from mtp_bench.detector.text import profile_text
 from mtp_bench.detector.variants import with_variant
 from mtp_bench.errors import CardError
 from mtp_bench.types import Floats
-from tests.detector_scenes import EVERYWHERE, clutter, cluttered, crowd, detect, inner_gaps, noisy, on_grid, seen_at
+from tests.detector_scenes import (
+    CLUTTER,
+    EVERYWHERE,
+    clutter,
+    cluttered,
+    crowd,
+    detect,
+    inner_gaps,
+    noisy,
+    on_grid,
+    seen_at,
+)
 
 FITTED = sorted(set(profile_names()) - {"clean"})
 FRAMES, OBJECTS = 150, 200
@@ -141,6 +155,43 @@ def test_hidden_and_far_objects_are_missed_more(name: str) -> None:
 def test_shares_that_do_not_sum_to_one_are_refused() -> None:
     with pytest.raises(ValueError, match=r"bias \+ ar \+ white is 0.9, expected 1"):
         noisy(radial={"s0": 0.1, "s1": 0.0, "nu": 4.0, "bias": 0.1, "ar": 0.3, "phi": 0.5, "white": 0.5})
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"score": {"floor": 0.5, "ceiling": 0.4}}, "expected more than the floor, 0.5"),
+        ({"false_positives": {**CLUTTER, "distance": (5.0, 4.0, *range(6, 15))}}, "expected ascending distances"),
+        ({"false_positives": {**CLUTTER, "distance": (5.0, 6.0)}}, "at least 11 items"),
+    ],
+)
+def test_noise_that_makes_no_sense_is_refused(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        noisy(**change)
+
+
+def test_messages_of_a_wrong_profile_are_short(tmp_path: Path) -> None:
+    text = profile_text(load_profile("kitti_pointrcnn"))
+    path = tmp_path / "mine.toml"
+    for old, new, message in (
+        ("white = 0.2187", "white = 0.9", r"classes.car.score.white: got 0.9: bias \+ ar \+ white is"),
+        ('van = "car"', 'van = "auto"', "alike: got .*'auto' has no noise; expected one of 'car', 'pedestrian'"),
+    ):
+        assert old in text
+        path.write_text(text.replace(old, new, 1), encoding="utf-8")
+        with pytest.raises(CardError, match=message) as caught:
+            load_profile(str(path))
+        assert len(str(caught.value)) < 220
+
+
+def test_a_shipped_profile_is_read_once() -> None:
+    assert load_profile("nuscenes_megvii") is load_profile("nuscenes_megvii")
+
+
+@pytest.mark.parametrize(("steps", "expected"), [(1.0, -0.5), (2.0, 0.25), (0.3 / 0.1, -0.125), (1.5, -(0.5**1.5))])
+def test_a_negative_correlation_over_frames(steps: float, expected: float) -> None:
+    assert float(decayed(np.asarray(-0.5), steps)) == pytest.approx(expected)
+    assert float(decayed(np.asarray(-0.5), np.inf)) == 0.0
 
 
 def test_a_profile_that_is_not_there_is_named() -> None:

@@ -11,13 +11,13 @@ from shapely.geometry import Polygon
 from mtp_bench.geometry import bev_corners
 from mtp_bench.sources.highway.conflicts import Passage, Zone, passages
 from mtp_bench.sources.highway.driver import Driver
-from mtp_bench.sources.highway.following import Leaders, braking, sweep
+from mtp_bench.sources.highway.following import Leaders, braking, steering, sweep
 from mtp_bench.sources.highway.networks import build
 from mtp_bench.sources.highway.overlap import overlapping
 from mtp_bench.sources.highway.population import draw_profile
 from mtp_bench.sources.highway.right_of_way import RightOfWay, Walk
 from mtp_bench.sources.highway.routes import NOWHERE, tabulate
-from mtp_bench.sources.highway.social_force import APART, kept_apart, kept_out, social_force
+from mtp_bench.sources.highway.social_force import APART, eased, kept_apart, kept_out, social_force
 from mtp_bench.sources.highway.state import observe
 from mtp_bench.sources.highway.world import ScenarioName
 from mtp_bench.types import Floats
@@ -172,3 +172,37 @@ def test_who_meets_gives_way_and_who_is_alone_does_not() -> None:
     assert force[0, 0] < 0 < force[1, 0]
     alone = social_force(place[:1], velocity[:1], to_goal[:1], pace[:1], np.array([0]))
     np.testing.assert_allclose(alone, 0.0, atol=1e-12)
+
+
+def test_who_comes_can_stop_before_somebody_and_who_follows_need_not() -> None:
+    place, none = np.array([[0.0, 0.0], [1.0, 0.0]]), np.empty((0, 7))
+    towards = eased(place, np.array([[1.3, 0.0], [-1.3, 0.0]]), none, 0.1)
+    np.testing.assert_allclose(towards[:, 0], [0.5, -0.5])  # 1 m/s together: 0.2 m at 2.5 m/s2
+    behind = np.array([[1.3, 0.0], [1.3, 0.0]])
+    np.testing.assert_array_equal(eased(place, behind, none, 0.1), behind)
+
+
+def test_steering_turns_no_faster_than_a_hand() -> None:
+    town = build("roundabout", 5.0)
+    table = tabulate(town.routes, town.geometry)
+    lane = town.routes[0].roads[0][0]
+    profile = draw_profile(False, np.random.default_rng(0))
+    vehicle = Driver(None, town.geometry.lanes[lane].position(20.0, 1.5), 0.0, 8.0, profile, 0)  # across the road
+    vehicle.route, vehicle.lane_number = 0, lane
+    state = observe([vehicle], town, table, np.empty((0, 2)), np.empty((0, 2)))
+    angle: list[Floats] = [np.zeros(1)]
+    for _ in range(30):
+        angle.append(steering(state, town.geometry, table, angle[-1], 0.1))
+    step = np.abs(np.diff(angle, axis=0))
+    assert 0.04 < step.max() < 0.0605
+    assert step[-1] == 0.0
+
+
+def test_who_has_waited_long_goes_before_people_who_have_just_come() -> None:
+    town = build("intersection", 5.0)
+    every = passages(town, tabulate(town.routes, town.geometry))
+    crossing = every[0].stripes[0].crossing
+    rules = RightOfWay(every, first_in_first_out=True, _wanted=[crossing])
+    assert not rules.free_to_walk(Walk(crossing, 0.0, 1.0, 1.2, patient=True))
+    assert rules.free_to_walk(Walk(crossing, 0.0, 1.0, 1.2, patient=False))
+    assert rules.free_to_walk(Walk((crossing + 1) % 4, 0.0, 1.0, 1.2, patient=True))

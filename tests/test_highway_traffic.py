@@ -91,21 +91,41 @@ def test_ids_belong_to_one_object_without_a_gap(worlds: dict[str, World], name: 
         assert np.ptp(truth.box[own][:, 4:], axis=0).max() == 0
 
 
+def check_vehicle(box: Floats, velocity: Floats) -> None:
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    assert speed.max() < 35.0
+    gained = np.diff(speed) * RATE
+    assert gained.max(initial=0.0) < 3.0
+    assert gained.min(initial=0.0) > -8.1
+    moved = np.diff(box[:, :2], axis=0) * RATE
+    assert np.hypot(*(moved - velocity[:-1]).T).max(initial=0.0) < 0.5
+    assert np.abs(wrap_angle(np.diff(box[:, 3]))).max(initial=0.0) < 0.09
+    course = np.arctan2(velocity[:, 1], velocity[:, 0])
+    moving = np.minimum(speed[1:], speed[:-1]) > 1.0
+    assert np.abs(wrap_angle(np.diff(course)))[moving].max(initial=0.0) < np.radians(6.5)
+    assert np.abs(wrap_angle(course - box[:, 3]))[speed > 1.0].max(initial=0.0) < 0.5
+
+
+def check_person(box: Floats, velocity: Floats) -> None:
+    assert np.hypot(velocity[:, 0], velocity[:, 1]).max() < 2.1
+    moved = np.diff(box[:, :2], axis=0) * RATE
+    np.testing.assert_allclose(moved, velocity[1:], atol=1e-4)
+    gained = np.hypot(*np.diff(velocity, axis=0).T) * RATE
+    assert gained.max(initial=0.0) < 5.0
+    assert np.mean(gained > 4.0) < 0.05
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_motion_is_plausible(worlds: dict[str, World], name: str) -> None:
     for kind, box, velocity in tracks(worlds[name]):
-        speed = np.hypot(velocity[:, 0], velocity[:, 1])
-        assert speed.max() < (2.1 if kind == PEDESTRIAN else 35.0)
-        moved = np.diff(box[:, :2], axis=0) * RATE
-        assert np.abs(moved - velocity[1:]).max(initial=0.0) < 1.0
-        if kind != PEDESTRIAN:
-            gained = np.diff(speed) * RATE
-            assert gained.max(initial=0.0) < 3.0
-            assert gained.min(initial=0.0) > -8.1
-            assert np.abs(wrap_angle(np.diff(box[:, 3]))).max(initial=0.0) < 0.12
-            quick = speed[1:] > 2.0
-            course = np.arctan2(moved[:, 1], moved[:, 0])
-            assert np.abs(wrap_angle(course - box[:-1, 3]))[quick].max(initial=0.0) < 0.5
+        (check_person if kind == PEDESTRIAN else check_vehicle)(box, velocity)
+
+
+@pytest.mark.parametrize("seed", [10001, 10004, 10009])
+def test_motion_on_a_full_roundabout_is_plausible(seed: int) -> None:
+    """Long vehicles on its way in, around and out: the steering turns over."""
+    for _, box, velocity in tracks(simulate_world(Traffic("roundabout", "roadside", 10.0, 28, 0), seed)):
+        check_vehicle(box, velocity)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -165,16 +185,6 @@ def test_a_roadside_sensor_stays_where_it_is(worlds: dict[str, World]) -> None:
     ego = worlds["roundabout"].ego
     assert (ego == ego[0]).all()
     assert ego[0, 2] == 4.0
-
-
-def test_people_cross_the_intersection(worlds: dict[str, World]) -> None:
-    world = worlds["intersection"]
-    people = [(box, velocity) for kind, box, velocity in tracks(world) if kind == PEDESTRIAN]
-    assert len(people) >= 6
-    fastest = [np.hypot(velocity[:, 0], velocity[:, 1]).max() for _, velocity in people]
-    assert max(fastest) > 1.0
-    roads = [np.minimum(np.abs(box[:, 0]), np.abs(box[:, 1])) for box, _ in people]
-    assert any((distance < 7.0).any() for distance in roads)  # somebody is on the road, 7 m to both sides
 
 
 def test_traffic_flows_at_the_intersection(worlds: dict[str, World]) -> None:

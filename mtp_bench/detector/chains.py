@@ -7,6 +7,7 @@ import numpy as np
 from ..types import Bools, Floats
 
 _TINY = 1e-300
+_WHOLE = 1e-6  # frame periods are quotients of decimal numbers
 
 
 def stationary(after_no: Floats, after_yes: Floats) -> Floats:
@@ -27,8 +28,13 @@ def at_period(after_no: Floats, after_yes: Floats, steps: float) -> tuple[Floats
 
 
 def decayed(correlation: Floats, steps: float) -> Floats:
-    """Correlation between neighbouring frames, over ``steps`` of them; a negative one keeps its sign."""
-    return np.asarray(np.sign(correlation) * np.abs(correlation) ** steps)
+    """Correlation between neighbouring frames, over ``steps`` of them.
+
+    Over half a frame a negative one has no meaning: it keeps its sign there.
+    """
+    whole = np.isfinite(steps) and abs(steps - round(steps)) < _WHOLE
+    sign = np.sign(correlation) ** round(steps) if whole else np.sign(correlation)
+    return np.asarray(sign * np.abs(correlation) ** steps)
 
 
 def two_state(chance: tuple[Floats, Floats, Floats], begins: Bools, uniform: Floats) -> Bools:

@@ -1,20 +1,43 @@
-"""False positives: boxes that stand still in the world for a few frames where there is nothing."""
+"""False positives: phantom objects that stand still where there is nothing, detected as true objects are."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..geometry import wrap_angle
-from ..types import Floats, Ints
-from .box_errors import turned
+from ..types import Floats, Ints, Truth
+from .box_errors import box_errors, latent_scores, scores_within, velocities
 from .chains import decayed
+from .grid import Grid
+from .labels import Labels
 from .profile import ClassNoise, FalsePositives
 from .rows import Rows
 from .sight import Sensor, polar, within
-from .streams import Kind, stream
+from .streams import Kind, Streams, Whose, stream
 
 _SIZE_SPREAD = 0.1  # deviation of each side, share of its mean
 _SMALLEST = 0.3  # share of its mean that every side keeps
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """Where clutter appears."""
+
+    truth: Truth
+    ego: Floats  # [F, 4] x y z yaw of the sensor
+    sensor: Sensor
+    steps: float  # frame periods of the profile per frame of the scene
+    wider: float  # the sensor's field of view over that of the profile
+
+
+@dataclass(frozen=True, eq=False)
+class _Phantoms:
+    birth: Ints  # [B] frame, ascending
+    life: Ints  # [B] frames, at least 1, to the end of the scene at most
+    box: Floats  # [B, 7]
+    class_id: Ints  # [B]
 
 
 def more_clutter(law: FalsePositives, factor: float) -> FalsePositives:
@@ -23,31 +46,51 @@ def more_clutter(law: FalsePositives, factor: float) -> FalsePositives:
     return law.model_copy(update={"rate": factor * law.rate, "dispersion": dispersion})
 
 
-def clutter(
-    noise: ClassNoise, ego: Floats, sensor: Sensor, ground: float, class_id: int, seed: int, steps: float, factor: float
-) -> Rows:
-    """False positives of one class over a scene.
+def clutter(noise: ClassNoise, labels: Labels, around: Surroundings, number: int, seed: int) -> Rows:
+    """False positives of one noise over a scene; ``number`` tells the random streams of several noises apart.
 
-    ``ego`` is ``[F, 4]`` x y z yaw; ``ground`` (m) is the height of the boxes' undersides above the ego's z; ``steps``
-    are the frame periods of the profile per frame of the scene; ``factor`` is the sensor's field of view over that of
-    the profile. A box that the moving sensor loses is gone.
+    What appears beyond the sensor's reach is dropped, and a phantom that the moving sensor does not cover is not seen.
     """
     if noise.false_positives is None or noise.false_positives.rate == 0:
         return Rows.none()
-    law = more_clutter(noise.false_positives, factor)
-    survive = float(decayed(np.asarray(law.survive), steps))
-    birth = _births(law, survive, len(ego), class_id, seed)
-    life = stream(seed, Kind.CLUTTER_LIFE, class_id).geometric(1.0 - survive, len(birth))
-    box = _boxes(law, ego[birth], sensor, ground, class_id, seed)
-    alive = np.minimum(life, len(ego) - birth)
-    which = np.repeat(np.arange(len(birth)), alive)
-    age = np.arange(len(which)) - np.repeat(np.cumsum(alive) - alive, alive)
-    frame = birth[which] + age
-    kept = _seen(box[which], ego[frame], sensor)
-    return _rows(noise, law, frame[kept], box[which[kept]], ego[frame[kept], 3], class_id, seed)
+    law = more_clutter(noise.false_positives, around.wider)
+    phantoms = _phantoms(law, labels, around, number, seed)
+    which = np.repeat(np.arange(len(phantoms.life)), phantoms.life)
+    age = np.arange(len(which)) - np.repeat(np.cumsum(phantoms.life) - phantoms.life, phantoms.life)
+    frame = phantoms.birth[which] + age
+    distance, bearing = polar(phantoms.box[which, :2], around.ego[frame])
+    near = distance[age == 0] <= around.sensor.reach
+    seen = np.flatnonzero(near[which] & within(distance, bearing, around.sensor))
+    frame, which = frame[seen], which[seen]
+    grid = _grid(noise, phantoms, age[seen], which, around.steps)
+    toward = bearing[seen] + around.ego[frame, 3]
+    streams = Streams(seed, Whose.CLUTTER, number)
+    box = box_errors(phantoms.box[which], grid, distance[seen], toward, streams)
+    velocity = velocities(np.zeros((len(which), 2)), grid, toward, streams)
+    location, deviation = np.full(len(which), law.score), np.full(len(which), law.score_deviation)
+    score = scores_within(latent_scores(grid, streams), location, deviation, grid)
+    return Rows(frame, box, velocity, phantoms.class_id[which], score)
 
 
-def _births(law: FalsePositives, survive: float, frames: int, class_id: int, seed: int) -> Ints:
+def _grid(noise: ClassNoise, phantoms: _Phantoms, age: Ints, which: Ints, steps: float) -> Grid:
+    """Phantoms by age: no larger than the longest life."""
+    count = len(phantoms.life)
+    return Grid(int(phantoms.life.max(initial=0)), count, age, which, (noise,), np.zeros(count, dtype=np.int64), steps)
+
+
+def _phantoms(law: FalsePositives, labels: Labels, around: Surroundings, number: int, seed: int) -> _Phantoms:
+    """All phantoms of a scene, those beyond the sensor's reach included."""
+    survive = float(decayed(np.asarray(law.survive), around.steps))
+    birth = _births(law, survive, len(around.ego), number, seed)
+    life = stream(seed, Kind.CLUTTER_LIFE, number).geometric(1.0 - survive, len(birth))
+    label = stream(seed, Kind.CLUTTER_CLASS, number).choice(len(labels.share), len(birth), p=labels.share)
+    spread = stream(seed, Kind.CLUTTER_SIZE, number).standard_normal((len(birth), 3))
+    size = labels.size[label] * np.maximum(1.0 + _SIZE_SPREAD * spread, _SMALLEST)
+    box = _boxes(law, around, birth, size, number, seed)
+    return _Phantoms(birth, np.minimum(life, len(around.ego) - birth), box, labels.class_id[label])
+
+
+def _births(law: FalsePositives, survive: float, frames: int, number: int, seed: int) -> Ints:
     """Frame of every birth, ascending: Poisson with a rate that differs between scenes by a Gamma factor.
 
     Counts per frame then have variance / mean = 1 + rate x variance of the factor. The first frame is in equilibrium.
@@ -55,43 +98,39 @@ def _births(law: FalsePositives, survive: float, frames: int, class_id: int, see
     factor = 1.0
     if law.dispersion > 1.0:
         shape = law.rate / (law.dispersion - 1.0)
-        factor = stream(seed, Kind.CLUTTER_SCENE, class_id).gamma(shape) / shape
+        factor = stream(seed, Kind.CLUTTER_SCENE, number).gamma(shape) / shape
     mean = np.full(frames, law.rate * factor * (1.0 - survive))
     mean[:1] = law.rate * factor
-    return np.repeat(np.arange(frames), stream(seed, Kind.CLUTTER_BIRTH, class_id).poisson(mean))
+    return np.repeat(np.arange(frames), stream(seed, Kind.CLUTTER_BIRTH, number).poisson(mean))
 
 
-def _boxes(law: FalsePositives, ego: Floats, sensor: Sensor, ground: float, class_id: int, seed: int) -> Floats:
-    """Boxes ``[B, 7]`` born in view of the ego poses ``[B, 4]``, evenly over distance, bearing and heading."""
-    count = len(ego)
-    uniform = stream(seed, Kind.CLUTTER_PLACE, class_id).random((count, 2))
-    distance = sensor.reach * uniform[:, 0]
-    toward = ego[:, 3] + min(sensor.field_of_view, 2 * np.pi) * (uniform[:, 1] - 0.5)
-    spread = stream(seed, Kind.CLUTTER_SIZE, class_id).standard_normal((count, 3))
-    size = np.array(law.size) * np.maximum(1.0 + _SIZE_SPREAD * spread, _SMALLEST)
-    box = np.empty((count, 7))
+def _boxes(law: FalsePositives, around: Surroundings, birth: Ints, size: Floats, number: int, seed: int) -> Floats:
+    """Boxes ``[B, 7]`` on the ground: distances by the law, evenly over the field of view and all headings."""
+    ego = around.ego[birth]
+    uniform = stream(seed, Kind.CLUTTER_PLACE, number).random((len(birth), 2))
+    distance = np.interp(uniform[:, 0], np.linspace(0.0, 1.0, len(law.distance)), law.distance)
+    toward = ego[:, 3] + min(around.sensor.field_of_view, 2 * np.pi) * (uniform[:, 1] - 0.5)
+    box = np.empty((len(birth), 7))
     box[:, 0] = ego[:, 0] + distance * np.cos(toward)
     box[:, 1] = ego[:, 1] + distance * np.sin(toward)
-    box[:, 2] = ego[:, 2] + ground + size[:, 2] / 2
-    turn = stream(seed, Kind.CLUTTER_HEADING, class_id).random(count)
-    box[:, 3] = wrap_angle(ego[:, 3] + 2 * np.pi * turn)
+    box[:, 3] = wrap_angle(ego[:, 3] + 2 * np.pi * stream(seed, Kind.CLUTTER_HEADING, number).random(len(birth)))
     box[:, 4:] = size
+    box[:, 2] = _ground(box[:, :2], birth, around) + size[:, 2] / 2
     return box
 
 
-def _seen(box: Floats, ego: Floats, sensor: Sensor) -> Ints:
-    """Indices of the rows whose box is covered from the ego pose of its frame."""
-    return np.flatnonzero(within(*polar(box[:, :2], ego), sensor))
+def _ground(place: Floats, frame: Ints, around: Surroundings) -> Floats:
+    """Height of the ground at places ``[B, 2]``: where the nearest true box of the frame stands.
 
-
-def _rows(
-    noise: ClassNoise, law: FalsePositives, frame: Ints, box: Floats, heading: Floats, class_id: int, seed: int
-) -> Rows:
-    """The rows of standing boxes; scores and velocities are new in every frame. ``heading`` ``[R]`` is the sensor's."""
-    count = len(frame)
-    score = law.score + law.score_deviation * stream(seed, Kind.CLUTTER_SCORE, class_id).standard_normal(count)
-    ceiling = np.inf if noise.score.ceiling is None else noise.score.ceiling
-    deviation = np.nan if noise.velocity is None else noise.velocity
-    velocity = deviation * stream(seed, Kind.CLUTTER_VELOCITY, class_id).standard_normal((count, 2))
-    score = np.clip(score, noise.score.floor, ceiling)
-    return Rows(frame, box, turned(velocity, heading), np.full(count, class_id), score)
+    In a frame without any: as high above the ego as true boxes stand in the middle of the scene's.
+    """
+    truth, ego = around.truth, around.ego
+    underside = truth.box[:, 2] - truth.box[:, 6] / 2
+    above = underside - np.repeat(ego[:, 2], np.diff(truth.start))
+    ground = ego[frame, 2] + (np.median(above) if len(above) else 0.0)
+    for i, t in enumerate(frame):
+        rows = truth.rows(t)
+        if rows.stop > rows.start:
+            off = truth.box[rows, :2] - place[i]
+            ground[i] = underside[rows][np.argmin((off**2).sum(axis=1))]
+    return np.asarray(ground)

@@ -1,4 +1,4 @@
-"""Errors of position, heading, size, height, score and velocity, fitted to the true boxes that were hit."""
+"""Errors of position, heading, size, height and velocity, fitted to the true boxes that were hit."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from ..geometry import wrap_angle
 from ..types import Floats
-from .profile import HeadingNoise, Memory, PositionNoise, ScoreNoise, SizeNoise
+from .profile import HeadingNoise, Memory, PositionNoise, SizeNoise
 from .samples import HEADING, HEIGHT, SIZE, ObjectSamples
 from .statistics import robust_deviation
 
@@ -119,21 +119,6 @@ def fit_height(objects: ObjectSamples) -> tuple[float, float]:
     """Mean and deviation of the error of the centre's height, m."""
     error = objects.error[objects.hit, HEIGHT]
     return round(float(error.mean()), 4), round(float(error.std()), 4)
-
-
-def fit_score(objects: ObjectSamples, floor: float) -> ScoreNoise:
-    """A parabola of the score over distance by least squares, and the memory of what is left."""
-    distance, score = objects.feature[:, 1], objects.score
-    power = np.column_stack([np.ones(len(score)), distance, distance**2])
-    parabola = np.linalg.lstsq(power[objects.hit], score[objects.hit], rcond=None)[0]
-    rest = score - power @ parabola
-    deviation = float(rest[objects.hit].std())
-    memory = fit_memory(objects, rest / max(deviation, 1e-9))
-    probability = bool(((score[objects.hit] >= 0) & (score[objects.hit] <= 1)).all())
-    return ScoreNoise(
-        quadratic=_triple(parabola), deviation=round(deviation, 4), floor=floor, ceiling=1.0 if probability else None,
-        bias=memory.bias, ar=memory.ar, phi=memory.phi, white=memory.white,
-    )  # fmt: skip
 
 
 def fit_velocity(objects: ObjectSamples) -> float | None:

@@ -7,10 +7,12 @@ first-order autoregression over frames, and a white share.
 
 from __future__ import annotations
 
+import itertools
+from functools import cache
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from .._strict import Section, read_toml, validate
 from ..errors import CardError, UnknownNameError
@@ -20,6 +22,9 @@ Share = Annotated[float, Field(ge=0, le=1)]
 Scale = Annotated[float, Field(ge=0)]
 Correlation = Annotated[float, Field(gt=-1, lt=1)]
 
+MODEL = 1  # version of the model that turns a profile into detections; part of every card's digest
+
+_EVENLY = tuple(round(2.0 + 5.8 * tenth, 1) for tenth in range(11))  # from 2 m to 60 m
 _STORE = Path(__file__).parent / "profiles"
 
 
@@ -31,12 +36,13 @@ class Memory(Section):
     phi: Correlation  # of the autoregression, from frame to frame
     white: Share
 
-    @model_validator(mode="after")
-    def _shares_are_complete(self) -> Self:
-        total = self.bias + self.ar + self.white
-        if abs(total - 1.0) > 0.01:
+    @field_validator("white")
+    @classmethod
+    def _shares_are_complete(cls, white: float, info: ValidationInfo) -> float:
+        total = white + info.data.get("bias", 0.0) + info.data.get("ar", 0.0)
+        if {"bias", "ar"} <= set(info.data) and abs(total - 1.0) > 0.01:
             raise ValueError(f"bias + ar + white is {total:.4g}, expected 1")
-        return self
+        return white
 
 
 class MissNoise(Section):
@@ -74,23 +80,40 @@ class SizeNoise(Section):
 
 
 class ScoreNoise(Memory):
-    """Score of a detection: ``quadratic(d) + deviation z``, never below ``floor``."""
+    """Score of a detection: a normal number around ``quadratic(d)`` that ends at ``floor`` and ``ceiling``."""
 
     quadratic: Annotated[tuple[float, float, float], Field(strict=False)]  # constant, per d, per d^2
     deviation: Scale
     floor: float  # the operating point: the detector's output ends here
     ceiling: float | None = None  # e.g. 1 for probabilities
 
+    @field_validator("ceiling")
+    @classmethod
+    def _is_above_the_floor(cls, ceiling: float | None, info: ValidationInfo) -> float | None:
+        floor = info.data.get("floor")
+        if ceiling is not None and floor is not None and ceiling <= floor:
+            raise ValueError(f"expected more than the floor, {floor:g}")
+        return ceiling
+
 
 class FalsePositives(Section):
     """Clutter: births are Poisson with a rate that is Gamma distributed over scenes; each survives geometrically."""
 
-    rate: Scale  # clutter boxes per frame over the sensor's whole field of view
+    rate: Scale  # clutter boxes per frame over the profile's whole field of view
     dispersion: Annotated[float, Field(ge=1)]  # variance over mean of the count per frame
     survive: Annotated[float, Field(ge=0, lt=1)]  # chance that a clutter box is there in the next frame too
-    score: float  # mean
+    score: float  # location and deviation of a normal number that ends at the detector's floor and ceiling
     score_deviation: Scale
     size: Annotated[tuple[float, float, float], Field(strict=False)]  # m, mean length, width, height
+    distance: Annotated[tuple[Scale, ...], Field(min_length=11, max_length=11, strict=False)] = _EVENLY
+    # m from the sensor: quantiles at 0, 10, ..., 100 %
+
+    @field_validator("distance")
+    @classmethod
+    def _ascends(cls, distance: tuple[float, ...]) -> tuple[float, ...]:
+        if any(far < near for near, far in itertools.pairwise(distance)):
+            raise ValueError("expected ascending distances")
+        return distance
 
 
 class ClassNoise(Section):
@@ -117,8 +140,17 @@ class Profile(Section):
     dt: Annotated[float, Field(gt=0)]  # s between frames at which the memory was fitted
     field_of_view: Annotated[float, Field(gt=0, le=360)] = 360.0  # degrees in which the false positives were counted
     classes: dict[str, ClassNoise]
-    # Further classes and the class whose noise they have; they emit no clutter of their own.
+    # Further classes and the class whose noise they have.
     alike: dict[str, str] = Field(default_factory=dict)
+
+    @field_validator("alike")
+    @classmethod
+    def _have_noise(cls, alike: dict[str, str], info: ValidationInfo) -> dict[str, str]:
+        known: dict[str, ClassNoise] = info.data.get("classes", {})
+        for own in alike.values():
+            if known and own not in known:
+                raise ValueError(f"{own!r} has no noise; expected one of {', '.join(map(repr, known))}")
+        return alike
 
     def noise(self, class_name: str) -> ClassNoise:
         """Noise of a class; raises UnknownNameError for one that the profile does not know."""
@@ -136,11 +168,18 @@ def profile_names() -> list[str]:
 
 def load_profile(name: str) -> Profile:
     """A shipped profile by name, or one from a TOML file; raises UnknownNameError or CardError."""
-    path = Path(name)
-    if path.suffix != ".toml":
-        if name not in profile_names():
-            raise UnknownNameError("detector profile", name, profile_names(), "or give the path of a .toml file")
-        path = _STORE / f"{name}.toml"
+    return _read(Path(name)) if name.endswith(".toml") else _shipped(name)
+
+
+@cache
+def _shipped(name: str) -> Profile:
+    """Read and checked once: a card asks for its profile many times."""
+    if name not in profile_names():
+        raise UnknownNameError("detector profile", name, profile_names(), "or give the path of a .toml file")
+    return _read(_STORE / f"{name}.toml")
+
+
+def _read(path: Path) -> Profile:
     content = read_toml(path, CardError)
     if isinstance(content.get("detector"), dict):  # a section of a card, as fit-noise writes it
         content = content["detector"].get("noise", {})

@@ -53,11 +53,13 @@ class ClutterSamples:
     """The false positives of a class inside the sensor's coverage."""
 
     count: Ints  # [F] per frame, all scenes one after another
+    own: Ints  # [F] of those, the ones that are no duplicates
     duplicate: Bools  # [D] a second detection of an object
     judged: Bools  # [D] there is a next frame
     followed: Bools  # [D] another one is within 1 m in the next frame
     score: Floats  # [D]
     size: Floats  # [D, 3] m
+    distance: Floats  # [D] m from the sensor
 
 
 Samples = tuple[ObjectSamples, ClutterSamples]
@@ -96,7 +98,7 @@ def collect(
 def _features(scene: Scene, sensor: Sensor, wanted: bool) -> Floats:
     if not wanted:
         return np.zeros((len(scene.truth.box), 6))
-    return features_of(sight(scene.truth, scene.ego, sensor))
+    return features_of(sight(scene.truth, scene.ego, sensor, scene.visible))
 
 
 def _objects(scene: Scene, detections: Detections, detection: Ints, number: Ints, feature: Floats) -> ObjectSamples:
@@ -131,7 +133,9 @@ def _objects(scene: Scene, detections: Detections, detection: Ints, number: Ints
 def _clutter(scene: Scene, detections: Detections, matches: Matches, class_id: int, sensor: Sensor) -> ClutterSamples:
     frame = frame_of_rows(detections.start)
     row = np.flatnonzero(matches.false & (detections.class_id == class_id))
-    row = row[within(*polar(detections.box[row, :2], scene.ego[frame[row]]), sensor)]
+    distance, bearing = polar(detections.box[row, :2], scene.ego[frame[row]])
+    inside = within(distance, bearing, sensor)
+    row, distance = row[inside], distance[inside]
     frame, place = frame[row], detections.box[row, :2]
     first = np.searchsorted(frame, np.arange(scene.frames + 1))
     followed = np.zeros(len(row), dtype=bool)
@@ -141,11 +145,13 @@ def _clutter(scene: Scene, detections: Detections, matches: Matches, class_id: i
         followed[here] = (np.hypot(off[..., 0], off[..., 1]) <= _SAME_PLACE).any(axis=1)
     return ClutterSamples(
         count=np.diff(first),
+        own=np.bincount(frame[~matches.duplicate[row]], minlength=scene.frames),
         duplicate=matches.duplicate[row],
         judged=frame < scene.frames - 1,
         followed=followed,
         score=detections.score[row],
         size=detections.box[row, 4:7],
+        distance=distance,
     )
 
 

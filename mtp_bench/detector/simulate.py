@@ -8,14 +8,16 @@ import numpy as np
 
 from ..shapes import require_shape
 from ..types import Bools, Detections, Floats, Truth
-from .box_errors import box_errors, duplicates, scores, velocities
-from .clutter import clutter
+from .box_errors import box_errors, duplicates, latent_scores, reshaped, scores, velocities
+from .clutter import Surroundings, clutter
 from .grid import Grid, grid_of
+from .labels import labels_of
 from .misses import missed
 from .profile import Profile
 from .rows import Rows, in_order
 from .sight import Sensor, Sight, within
 from .sight import sight as sight_of
+from .streams import Streams, Whose
 
 
 def simulate(
@@ -48,27 +50,39 @@ def simulate(
     sight = sight_of(truth, ego, sensor) if sight is None else sight
     covered = within(sight.distance, sight.bearing, sensor)
     hit = ~missed(grid, sight, covered, seed)
-    ground = _ground(truth, ego, grid)
-    own = [(class_id, name) for class_id, name in enumerate(classes) if name in profile.classes]
     wider = min(sensor.field_of_view, 2 * np.pi) / np.deg2rad(profile.field_of_view)
-    false = [clutter(profile.noise(name), ego, sensor, ground, class_id, seed, steps, wider) for class_id, name in own]
-    return in_order([*_of_objects(truth, ego, grid, sight, hit, seed), *false], len(ego))
+    around = Surroundings(truth, ego, sensor, steps, float(wider))
+    found = _of_objects(truth, ego, grid, sight, hit, seed)
+    return in_order([*found, *_clutter(profile, classes, around, seed)], len(ego))
 
 
 def _of_objects(truth: Truth, ego: Floats, grid: Grid, sight: Sight, hit: Bools, seed: int) -> tuple[Rows, Rows]:
     """Detections of true objects, and their duplicates."""
     toward = sight.bearing + ego[grid.frame, 3]
-    box = box_errors(truth.box, grid, sight, toward, seed)
-    score = scores(grid, sight, seed)
-    velocity = velocities(truth.velocity, grid, toward, seed)
-    twice, second, weaker = duplicates(box, score, grid, toward, seed)
-    twice &= hit
+    streams = Streams(seed)
+    box = box_errors(truth.box, grid, sight.distance, toward, streams)
+    latent = latent_scores(grid, streams)
+    score = scores(latent, grid, sight.distance)
+    velocity = velocities(truth.velocity, grid, toward, streams)
     found = Rows(grid.frame[hit], box[hit], velocity[hit], truth.class_id[hit], score[hit])
-    again = Rows(grid.frame[twice], second[twice], velocity[twice], truth.class_id[twice], weaker[twice])
+    twice, beside, weaker = duplicates(grid, toward, seed)
+    twice &= hit
+    if not twice.any():
+        return found, Rows.none()
+    streams = Streams(seed, Whose.DUPLICATES)
+    second = reshaped(truth.box, grid, streams)
+    second[:, :2] = box[:, :2] + beside
+    velocity = velocities(truth.velocity, grid, toward, streams)
+    score = scores(latent - weaker, grid, sight.distance)
+    again = Rows(grid.frame[twice], second[twice], velocity[twice], truth.class_id[twice], score[twice])
     return found, again
 
 
-def _ground(truth: Truth, ego: Floats, grid: Grid) -> float:
-    """Height of the ground above the ego's z, metres: where the true boxes stand."""
-    underside = truth.box[:, 2] - truth.box[:, 6] / 2 - ego[grid.frame, 2]
-    return float(np.median(underside)) if len(underside) else 0.0
+def _clutter(profile: Profile, classes: Sequence[str], around: Surroundings, seed: int) -> list[Rows]:
+    """False positives, by noise of the profile."""
+    rows = []
+    for number, (own, noise) in enumerate(profile.classes.items()):
+        labels = labels_of(around.truth, classes, profile, own)
+        if labels is not None:
+            rows.append(clutter(noise, labels, around, number, seed))
+    return rows

@@ -20,10 +20,14 @@ HARDEST = 8.0  # m/s2, emergency braking
 _CLOSE = 0.05  # m, smaller gaps count as this
 _LATERAL_RATE = 0.8  # 1/s, how fast an offset from the lane's middle is worked off
 _LATERAL_SPEED = 1.3  # m/s at most
-_HEADING_RATE = 4.0  # 1/s
-_SWERVE = 2.2  # m/s2 of lateral acceleration at most, beyond that of the bend
-_PREVIEW = 0.25  # s
-_STEEPEST = 1.0  # rad of steering angle
+_HEADING_RATE = 3.3  # 1/s
+_SWERVE, _SLOW = (
+    2.2,
+    5.5,
+)  # m/s2 of lateral acceleration at most, beyond that of the bend; m/s, who is slower turns as at this
+_PREVIEW = 0.3  # s
+_MOST_SLIP = 0.45  # sine of the angle between heading and course, some 0.8 rad of steering
+_SLIP_RATE = 0.3  # rad/s, some 0.6 rad/s of steering
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +109,11 @@ def braking(speed: Floats, gap: Floats, leader: Floats, temper: Floats, least: F
     return share
 
 
-def steering(state: State, geometry: LaneGeometry, routes: RouteTable) -> Floats:
-    """Steering angle ``[N]`` that brings everybody to its place in the lane and along it."""
+def steering(state: State, geometry: LaneGeometry, routes: RouteTable, before: Floats, dt: float) -> Floats:
+    """Steering angle ``[N]`` that brings everybody to its place in the lane and along it.
+
+    ``before``: the angles ``[N]`` of ``dt`` seconds ago, which limit those of now.
+    """
     v = np.maximum(state.speed, 1.0)
     ahead = state.s + v * _PREVIEW
     after = routes.following[state.route, state.lane]
@@ -118,7 +125,9 @@ def steering(state: State, geometry: LaneGeometry, routes: RouteTable) -> Floats
     wanted = geometry.heading(lane, s) - slip + np.arcsin(np.clip(rate / np.maximum(v, 3.0), -0.35, 0.35))
     error = np.remainder(wanted - state.heading + np.pi, 2 * np.pi) - np.pi
     bend = v * geometry.curvature(lane)
-    rate = np.clip(_HEADING_RATE * error, bend - _SWERVE / v, bend + _SWERVE / v)
-    turn = np.arcsin(np.clip(state.wheelbase / 2 * rate / v, -0.9, 0.9))
-    angle: Floats = np.clip(np.arctan(2 * np.tan(turn)), -_STEEPEST, _STEEPEST)
+    most = _SWERVE / np.maximum(v, _SLOW)
+    rate = np.clip(_HEADING_RATE * error, bend - most, bend + most)
+    turn = np.arcsin(np.clip(state.wheelbase / 2 * rate / v, -_MOST_SLIP, _MOST_SLIP))
+    now = np.arctan(np.tan(before) / 2)
+    angle: Floats = np.arctan(2 * np.tan(np.clip(turn, now - _SLIP_RATE * dt, now + _SLIP_RATE * dt)))
     return angle

@@ -35,6 +35,19 @@ class Crossing:
     width: float
 
 
+@dataclass(frozen=True)
+class Pavement:
+    """Where people walk beside two roads that cross at (0, 0) along the axes; their kerbs bend around the corners."""
+
+    corner: float  # m, the middle of a kerb's bend is at (+-corner, +-corner)
+    radius: float  # m, of the bend
+
+    @property
+    def kerb(self) -> float:
+        """Metres from the middle of a road to its straight kerbs."""
+        return self.corner - self.radius
+
+
 @dataclass(frozen=True, eq=False)
 class RoadMap:
     """A network with the ways through it."""
@@ -47,6 +60,7 @@ class RoadMap:
     regulated: bool  # vehicles give way by conflicts of routes
     overtaking: bool  # vehicles change lanes
     first_in_first_out: bool  # False: also in front of somebody who is far away
+    pavement: Pavement | None = None
 
 
 def build(scenario: ScenarioName, seconds: float) -> RoadMap:
@@ -88,8 +102,9 @@ def _intersection(lanes: int = 2) -> RoadMap:
         Crossing((float(o[0]), float(o[1])), (float(u[0]), float(u[1])), span=2 * half, width=ZEBRA[1] - ZEBRA[0])
         for o, u in ((_turned(arm, -half, middle), _turned(arm, 1.0, 0.0)) for arm in range(4))
     )
-    corner = mouth - 3.0
-    return RoadMap(network, table, tuple(routes), crossings, (corner, corner, 4.0), True, False, True)
+    corner = mouth + 2.0  # behind the sidewalks, so that nobody stands right in front of the sensor
+    pavement = Pavement(mouth, mouth - half)
+    return RoadMap(network, table, tuple(routes), crossings, (corner, corner, 4.0), True, False, True, pavement)
 
 
 def _intersection_arm(network: Any, arm: int, lanes: int, mouth: float) -> None:

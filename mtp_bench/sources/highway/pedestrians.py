@@ -1,4 +1,4 @@
-"""People on foot who cross an arm of the junction, alone or in groups.
+"""People on foot who walk along the sidewalks and cross an arm of the junction, alone or in groups.
 
 At the kerb they wait until nobody with the right to pass comes in the time that
 they need; who has waited long makes vehicles wait.
@@ -12,13 +12,19 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...types import Floats
-from .networks import Crossing
+from .footways import Footway, cut, draw_side, kept_off_road, slowed_at_kerb
+from .networks import Crossing, Pavement
 from .right_of_way import Walk
-from .social_force import kept_apart, kept_out, social_force
+from .social_force import eased, kept_apart, kept_out, shortened, social_force
 
 ARRIVING, WAITING, CROSSING, LEAVING = range(4)
 _ROOM = 0.85  # m around somebody who comes
 _PATIENCE = (3.0, 7.0)  # s at the kerb
+_HARDEST = 3.8  # m/s2, how people change their velocity
+_NEAR, _QUEUED = 0.7, 2.0  # m to the place to wait at: there, or standing behind others
+_CORNER = 2.0  # m, who is this near to a point on the way turns to the next one
+_GONE = 1.4  # m to the end of the way
+_CROSSED, _COME = 0.25, 0.8  # of the first people: share who have crossed, largest share of the way of the others done
 
 
 @dataclass(eq=False)
@@ -34,49 +40,31 @@ class Person:
     patience: float
     slot: Floats  # where to wait
     beyond: Floats  # where to step off the road
-    goal: Floats
+    departure: list[Floats]  # points of the way from there
     place: Floats
+    ahead: list[Floats]  # points of the way before the crossing, or after it, that are still to come
+    stage: int
     velocity: Floats = field(default_factory=lambda: np.zeros(2))
     heading: float = 0.0
-    stage: int = ARRIVING
     waited: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class _Plan:
-    """What a group has in common."""
-
-    crossing: int
-    direction: float
-    span: float  # m of road
-    pace: float
-    patience: float
-    middle: float  # m across the crossing
-    way: Floats  # from the kerb back to where they come from
-    off: Floats  # from the other kerb to where they go
-
-    def slot(self, k: int) -> Floats:
-        """Where the k-th of them waits: two by two."""
-        kerb = 0.0 if self.direction > 0 else self.span
-        return np.array([kerb - self.direction * (0.9 + 0.95 * (k // 2)), self.middle + 0.9 * (k % 2)])
-
-    def beyond(self, slot: Floats) -> Floats:
-        """Where somebody with this slot leaves the road."""
-        return np.array([(self.span if self.direction > 0 else 0.0) + self.direction * 0.6, slot[1]])
-
-
 class Crowd:
-    """Everybody on foot: keeps their number at what is aimed at."""
+    """Everybody on foot: keeps their number on the map at what is aimed at."""
 
-    def __init__(self, crossings: tuple[Crossing, ...], aim: int, rng: np.random.Generator) -> None:
-        self._crossings, self._aim, self._rng = crossings, aim, rng
+    def __init__(
+        self, crossings: tuple[Crossing, ...], pavement: Pavement | None, aim: int, rng: np.random.Generator
+    ) -> None:
+        self._crossings, self._pavement, self._aim, self._rng = crossings, pavement, aim, rng
         self.people: list[Person] = []
         self._made = self._groups = 0
         self._axes = [
             np.array([c.direction, (-c.direction[1], c.direction[0])], dtype=np.float64) for c in crossings
         ]  # rows: along, across
-        while crossings and len(self.people) < aim:
-            self._arrive(float(rng.uniform(0.0, 1.0)))
+        for _ in range(20 * aim):
+            if len(self.people) < aim:
+                stage = LEAVING if rng.uniform() < _CROSSED else ARRIVING
+                self._arrive(stage, float(rng.uniform(1.0 - _COME, 1.0)))
 
     def xy(self) -> tuple[Floats, Floats]:
         """Places and velocities ``[M, 2]``, ``[M, 2]`` in the frame of the road."""
@@ -102,63 +90,67 @@ class Crowd:
 
     def step(self, dt: float, vehicles: Floats, free: Callable[[Walk], bool]) -> None:
         """Moves everybody by ``dt`` seconds around vehicles (boxes ``[N, 7]``) and lets new people come."""
-        if not self._crossings:
+        if self._pavement is None:
             return
         self._advance(dt, free)
-        self._move(dt, vehicles)
-        self.people = [p for p in self.people if not (p.stage == LEAVING and np.abs(p.goal - p.place).max() < 0.8)]
+        self._move(dt, vehicles, self._pavement)
+        self.people = [p for p in self.people if p.stage != LEAVING or len(p.ahead) > 1 or _left(p) > _GONE]
         if len(self.people) < self._aim and self._rng.uniform() < dt / 1.5:
-            self._arrive(1.0)
+            self._arrive(ARRIVING, 1.0)
 
     def _walk(self, person: Person) -> Walk:
-        return Walk(person.crossing, float(person.place[0]), person.direction, max(0.85 * person.pace, 0.5))
+        patient = person.stage == WAITING and person.waited <= person.patience
+        return Walk(person.crossing, float(person.place[0]), person.direction, max(0.85 * person.pace, 0.5), patient)
 
-    def _arrive(self, distance: float) -> None:
-        """A new group; ``distance``: share of the way to the kerb that is left."""
+    def _arrive(self, stage: int, share: float) -> None:
+        """A new group on its way to a crossing or away from it; ``share``: how much of that way is left."""
+        if self._pavement is None:
+            return
         rng = self._rng
         crossing = int(rng.integers(len(self._crossings)))
-        direction = 1.0 if rng.uniform() < 0.5 else -1.0
         size = int(min(rng.choice(4, p=(0.5, 0.3, 0.15, 0.05)) + 1, self._aim - len(self.people)))
-        plan = _Plan(
-            crossing, direction, self._crossings[crossing].span,
-            pace=float(rng.uniform(1.05, 1.55)), patience=float(rng.uniform(*_PATIENCE)),
-            middle=float(rng.uniform(-0.5, 0.5)) - 0.45 * (size > 1),
-            way=np.array([-direction * rng.uniform(5.0, 9.0), rng.uniform(-3.0, 3.0)]),
-            off=np.array([direction * rng.uniform(5.0, 9.0), rng.uniform(-3.0, 3.0)]),
+        way = Footway(
+            self._crossings[crossing], self._pavement, direction=1.0 if rng.uniform() < 0.5 else -1.0,
+            middle=float(rng.uniform(-0.8, 0.8)) if size == 1 else float(rng.uniform(-0.95, 0.05)),
+            coming=draw_side(True, rng), going=draw_side(False, rng),
         )  # fmt: skip
+        pace, patience = float(rng.uniform(1.05, 1.55)), float(rng.uniform(*_PATIENCE))
         others = self.xy()[0]
         for k in range(size):
-            slot = plan.slot(k)
-            place = slot + plan.way * distance
+            place, *ahead = cut(way.arrival(k) if stage == ARRIVING else way.departure(k), share)
             there = np.array(self._crossings[crossing].origin) + place @ self._axes[crossing]
             if len(others) and np.hypot(*(others - there).T).min() < _ROOM:
                 continue
             others = np.concatenate([others, there[None]])
-            self.people.append(self._person(plan, slot, place))
+            self.people.append(self._person(crossing, way, k, stage, place, ahead, pace, patience))
         self._groups += 1
 
-    def _person(self, plan: _Plan, slot: Floats, place: Floats) -> Person:
+    def _person(self, crossing: int, way: Footway, k: int, stage: int, place: Floats, ahead: list[Floats],
+                pace: float, patience: float) -> Person:  # fmt: skip
         rng = self._rng
         sizes = rng.uniform((0.35, 0.45, 1.5), (0.5, 0.6, 1.9)).tolist()
-        beyond = plan.beyond(slot)
+        own = min(max(pace + float(rng.normal(0.0, 0.05)), 1.0), 1.6)
+        course = (ahead[0] - place) / max(float(np.hypot(*(ahead[0] - place))), 1e-6)
         self._made += 1
         return Person(
-            number=self._made, group=self._groups, crossing=plan.crossing, direction=plan.direction,
-            size=(round(sizes[0], 2), round(sizes[1], 2), round(sizes[2], 2)),
-            pace=min(max(plan.pace + float(rng.normal(0.0, 0.05)), 1.0), 1.6), patience=plan.patience,
-            slot=slot, beyond=beyond, goal=beyond + plan.off, place=np.round(place, 6),
-            heading=_direction((slot - place + 1e-3) @ self._axes[plan.crossing]),
+            number=self._made, group=self._groups, crossing=crossing, direction=way.direction,
+            size=(round(sizes[0], 2), round(sizes[1], 2), round(sizes[2], 2)), pace=own, patience=patience,
+            slot=way.slot(k), beyond=way.beyond(k), departure=way.departure(k)[1:], place=np.round(place, 6),
+            ahead=ahead, stage=stage, velocity=np.round(own * course, 6) + 0.0,
+            heading=_direction(course @ self._axes[crossing]),
         )  # fmt: skip
 
     def _advance(self, dt: float, free: Callable[[Walk], bool]) -> None:
         """Moves everybody on to the next stage; a group steps on the road together."""
         for p in self.people:
-            if p.stage == ARRIVING and np.hypot(*(p.slot - p.place)) < 0.7:
+            if len(p.ahead) > 1 and _left(p) < _CORNER:
+                p.ahead = p.ahead[1:]
+            if p.stage == ARRIVING and len(p.ahead) == 1 and _left(p) < (_QUEUED if _stands(p) else _NEAR):
                 p.stage = WAITING
             elif p.stage == WAITING:
                 p.waited += dt
-            elif p.stage == CROSSING and (p.beyond[0] - p.place[0]) * p.direction < 0.3:
-                p.stage = LEAVING
+            elif p.stage == CROSSING and (p.beyond[0] - p.place[0]) * p.direction < 0.2:
+                p.stage, p.ahead = LEAVING, p.departure
         groups = sorted({p.group for p in self.people if p.stage == WAITING})
         for group in groups:
             members = [p for p in self.people if p.group == group]
@@ -166,28 +158,41 @@ class Crowd:
                 for p in members:
                     p.stage = CROSSING
 
-    def _target(self, person: Person) -> Floats:
-        return (person.slot, person.slot, person.beyond, person.goal)[person.stage]
-
-    def _move(self, dt: float, vehicles: Floats) -> None:
+    def _move(self, dt: float, vehicles: Floats, pavement: Pavement) -> None:
         if not self.people:
             return
         place, velocity = self.xy()
         axes = np.array([self._axes[p.crossing] for p in self.people])
         origin = np.array([self._crossings[p.crossing].origin for p in self.people])
-        target = np.array([self._target(p) for p in self.people])
-        goal = origin + np.einsum("ni,nij->nj", target, axes)
+        goal = origin + np.einsum("ni,nij->nj", np.array([_target(p) for p in self.people]), axes)
         pace = np.array([p.pace for p in self.people])
         group = np.array([p.group for p in self.people])
-        new = velocity + dt * social_force(place, velocity, goal - place, pace, group)
-        speed = np.hypot(new[:, 0], new[:, 1])
-        new *= np.minimum(1.0, 1.25 * pace / np.maximum(speed, 1e-9))[:, None]
-        moved = kept_out(place, kept_apart(place + dt * new), vehicles)
+        beside = np.array([p.stage != CROSSING for p in self.people])
+        new = shortened(velocity + dt * social_force(place, velocity, goal - place, pace, group), 1.25 * pace)
+        new = slowed_at_kerb(place, eased(place, new, vehicles, dt), pavement, beside)
+        new = velocity + shortened(new - velocity, _HARDEST * dt)
+        moved = kept_off_road(kept_apart(place + dt * new), pavement, beside)
+        moved = kept_out(place, moved, vehicles)
         new = (moved - place) / dt
         for k, p in enumerate(self.people):
             p.place = np.round(axes[k] @ (moved[k] - origin[k]), 6) + 0.0
             p.velocity = np.round(axes[k] @ new[k], 6) + 0.0
             p.heading = _turned(p.heading, new[k], goal[k] - moved[k], p.stage)
+
+
+def _target(person: Person) -> Floats:
+    if person.stage == CROSSING:
+        return person.beyond
+    return person.slot if person.stage == WAITING else person.ahead[0]
+
+
+def _left(person: Person) -> float:
+    """Metres to the next point of the way."""
+    return float(np.hypot(*(person.ahead[0] - person.place)))
+
+
+def _stands(person: Person) -> bool:
+    return bool(np.hypot(*person.velocity) < 0.3)
 
 
 def _direction(vector: Floats) -> float:

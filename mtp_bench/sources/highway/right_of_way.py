@@ -23,6 +23,7 @@ _ASK_TIME = 2.0  # s
 _AFTER, _BEFORE = 0.6, 0.5  # s between two vehicles at a shared stretch
 _KEEP = 0.2  # s, what is left of it before somebody with the right waits after all
 _PATIENCE = 6.0  # s, then nobody else may go in front
+_COURTESY = 10.0  # s, then people who have just come to a crossing let a vehicle go first
 _BESIDE = 1.7  # m from the middle of a vehicle's way to a pedestrian who is out of it
 _ON_FOOT = 1.0  # s between a vehicle and a pedestrian
 _OVERSHOT = 3.0  # m: who stopped this far behind the line still waits
@@ -37,6 +38,7 @@ class Walk:
     across: float  # m along the crossing's axis
     direction: float  # +1 or -1
     speed: float
+    patient: bool = False  # lets a vehicle go first that has waited long
 
 
 @dataclass
@@ -59,6 +61,7 @@ class RightOfWay:
     _granted: dict[int, list[tuple[int, Zone]]] = field(default_factory=dict)  # whom to let go first, and where
     _asked: dict[int, float] = field(default_factory=dict)  # time
     _seen: dict[int, _Vehicle] = field(default_factory=dict)
+    _wanted: list[int] = field(default_factory=list)  # crossings that a vehicle has waited for long enough
 
     def update(self, state: State, ahead: Leaders, walks: list[Walk], claimed: set[int], time: float) -> Floats:
         """Free metres ``[N]`` from everybody's bumper to where it must wait; inf: it need not.
@@ -82,6 +85,8 @@ class RightOfWay:
 
     def free_to_walk(self, walk: Walk) -> bool:
         """Whether somebody may step on a crossing: nobody with the right to pass comes in that time."""
+        if walk.patient and walk.crossing in self._wanted:
+            return False
         for number in self._granted:
             me = self._seen[number]
             for stripe in self.passages[me.route].stripes:
@@ -130,6 +135,7 @@ class RightOfWay:
             if self.passages[me.route].line - me.front < _ASK + _ASK_TIME * me.speed:
                 self._asked.setdefault(number, time)
         impatient: list[int] = []  # routes
+        self._wanted = []
         for since, number in sorted((self._asked[n], n) for n in waiting if n in self._asked):
             me = self._seen[number]
             if any(route in self.passages[me.route].zones for route in impatient):
@@ -140,8 +146,11 @@ class RightOfWay:
                 self._granted[number] = yields
                 for other, zone in before:
                     self._granted[other].append((number, zone))
-            elif time - since > _PATIENCE:
+                continue
+            if time - since > _PATIENCE:
                 impatient.append(me.route)
+            if time - since > _COURTESY:
+                self._wanted += [stripe.crossing for stripe in self.passages[me.route].stripes]
 
     def _order(
         self, me: _Vehicle, walks: list[Walk], claimed: set[int]

@@ -102,7 +102,7 @@ class _Attempt:
         self._traffic = traffic
         self._map, routes, _ = places = _town(traffic.scenario, traffic.seconds)
         entries, people, self._rng, drivers = (np.random.default_rng([seed, attempt, kind]) for kind in range(4))
-        self._crowd = Crowd(self._map.crossings, traffic.pedestrians, people)
+        self._crowd = Crowd(self._map.crossings, self._map.pavement, traffic.pedestrians, people)
         self._drivers: _Drivers = (
             IDMTraffic(self._map, routes, drivers) if traffic.drivers == "idm" else _Cooperative(*places, self._crowd)
         )
@@ -144,7 +144,8 @@ class _Cooperative:
     def step(self, step: int, vehicle_boxes: Floats) -> list[Driver]:
         state = observe(self.road.vehicles, self._map, self._routes, *self._crowd.xy())
         acceleration = self._acceleration(state, step)
-        angle = steering(state, self._map.geometry, self._routes)
+        before = np.array([vehicle.command[0] for vehicle in state.vehicles])
+        angle = steering(state, self._map.geometry, self._routes, before, 1.0 / RATE)
         for vehicle, turn, gas in zip(state.vehicles, angle.tolist(), acceleration.tolist(), strict=True):
             vehicle.order(turn, gas)
         self.road.act()

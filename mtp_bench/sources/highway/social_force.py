@@ -18,8 +18,11 @@ _BLIND = 0.35  # share of the push from somebody behind
 _FRIEND = 0.3  # share of the push from somebody of the same group
 _PULL, _TOGETHER = 0.5, 1.3  # 1/s2 towards the middle of a group that is farther away than this, m
 _SLOWING = 0.8  # s, who is nearer to the goal slows down
-_FROM_BOX = 0.55  # m to the outline of a vehicle that nobody steps into
+_FROM_BOX = 0.42  # m to the outline of a vehicle that nobody steps into
+_ROOM = 0.65  # m to it where people come to a stop
 _TINY = 1e-9
+_EASY = 2.5  # m/s2, how people slow down before each other and before vehicles
+_STRONGEST = 3.0  # m/s2 of force
 
 
 def social_force(place: Floats, velocity: Floats, to_goal: Floats, pace: Floats, group: Ints) -> Floats:
@@ -36,7 +39,15 @@ def social_force(place: Floats, velocity: Floats, to_goal: Floats, pace: Floats,
     strength = _PUSH * np.exp((APART - gap) / _RANGE) * (gap < _SIGHT) * np.where(friends, _FRIEND, 1.0)
     strength *= _BLIND + (1 - _BLIND) * (1 + facing) / 2
     push: Floats = (strength[..., None] * unit).sum(axis=1)
-    return (wanted - velocity) / _RELAX + push + _pull(between, friends)
+    force: Floats = (wanted - velocity) / _RELAX + push + _pull(between, friends)
+    return shortened(force, _STRONGEST)
+
+
+def shortened(vector: Floats, most: Floats | float) -> Floats:
+    """Vectors ``[M, 2]`` that are no longer than ``most``."""
+    length = np.hypot(vector[:, 0], vector[:, 1])
+    short: Floats = vector * np.minimum(1.0, most / np.maximum(length, _TINY))[:, None]
+    return short
 
 
 def _pull(between: Floats, friends: Bools) -> Floats:
@@ -45,6 +56,30 @@ def _pull(between: Floats, friends: Bools) -> Floats:
     away = np.hypot(to_middle[:, 0], to_middle[:, 1]) > _TOGETHER
     pull: Floats = to_middle * np.where(away, _PULL, 0.0)[:, None]
     return pull
+
+
+def eased(place: Floats, velocity: Floats, vehicles: Floats, dt: float) -> Floats:
+    """Velocities ``[M, 2]`` at which people can stop before they meet anybody or a vehicle (boxes ``[N, 7]``)."""
+    between = place[:, None] - place
+    gap = np.hypot(between[..., 0], between[..., 1])
+    np.fill_diagonal(gap, np.inf)
+    unit = between / np.where(np.isinf(gap), 1.0, np.maximum(gap, _TINY))[..., None]
+    mine = -(velocity[:, None, :] * unit).sum(axis=2)  # how fast I come
+    theirs = mine.T
+    allowed = np.sqrt(2.0 * _EASY * np.maximum(np.where(np.isinf(gap), 0.0, gap) - APART, 0.0))
+    excess = np.maximum(mine + theirs - allowed, 0.0)
+    excess *= np.maximum(mine, 0.0) / np.maximum(np.maximum(mine, 0.0) + np.maximum(theirs, 0.0), _TINY)
+    worst = np.argmax(excess, axis=1)
+    rows = np.arange(len(place))
+    velocity = velocity + excess[rows, worst, None] * unit[rows, worst]
+    if len(vehicles) == 0:
+        return velocity
+    before = _clearance(place, vehicles)
+    coming = (before - _clearance(place + dt * velocity, vehicles)) / dt
+    allowed = np.sqrt(2.0 * _EASY * np.maximum(before - _ROOM, 0.0))
+    share = np.where(coming > allowed, allowed / np.maximum(coming, _TINY), 1.0).min(axis=1)
+    slowed: Floats = velocity * share[:, None]
+    return slowed
 
 
 def kept_apart(place: Floats) -> Floats:

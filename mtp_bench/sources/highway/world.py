@@ -25,7 +25,7 @@ class Traffic:
     sensor: SensorName  # "ego": on a vehicle of the traffic; "roadside": at a fixed place beside the road
     seconds: float  # recorded time, after the warm-up
     vehicles: int  # aimed at on the road at any time, the ego among them
-    pedestrians: int  # aimed at on the crossings at any time
+    pedestrians: int  # aimed at on the map at any time
     drivers: DriversName = "cooperative"  # "idm": highway-env's own IDM and MOBIL, which know no right of way
 
 
