@@ -19,6 +19,7 @@ from ._card_sections import KittiSource as KittiSource
 from ._card_sections import Source as Source
 from ._strict import Section, read_toml, validate
 from .detector import load_profile, profile_names
+from .detector.profile import MODEL
 from .errors import CardError, MtpBenchError, UnknownNameError, nearest
 
 VARIANTS = ("iid", "hard")  # of a card's own simulated detector
@@ -71,6 +72,7 @@ class Card(Section):
         content = self.model_dump(mode="json", exclude_none=True)
         if self.detector is not None:
             content["detector"]["noise"] = self.detector.resolved.model_dump(mode="json", exclude_none=True)
+            content["detector"]["model"] = MODEL
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
