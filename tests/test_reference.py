@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card
+from mtp_bench.env import MTPEnv
 from mtp_bench.errors import UnknownNameError
 from mtp_bench.runner import run_jobs
 from mtp_bench.scoring import read_reference, score_scene, write_reference
@@ -194,3 +195,14 @@ def test_the_reference_still_has_the_frozen_events(env_id: str, data_root: Path)
     reference = find_reference(card, run_jobs(jobs, 1, score_scene))
     assert reference.frozen
     assert reference.differing == 0
+
+
+@pytest.mark.parametrize("env_id", ["MTP-Intersection-v0", "MTP-Roundabout-v0", "MTP-Merge-v0", "MTP-Highway-v0"])
+def test_the_reference_still_has_the_frozen_events_of_simulated_traffic(env_id: str) -> None:
+    """Traffic, detector and tracker together: a change of any of them needs a new version or new frozen files."""
+    card = load_card(env_id)
+    jobs = jobs_of(load_submission(card.reference), env_id, {}, MTPEnv(env_id).scene_names[:1])
+    scores = run_jobs(jobs, 1, score_scene)
+    assert sum(len(kind) for kind in scores[0].events.values()) > 0
+    reference = find_reference(card, scores)
+    assert (reference.frozen, reference.differing) == (True, 0)
