@@ -141,7 +141,7 @@ def show(rows: list[dict[str, Any]], title: str) -> None:
         table.add_column(column.replace("_", " "), justify="right")
     for row in rows:
         table.add_row(*(f"{value:.2f}" if isinstance(value, float) else str(value) for value in row.values()))
-    Console().print(table)
+    Console(width=120).print(table)
 
 
 def main() -> None:
