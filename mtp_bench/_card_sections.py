@@ -86,10 +86,16 @@ class HighwaySource(Section):
 Source = Annotated[KittiSource | HighwaySource, Field(discriminator="name")]
 
 
+def _name(profile: str) -> str:
+    if profile.endswith(".toml"):  # a card would mean another file in another folder
+        raise ValueError("expected the name of a shipped profile; a file's content belongs into [detector.noise]")
+    return profile
+
+
 class DetectorSection(Section):
     """A simulated detector in place of stored detections: a shipped profile by name, or ``noise`` of one's own."""
 
-    profile: str | None = None
+    profile: Annotated[str, AfterValidator(_name)] | None = None
     noise: Profile | None = None
     variant: Variant = "as_fitted"
     reach: Annotated[float, Field(gt=0)] = 80.0  # m

@@ -204,7 +204,9 @@ def fit_noise(
     name: Annotated[
         str | None, typer.Option("--name", help="Name of the profile; agents go by the part before its first hyphen.")
     ] = None,
-    reach: Annotated[float | None, typer.Option("--reach", min=1, help="How far the detector sees, metres.")] = None,
+    reach: Annotated[
+        float | None, typer.Option("--reach", min=1, max=1000, help="How far the detector sees, metres.")
+    ] = None,
     field_of_view: Annotated[
         float | None, typer.Option("--field-of-view", min=1, max=360, help="Degrees around the heading.")
     ] = None,

@@ -108,6 +108,7 @@ WRONG: dict[str, tuple[str, object, str]] = {
     "misspelt key": ("source.vehicle", 3, "unknown key 'source.vehicle': did you mean 'vehicles'?"),
     "misspelt key of the detector": ("detector.profil", "x", "unknown key 'detector.profil': did you mean 'profile'?"),
     "no such profile": ("detector.profile", "megvii", "card.toml: unknown detector profile 'megvii'"),
+    "a file as profile": ("detector.profile", "mine.toml", "belongs into [detector.noise]"),
     "an older generator": (
         "source.generator",
         0,
@@ -179,5 +180,9 @@ def test_a_simulated_detector_on_recorded_logs() -> None:
 
 def test_a_profile_from_a_file(tmp_path: Path) -> None:
     card = load_card("MTP-Roundabout-v0")
+    section = tmp_path / "section.toml"
+    section.write_text('[detector]\nprofile = "clean"\n')
+    with pytest.raises(CardError, match=r"section\.toml: its \[detector\] has no \[detector\.noise\]"):
+        card.with_detector(str(section))
     with pytest.raises(CardError, match=r"mine\.toml: cannot be read"):
         card.with_detector(str(tmp_path / "mine.toml"))

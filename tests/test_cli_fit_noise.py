@@ -78,6 +78,8 @@ def test_a_fitted_file_is_a_detector(cli: CommandLine, tmp_path: Path) -> None:
 
 WRONG = {
     "score": (("--min-score", "high"), "--min-score is 'high', expected a number or class=number"),
+    "score without end": (("--min-score", "car=inf"), "--min-score is 'car=inf', expected a number or class=number"),
+    "score that is none": (("--min-score", "nan"), "--min-score is 'nan', expected a number or class=number"),
     "class": (("--min-score", "kar=0.3"), "unknown class of --min-score 'kar': did you mean 'car'?"),
     "alike": (("--alike", "bus=kar"), "unknown fitted class of --alike 'kar': did you mean 'car'?"),
     "class that is alike": (("--alike", "van=car"), "unknown class of --alike 'van'"),

@@ -175,12 +175,14 @@ def load_profile(name: str) -> Profile:
 def _shipped(name: str) -> Profile:
     """Read and checked once: a card asks for its profile many times."""
     if name not in profile_names():
-        raise UnknownNameError("detector profile", name, profile_names(), "or give the path of a .toml file")
+        raise UnknownNameError("detector profile", name, profile_names())
     return _read(_STORE / f"{name}.toml")
 
 
 def _read(path: Path) -> Profile:
     content = read_toml(path, CardError)
     if isinstance(content.get("detector"), dict):  # a section of a card, as fit-noise writes it
-        content = content["detector"].get("noise", {})
+        if not isinstance(content["detector"].get("noise"), dict):
+            raise CardError(f"{path.name}: its [detector] has no [detector.noise], expected the figures of a profile")
+        content = content["detector"]["noise"]
     return validate(Profile, content, path.name, CardError)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 
@@ -80,6 +81,15 @@ def _loaded(
             progress(name)
 
 
+def _number(text: str) -> float | None:
+    """The finite number that ``text`` is, if it is one."""
+    try:
+        number = float(text)
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None
+
+
 def _alike(texts: Sequence[str], card: Card, profile: Profile) -> dict[str, str]:
     """Class of the card and fitted class of each ``--alike`` option."""
     alike: dict[str, str] = {}
@@ -101,9 +111,8 @@ def _floor(texts: Sequence[str], card: Card) -> dict[str, float] | None:
         name, _, value = text.rpartition("=")
         if name and name not in card.task.classes:
             raise UnknownNameError("class of --min-score", name, card.task.classes)
-        try:
-            number = float(value)
-        except ValueError:
-            raise MtpBenchError(f"--min-score is {text!r}, expected a number or class=number") from None
+        number = _number(value)
+        if number is None:
+            raise MtpBenchError(f"--min-score is {text!r}, expected a number or class=number")
         floor |= {name: number} if name else dict.fromkeys(card.task.classes, number)
     return floor or None
