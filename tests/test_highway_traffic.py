@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
-from shapely import STRtree
-from shapely.geometry import Polygon
 
 from mtp_bench.errors import DataError
-from mtp_bench.geometry import bev_corners, wrap_angle
+from mtp_bench.geometry import wrap_angle
 from mtp_bench.sources.highway import simulate
 from mtp_bench.sources.highway.overlap import overlapping
 from mtp_bench.sources.highway.simulate import simulate_world
 from mtp_bench.sources.highway.world import CLASSES, RATE, Traffic, World
 from mtp_bench.types import Floats
+
+from .highway_worlds import digest, digests_elsewhere, touching
 
 CASES = {
     "intersection": Traffic("intersection", "roadside", 6.0, 20, 8),
@@ -42,13 +37,6 @@ def tracks(world: World) -> Iterator[tuple[int, Floats, Floats]]:
     for number in np.unique(truth.object_id):
         own = truth.object_id == number
         yield int(truth.class_id[own][0]), truth.box[own], truth.velocity[own]
-
-
-def digest(world: World) -> str:
-    truth = world.truth
-    arrays = [world.time, world.ego, truth.start, truth.box, truth.velocity, truth.class_id, truth.object_id]
-    arrays += [line for lane in world.lanes for line in (lane.center, lane.left, lane.right)]
-    return hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -74,10 +62,7 @@ def test_shape_of_a_world(worlds: dict[str, World], name: str) -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_nobody_touches_anybody(worlds: dict[str, World], name: str) -> None:
     truth = worlds[name].truth
-    for t in range(0, len(truth.start) - 1, 3):
-        shapes = [Polygon(corners) for corners in bev_corners(truth.box[truth.rows(t)])]
-        a, b = STRtree(shapes).query(shapes, predicate="intersects")
-        assert (a == b).all()
+    assert touching(truth, 3) == 0
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -200,20 +185,8 @@ def test_seeds_differ() -> None:
 
 
 def test_same_world_in_another_process(worlds: dict[str, World]) -> None:
-    code = (
-        "from tests.test_highway_traffic import CASES, digest, simulate_world\n"
-        "for name in ('intersection', 'merge'): print(digest(simulate_world(CASES[name], 3)))"
-    )
-    environment = {**os.environ, "PYTHONHASHSEED": "77"}
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=Path(__file__).parents[1],
-    )
-    assert done.stdout.split() == [digest(worlds["intersection"]), digest(worlds["merge"])]
+    names = ["intersection", "merge"]
+    assert digests_elsewhere("test_highway_traffic", names, 3) == [digest(worlds[name]) for name in names]
 
 
 def test_rejected_attempts_are_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
