@@ -83,7 +83,46 @@ class HighwaySource(Section):
         return drivers
 
 
-Source = Annotated[KittiSource | HighwaySource, Field(discriminator="name")]
+class NuScenesSource(Section):
+    """nuScenes logs (official v1.0 tables) with stored detections in the official submission form."""
+
+    name: Literal["nuscenes"]
+    version: Annotated[str, Field(pattern=r"^v1\.0-[A-Za-z0-9_.-]+$")] = "v1.0-trainval"  # folder of the tables
+    detector: Annotated[str, Field(min_length=1)] = "megvii"  # detections/<detector>*.json
+    detections_sha256: str | None = None  # of a file that stands in for the detector's; see Card.with_detections
+    detections_file: Annotated[str | None, Field(exclude=True)] = None  # where that file is: no part of the digest
+    velocity: bool = False  # show the velocities of the detections, where the file has them
+    split: Literal["train", "train_val", "val", "mini_train", "mini_val", "all"] = "val"
+    truth: Literal["targets", "all"] = "all"
+    # "targets": the official prediction split names the targets, and only those objects are known; "all": every box
+
+
+class WildtrackSource(Section):
+    """WILDTRACK: people on a square, seen by seven fixed cameras; real detections of the last 40 frames.
+
+    The other frames have simulated detections, of the card's ``[detector]``.
+    """
+
+    name: Literal["wildtrack"]
+    detector: Literal["mvdet"] | None = "mvdet"  # None: simulated detections everywhere
+    split: Literal["train", "val", "test"] = "val"
+
+
+class Mot3dSource(Section):
+    """3DMOT2015: people on the ground plane, seen by a fixed camera, with stored detections."""
+
+    name: Literal["mot3d"]
+    sequence: Literal["PETS09-S2L1", "TUD-Stadtmitte"]
+    detector: Literal["acf"] = "acf"  # det/det.txt
+    split: Literal["train", "val"] = "val"
+    stride: Annotated[int, Field(ge=1)] = 1  # keep every n-th frame
+    scene_frames: Annotated[int, Field(ge=2)] = 140  # kept frames per scene, the last scene may have fewer
+    train_scenes: Annotated[int, Field(ge=0)] = 2  # the first ones are for training, the others are "val"
+
+
+Source = Annotated[
+    KittiSource | NuScenesSource | WildtrackSource | Mot3dSource | HighwaySource, Field(discriminator="name")
+]
 
 
 def _name(profile: str) -> str:
@@ -100,6 +139,8 @@ class DetectorSection(Section):
     variant: Variant = "as_fitted"
     reach: Annotated[float, Field(gt=0)] = 80.0  # m
     field_of_view: Annotated[float, Field(gt=0, le=360)] = 90.0  # degrees, centred on the ego's heading
+    area: Annotated[tuple[float, float, float, float] | None, Field(strict=False)] = None
+    # m: least x and y, largest x and y of false positives; without it they are anywhere within reach
     seed: Annotated[int, Field(ge=0)] = 0  # of the noise
 
     @property

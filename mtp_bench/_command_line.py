@@ -20,10 +20,19 @@ JsonOption = Annotated[Path | None, typer.Option("--json", help="Write the table
 EnvOption = Annotated[str, typer.Option("--env", help="Environment id; `mtp-bench envs` lists them.")]
 JobsOption = Annotated[int, typer.Option("--jobs", min=0, help="Processes; 0 takes one per core.")]
 ScenesOption = Annotated[int | None, typer.Option("--scenes", min=1, help="Only the first N scenes.")]
-SplitOption = Annotated[str | None, typer.Option("--split", help="Another split of the environment: train, val, test.")]
+SplitOption = Annotated[
+    str | None, typer.Option("--split", help="Another split of the environment, such as train or val.")
+]
 DetectorOption = Annotated[
     str | None,
-    typer.Option("--detector", help="Another simulated detector: a profile, iid, hard or a .toml file of a profile."),
+    typer.Option(
+        "--detector",
+        help="Another detector. Simulated: a profile, iid, hard or a .toml file of a profile. "
+        "Stored (nuScenes): the first part of its files' names.",
+    ),
+]
+DetectionsOption = Annotated[
+    str | None, typer.Option("--detections", help="File of stored detections (nuScenes submission form).")
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the run.")]
 
@@ -33,13 +42,13 @@ def given(**options: str | None) -> dict[str, str]:
     return {name: value for name, value in options.items() if value is not None}
 
 
-def generate(env: str, scenes: int | None, jobs: int, changes: dict[str, str]) -> None:
-    """Make the scenes of a simulated environment that are not in the cache yet."""
-    from .submission.reading import generate_scenes
+def prepare(env: str, root: str | None, scenes: int | None, jobs: int, changes: dict[str, str]) -> None:
+    """Make simulated scenes, or the compact copy of tables, that are not in the cache yet."""
+    from .submission.reading import prepare_scenes
     from .viz.terminal import progress_bar
 
-    with progress_bar("generate") as (started, done):
-        generate_scenes(env, changes, scenes, workers(jobs), started, done)
+    with progress_bar("prepare") as (started, done):
+        prepare_scenes(env, changes, root, scenes, workers(jobs), started, done)
 
 
 def fail(text: str) -> None:
@@ -60,10 +69,11 @@ def condition(report: Report) -> str:
 def show_report(report: Report, title: str) -> None:
     """Print the tables of a report."""
     from .viz.tables import displacement_table, error_table, parts_table
-    from .viz.terminal import show_numbers
+    from .viz.terminal import show, show_numbers
 
     for table in (error_table(report, title), displacement_table(report), parts_table(report)):
         show_numbers(table)
+    show(f"detections: {report.condition['detections']}; truth: {report.condition['truth']}")
 
 
 def show_skipped(skipped: Mapping[str, int]) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
@@ -16,11 +17,14 @@ from ._bundle import bundled, card_ids
 from ._card_sections import DetectorSection as DetectorSection
 from ._card_sections import HighwaySource as HighwaySource
 from ._card_sections import KittiSource as KittiSource
+from ._card_sections import Mot3dSource as Mot3dSource
+from ._card_sections import NuScenesSource as NuScenesSource
 from ._card_sections import Source as Source
+from ._card_sections import WildtrackSource as WildtrackSource
 from ._strict import Section, read_toml, validate
 from .detector import load_profile, profile_names
 from .detector.profile import MODEL
-from .errors import CardError, MtpBenchError, UnknownNameError, nearest
+from .errors import CardError, DataError, MtpBenchError, UnknownNameError, nearest
 
 VARIANTS = ("iid", "hard")  # of a card's own simulated detector
 PerClass = dict[str, float]  # a single number in the TOML stands for every class
@@ -81,7 +85,7 @@ class Card(Section):
         """What agents choose their parameters by: the stored detector, or the profile of the simulated one."""
         if self.detector is not None:
             return self.detector.name
-        return self.source.detector if isinstance(self.source, KittiSource) else ""
+        return "" if isinstance(self.source, HighwaySource) else self.source.detector or ""
 
     @property
     def ego_motion(self) -> bool:
@@ -89,10 +93,17 @@ class Card(Section):
         return self.source.ego_motion if isinstance(self.source, KittiSource) else True
 
     @property
+    def has_ego(self) -> bool:
+        """Whether a vehicle carries the sensors; else the ego pose is a fixed place, and distances to it say little."""
+        if isinstance(self.source, HighwaySource):
+            return self.source.sensor == "ego"
+        return not isinstance(self.source, WildtrackSource | Mot3dSource)
+
+    @property
     def velocity(self) -> bool:
         """Whether detections carry a measured velocity."""
         if self.detector is None:
-            return False
+            return isinstance(self.source, NuScenesSource) and self.source.velocity
         noise = self.detector.resolved
         return all(noise.noise(name).velocity is not None for name in self.task.classes)
 
@@ -104,12 +115,14 @@ class Card(Section):
         return self.model_copy(update={"source": self.source.model_copy(update={"split": split})})
 
     def with_detector(self, name: str) -> Card:
-        """The card with another simulated detector, of the same reach.
+        """The card with another simulated detector, of the same reach; on nuScenes also with other stored detections.
 
         ``name``: a shipped profile, the path of a profile (.toml), or "iid" or "hard" for that variant of the card's
-        own profile. Raises UnknownNameError or CardError.
+        own profile; on nuScenes any other name stands for ``detections/<name>*.json``. Raises UnknownNameError or
+        CardError.
         """
-        own = self.detector or DetectorSection()
+        ahead = isinstance(self.source, KittiSource)  # its labels are those of a camera; others look all around
+        own = self.detector or DetectorSection(field_of_view=90.0 if ahead else 360.0)
         if name in VARIANTS:
             if self.detector is None:
                 raise CardError(f"detector {name!r} is a variant of a simulated detector, and {self.id} has none")
@@ -118,16 +131,49 @@ class Card(Section):
             changed = own.model_copy(update={"profile": None, "noise": load_profile(name), "variant": "as_fitted"})
         elif name in profile_names():
             changed = own.model_copy(update={"profile": name, "noise": None, "variant": "as_fitted"})
+        elif isinstance(self.source, NuScenesSource) and self.detector is None:
+            return self.model_copy(update={"source": self.source.model_copy(update={"detector": name})})
         else:
             known = [*profile_names(), *VARIANTS]
             raise UnknownNameError("detector profile", name, known, "or give the path of a .toml file")
-        card = self.model_copy(update={"detector": changed})
+        source = self.source
+        if isinstance(source, WildtrackSource):  # else its stored detections would stay
+            source = source.model_copy(update={"detector": None})
+        card = self.model_copy(update={"detector": changed, "source": source})
         _check_detector(card, self.id)
         return card
+
+    def with_detections(self, file: str | Path) -> Card:
+        """The card with the stored detections of a file of one's own, in the official submission form of nuScenes.
+
+        It stands in for the card's detector, by whose name agents choose their settings: "megvii" becomes
+        "megvii-<file>". The digest holds the content of the file, not its place. Raises CardError where the card's
+        source has no such files, and DataError where the file cannot be read.
+        """
+        if not isinstance(self.source, NuScenesSource) or self.detector is not None:
+            raise CardError(
+                f"{self.id} takes no file of detections: only stored detections of nuScenes can be replaced"
+            )
+        path = Path(file).expanduser().absolute()
+        try:
+            state = path.stat()
+            digest = _file_digest(path, state.st_size, state.st_mtime_ns)
+        except OSError as error:
+            raise DataError(f"detections {path}: {error.strerror}") from None
+        name = f"{self.source.detector}-{path.stem}"
+        changed = {"detector": name, "detections_sha256": digest, "detections_file": str(path)}
+        return self.model_copy(update={"source": self.source.model_copy(update=changed)})
 
     def per_class(self, table: PerClass) -> tuple[float, ...]:
         """Values of a per-class table in the order of ``task.classes``."""
         return tuple(table[name] for name in self.task.classes)
+
+
+@cache
+def _file_digest(path: Path, size: int, changed: int) -> str:
+    """Sha256 of a file in this state: read once per process, for it may hold a gigabyte."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def load_card(name: str | Path) -> Card:
@@ -158,11 +204,15 @@ def parse_card(content: dict[str, Any], where: str = "card", stem: str | None = 
     return card
 
 
-def changed_card(card: Card, split: str | None = None, detector: str | None = None) -> Card:
-    """``card`` on another split or with another simulated detector, where one is named."""
+def changed_card(
+    card: Card, split: str | None = None, detector: str | None = None, detection_file: str | None = None
+) -> Card:
+    """``card`` on another split, with another detector or with the detections of a file, where one is named."""
     if split is not None:
         card = card.with_split(split)
-    return card if detector is None else card.with_detector(detector)
+    if detector is not None:
+        card = card.with_detector(detector)
+    return card if detection_file is None else card.with_detections(detection_file)
 
 
 def _spread_scalars(content: dict[str, Any]) -> dict[str, Any]:
@@ -209,8 +259,9 @@ def _check_classes(card: Card, where: str) -> None:
 def _check_detector(card: Card, where: str) -> None:
     """A simulated source needs a simulated detector, which must know every class."""
     if card.detector is None:
-        if isinstance(card.source, HighwaySource):
-            raise CardError(f"{where}: simulated traffic has no detections: a [detector] section is missing")
+        if isinstance(card.source, HighwaySource | WildtrackSource):
+            what = "simulated traffic" if isinstance(card.source, HighwaySource) else "most of WILDTRACK"
+            raise CardError(f"{where}: {what} has no detections: a [detector] section is missing")
         return
     try:
         noise = card.detector.resolved

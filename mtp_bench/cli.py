@@ -11,6 +11,7 @@ import typer
 
 from ._command_line import (
     DataOption,
+    DetectionsOption,
     DetectorOption,
     EnvOption,
     JobsOption,
@@ -21,8 +22,8 @@ from ._command_line import (
     condition,
     count,
     fail,
-    generate,
     given,
+    prepare,
     require_writable,
     show_report,
     show_skipped,
@@ -57,19 +58,25 @@ def data(
     env: Annotated[str | None, typer.Option("--env", help="Only this environment.")] = None,
     root: DataOption = None,
     json_file: JsonOption = None,
+    split: SplitOption = None,
 ) -> None:
-    """Show which data is found, what is missing and how to get it."""
+    """Show which data is found, what is missing and how to get it.
+
+    Status 1 for broken files; with --env also for data that is not there.
+    """
     from ._bundle import card_ids
-    from .cards import load_card
+    from .cards import changed_card, load_card
     from .submission.reading import read_status
     from .viz.listings import data_report, status_json
     from .viz.terminal import show
 
-    cards = [load_card(env_id) for env_id in ([env] if env else card_ids())]
+    if split is not None and env is None:
+        raise typer.BadParameter("the splits of environments differ: name one with --env", param_hint="--split")
+    cards = [changed_card(load_card(env_id), split) for env_id in ([env] if env else card_ids())]
     statuses = {card.id: read_status(card, root) for card in cards}
     write_json(json_file, {env_id: status_json(status) for env_id, status in statuses.items()})
     show(data_report(statuses))
-    lacking = [env_id for env_id, status in statuses.items() if not status.usable]
+    lacking = [env_id for env_id, status in statuses.items() if status.problems or (env and not status.usable)]
     if lacking:
         raise MtpBenchError(f"data is missing or broken for {', '.join(lacking)}: the listing says what and why")
 
@@ -85,13 +92,14 @@ def run(
     seed: SeedOption = 0,
     split: SplitOption = None,
     detector: DetectorOption = None,
+    detections: DetectionsOption = None,
 ) -> None:
     """Run an agent and store what it said."""
     from .submission.stored import run_and_store
     from .viz.terminal import progress_bar, show
 
-    changes = given(split=split, detector=detector)
-    generate(env, scenes, jobs, changes)
+    changes = given(split=split, detector=detector, detection_file=detections)
+    prepare(env, root, scenes, jobs, changes)
     with progress_bar(agent) as (started, done):
         stored = run_and_store(agent, env, output, root, scenes, workers(jobs), seed, started, done, changes)
     show_skipped(stored.skipped)
@@ -133,6 +141,7 @@ def compare(
     ] = None,
     split: SplitOption = None,
     detector: DetectorOption = None,
+    detections: DetectionsOption = None,
     json_file: JsonOption = None,
 ) -> None:
     """Run agents side by side, with true pasts and the controls beside them, and print the comparison."""
@@ -141,8 +150,8 @@ def compare(
     from .viz.terminal import progress_bar, show
 
     require_writable(json_file)
-    changes = given(split=split, detector=detector)
-    generate(env, scenes, jobs, changes)
+    changes = given(split=split, detector=detector, detection_file=detections)
+    prepare(env, root, scenes, jobs, changes)
     keywords = {**given(data=root), **changes}
     with progress_bar("compare") as (started, done):
         result = run_comparison(agents, env, keywords, scenes, range(seeds), workers(jobs), started, done, reference)
@@ -167,10 +176,12 @@ def train(
     ] = "detections",
     scenes: ScenesOption = None,
     jobs: JobsOption = 0,
+    split: SplitOption = None,
     detector: DetectorOption = None,
+    detections: DetectionsOption = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Write here instead of printing.")] = None,
 ) -> None:
-    """Fit the parameters of a baseline on the training split of an environment."""
+    """Fit the parameters of a baseline on the training split of an environment (or another)."""
     from .submission.files import write_text
     from .submission.training import KINDS, fit_motion_noise
     from .viz.terminal import progress_bar
@@ -178,9 +189,10 @@ def train(
     require_writable(output)
     if what not in KINDS:
         raise typer.BadParameter(f"{what!r} cannot be fitted, expected one of: {', '.join(KINDS)}", param_hint="WHAT")
-    generate(env, scenes, jobs, {**given(detector=detector), "split": "train"})
+    changes = {"split": "train", **given(split=split, detector=detector, detection_file=detections)}
+    prepare(env, root, scenes, jobs, changes)
     with progress_bar("read") as (started, done):
-        text = fit_motion_noise(env, root, observe, started, done, scenes, detector)
+        text = fit_motion_noise(env, root, observe, started, done, scenes, changes)
     if output is None:
         sys.stdout.write(text)
     else:
@@ -194,6 +206,7 @@ def fit_noise(
     scenes: ScenesOption = None,
     split: SplitOption = None,
     detector: DetectorOption = None,
+    detections: DetectionsOption = None,
     min_score: Annotated[
         list[str] | None, typer.Option("--min-score", help="Operating point: a number, or class=number; repeatable.")
     ] = None,
@@ -218,8 +231,8 @@ def fit_noise(
     from .viz.terminal import progress_bar
 
     require_writable(output)
-    changes = given(split=split, detector=detector)
-    generate(env, scenes, 0, changes)
+    changes = given(split=split, detector=detector, detection_file=detections)
+    prepare(env, root, scenes, 0, changes)
     with progress_bar("read") as (started, done):
         text = fit(env, root, scenes, changes, min_score or (), alike or (), name, reach, field_of_view, started, done)
     if output is None:
@@ -234,7 +247,7 @@ def freeze(env: EnvOption, root: DataOption = None, jobs: JobsOption = 0) -> Non
     from .submission.reference import freeze as write
     from .viz.terminal import progress_bar, show
 
-    generate(env, None, jobs, {})
+    prepare(env, root, None, jobs, {})
     with progress_bar("freeze") as (started, done):
         path, counts = write(env, root, workers(jobs), started, done)
     show(f"{path}: {counts}")

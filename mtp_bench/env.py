@@ -58,7 +58,8 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
     place of the card's; more ``samples`` than the card's belong to unranked runs. ``scenes``: names to choose from.
     ``evaluation``: the reward is 0 and nothing that is returned derives from the truth. ``rigid_motion``: the local
     frame of every episode is turned and shifted at random. ``split``: another split of the card's source.
-    ``detector``: another simulated detector on the true boxes (`Card.with_detector`). ``fresh_noise``: the noise of a
+    ``detector``: another detector, simulated on the true boxes or stored (`Card.with_detector`). ``detection_file``:
+    stored detections of one's own (`Card.with_detections`). ``fresh_noise``: the noise of a
     simulated detector is drawn anew in every episode, for training; else a scene always has the same detections.
 
     Raises UnknownNameError, DataError or CardError (all MtpBenchError) for a wrong argument or missing data.
@@ -82,6 +83,7 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
         split: str | None = None,
         detector: str | None = None,
         fresh_noise: bool = False,
+        detection_file: str | None = None,
         render_mode: str | None = None,
     ) -> None:
         if observe not in OBSERVE:
@@ -89,7 +91,7 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise UnknownNameError("render mode", str(render_mode), RENDER_MODES)
         self.render_mode = render_mode
-        self.card = changed_card(load_card(card), split, detector)
+        self.card = changed_card(load_card(card), split, detector, detection_file)
         sizes = {
             "samples": size("samples", samples, self.card.task.samples),
             "tracks": size("tracks", tracks, self.card.size.tracks),

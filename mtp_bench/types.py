@@ -30,7 +30,7 @@ class Truth:
     velocity: Floats  # [R, 2] m/s, NaN where unknown
     class_id: Ints  # [R] index into the task's classes
     object_id: Ints  # [R] unique per object within the scene
-    eligible: Bools  # [R] may be a prediction target (it still needs P past and T future frames)
+    eligible: Bools  # [R] may be a prediction target; it needs P past and T future frames (`Scene.listed_targets`)
     neutral: Bools  # [R] beside the evaluated classes (KITTI: a van for "car"): matching it is neither right nor wrong
 
     def rows(self, t: int) -> slice:
@@ -73,7 +73,9 @@ class Scene:
     truth: Truth
     detections: Detections
     truth_complete: bool = True  # False: objects outside the truth exist, so an unmatched forecast is not spurious
-    detector: str = ""  # what made the detections, in words; simulated ones say so
+    listed_targets: bool = False  # True: ``truth.eligible`` is an official list, whose targets need no P past frames
+    detector: str = ""  # what made the detections, in words; simulated ones say so; empty: there are none
+    simulated: bool = False  # True: the detections are simulated
     visible: Floats | None = None  # [R] share of each true box in line of sight, 0 to 1; None where it is not known
     skipped: dict[str, int] = field(default_factory=dict)  # rows dropped while reading, by reason
     lanes: tuple[Lane, ...] = ()  # the road map, for drawing and training; empty where there is none

@@ -216,7 +216,10 @@ WRONG = {
     "not a number": (put("task.miss_error", float("nan")), "task.miss_error.car: got nan"),
     "negative gate": (put("task.forecast_gate.car", -1.0), "task.forecast_gate.car is -1.0, expected a number above 0"),
     "unknown measure": (put("task.event_gate.measure", "iou"), "'iou_3d' or 'center_distance'"),
-    "unknown source": (put("source.name", "kiti"), "source.name: got 'kiti', expected one of 'kitti', 'highway'"),
+    "unknown source": (
+        put("source.name", "kiti"),
+        "source.name: got 'kiti', expected one of 'kitti', 'nuscenes', 'wildtrack'",
+    ),
     "unknown split": (put("source.split", "test"), "source.split: got 'test': Input should be 'train' or 'val'"),
     "unknown class in a table": (
         put("task.forecast_gate.pedestrain", 1.0),

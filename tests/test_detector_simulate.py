@@ -120,7 +120,7 @@ def test_kinds_of_noise_have_different_streams_for_good() -> None:
     assert len(set(numbers)) == len(numbers)
 
 
-@pytest.mark.parametrize("name", profile_names())
+@pytest.mark.parametrize("name", sorted(set(profile_names()) - {"wildtrack_mvdet"}))  # people only
 def test_the_same_arguments_give_the_same_detections_and_another_seed_others(name: str) -> None:
     truth, ego = _traffic()
     profile = load_profile(name)

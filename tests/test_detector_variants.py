@@ -28,7 +28,7 @@ from tests.detector_scenes import (
     seen_at,
 )
 
-FITTED = sorted(set(profile_names()) - {"clean"})
+FITTED = sorted(set(profile_names()) - {"clean", "wildtrack_mvdet"})  # of vehicles, with a view from one place
 FRAMES, OBJECTS = 150, 200
 
 
@@ -127,7 +127,7 @@ def test_the_variants_of_no_noise_are_no_noise() -> None:
 
 
 def test_the_shipped_profiles_are_those_of_the_documentation() -> None:
-    assert profile_names() == ["clean", "kitti_pointrcnn", "nuscenes_centerpoint", "nuscenes_megvii"]
+    assert profile_names() == ["clean", "kitti_pointrcnn", "nuscenes_centerpoint", "nuscenes_megvii", "wildtrack_mvdet"]
     for name in profile_names():
         assert load_profile(name).name == name
         assert load_profile(name).source

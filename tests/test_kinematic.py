@@ -122,6 +122,15 @@ def test_samples_have_the_mean_and_covariance_of_the_model(class_id: int) -> Non
     assert np.corrcoef((first @ axes)[:, 0], (last @ axes)[:, 0])[0, 1] > 0.8
 
 
+@pytest.mark.parametrize("turning", [False, True])
+def test_a_single_sample_is_the_mean(turning: bool) -> None:
+    tracks = tracks_with_past(arc(speed=3.0, rate=0.2)[None])
+    single, many = predict(tracks, samples=1, turning=turning), predict(tracks, samples=20_000, turning=turning)
+    np.testing.assert_array_equal(single, predict(tracks, samples=1, turning=turning, draw=[7]))
+    spread = many.std(axis=1).max()
+    np.testing.assert_allclose(single[:, 0], many.mean(axis=1), atol=0.05 * spread)
+
+
 def test_equal_windows_and_draws_give_equal_samples() -> None:
     past = np.stack([arc(3.0, 0.2), arc(3.0, 0.2), arc(2.0, 0.0)])
     futures = predict(tracks_with_past(past), leaf=[0, 1, 2, 0, 1], draw=[0, 0, 0, 1, 1])

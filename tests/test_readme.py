@@ -11,7 +11,15 @@ import pytest
 
 from mtp_bench import card_ids, load_card, load_submission
 from mtp_bench._bundle import baseline_names
-from mtp_bench.cards import DetectorSection, HighwaySource, KittiSource, TaskSection
+from mtp_bench.cards import (
+    DetectorSection,
+    HighwaySource,
+    KittiSource,
+    Mot3dSource,
+    NuScenesSource,
+    TaskSection,
+    WildtrackSource,
+)
 
 from .small_scenes import task
 
@@ -114,8 +122,9 @@ def test_the_table_of_baselines_is_complete(repository: Path) -> None:
 def test_the_table_of_card_keys_is_complete(repository: Path) -> None:
     documented = (repository / "envs/README.md").read_text()
     keys = ["id", "summary", "reference", "detector", *(f"task.{key}" for key in TaskSection.model_fields)]
-    sections = (KittiSource, HighwaySource, DetectorSection)
-    keys += [key for section in sections for key in section.model_fields if key != "seeds"]
+    sections = (KittiSource, NuScenesSource, WildtrackSource, Mot3dSource, HighwaySource, DetectorSection)
+    unwritten = ("seeds", "detections_sha256", "detections_file")  # the last two stand for --detections
+    keys += [key for section in sections for key in section.model_fields if key not in unwritten]
     keys += [f"seeds.{split}" for split in ("train", "val", "test")]
     for key in keys:
         assert f"`{key}`" in documented or f"`source.{key}`" in documented, key

@@ -11,10 +11,11 @@ import pytest
 
 from mtp_bench.cards import Card, load_card, parse_card
 from mtp_bench.errors import CardError, DataError, UnknownNameError
-from mtp_bench.sources import describe, generate, open_source
-from mtp_bench.sources.highway.packing import content_hash, pack, unpack
+from mtp_bench.sources import describe, open_source, prepare
+from mtp_bench.sources.cache import VARIABLE, cache_root, content_hash
+from mtp_bench.sources.highway.packing import pack, unpack
 from mtp_bench.sources.highway.source import ever_seen
-from mtp_bench.sources.highway.store import VARIABLE, WorldStore, cache_root
+from mtp_bench.sources.highway.store import WorldStore
 from mtp_bench.sources.highway.world import CLASSES, Traffic, World
 from mtp_bench.types import Floats, Lane, Truth
 
@@ -170,7 +171,7 @@ def test_a_cache_that_cannot_be_written_is_no_reason_to_stop(made: list[int], tm
 def test_many_scenes_are_not_generated_for_nothing(made: list[int], tmp_path: Path) -> None:
     (tmp_path / "cache").write_text("in the way")
     with pytest.raises(DataError, match=r"generated scenes cannot be kept in .* MTP_BENCH_CACHE names another folder"):
-        generate(card())
+        prepare(card())
     assert made == []
 
 
@@ -235,13 +236,13 @@ def test_unknown_names_and_classes_are_errors() -> None:
         open_source(card(rate=3.0))
 
 
-def test_generate_makes_what_is_missing(made: list[int]) -> None:
+def test_preparing_makes_what_is_missing(made: list[int]) -> None:
     WorldStore(open_source_traffic(card())).get(6)
     totals: list[int] = []
     names: list[str] = []
-    generate(card(), 2, started=totals.append, progress=names.append)
+    prepare(card(), scenes=2, started=totals.append, progress=names.append)
     assert (totals, names, made) == ([1], ["intersection-000005"], [6, 5])
-    generate(card(), None, started=totals.append, progress=names.append)
+    prepare(card(), started=totals.append, progress=names.append)
     assert (totals, made) == ([1, 1], [6, 5, 7])
 
 
@@ -261,7 +262,7 @@ def notes(of: Card) -> Sequence[str]:
 def test_the_status_reports_rejected_attempts() -> None:
     assert len(notes(card())) == 1
     assert (describe(card()).checks[0].found, describe(card()).checks[0].expected) == (0, 3)
-    generate(card())
+    prepare(card())
     assert describe(card()).verified
     _, second = notes(card())
     assert "67 % of 9 attempts rejected (crash 3, no_ego 3)" in second

@@ -19,6 +19,7 @@ from .streams import Kind, Streams, Whose, stream
 
 _SIZE_SPREAD = 0.1  # deviation of each side, share of its mean
 _SMALLEST = 0.3  # share of its mean that every side keeps
+_TRIES = 100  # bearings drawn for a phantom until it is inside of the area
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,16 +108,35 @@ def _births(law: FalsePositives, survive: float, frames: int, number: int, seed:
 def _boxes(law: FalsePositives, around: Surroundings, birth: Ints, size: Floats, number: int, seed: int) -> Floats:
     """Boxes ``[B, 7]`` on the ground: distances by the law, evenly over the field of view and all headings."""
     ego = around.ego[birth]
-    uniform = stream(seed, Kind.CLUTTER_PLACE, number).random((len(birth), 2))
-    distance = np.interp(uniform[:, 0], np.linspace(0.0, 1.0, len(law.distance)), law.distance)
-    toward = ego[:, 3] + min(around.sensor.field_of_view, 2 * np.pi) * (uniform[:, 1] - 0.5)
     box = np.empty((len(birth), 7))
-    box[:, 0] = ego[:, 0] + distance * np.cos(toward)
-    box[:, 1] = ego[:, 1] + distance * np.sin(toward)
+    box[:, :2] = _places(law, around.sensor, ego, stream(seed, Kind.CLUTTER_PLACE, number))
     box[:, 3] = wrap_angle(ego[:, 3] + 2 * np.pi * stream(seed, Kind.CLUTTER_HEADING, number).random(len(birth)))
     box[:, 4:] = size
     box[:, 2] = _ground(box[:, :2], birth, around) + size[:, 2] / 2
     return box
+
+
+def _places(law: FalsePositives, sensor: Sensor, ego: Floats, rng: np.random.Generator) -> Floats:
+    """Places ``[B, 2]`` seen from poses ``[B, 4]``; the bearing is drawn anew while the place is off the area."""
+    uniform = rng.random((len(ego), 2))
+    distance = np.interp(uniform[:, 0], np.linspace(0.0, 1.0, len(law.distance)), law.distance)
+    view = min(sensor.field_of_view, 2 * np.pi)
+
+    def seen_at(turn: Floats) -> Floats:
+        toward = ego[:, 3] + view * (turn - 0.5)
+        return np.asarray(ego[:, :2] + distance[:, None] * np.stack([np.cos(toward), np.sin(toward)], axis=-1))
+
+    place, turn = seen_at(uniform[:, 1]), uniform[:, 1]
+    if sensor.area is None:
+        return place
+    low, high = sensor.area[:2], sensor.area[2:]
+    for _ in range(_TRIES):
+        off = ((place < low) | (place > high)).any(axis=1)
+        if not off.any():
+            break
+        turn = np.where(off, rng.random(len(ego)), turn)
+        place = seen_at(turn)
+    return place
 
 
 def _ground(place: Floats, frame: Ints, around: Surroundings) -> Floats:

@@ -21,6 +21,7 @@ class Sensor:
 
     reach: float  # m
     field_of_view: float  # rad, the whole angle; 2 pi or more: all around
+    area: tuple[float, float, float, float] | None = None  # m, least and largest x, y of clutter; None: any
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ _NUMBERS = 7  # standard normal numbers behind one sample: state (4), accelerati
 
 
 class KinematicPredictor:
-    """Samples futures from the state's posterior and a fitted motion noise.
+    """Samples futures from the state's posterior and a fitted motion noise; a single sample is the mean.
 
     ``turning``: False is constant velocity, True adds the turn rate seen in the headings of the past. ``noise``: None
     takes what was fitted to the task's detector. ``past``: frames of history to use, None for all that the task gives.
@@ -54,7 +54,12 @@ class KinematicPredictor:
         return np.asarray(np.moveaxis(start, 0, -1)[:, :, None] + bent)
 
     def _draws(self, draws: int, samples: int) -> Floats:
-        """The same numbers for every agent with this seed, however many draws it takes."""
+        """The same numbers for every agent with this seed, however many draws it takes.
+
+        One sample is the point forecast: all numbers are 0, for a random one would be a worse guess than the mean.
+        """
+        if samples == 1:
+            return np.zeros((draws, 1, _NUMBERS))
         rng = np.random.default_rng([self._task.seed, self._frame])
         return rng.standard_normal((draws, samples, _NUMBERS))
 

@@ -26,7 +26,7 @@ _FIELDS = ("measurement", "jerkiness", "speed", "acceleration", "turn_rate")
 
 
 def condition(task: Task) -> str:
-    """Name of the fit for a task: its domain ("KITTI" of MTP-KITTI-v0), what is observed, and in which frame."""
+    """Name of the fit for a task: its domain ("KITTI" of MTP-KITTI-5Hz-v0), what is observed, and in which frame."""
     return f"{_domain(task.env_id)}-{_observed(task)}-{_frame(task)}"
 
 
@@ -57,12 +57,20 @@ def _likeness(name: str, task: Task) -> int:
     if frame != _frame(task) or (observed == "truth") != (wanted == "truth"):
         return 0
     same_family = observed.split("_")[-1] == wanted.split("_")[-1]
-    return 1 + same_family + 2 * (observed == wanted) + 4 * (domain == _domain(task.env_id))
+    mine = _domain(task.env_id)
+    near = 4 * (domain.split("_")[0] == mine.split("_")[0]) + 2 * (domain == mine)
+    return 1 + same_family + 2 * (observed == wanted) + near
+
+
+_CONDITIONS = ("noego", "5Hz", "k10")  # parts of an id that stand for another task, not for other objects
 
 
 def _domain(env_id: str) -> str:
+    """Domain of an env: "KITTI" of MTP-KITTI-5Hz-v0, "nuScenes_mini" of MTP-nuScenes-mini-v0 (there, cars park)."""
     parts = env_id.split("-")
-    return parts[1] if parts[0] == "MTP" and len(parts) > 2 else parts[0]
+    if parts[0] != "MTP" or len(parts) < 3:
+        return parts[0]
+    return "_".join(part for part in parts[1:-1] if part not in _CONDITIONS)
 
 
 def _observed(task: Task) -> str:

@@ -38,7 +38,7 @@ def details(table: AgentTable, card: Card) -> Row:
         "parts": _parts(table),
         "silence": float(table.miss_error.mean()) if len(table.miss_error) else None,  # what saying nothing scores
         "miss_rate": _ratio((table.covered - table.hit).sum(), table.covered.sum()),
-        "PI_ADE": _planning_aware(table),
+        "PI_ADE": _planning_aware(table) if card.has_ego else None,
         "EPA": _accuracy(table, everything, spurious),
         "AP_f": _average_precision(table, card),
         "spurious_per_frame": _ratio(spurious, frames) if table.complete else None,
@@ -98,10 +98,11 @@ def _average_precision(table: AgentTable, card: Card) -> float | None:
 
 
 def _bins(table: AgentTable, card: Card) -> list[Row]:
-    """Errors by distance to the ego, by class, moving or static."""
+    """Errors by distance to the ego (where there is one), by class, moving or static."""
     bins: list[tuple[str, str, Bools]] = [
         ("distance", f"{low:g}-{high:g} m", (table.distance >= low) & (table.distance < high))
         for low, high in pairwise(DISTANCE_BINS)
+        if card.has_ego
     ]
     bins += [("class", name, table.class_id == c) for c, name in enumerate(card.task.classes)]
     bins += [("motion", "moving", table.moving), ("motion", "static", ~table.moving)]

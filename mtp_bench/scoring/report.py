@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -30,7 +31,7 @@ class Report:
     ranks: list[Row]  # agent, hypotheses, samples, subset, rank (None: shown, never ranked)
     paired: list[Row]  # differences to the controls
     details: list[Row]  # per agent: parts of the error, bins, tracking, own events
-    condition: dict[str, str] = field(default_factory=dict)  # split, detector and card digest
+    condition: dict[str, str] = field(default_factory=dict)  # split, detector, card digest, detections, truth
 
     def to_json(self) -> Row:
         """The content of ``compare --json``: env, definitions and rows."""
@@ -72,8 +73,22 @@ def summarise(
             for subset in SUBSETS
         ],
         details=[details(table, card) for table in tables],
-        condition={"split": card.source.split, "detector": card.detector_name, "card": card.digest},
+        condition=_condition(tables, card),
     )
+
+
+def _condition(tables: Sequence[AgentTable], card: Card) -> dict[str, str]:
+    """What the numbers hold for: the card, what made the detections of how many scenes, and what is known as truth."""
+    scenes = tables[0].given.seeds[0] if tables else ()
+    made = Counter(score.detections for score in scenes)
+    complete = all(table.complete for table in tables)
+    return {
+        "split": card.source.split,
+        "detector": card.detector_name,
+        "card": card.digest,
+        "detections": "; ".join(f"{label} ({n} scene{'' if n == 1 else 's'})" for label, n in sorted(made.items())),
+        "truth": "complete" if complete else "prediction targets only: false positives are not measurable",
+    }
 
 
 def paired_difference(table: AgentTable, other: AgentTable, subset: str) -> Row:

@@ -29,6 +29,7 @@ class SceneScore:
     hypotheses: int  # the most that were stated in a frame
     samples: int  # K
     truth_complete: bool
+    detections: str  # what made them, in words
     classes: tuple[str, ...]
     frame: Ints  # [n]
     object_id: Ints  # [n]
@@ -91,6 +92,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         hypotheses=int(np.isfinite(rollout.hypothesis_log_weight).sum(axis=1).max(initial=0)),
         samples=rollout.forecast.shape[1],
         truth_complete=scene.truth_complete,
+        detections=scene.detector,
         classes=card.task.classes,
         frame=targets.frame,
         object_id=targets.object_id,

@@ -38,10 +38,12 @@ class Targets:
 def find_targets(scene: Scene, card: Card) -> Targets:
     """Targets of ``scene``: eligible, not neutral, with P past frames (the current one included) and T future ones.
 
-    The P + T frames are consecutive. ``moving`` compares the straight displacement over them with the time it took.
+    The P + T frames are consecutive. An official list names its targets itself: they need the T future frames only.
+    ``moving`` compares the straight displacement over these frames with the time it took.
     Raises DataError where an object occurs twice in a frame.
     """
-    truth, past, future = scene.truth, card.task.past, card.task.future
+    truth, future = scene.truth, card.task.future
+    past = 1 if scene.listed_targets else card.task.past
     frame = frame_of_rows(truth.start)
     order = _by_object(truth, frame, scene.name)
     window = past + future

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from ..cards import Card, HighwaySource
+from ..cards import Card, HighwaySource, Mot3dSource, NuScenesSource, WildtrackSource
 from .base import DataCheck as DataCheck
 from .base import DataStatus as DataStatus
 from .base import SceneSource as SceneSource
@@ -24,39 +24,73 @@ def open_source(card: Card, data: str | Path | None = None) -> SceneSource:
 
 
 def _scenes(card: Card, data: str | Path | None) -> SceneSource:
-    if isinstance(card.source, HighwaySource):
-        from .highway.source import HighwayTraffic
+    match card.source:
+        case HighwaySource():
+            from .highway.source import HighwayTraffic
 
-        return HighwayTraffic(card)
-    from .kitti import KittiTracking
+            return HighwayTraffic(card)
+        case NuScenesSource():
+            from .nuscenes.source import NuScenes
 
-    return KittiTracking(card, data)
+            return NuScenes(card, data)
+        case WildtrackSource():
+            from .wildtrack import Wildtrack
+
+            return Wildtrack(card, data)
+        case Mot3dSource():
+            from .mot3d import Mot3d
+
+            return Mot3d(card, data)
+        case _:
+            from .kitti import KittiTracking
+
+            return KittiTracking(card, data)
 
 
 def describe(card: Card, data: str | Path | None = None) -> DataStatus:
     """What ``card`` needs of a dataset, what of it was found, and how to get it; a missing root is no error here."""
-    if isinstance(card.source, HighwaySource):
-        from .highway.status import highway_status
+    match card.source:
+        case HighwaySource():
+            from .highway.status import highway_status
 
-        return highway_status(card)
-    from .kitti_status import kitti_status
+            return highway_status(card)
+        case NuScenesSource():
+            from .nuscenes.status import nuscenes_status
 
-    return kitti_status(card, data)
+            return nuscenes_status(card, data)
+        case WildtrackSource():
+            from .wildtrack_status import wildtrack_status
+
+            return wildtrack_status(card, data)
+        case Mot3dSource():
+            from .mot3d_status import mot3d_status
+
+            return mot3d_status(card, data)
+        case _:
+            from .kitti_status import kitti_status
+
+            return kitti_status(card, data)
 
 
-def generate(
+def prepare(
     card: Card,
+    data: str | Path | None = None,
     scenes: int | None = None,
     workers: int = 1,
     started: Callable[[int], object] | None = None,
     progress: Callable[[str], object] | None = None,
 ) -> None:
-    """Make the first ``scenes`` scenes (None: all) of a simulated source that are not cached; recorded ones are there.
+    """Do now what is done once per machine: make simulated scenes, or the compact copy of nuScenes tables.
 
-    ``started`` is told how many there are to make, ``progress`` the name of each that is done.
+    Simulated scenes: the first ``scenes`` (None: all) that are not cached, over ``workers`` processes. ``started`` is
+    told how many pieces of work there are, ``progress`` the name of each that is done. Raises DataError.
     """
     if isinstance(card.source, HighwaySource):
         from .highway.source import HighwayTraffic
 
         source = HighwayTraffic(card)
         source.generate(source.names[:scenes], workers, started, progress)
+    if isinstance(card.source, NuScenesSource):
+        from .nuscenes.source import prepare_nuscenes
+
+        prepare_nuscenes(card, data, started, progress)

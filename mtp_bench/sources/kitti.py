@@ -60,8 +60,9 @@ class KittiTracking:
         poses = read_poses(self.root, name, length) if section.ego_motion else None
         frames = _Frames(length, section.stride, poses)
         kept = np.arange(0, length, section.stride)
-        detections, skipped = no_detections(len(kept)), dict[str, int]()
+        detections, skipped, label = no_detections(len(kept)), dict[str, int](), ""
         if self.card.detector is None:
+            label = f"{section.detector}, stored detections"
             folder = self.root / "detections" / section.detector
             detections, skipped = _detections(folder, name, self.card.task.classes, frames)
         return Scene(
@@ -70,7 +71,7 @@ class KittiTracking:
             ego=poses.ego()[kept] if poses else np.zeros((len(kept), 4)),
             truth=_truth(self.root / f"training/label_02/{name}.txt", self.card.task.classes, frames),
             detections=detections,
-            detector=f"{section.detector}, stored detections",
+            detector=label,
             skipped=skipped,
         )
 

@@ -7,14 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..cards import Card
+from ..cards import Card, Mot3dSource, WildtrackSource
 from ..detector import Profile
 from ..types import Scene
 from .base import SceneSource
+from .people import as_places
 
 
 class SimulatedDetections:
-    """The scenes of another source, seen by the detector of the card instead of their own."""
+    """The scenes of another source, seen by the detector of the card where they have no stored detections."""
 
     def __init__(self, source: SceneSource, card: Card) -> None:
         self.card = card
@@ -31,7 +32,7 @@ class SimulatedDetections:
 
 
 def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
-    """``scene`` with the detections of the card's simulated detector.
+    """``scene`` with the detections of the card's simulated detector; with its own where it has stored ones.
 
     The noise depends on the scene's name and the detector's seed, or on ``seed`` alone where it is given. All profiles
     share their random numbers: a box that is missed by one is likely missed by another.
@@ -39,10 +40,10 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
     from ..detector.sight import Sensor, sight, visible_fractions
     from ..detector.simulate import simulate
 
-    if card.detector is None:
+    if card.detector is None or (scene.detector and not scene.simulated):
         return scene
     section, noise = card.detector, card.detector.resolved
-    sensor = Sensor(section.reach, float(np.deg2rad(section.field_of_view)))
+    sensor = Sensor(section.reach, float(np.deg2rad(section.field_of_view)), section.area)
     visible = scene.visible if scene.visible is not None else visible_fractions(scene.truth, scene.ego)
     seen = simulate(
         scene.truth,
@@ -54,7 +55,9 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
         dt=1.0 / card.task.rate,
         sight=sight(scene.truth, scene.ego, sensor, visible),
     )
-    return replace(scene, detections=seen, detector=_label(noise), skipped={}, visible=visible)
+    if isinstance(card.source, WildtrackSource | Mot3dSource):
+        seen = as_places(seen)
+    return replace(scene, detections=seen, detector=_label(noise), simulated=True, skipped={}, visible=visible)
 
 
 def _label(noise: Profile) -> str:

@@ -30,10 +30,10 @@ def fit_noise(
 ) -> str:
     """TOML of a ``[detector]`` section with the noise of the detections of the first ``scenes`` scenes of an env.
 
-    ``changes`` are the env's ``split`` and ``detector`` where they are not the card's. ``min_score``: operating point,
-    "2.5" or "car=2.5" each. ``alike``: "bus=car" each, for classes with too few detections to fit. ``name``: of the
-    profile; the part before its first hyphen tells agents which detector's settings suit it. ``reach`` (m) and
-    ``field_of_view`` (degrees) say what part of the truth the detector covers.
+    ``changes`` are the env's ``split``, ``detector`` and ``detection_file`` where they are not the card's.
+    ``min_score``: operating point, "2.5" or "car=2.5" each. ``alike``: "bus=car" each, for classes with too few
+    detections to fit. ``name``: of the profile; the part before its first hyphen tells agents which detector's settings
+    suit it. ``reach`` (m) and ``field_of_view`` (degrees) say what part of the truth the detector covers.
     Raises MtpBenchError for whatever the user can mend.
     """
     from ..detector.fit import fit_profile

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..cards import Card, changed_card, load_card
 from ..errors import DataError
-from ..sources import DataStatus, describe, generate, open_source
+from ..sources import DataStatus, describe, open_source, prepare
 
 
 def total_skipped(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
@@ -29,20 +29,21 @@ def skipped_line(skipped: Mapping[str, int]) -> str | None:
     return f"skipped {count} row{'' if count == 1 else 's'} of the data that cannot be used: {reasons}"
 
 
-def generate_scenes(
+def prepare_scenes(
     env_id: str,
     changes: Mapping[str, str],
+    data: str | None = None,
     scenes: int | None = None,
     workers: int = 1,
     started: Callable[[int], object] | None = None,
     progress: Callable[[str], object] | None = None,
 ) -> None:
-    """Make the first ``scenes`` scenes of a simulated env (None: all) that are not in the cache yet.
+    """Do what an env needs once per machine and is not in the cache yet (`mtp_bench.sources.prepare`).
 
-    ``changes`` are the ``split`` and ``detector`` of the env where they are not the card's. Recorded logs need nothing.
+    ``changes`` are ``split``, ``detector`` and ``detection_file`` of the env where they are not the card's.
     """
     card = changed_card(load_card(env_id), **changes)
-    generate(card, scenes, workers, started, progress)
+    prepare(card, data, scenes, workers, started, progress)
 
 
 def read_status(card: Card, data: str | Path | None = None) -> DataStatus:

@@ -26,6 +26,7 @@ from .reference import Reference, frozen_reference
 
 Started = Callable[[int], object]
 Done = Callable[[str], object]
+CHANGES = ("split", "detector", "detection_file")  # of the card, as `changed_card` takes them
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ def run_and_store(
 ) -> StoredRun:
     """Run a submission on the first ``scenes`` scenes (None: all) of an env and store its rollouts in ``folder``.
 
-    ``changes``: the ``split`` or ``detector`` of the env where it is not the card's.
+    ``changes``: ``split``, ``detector`` or ``detection_file`` of the env where it is not the card's.
 
     Raises MtpBenchError for whatever the user can mend, a folder that cannot be written before anything runs.
     """
@@ -128,7 +129,7 @@ def _card(folder: Path, run: Run, env_id: str | None) -> Card:
     info = run.info
     if env_id is None and info.env_id not in card_ids():
         raise RolloutError(f"{folder}: made for {info.env_id!r}, which does not ship here; name its card with --env")
-    card = changed_card(load_card(env_id or info.env_id), *(_text(folder, info, key) for key in ("split", "detector")))
+    card = changed_card(load_card(env_id or info.env_id), *(_text(folder, info, key) for key in CHANGES))
     if card.digest != info.card_digest:
         raise RolloutError(
             f"{folder}: made for {info.env_id} with card digest {info.card_digest}, {card.id} now has {card.digest}; "

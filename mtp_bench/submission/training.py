@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from ..cards import changed_card, load_card
-from ..env import MTPEnv
-from ..errors import MtpBenchError
+from ..env import OBSERVE, MTPEnv
+from ..errors import MtpBenchError, UnknownNameError
 from ..sources import open_source
 
 KINDS = ("motion-noise",)
@@ -19,20 +20,26 @@ def fit_motion_noise(
     started: Callable[[int], object] | None = None,
     progress: Callable[[str], object] | None = None,
     scenes: int | None = None,
-    detector: str | None = None,
+    changes: dict[str, Any] | None = None,
 ) -> str:
     """TOML of the motion noise fitted on the training split of ``env_id``, as ``mtp_bench.prediction`` stores it.
 
-    On its first ``scenes`` scenes (None: all), with another simulated ``detector`` where one is named.
+    On its first ``scenes`` scenes (None: all). ``changes`` are ``split``, ``detector`` and ``detection_file`` where
+    they are not "train" and the card's.
 
     Raises MtpBenchError for whatever the user can mend, an empty training split among it.
     """
     from ..prediction.motion_noise import as_toml, condition, fit_scenes
 
+    if observe not in OBSERVE:
+        raise UnknownNameError("value of observe", observe, OBSERVE)
     card = load_card(env_id)
-    task = MTPEnv(env_id, data=data, observe=observe, detector=detector).task
-    source = open_source(changed_card(card, "train", detector), data)
+    changes = {"split": "train", **(changes or {})}
+    source = open_source(changed_card(card, **changes), data)
     names = source.names[:scenes]
+    if not names:
+        raise MtpBenchError(f"{env_id} has no scene in its split {changes['split']!r}")
+    task = MTPEnv(env_id, data=data, observe=observe, **changes).task
     if started is not None:
         started(len(names))
     training = []
@@ -40,8 +47,6 @@ def fit_motion_noise(
         training.append(source.load(name))
         if progress is not None:
             progress(name)
-    if not training:
-        raise MtpBenchError(f"{env_id} has no scene in its training split")
     rows = fit_scenes(training, task)
     if not rows:
         raise MtpBenchError(

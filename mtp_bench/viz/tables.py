@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 Row = dict[str, Any]
 
+NOT_MEASURABLE = "not measurable"
+
 
 def error_table(report: Report, title: str) -> Table:
     """Missing-aware error per agent and subset with its 95 % interval, coverage, rank and time: what is ranked."""
@@ -72,8 +74,7 @@ def parts_table(report: Report) -> Table:
 
     table = Table(
         title="What the error is made of (all targets) and the agent's own tracking",
-        caption="localisation + missed + false = missing-aware error. Every track is a forecast unless the agent "
-        "withholds it: a detector's false positives are paid for here.",
+        caption=_parts_caption(report),
         title_justify="left",
         caption_justify="left",
     )
@@ -90,19 +91,33 @@ def parts_table(report: Report) -> Table:
     )
     for heading in ("agent", "H", "K", *headings):
         table.add_column(heading, justify="left" if heading == "agent" else "right", no_wrap=heading == "agent")
+    unknown = "–" if measurable(report) else NOT_MEASURABLE
     for row in report.details:
         parts, own = row["parts"], row["own_events"]
         table.add_row(
             *_name(row),
-            *(_number(parts[name]) for name in ("localisation", "missed", "false")),
-            _number(row["spurious_per_frame"], 2),
-            _number(row["EPA"], 2),
-            _number(row["tracking"]["all"]["MOTA"], 2),
+            *(_number(parts[name]) for name in ("localisation", "missed")),
+            _number(parts["false"], absent=unknown),
+            _number(row["spurious_per_frame"], 2, unknown),
+            _number(row["EPA"], 2, unknown),
+            _number(row["tracking"]["all"]["MOTA"], 2, unknown),
             _text(own["ids"]),
             _text(own["lost"]),
             _text(row["own"]["all_h_ids"]["targets"]),
         )
     return table
+
+
+def _parts_caption(report: Report) -> str:
+    if not measurable(report):
+        return (
+            "localisation + missed = missing-aware error. Objects outside the truth exist, so an unmatched forecast or "
+            f"track is not called false: {NOT_MEASURABLE}."
+        )
+    return (
+        "localisation + missed + false = missing-aware error. Every track is a forecast unless the agent withholds it: "
+        "a detector's false positives are paid for here."
+    )
 
 
 def paper_figures(env_id: str, row: Row) -> dict[str, list[float]]:
@@ -143,11 +158,21 @@ def counted(number: int | None, noun: str) -> str:
     return f"{'unknown' if number is None else number} {noun}{'' if number == 1 else 's'}"
 
 
+def measurable(report: Report) -> bool:
+    """Whether false positives are known to be false: the truth is complete."""
+    return report.condition.get("truth", "complete") == "complete"
+
+
 def _caption(report: Report) -> str:
+    false = (
+        "'all' pays c/2 for every spurious forecast."
+        if measurable(report)
+        else "The truth holds prediction targets only, so nobody pays for spurious forecasts."
+    )
     return (
-        "Missing-aware error in metres (lower is better) with 95 % bootstrap intervals over scenes. 'all' pays c/2 for "
-        "every spurious forecast.\nH hypotheses, K samples per object; rows whose K is not the task's k are never "
-        f"ranked. Definitions {report.definitions}.\n{subset_line(report)}"
+        f"Missing-aware error in metres (lower is better) with 95 % bootstrap intervals over scenes. {false}\n"
+        "H hypotheses, K samples per object; rows whose K is not the task's k are never ranked. "
+        f"Definitions {report.definitions}.\n{subset_line(report)}"
     )
 
 
@@ -173,8 +198,8 @@ def _with_interval(row: Row) -> str:
     )
 
 
-def _number(value: float | None, digits: int = 3) -> str:
-    return "–" if value is None else f"{value:.{digits}f}"
+def _number(value: float | None, digits: int = 3, absent: str = "–") -> str:
+    return absent if value is None else f"{value:.{digits}f}"
 
 
 def _percent(value: float | None) -> str:

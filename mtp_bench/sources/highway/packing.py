@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 from typing import Any
 
@@ -10,21 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...types import Floats, Ints, Lane, Truth
+from ..cache import Arrays
 from .world import World
 
-Arrays = dict[str, NDArray[Any]]
 _TRUTH = ("start", "box", "velocity", "class_id", "object_id", "eligible", "neutral")
 _BORDERS = ("center", "left", "right")
-
-
-def content_hash(arrays: Arrays) -> str:
-    """sha256 of the arrays' names, types, shapes and values, whatever their order."""
-    digest = hashlib.sha256()
-    for name in sorted(arrays):
-        array = np.ascontiguousarray(arrays[name])
-        digest.update(f"{name} {array.dtype.str} {array.shape};".encode())
-        digest.update(array.tobytes())
-    return digest.hexdigest()
 
 
 def pack(world: World) -> Arrays:

@@ -6,8 +6,8 @@ from collections import Counter
 
 from ...cards import Card
 from ..base import DataCheck, DataStatus
+from ..cache import VARIABLE
 from .source import HighwayTraffic, seed_of
-from .store import VARIABLE
 
 LICENCE = "simulated with highway-env (MIT); detector noise fitted to real detectors, see the profile's source"
 CITATION = "E. Leurent: An environment for autonomous driving decision-making. 2018 (highway-env)"

@@ -7,8 +7,6 @@ import json
 import os
 import tempfile
 import warnings
-import zipfile
-import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
@@ -16,15 +14,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..._card_sections import GENERATOR
 from ...errors import DataError
-from .packing import Arrays, content_hash, pack, unpack
+from ..cache import VARIABLE, cache_root, read_arrays, write_arrays
+from .packing import pack, unpack
 from .world import Traffic, World
-
-VARIABLE = "MTP_BENCH_CACHE"
-_BROKEN = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error)
 
 
 @dataclass(frozen=True)
@@ -55,15 +49,12 @@ class WorldStore:
 
     def read(self, seed: int) -> World | None:
         """The stored world; None where there is none or its content is not what was written."""
-        path = self.path(seed)
-        if not path.is_file():
+        arrays = read_arrays(self.path(seed))
+        if arrays is None:
             return None
         try:
-            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-                arrays: Arrays = {name: file[name] for name in file.files}
-            digest = str(arrays.pop("digest"))
-            return unpack(arrays) if content_hash(arrays) == digest else None
-        except _BROKEN:
+            return unpack(arrays)
+        except KeyError:  # arrays of another format
             return None
 
     def get(self, seed: int) -> World:
@@ -108,8 +99,7 @@ class WorldStore:
         part = self.path(seed).with_suffix(f".{os.getpid()}.part")
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            with part.open("wb") as file:
-                np.savez_compressed(file, allow_pickle=False, digest=np.array(content_hash(arrays)), **arrays)
+            write_arrays(part, arrays)
             part.replace(self.path(seed))
         except OSError as error:
             warnings.warn(
@@ -121,15 +111,6 @@ class WorldStore:
         finally:
             with suppress(OSError):
                 part.unlink()
-
-
-def cache_root() -> Path:
-    """The folder of everything that is generated once."""
-    if os.environ.get(VARIABLE):
-        return Path(os.environ[VARIABLE]).expanduser()
-    from platformdirs import user_cache_path
-
-    return user_cache_path("mtp_bench", appauthor=False)
 
 
 def _make_one(store: WorldStore, seed: int) -> int:

@@ -1,0 +1,54 @@
+"""The cache of what is made once per machine: where it is, and files of arrays that show when they are broken."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Arrays = dict[str, NDArray[Any]]
+
+VARIABLE = "MTP_BENCH_CACHE"
+_BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error)
+
+
+def cache_root() -> Path:
+    """The folder of everything that is made once: the one that MTP_BENCH_CACHE names, else the user cache folder."""
+    if os.environ.get(VARIABLE):
+        return Path(os.environ[VARIABLE]).expanduser()
+    from platformdirs import user_cache_path
+
+    return user_cache_path("mtp_bench", appauthor=False)
+
+
+def content_hash(arrays: Arrays) -> str:
+    """sha256 of the arrays' names, types, shapes and values, whatever their order."""
+    digest = hashlib.sha256()
+    for name in sorted(arrays):
+        array = np.ascontiguousarray(arrays[name])
+        digest.update(f"{name} {array.dtype.str} {array.shape};".encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()
+
+
+def read_arrays(path: Path) -> Arrays | None:
+    """Stored arrays; None where they are not there or not what was written."""
+    try:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+            arrays: Arrays = {name: file[name] for name in file.files}
+        digest = str(arrays.pop("digest"))
+        return arrays if content_hash(arrays) == digest else None
+    except _BROKEN:
+        return None
+
+
+def write_arrays(path: Path, arrays: Arrays) -> None:
+    """Store arrays with a hash of their content."""
+    with path.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, digest=np.array(content_hash(arrays)), **arrays)

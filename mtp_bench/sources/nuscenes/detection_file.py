@@ -1,0 +1,127 @@
+"""A detection file in the official submission form, read into arrays."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from ...errors import DataError
+from ...types import Bools, Floats, Ints
+from .classes import CLASSES
+from .fields import floats, ints, not_finite, not_unit, shown, upright_boxes
+from .json_stream import Read, read_entries
+
+_CLASS_INDEX = {name: index for index, name in enumerate(CLASSES)}
+_COUNTS = {"translation": 3, "size": 3, "rotation": 4, "velocity": 2}
+
+
+@dataclass(frozen=True, eq=False)
+class DetectedBoxes:
+    """Boxes of those samples of a file that the tables have, sorted by sample, otherwise in the order of the file."""
+
+    samples: int  # in the file
+    example: str  # a token of the file
+    covered: Ints  # [n] rows of the tables' samples that the file has, sorted
+    sample: Ints  # [R] row of the sample
+    box: Floats  # [R, 7] global frame
+    velocity: Floats  # [R, 2] m/s, NaN where unknown: not given, NaN, or exactly 0
+    class_id: Ints  # [R] index into CLASSES
+    score: Floats  # [R]
+
+
+def read_detections(path: Path, row: Mapping[str, int], read: Read) -> DetectedBoxes:
+    """Boxes of the samples in ``row`` (token to row); other samples of the file are left out.
+
+    Raises DataError that names the file, the sample token and the place of the box that is wrong.
+    """
+    rows = _Rows(path)
+    seen: dict[str, int] = {}
+    count, example = 0, ""
+    for token, boxes in read_entries(path, "results", read):
+        count, example = count + 1, example or token
+        if token not in row:
+            continue
+        if token in seen:
+            raise DataError(f"{path}, sample {token!r}: a second list of boxes, expected one")
+        seen[token] = row[token]
+        rows.add(token, boxes)
+    sample = np.array([row[token] for token in rows.tokens], dtype=np.int64)[ints(rows.entry)]
+    translation, size, rotation, velocity = (floats(rows.numbers[key], count) for key, count in _COUNTS.items())
+    score = floats(rows.score, 1)[:, 0]
+    for key, value in (("translation", translation), ("size", size), ("rotation", rotation)):
+        rows.refuse_first(not_finite(value), key, value, "finite numbers")
+    rows.refuse_first(np.asarray((size <= 0).any(axis=1)), "size", size, "sizes above 0")
+    rows.refuse_first(not_unit(rotation), "rotation", rotation, "a unit quaternion")
+    rows.refuse_first(not_finite(score), "detection_score", score, "a finite number")
+    unknown = not_finite(velocity) | (velocity == 0).all(axis=1)
+    order = np.argsort(sample, kind="stable")
+    return DetectedBoxes(
+        samples=count,
+        example=example,
+        covered=np.array(sorted(seen.values()), dtype=np.int64),
+        sample=sample[order],
+        box=upright_boxes(translation, size, rotation)[order],
+        velocity=np.where(unknown[:, None], np.nan, velocity)[order],
+        class_id=ints(rows.class_id)[order],
+        score=score[order],
+    )
+
+
+class _Rows:
+    """The boxes in the order of the file."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.tokens: list[str] = []  # of the samples that were added
+        self.entry, self.place = array("q"), array("q")  # of each box: index into tokens, place in its list
+        self.class_id, self.score = array("q"), array("d")
+        self.numbers = {key: array("d") for key in _COUNTS}
+
+    def add(self, token: str, boxes: Any) -> None:
+        """Append the boxes of a sample."""
+        if not isinstance(boxes, list):
+            raise DataError(f"{self.path}, sample {token!r}: got {str(boxes)[:40]!r}, expected a list of boxes")
+        entry = len(self.tokens)
+        self.tokens.append(token)
+        for place, box in enumerate(boxes):
+            self.entry.append(entry)
+            self.place.append(place)
+            if not isinstance(box, dict):
+                self._refuse(entry, place, f"got {str(box)[:40]!r}, expected a box")
+            if box.get("sample_token") != token:
+                self._refuse(entry, place, f"sample_token is {box.get('sample_token')!r}, expected {token!r}")
+            self._add(entry, place, box)
+
+    def _add(self, entry: int, place: int, box: dict[str, Any]) -> None:
+        name, score = box.get("detection_name"), box.get("detection_score")
+        if not isinstance(name, str) or name not in _CLASS_INDEX:
+            self._refuse(entry, place, f"detection_name is {name!r}, expected one of {', '.join(CLASSES)}")
+        if type(score) is not float and type(score) is not int:
+            self._refuse(entry, place, f"detection_score is {score!r}, expected a number")
+        self.class_id.append(_CLASS_INDEX[name])
+        self.score.append(score)
+        for key, count in _COUNTS.items():
+            value = box.get(key)
+            if key == "velocity" and value is None:
+                value = [0.0, 0.0]
+            try:
+                if type(value) is list and len(value) == count:
+                    self.numbers[key].extend(value)
+                    continue
+            except (TypeError, OverflowError):
+                pass
+            self._refuse(entry, place, f"{key} is {value!r}, expected {count} numbers")
+
+    def refuse_first(self, wrong: Bools, key: str, value: Floats, expected: str) -> None:
+        """Raise DataError for the first box that is wrong."""
+        if wrong.any():
+            at = int(np.argmax(wrong))
+            self._refuse(self.entry[at], self.place[at], f"{key} is {shown(value[at])}, expected {expected}")
+
+    def _refuse(self, entry: int, place: int, what: str) -> NoReturn:
+        raise DataError(f"{self.path}, sample {self.tokens[entry]!r}, box {place}: {what}")

@@ -1,0 +1,121 @@
+"""Fields of a record of a table, checked; every error names the file and the record's token."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import DataError
+from ...types import Bools, Floats, Ints
+from .json_stream import Record
+
+NORM_TOLERANCE = 1e-2  # of a quaternion; smaller deviations are rounding and are normalised
+
+
+def text(path: Path, record: Record, key: str) -> str:
+    """A text."""
+    value = record.get(key)
+    if type(value) is not str:
+        raise DataError(f"{path}, {named(record)}: {key} is {value!r}, expected a text")
+    return value
+
+
+def number(path: Path, record: Record, key: str) -> float:
+    """A number, possibly NaN."""
+    value = record.get(key)
+    if type(value) is not int and type(value) is not float:
+        raise DataError(f"{path}, {named(record)}: {key} is {value!r}, expected a number")
+    return value
+
+
+def whole(path: Path, record: Record, key: str) -> int:
+    """A whole number."""
+    value = record.get(key)
+    if type(value) is not int:
+        raise DataError(f"{path}, {named(record)}: {key} is {value!r}, expected a whole number")
+    return value
+
+
+def add_numbers(path: Path, record: Record, key: str, count: int, to: array[float]) -> None:
+    """Append the ``count`` numbers of a list, possibly NaN."""
+    value = record.get(key)
+    try:
+        if type(value) is list and len(value) == count:
+            to.extend(value)
+            return
+    except (TypeError, OverflowError):
+        pass
+    raise DataError(f"{path}, {named(record)}: {key} is {value!r}, expected {count} numbers")
+
+
+def named(record: Record) -> str:
+    """The record for messages."""
+    token = record.get("token") or record.get("sample_token")
+    return f"record {token!r}" if token else f"a record without a token: {str(record)[:60]}"
+
+
+def floats(values: array[float], columns: int) -> Floats:
+    """The values as ``[R, columns]``."""
+    return np.frombuffer(values, dtype=np.float64).reshape(-1, columns) if values else np.zeros((0, columns))
+
+
+def ints(values: array[int]) -> Ints:
+    """The values ``[R]``."""
+    return np.array(values, dtype=np.int64)
+
+
+def check_finite(path: Path, key: str, value: Floats, tokens: Sequence[str]) -> None:
+    """Raise DataError for the first row that is not finite."""
+    bad = not_finite(value)
+    if bad.any():
+        at = int(np.argmax(bad))
+        raise DataError(f"{path}, record {tokens[at]!r}: {key} is {shown(value[at])}, expected finite numbers")
+
+
+def check_sizes(path: Path, size: Floats, tokens: Sequence[str]) -> None:
+    """Raise DataError for the first box with a side that is not above 0."""
+    bad = (size <= 0).any(axis=1)
+    if bad.any():
+        at = int(np.argmax(bad))
+        raise DataError(f"{path}, record {tokens[at]!r}: size is {shown(size[at])}, expected sizes above 0")
+
+
+def check_rotations(path: Path, rotation: Floats, tokens: Sequence[str]) -> None:
+    """Raise DataError for the first quaternion that is not a unit one."""
+    bad = not_unit(rotation)
+    if bad.any():
+        at = int(np.argmax(bad))
+        raise DataError(
+            f"{path}, record {tokens[at]!r}: rotation {shown(rotation[at])} has the norm "
+            f"{np.linalg.norm(rotation[at]):.4g}, expected a unit quaternion"
+        )
+
+
+def not_finite(value: Floats) -> Bools:
+    """Which of the rows ``[R, ...]`` hold NaN or infinity ``[R]``."""
+    return np.asarray(~np.isfinite(value).all(axis=tuple(range(1, value.ndim))))
+
+
+def not_unit(rotation: Floats) -> Bools:
+    """Which of the quaternions ``[R, 4]`` have another norm than 1 ``[R]``."""
+    return np.asarray(np.abs(np.linalg.norm(rotation, axis=1) - 1.0) > NORM_TOLERANCE)
+
+
+def yaw_of(rotation: Floats) -> Floats:
+    """Headings ``[R]`` of quaternions ``[R, 4]`` (w, x, y, z): the turned x axis, projected on the ground."""
+    w, x, y, z = (rotation / np.linalg.norm(rotation, axis=1, keepdims=True)).T
+    return np.asarray(np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)))
+
+
+def upright_boxes(translation: Floats, size: Floats, rotation: Floats) -> Floats:
+    """Boxes ``[R, 7]`` x y z yaw l w h of the tables' fields; ``size`` is width, length, height."""
+    return np.column_stack([translation, yaw_of(rotation), size[:, [1, 0, 2]]])
+
+
+def shown(value: Any) -> str:
+    """Numbers for messages."""
+    return str(np.asarray(value).tolist())

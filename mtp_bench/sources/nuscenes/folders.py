@@ -1,0 +1,131 @@
+"""Folders of the cache: named by the content of their source files, written as a whole or not at all."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import secrets
+import shutil
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from ...errors import DataError
+from ..cache import VARIABLE, cache_root
+from .json_stream import Read
+
+FORMAT = 1  # of the arrays in the cache: a change gets a new number
+INDEX = "index.json"
+_CHUNK = 1 << 22  # bytes
+_SETTLED = 2_000_000_000  # ns; a file that was changed just now may change again without a new time
+
+
+def cache_folder() -> Path:
+    """Where the compact copies of nuScenes are."""
+    return cache_root() / "nuscenes"
+
+
+def stamped_hash(path: Path) -> str | None:
+    """sha256 of a file, if it was hashed before and has kept its size and time."""
+    stamp = _read_json(_stamp_path(path))
+    return str(stamp["sha256"]) if stamp and _state(path).items() <= stamp.items() and "sha256" in stamp else None
+
+
+def file_hash(path: Path, read: Read) -> str:
+    """sha256 of a file, kept with its size and time, so that gigabytes are not hashed at every start."""
+    known = stamped_hash(path)
+    if known is not None:
+        return known
+    state, digest = _state(path), hashlib.sha256()
+    with path.open("rb") as file:
+        while chunk := file.read(_CHUNK):
+            digest.update(chunk)
+            read(len(chunk))
+    if time.time_ns() - state["mtime_ns"] > _SETTLED:
+        with suppress(OSError):  # it is hashed again next time
+            _write_text(_stamp_path(path), json.dumps({**state, "path": str(path), "sha256": digest.hexdigest()}))
+    return digest.hexdigest()
+
+
+def joint_digest(hashes: Iterable[tuple[str, str]]) -> str:
+    """Digest of files by what they are and their hashes."""
+    content = json.dumps([FORMAT, *sorted(hashes)])
+    return hashlib.sha256(content.encode()).hexdigest()[:16]
+
+
+def read_index(folder: Path) -> dict[str, Any] | None:
+    """The index of a folder of the cache, which has its ``scenes``; None where it is not there or broken."""
+    index = _read_json(folder / INDEX)
+    return index if index and isinstance(index.get("scenes"), dict) else None
+
+
+def write_index(folder: Path, content: dict[str, Any]) -> None:
+    """Store the index of a folder."""
+    _write_text(folder / INDEX, json.dumps(content, separators=(",", ":")))
+
+
+def build(folder: Path, fill: Callable[[Path], None]) -> None:
+    """Let ``fill`` write a folder beside and put it in place; several processes may do so at once.
+
+    Raises DataError where the cache cannot be written.
+    """
+    try:
+        with _beside(folder) as part:
+            fill(part)
+            _install(part, folder)
+    except OSError as error:
+        raise DataError(
+            f"the compact copy of nuScenes cannot be kept in {folder.parent}: {error.strerror or error}; "
+            f"{VARIABLE} names another folder"
+        ) from None
+
+
+@contextmanager
+def _beside(folder: Path) -> Iterator[Path]:
+    part = folder.with_name(f".{folder.name}.{os.getpid()}.{secrets.token_hex(4)}.part")
+    part.mkdir(parents=True)
+    try:
+        yield part
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def _install(part: Path, folder: Path) -> None:
+    """A folder that is there has the same content, of another process, or is broken: replaced file by file."""
+    if not folder.exists():
+        with suppress(OSError):
+            part.rename(folder)
+            return
+    for path in sorted(part.iterdir(), key=lambda path: path.name == INDEX):  # the index last
+        path.replace(folder / path.name)
+
+
+def _stamp_path(path: Path) -> Path:
+    name = hashlib.sha256(os.fsencode(path.resolve())).hexdigest()[:24]
+    return cache_folder() / "stamps" / f"{name}.json"
+
+
+def _state(path: Path) -> dict[str, int]:
+    state = path.stat()
+    return {"size": state.st_size, "mtime_ns": state.st_mtime_ns}
+
+
+def _read_json(path: Path) -> dict[str, Any] | None:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return content if isinstance(content, dict) else None
+
+
+def _write_text(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)

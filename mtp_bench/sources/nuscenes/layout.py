@@ -1,0 +1,114 @@
+"""Folder layout of nuScenes: the root, its version folders, the tables, the detection files."""
+
+from __future__ import annotations
+
+import glob
+from pathlib import Path
+
+from ...cards import Card, NuScenesSource
+from ...errors import CardError, DataError
+from ..roots import candidates
+
+FOLDER = "nuscenes"
+TABLES = (
+    "scene",
+    "sample",
+    "sensor",
+    "calibrated_sensor",
+    "sample_data",
+    "ego_pose",
+    "category",
+    "instance",
+    "sample_annotation",
+)  # in the order of reading
+PREDICTION = "maps/prediction/prediction_scenes.json"
+HOW_TO_GET = (
+    "register at https://www.nuscenes.org/nuscenes#download, download the metadata of v1.0-trainval (or the mini "
+    "split, whose archive has its own) and, for prediction targets, the map expansion pack, and unpack them into "
+    f"{FOLDER}/ of the data root; Megvii detections in the official submission form are on the tracking page of "
+    "https://www.nuscenes.org and come with https://github.com/xinshuoweng/AB3DMOT: put them into "
+    f"{FOLDER}/detections/ as megvii*.json; neither images nor point clouds are needed"
+)
+
+
+def section_of(card: Card) -> NuScenesSource:
+    """The card's source section; raises CardError where it is another source's."""
+    if not isinstance(card.source, NuScenesSource):
+        raise CardError(f"{card.id}: source is {card.source.name!r}, expected 'nuscenes'")
+    return card.source
+
+
+def versions(root: Path) -> tuple[str, ...]:
+    """Names of the version folders of a root, sorted."""
+    return tuple(sorted(path.name for path in root.glob("v1.0-*") if path.is_dir()))
+
+
+def find_root(data: str | Path | None) -> Path:
+    """The folder that holds ``v1.0-*`` folders: the data root itself or ``nuscenes`` inside it."""
+    folders, origin = candidates(data, FOLDER)
+    for folder in folders:
+        if versions(folder):
+            return folder
+    looked = " and ".join(str(folder) for folder in folders)
+    raise DataError(
+        f"no nuScenes data: a folder v1.0-* is neither in {looked} ({origin}); "
+        f"name another root with --data or MTP_BENCH_DATA, or get the data: {HOW_TO_GET}"
+    )
+
+
+def table_paths(root: Path, version: str) -> dict[str, Path]:
+    """The table files of a version by name; raises DataError where the version or a table is missing."""
+    if not (root / version).is_dir():
+        raise DataError(f"{root} has no folder {version!r}; found: {', '.join(versions(root)) or 'none'}")
+    paths = {name: root / version / f"{name}.json" for name in TABLES}
+    for path in paths.values():
+        if not path.is_file():
+            raise DataError(f"no file {path}: this table of {version} is missing; unpack the metadata again")
+    return paths
+
+
+def prediction_path(root: Path) -> Path | None:
+    """The list of prediction targets, where it is there; one file serves all versions."""
+    path = root / PREDICTION
+    return path if path.is_file() else None
+
+
+def require_prediction(root: Path, card: Card) -> None:
+    """Raise DataError where the card needs the list of prediction targets and it is not there."""
+    if section_of(card).truth == "targets" and prediction_path(root) is None:
+        raise DataError(
+            f"no file {root / PREDICTION}: {card.id} needs the targets of the prediction challenge, which come with "
+            "the map expansion pack of https://www.nuscenes.org/nuscenes#download"
+        )
+
+
+def detection_pattern(card: Card) -> str:
+    """The detection files of the card's detector, relative to the root."""
+    return f"detections/{section_of(card).detector}*.json"
+
+
+def detection_paths(root: Path, card: Card) -> tuple[Path, ...]:
+    """Detection files of the card: the one it names, else all of its detector; none if the detector is simulated.
+
+    Raises DataError where there is none, naming those that are there.
+    """
+    section = section_of(card)
+    if card.detector is not None:
+        return ()
+    if section.detections_file is not None:
+        path = Path(section.detections_file).expanduser()
+        if not path.is_file():
+            raise DataError(f"no file {path}, expected detections in the official submission form")
+        return (path,)
+    if section.detections_sha256 is not None:
+        raise DataError(
+            f"{card.id} has the detections of a file with sha256 {section.detections_sha256}: name it with --detections"
+        )
+    folder = root / "detections"
+    if not folder.is_dir():
+        raise DataError(f"no folder {folder}; {HOW_TO_GET}")
+    paths = tuple(sorted(folder.glob(f"{glob.escape(section.detector)}*.json")))
+    if not paths:
+        found = ", ".join(sorted(path.name for path in folder.glob("*.json"))) or "none"
+        raise DataError(f"{folder} has no file {section.detector}*.json; found: {found}")
+    return paths

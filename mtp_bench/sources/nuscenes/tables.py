@@ -1,0 +1,167 @@
+"""Scenes, their samples (keyframes) in order, and the ego pose of each: six of the tables."""
+
+from __future__ import annotations
+
+import re
+from array import array
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from ...errors import DataError
+from ...types import Floats, Ints
+from .chains import Chains, Tokens
+from .fields import add_numbers, check_finite, check_rotations, floats, ints, named, number, text, whole, yaw_of
+from .json_stream import Read, Record, read_records
+
+Value = TypeVar("Value")
+
+LIDAR = "LIDAR_TOP"  # its keyframes carry the ego pose of a sample, as in the official development kit
+
+
+@dataclass(frozen=True, eq=False)
+class Keyframes:
+    """Samples of all scenes, in the order of the scenes' names and of time."""
+
+    scene: tuple[str, ...]  # [S] names
+    start: Ints  # [S + 1] first row of each scene
+    token: list[str]  # [N] of the samples
+    row: Mapping[str, int]  # row of each token
+    time: Floats  # [N] microseconds
+    ego: Floats  # [N, 4] x y z yaw, global frame
+
+    @property
+    def scene_of(self) -> Ints:
+        """Scene of each row [N]."""
+        return np.repeat(np.arange(len(self.scene)), np.diff(self.start))
+
+
+def read_keyframes(paths: Mapping[str, Path], read: Read) -> Keyframes:
+    """Read the tables of scenes, samples, sensors and ego poses; DataError names the file and token that is wrong."""
+    scene, start, token, time = _read_samples(paths, read)
+    row = {name: at for at, name in enumerate(token)}
+    pose = _read_lidar_poses(paths, row, read)
+    ego = _read_poses(paths["ego_pose"], paths["sample_data"], pose, read)
+    return Keyframes(scene, start, token, row, time, ego)
+
+
+def _read_samples(paths: Mapping[str, Path], read: Read) -> tuple[tuple[str, ...], Ints, list[str], Floats]:
+    """Scene names [S] and row starts [S + 1], sample tokens [N] and times [N]."""
+    path, scenes = paths["scene"], Tokens(paths["scene"])
+    samples = Tokens(paths["sample"])
+    names, first, last, count = list[str](), array("q"), array("q"), array("q")
+    for record in read_records(path, read):
+        scenes.add(record)
+        names.append(_scene_name(path, record))
+        first.append(samples.refer(text(path, record, "first_sample_token")))
+        last.append(samples.refer(text(path, record, "last_sample_token")))
+        count.append(whole(path, record, "nbr_samples"))
+    if len(set(names)) < len(names):
+        twice = next(name for at, name in enumerate(names) if name in names[:at])
+        raise DataError(f"{path} has several scenes {twice!r}, expected one")
+    table = paths["sample"]
+    previous, following, group, time = _read_sample_table(table, samples, scenes, read)
+    owner, rows = scenes.resolve(), samples.resolve()
+    chains = Chains(
+        rows, rows.of(previous, "prev", table, rows.token, none=True),
+        rows.of(following, "next", table, rows.token, none=True),
+        owner.of(group, "scene_token", table, rows.token), time, path, "scene", owner.token,
+        rows.of(first, "first_sample_token", path, owner.token),
+        rows.of(last, "last_sample_token", path, owner.token), ints(count),
+    )  # fmt: skip
+    chains.check()
+    by_name = np.argsort(np.array(names, dtype=np.str_), kind="stable")
+    place = np.empty(len(names), dtype=np.int64)
+    place[by_name] = np.arange(len(names))
+    order = np.lexsort((time, place[chains.group]))
+    start = np.concatenate([[0], np.cumsum(chains.count[by_name])]).astype(np.int64)
+    return tuple(names[i] for i in by_name), start, [rows.token[i] for i in order], time[order]
+
+
+def _scene_name(path: Path, record: Record) -> str:
+    """The name of a scene, which becomes the name of a file."""
+    name = text(path, record, "name")
+    if not re.fullmatch(r"[A-Za-z0-9_-]+", name):
+        raise DataError(f"{path}, {named(record)}: name is {name!r}, expected a name like 'scene-0061'")
+    return name
+
+
+def _read_sample_table(
+    path: Path, samples: Tokens, scenes: Tokens, read: Read
+) -> tuple[array[int], array[int], array[int], Floats]:
+    previous, following, group, time = array("q"), array("q"), array("q"), array("d")
+    tokens = []
+    for record in read_records(path, read):
+        tokens.append(samples.add(record))
+        previous.append(samples.refer(text(path, record, "prev")))
+        following.append(samples.refer(text(path, record, "next")))
+        group.append(scenes.refer(text(path, record, "scene_token")))
+        time.append(number(path, record, "timestamp"))
+    when = floats(time, 1)[:, 0]
+    check_finite(path, "timestamp", when, tokens)
+    return previous, following, group, when
+
+
+def _read_lidar_poses(paths: Mapping[str, Path], row: Mapping[str, int], read: Read) -> list[str]:
+    """Token [N] of the ego pose of each sample: that of its LIDAR_TOP keyframe."""
+    path = paths["sample_data"]
+    channel = {token: text(paths["sensor"], record, "channel") for token, record in _by_token(paths["sensor"], read)}
+    mounted: dict[str, str] = {}
+    for token, record in _by_token(paths["calibrated_sensor"], read):
+        sensor = text(paths["calibrated_sensor"], record, "sensor_token")
+        mounted[token] = _known(channel, sensor, record, paths["calibrated_sensor"], "sensor")
+    pose = [""] * len(row)
+    for record in read_records(path, read):
+        sensor = text(path, record, "calibrated_sensor_token")
+        sensor_channel = _known(mounted, sensor, record, path, "calibrated_sensor")
+        if sensor_channel != LIDAR or record.get("is_key_frame") is not True:
+            continue
+        at = _known(row, text(path, record, "sample_token"), record, path, "sample")
+        if pose[at]:
+            raise DataError(f"{path}, record {record.get('token')!r}: a second {LIDAR} keyframe of its sample")
+        pose[at] = text(path, record, "ego_pose_token")
+    for token, at in row.items():
+        if not pose[at]:
+            raise DataError(f"{path} has no {LIDAR} keyframe of sample {token!r}")
+    return pose
+
+
+def _read_poses(path: Path, referrer: Path, pose: list[str], read: Read) -> Floats:
+    """Ego x y z yaw [N, 4] by pose tokens [N]; a table has many more poses."""
+    wanted: dict[str, int] = dict.fromkeys(pose, -1)
+    translation, rotation, tokens = array("d"), array("d"), list[str]()
+    for token, record in _by_token(path, read):
+        if token not in wanted:
+            continue
+        if wanted[token] >= 0:
+            raise DataError(f"{path}: several records have the token {token!r}, expected one")
+        wanted[token] = len(tokens)
+        tokens.append(token)
+        add_numbers(path, record, "translation", 3, translation)
+        add_numbers(path, record, "rotation", 4, rotation)
+    for token, at in wanted.items():
+        if at < 0:
+            raise DataError(f"{path} has no record {token!r}, which {referrer.name} names as ego_pose_token")
+    position, turn = floats(translation, 3), floats(rotation, 4)
+    check_finite(path, "translation", position, tokens)
+    check_finite(path, "rotation", turn, tokens)
+    check_rotations(path, turn, tokens)
+    row = np.array([wanted[token] for token in pose], dtype=np.int64)
+    return np.asarray(np.column_stack([position, yaw_of(turn)])[row])
+
+
+def _by_token(path: Path, read: Read) -> Iterator[tuple[str, Record]]:
+    for record in read_records(path, read):
+        yield text(path, record, "token"), record
+
+
+def _known(table: Mapping[str, Value], token: str, record: Record, path: Path, name: str) -> Value:
+    """Entry of ``table``; DataError where there is none."""
+    if token not in table:
+        raise DataError(
+            f"{path}, record {record.get('token')!r}: {name}_token is {token!r}, but {name}.json has no such record"
+        )
+    return table[token]

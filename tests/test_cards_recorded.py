@@ -1,0 +1,112 @@
+"""Cards of recorded logs other than KITTI: the rules of the protocol, other splits, other detections."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mtp_bench.cards import NuScenesSource, WildtrackSource, changed_card, load_card, parse_card
+from mtp_bench.env import MTPEnv
+from mtp_bench.errors import CardError, DataError, UnknownNameError
+
+VEHICLES = ("car", "truck", "bus", "trailer", "construction_vehicle")
+PROTOCOL = {
+    # rate, past, future, k, classes; event gate, forecast gate and miss error of the first and the last class
+    "MTP-nuScenes-v0": (2.0, 4, 12, 10, VEHICLES, (2.0, 2.0, 10.0), (2.0, 2.0, 10.0)),
+    "MTP-nuScenes-mini-v0": (
+        *(2.0, 4, 12, 10),
+        (*VEHICLES, "motorcycle", "bicycle", "pedestrian"),
+        *((2.0, 2.0, 10.0), (1.0, 1.0, 4.0)),
+    ),
+    "MTP-WILDTRACK-v0": (2.0, 4, 12, 1, ("pedestrian",), (1.0, 1.0, 4.0), (1.0, 1.0, 4.0)),
+    "MTP-WILDTRACK-k10-v0": (2.0, 4, 12, 10, ("pedestrian",), (1.0, 1.0, 4.0), (1.0, 1.0, 4.0)),
+    "MTP-PETS-v0": (7.0, 7, 14, 10, ("pedestrian",), (1.0, 1.0, 2.0), (1.0, 1.0, 2.0)),
+}
+NAMES = {
+    "MTP-nuScenes-v0": ("megvii", True, False),
+    "MTP-nuScenes-mini-v0": ("megvii", True, False),
+    "MTP-WILDTRACK-v0": ("wildtrack_mvdet", False, False),
+    "MTP-WILDTRACK-k10-v0": ("wildtrack_mvdet", False, False),
+    "MTP-PETS-v0": ("acf", False, False),
+}
+
+
+@pytest.mark.parametrize("env_id", PROTOCOL)
+def test_shipped_cards_follow_the_protocol(env_id: str) -> None:
+    card = load_card(env_id)
+    rate, past, future, k, classes, first, last = PROTOCOL[env_id]
+    task = card.task
+    assert (task.rate, task.past, task.future, task.samples, task.classes) == (rate, past, future, k, classes)
+    assert task.event_gate.measure == "center_distance"
+    for name, want in ((classes[0], first), (classes[-1], last)):
+        assert (task.event_gate.threshold[name], task.forecast_gate[name], task.miss_error[name]) == want
+    assert (card.detector_name, card.has_ego, card.velocity) == NAMES[env_id]
+
+
+def test_the_summary_says_what_cannot_be_measured_and_what_is_simulated() -> None:
+    assert "false positives not measurable" in load_card("MTP-nuScenes-v0").summary
+    assert "simulated detections" in load_card("MTP-WILDTRACK-v0").summary
+
+
+def test_other_stored_detections_of_nuscenes_by_name() -> None:
+    card = load_card("MTP-nuScenes-mini-v0")
+    other = changed_card(card, "val", "centerpoint")
+    assert isinstance(other.source, NuScenesSource)
+    assert (other.source.detector, other.source.split, other.detector) == ("centerpoint", "val", None)
+    assert other.detector_name == "centerpoint"
+    assert len({card.digest, card.with_split("val").digest, other.digest}) == 3
+
+
+def test_velocities_are_shown_where_a_card_says_so() -> None:
+    content = load_card("MTP-nuScenes-v0").model_dump(mode="json")
+    content["source"]["velocity"] = True
+    assert parse_card(content).velocity
+
+
+def test_a_file_of_detections_counts_by_its_content_not_by_its_place(tmp_path: Path) -> None:
+    card = load_card("MTP-nuScenes-v0")
+    here, there, other = tmp_path / "mine.json", tmp_path / "sub/mine.json", tmp_path / "other/mine.json"
+    for path, text in ((here, "{}"), (there, "{}"), (other, "{ }")):
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+    mine = changed_card(card, detection_file=str(here))
+    assert mine.detector_name == "megvii-mine", "tracked with the settings of the detector that it stands in for"
+    assert mine.digest == card.with_detections(there).digest != card.digest
+    assert card.with_detections(other).digest != mine.digest
+    here.write_text("{}  ")
+    assert card.with_detections(here).digest != mine.digest
+    assert str(tmp_path) not in str(mine.model_dump(mode="json"))
+
+
+def test_a_file_of_detections_that_cannot_be_used(tmp_path: Path) -> None:
+    card = load_card("MTP-nuScenes-v0")
+    with pytest.raises(DataError, match=r"detections .*none\.json: No such file"):
+        card.with_detections(tmp_path / "none.json")
+    with pytest.raises(CardError, match="MTP-KITTI-v0 takes no file of detections"):
+        load_card("MTP-KITTI-v0").with_detections(tmp_path / "none.json")
+    with pytest.raises(CardError, match="takes no file of detections"):
+        MTPEnv("MTP-Intersection-v0", detection_file="some.json")
+
+
+def test_another_detector_takes_the_place_of_wildtracks_stored_detections_too() -> None:
+    card = load_card("MTP-WILDTRACK-v0")
+    other = card.with_detector("hard")
+    assert isinstance(other.source, WildtrackSource)
+    assert (other.source.detector, other.detector_name) == (None, "wildtrack_mvdet-hard")
+
+
+def test_wildtrack_needs_a_detector() -> None:
+    content = load_card("MTP-WILDTRACK-v0").model_dump(mode="json")
+    content["detector"] = None
+    with pytest.raises(CardError, match=r"most of WILDTRACK has no detections: a \[detector\] section is missing"):
+        parse_card(content)
+
+
+@pytest.mark.parametrize(
+    ("env_id", "split", "known"),
+    [("MTP-nuScenes-v0", "mini", "did you mean 'mini_val'"), ("MTP-PETS-v0", "test", "known are train, val")],
+)
+def test_an_unknown_split(env_id: str, split: str, known: str) -> None:
+    with pytest.raises(UnknownNameError, match=known):
+        load_card(env_id).with_split(split)

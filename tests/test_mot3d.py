@@ -1,0 +1,311 @@
+"""3DMOT2015 source on a folder of a few lines: boxes, scenes, bad input, what is found and missing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench.cards import Card, load_card, parse_card
+from mtp_bench.errors import CardError, DataError, UnknownNameError
+from mtp_bench.sources import describe, open_source
+from mtp_bench.types import Scene
+
+SEQUENCE = "TUD-Stadtmitte"
+TEN = 10  # frames of the small sequence
+RATE = 5.0
+FOLDER = f"train/{SEQUENCE}"
+GT, DET, INI = f"{FOLDER}/gt/gt.txt", f"{FOLDER}/det/det.txt", f"{FOLDER}/seqinfo.ini"
+
+
+def mot3d_card(task: dict[str, Any] | None = None, detector: dict[str, Any] | None = None, **source: Any) -> Card:
+    """Two past and one future frames, scenes of four frames, the first of them for training."""
+    content = load_card("MTP-PETS-v0").model_dump(mode="json")
+    content["source"] = {"name": "mot3d", "sequence": SEQUENCE, "scene_frames": 4, "train_scenes": 1} | source
+    content["task"] |= {"rate": RATE / content["source"].get("stride", 1), "past": 2, "future": 1} | (task or {})
+    content["detector"] = detector
+    return parse_card(content)
+
+
+def row(frame: int, object_id: int, x: float, y: float, confidence: float = 1) -> str:
+    return f"{frame},{object_id},10,20,30,40,{confidence},{x},{y},0"
+
+
+def seqinfo(rate: str = "5", length: str = f"{TEN}") -> list[str]:
+    return ["[Sequence]", f"name={SEQUENCE}", f"frameRate={rate}", f"seqLength={length}"]
+
+
+def write(path: Path, *lines: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """Person 7 walks along x, 0.2 m per frame, in all ten frames; person 3 stands from frame 6 on."""
+    folder = tmp_path / "mot3d2015"
+    walking = [row(t, 7, 0.2 * t, 1.0) for t in range(1, TEN + 1)]
+    write(folder / GT, *walking, *[row(t, 3, 4.0, -5.6) for t in range(6, TEN + 1)])
+    write(folder / DET, *[row(t, -1, 0.2 * t + 0.1, 1.1, 30 + t) for t in range(1, TEN + 1)])
+    write(folder / INI, *seqinfo())
+    return folder
+
+
+def load(root: Path, name: str, **source: Any) -> Scene:
+    return open_source(mot3d_card(**source), root).load(f"{SEQUENCE}-{name}")
+
+
+def test_a_scene(root: Path) -> None:
+    """Frames 5 to 8: person 7 at 1.0, 1.2, 1.4, 1.6 m, person 3 in the last three."""
+    scene = load(root, "0005")
+    np.testing.assert_allclose(scene.time, [0.8, 1.0, 1.2, 1.4])
+    np.testing.assert_array_equal(scene.truth.start, [0, 1, 3, 5, 7])
+    assert scene.truth.object_id.tolist() == [7, 7, 3, 7, 3, 7, 3]
+    np.testing.assert_allclose(scene.truth.box[scene.truth.object_id == 7, 0], [1.0, 1.2, 1.4, 1.6])
+    np.testing.assert_array_equal(scene.truth.box[2], [4.0, -5.6, 0.875, 0, 0.6, 0.6, 1.75])
+    assert scene.truth.eligible.all()
+    assert not scene.truth.neutral.any()
+    assert scene.truth_complete
+    assert not scene.listed_targets
+    np.testing.assert_array_equal(scene.detections.start, range(5))
+    np.testing.assert_allclose(scene.detections.box[0], [1.1, 1.1, 0.875, 0, 0.6, 0.6, 1.75])
+    np.testing.assert_array_equal(scene.detections.score, [35, 36, 37, 38])
+    assert np.isnan(scene.detections.velocity).all()
+    assert (scene.detector, scene.simulated, scene.skipped) == ("acf, stored detections", False, {})
+    assert set(scene.truth.class_id.tolist()) == set(scene.detections.class_id.tolist()) == {0}
+
+
+def test_the_reference_point_is_the_same_in_all_scenes(root: Path) -> None:
+    """x from 0.2 to 4.0, y from -5.6 to 1.0: the middle is (2.1, -2.3)."""
+    for split in ("train", "val"):
+        source = open_source(mot3d_card(split=split), root)
+        for name in source.names:
+            np.testing.assert_array_equal(source.load(name).ego, np.tile([2.0, -2.0, 0, 0], (4, 1)))
+
+
+def test_velocity_looks_back_within_the_scene(root: Path) -> None:
+    velocity, object_id = load(root, "0005").truth.velocity, load(root, "0005").truth.object_id
+    np.testing.assert_allclose(velocity[object_id == 7][1:], np.tile([0.2 * RATE, 0], (3, 1)))
+    np.testing.assert_allclose(velocity[object_id == 3][1:], 0)
+    assert np.isnan(velocity[object_id == 7][0]).all()  # the first frame of the scene
+    assert np.isnan(velocity[object_id == 3][0]).all()  # the first frame of the person
+    write(root / GT, *[row(t, 7, 0.2 * t, 1.0) for t in (5, 6, 8)])  # not there in frame 7
+    np.testing.assert_array_equal(np.isnan(load(root, "0005").truth.velocity[:, 0]), [True, False, True])
+
+
+def test_velocity_does_not_know_the_next_frame(root: Path) -> None:
+    before = load(root, "0005").truth.velocity
+    lines = (root / GT).read_text(encoding="utf-8").splitlines()
+    write(root / GT, *[line.replace(",1.6,", ",9.9,") if line.startswith("8,7,") else line for line in lines])
+    after = load(root, "0005").truth
+    np.testing.assert_array_equal(after.velocity[:-2], before[:-2])
+    assert after.velocity[-2, 0] > 10
+
+
+def test_rows_that_are_not_to_be_evaluated_are_neutral(root: Path) -> None:
+    write(root / GT, row(5, 7, 0, 0), row(5, 8, 1, 0, confidence=0), row(6, 7, 0, 0, confidence=0))
+    truth = load(root, "0005").truth
+    assert truth.neutral.tolist() == [False, True, True]
+    assert truth.eligible.tolist() == [True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("source", "train", "val"),
+    [
+        pytest.param({}, [1], [5], id="two frames are left: too few for a target"),
+        pytest.param({"scene_frames": 3}, [1], [4, 7], id="one frame is left"),
+        pytest.param({"scene_frames": 7}, [1], [8], id="three frames are left: a scene"),
+        pytest.param({"scene_frames": 5, "train_scenes": 0}, None, [1, 6], id="nothing to train on"),
+        pytest.param({"scene_frames": 5, "train_scenes": 2}, [1, 6], None, id="nothing but training"),
+        pytest.param({"scene_frames": 99, "train_scenes": 9}, [1], None, id="all in one"),
+        pytest.param({"stride": 2, "scene_frames": 3}, [1], None, id="two kept frames are left"),
+        pytest.param({"stride": 2, "scene_frames": 5, "train_scenes": 0}, None, [1], id="every second frame"),
+        pytest.param({"stride": 3, "scene_frames": 3, "train_scenes": 1}, [1], None, id="one kept frame is left"),
+    ],
+)
+def test_scenes_of_the_splits(root: Path, source: dict[str, Any], train: list[int] | None, val: Any) -> None:
+    for split, firsts in (("train", train), ("val", val)):
+        if firsts is None:
+            with pytest.raises(CardError, match=rf"split '{split}' has no scenes: {SEQUENCE} has \d of \d+ frames, "):
+                open_source(mot3d_card(split=split, **source), root)
+        else:
+            names = open_source(mot3d_card(split=split, **source), root).names
+            assert names == tuple(f"{SEQUENCE}-{first:04d}" for first in firsts)
+
+
+def test_the_scenes_are_the_whole_sequence(root: Path) -> None:
+    source = open_source(mot3d_card(scene_frames=5, train_scenes=0), root)
+    scenes = [source.load(name) for name in source.names]
+    np.testing.assert_allclose(np.concatenate([scene.time for scene in scenes]), np.arange(TEN) / RATE)
+    assert sum(len(scene.truth.box) for scene in scenes) == 15
+    assert sum(len(scene.detections.box) for scene in scenes) == 10
+
+
+def test_stride_keeps_every_nth_frame(root: Path) -> None:
+    """Frames 1, 3, 5, 7, 9."""
+    scene = load(root, "0001", stride=2, scene_frames=5, train_scenes=0)
+    np.testing.assert_allclose(scene.time, [0, 0.4, 0.8, 1.2, 1.6])
+    np.testing.assert_array_equal(scene.truth.start, [0, 1, 2, 3, 5, 7])
+    walking = scene.truth.object_id == 7
+    np.testing.assert_allclose(scene.truth.box[walking, 0], [0.2, 0.6, 1.0, 1.4, 1.8])
+    np.testing.assert_allclose(scene.truth.velocity[walking][1:, 0], 0.2 * RATE)
+    np.testing.assert_array_equal(scene.detections.score, [31, 33, 35, 37, 39])
+
+
+def test_the_order_of_the_lines_does_not_matter(root: Path) -> None:
+    before = load(root, "0005")
+    for file in (GT, DET):
+        lines = (root / file).read_text(encoding="utf-8").splitlines()
+        write(root / file, "", *sorted(lines, key=lambda line: -int(line.split(",")[0])))
+    after = load(root, "0005")
+    np.testing.assert_array_equal(after.truth.box, before.truth.box)
+    np.testing.assert_array_equal(after.truth.start, before.truth.start)
+    np.testing.assert_array_equal(after.detections.score, before.detections.score)
+
+
+def test_empty_files(root: Path) -> None:
+    write(root / GT)
+    write(root / DET)
+    scene = load(root, "0005")
+    assert scene.truth.box.shape == scene.detections.box.shape == (0, 7)
+    assert scene.truth.velocity.shape == (0, 2)
+    np.testing.assert_array_equal(scene.ego, 0)
+
+
+def test_a_simulated_detector_needs_no_detections_and_sees_everybody(root: Path) -> None:
+    """Person 3 stands behind another one, seen from the reference point; both are detected without occlusion."""
+    (root / DET).unlink()
+    write(root / GT, *[row(t, i, x, 0.0) for t in range(1, TEN + 1) for i, x in ((1, -4.0), (2, 3.0), (3, 4.0))])
+    card = mot3d_card(detector={"profile": "clean", "field_of_view": 360.0})
+    scene = open_source(card, root).load(f"{SEQUENCE}-0005")
+    assert scene.visible is not None
+    np.testing.assert_array_equal(scene.visible, 1.0)
+    assert scene.simulated
+    assert scene.detector.startswith("clean, simulated")
+    assert len(scene.detections.box) == 12
+    plain = load(root, "0005", detector={"profile": "clean"})
+    assert plain.detector.startswith("clean, simulated")  # never under the name of the stored ones
+
+
+BROKEN: dict[str, tuple[str, list[str] | None, str]] = {  # file, its lines (None: removed), what the error says
+    "true row cut off": (GT, [row(1, 7, 0, 0), "2,7,10,20"], r"line 2: 4 columns, expected 10 \(frame, id, left"),
+    "row too long": (GT, [row(1, 7, 0, 0) + ",1"], "line 1: 11 columns, expected 10"),
+    "blanks for commas": (DET, [row(1, -1, 0, 0).replace(",", " ")], "line 1: 1 columns, expected 10"),
+    "not a number": (GT, ["", row(1, 7, 0, 0).replace("20", "top")], "line 2: top is 'top', expected a finite number"),
+    "true NaN": (GT, [row(1, 7, np.nan, 0)], "line 1: X is 'nan', expected a finite number"),
+    "detected NaN": (DET, [row(1, -1, 0, 0), row(2, -1, 0, np.nan)], "line 2: Y is 'nan', expected a finite"),
+    "infinite score": (DET, [row(1, -1, 0, 0, np.inf)], "line 1: confidence is 'inf', expected a finite"),
+    "frames from 0": (GT, [row(0, 7, 0, 0)], "line 1: frame 0, expected 1 to 10, the seqLength of seqinfo.ini"),
+    "frame after the end": (DET, [row(TEN + 1, -1, 0, 0)], "line 1: frame 11, expected 1 to 10"),
+    "half a frame": (GT, [row(1, 7, 0, 0).replace("1", "1.5", 1)], "line 1: frame is 1.5, expected a whole number"),
+    "half an id": (GT, [row(1, 7, 0, 0).replace("7", "7.5", 1)], "line 1: id is 7.5, expected a whole number"),
+    "person twice": (GT, [row(1, 7, 0, 0), row(2, 7, 0, 0), row(1, 7, 1, 0)], "line 3: a second box of object 7 in f"),
+    "no truth": (GT, None, "no file"),
+    "no detections": (DET, None, "no file"),
+    "detections in pixels only": (DET, [row(1, -1, -1, -1)[:-1] + "-1"], r"-1 in every row, as in the 2D benchmark"),
+    "truth is no text": (GT, ["\udcff"], "cannot be read as text"),
+    "no seqinfo": (INI, None, r"write it with the lines '\[Sequence\]', 'name=TUD-Stadtmitte', 'frameRate=25' and "),
+    "seqinfo without rate": (INI, [seqinfo()[0], *seqinfo()[3:]], "no key 'frameRate' in the section"),
+    "seqinfo without length": (INI, seqinfo()[:3], "no key 'seqLength' in the section"),
+    "seqinfo of another section": (INI, ["[Other]", *seqinfo()[1:]], "no key 'frameRate' in the section"),
+    "seqinfo without section": (INI, seqinfo()[1:], "cannot be read: File contains no section headers"),
+    "rate not a number": (INI, seqinfo(rate="7 Hz"), "frameRate is '7 Hz', expected a number above 0"),
+    "no frames": (INI, seqinfo(length="0"), "seqLength is '0', expected a number above 0"),
+    "half a length": (INI, seqinfo(length="9.5"), "seqLength is 9.5, expected a whole number"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_broken_files_give_one_clear_error(root: Path, case: str) -> None:
+    file, lines, text = BROKEN[case]
+    path = root / file
+    if lines is None:
+        path.unlink()
+    else:
+        path.write_bytes("".join(f"{line}\n" for line in lines).encode("utf-8", "surrogateescape"))
+    with pytest.raises(DataError, match=text) as caught:
+        load(root, "0005")
+    assert str(path) in str(caught.value)
+
+
+def test_a_byte_order_mark_is_no_number(root: Path) -> None:
+    text = (root / GT).read_text(encoding="utf-8")
+    (root / GT).write_text(text.replace("\n", "\r\n"), encoding="utf-8-sig")
+    assert len(load(root, "0005").truth.box) == 7
+
+
+@pytest.mark.parametrize(
+    ("card", "text"),
+    [
+        pytest.param({"task": {"rate": 7.0}}, r"7 Hz, but TUD-Stadtmitte with 5 Hz and stride 1 gives 5 Hz", id="rate"),
+        pytest.param({"task": {"rate": 5.0}, "stride": 2}, "stride 2 gives 2.5 Hz", id="rate of a stride"),
+        pytest.param({"scene_frames": 2}, "scene_frames is 2, expected at least 3", id="scenes without targets"),
+    ],
+)
+def test_cards_that_do_not_fit(root: Path, card: dict[str, Any], text: str) -> None:
+    with pytest.raises(CardError, match=text):
+        open_source(mot3d_card(**card), root)
+
+
+@pytest.mark.parametrize("classes", [["car"], ["pedestrian", "car"]])
+def test_there_are_only_pedestrians(root: Path, classes: list[str]) -> None:
+    same = dict.fromkeys(classes, 1.0)
+    gate = {"measure": "center_distance", "threshold": same}
+    task = {"classes": classes, "forecast_gate": same, "miss_error": same, "event_gate": gate}
+    with pytest.raises(CardError, match="but 3DMOT2015 has only pedestrian"):
+        open_source(mot3d_card(task=task), root)
+
+
+def test_unknown_scene(root: Path) -> None:
+    with pytest.raises(UnknownNameError, match="unknown scene 'TUD-Stadtmitte-0001'"):
+        load(root, "0001")  # of the other split
+
+
+@pytest.mark.parametrize("folder", ["mot3d2015", "3DMOT2015", "."])
+def test_the_root_is_the_parent_or_the_folder_itself(root: Path, folder: str) -> None:
+    data = root if folder == "." else root.parent
+    if folder == "3DMOT2015":
+        root.rename(root.parent / folder)
+    assert open_source(mot3d_card(), data).names == (f"{SEQUENCE}-0005",)
+    assert describe(mot3d_card(), data).usable
+
+
+def test_missing_root(root: Path, tmp_path: Path) -> None:
+    nowhere = tmp_path / "nothing"
+    with pytest.raises(DataError, match=r"none of .*mot3d2015, .*3DMOT2015, .*given as data root.*motchallenge\.net"):
+        open_source(mot3d_card(), nowhere)
+    with pytest.raises(DataError, match=r"train/PETS09-S2L1 is in none of .*; found there: TUD-Stadtmitte; name"):
+        open_source(mot3d_card(sequence="PETS09-S2L1"), root)
+    status = describe(mot3d_card(), nowhere)
+    assert status.root is None
+    assert status.searched == (nowhere / "mot3d2015", nowhere / "3DMOT2015", nowhere)
+    assert not status.usable
+    for text in (status.layout, status.licence, status.citation, status.how_to_get):
+        assert text
+
+
+def test_status_lists_what_is_missing_and_what_is_wrong(root: Path) -> None:
+    status = describe(mot3d_card(), root)
+    assert status.usable
+    assert not status.verified  # ten frames of 179
+    assert [(check.what, check.found) for check in status.checks] == [
+        ("frames", 10), ("tracks", 2), ("boxes", 15), ("detections", 10),
+    ]  # fmt: skip
+    write(root / GT, "1,2,3")
+    (root / DET).unlink()
+    (root / INI).unlink()
+    status = describe(mot3d_card(), root)
+    assert status.missing == (INI, DET)
+    assert [problem.partition(": ")[2] for problem in status.problems] == [
+        "3 columns, expected 10 (frame, id, left, top, width, height, confidence, X, Y, Z): is the file cut off?"
+    ]
+    assert [check.found for check in status.checks] == [0, 0, 0, 0]
+
+
+def test_status_with_a_simulated_detector_needs_no_detections(root: Path) -> None:
+    (root / DET).unlink()
+    status = describe(mot3d_card(detector={"profile": "clean"}), root)
+    assert status.usable
+    assert [check.what for check in status.checks] == ["frames", "tracks", "boxes"]

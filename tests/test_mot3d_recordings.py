@@ -1,0 +1,109 @@
+"""3DMOT2015 source on the real recordings: known counts, and how well the detections lie on the truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mtp_bench.cards import Card, load_card, parse_card
+from mtp_bench.scoring import find_targets
+from mtp_bench.sources import describe, open_source
+from mtp_bench.types import Floats, Scene
+
+pytestmark = pytest.mark.data
+
+
+def whole_sequence(sequence: str, rate: float, frames: int) -> Card:
+    """A card with the sequence as a single scene."""
+    content = load_card("MTP-PETS-v0").model_dump(mode="json")
+    content["source"] |= {"sequence": sequence, "train_scenes": 0, "scene_frames": frames}
+    content["task"]["rate"] = rate
+    return parse_card(content)
+
+
+PETS = whole_sequence("PETS09-S2L1", 7.0, 795)
+TUD = whole_sequence("TUD-Stadtmitte", 25.0, 179)
+
+
+@pytest.fixture(scope="module")
+def scenes(data_root: Path) -> dict[str, Scene]:
+    """Both sequences as a single scene each."""
+    found = {}
+    for card in (PETS, TUD):
+        source = open_source(card, data_root)
+        assert len(source.names) == 1
+        found[card.id + source.names[0]] = source.load(source.names[0])
+    return {scene.name: scene for scene in found.values()}
+
+
+@pytest.mark.parametrize(
+    ("card", "name", "counts"),
+    [
+        pytest.param(PETS, "PETS09-S2L1-0001", (795, 19, 4650, 5578), id="PETS"),
+        pytest.param(TUD, "TUD-Stadtmitte-0001", (179, 10, 1156, 1129), id="TUD"),
+    ],
+)
+def test_counts(
+    data_root: Path, scenes: dict[str, Scene], card: Card, name: str, counts: tuple[int, int, int, int]
+) -> None:
+    scene, status = scenes[name], describe(card, data_root)
+    assert status.verified
+    assert tuple(check.found for check in status.checks) == counts
+    ids = len(np.unique(scene.truth.object_id))
+    assert (scene.frames, ids, len(scene.truth.box), len(scene.detections.box)) == counts
+    assert scene.skipped == {}
+
+
+@pytest.mark.parametrize(
+    ("name", "recall", "error"),
+    [
+        pytest.param("PETS09-S2L1-0001", 0.95, 0.22, id="PETS"),
+        pytest.param("TUD-Stadtmitte-0001", 0.54, 0.41, id="TUD"),
+    ],
+)
+def test_detections_lie_on_the_truth(scenes: dict[str, Scene], name: str, recall: float, error: float) -> None:
+    """Share of all true boxes, neutral ones too, with a detection of their own within 1 m."""
+    distance = one_to_one(scenes[name], gate=1.0)
+    assert round(len(distance) / len(scenes[name].truth.box), 2) == recall
+    assert round(float(np.median(distance)), 2) == error
+
+
+def one_to_one(scene: Scene, gate: float) -> Floats:
+    """Distances of the matching with the least sum of distances, a pair beyond the gate costing as much as the gate."""
+    from scipy.optimize import linear_sum_assignment
+
+    inside: list[float] = []
+    for t in range(scene.frames):
+        truth, found = scene.truth.box[scene.truth.rows(t), :2], scene.detections.box[scene.detections.rows(t), :2]
+        distance = np.linalg.norm(truth[:, None] - found[None], axis=-1)
+        chosen = distance[linear_sum_assignment(np.minimum(distance, gate))]
+        inside += chosen[chosen < gate].tolist()
+    return np.array(inside)
+
+
+def test_scenes_of_the_card(data_root: Path, scenes: dict[str, Scene]) -> None:
+    """20 s each, the first two for training, the last one shorter; together they are the sequence."""
+    whole, card = scenes["PETS09-S2L1-0001"], load_card("MTP-PETS-v0")
+    first = {"train": [1, 141], "val": [281, 421, 561, 701]}
+    parts: list[Scene] = []
+    for split, numbers in first.items():
+        source = open_source(card.with_split(split), data_root)
+        assert source.names == tuple(f"PETS09-S2L1-{number:04d}" for number in numbers)
+        parts += [source.load(name) for name in source.names]
+    assert [scene.frames for scene in parts] == [140, 140, 140, 140, 140, 95]
+    np.testing.assert_allclose(np.concatenate([scene.time for scene in parts]), whole.time)
+    np.testing.assert_array_equal(np.concatenate([scene.truth.box for scene in parts]), whole.truth.box)
+    np.testing.assert_array_equal(np.concatenate([scene.detections.box for scene in parts]), whole.detections.box)
+    assert all(np.array_equal(scene.ego, np.tile([-6.0, -4.0, 0, 0], (scene.frames, 1))) for scene in parts)
+    assert [int(scene.truth.neutral.sum()) for scene in parts] == [0, 174, 0, 0, 0, 0]
+    assert all(len(find_targets(scene, card)) > 200 for scene in parts)
+
+
+def test_people_walk(scenes: dict[str, Scene]) -> None:
+    """Metres and seconds: nearly all PETS steps are slower than a run; positions of TUD jitter more."""
+    speed = np.linalg.norm(scenes["PETS09-S2L1-0001"].truth.velocity, axis=1)
+    speed = speed[~np.isnan(speed)]
+    assert 0.8 < np.median(speed) < 1.4
+    assert speed.max() < 3

@@ -1,0 +1,186 @@
+"""nuScenes source on the real recordings: known counts, and detections that lie where the true boxes are."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import linear_sum_assignment
+
+from mtp_bench.cards import Card, load_card
+from mtp_bench.errors import DataError
+from mtp_bench.geometry import center_distance, wrap_angle
+from mtp_bench.scoring.targets import find_targets, frame_of_rows
+from mtp_bench.sources import describe, open_source
+from mtp_bench.sources.nuscenes.source import NuScenes
+from mtp_bench.types import Floats, Scene
+
+pytestmark = pytest.mark.data
+
+NEAR = 40.0  # m
+
+
+def changed(card: Card, **source: Any) -> Card:
+    return card.model_copy(update={"source": card.source.model_copy(update=source)})
+
+
+MINI, TRAIN = load_card("MTP-nuScenes-mini-v0"), load_card("MTP-nuScenes-v0").with_split("train")
+CENTERPOINT = changed(MINI, detector="centerpoint", split="val")
+
+
+def scenes_of(data: Path, card: Card) -> list[Scene]:
+    source = open_source(card, data)
+    return [source.load(name) for name in source.names]
+
+
+@pytest.fixture(scope="module")
+def mini(data_root: Path) -> list[Scene]:
+    return scenes_of(data_root, MINI)
+
+
+@pytest.fixture(scope="module")
+def train(data_root: Path) -> list[Scene]:
+    return scenes_of(data_root, TRAIN)
+
+
+def test_counts_of_mini(data_root: Path, mini: list[Scene]) -> None:
+    status = describe(MINI, data_root)
+    assert status.verified
+    assert {check.what: check.found for check in status.checks} == {
+        "scenes": 10,
+        "keyframes": 404,
+        "prediction targets of mini_train": 742,
+        "prediction targets of mini_val": 61,
+    }
+    index = NuScenes(MINI, data_root).tables.index
+    assert (index["instances"], index["boxes"]) == (905, 18389)
+    assert [len(mini), sum(scene.frames for scene in mini)] == [10, 404]
+    assert sum(len(scene.truth.box) for scene in mini) == 18389 - 2323 - 1378  # without barriers and cones
+    assert sum(scene.truth.neutral.sum() for scene in mini) == 25  # somebody on a scooter
+    assert sum(len(scene.detections.box) for scene in mini) == 27937
+    assert all(scene.truth_complete and scene.truth.eligible.all() for scene in mini)
+    everything = (*MINI.task.classes, "traffic_cone", "barrier")
+    card = MINI.model_copy(update={"task": MINI.task.model_copy(update={"classes": everything})})
+    assert sum(len(scene.truth.box) for scene in scenes_of(data_root, card)) == 18389
+
+
+def test_counts_of_trainval(data_root: Path, train: list[Scene]) -> None:
+    status = describe(TRAIN, data_root)
+    assert (status.usable, status.verified) == (True, False)  # 100 of 850 scenes
+    assert [len(train), sum(scene.frames for scene in train)] == [100, 3893]
+    assert sum(len(np.unique(scene.truth.object_id)) for scene in train) == 624
+    assert sum(len(scene.truth.box) for scene in train) == 16341
+    assert sum(len(scene.detections.box) for scene in train) == 167967
+    assert sum(len(find_targets(scene, TRAIN)) for scene in train) == 7749
+    assert sum(scene.truth.eligible.sum() for scene in train) == 7749
+    assert not any(scene.truth_complete for scene in train)
+
+
+def test_targets_of_mini(data_root: Path) -> None:
+    for split, targets in (("mini_train", 742), ("mini_val", 61)):
+        card = changed(MINI, truth="targets", split=split)
+        assert sum(len(find_targets(scene, card)) for scene in scenes_of(data_root, card)) == targets
+
+
+def test_splits(data_root: Path) -> None:
+    sizes = {"all": 10, "train": 5, "train_val": 1, "val": 4, "mini_train": 8, "mini_val": 2}
+    for split, count in sizes.items():
+        assert len(open_source(MINI.with_split(split), data_root).names) == count
+    expected = r"no scene of split 'val'; it has train \(100 scenes\); choose one with --split or split="
+    with pytest.raises(DataError, match=expected):
+        open_source(load_card("MTP-nuScenes-v0"), data_root)
+
+
+def test_centerpoint_covers_four_scenes(data_root: Path) -> None:
+    expected = r"'7a12b749.*scene-0061: .* 4 of the 10 scenes .*wholly covered: val \(4 scenes\), mini_val \(2 scenes\)"
+    with pytest.raises(DataError, match=expected):
+        open_source(changed(MINI, detector="centerpoint"), data_root)
+    assert open_source(CENTERPOINT, data_root).names == ("scene-0103", "scene-0553", "scene-0796", "scene-0916")
+
+
+def test_steps_are_the_real_ones(mini: list[Scene]) -> None:
+    irregular = {scene.name for scene in mini if np.ptp(np.diff(scene.time)) > 0.01}
+    assert irregular == {"scene-0103", "scene-0916"}
+    steps = np.concatenate([np.diff(scene.time) for scene in mini])
+    assert 0.35 < steps.min() < steps.max() < 0.65
+
+
+def test_cars_and_the_ego_drive_where_they_head(mini: list[Scene], train: list[Scene]) -> None:
+    """Yaw from quaternions, positions and sizes agree: what moves moves along its heading and is longer than wide."""
+    for scenes in (mini, train):
+        step = np.concatenate([np.diff(scene.ego, axis=0) for scene in scenes])
+        yaw = np.concatenate([scene.ego[:-1, 3] for scene in scenes])
+        assert _off(step, yaw) < 0.03
+        box = np.concatenate([scene.truth.box[scene.truth.class_id == 0] for scene in scenes])
+        velocity = np.concatenate([scene.truth.velocity[scene.truth.class_id == 0] for scene in scenes])
+        assert _off(np.nan_to_num(velocity), box[:, 3]) < 0.03
+        assert (box[:, 4] > box[:, 5]).mean() > 0.999
+
+
+def _off(step: Floats, yaw: Floats) -> float:
+    """Median angle between motion and heading, rad, of what moves."""
+    moving = np.hypot(step[:, 0], step[:, 1]) > 1.0
+    return float(np.median(np.abs(wrap_angle(np.arctan2(step[moving, 1], step[moving, 0]) - yaw[moving]))))
+
+
+@pytest.mark.parametrize(
+    ("card", "score", "recall", "error"),
+    [
+        pytest.param(MINI, 0.2, 0.87, 0.15, id="megvii on mini"),
+        pytest.param(CENTERPOINT, 0.2, 0.90, 0.15, id="centerpoint on mini"),
+        pytest.param(TRAIN, 0.0, 0.97, 0.17, id="megvii on targets of trainval"),
+    ],
+)
+def test_recall_and_error_of_the_detections(
+    data_root: Path, card: Card, score: float, recall: float, error: float
+) -> None:
+    """Vehicles (of any class) and pedestrians nearer than 40 m, matched one to one within 2 m; median centre error."""
+    person = np.array([name == "pedestrian" for name in card.task.classes])
+    bicycle = np.array([name in ("bicycle", "motorcycle") for name in card.task.classes])
+    parts = [_matched(scene, person, bicycle, score) for scene in scenes_of(data_root, card)]
+    found = np.concatenate([errors for errors, _ in parts])
+    assert round(len(found) / sum(count for _, count in parts), 2) == recall
+    assert round(float(np.median(found)), 2) == error
+
+
+def _matched(scene: Scene, person: Any, bicycle: Any, score: float) -> tuple[Floats, int]:
+    """Distances of the matched boxes of a scene, and the number of true ones."""
+    truth, seen = scene.truth, scene.detections
+    frame = frame_of_rows(truth.start)
+    far = np.hypot(*(truth.box[:, :2] - scene.ego[frame, :2]).T)
+    true = np.flatnonzero((far < NEAR) & ~bicycle[truth.class_id] & ~truth.neutral)
+    shown = np.flatnonzero((seen.score > score) & ~bicycle[seen.class_id])
+    shown_frame = frame_of_rows(seen.start)[shown]
+    errors = []
+    for t in range(scene.frames):
+        a, b = true[frame[true] == t], shown[shown_frame == t]
+        distance = center_distance(truth.box[a][:, None], seen.box[b][None])
+        other = person[truth.class_id[a]][:, None] != person[seen.class_id[b]]
+        row, column = linear_sum_assignment(np.where(other | (distance > 2), 1e3, distance))
+        errors.append(distance[row, column][~other[row, column] & (distance[row, column] <= 2)])
+    return np.concatenate(errors), len(true)
+
+
+def test_the_copy_holds_what_the_tables_say(data_root: Path, mini: list[Scene]) -> None:
+    """Read once more with nothing but json: positions of every object of a scene, in the order of its frames."""
+
+    def read(name: str) -> list[dict[str, Any]]:
+        records: list[dict[str, Any]] = json.loads((data_root / f"nuscenes/v1.0-mini/{name}.json").read_text())
+        return records
+
+    (token,) = [record["token"] for record in read("scene") if record["name"] == "scene-0916"]
+    times = {record["token"]: record["timestamp"] for record in read("sample") if record["scene_token"] == token}
+    categories = {record["token"]: record["name"] for record in read("category")}
+    kinds = {record["token"]: categories[record["category_token"]] for record in read("instance")}
+    expected = sorted(
+        (times[record["sample_token"]], *record["translation"], record["size"][1])
+        for record in read("sample_annotation")
+        if record["sample_token"] in times and kinds[record["instance_token"]].split(".")[0] in ("vehicle", "human")
+    )
+    (scene,) = [scene for scene in mini if scene.name == "scene-0916"]
+    when = min(times.values()) + np.round(scene.time[frame_of_rows(scene.truth.start)] * 1e6)
+    got = sorted(map(tuple, np.column_stack([when, scene.truth.box[:, [0, 1, 2, 4]]]).tolist()))
+    np.testing.assert_allclose(got, expected, atol=1e-9)
