@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,7 @@ def detail(setting: Setting) -> dict[str, Any]:
     return {
         "agent": setting[0], "hypotheses": setting[1], "samples": setting[2], "budget": setting[3],
         "parts": {"localisation": 0.567, "missed": 0.678, "false": None}, "spurious_per_frame": None, "EPA": 0.78,
+        "forecasts_per_frame": 12.3,
         "silence": 20.0, "tracking": {"all": {"MOTA": 0.89}}, "own_events": {"ids": 34, "lost": 462},
         "own": {"all_h_ids": {"targets": 17}},
     }  # fmt: skip
@@ -238,6 +240,15 @@ def test_tables_hold_every_number_whatever_the_width(make: Any, numbers: list[st
     assert "…" not in text
 
 
+def test_what_cannot_be_measured_is_said_in_words() -> None:
+    known = report(LARGE)
+    partly = replace(known, condition={"truth": "prediction targets only: false positives are not measurable"})
+    assert "not measurable" not in render(parts_table(known), 180)
+    row_of = lines_of(render(parts_table(partly), 250), "stp")[0]
+    assert row_of[3:10] == ["0.567", "0.678", "not measurable", "12.3", "not measurable", "0.78", "0.89"]
+    assert "nobody pays for spurious forecasts" in render(error_table(partly, "title"), 250)
+
+
 def test_a_wide_terminal_is_not_filled() -> None:
     table = displacement_table(report(LARGE))
     assert render(table, 180) == render(table, 400)
@@ -263,6 +274,9 @@ def test_the_figures_of_the_paper() -> None:
     assert paper_figures("MTP-KITTI-v0", row(("mtp", 7, 20, "equal"), "all")) == {}
     assert paper_figures("MTP-KITTI-v0", row(CONTROL, "all")) == {}
     assert paper_figures("MTP-KITTI-5Hz-v0", row(STP, "all")) == {}
+    assert paper_figures("MTP-nuScenes-v0", row(("mtp", 20, 10, "equal"), "all"))["frag"] == [8.476, 12.105]
+    assert paper_figures("MTP-nuScenes-mini-v0", row(STP, "all")) == {}
+    assert paper_figures("MTP-WILDTRACK-v0", row(STP, "all")) == {"all": [1.024, 1.335]}
 
 
 def test_the_counts_of_subsets_in_words() -> None:

@@ -117,6 +117,8 @@ def test_spurious_forecasts_are_free_where_the_truth_has_holes() -> None:
     detail = report.details[0]
     assert detail["EPA"] is detail["AP_f"] is detail["spurious_per_frame"] is detail["parts"]["false"] is None
     assert detail["tracking"]["all"]["MOTA"] is None
+    assert detail["forecasts_per_frame"] == pytest.approx(2 / 5)
+    assert report.condition["truth"].endswith("false positives are not measurable")
 
 
 # ---- several scenes: STP, the truth, and agents between them

@@ -53,6 +53,7 @@ class SceneScore:
     all_h_frag: Bools  # [n]
     truth_key: Ints  # [rows] of all evaluated true boxes, targets or not
     events: dict[str, Ints]  # own events on all true boxes, by KINDS; "wrong" are among the "lost": keys [E]
+    forecasts: int  # objects that were forecast, over all frames
     spurious: Ints  # [F] forecasts of nothing
     spurious_of_class: Ints  # [C]
     spurious_error: float  # m, c/2 summed over them; 0 where the truth is not complete
@@ -116,6 +117,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         all_h_frag=np.asarray(every_frag)[targets.row],
         truth_key=key[~truth.neutral],
         events={kind: key[getattr(own, kind)[:, 0]] for kind in KINDS},
+        forecasts=len(rollout.object_box),
         spurious=np.bincount(nothing[0], minlength=scene.frames),
         spurious_of_class=np.bincount(nothing[1], minlength=len(worst)),
         spurious_error=SPURIOUS_SHARE * float(worst[nothing[1]].sum()) if scene.truth_complete else 0.0,

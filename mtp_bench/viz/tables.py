@@ -82,6 +82,7 @@ def parts_table(report: Report) -> Table:
         "localisation",
         "missed",
         "false",
+        "forecasts/frame",
         "spurious/frame",
         "EPA",
         "MOTA",
@@ -98,6 +99,7 @@ def parts_table(report: Report) -> Table:
             *_name(row),
             *(_number(parts[name]) for name in ("localisation", "missed")),
             _number(parts["false"], absent=unknown),
+            _number(row["forecasts_per_frame"], 1),
             _number(row["spurious_per_frame"], 2, unknown),
             _number(row["EPA"], 2, unknown),
             _number(row["tracking"]["all"]["MOTA"], 2, unknown),
@@ -112,7 +114,8 @@ def _parts_caption(report: Report) -> str:
     if not measurable(report):
         return (
             "localisation + missed = missing-aware error. Objects outside the truth exist, so an unmatched forecast or "
-            f"track is not called false: {NOT_MEASURABLE}."
+            f"track is not called false: {NOT_MEASURABLE}.\nWhoever forecasts far more objects per frame than others "
+            "covers more by chance."
         )
     return (
         "localisation + missed + false = missing-aware error. Every track is a forecast unless the agent withholds it: "
