@@ -73,10 +73,14 @@ def _status_table(statuses: Mapping[str, DataStatus]) -> Table:
     table = Table(title="Data", title_justify="left")
     for heading in ("environment", "dataset", "state", "root", "counts (found / known)"):
         table.add_column(heading, no_wrap=heading == "environment")
+    shown: dict[str, str] = {}  # counts, and the environment beside which they stand
     for env_id, status in statuses.items():
         checks = "\n".join(
             f"{'' if check.ok else '[red]'}{check.what}: {check.found} / {check.expected}" for check in status.checks
         )
+        beside = shown.setdefault(f"{status.root} {checks}", env_id)
+        if checks and beside != env_id:
+            checks = f"as {beside}"
         root = str(status.root) if status.root else "looked in " + ", ".join(map(str, status.searched))
         table.add_row(env_id, status.dataset, _state(status), escape(root), checks)
     return table

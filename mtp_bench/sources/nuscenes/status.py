@@ -74,6 +74,8 @@ def nuscenes_status(card: Card, data: str | Path | None) -> DataStatus:
         return _status(root, (root,), missing, problems=(str(error),))
     splits = available_splits(store, section.truth == "targets" and prediction_path(root) is not None)
     notes = [f"{section.version} has the splits {counted(splits)}"] if splits else []
+    if splits and section.split not in splits:
+        missing = (*missing, f"scenes of split {section.split!r} in {section.version}/")
     paths, _ = _detections(root, card)
     if paths:
         notes.append(f"detections: {', '.join(path.name for path in paths)}")
