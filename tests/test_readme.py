@@ -30,6 +30,7 @@ DOCUMENTS = (
     "envs/README.md",
     "baselines/README.md",
     "leaderboard/README.md",
+    "leaderboard/RESULTS.md",
     "mtp_bench/detector/README.md",
 )
 
