@@ -24,6 +24,13 @@ def flag(name: str, value: bool) -> bool:
     return value
 
 
+def text(name: str, value: str | None) -> str | None:
+    """The text itself, or None; raises MtpBenchError for what is neither."""
+    if value is not None and not isinstance(value, str):
+        raise MtpBenchError(f"{name} is {value!r}, expected a text")
+    return value
+
+
 def choose(known: tuple[str, ...], wanted: Sequence[str] | None) -> tuple[str, ...]:
     """Scenes to draw from: all, or those named."""
     if wanted is None:

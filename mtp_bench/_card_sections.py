@@ -25,6 +25,7 @@ def _current(generator: int) -> int:
 
 
 GENERATOR = 1  # version of the content that a seed gives
+STORED_DETECTOR = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"  # begins the names of files
 Generator = Annotated[int, AfterValidator(_current)]
 SeedRange = Annotated[tuple[int, int], Field(strict=False), AfterValidator(_rising)]
 
@@ -88,7 +89,7 @@ class NuScenesSource(Section):
 
     name: Literal["nuscenes"]
     version: Annotated[str, Field(pattern=r"^v1\.0-[A-Za-z0-9_.-]+$")] = "v1.0-trainval"  # folder of the tables
-    detector: Annotated[str, Field(min_length=1)] = "megvii"  # detections/<detector>*.json
+    detector: Annotated[str, Field(pattern=STORED_DETECTOR)] = "megvii"  # detections/<detector>*.json
     detections_sha256: str | None = None  # of a file that stands in for the detector's; see Card.with_detections
     detections_file: Annotated[str | None, Field(exclude=True)] = None  # where that file is: no part of the digest
     velocity: bool = False  # show the velocities of the detections, where the file has them

@@ -32,14 +32,18 @@ DetectorOption = Annotated[
     ),
 ]
 DetectionsOption = Annotated[
-    str | None, typer.Option("--detections", help="File of stored detections (nuScenes submission form).")
+    Path | None, typer.Option("--detections", help="File of stored detections (nuScenes submission form).")
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the run.")]
 
 
-def given(**options: str | None) -> dict[str, str]:
-    """The options that were given."""
-    return {name: value for name, value in options.items() if value is not None}
+def given(**options: str | Path | None) -> dict[str, str]:
+    """The options that were given; paths as absolute ones, for a stored run is scored from anywhere."""
+    return {
+        name: str(value.expanduser().absolute()) if isinstance(value, Path) else value
+        for name, value in options.items()
+        if value is not None
+    }
 
 
 def prepare(env: str, root: str | None, scenes: int | None, jobs: int, changes: dict[str, str]) -> None:

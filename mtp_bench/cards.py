@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
@@ -14,6 +15,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import Field
 
 from ._bundle import bundled, card_ids
+from ._card_sections import STORED_DETECTOR
 from ._card_sections import DetectorSection as DetectorSection
 from ._card_sections import HighwaySource as HighwaySource
 from ._card_sections import KittiSource as KittiSource
@@ -132,6 +134,8 @@ class Card(Section):
         elif name in profile_names():
             changed = own.model_copy(update={"profile": name, "noise": None, "variant": "as_fitted"})
         elif isinstance(self.source, NuScenesSource) and self.detector is None:
+            if not re.fullmatch(STORED_DETECTOR, name):
+                raise CardError(f"detector is {name!r}, expected the first part of the names of its files")
             return self.model_copy(update={"source": self.source.model_copy(update={"detector": name})})
         else:
             known = [*profile_names(), *VARIANTS]
@@ -157,7 +161,7 @@ class Card(Section):
         path = Path(file).expanduser().absolute()
         try:
             state = path.stat()
-            digest = _file_digest(path, state.st_size, state.st_mtime_ns)
+            digest = _file_digest(path, state.st_size, state.st_mtime_ns, state.st_ctime_ns)
         except OSError as error:
             raise DataError(f"detections {path}: {error.strerror}") from None
         name = f"{self.source.detector}-{path.stem}"
@@ -170,7 +174,7 @@ class Card(Section):
 
 
 @cache
-def _file_digest(path: Path, size: int, changed: int) -> str:
+def _file_digest(path: Path, *state: int) -> str:
     """Sha256 of a file in this state: read once per process, for it may hold a gigabyte."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
@@ -258,6 +262,11 @@ def _check_classes(card: Card, where: str) -> None:
 
 def _check_detector(card: Card, where: str) -> None:
     """A simulated source needs a simulated detector, which must know every class."""
+    if isinstance(card.source, NuScenesSource) and card.source.truth == "targets" and card.detector is not None:
+        raise CardError(
+            f"{where}: a simulated detector would see nothing but the prediction targets, the only known objects; "
+            "take stored detections, or a card with truth = \"all\""
+        )
     if card.detector is None:
         if isinstance(card.source, HighwaySource | WildtrackSource):
             what = "simulated traffic" if isinstance(card.source, HighwaySource) else "most of WILDTRACK"

@@ -15,7 +15,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 
 from ._answer import Answer, decode
-from ._arguments import choose, flag, size, wanted
+from ._arguments import choose, flag, size, text, wanted
 from ._observation import Feed, LocalFrame, Observation, make_feed, rotate
 from ._spaces import action_space, observation_space
 from .cards import Card, changed_card, load_card
@@ -91,7 +91,8 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise UnknownNameError("render mode", str(render_mode), RENDER_MODES)
         self.render_mode = render_mode
-        self.card = changed_card(load_card(card), split, detector, detection_file)
+        changes = {"split": split, "detector": detector, "detection_file": detection_file}
+        self.card = changed_card(load_card(card), *(text(name, value) for name, value in changes.items()))
         sizes = {
             "samples": size("samples", samples, self.card.task.samples),
             "tracks": size("tracks", tracks, self.card.size.tracks),

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from mtp_bench.cards import NuScenesSource, WildtrackSource, changed_card, load_card, parse_card
 from mtp_bench.env import MTPEnv
-from mtp_bench.errors import CardError, DataError, UnknownNameError
+from mtp_bench.errors import CardError, DataError, MtpBenchError, UnknownNameError
+from mtp_bench.tracking.parameters import ab3dmot_parameters
 
 VEHICLES = ("car", "truck", "bus", "trailer", "construction_vehicle")
 PROTOCOL = {
@@ -56,6 +58,32 @@ def test_other_stored_detections_of_nuscenes_by_name() -> None:
     assert (other.source.detector, other.source.split, other.detector) == ("centerpoint", "val", None)
     assert other.detector_name == "centerpoint"
     assert len({card.digest, card.with_split("val").digest, other.digest}) == 3
+
+
+@pytest.mark.parametrize("name", ["", "../detections/megvii", "megvii*", "a b"])
+def test_a_name_that_no_file_can_have(name: str) -> None:
+    with pytest.raises(CardError, match="expected the first part of the names of its files"):
+        load_card("MTP-nuScenes-mini-v0").with_detector(name)
+
+
+def test_a_simulated_detector_needs_to_see_more_than_targets() -> None:
+    with pytest.raises(CardError, match="would see nothing but the prediction targets"):
+        load_card("MTP-nuScenes-v0").with_detector("clean")
+
+
+@pytest.mark.parametrize("profile", ["clean", "nuscenes_megvii", "nuscenes_centerpoint"])
+def test_vehicle_detectors_know_all_classes_of_mini(profile: str) -> None:
+    """Those who have only the free mini download have no detections."""
+    card = load_card("MTP-nuScenes-mini-v0").with_detector(profile)
+    assert len(ab3dmot_parameters(card.detector_name, card.task.classes)) == 8
+    assert card.detector is not None
+    assert card.detector.field_of_view == 360.0
+
+
+@pytest.mark.parametrize("changes", [{"detector": 3}, {"detection_file": 3}, {"split": 3}])
+def test_changes_are_texts(changes: dict[str, Any]) -> None:
+    with pytest.raises(MtpBenchError, match="is 3, expected a text"):
+        MTPEnv("MTP-nuScenes-mini-v0", **changes)
 
 
 def test_velocities_are_shown_where_a_card_says_so() -> None:

@@ -131,6 +131,17 @@ def test_the_share_of_sampling(gain: float, sampling: float, sentence: str) -> N
     assert findings(report(rows(MTP), paired)) == [sentence]
 
 
+def test_a_single_sample_has_no_control_of_sampling() -> None:
+    """One sample per object is a mean: the same-budget control says what STP says."""
+    single = ("mtp", 20, 1, "equal")
+    table = rows(("stp", 1, 1, "equal"), ("truth_past", 1, 1, "equal"), gap_closed=0.0)
+    table += rows(("stp_same_budget", 1, 1, "equal"), gap_closed=0.0) + rows(single, gap_closed=0.345)
+    paired = [pair(single, "stp", minADE=-0.1, gap_interval=[0.1, 0.5]), pair(CONTROL, "stp", minADE=0.0)]
+    text = " ".join(findings(report(table, paired)))
+    assert "closes 34 % of the gap" in text
+    assert "as many samples" not in text
+
+
 def test_the_share_of_sampling_needs_both_pairs() -> None:
     assert findings(report(rows(MTP), [pair(MTP, "stp", minADE=-0.1)])) == []
     undefined = [pair(MTP, "stp", minADE=-0.1), pair(CONTROL, "stp", minADE=None)]

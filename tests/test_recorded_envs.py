@@ -55,18 +55,37 @@ def test_stored_and_simulated_detections_are_told_apart_in_the_report(cli: Comma
     assert read_json(tmp_path / "a.json")["condition"]["detections"] == label
 
 
-def test_a_file_of_detections_is_run_and_scored(cli: CommandLine, tmp_path: Path, data_root: Path) -> None:
+def test_a_file_of_detections_is_run_and_scored(
+    cli: CommandLine, tmp_path: Path, data_root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The same detections under another name: the same scores, another digest."""
     stored = json.loads((data_root / "nuscenes/detections/megvii_mini.json").read_text())
     (tmp_path / "mine.json").write_text(json.dumps(stored))
     common = ("--env", "MTP-nuScenes-mini-v0", "--split", "mini_val", "--scenes", 1)
-    for name, further in (("by_name", ()), ("by_file", ("--detections", tmp_path / "mine.json"))):
+    for name, further in (("by_name", ()), ("by_file", ("--detections", "mine.json"))):
+        monkeypatch.chdir(tmp_path)
         cli.ok("run", "stp", *common, *further, "-o", tmp_path / name)
+        monkeypatch.chdir("/")  # a stored run knows its file wherever it is scored
         cli.ok("score", tmp_path / name, "--json", tmp_path / f"{name}.json")
     by_name, by_file = (read_json(tmp_path / f"{name}.json") for name in ("by_name", "by_file"))
     assert by_name["rows"][0]["minADE"] == by_file["rows"][0]["minADE"]
     assert by_file["condition"]["detector"] == "megvii-mine"
     assert by_name["condition"]["card"] != by_file["condition"]["card"]
+
+
+def test_noise_is_not_fitted_where_only_targets_are_known(cli: CommandLine) -> None:
+    error = cli("fit-noise", "--env", "MTP-nuScenes-v0", "--split", "train", "--scenes", 1).error
+    assert "detections of anything else would be fitted as false positives" in error
+
+
+def test_simulated_people_stand_where_people_were(data_root: Path) -> None:
+    card = load_card("MTP-PETS-v0").with_detector("wildtrack_mvdet")
+    source = open_source(card, data_root)
+    scene = source.load(source.names[0])
+    assert scene.simulated
+    low, high = scene.truth.box[:, :2].min(axis=0) - 1.0, scene.truth.box[:, :2].max(axis=0) + 1.0
+    assert ((scene.detections.box[:, :2] > low) & (scene.detections.box[:, :2] < high)).all()
+    assert len(np.unique(scene.detections.box[:, 3:], axis=0)) == 1, "nothing but places"
 
 
 def test_other_stored_detections_by_name(data_root: Path) -> None:

@@ -184,6 +184,20 @@ def test_ranks_need_twenty_objects_and_equal_budget() -> None:
     assert ranks == [3, 1, 1, None, None]
 
 
+@pytest.mark.parametrize(("complete", "forecasts", "rank"), [(False, 3, 1), (False, 4, None), (True, 4, 1)])
+def test_a_flood_is_not_ranked_where_false_forecasts_cost_nothing(
+    complete: bool, forecasts: int, rank: int | None
+) -> None:
+    def many(error: float, count: int) -> list[SceneScore]:
+        scores = [answer(error, name=f"s{i}") for i in range(12)]
+        return [replace(score, truth_complete=complete, forecasts=count) for score in scores]
+
+    agents = [agent("stp", many(1.0, 2)), agent("flood", many(0.1, forecasts))]
+    ranks = {r["agent"]: r["rank"] for r in summarise(agents, CARD).ranks if r["subset"] == "all"}
+    assert ranks["flood"] == rank
+    assert ranks["stp"] == (1 if rank is None else 2)
+
+
 def test_bins_and_planning() -> None:
     report = summarise([agent("a", [answer(0.5)])], CARD)
     detail = report.details[0]

@@ -117,26 +117,32 @@ def _boxes(law: FalsePositives, around: Surroundings, birth: Ints, size: Floats,
 
 
 def _places(law: FalsePositives, sensor: Sensor, ego: Floats, rng: np.random.Generator) -> Floats:
-    """Places ``[B, 2]`` seen from poses ``[B, 4]``; the bearing is drawn anew while the place is off the area."""
+    """Places ``[B, 2]`` seen from poses ``[B, 4]``.
+
+    The bearing is drawn anew while the place is off the sensor's area, and the distance too where no bearing will do.
+    """
     uniform = rng.random((len(ego), 2))
-    distance = np.interp(uniform[:, 0], np.linspace(0.0, 1.0, len(law.distance)), law.distance)
-    view = min(sensor.field_of_view, 2 * np.pi)
-
-    def seen_at(turn: Floats) -> Floats:
-        toward = ego[:, 3] + view * (turn - 0.5)
-        return np.asarray(ego[:, :2] + distance[:, None] * np.stack([np.cos(toward), np.sin(toward)], axis=-1))
-
-    place, turn = seen_at(uniform[:, 1]), uniform[:, 1]
+    place = _placed(law, sensor, ego, uniform)
     if sensor.area is None:
         return place
     low, high = sensor.area[:2], sensor.area[2:]
-    for _ in range(_TRIES):
+    for attempt in range(2 * _TRIES):
         off = ((place < low) | (place > high)).any(axis=1)
         if not off.any():
             break
-        turn = np.where(off, rng.random(len(ego)), turn)
-        place = seen_at(turn)
+        anew = rng.random((len(ego), 2))
+        uniform[off, 1] = anew[off, 1]
+        if attempt >= _TRIES:
+            uniform[off, 0] = anew[off, 0]
+        place = _placed(law, sensor, ego, uniform)
     return place
+
+
+def _placed(law: FalsePositives, sensor: Sensor, ego: Floats, uniform: Floats) -> Floats:
+    """Places ``[B, 2]`` at distances and bearings by uniform numbers ``[B, 2]``."""
+    distance = np.interp(uniform[:, 0], np.linspace(0.0, 1.0, len(law.distance)), law.distance)
+    toward = ego[:, 3] + min(sensor.field_of_view, 2 * np.pi) * (uniform[:, 1] - 0.5)
+    return np.asarray(ego[:, :2] + distance[:, None] * np.stack([np.cos(toward), np.sin(toward)], axis=-1))
 
 
 def _ground(place: Floats, frame: Ints, around: Surroundings) -> Floats:

@@ -24,6 +24,8 @@ Correlation = Annotated[float, Field(gt=-1, lt=1)]
 
 MODEL = 1  # version of the model that turns a profile into detections; part of every card's digest
 
+SIMILAR = {"bicycle": "motorcycle", "construction_vehicle": "truck"}  # for profiles that do not know a class
+
 _EVENLY = tuple(round(2.0 + 5.8 * tenth, 1) for tenth in range(11))  # from 2 m to 60 m
 _STORE = Path(__file__).parent / "profiles"
 
@@ -153,8 +155,10 @@ class Profile(Section):
         return alike
 
     def noise(self, class_name: str) -> ClassNoise:
-        """Noise of a class; raises UnknownNameError for one that the profile does not know."""
+        """Noise of a class, or of a similar one; raises UnknownNameError for what the profile does not know."""
         own = self.alike.get(class_name, class_name)
+        if own not in self.classes and class_name in SIMILAR:
+            return self.noise(SIMILAR[class_name])
         if own not in self.classes:
             known = [*self.classes, *self.alike]
             raise UnknownNameError(f"class of detector profile {self.name!r}", class_name, known)

@@ -7,6 +7,7 @@ DEFINITIONS = "1.0"  # raised whenever a number of an unchanged rollout would ch
 MISS_RATE_GATE = 2.0  # m, a sample whose final point is farther away misses (MR, EPA)
 MOVING_SPEED = 0.5  # m/s, mean over past and future; slower targets are "static"
 PLANNING_SIGMA = 3.0  # m, PI-ADE weighs a target by exp(-approach^2 / (2 sigma^2))
+MOST_FORECASTS = 1.5  # times those of STP: where false ones cost nothing, agents with more are not ranked
 SPURIOUS_SHARE = 0.5  # of the miss error c, per spurious forecast
 EPA_ALPHA = 0.5  # penalty of a spurious forecast in EPA
 FORECAST_AP_GATES = (2.0, 4.0)  # m, now and at the final point, of AP_f

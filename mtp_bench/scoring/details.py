@@ -41,7 +41,7 @@ def details(table: AgentTable, card: Card) -> Row:
         "PI_ADE": _planning_aware(table) if card.has_ego else None,
         "EPA": _accuracy(table, everything, spurious),
         "AP_f": _average_precision(table, card),
-        "forecasts_per_frame": _ratio(sum(score.forecasts for score in table.scores), frames),
+        "forecasts_per_frame": table.forecasts,
         "spurious_per_frame": _ratio(spurious, frames) if table.complete else None,
         "k_curve": {str(k): _ratio(table.curve[:, i].sum(), table.covered.sum()) for i, k in enumerate(first[0].ks)},
         "bins": _bins(table, card),

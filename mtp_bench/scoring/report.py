@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from .definitions import DEFINITIONS, RANKED_OBJECTS
+from .definitions import DEFINITIONS, MOST_FORECASTS, RANKED_OBJECTS
 from .details import details
 from .statistics import bootstrap_interval, paired_interval, share_interval, shared_ranks, sign_flip_test
 from .subsets import SUBSETS, ReferenceSubsets
@@ -64,7 +64,7 @@ def summarise(
         env=card.id,
         definitions=DEFINITIONS,
         rows=[_row(table, subset, ends) for table in tables for subset in SUBSETS],
-        ranks=[rank for subset in SUBSETS for rank in _ranks(tables, subset)],
+        ranks=[rank for subset in SUBSETS for rank in _ranks(tables, subset, ends[0])],
         paired=[
             {**paired_difference(table, other, subset), "gap_interval": _gap_interval(table, subset, *ends)}
             for other in others
@@ -174,15 +174,27 @@ def _gap(
     return high - here, high - low
 
 
-def _ranks(tables: Sequence[AgentTable], subset: str) -> list[Row]:
-    """Ranks of the agents with equal budget, ideals apart; None for all where the subset has too few objects."""
+def _ranks(tables: Sequence[AgentTable], subset: str, stp: AgentTable | None) -> list[Row]:
+    """Ranks of the agents with equal budget, ideals apart; None for all where the subset has too few objects.
+
+    Where false forecasts cost nothing because the truth is not complete, an agent that floods is not ranked either.
+    """
     mask = tables[0].mask[subset] if tables else np.zeros(0, dtype=bool)
-    ranked = [i for i, t in enumerate(tables) if t.given.budget == "equal" and not t.given.ideal]
+    ranked = [
+        i for i, t in enumerate(tables) if t.given.budget == "equal" and not t.given.ideal and not floods(t, stp)
+    ]
     rank: dict[int, int] = {}
     if ranked and tables[0].objects(mask) >= RANKED_OBJECTS:
         count = tables[0].per_scene(np.ones(len(mask)), mask)
         rank = dict(zip(ranked, shared_ranks([_missing_aware(tables[i], subset) for i in ranked], count), strict=True))
     return [{**_setting(table), "subset": subset, "rank": rank.get(i)} for i, table in enumerate(tables)]
+
+
+def floods(table: AgentTable, stp: AgentTable | None) -> bool:
+    """Whether an agent forecasts far more objects than STP where nobody can tell which of them are false."""
+    if table.complete or stp is None:
+        return False
+    return table.forecasts > MOST_FORECASTS * stp.forecasts
 
 
 def _equal(tables: Sequence[AgentTable], name: str) -> AgentTable | None:

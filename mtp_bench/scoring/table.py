@@ -70,6 +70,11 @@ class AgentTable:
         """Whether the truth of every scene is complete, so that a spurious forecast is known to be one."""
         return all(score.truth_complete for score in self.scores)
 
+    @property
+    def forecasts(self) -> float:
+        """Forecast objects per frame, over all seeds and scenes."""
+        return sum(score.forecasts for score in self.scores) / max(sum(score.frames for score in self.scores), 1)
+
     def per_scene(self, value: Array, mask: Bools) -> Array:
         """Sums [S] of ``value`` [n] over the targets of ``mask``."""
         return np.bincount(self.scene[mask], weights=value[mask], minlength=self.scenes).astype(np.float64)

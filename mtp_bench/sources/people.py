@@ -20,6 +20,14 @@ def person_boxes(place: Floats) -> Floats:
     return box
 
 
+def extent(box: Floats) -> tuple[float, float, float, float] | None:
+    """Least x and y, largest x and y of boxes ``[R, 7]``, m; None without any."""
+    if not len(box):
+        return None
+    low, high = box[:, :2].min(axis=0), box[:, :2].max(axis=0)
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
 def as_places(detections: Detections) -> Detections:
     """``detections`` as boxes of the nominal person: places are all that such a detector reports.
 

@@ -11,7 +11,7 @@ from ..cards import Card, Mot3dSource, WildtrackSource
 from ..detector import Profile
 from ..types import Scene
 from .base import SceneSource
-from .people import as_places
+from .people import as_places, extent
 
 
 class SimulatedDetections:
@@ -43,7 +43,10 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
     if card.detector is None or (scene.detector and not scene.simulated):
         return scene
     section, noise = card.detector, card.detector.resolved
-    sensor = Sensor(section.reach, float(np.deg2rad(section.field_of_view)), section.area)
+    area = section.area
+    if area is None and isinstance(card.source, Mot3dSource):  # nobody stands beyond what its camera shows
+        area = extent(scene.truth.box)
+    sensor = Sensor(section.reach, float(np.deg2rad(section.field_of_view)), area)
     visible = scene.visible if scene.visible is not None else visible_fractions(scene.truth, scene.ego)
     seen = simulate(
         scene.truth,

@@ -76,7 +76,13 @@ def _loaded(
     load: Callable[[str], Scene], names: Sequence[str], progress: Callable[[str], object] | None
 ) -> Iterator[Scene]:
     for name in names:
-        yield load(name)
+        scene = load(name)
+        if not scene.truth_complete:
+            raise MtpBenchError(
+                f"scene {name!r}: only prediction targets are known, so detections of anything else would be fitted as "
+                "false positives; fit on an environment with complete truth"
+            )
+        yield scene
         if progress is not None:
             progress(name)
 

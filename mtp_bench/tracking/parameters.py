@@ -69,9 +69,9 @@ _SIMULATED: dict[str, dict[str, ClassParameters]] = {
         **dict.fromkeys(("truck", "bus"), _KITTI["car"]),
         "motorcycle": _KITTI["cyclist"],
     },
-    "nuscenes_megvii": {**_MEGVII, "motorcycle": _MEGVII["car"]},
-    "nuscenes_centerpoint": {**_CENTERPOINT, "motorcycle": _CENTERPOINT["car"]},
-    "clean": {**_MEGVII, "motorcycle": _MEGVII["car"], "cyclist": _MEGVII["car"]},
+    "nuscenes_megvii": {**AB3DMOT["megvii"], "motorcycle": _MEGVII["car"]},
+    "nuscenes_centerpoint": {**AB3DMOT["centerpoint"], "motorcycle": _CENTERPOINT["car"]},
+    "clean": {**AB3DMOT["megvii"], "motorcycle": _MEGVII["car"], "cyclist": _MEGVII["car"]},
 }
 
 

@@ -51,7 +51,7 @@ def _gap_closed(
         f"true pasts (95 % interval {low:.0f} to {high:.0f} %, {counted(pair['scenes'], 'scene')})"
     )
     same = rows.get((control, 1, "equal", subset))
-    if same and same["gap_closed"] is not None:
+    if mtp["samples"] > 1 and same and same["gap_closed"] is not None:
         text += f"; as many samples from one hypothesis close {100 * same['gap_closed']:.0f} %"
     return text + "."
 
@@ -60,7 +60,9 @@ def _share_of_sampling(report: Report, stp: str, control: str, hypotheses: int) 
     """The part of the gain over STP that one hypothesis gets from drawing as many samples (paired minADE)."""
     gain = _paired(report, "mtp", hypotheses, stp, "all")
     sampling = _paired(report, control, 1, stp, "all")
-    if not gain or not sampling or gain["minADE"] is None or sampling["minADE"] is None:
+    if not gain or gain["samples"] == 1:  # one sample is a mean, whatever the number of draws: no control of sampling
+        return None
+    if not sampling or gain["minADE"] is None or sampling["minADE"] is None:
         return None
     who = f"all: MTP (H = {hypotheses}, equal k)"
     if gain["minADE"] >= 0:

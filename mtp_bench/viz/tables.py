@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..scoring import SUBSETS, Report
-from ..scoring.definitions import RANKED_OBJECTS
+from ..scoring.definitions import MOST_FORECASTS, RANKED_OBJECTS
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -114,8 +114,8 @@ def _parts_caption(report: Report) -> str:
     if not measurable(report):
         return (
             "localisation + missed = missing-aware error. Objects outside the truth exist, so an unmatched forecast or "
-            f"track is not called false: {NOT_MEASURABLE}.\nWhoever forecasts far more objects per frame than others "
-            "covers more by chance."
+            f"track is not called false: {NOT_MEASURABLE}.\nWhoever forecasts more than {MOST_FORECASTS:g} times the "
+            "objects of stp is not ranked: repeating old forecasts costs nothing here."
         )
     return (
         "localisation + missed + false = missing-aware error. Every track is a forecast unless the agent withholds it: "
