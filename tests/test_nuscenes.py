@@ -132,6 +132,28 @@ def test_the_list_of_targets_is_needed_for_targets_only(data: Path) -> None:
             open_source(nuscenes_card(truth="targets"), data)
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        pytest.param("[" * 100_000, "cannot be read as JSON: nested too deeply", id="nested"),
+        pytest.param('{"scene-0003": [' + "9" * 5000 + "]}", "cannot be read as JSON: ", id="digits"),
+        pytest.param('{"scene', "cannot be read as JSON: Unterminated", id="cut off"),
+        pytest.param('{"scene-0003": [3]}', "entry 3: the tables have no such instance", id="a number"),
+        pytest.param('{"scene-0003": [' + "[" * 500 + "]" * 500 + "]}", "the tables have no such instance", id="deep"),
+    ],
+)
+def test_a_broken_list_of_targets(data: Path, text: str, message: str) -> None:
+    (data / PREDICTION).write_text(text)
+    with pytest.raises(DataError, match=rf"prediction_scenes\.json.*{message}"):
+        open_source(nuscenes_card(truth="targets"), data)
+
+
+def test_a_byte_order_mark_is_not_read(data: Path) -> None:
+    for path in (data / "nuscenes").rglob("*.json"):
+        path.write_text(path.read_text(encoding="utf-8"), encoding="utf-8-sig")
+    assert scene(data, truth="targets").truth.object_id.tolist() == [0, 1, 0, 1, 0, 0]
+
+
 def test_splits(data: Path) -> None:
     for split, name in (("train", "scene-0301"), ("train_val", "scene-0001"), ("val", "scene-0003")):
         assert open_source(nuscenes_card(split=split), data).names == (name,)

@@ -109,13 +109,35 @@ def test_unknown_detector(data: Path) -> None:
     write_json(stored(data, "centerpoint_mini.json"), {})
     with pytest.raises(DataError, match=r"no file pointrcnn\*\.json; found: centerpoint_mini\.json, megvii_all\.json"):
         open_source(nuscenes_card(detector="pointrcnn"), data)
-    with pytest.raises(DataError, match=r"no file m\[e\]gvii\*\.json"):
-        open_source(nuscenes_card(detector="m[e]gvii"), data)
     stored(data).unlink()
     stored(data, "centerpoint_mini.json").unlink()
     stored(data).parent.rmdir()
     with pytest.raises(DataError, match=r"no folder .*detections; register at"):
         open_source(nuscenes_card(), data)
+
+
+def test_a_link_that_leads_nowhere_is_not_there(data: Path) -> None:
+    stored(data, "megvii_gone.json").symlink_to("nowhere.json")
+    assert len(load(data).box) == 6
+    stored(data).unlink()
+    with pytest.raises(
+        DataError, match=r"no file megvii\*\.json; found: megvii_gone\.json \(a link that leads nowhere\)"
+    ):
+        load(data)
+    stored(data).mkdir()
+    with pytest.raises(DataError, match=r"found: megvii_all\.json \(no file\), megvii_gone"):
+        load(data)
+
+
+def test_a_submission_to_the_tracking_task(data: Path) -> None:
+    content = make_detections()
+    for boxes in content["results"].values():
+        for box in boxes:
+            box |= {"tracking_name": box.pop("detection_name"), "tracking_score": box.pop("detection_score")}
+            box["tracking_id"] = "1"
+    write_json(stored(data), content)
+    with pytest.raises(DataError, match=r"sample 'scene-0301-t0', box 0: .* tracking task; expected .* detection task"):
+        load(data)
 
 
 def test_a_file_of_other_tables(data: Path) -> None:
@@ -177,6 +199,15 @@ BROKEN: dict[str, tuple[Callable[[Record], object], str]] = {  # change, what th
     "quaternion not finite": (second_box(rotation=[NAN, 0, 0, 1]), "box 1: rotation is .* expected finite"),
     "three numbers for a quaternion": (second_box(rotation=[1, 0, 0]), "box 1: rotation is .* expected 4 numbers"),
     "text for a number": (second_box(translation=["1", 2, 3]), "box 1: translation is .* expected 3 numbers"),
+    "box at no place": (second_box(translation=[1e300, 0, 0]), r"box 1: translation is \[1e\+300.*up to 1e\+09"),
+    "box too far for a number": (second_box(translation=[10**400, 0, 0]), "box 1: translation is .* expected 3 number"),
+    "truth value for a number": (second_box(translation=[True, 0, 0]), r"box 1: translation is \[True, 0, 0\], expect"),
+    "box too large": (second_box(size=[101, 1, 1]), r"box 1: size is .* expected sizes above 0 and up to 100 m"),
+    "too fast": (second_box(velocity=[1e308, 0]), r"box 1: velocity is \[1e\+308, 0.0\], expected .* up to 1e\+09"),
+    "score too large": (second_box(detection_score=1e30), r"box 1: detection_score is 1e\+30, expected a finite"),
+    "score too large for a number": (second_box(detection_score=10**400), r"box 1: detection_score is 1000.* up to"),
+    "truth value for a score": (second_box(detection_score=True), "box 1: detection_score is True, expected a number"),
+    "quaternion of norm 1e308": (second_box(rotation=[1e308, 0, 0, 0]), "box 1: rotation is .* expected finite"),
     "unknown name": (second_box(detection_name="tram"), "box 1: detection_name is 'tram', expected one of car, truck"),
     "no name": (second_box(detection_name=[1]), r"box 1: detection_name is \[1\], expected one of"),
     "box of another sample": (second_box(sample_token="x"), f"box 1: sample_token is 'x', expected '{T}'"),
@@ -200,6 +231,13 @@ def test_a_sample_twice_in_a_file(data: Path) -> None:
     stored(data).write_text(text.replace('"results": {', f'"results": {{"{T}": [],', 1))
     with pytest.raises(DataError, match=f"sample '{T}': a second list of boxes"):
         open_source(nuscenes_card(), data)
+
+
+def test_results_twice_in_a_file(data: Path) -> None:
+    text = stored(data).read_text().rstrip()
+    stored(data).write_text(text.removesuffix("}") + ', "results": {}}')
+    with pytest.raises(DataError, match=r"megvii_all\.json, character \d+: a second 'results', expected one"):
+        load(data)
 
 
 def test_a_file_that_is_cut_off(data: Path) -> None:

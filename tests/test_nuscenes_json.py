@@ -70,6 +70,13 @@ def test_only_a_piece_of_a_long_file_is_in_memory(tmp_path: Path, monkeypatch: p
         assert read <= (place + 1) * 30 + 512
 
 
+@pytest.mark.parametrize("chunk", [1, 2, 1 << 20])
+def test_a_byte_order_mark_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, chunk: int) -> None:
+    monkeypatch.setattr(json_stream, "_CHUNK", chunk)
+    (tmp_path / "table.json").write_text(json.dumps(CONTENT), encoding="utf-8-sig")
+    assert records(tmp_path / "table.json") == CONTENT
+
+
 @pytest.mark.parametrize("content", ["[]", " [ ] "])
 def test_a_table_may_be_empty(tmp_path: Path, content: str) -> None:
     (tmp_path / "table.json").write_text(content)
@@ -85,6 +92,9 @@ BAD_JSON: dict[str, tuple[str, str]] = {  # text, what the error says
     "cut off within a text": ('[{"a": "bc', "character 7: Unterminated string .* the file ends here"),
     "no comma": ('[{"a": 1} {"a": 2}]', "character 10: expected ',' or ']'"),
     "wrong literal": ('[{"a": 1}, {"a": nul}]', "character 17: Expecting value"),
+    "too many digits": ('[{"a": ' + "9" * 5000 + "}]", "character 1: a number with too many digits"),
+    "nested too deeply": ("[" * 100_000, "character 1: nested too deeply"),
+    "deep, but not too deep": ("[" * 500 + "]" * 500, r"got '\[+\.\.\.\]+', expected a record"),
     "no record": ("[1, 2]", "got '1', expected a record"),
     "more after the end": ('[{"a": 1}] []', "character 11: expected the end of the file"),
 }

@@ -42,9 +42,19 @@ def without(table: str, token: str, key: str) -> Callable[[Tables], None]:
     return drop
 
 
+def scaled_times(divisor: float) -> Callable[[Tables], None]:
+    """All time stamps in another unit."""
+
+    def scale(tables: Tables) -> None:
+        for record in tables["sample"]:
+            record["timestamp"] = record["timestamp"] / divisor
+
+    return scale
+
+
 BOX, CAR, WALKER, T = "sample_annotation", "scene-0003-car", "scene-0003-walker", "scene-0003-t"
 C1, C2 = f"{CAR}-t1", f"{CAR}-t2"
-S3, POSE, KEY = "scene-0003-token", "scene-0003-pose-1", "scene-0003-lidar-1-True-2"
+S3, POSE, FAR, KEY = "scene-0003-token", "scene-0003-pose-1", "scene-0003-far-1", "scene-0003-lidar-1-True-2"
 NAN, INF = float("nan"), float("inf")
 BROKEN: dict[str, tuple[Callable[[Tables], None], str, str, str]] = {  # change, file, token, what the error says
     "sample missing in the chain": (remove("sample", T + "2"), "sample", T + "2", "is 'scene-0003-t2', but sample"),
@@ -67,6 +77,12 @@ BROKEN: dict[str, tuple[Callable[[Tables], None], str, str, str]] = {  # change,
     "time stands": (change("sample", T + "1", timestamp=1), "sample", T + "0", "its 'next' is not later"),
     "time not finite": (change("sample", T + "1", timestamp=NAN), "sample", T + "1", "timestamp is nan"),
     "time is text": (change("sample", T + "1", timestamp="now"), "sample", T + "1", "timestamp is 'now'"),
+    "time negative": (change("sample", T + "1", timestamp=-5), "sample", T + "1", "timestamp is -5"),
+    "time too large": (change("sample", T + "1", timestamp=10**400), "sample", T + "1", "expected a time in microsec"),
+    "time is a truth value": (change("sample", T + "1", timestamp=True), "sample", T + "1", "timestamp is True"),
+    "times in milliseconds": (scaled_times(1000), "sample", "scene-0001-t0", "scene-0001 are 0.0005 s .* in microsec"),
+    "times in seconds": (scaled_times(1e6), "sample", "scene-0001-t0", "scene-0001 are 5e-07 s apart"),
+    "times in nanoseconds": (scaled_times(0.001), "sample", "scene-0301-t0", "expected a time in microseconds"),
     "first sample is another": (
         change("scene", S3, first_sample_token=T + "1"), "scene", S3, "its first record",
     ),
@@ -76,6 +92,10 @@ BROKEN: dict[str, tuple[Callable[[Tables], None], str, str, str]] = {  # change,
     "number of samples": (
         change("scene", S3, nbr_samples=5), "scene", S3, "says that it has 5 .*found 4",
     ),
+    "number of samples too large": (
+        change("scene", S3, nbr_samples=10**30), "scene", S3, r"expected a whole number up to 1e\+09",
+    ),
+    "number of samples is a truth value": (change("scene", S3, nbr_samples=True), "scene", S3, "is True, expected a"),
     "scene name": (change("scene", S3, name="../x"), "scene", S3, "name is '../x'"),
     "no lidar keyframe": (
         change("sample_data", KEY, is_key_frame=False), "sample_data", T + "2", "no LIDAR_TOP",
@@ -97,6 +117,13 @@ BROKEN: dict[str, tuple[Callable[[Tables], None], str, str, str]] = {  # change,
     ),
     "pose missing": (remove("ego_pose", POSE), "ego_pose", POSE, "has no record"),
     "pose twice": (repeat("ego_pose", POSE), "ego_pose", POSE, "expected one"),
+    "pose that is not used twice": (repeat("ego_pose", FAR), "ego_pose", FAR, "expected one"),
+    "sensor twice": (repeat("sensor", "lidar", channel="CAM"), "sensor", "lidar", "expected one"),
+    "calibration twice": (
+        repeat("calibrated_sensor", "lidar-1", sensor_token="cam"), "calibrated_sensor", "lidar-1", "expected one",
+    ),
+    "category twice": (repeat("category", "car", name="animal"), "category", "car", "expected one"),
+    "pose too far": (change("ego_pose", POSE, translation=[1e308, 0, 0]), "ego_pose", POSE, r"up to 1e\+09"),
     "pose not finite": (
         change("ego_pose", POSE, translation=[0, INF, 0]), "ego_pose", POSE, "translation",
     ),
@@ -133,6 +160,11 @@ BROKEN: dict[str, tuple[Callable[[Tables], None], str, str, str]] = {  # change,
     "box not finite": (
         change(BOX, C1, translation=[NAN, 0, 0]), BOX, C1, "translation is",
     ),
+    "box too far": (change(BOX, C1, translation=[0, -1e25, 0]), BOX, C1, r"-1e\+25, 0.0\], expected .* up to 1e\+09"),
+    "box too far for a number": (change(BOX, C1, translation=[10**400, 0, 0]), BOX, C1, "translation is .* 3 numbers"),
+    "box at a truth value": (change(BOX, C1, translation=[True, 0, 0]), BOX, C1, r"is \[True, 0, 0\], expected 3"),
+    "box too large": (change(BOX, C1, size=[1, 100.5, 1]), BOX, C1, "and up to 100 m"),
+    "box turned without end": (change(BOX, C1, rotation=[1e308, 0, 0, 0]), BOX, C1, r"rotation is .* up to 1e\+09"),
     "box without size": (
         change(BOX, C1, size=[1, 0, 1]), BOX, C1, "sizes above 0",
     ),
@@ -155,6 +187,7 @@ BROKEN: dict[str, tuple[Callable[[Tables], None], str, str, str]] = {  # change,
         change(BOX, C1, rotation=[NAN, 0, 0, 1]), BOX, C1, "rotation is",
     ),
     "number of boxes": (change("instance", CAR, nbr_annotations=3), "instance", CAR, "says that it has 3 .*found 4"),
+    "number of boxes too large": (change("instance", CAR, nbr_annotations=10**30), "instance", CAR, "a whole number"),
     "number of boxes is text": (change("instance", CAR, nbr_annotations="4"), "instance", CAR, "a whole number"),
     "first box is another": (change("instance", CAR, first_annotation_token=C1), "instance", CAR, "its first"),
     "last box is of another": (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import configparser
 import math
+import reprlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from .roots import candidates
 FOLDERS = ("mot3d2015", "3DMOT2015")  # the second is the folder of the official archive
 SEQINFO, TRUTH, DETECTIONS = "seqinfo.ini", "gt/gt.txt", "det/det.txt"  # inside train/<sequence>
 COLUMNS = ("frame", "id", "left", "top", "width", "height", "confidence", "X", "Y", "Z")
+LIMIT = 1e9  # of any number in a row: far beyond metres, pixels and identities
+LONGEST = 1e6  # frames of a sequence, and its frame rate in Hz
 HOW_TO_GET = (
     f"download 3D MOT 2015 from https://motchallenge.net/data/3D_MOT_2015 and unpack it into {FOLDERS[0]}/ or "
     f"{FOLDERS[1]}/ of the data root; the images are not needed"
@@ -149,8 +152,9 @@ def _finite(path: Path, number: int, name: str, cell: str) -> float:
         value = float(cell)
     except ValueError:
         value = math.nan
-    if not math.isfinite(value):
-        raise DataError(f"{path}, line {number}: {name} is {cell.strip()!r}, expected a finite number")
+    if not abs(value) <= LIMIT:  # NaN is not, either
+        got = reprlib.repr(cell.strip())
+        raise DataError(f"{path}, line {number}: {name} is {got}, expected a finite number up to {LIMIT:g}")
     return value
 
 
@@ -162,7 +166,7 @@ def _refuse_fractions(path: Path, line: Ints, value: Floats, what: str) -> None:
 
 
 def _number(path: Path, parser: configparser.ConfigParser, key: str) -> float:
-    """A key of the section [Sequence] as a number above 0."""
+    """A key of the section [Sequence] as a number above 0 and up to `LONGEST`."""
     text = parser.get("Sequence", key, fallback=None)
     if text is None:
         raise DataError(f"{path}: no key {key!r} in the section [Sequence], expected e.g. '{key}=25'")
@@ -170,8 +174,8 @@ def _number(path: Path, parser: configparser.ConfigParser, key: str) -> float:
         value = float(text)
     except ValueError:
         value = math.nan
-    if not (math.isfinite(value) and value > 0):
-        raise DataError(f"{path}: {key} is {text!r}, expected a number above 0")
+    if not 0 < value <= LONGEST:
+        raise DataError(f"{path}: {key} is {text!r}, expected a number above 0 and up to {LONGEST:g}")
     return value
 
 

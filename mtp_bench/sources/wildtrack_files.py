@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import reprlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -17,6 +18,7 @@ CAMERAS = ("CVLab1", "CVLab2", "CVLab3", "CVLab4", "IDIAP1", "IDIAP2", "IDIAP3")
 GRID = 480, 1440  # cells of the annotated area along x and y
 CELL = 0.025  # m
 CORNER = -3.0, -9.0  # m, x and y of cell (0, 0)
+LIMIT = 1e9  # of any number: far beyond pixels, frames and metres
 _SIDES = ("xmin", "ymin", "xmax", "ymax")
 
 
@@ -90,10 +92,13 @@ def read_annotations(path: Path) -> Annotations:
 def read_detections(path: Path) -> StoredDetections:
     """Detections, rows ``frame gx gy`` on the grid of the annotations; DataError names the line that is wrong."""
     numbers, rows = [], []
+    known: dict[tuple[float, float, float], int] = {}
     for number, line in enumerate(_text(path).splitlines(), 1):
         if line.strip():
             numbers.append(number)
             rows.append(_detection(line, f"{path}, line {number}"))
+            if known.setdefault(rows[-1], number) != number:
+                raise DataError(f"{path}, line {number}: a second detection at the place of line {known[rows[-1]]}")
     value = np.reshape(rows, (-1, 3)).astype(np.float64)
     return StoredDetections(np.array(numbers, dtype=np.int64), value[:, 0].astype(np.int64), metres(value[:, 1:]))
 
@@ -141,8 +146,8 @@ def _values(path: Path, key: str, count: int) -> Floats:
         value = np.array(words, dtype=np.float64)
     except ValueError:
         raise DataError(f"{path}: {key!r} holds {' '.join(words)!r}, expected numbers") from None
-    if len(value) != count or not np.isfinite(value).all():
-        raise DataError(f"{path}: {key!r} must hold {count} finite numbers, got {' '.join(words)!r}")
+    if len(value) != count or not (np.abs(value) <= LIMIT).all():
+        raise DataError(f"{path}: {key!r} must hold {count} finite numbers up to {LIMIT:g}, got {' '.join(words)!r}")
     return value
 
 
@@ -152,8 +157,8 @@ def _detection(line: str, where: str) -> tuple[float, float, float]:
         frame, x, y = map(float, words)
     except ValueError:
         raise DataError(f"{where}: got {line!r}, expected three numbers 'frame gx gy'") from None
-    if not frame.is_integer():
-        raise DataError(f"{where}: frame is {words[0]}, expected a whole number")
+    if not (frame.is_integer() and abs(frame) <= LIMIT):
+        raise DataError(f"{where}: frame is {words[0]}, expected a whole number up to {LIMIT:g}")
     if not (0 <= x < GRID[0] and 0 <= y < GRID[1]):  # NaN is off the grid, too
         raise DataError(f"{where}: cell {words[1]} {words[2]} is off the grid of {GRID[0]} x {GRID[1]}")
     return frame, x, y
@@ -181,11 +186,12 @@ def _image_boxes(views: Any, where: str) -> Floats:
 
 def _integer(entry: Any, key: str, where: str) -> int:
     if not isinstance(entry, dict):
-        raise DataError(f"{where}: got {entry!r}, expected an object with {key!r}")
+        raise DataError(f"{where}: got {reprlib.repr(entry)}, expected an object with {key!r}")
     value = entry.get(key)
-    if not isinstance(value, int) or isinstance(value, bool):
-        got = f"{key!r} is {value!r}, expected an integer" if key in entry else f"no {key!r}"
-        raise DataError(f"{where}: {got}")
+    if key not in entry:
+        raise DataError(f"{where}: no {key!r}")
+    if not isinstance(value, int) or isinstance(value, bool) or abs(value) > LIMIT:
+        raise DataError(f"{where}: {key!r} is {reprlib.repr(value)}, expected an integer up to {LIMIT:g}")
     return value
 
 
@@ -194,11 +200,15 @@ def _json(path: Path) -> Any:
         return json.loads(_text(path))
     except json.JSONDecodeError as error:
         raise DataError(f"{path}, line {error.lineno}, column {error.colno}: no JSON: {error.msg}") from None
+    except RecursionError:
+        raise DataError(f"{path}: nested too deeply, expected a list of people") from None
+    except ValueError:
+        raise DataError(f"{path}: a number has too many digits, expected integers up to {LIMIT:g}") from None
 
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")  # some editors write a byte order mark
     except FileNotFoundError:
         raise DataError(f"no file {path}") from None
     except (OSError, UnicodeDecodeError) as error:

@@ -14,9 +14,9 @@ from ...errors import DataError
 from ...types import Bools, Floats, Ints
 from .chains import Chains, Rows, Tokens
 from .classes import NEUTRAL_OF, class_index
-from .fields import add_numbers, check_finite, check_rotations, check_sizes, floats, ints, text, upright_boxes, whole
-from .json_stream import Read, read_records
-from .tables import Keyframes
+from .fields import add_numbers, check_numbers, check_rotations, check_sizes, floats, ints, text, upright_boxes, whole
+from .json_stream import Read, brief, read_records
+from .tables import Keyframes, by_token
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,10 +86,7 @@ def read_annotations(
 
 
 def _read_instances(paths: Mapping[str, Path], annotations: Tokens, read: Read) -> _Instances:
-    categories = {
-        text(paths["category"], record, "token"): text(paths["category"], record, "name")
-        for record in read_records(paths["category"], read)
-    }
+    categories = {token: text(paths["category"], record, "name") for token, record in by_token(paths["category"], read)}
     path = paths["instance"]
     found = _Instances(Tokens(path), [], array("q"), array("q"), array("q"))
     for record in read_records(path, read):
@@ -127,7 +124,7 @@ def _read_table(path: Path, refer: Tokens, instances: Tokens, keyframes: Keyfram
     rows = refer.resolve()
     fields = {"translation": floats(translation, 3), "size": floats(size, 3), "rotation": floats(rotation, 4)}
     for key, value in fields.items():
-        check_finite(path, key, value, rows.token)
+        check_numbers(path, key, value, rows.token)
     check_sizes(path, fields["size"], rows.token)
     check_rotations(path, fields["rotation"], rows.token)
     return _Table(rows, previous, following, ints(sample), instance, upright_boxes(**fields))
@@ -169,7 +166,9 @@ def _check_chains(
 def _read_targets(path: Path, instances: list[str], keyframes: Keyframes, known: Ints) -> Ints:
     """Keys (instance x samples + sample) of the targets in scenes of these tables; ``known``: keys of all boxes."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8-sig"))
+    except RecursionError:
+        raise DataError(f"{path} cannot be read as JSON: nested too deeply") from None
     except (OSError, ValueError) as error:
         raise DataError(f"{path} cannot be read as JSON: {error}") from None
     if not isinstance(content, dict):
@@ -182,12 +181,12 @@ def _read_targets(path: Path, instances: list[str], keyframes: Keyframes, known:
             raise DataError(f"{path}, {scene}: expected a list of targets")
         own = range(keyframes.start[index], keyframes.start[index + 1])
         for entry in content.get(scene, []):
-            instance, _, sample = str(entry).partition("_")
+            instance, _, sample = entry.partition("_") if isinstance(entry, str) else ("", "", "")
             if instance not in instance_row or keyframes.row.get(sample, -1) not in own:
                 which = "instance" if instance not in instance_row else "sample"
-                raise DataError(f"{path}, {scene}, entry {entry!r}: the tables have no such {which} in this scene")
+                raise DataError(f"{path}, {scene}, entry {brief(entry)}: the tables have no such {which} in this scene")
             keys.append(instance_row[instance] * len(keyframes.token) + keyframes.row[sample])
-            entries.append(str(entry))
+            entries.append(entry)
     key = np.array(keys, dtype=np.int64)
     lost = ~np.isin(key, known)
     if lost.any():

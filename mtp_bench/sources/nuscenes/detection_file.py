@@ -13,11 +13,27 @@ import numpy as np
 from ...errors import DataError
 from ...types import Bools, Floats, Ints
 from .classes import CLASSES
-from .fields import floats, ints, not_finite, not_unit, shown, upright_boxes
-from .json_stream import Read, read_entries
+from .fields import (
+    IN_RANGE,
+    LIMIT,
+    SIZED,
+    extended,
+    floats,
+    ints,
+    not_sized,
+    not_unit,
+    out_of_range,
+    shown,
+    upright_boxes,
+)
+from .json_stream import Read, brief, read_entries
 
 _CLASS_INDEX = {name: index for index, name in enumerate(CLASSES)}
 _COUNTS = {"translation": 3, "size": 3, "rotation": 4, "velocity": 2}
+_TRACKED = (
+    "it has a tracking_name: the file is a submission to the tracking task; expected one to the detection task, whose "
+    "boxes have detection_name and detection_score"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +70,12 @@ def read_detections(path: Path, row: Mapping[str, int], read: Read) -> DetectedB
     translation, size, rotation, velocity = (floats(rows.numbers[key], count) for key, count in _COUNTS.items())
     score = floats(rows.score, 1)[:, 0]
     for key, value in (("translation", translation), ("size", size), ("rotation", rotation)):
-        rows.refuse_first(not_finite(value), key, value, "finite numbers")
-    rows.refuse_first(np.asarray((size <= 0).any(axis=1)), "size", size, "sizes above 0")
+        rows.refuse_first(out_of_range(value), key, value, IN_RANGE)
+    rows.refuse_first(not_sized(size), "size", size, SIZED)
     rows.refuse_first(not_unit(rotation), "rotation", rotation, "a unit quaternion")
-    rows.refuse_first(not_finite(score), "detection_score", score, "a finite number")
-    unknown = not_finite(velocity) | (velocity == 0).all(axis=1)
+    rows.refuse_first(out_of_range(score), "detection_score", score, f"a finite number up to {LIMIT:g}")
+    rows.refuse_first(np.asarray((np.abs(velocity) > LIMIT).any(axis=1)), "velocity", velocity, IN_RANGE)
+    unknown = np.isnan(velocity).any(axis=1) | (velocity == 0).all(axis=1)
     order = np.argsort(sample, kind="stable")
     return DetectedBoxes(
         samples=count,
@@ -85,37 +102,33 @@ class _Rows:
     def add(self, token: str, boxes: Any) -> None:
         """Append the boxes of a sample."""
         if not isinstance(boxes, list):
-            raise DataError(f"{self.path}, sample {token!r}: got {str(boxes)[:40]!r}, expected a list of boxes")
+            raise DataError(f"{self.path}, sample {token!r}: got {brief(boxes)!r}, expected a list of boxes")
         entry = len(self.tokens)
         self.tokens.append(token)
         for place, box in enumerate(boxes):
             self.entry.append(entry)
             self.place.append(place)
             if not isinstance(box, dict):
-                self._refuse(entry, place, f"got {str(box)[:40]!r}, expected a box")
+                self._refuse(entry, place, f"got {brief(box)!r}, expected a box")
             if box.get("sample_token") != token:
-                self._refuse(entry, place, f"sample_token is {box.get('sample_token')!r}, expected {token!r}")
+                self._refuse(entry, place, f"sample_token is {brief(box.get('sample_token'))}, expected {token!r}")
             self._add(entry, place, box)
 
     def _add(self, entry: int, place: int, box: dict[str, Any]) -> None:
         name, score = box.get("detection_name"), box.get("detection_score")
+        if name is None and "tracking_name" in box:
+            self._refuse(entry, place, _TRACKED)
         if not isinstance(name, str) or name not in _CLASS_INDEX:
-            self._refuse(entry, place, f"detection_name is {name!r}, expected one of {', '.join(CLASSES)}")
-        if type(score) is not float and type(score) is not int:
-            self._refuse(entry, place, f"detection_score is {score!r}, expected a number")
+            self._refuse(entry, place, f"detection_name is {brief(name)}, expected one of {', '.join(CLASSES)}")
+        if not extended(self.score, [score], 1):
+            self._refuse(entry, place, f"detection_score is {brief(score)}, expected a number up to {LIMIT:g}")
         self.class_id.append(_CLASS_INDEX[name])
-        self.score.append(score)
         for key, count in _COUNTS.items():
             value = box.get(key)
             if key == "velocity" and value is None:
                 value = [0.0, 0.0]
-            try:
-                if type(value) is list and len(value) == count:
-                    self.numbers[key].extend(value)
-                    continue
-            except (TypeError, OverflowError):
-                pass
-            self._refuse(entry, place, f"{key} is {value!r}, expected {count} numbers")
+            if not extended(self.numbers[key], value, count):
+                self._refuse(entry, place, f"{key} is {brief(value)}, expected {count} numbers up to {LIMIT:g}")
 
     def refuse_first(self, wrong: Bools, key: str, value: Floats, expected: str) -> None:
         """Raise DataError for the first box that is wrong."""

@@ -18,8 +18,10 @@ from .folders import (
     build,
     cache_folder,
     file_hash,
+    file_size,
     joint_digest,
     read_index,
+    refuse_changed,
     stamped_hash,
     write_index,
 )
@@ -45,10 +47,12 @@ class DetectionStore:
         return found
 
     def arrays(self, name: str) -> Arrays:
-        """Arrays of a scene that the file has; a broken file of the cache is built again."""
+        """Arrays of a scene that the file has; a broken file of the cache is built again, if this one is the same."""
         path = self.folder / f"{name}.npz"
         arrays = read_arrays(path)
         if arrays is None:
+            digest = file_hash(self.path, no_work().on(self.path.name))
+            refuse_changed(path, _folder(self.tables.folder, digest), str(self.path))
             _build(self.path, self.folder, self.tables, no_work())
             arrays = read_arrays(path)
         if arrays is None:
@@ -60,7 +64,7 @@ def bytes_left(paths: Sequence[Path], tables: Path | None) -> int:
     """Bytes to read before these files can be used; ``tables``: the cache of the tables, where it is known."""
     left = 0
     for path in paths:
-        known, size = stamped_hash(path), path.stat().st_size
+        known, size = stamped_hash(path), file_size(path)
         built = known is not None and tables is not None and read_index(_folder(tables, known)) is not None
         left += (known is None) * size + (not built) * size
     return left

@@ -11,51 +11,63 @@ import numpy as np
 
 from ...errors import DataError
 from ...types import Bools, Floats, Ints
-from .json_stream import Record
+from .json_stream import Record, brief
 
+LIMIT = 1e9  # of any number: far beyond metres, counts and scores, and small enough to be squared
+LAST_TIME = 2.0**53  # microseconds; a float holds every whole number up to this one
+LONGEST = 100.0  # m, side of a box
 NORM_TOLERANCE = 1e-2  # of a quaternion; smaller deviations are rounding and are normalised
+IN_RANGE = f"finite numbers up to {LIMIT:g}"  # for messages
+SIZED = f"sizes above 0 and up to {LONGEST:g} m"
+_NUMBERS = frozenset((int, float))  # types; True and False are of neither
 
 
 def text(path: Path, record: Record, key: str) -> str:
     """A text."""
     value = record.get(key)
     if type(value) is not str:
-        raise DataError(f"{path}, {named(record)}: {key} is {value!r}, expected a text")
+        raise DataError(f"{path}, {named(record)}: {key} is {brief(value)}, expected a text")
     return value
 
 
-def number(path: Path, record: Record, key: str) -> float:
-    """A number, possibly NaN."""
+def time_stamp(path: Path, record: Record, key: str) -> float:
+    """A time in microseconds."""
     value = record.get(key)
-    if type(value) is not int and type(value) is not float:
-        raise DataError(f"{path}, {named(record)}: {key} is {value!r}, expected a number")
+    if (type(value) is not int and type(value) is not float) or not 0 <= value <= LAST_TIME:
+        raise DataError(f"{path}, {named(record)}: {key} is {brief(value)}, expected a time in microseconds")
     return value
 
 
 def whole(path: Path, record: Record, key: str) -> int:
     """A whole number."""
     value = record.get(key)
-    if type(value) is not int:
-        raise DataError(f"{path}, {named(record)}: {key} is {value!r}, expected a whole number")
+    if type(value) is not int or abs(value) > LIMIT:
+        raise DataError(f"{path}, {named(record)}: {key} is {brief(value)}, expected a whole number up to {LIMIT:g}")
     return value
 
 
 def add_numbers(path: Path, record: Record, key: str, count: int, to: array[float]) -> None:
-    """Append the ``count`` numbers of a list, possibly NaN."""
+    """Append the ``count`` numbers of a list, possibly NaN or too large."""
     value = record.get(key)
+    if not extended(to, value, count):
+        raise DataError(f"{path}, {named(record)}: {key} is {brief(value)}, expected {count} numbers up to {LIMIT:g}")
+
+
+def extended(to: array[float], value: Any, count: int) -> bool:
+    """Append a list of ``count`` numbers; False for anything else, and for whole numbers that no float can hold."""
+    if type(value) is not list or len(value) != count or not _NUMBERS.issuperset(map(type, value)):
+        return False
     try:
-        if type(value) is list and len(value) == count:
-            to.extend(value)
-            return
-    except (TypeError, OverflowError):
-        pass
-    raise DataError(f"{path}, {named(record)}: {key} is {value!r}, expected {count} numbers")
+        to.extend(value)
+    except OverflowError:
+        return False
+    return True
 
 
 def named(record: Record) -> str:
     """The record for messages."""
     token = record.get("token") or record.get("sample_token")
-    return f"record {token!r}" if token else f"a record without a token: {str(record)[:60]}"
+    return f"record {token!r}" if token else f"a record without a token: {brief(record)}"
 
 
 def floats(values: array[float], columns: int) -> Floats:
@@ -68,20 +80,20 @@ def ints(values: array[int]) -> Ints:
     return np.array(values, dtype=np.int64)
 
 
-def check_finite(path: Path, key: str, value: Floats, tokens: Sequence[str]) -> None:
-    """Raise DataError for the first row that is not finite."""
-    bad = not_finite(value)
+def check_numbers(path: Path, key: str, value: Floats, tokens: Sequence[str]) -> None:
+    """Raise DataError for the first row that has a number out of range."""
+    bad = out_of_range(value)
     if bad.any():
         at = int(np.argmax(bad))
-        raise DataError(f"{path}, record {tokens[at]!r}: {key} is {shown(value[at])}, expected finite numbers")
+        raise DataError(f"{path}, record {tokens[at]!r}: {key} is {shown(value[at])}, expected {IN_RANGE}")
 
 
 def check_sizes(path: Path, size: Floats, tokens: Sequence[str]) -> None:
-    """Raise DataError for the first box with a side that is not above 0."""
-    bad = (size <= 0).any(axis=1)
+    """Raise DataError for the first box with a side that none can have."""
+    bad = not_sized(size)
     if bad.any():
         at = int(np.argmax(bad))
-        raise DataError(f"{path}, record {tokens[at]!r}: size is {shown(size[at])}, expected sizes above 0")
+        raise DataError(f"{path}, record {tokens[at]!r}: size is {shown(size[at])}, expected {SIZED}")
 
 
 def check_rotations(path: Path, rotation: Floats, tokens: Sequence[str]) -> None:
@@ -95,9 +107,14 @@ def check_rotations(path: Path, rotation: Floats, tokens: Sequence[str]) -> None
         )
 
 
-def not_finite(value: Floats) -> Bools:
-    """Which of the rows ``[R, ...]`` hold NaN or infinity ``[R]``."""
-    return np.asarray(~np.isfinite(value).all(axis=tuple(range(1, value.ndim))))
+def out_of_range(value: Floats) -> Bools:
+    """Which of the rows ``[R, ...]`` hold NaN or a number beyond `LIMIT` ``[R]``."""
+    return np.asarray(~(np.abs(value) <= LIMIT).all(axis=tuple(range(1, value.ndim))))
+
+
+def not_sized(size: Floats) -> Bools:
+    """Which of the sizes ``[R, 3]`` have a side that is not above 0, or longer than `LONGEST` ``[R]``."""
+    return np.asarray(~((size > 0) & (size <= LONGEST)).all(axis=1))
 
 
 def not_unit(rotation: Floats) -> Bools:

@@ -29,25 +29,33 @@ def cache_folder() -> Path:
 
 
 def stamped_hash(path: Path) -> str | None:
-    """sha256 of a file, if it was hashed before and has kept its size and time."""
+    """sha256 of a file, if it was hashed before and is the same file in the same state."""
     stamp = _read_json(_stamp_path(path))
     return str(stamp["sha256"]) if stamp and _state(path).items() <= stamp.items() and "sha256" in stamp else None
 
 
 def file_hash(path: Path, read: Read) -> str:
-    """sha256 of a file, kept with its size and time, so that gigabytes are not hashed at every start."""
+    """sha256 of a file, kept with its state, so that gigabytes are not hashed at every start.
+
+    Raises DataError for a file that cannot be read.
+    """
     known = stamped_hash(path)
     if known is not None:
         return known
     state, digest = _state(path), hashlib.sha256()
-    with path.open("rb") as file:
+    with _readable(path), path.open("rb") as file:
         while chunk := file.read(_CHUNK):
             digest.update(chunk)
             read(len(chunk))
-    if time.time_ns() - state["mtime_ns"] > _SETTLED:
+    if time.time_ns() - max(state["mtime_ns"], state["ctime_ns"]) > _SETTLED:
         with suppress(OSError):  # it is hashed again next time
             _write_text(_stamp_path(path), json.dumps({**state, "path": str(path), "sha256": digest.hexdigest()}))
     return digest.hexdigest()
+
+
+def file_size(path: Path) -> int:
+    """Bytes of a file; DataError where it cannot be read."""
+    return _state(path)["size"]
 
 
 def joint_digest(hashes: Iterable[tuple[str, str]]) -> str:
@@ -57,14 +65,15 @@ def joint_digest(hashes: Iterable[tuple[str, str]]) -> str:
 
 
 def read_index(folder: Path) -> dict[str, Any] | None:
-    """The index of a folder of the cache, which has its ``scenes``; None where it is not there or broken."""
+    """The index of a folder of the cache; None where it is not there or not what was written."""
     index = _read_json(folder / INDEX)
-    return index if index and isinstance(index.get("scenes"), dict) else None
+    digest = index.pop("digest", None) if index else None
+    return index if index and digest == _index_digest(index) else None
 
 
 def write_index(folder: Path, content: dict[str, Any]) -> None:
-    """Store the index of a folder."""
-    _write_text(folder / INDEX, json.dumps(content, separators=(",", ":")))
+    """Store the index of a folder with a hash of its content."""
+    _write_text(folder / INDEX, json.dumps({**content, "digest": _index_digest(content)}, separators=(",", ":")))
 
 
 def build(folder: Path, fill: Callable[[Path], None]) -> None:
@@ -103,20 +112,43 @@ def _install(part: Path, folder: Path) -> None:
         path.replace(folder / path.name)
 
 
+def refuse_changed(path: Path, folder: Path, what: str) -> None:
+    """Raise DataError where a broken file of the cache cannot be built again: today ``what`` belongs in ``folder``."""
+    if folder != path.parent:
+        raise DataError(f"{path} is broken, and {what} changed since it was written: open the source again")
+
+
+def _index_digest(content: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
 def _stamp_path(path: Path) -> Path:
     name = hashlib.sha256(os.fsencode(path.resolve())).hexdigest()[:24]
     return cache_folder() / "stamps" / f"{name}.json"
 
 
 def _state(path: Path) -> dict[str, int]:
-    state = path.stat()
-    return {"size": state.st_size, "mtime_ns": state.st_mtime_ns}
+    """What changes with a file's content; a program may restore the time of the content, but not that of the state."""
+    with _readable(path):
+        state = path.stat()
+    return {
+        "size": state.st_size, "mtime_ns": state.st_mtime_ns, "ctime_ns": state.st_ctime_ns,
+        "inode": state.st_ino, "device": state.st_dev,
+    }  # fmt: skip
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror or error}") from None
 
 
 def _read_json(path: Path) -> dict[str, Any] | None:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
     return content if isinstance(content, dict) else None
 

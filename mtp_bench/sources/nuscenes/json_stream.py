@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import json
 import re
+import reprlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
@@ -18,7 +19,14 @@ _CHUNK = 1 << 20  # bytes
 _SPACE = re.compile(r"[ \t\n\r]*")
 _DECODER = json.JSONDecoder()
 _NUMBER_REST = 3  # characters after the 1 of 1e+9: with fewer in memory a number may be cut in two
+_BRIEF = reprlib.Repr()  # short for long numbers, texts and lists, and for deeply nested ones
+_BRIEF.maxstring = _BRIEF.maxother = 80
 _AT_THE_END = 32  # characters: longer than any literal or escape that the end of a chunk may cut in two
+
+
+def brief(value: Any) -> str:
+    """A value of a file for messages, shortened."""
+    return _BRIEF.repr(value)
 
 
 def read_records(path: Path, read: Read) -> Iterator[Record]:
@@ -29,7 +37,7 @@ def read_records(path: Path, read: Read) -> Iterator[Record]:
         for _ in text.items("]"):
             record = text.value()
             if not isinstance(record, dict):
-                text.refuse(f"got {str(record)[:40]!r}, expected a record")
+                text.refuse(f"got {brief(record)!r}, expected a record")
             yield record
         text.finish()
 
@@ -42,6 +50,8 @@ def read_entries(path: Path, key: str, read: Read) -> Iterator[tuple[str, Any]]:
         found = False
         for _ in text.items("}"):
             if text.key() == key:
+                if found:
+                    text.refuse(f"a second {key!r}, expected one")
                 found = True
                 text.take("{", f"an object under {key!r}")
                 for _ in text.items("}"):
@@ -65,7 +75,7 @@ class _Text:
 
     def __init__(self, path: Path, file: BinaryIO, read: Read) -> None:
         self._path, self._file, self._read = path, file, read
-        self._bytes = codecs.getincrementaldecoder("utf-8")()
+        self._bytes = codecs.getincrementaldecoder("utf-8-sig")()  # some editors write a byte order mark
         self._text, self._at, self._before = "", 0, 0  # characters before the text in memory
         self._ended = False
 
@@ -93,7 +103,7 @@ class _Text:
         """The key of an entry."""
         key = self.value()
         if not isinstance(key, str):
-            self.refuse(f"got {str(key)[:40]!r}, expected a key")
+            self.refuse(f"got {brief(key)!r}, expected a key")
         self.take(":", "':'")
         return key
 
@@ -110,6 +120,8 @@ class _Text:
                     self.refuse(error.msg, error.msg.startswith("Unterminated"))
             except RecursionError:
                 self.refuse("nested too deeply")
+            except ValueError:
+                self.refuse("a number with too many digits")
             else:
                 if end + _NUMBER_REST <= len(self._text) or not self._more():
                     self._at = end

@@ -107,8 +107,15 @@ def detection_paths(root: Path, card: Card) -> tuple[Path, ...]:
     folder = root / "detections"
     if not folder.is_dir():
         raise DataError(f"no folder {folder}; {HOW_TO_GET}")
-    paths = tuple(sorted(folder.glob(f"{glob.escape(section.detector)}*.json")))
+    paths = tuple(sorted(path for path in folder.glob(f"{glob.escape(section.detector)}*.json") if path.is_file()))
     if not paths:
-        found = ", ".join(sorted(path.name for path in folder.glob("*.json"))) or "none"
+        found = ", ".join(_labelled(path) for path in sorted(folder.glob("*.json"))) or "none"
         raise DataError(f"{folder} has no file {section.detector}*.json; found: {found}")
     return paths
+
+
+def _labelled(path: Path) -> str:
+    """Name of something that may be no file, for messages."""
+    if path.is_file():
+        return path.name
+    return f"{path.name} (a link that leads nowhere)" if path.is_symlink() else f"{path.name} (no file)"

@@ -18,10 +18,10 @@ from .detections import DetectionStore, bytes_left, class_ids, open_detections, 
 from .layout import detection_paths, find_root, require_prediction, section_of
 from .splits import counted, splits_of
 from .store import TableStore, find_tables
+from .tables import SECOND
 from .work import working
 
 RATE = 2.0  # Hz of the keyframes, nominal
-SECOND = 1e6  # microseconds
 
 
 class NuScenes:

@@ -16,8 +16,10 @@ from .folders import (
     build,
     cache_folder,
     file_hash,
+    file_size,
     joint_digest,
     read_index,
+    refuse_changed,
     stamped_hash,
     write_index,
 )
@@ -52,23 +54,27 @@ class Tables:
     @property
     def bytes_left(self) -> int:
         """Bytes to read before the cache can be used, at most."""
-        size = sum(path.stat().st_size for path in self.sources.values())
+        size = sum(file_size(path) for path in self.sources.values())
         folder = self.known_folder
         if folder is None:
-            hashed = sum(path.stat().st_size for path in self.sources.values() if stamped_hash(path) is None)
+            hashed = sum(file_size(path) for path in self.sources.values() if stamped_hash(path) is None)
             return size + hashed
         return 0 if read_index(folder) else size
 
     def open(self, work: Work) -> TableStore:
         """The cache, built first where it is not there; DataError names the file and token that is wrong."""
-        digest = joint_digest((name, file_hash(path, work.on(path.name))) for name, path in self.sources.items())
-        folder = self._folder(digest)
+        folder = self.hashed_folder(work)
         if (index := read_index(folder)) is None:
             self.build(folder, work)
             index = read_index(folder)
         if index is None:
             raise DataError(f"{folder} cannot be read back after writing it")
         return TableStore(self, folder, index)
+
+    def hashed_folder(self, work: Work) -> Path:
+        """The cache of the tables as they are now."""
+        hashes = ((name, file_hash(path, work.on(path.name))) for name, path in self.sources.items())
+        return self._folder(joint_digest(hashes))
 
     def build(self, folder: Path, work: Work) -> None:
         """Read the tables and write the cache."""
@@ -95,10 +101,11 @@ class TableStore:
     # scenes: frames, boxes, objects and targets (None: no list) of each; instances and boxes of all categories
 
     def arrays(self, name: str) -> Arrays:
-        """Arrays of a scene, or of `SAMPLES`; a broken file is built again."""
+        """Arrays of a scene, or of `SAMPLES`; a broken file is built again, if the tables are still the same."""
         path = self.folder / f"{name}.npz"
         arrays = read_arrays(path)
         if arrays is None:
+            refuse_changed(path, self.tables.hashed_folder(no_work()), f"the tables of {self.tables.version}")
             self.tables.build(self.folder, no_work())
             arrays = read_arrays(path)
         if arrays is None:

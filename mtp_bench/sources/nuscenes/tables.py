@@ -14,11 +14,13 @@ import numpy as np
 from ...errors import DataError
 from ...types import Floats, Ints
 from .chains import Chains, Tokens
-from .fields import add_numbers, check_finite, check_rotations, floats, ints, named, number, text, whole, yaw_of
-from .json_stream import Read, Record, read_records
+from .fields import add_numbers, check_numbers, check_rotations, floats, ints, named, text, time_stamp, whole, yaw_of
+from .json_stream import Read, Record, brief, read_records
 
 Value = TypeVar("Value")
 
+SECOND = 1e6  # microseconds
+STEPS = 0.25, 1.0  # s, between samples: nominally 0.5
 LIDAR = "LIDAR_TOP"  # its keyframes carry the ego pose of a sample, as in the official development kit
 
 
@@ -78,14 +80,27 @@ def _read_samples(paths: Mapping[str, Path], read: Read) -> tuple[tuple[str, ...
     place[by_name] = np.arange(len(names))
     order = np.lexsort((time, place[chains.group]))
     start = np.concatenate([[0], np.cumsum(chains.count[by_name])]).astype(np.int64)
-    return tuple(names[i] for i in by_name), start, [rows.token[i] for i in order], time[order]
+    scene, token = tuple(names[i] for i in by_name), [rows.token[i] for i in order]
+    _check_steps(table, scene, start, token, time[order])
+    return scene, start, token, time[order]
+
+
+def _check_steps(path: Path, scene: tuple[str, ...], start: Ints, token: list[str], time: Floats) -> None:
+    """Raise DataError for a scene whose steps are not about half a second: its times have another unit."""
+    for name, first, end in zip(scene, start[:-1], start[1:], strict=True):
+        step = float(np.median(np.diff(time[first:end]))) / SECOND if end - first > 1 else STEPS[0]
+        if not STEPS[0] <= step <= STEPS[1]:
+            raise DataError(
+                f"{path}, record {token[first]!r}: the samples of {name} are {step:g} s apart (median), expected "
+                f"{STEPS[0]:g} to {STEPS[1]:g} s: timestamp must be in microseconds"
+            )
 
 
 def _scene_name(path: Path, record: Record) -> str:
     """The name of a scene, which becomes the name of a file."""
     name = text(path, record, "name")
     if not re.fullmatch(r"[A-Za-z0-9_-]+", name):
-        raise DataError(f"{path}, {named(record)}: name is {name!r}, expected a name like 'scene-0061'")
+        raise DataError(f"{path}, {named(record)}: name is {brief(name)}, expected a name like 'scene-0061'")
     return name
 
 
@@ -93,24 +108,21 @@ def _read_sample_table(
     path: Path, samples: Tokens, scenes: Tokens, read: Read
 ) -> tuple[array[int], array[int], array[int], Floats]:
     previous, following, group, time = array("q"), array("q"), array("q"), array("d")
-    tokens = []
     for record in read_records(path, read):
-        tokens.append(samples.add(record))
+        samples.add(record)
         previous.append(samples.refer(text(path, record, "prev")))
         following.append(samples.refer(text(path, record, "next")))
         group.append(scenes.refer(text(path, record, "scene_token")))
-        time.append(number(path, record, "timestamp"))
-    when = floats(time, 1)[:, 0]
-    check_finite(path, "timestamp", when, tokens)
-    return previous, following, group, when
+        time.append(time_stamp(path, record, "timestamp"))
+    return previous, following, group, floats(time, 1)[:, 0]
 
 
 def _read_lidar_poses(paths: Mapping[str, Path], row: Mapping[str, int], read: Read) -> list[str]:
     """Token [N] of the ego pose of each sample: that of its LIDAR_TOP keyframe."""
     path = paths["sample_data"]
-    channel = {token: text(paths["sensor"], record, "channel") for token, record in _by_token(paths["sensor"], read)}
+    channel = {token: text(paths["sensor"], record, "channel") for token, record in by_token(paths["sensor"], read)}
     mounted: dict[str, str] = {}
-    for token, record in _by_token(paths["calibrated_sensor"], read):
+    for token, record in by_token(paths["calibrated_sensor"], read):
         sensor = text(paths["calibrated_sensor"], record, "sensor_token")
         mounted[token] = _known(channel, sensor, record, paths["calibrated_sensor"], "sensor")
     pose = [""] * len(row)
@@ -133,11 +145,9 @@ def _read_poses(path: Path, referrer: Path, pose: list[str], read: Read) -> Floa
     """Ego x y z yaw [N, 4] by pose tokens [N]; a table has many more poses."""
     wanted: dict[str, int] = dict.fromkeys(pose, -1)
     translation, rotation, tokens = array("d"), array("d"), list[str]()
-    for token, record in _by_token(path, read):
+    for token, record in by_token(path, read):
         if token not in wanted:
             continue
-        if wanted[token] >= 0:
-            raise DataError(f"{path}: several records have the token {token!r}, expected one")
         wanted[token] = len(tokens)
         tokens.append(token)
         add_numbers(path, record, "translation", 3, translation)
@@ -146,16 +156,22 @@ def _read_poses(path: Path, referrer: Path, pose: list[str], read: Read) -> Floa
         if at < 0:
             raise DataError(f"{path} has no record {token!r}, which {referrer.name} names as ego_pose_token")
     position, turn = floats(translation, 3), floats(rotation, 4)
-    check_finite(path, "translation", position, tokens)
-    check_finite(path, "rotation", turn, tokens)
+    check_numbers(path, "translation", position, tokens)
+    check_numbers(path, "rotation", turn, tokens)
     check_rotations(path, turn, tokens)
     row = np.array([wanted[token] for token in pose], dtype=np.int64)
     return np.asarray(np.column_stack([position, yaw_of(turn)])[row])
 
 
-def _by_token(path: Path, read: Read) -> Iterator[tuple[str, Record]]:
+def by_token(path: Path, read: Read) -> Iterator[tuple[str, Record]]:
+    """Records of a table with their tokens; DataError for a token that two of them share."""
+    seen: set[str] = set()
     for record in read_records(path, read):
-        yield text(path, record, "token"), record
+        token = text(path, record, "token")
+        if token in seen:
+            raise DataError(f"{path}: several records have the token {token!r}, expected one")
+        seen.add(token)
+        yield token, record
 
 
 def _known(table: Mapping[str, Value], token: str, record: Record, path: Path, name: str) -> Value:
