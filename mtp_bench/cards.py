@@ -265,7 +265,7 @@ def _check_detector(card: Card, where: str) -> None:
     if isinstance(card.source, NuScenesSource) and card.source.truth == "targets" and card.detector is not None:
         raise CardError(
             f"{where}: a simulated detector would see nothing but the prediction targets, the only known objects; "
-            "take stored detections, or a card with truth = \"all\""
+            'take stored detections, or a card with truth = "all"'
         )
     if card.detector is None:
         if isinstance(card.source, HighwaySource | WildtrackSource):

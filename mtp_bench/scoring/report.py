@@ -180,9 +180,7 @@ def _ranks(tables: Sequence[AgentTable], subset: str, stp: AgentTable | None) ->
     Where false forecasts cost nothing because the truth is not complete, an agent that floods is not ranked either.
     """
     mask = tables[0].mask[subset] if tables else np.zeros(0, dtype=bool)
-    ranked = [
-        i for i, t in enumerate(tables) if t.given.budget == "equal" and not t.given.ideal and not floods(t, stp)
-    ]
+    ranked = [i for i, t in enumerate(tables) if t.given.budget == "equal" and not t.given.ideal and not floods(t, stp)]
     rank: dict[int, int] = {}
     if ranked and tables[0].objects(mask) >= RANKED_OBJECTS:
         count = tables[0].per_scene(np.ones(len(mask)), mask)
