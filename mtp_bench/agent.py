@@ -50,7 +50,8 @@ class Predictor(Protocol):
     def sample(self, tracks: Tracks, leaf: Ints, draw: Ints, samples: int) -> Floats:
         """Futures [Q, samples, T, 2] in absolute x y of the tracks ``leaf`` [Q].
 
-        ``draw`` [Q] numbers the random draws: equal numbers mean equal draws, whatever track they are applied to.
+        ``draw`` [Q] numbers the random draws: equal numbers mean equal draws, whatever track they are applied to. The
+        tracks of a frame may be asked for in several calls, always with the same ``tracks``.
         """
         ...
 
@@ -61,6 +62,9 @@ class Sampler(Protocol):
     def reduce(self, pool: Floats, log_weight: Floats, k: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """``k`` samples [O, k, T, 2] and log-weights [O, k] that stand for the pool [O, S, T, 2] weighted [O, S]."""
         ...
+
+
+_POOLED = 2048  # samples that are held at once: memory must not grow with hypotheses times objects
 
 
 class Pipeline:
@@ -104,28 +108,40 @@ class Pipeline:
         self._frame += 1
         tracks = self._tracker.step(observation)
         objects = group(tracks, self._task.objects, self._min_mass, self._min_score)
-        pool, log_weight = self._pool(tracks, objects)
-        if pool.shape[1] > self._task.samples:
-            rng = np.random.default_rng([self._task.seed, self._frame, 1])
-            pool, log_weight = self._sampler.reduce(pool, log_weight, self._task.samples, rng)
-        return pack(self._task, tracks, objects, pool, log_weight)
+        rng = np.random.default_rng([self._task.seed, self._frame, 1])
+        size = objects.leaf.shape[1] * self._draws * self._task.k
+        at_once = max(1, _POOLED // max(size, 1))
+        parts = [
+            self._forecast(tracks, objects.leaf[first : first + at_once], rng)
+            for first in range(0, max(len(objects.leaf), 1), at_once)
+        ]
+        samples, log_weight = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return pack(self._task, tracks, objects, samples, log_weight)
 
-    def _pool(self, tracks: Tracks, objects: Objects) -> tuple[Floats, Floats]:
-        """All samples of all hypotheses: [O, H x draws x k, T, 2], and their log-weights; -inf where none is."""
-        count, hypotheses = objects.leaf.shape
-        k, draws = self._task.k, self._draws
-        row, hypothesis = np.nonzero(objects.leaf >= 0)
-        slot = (hypothesis[:, None] * draws + np.arange(draws)).ravel()
-        leaf = np.repeat(objects.leaf[row, hypothesis], draws)
-        row = np.repeat(row, draws)
-        samples = self._predictor.sample(tracks, leaf, slot, k)
-        pool = np.zeros((count, hypotheses * draws, k, self._task.future, 2))
-        pool[row, slot] = samples
-        log_weight = np.full((count, hypotheses * draws, k), -np.inf)
-        weight = tracks.log_weight if self._posterior else np.zeros(hypotheses)
-        log_weight[row, slot] = weight[slot // draws][:, None]
-        size = hypotheses * draws * k
-        return pool.reshape(count, size, self._task.future, 2), log_weight.reshape(count, size)
+    def _forecast(self, tracks: Tracks, leaf: Ints, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        """Samples [O, K, T, 2] and log-weights [O, K] of objects that hypotheses hold as the tracks ``leaf`` [O, H]."""
+        every = np.arange(leaf.shape[1])
+        if len(every) * self._draws * self._task.k <= self._task.samples:
+            return self._pool(tracks, leaf, every)
+        pool, log_weight = self._pool(tracks, leaf, np.flatnonzero((leaf >= 0).any(axis=0)))
+        return self._sampler.reduce(pool, log_weight, self._task.samples, rng)
+
+    def _pool(self, tracks: Tracks, leaf: Ints, hypotheses: Ints) -> tuple[Floats, Floats]:
+        """All samples of some hypotheses: [O, H x draws x k, T, 2], and their log-weights; -inf where none is."""
+        leaf, k, draws = leaf[:, hypotheses], self._task.k, self._draws
+        row, column = np.nonzero(leaf >= 0)
+        row, place = np.repeat(row, draws), (column[:, None] * draws + np.arange(draws)).ravel()
+        slot = (hypotheses[column][:, None] * draws + np.arange(draws)).ravel()
+        pool = self._predictor.sample(tracks, np.repeat(leaf[leaf >= 0], draws), slot, k)
+        shape = len(leaf), len(hypotheses) * draws, k
+        if len(row) < shape[0] * shape[1]:  # else the samples are the pool already, in its order
+            samples, pool = pool, np.zeros((*shape, self._task.future, 2))
+            pool[row, place] = samples
+        log_weight = np.full(shape, -np.inf)
+        weight = tracks.log_weight if self._posterior else np.zeros(len(tracks.log_weight))
+        log_weight[row, place] = weight[slot // draws][:, None]
+        size = shape[1] * k
+        return pool.reshape(shape[0], size, self._task.future, 2), log_weight.reshape(shape[0], size)
 
 
 def pack(task: Task, tracks: Tracks, objects: Objects, samples: Floats, log_weight: Floats) -> Action:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.tracking import HypothesisTracker, k_best
+from mtp_bench.tracking import HypothesisTracker
+from mtp_bench.tracking.joint import joint_k_best
 from mtp_bench.tracks import Tracks
 from mtp_bench.types import Bools, Floats, Ints
 
@@ -108,13 +109,13 @@ def best_costs(frames: list[Frame], hypotheses: int, monkeypatch: pytest.MonkeyP
     steps: list[float] = []
 
     def recording(*arguments: Any) -> Any:
-        found = k_best(*arguments)
+        found = joint_k_best(*arguments)
         steps.append(float(found[0][0]))
         assert (np.diff(found[0]) >= 0).all()
         return found
 
     with monkeypatch.context() as patch:
-        patch.setattr("mtp_bench.tracking.tracker.k_best", recording)
+        patch.setattr("mtp_bench.tracking.tracker.joint_k_best", recording)
         list(run(HypothesisTracker(hypotheses), frames))
     return np.cumsum(steps)
 

@@ -9,8 +9,10 @@ import pytest
 from sklearn.cluster import KMeans
 
 from mtp_bench.prediction import KMeansSampler
-from mtp_bench.prediction.sampling import k_means
+from mtp_bench.prediction.k_means import k_means as k_means_of_one
 from mtp_bench.types import Floats
+
+from .plain_k_means import k_means as plain_k_means
 
 
 def make_pool(rng: np.random.Generator, objects: int, size: int) -> Floats:
@@ -35,6 +37,38 @@ def scikit_learn(points: Floats, weight: Floats, **settings: Any) -> Any:
 
 def reduce(pool: Floats, log_weight: Floats, k: int, seed: int = 0, iterations: int = 5) -> tuple[Floats, Floats]:
     return KMeansSampler(iterations).reduce(pool, log_weight, k, np.random.default_rng(seed))
+
+
+def k_means(points: Floats, weight: Floats, k: int, iterations: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """Centres [O, k, d] and shares [O, k] of points [O, S, d] weighted [O, S]."""
+    uniform = rng.random((len(points), k))
+    found = [k_means_of_one(*row, iterations) for row in zip(points, weight, uniform, strict=True)]
+    return np.stack([centre for centre, _ in found]), np.stack([share for _, share in found])
+
+
+@pytest.mark.parametrize(("size", "k", "iterations"), [(400, 20, 3), (60, 20, 0), (100, 3, 10), (21, 20, 3), (5, 1, 2)])
+def test_compiled_and_plain_code_agree(size: int, k: int, iterations: int) -> None:
+    rng = np.random.default_rng([size, k])
+    points = make_pool(rng, 6, size).reshape(6, size, 10)
+    points[3] = points[3, 0]  # all at one place
+    weight = rng.random((6, size))
+    weight[4, : size - k - 1] = 0.0
+    weight /= weight.sum(axis=1, keepdims=True)
+    uniform = rng.random((6, k))
+    centre, share = plain_k_means(points, weight, k, iterations, uniform)
+    for o in range(6):
+        for run in (k_means_of_one, k_means_of_one.python):
+            ours, held = run(points[o], weight[o], uniform[o], iterations)
+            np.testing.assert_allclose(ours, centre[o], atol=1e-9)
+            if o != 3:  # equal centres share their points in any way
+                np.testing.assert_allclose(held, share[o], atol=1e-12)
+
+
+def test_objects_may_come_in_parts() -> None:
+    pool, rng = make_pool(np.random.default_rng(0), 6, 60), np.random.default_rng(1)
+    whole, _ = KMeansSampler().reduce(pool, np.zeros((6, 60)), 7, np.random.default_rng(1))
+    parts = [KMeansSampler().reduce(part, np.zeros((len(part), 60)), 7, rng)[0] for part in np.split(pool, [1, 4])]
+    np.testing.assert_array_equal(np.concatenate(parts), whole)
 
 
 @pytest.mark.parametrize(("size", "k"), [(400, 20), (60, 20), (100, 3), (21, 20)])

@@ -9,9 +9,10 @@ import pytest
 
 from mtp_bench.agent import Observation
 from mtp_bench.errors import UnknownNameError
-from mtp_bench.tracking import AB3DMOT, HypothesisTracker, motion
+from mtp_bench.tracking import AB3DMOT, HypothesisTracker
 from mtp_bench.tracking.parameters import ab3dmot_parameters
 from mtp_bench.types import Floats
+from tests import plain_motion as motion
 
 from .tracking_scenes import CAR, frame, kitti_task, observation
 

@@ -33,21 +33,26 @@ class KinematicPredictor:
         self._noise = self._given or stored_noise(task)
         self._tau = task.dt * np.arange(1, task.future + 1)
         self._frame = 0
+        self._tracks: Tracks | None = None
 
     def sample(self, tracks: Tracks, leaf: Ints, draw: Ints, samples: int) -> Floats:
         """Futures [Q, samples, T, 2] in absolute x y of the tracks ``leaf`` [Q], with the draws ``draw`` [Q]."""
-        self._frame += 1
+        if tracks is not self._tracks:  # the next frame: its distinct tracks are filtered once
+            self._frame += 1
+            self._tracks = tracks
+            self._filtered = self._states(tracks)
         if len(leaf) == 0:
             return np.zeros((0, samples, self._task.future, 2))
-        distinct, place = np.unique(leaf, return_inverse=True)
-        state, (rate, rate_deviation) = self._states(tracks, distinct)
+        state, (rate, rate_deviation) = self._filtered
         normal = self._draws(int(draw.max()) + 1, samples)[draw]
-        motion = self._motions(state, tracks.class_id[distinct], place, normal)
-        motion = _turned(motion, tracks.box[distinct, 3][place][:, None])
-        motion[0] += tracks.past[distinct, -1, :2].T[:, place, None]
-        if not self._turning:
+        motion = self._motions(state, tracks.class_id, leaf, normal)
+        turning = normal[:, :, 6].copy() if self._turning else None
+        del normal  # the largest array beside the futures
+        motion = _turned(motion, tracks.box[leaf, 3][:, None])
+        motion[0] += tracks.past[leaf, -1, :2].T[:, :, None]
+        if turning is None:
             return _expanded(motion, self._tau)
-        turn = rate[place][:, None] + rate_deviation[place][:, None] * normal[:, :, 6]
+        turn = rate[leaf][:, None] + rate_deviation[leaf][:, None] * turning
         start = motion[0].copy()
         motion[0] = 0.0
         bent = _bent(_expanded(motion, self._tau), turn[:, :, None] * self._tau)
@@ -63,11 +68,10 @@ class KinematicPredictor:
         rng = np.random.default_rng([self._task.seed, self._frame])
         return rng.standard_normal((draws, samples, _NUMBERS))
 
-    def _states(self, tracks: Tracks, leaf: Ints) -> tuple[Posterior, tuple[Floats, Floats]]:
+    def _states(self, tracks: Tracks) -> tuple[Posterior, tuple[Floats, Floats]]:
         window = slice(-self._past if self._past else None, None)
-        past, valid = tracks.past[leaf, window], tracks.past_valid[leaf, window]
-        class_id = tracks.class_id[leaf]
-        position = heading_frame(past, tracks.box[leaf, 3])
+        past, valid, class_id = tracks.past[:, window], tracks.past_valid[:, window], tracks.class_id
+        position = heading_frame(past, tracks.box[:, 3])
         state = filtered(position, valid, class_id, self._noise, self._task.dt)
         return state, turn_rate(past[:, :, 3], valid, self._noise.turn_rate[class_id], self._task.dt)
 

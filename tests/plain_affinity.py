@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..geometry import giou_3d, giou_reach, iou_3d, pairwise
-from ..types import Floats, Ints
-from .parameters import ClassParameters
+from mtp_bench.geometry import giou_3d, giou_reach, iou_3d, pairwise
+from mtp_bench.tracking.parameters import ClassParameters
+from mtp_bench.types import Floats, Ints
 
 
 def gains(

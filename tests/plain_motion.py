@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry import wrap_angle
-from ..types import Floats, Ints
+from mtp_bench.geometry import wrap_angle
+from mtp_bench.types import Floats, Ints
 
 MEASUREMENT_VARIANCE = 1.0
 VELOCITY_DEVIATION = 0.5  # m/s, of a measured velocity

@@ -1,0 +1,179 @@
+"""Microseconds of k-best association: our kernels, what can be installed with pip, and frozen figures of the others.
+
+    pip install -e ".[bench]"        # nrl-tracker and pyrecest; what is not installed is left out
+    python benchmarks/k_best.py [--problems 10] [--repeats 5] [--json FILE]
+
+Problems are gated as on KITTI: objects 12 m apart on average, a detection of nine in ten with a noise of 0.5 m, clutter
+for the others, and pairs within ``--gate`` metres, which cost distance - gate. CPU time of one core, least of the
+repeats. ``lsa`` is one scipy.optimize.linear_sum_assignment of the gated square matrix, with which figures of another
+machine are scaled.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import importlib.util
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mtp_bench.tracking.joint import joint_k_best
+from mtp_bench.types import Bools, Floats
+from tests.textbook_k_best import k_best as textbook
+
+SIZES, KS, PARENTS = (5, 20, 50, 100), (1, 20, 100), 20
+SLOW = 0.2  # s; a call that takes longer is measured once
+
+# Microseconds on another machine (one core; problems of the same kind): lsa and six programs, by (n, k).
+PROGRAMS = ("fastmurty", "Vojtagart/murty", "numba prototype", "C prototype", "TrackerComponentLibrary")
+FROZEN: dict[tuple[int, int], tuple[float, ...]] = {
+    (20, 1): (10, 6, 5, 2, 30),
+    (20, 20): (20, 16, 16, 4, 107),
+    (20, 100): (43, 51, 45, 6, 331),
+    (50, 20): (27, 32, 20, 7, 780),
+    (100, 20): (56, 92, 28, 14, 5998),
+}
+FROZEN_JOINT = {20: (32, 462, 25, 13), 50: (86, 1147, 75, 45), 100: (168, 2404, 108, 56)}  # recorded, H = 20
+JOINT_PROGRAMS = ("best C peer, joint", "best C peer, pooled", "numba prototype", "C prototype")
+FROZEN_LSA = {20: 2.0, 50: 14.0, 100: 58.0}
+
+
+def gated(rng: np.random.Generator, n: int, gate: float) -> Floats:
+    """Cost [n, n] of pairs of tracks and detections, inf beyond the gate."""
+    side = 12.0 * np.sqrt(n)
+    tracks = rng.uniform(0, side, (n, 2))
+    detections = tracks + rng.normal(0, 0.5, (n, 2))
+    clutter = rng.random(n) < 0.1
+    detections[clutter] = rng.uniform(0, side, (int(clutter.sum()), 2))
+    distance = np.linalg.norm(tracks[:, None] - rng.permutation(detections), axis=-1)
+    return np.asarray(np.where(distance < gate, distance - gate, np.inf))
+
+
+def sparse(cost: Floats) -> tuple[Any, ...]:
+    row, column = np.nonzero(cost < np.inf)
+    return np.searchsorted(row, np.arange(len(cost) + 1)), column, cost[row, column], cost.shape[1]
+
+
+def hypotheses(rng: np.random.Generator, n: int) -> tuple[Bools, Floats]:
+    """Parents as a tracker has them: they differ in a fifth of the tracks, at least four."""
+    member = np.ones((PARENTS, n), dtype=bool)
+    doubtful = rng.permutation(n)[: max(4, n // 5)]
+    member[:, doubtful] = rng.random((PARENTS, len(doubtful))) < 0.5
+    return member, np.sort(rng.exponential(2.0, PARENTS))
+
+
+def microseconds(function: Callable[..., Any], calls: list[tuple[Any, ...]], repeats: int) -> float:
+    """CPU time of a call on average over the calls, in the best of the repeats."""
+    least = np.inf
+    function(*calls[0])  # imports and caches
+    for _ in range(repeats):
+        loops, spent = 0, 0.0
+        start = time.process_time()
+        while spent < 0.02:
+            for arguments in calls:
+                function(*arguments)
+            loops += 1
+            spent = time.process_time() - start
+        least = min(least, spent / loops / len(calls))
+        if spent > SLOW * len(calls):
+            break
+    return float(least * 1e6)
+
+
+def lsa(cost: Floats) -> Any:
+    from scipy.optimize import linear_sum_assignment
+
+    return linear_sum_assignment(cost)
+
+
+def nrl_tracker(cost: Floats, k: int) -> Any:
+    """Unmatched rows cost 0 there too."""
+    return importlib.import_module("pytcl.assignment_algorithms").murty(cost, k, cost_of_non_assignment=0.0)
+
+
+def pyrecest(cost: Floats, k: int) -> Any:
+    zeros = np.zeros(len(cost))
+    return importlib.import_module("pyrecest.utils.assignment").murty_k_best_assignments(cost, k, zeros, zeros)
+
+
+PEERS: dict[str, tuple[str, Callable[[Floats, int], Any]]] = {
+    "textbook over scipy": ("scipy", textbook),
+    "nrl-tracker": ("pytcl", nrl_tracker),
+    "pyrecest": ("pyrecest", pyrecest),
+}
+
+
+def installed() -> dict[str, Callable[[Floats, int], Any]]:
+    return {name: run for name, (module, run) in PEERS.items() if importlib.util.find_spec(module)}
+
+
+def single(n: int, k: int, given: argparse.Namespace, problems: list[Floats]) -> dict[str, Any]:
+    everyone, base = np.ones((1, n), dtype=bool), np.zeros(1)
+    calls = [(*sparse(cost), everyone, base, k) for cost in problems]
+    square = [(np.where(cost < np.inf, cost, 1e3),) for cost in problems]
+    row: dict[str, Any] = {"n": n, "k": k, "lsa": microseconds(lsa, square, given.repeats)}
+    row["mtp_bench"] = microseconds(joint_k_best, calls, given.repeats)
+    for name, run in installed().items():
+        few = problems if n < 50 else problems[:1]
+        row[name] = microseconds(run, [(cost, k) for cost in few], given.repeats) if n * n * k <= 50_000 else None
+    scale = row["lsa"] / FROZEN_LSA[n] if n in FROZEN_LSA else None
+    for name, value in zip(PROGRAMS, FROZEN.get((n, k), ()), strict=False):
+        row[f"{name} (scaled)"] = value * scale if scale else None
+    return row
+
+
+def joint(n: int, given: argparse.Namespace, problems: list[Floats], rng: np.random.Generator) -> dict[str, Any]:
+    together, apart = [], []
+    for cost in problems:
+        member, base = hypotheses(rng, n)
+        together.append((*sparse(cost), member, base, PARENTS))
+        apart += [(*sparse(cost), member[h : h + 1], base[h : h + 1], PARENTS) for h in range(PARENTS)]
+    square = [(np.where(cost < np.inf, cost, 1e3),) for cost in problems]
+    row: dict[str, Any] = {"n": n, "H": PARENTS, "lsa": microseconds(lsa, square, given.repeats)}
+    row["joint"] = microseconds(joint_k_best, together, given.repeats)
+    row["separate"] = PARENTS * microseconds(joint_k_best, apart, given.repeats)
+    row["ratio"] = row["separate"] / row["joint"]
+    for name, value in zip(JOINT_PROGRAMS, FROZEN_JOINT.get(n, ()), strict=False):
+        row[f"{name} (scaled)"] = value * row["lsa"] / FROZEN_LSA[n]
+    return row
+
+
+def show(title: str, rows: list[dict[str, Any]]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table, names = Table(title=title), list(dict.fromkeys(name for row in rows for name in row))
+    for name in names:
+        table.add_column(name, justify="right")
+    for row in rows:
+        values = [row.get(name) for name in names]
+        table.add_row(*("" if v is None else str(v) if isinstance(v, int) else f"{v:,.1f}" for v in values))
+    Console(width=180).print(table)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--problems", type=int, default=10)
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--gate", type=float, default=4.0, help="m")
+    parser.add_argument("--json", type=Path, default=None)
+    given = parser.parse_args()
+    rng = np.random.default_rng(0)
+    problems = {n: [gated(rng, n, given.gate) for _ in range(given.problems)] for n in SIZES}
+    choices = {n: float(np.mean([(cost < np.inf).sum() / n for cost in problems[n]])) for n in SIZES}
+    one = [single(n, k, given, problems[n]) for n in SIZES for k in KS]
+    steps = [joint(n, given, problems[n], rng) for n in SIZES]
+    show("one parent, us per call; (scaled): figures of another machine times the ratio of lsa", one)
+    show(f"{PARENTS} parents to {PARENTS} children, us per step", steps)
+    if given.json:
+        setting = {"gate_m": given.gate, "problems": given.problems, "pairs_per_row": choices}
+        given.json.write_text(json.dumps({**setting, "single": one, "joint": steps}, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

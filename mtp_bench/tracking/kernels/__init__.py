@@ -1,0 +1,1 @@
+"""Compiled kernels of the tracker and what compiles them; importing this loads nothing."""

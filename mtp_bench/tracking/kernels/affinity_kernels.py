@@ -1,0 +1,307 @@
+"""Gains of all leaves with all detections of their class, as rows of the allowed pairs only.
+
+The areas are those of ``geometry.py``: edges clipped by the other rectangle and Green's theorem for the intersection,
+Cauchy's formula for the hull. The scalar code needs no arrays, and computes what depends on one box only once per box.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...types import Floats, Ints
+from .compile import kernel
+
+CENTER_DISTANCE, IOU_3D, GIOU_3D, MAHALANOBIS, LIKELIHOOD_RATIO = range(5)
+
+_HAIR = 1e-8  # this and the next as in geometry.py
+_TINY = 1e-300
+_MORE = 1.0 + 1e-9  # a first limit must not exclude by rounding what the exact test lets in
+_X, _Y, _Z, _YAW, _L, _W, _H, _COS, _SIN, _RADIUS, _AREA, _SIDE, _VARIANCE = range(13)  # columns of a described box
+_COLUMNS = 13
+
+
+@kernel("f8(f8, f8, f8, f8, f8, f8)")
+def _share(x: float, y: float, end_x: float, end_y: float, half_l: float, half_w: float) -> float:
+    """Share of the edge from x, y to end_x, end_y that is inside the rectangle around 0."""
+    dx, dy = end_x - x, end_y - y
+    inverse_x = 1.0 / (_TINY if abs(dx) < _TINY else dx)  # parallel: inside for all of its length or for none of it
+    inverse_y = 1.0 / (_TINY if abs(dy) < _TINY else dy)
+    enter_x, leave_x = (-half_l - x) * inverse_x, (half_l - x) * inverse_x
+    enter_y, leave_y = (-half_w - y) * inverse_y, (half_w - y) * inverse_y
+    lower = max(0.0, max(min(enter_x, leave_x), min(enter_y, leave_y)))
+    upper = min(1.0, min(max(enter_x, leave_x), max(enter_y, leave_y)))
+    return max(upper - lower, 0.0)
+
+
+@kernel("UniTuple(f8, 4)(f8, f8, f8, f8, f8, f8, f8, f8)")
+def _edge_shares(
+    x: float, y: float, cos: float, sin: float, l: float, w: float, half_l: float, half_w: float
+) -> tuple[float, float, float, float]:
+    """Shares of the edges of the box at x, y inside the rectangle around 0: left, rear, right, front."""
+    c_l, s_l, c_w, s_w = cos * (l * 0.5), sin * (l * 0.5), cos * (w * 0.5), sin * (w * 0.5)
+    x0, y0, x1, y1 = x + c_l - s_w, y + s_l + c_w, x - c_l - s_w, y - s_l + c_w
+    x2, y2, x3, y3 = x - c_l + s_w, y - s_l - c_w, x + c_l + s_w, y + s_l - c_w
+    return (
+        _share(x0, y0, x1, y1, half_l, half_w),
+        _share(x1, y1, x2, y2, half_l, half_w),
+        _share(x2, y2, x3, y3, half_l, half_w),
+        _share(x3, y3, x0, y0, half_l, half_w),
+    )
+
+
+@kernel("f8(f8, f8, f8, f8, f8, f8, f8, f8)")
+def intersection_area(
+    x: float, y: float, cos: float, sin: float, l_a: float, w_a: float, l_b: float, w_b: float
+) -> float:
+    """Area common to box a, around 0 along the x axis, and box b at x, y; see `geometry.bev_intersection_area`."""
+    l_in, w_in = l_a, w_a
+    if min(abs(cos), abs(sin)) < 1e-3:
+        hair = _HAIR * min(min(l_a, w_a), min(l_b, w_b))
+        l_in, w_in = max(l_a - hair, 0.0), max(w_a - hair, 0.0)
+    left, rear, right, front = _edge_shares(x, y, cos, sin, l_b, w_b, l_in * 0.5, w_in * 0.5)
+    # Twice the triangle over an edge with the centre of a: half an area of b, and what the shift of b adds to it.
+    along, across = cos * x + sin * y, cos * y - sin * x
+    area = (left + right + rear + front) * (l_b * w_b * 0.5)
+    area += (left - right) * (l_b * across) + (front - rear) * (w_b * along)
+    left, rear, right, front = _edge_shares(-along, -across, cos, -sin, l_in, w_in, l_b * 0.5, w_b * 0.5)
+    area = area * 0.5 + (left + rear + right + front) * (l_a * w_a * 0.25)
+    return max(0.0, min(area, min(l_a * w_a, l_b * w_b)))
+
+
+@kernel("f8(f8, f8, f8, f8)")
+def _moment(x: float, y: float, u_x: float, u_y: float) -> float:
+    return (x * u_x + y * u_y) * (y * u_x - x * u_y)
+
+
+@kernel("f8(f8, f8, f8, f8, f8, f8, f8, f8)")
+def _sector(a_x: float, a_y: float, b_x: float, b_y: float, u_x: float, u_y: float, v_x: float, v_y: float) -> float:
+    """Twice the hull's area between the directions u and v, a and b the farthest corners; see geometry.py."""
+    d_x, d_y = a_x - b_x, a_y - b_y
+    if d_x * u_x + d_y * u_y >= 0.0:
+        p_x, p_y, q_x, q_y = a_x, a_y, b_x, b_y
+    else:
+        p_x, p_y, q_x, q_y = b_x, b_y, a_x, a_y
+    area = _moment(p_x, p_y, u_x, u_y)
+    if (d_x * u_x + d_y * u_y >= 0.0) == (d_x * v_x + d_y * v_y >= 0.0):
+        return area - _moment(p_x, p_y, v_x, v_y)
+    change = _moment(q_x, q_y, -d_y, d_x) - _moment(p_x, p_y, -d_y, d_x)
+    return area - _moment(q_x, q_y, v_x, v_y) + change / max(d_x * d_x + d_y * d_y, _TINY)
+
+
+@kernel("f8(f8, f8, f8, f8, f8, f8, f8, f8)")
+def hull_area(x: float, y: float, cos: float, sin: float, l_a: float, w_a: float, l_b: float, w_b: float) -> float:
+    """Area of the convex hull of box a, around 0 along the x axis, and box b at x, y; see `geometry.bev_hull_area`."""
+    # A box turned by 90 degrees is a box with length and width exchanged: what is left is a turn within [0, 90].
+    if (cos > 0.0) != (sin >= 0.0):
+        l_b, w_b = w_b, l_b
+        cos, sin = abs(sin), abs(cos)
+    else:
+        cos, sin = abs(cos), abs(sin)
+    l, w = l_a * 0.5, w_a * 0.5
+    c_l, s_l, c_w, s_w = cos * (l_b * 0.5), sin * (l_b * 0.5), cos * (w_b * 0.5), sin * (w_b * 0.5)
+    x0, y0, x1, y1 = x + c_l - s_w, y + s_l + c_w, x - c_l - s_w, y - s_l + c_w
+    x2, y2, x3, y3 = x - c_l + s_w, y - s_l - c_w, x + c_l + s_w, y + s_l - c_w
+    area = _sector(l, w, x3, y3, 1.0, 0.0, cos, sin) + _sector(l, w, x0, y0, cos, sin, 0.0, 1.0)
+    area += _sector(-l, w, x0, y0, 0.0, 1.0, -sin, cos) + _sector(-l, w, x1, y1, -sin, cos, -1.0, 0.0)
+    area += _sector(-l, -w, x1, y1, -1.0, 0.0, -cos, -sin) + _sector(-l, -w, x2, y2, -cos, -sin, 0.0, -1.0)
+    area += _sector(l, -w, x2, y2, 0.0, -1.0, sin, -cos) + _sector(l, -w, x3, y3, sin, -cos, 1.0, 0.0)
+    return area * 0.5
+
+
+@kernel("void(f8[:, :], i8, i8, f8[:, ::1], i8)")
+def _describe(box: Floats, row: int, kind: int, described: Floats, at: int) -> None:
+    """Write what is needed of a box; a box with a NaN has no place, so that nothing is near it."""
+    total = 0.0
+    for k in range(7):
+        described[at, k] = box[row, k]
+        total += box[row, k]
+    if kind in (IOU_3D, GIOU_3D):
+        described[at, _COS], described[at, _SIN] = math.cos(box[row, 3]), math.sin(box[row, 3])
+        described[at, _RADIUS] = math.sqrt(box[row, 4] ** 2 + box[row, 5] ** 2) * 0.5
+        described[at, _AREA] = box[row, 4] * box[row, 5]
+        described[at, _SIDE] = min(box[row, 4], box[row, 5])
+        if math.isnan(total):
+            described[at, _X] = np.nan
+
+
+@kernel("b1(f8, f8, f8, f8, f8, f8, f8, f8)")
+def _apart(x: float, y: float, cos: float, sin: float, l_a: float, w_a: float, l_b: float, w_b: float) -> bool:
+    """Whether an axis of box a or of box b separates them; arguments as for `intersection_area`."""
+    cos_, sin_ = abs(cos), abs(sin)
+    if 2.0 * abs(x) > l_a + l_b * cos_ + w_b * sin_ or 2.0 * abs(y) > w_a + l_b * sin_ + w_b * cos_:
+        return True
+    along, across = abs(cos * x + sin * y), abs(cos * y - sin * x)
+    return 2.0 * along > l_b + l_a * cos_ + w_a * sin_ or 2.0 * across > w_b + l_a * sin_ + w_a * cos_
+
+
+@kernel("f8(f8, f8, f8, f8, f8, f8, f8, f8)")
+def _hull_bound(x: float, y: float, cos: float, sin: float, l_a: float, w_a: float, l_b: float, w_b: float) -> float:
+    """A cheap lower bound of `hull_area`.
+
+    The hull holds the far half of each box, and between them the trapezoid over the chords through the centres across
+    the line that joins these.
+    """
+    square = x * x + y * y
+    along, across = abs(cos * x + sin * y), abs(cos * y - sin * x)
+    chord_a = min(l_a * square / max(abs(y), _TINY), w_a * square / max(abs(x), _TINY))  # times the distance
+    chord_b = min(l_b * square / max(across, _TINY), w_b * square / max(along, _TINY))
+    return (l_a * w_a + l_b * w_b + chord_a + chord_b) * (0.5 / _MORE)
+
+
+@kernel("f8(f8)")
+def _slack(gate: float) -> float:
+    """Largest share of both areas that the hull may have beside the half of them that it has anyway."""
+    return max(1.0 / max(1.0 + gate, 1e-9) - 0.5, 0.0) * _MORE
+
+
+@kernel("f8(f8[:, ::1], i8, f8[:, ::1], i8, f8, i8, f8)")
+def _overlap_gain(a: Floats, i: int, b: Floats, j: int, square: float, kind: int, gate: float) -> float:
+    """How far the IoU or GIoU of two described boxes is above the gate; ``square``: of their distance in BEV."""
+    touch = a[i, _RADIUS] + b[j, _RADIUS]
+    l_a, w_a, h_a, l_b, w_b, h_b = a[i, _L], a[i, _W], a[i, _H], b[j, _L], b[j, _W], b[j, _H]
+    cos_a, sin_a, cos_b, sin_b = a[i, _COS], a[i, _SIN], b[j, _COS], b[j, _SIN]
+    dx, dy = b[j, _X] - a[i, _X], b[j, _Y] - a[i, _Y]
+    x, y = cos_a * dx + sin_a * dy, cos_a * dy - sin_a * dx
+    cos, sin = cos_a * cos_b + sin_a * sin_b, cos_a * sin_b - sin_a * cos_b
+    top_a, top_b = a[i, _Z] + h_a * 0.5, b[j, _Z] + h_b * 0.5
+    low_a, low_b = a[i, _Z] - h_a * 0.5, b[j, _Z] - h_b * 0.5
+    common, height = 0.0, min(top_a, top_b) - max(low_a, low_b)
+    volume_a, volume_b = l_a * w_a * h_a, l_b * w_b * h_b
+    if height > 0.0 and square <= touch * touch and not _apart(x, y, cos, sin, l_a, w_a, l_b, w_b):
+        if min(abs(cos), abs(sin)) < 2e-3:  # where edges are nearly parallel the last digits of the turn matter
+            turn = b[j, _YAW] - a[i, _YAW]
+            cos, sin = math.cos(turn), math.sin(turn)
+        common = intersection_area(x, y, cos, sin, l_a, w_a, l_b, w_b) * height
+        common = min(common, min(volume_a, volume_b))
+    union = volume_a + volume_b - common
+    iou = common / max(union, _TINY)
+    if kind == IOU_3D:
+        return float(iou - gate)
+    whole = max(top_a, top_b) - min(low_a, low_b)
+    if union < (1.0 - iou + gate - 1e-9) * _hull_bound(x, y, cos, sin, l_a, w_a, l_b, w_b) * whole:
+        return -np.inf
+    hull = max(hull_area(x, y, cos, sin, l_a, w_a, l_b, w_b) * whole, union)  # rounding: the union may not stand out
+    return float(iou - (hull - union) / max(hull, _TINY) - gate)
+
+
+@kernel("f8(f8[:, ::1], i8, i8, f8, f8, f8[::1])")
+def _farthest(a: Floats, i: int, kind: int, gate: float, slack: float, extreme: Floats) -> float:
+    """Square of the distance in BEV beyond which no detection of the class can match box ``i``.
+
+    ``extreme``: largest area, smallest side and largest radius of the detections of the class.
+    """
+    if kind == CENTER_DISTANCE:
+        return gate * gate * _MORE
+    if kind in (MAHALANOBIS, LIKELIHOOD_RATIO):
+        return float(gate * gate * a[i, _VARIANCE] * _MORE)
+    touch = a[i, _RADIUS] + extreme[2]
+    if kind == IOU_3D:
+        return float(touch * touch * _MORE) if gate > 0.0 else np.inf
+    bound = (a[i, _AREA] + extreme[0]) * slack / max(min(a[i, _SIDE], extreme[1]), _TINY)
+    return float(max(bound, touch) ** 2 * _MORE)
+
+
+@kernel("i8(f8[:, ::1], i8, f8[:, ::1], i8, i8, f8, i8, f8, i8[::1])")
+def _near(a: Floats, i: int, b: Floats, first: int, last: int, far: float, kind: int, slack: float, into: Ints) -> int:
+    """Number of boxes from ``first`` to ``last`` that may match box ``i``, written into ``into``.
+
+    Every place is written, and kept or not: a branch that the processor cannot foresee costs more than the test.
+    """
+    found = 0
+    for j in range(first, last):
+        square = (a[i, _X] - b[j, _X]) ** 2 + (a[i, _Y] - b[j, _Y]) ** 2
+        into[found] = j
+        found += 1 if square <= far else 0
+    if kind != GIOU_3D:
+        return found
+    first, last, found = 0, found, 0
+    for k in range(first, last):
+        j = into[k]
+        square = (a[i, _X] - b[j, _X]) ** 2 + (a[i, _Y] - b[j, _Y]) ** 2
+        touch, side = a[i, _RADIUS] + b[j, _RADIUS], min(a[i, _SIDE], b[j, _SIDE])
+        most = (a[i, _AREA] + b[j, _AREA]) * slack
+        into[found] = j
+        found += 1 if max(touch * touch - square, most * most - square * side * side) >= 0.0 else 0
+    return found
+
+
+@kernel("f8(f8[:, ::1], i8, f8[:, ::1], i8, i8, f8, f8)")
+def _gain(a: Floats, i: int, b: Floats, j: int, kind: int, gate: float, offset: float) -> float:
+    """Gain of a pair; negative or NaN if it may not match. ``offset``: see `LikelihoodTerms.pair`."""
+    square = (a[i, _X] - b[j, _X]) ** 2 + (a[i, _Y] - b[j, _Y]) ** 2
+    if kind in (IOU_3D, GIOU_3D):
+        return _overlap_gain(a, i, b, j, square, kind, gate)
+    square += (a[i, _Z] - b[j, _Z]) ** 2
+    if kind == CENTER_DISTANCE:
+        return gate - math.sqrt(square)
+    variance = a[i, _VARIANCE]
+    inside = gate - math.sqrt(square / variance)
+    if kind == MAHALANOBIS or not inside >= 0.0:
+        return inside
+    return float(offset - 1.5 * math.log(2.0 * math.pi * variance) - 0.5 * square / variance)
+
+
+@kernel("Tuple((i8[::1], i8[::1], f8[:, ::1], f8[:, ::1]))(f8[:, :], i8[::1], i8[::1])")
+def _by_class(detection: Floats, class_id: Ints, kind: Ints) -> tuple[Ints, Ints, Floats, Floats]:
+    """Start of each class [C + 1], detections by class [D], their descriptions in that order, extremes [C, 3]."""
+    classes, start = len(kind), np.zeros(len(kind) + 2, dtype=np.int64)
+    extreme = np.zeros((classes, 3))
+    extreme[:, 1] = np.inf
+    for c in class_id:
+        if 0 <= c < classes:
+            start[c + 2] += 1
+    for c in range(classes):
+        start[c + 2] += start[c + 1]
+    order, described = np.empty(start[classes + 1], dtype=np.int64), np.zeros((start[classes + 1], _COLUMNS))
+    for j in range(len(class_id)):
+        c = class_id[j]
+        if 0 <= c < classes:
+            at = int(start[c + 1])
+            start[c + 1] += 1
+            order[at] = j
+            _describe(detection, j, int(kind[c]), described, at)
+            if not math.isnan(described[at, _X]):
+                extreme[c, 0] = max(extreme[c, 0], described[at, _AREA])
+                extreme[c, 1] = min(extreme[c, 1], described[at, _SIDE])
+                extreme[c, 2] = max(extreme[c, 2], described[at, _RADIUS])
+    return start[: classes + 1], order, described, extreme
+
+
+@kernel("Tuple((i8[::1], i8[::1], f8[::1]))(f8[:, :], i8[::1], f8[::1], f8[:, :], i8[::1], i8[::1], f8[::1], f8[::1])")
+def sparse_pairs(
+    track: Floats,  # [N, 7 or more]
+    track_class: Ints,  # [N]
+    variance: Floats,  # [N] of the innovation along each axis; [0] if no rule needs it
+    detection: Floats,  # [D, 7 or more]
+    detection_class: Ints,  # [D]
+    kind: Ints,  # [C] CENTER_DISTANCE ... LIKELIHOOD_RATIO
+    gate: Floats,  # [C]
+    offset: Floats,  # [C] for LIKELIHOOD_RATIO
+) -> tuple[Ints, Ints, Floats]:
+    """Allowed pairs as rows: indptr [N + 1], column [E] ascending in each row, gain [E], none negative."""
+    start, order, b, extreme = _by_class(detection, detection_class, kind)
+    n, capacity = len(track_class), 0
+    for c in track_class:
+        if 0 <= c < len(kind):
+            capacity += start[c + 1] - start[c]
+    indptr, column, gain = np.zeros(n + 1, dtype=np.int64), np.empty(capacity, dtype=np.int64), np.empty(capacity)
+    a, e, candidate = np.zeros((1, _COLUMNS)), 0, np.empty(len(order) + 1, dtype=np.int64)
+    for i in range(n):
+        c = track_class[i]
+        if 0 <= c < len(kind):
+            rule, limit, first, last = int(kind[c]), float(gate[c]), int(start[c]), int(start[c + 1])
+            _describe(track, i, rule, a, 0)
+            if rule >= MAHALANOBIS:
+                a[0, _VARIANCE] = variance[i]
+            term = _slack(limit) if rule == GIOU_3D else float(offset[c])
+            far = _farthest(a, 0, rule, limit, term, extreme[c])
+            for k in range(_near(a, 0, b, first, last, far, rule, term, candidate)):
+                j = int(candidate[k])
+                value = _gain(a, 0, b, j, rule, limit, term)
+                if value >= 0.0:
+                    column[e], gain[e] = order[j], value
+                    e += 1
+        indptr[i + 1] = e
+    return indptr, column[:e].copy(), gain[:e].copy()

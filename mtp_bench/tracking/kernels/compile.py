@@ -1,0 +1,168 @@
+"""Numba kernels that are compiled at their first call and kept in a cache of the user.
+
+    @kernel
+    def twice(x: float) -> float: ...
+
+    @kernel("f8(f8[::1], i8)")
+    def total(x: Floats, n: int) -> float: ...  # may call twice
+
+Importing a module of kernels does not import numba. A kernel is a module-level function that numba's nopython mode
+understands; it may use constants of its module and call other kernels, of any module, by their plain names.
+``total(x, 3)`` compiles it and what it calls, or loads them from the cache. ``total.python(x, 3)`` runs the same
+source, callees included, in plain Python; so does ``total(x, 3)`` under NUMBA_DISABLE_JIT. ``total.compiled()`` is
+numba's own dispatcher, for hot loops. With a signature nothing else is accepted; without one every new combination of
+types, layouts and writability is compiled anew, silently: bring arrays to one type before the call. To numba a literal
+0 or True is a type of its own: hand callees variables like ``0 * n``, or they are compiled twice.
+
+The cache is a folder below NUMBA_CACHE_DIR or the user's cache folder, named by a digest of what a kernel's code
+depends on: numba itself looks only at the file of a kernel, not at those of its callees. Where the folder cannot be
+written, as in a read-only container, every process compiles for itself.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import os
+import sys
+import threading
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from types import FunctionType
+from typing import Any, Generic, ParamSpec, TypeVar, final, overload
+
+P = ParamSpec("P")
+R = TypeVar("R")
+_lock = threading.RLock()
+_told = False
+
+
+@final
+class Kernel(Generic[P, R]):
+    """A function that runs compiled; see the module's text."""
+
+    def __init__(self, function: Callable[P, R], signature: str | None = None) -> None:
+        assert isinstance(function, FunctionType)  # a kernel is written with def
+        self.function = function
+        self.signature = signature
+        self.__doc__ = function.__doc__
+        self._run: Any = None
+        self._inner: Any = None
+        self._python: Any = None
+
+    def __call__(self, *args: Any, **kwargs: Any) -> R:
+        """What the function returns, from compiled code."""
+        # Arguments are not P's: to a type checker an element of an array may be an array.
+        result: R = (self._run or self.compiled())(*args, **kwargs)
+        return result
+
+    @property
+    def python(self) -> Callable[P, R]:
+        """The function and all kernels that it calls, in plain Python."""
+        if self._python is None:
+            self._python = self._bound({name: callee.python for name, callee in self._callees().items()})
+        twin: Callable[P, R] = self._python
+        return twin
+
+    def compiled(self) -> Any:
+        """Numba's dispatcher, compiled already if the kernel has a signature; the Python twin if numba is off."""
+        if self._run is None:
+            with _lock:
+                numba: Any = importlib.import_module("numba")
+                self._run = self.python if numba.config.DISABLE_JIT else self._compile(numba, callee=False)
+        return self._run
+
+    def _as_callee(self, numba: Any) -> Any:
+        if self._inner is None:
+            self._inner = self._compile(numba, callee=True)
+        return self._inner
+
+    def _compile(self, numba: Any, callee: bool) -> Any:
+        """Numba's dispatcher; that of a callee has no wrapper for calls from Python, which is long to compile."""
+        folder = _writable(_root() / f"kernels-{self._digest(numba.__version__)}" / ("inner" if callee else "outer"))
+        _tell(self.function.__name__, folder)
+        function = self._bound({name: kernel._as_callee(numba) for name, kernel in self._callees().items()})
+        signature = [] if self.signature is None else [self.signature]
+        options = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": callee}
+        before = numba.config.CACHE_DIR
+        numba.config.CACHE_DIR = str(folder or before)
+        try:
+            return numba.njit(*signature, cache=folder is not None, **options)(function)
+        finally:
+            numba.config.CACHE_DIR = before
+
+    def _callees(self) -> dict[str, Kernel[Any, Any]]:
+        """Kernels that the function calls, by the names it calls them."""
+        return {name: value for name, value in self._globals().items() if isinstance(value, Kernel)}
+
+    def _globals(self) -> dict[str, Any]:
+        known = self.function.__globals__
+        return {name: known[name] for name in self.function.__code__.co_names if name in known}
+
+    def _bound(self, names: dict[str, Any]) -> FunctionType:
+        """The function with other meanings of some of its global names."""
+        old = self.function
+        new = FunctionType(old.__code__, {**old.__globals__, **names}, old.__name__, old.__defaults__)
+        new.__module__, new.__qualname__, new.__doc__ = old.__module__, old.__qualname__, old.__doc__
+        return new
+
+    def _digest(self, numba_version: str) -> str:
+        """Of the sources and constants of the kernel and of all it calls, of Python, numba and the processor."""
+        processor = importlib.import_module("llvmlite.binding").get_host_cpu_name()
+        digest = hashlib.sha256(repr((sys.version, numba_version, processor, *sorted(self._parts()))).encode())
+        return digest.hexdigest()[:16]
+
+    def _parts(self) -> set[str]:
+        constants = {n: v for n, v in self._globals().items() if isinstance(v, (bool, int, float, str, tuple))}
+        files = {_source(self.function.__code__.co_filename), _source(__file__)}
+        parts = {*files, repr((self.signature, sorted(constants.items())))}
+        return parts.union(*(callee._parts() for callee in self._callees().values()))
+
+
+@overload
+def kernel(given: str, /) -> Callable[[Callable[P, R]], Kernel[P, R]]: ...
+@overload
+def kernel(given: Callable[P, R], /) -> Kernel[P, R]: ...
+def kernel(given: Any, /) -> Any:
+    """A function as a `Kernel`; a decorator, with or without numba's signature."""
+    if isinstance(given, str):
+        return lambda function: Kernel(function, given)
+    return Kernel(given)
+
+
+@cache
+def _source(path: str) -> str:
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+
+
+def _root() -> Path:
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    if given:
+        return Path(given)
+    from platformdirs import user_cache_path
+
+    return user_cache_path("mtp_bench", appauthor=False)
+
+
+@cache
+def _writable(folder: Path) -> Path | None:
+    """The folder, made if need be; None if it cannot be written."""
+    probe = folder / f"probe-{os.getpid()}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe.write_bytes(b"")
+        probe.unlink()
+    except OSError:
+        return None
+    return folder
+
+
+def _tell(name: str, folder: Path | None) -> None:
+    """Say, once, that the first call takes a while, if kernel ``name`` is not in the cache."""
+    global _told
+    if _told or (folder is not None and any(folder.glob(f"*/*.{name}-*.nbi"))):
+        return
+    _told = True
+    where = "once per machine" if folder else "in every process (set NUMBA_CACHE_DIR to a folder that can be written)"
+    print(f"mtp_bench: compiling the tracking kernels, {where}: about 10 s", file=sys.stderr, flush=True)

@@ -1,0 +1,248 @@
+"""One shortest alternating path over reduced costs, and what it changes (Jonker and Volgenant 1987).
+
+Rows take a column or stay unmatched at cost 0, columns may stay unmatched at cost 0. The square extension of such a
+problem has a dummy of its own for every row and column and a block of zeros between the dummies. All dummies can reach
+each other at cost 0: here they are **one node**, the hub, with potential 0, so that nothing is inflated and no solution
+is written in two ways.
+
+Potentials ``u`` <= 0 of rows and ``v`` <= 0 of columns: cost - u - v >= 0 for every pair, = 0 for chosen ones; u = 0
+for unmatched rows, v = 0 for unmatched columns. A row goes to the hub (becomes unmatched) at -u, the hub goes to a
+column (which becomes unmatched) at -v, a column that is unmatched goes to the hub at 0, as the hub does to an unmatched
+row.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...types import Bools, Floats, Ints
+from .compile import kernel
+
+HUB = -1  # as a source or target, and what an unmatched row or column has
+
+
+@kernel
+def find_path(
+    source: int,
+    target: int,
+    limit: float,
+    hub_banned: bool,
+    n: int,
+    m: int,
+    first: Ints,
+    last: Ints,
+    pair_local: Ints,
+    pair_cost: Floats,
+    banned: Bools,
+    match: Ints,
+    owner: Ints,
+    u: Floats,
+    v: Floats,
+    row_out: Bools,
+    column_out: Bools,
+    dist: Floats,
+    through: Ints,
+    by: Ints,
+    seen: Ints,
+    hub: Ints,
+) -> tuple[float, float]:
+    """Length of the shortest path from a row (or the hub) to a column (or the hub), and the distance of the hub.
+
+    Infinite if there is no path of at most ``limit``. The source row may not use pairs that are ``banned`` nor, if
+    ``hub_banned``, the hub. Rows and columns that are out do not take part. Fills distances ``dist`` [m], which are
+    infinite at the start, the pair ``through`` which and row ``by`` which a column was reached (-1: the hub), the
+    columns ``seen``, the closed ones first, and in ``hub`` the row and the column that the hub was reached from, and
+    how many columns were seen.
+    """
+    count, closed = 0, 0
+    far, hub_open = np.inf, True
+    hub[0], hub[1] = -1, -1
+    d, low, high, from_hub = 0.0, source, source + 1, False
+    if source == HUB:
+        far, low, high = 0.0, 0, 0
+    while True:
+        for x in range(low, high):
+            if from_hub and (match[x] >= 0 or row_out[x] or x == source):
+                continue  # unmatched rows only
+            ux = u[x]
+            for e in range(first[x], last[x]):
+                y = pair_local[e]
+                if column_out[y] or (x == source and banned[e]):
+                    continue
+                # Never below 0, or rounding would improve what is closed already.
+                at = d + max(pair_cost[e] - ux - v[y], 0.0)
+                if at < dist[y] and at <= limit:
+                    if dist[y] == np.inf:
+                        seen[count] = y
+                        count += 1
+                    dist[y], through[y], by[y] = at, e, x
+                    if y == target:
+                        limit = at  # what lies beyond is of no interest
+                    elif owner[y] == HUB and hub_open and at < far:
+                        far, hub[0], hub[1] = at, -1, y
+                        if target == HUB:
+                            limit = at
+            if hub_open and not (x == source and hub_banned) and d - ux < far and d - ux <= limit:
+                far = max(d - ux, d)
+                hub[0], hub[1] = x, -1
+                if target == HUB:
+                    limit = far
+        best, at_best = far if hub_open else np.inf, -1
+        for i in range(closed, count):
+            if dist[seen[i]] < best:
+                best, at_best = dist[seen[i]], i
+        hub[2] = count
+        if best == np.inf or (dist[target] <= best if target >= 0 else far <= best):
+            return float(best), float(far)
+        d, from_hub = best, at_best < 0
+        if at_best >= 0:
+            y = seen[at_best]
+            seen[at_best] = seen[closed]
+            seen[closed] = y
+            closed += 1
+            low, high = owner[y], owner[y] + 1
+            if owner[y] == HUB:
+                low, high = 0, 0
+            continue
+        hub_open = False
+        for y in range(m):
+            at = d + max(-v[y], 0.0)
+            if not column_out[y] and at < dist[y] and at <= limit:
+                if dist[y] == np.inf:
+                    seen[count] = y
+                    count += 1
+                dist[y], through[y], by[y] = at, -1, -1
+                if y == target:
+                    limit = at
+        low, high = 0, n
+
+
+@kernel
+def forget_path(dist: Floats, seen: Ints, hub: Ints) -> None:
+    """Make the distances infinite again."""
+    for i in range(hub[2]):
+        dist[seen[i]] = np.inf
+
+
+@kernel
+def change_potentials(
+    source: int,
+    length: float,
+    far: float,
+    n: int,
+    m: int,
+    match: Ints,
+    owner: Ints,
+    u: Floats,
+    v: Floats,
+    row_out: Bools,
+    column_out: Bools,
+    dist: Floats,
+    seen: Ints,
+    hub: Ints,
+) -> None:
+    """Potentials that fit the matching after the path has been flipped; to be called before it is."""
+    lift = max(length - far, 0.0)  # of the hub, whose potential stays 0: the others move instead
+    if lift > 0.0:
+        for x in range(n):
+            if not row_out[x] and (match[x] >= 0 or x == source):
+                u[x] -= lift
+        for y in range(m):
+            if not column_out[y]:
+                v[y] += lift
+    for i in range(hub[2]):
+        y = seen[i]
+        if dist[y] < length:
+            v[y] -= length - dist[y]
+            if owner[y] >= 0:
+                u[owner[y]] += length - dist[y]
+    if source != HUB:
+        u[source] += length
+
+
+@kernel
+def flip_path(
+    source: int, target: int, pair_local: Ints, match: Ints, owner: Ints, through: Ints, by: Ints, hub: Ints
+) -> None:
+    """Match along the path found."""
+    y = target
+    while True:
+        if y == HUB:
+            if hub[0] >= 0:
+                x, e = hub[0], -1
+            elif hub[1] >= 0:
+                y = hub[1]
+                continue
+            else:
+                return  # the hub is the source
+        else:
+            x, e = by[y], through[y]
+            owner[y] = x
+            if e < 0:
+                y = HUB
+                continue
+        old = match[x]
+        match[x] = e
+        if x == source:
+            return
+        y = pair_local[old] if old >= 0 else HUB
+
+
+@kernel
+def greedy_start(
+    n: int, m: int, first: Ints, last: Ints, pair_local: Ints, pair_cost: Floats,
+    match: Ints, owner: Ints, u: Floats, v: Floats, row_out: Bools,
+) -> int:  # fmt: skip
+    """Give every row its cheapest choice; those whose column is taken stay out, how many is returned."""
+    waiting = 0
+    for y in range(m):
+        v[y], owner[y] = 0.0, HUB
+    for x in range(n):
+        least, chosen = 0.0, -1
+        for e in range(first[x], last[x]):
+            if pair_cost[e] < least:
+                least, chosen = pair_cost[e], e
+        u[x] = least
+        if chosen >= 0:
+            if owner[pair_local[chosen]] >= 0:
+                chosen, row_out[x] = -1, True
+                waiting += 1
+            else:
+                owner[pair_local[chosen]] = x
+        match[x] = chosen
+    return waiting
+
+
+@kernel
+def finish_root(
+    n: int, m: int, first: Ints, last: Ints, pair_local: Ints, pair_cost: Floats, banned: Bools,
+    match: Ints, owner: Ints, u: Floats, v: Floats, row_out: Bools, column_out: Bools,
+    dist: Floats, through: Ints, by: Ints, seen: Ints, hub: Ints,
+) -> None:  # fmt: skip
+    """Let the rows that are out in, one shortest path each."""
+    hub_node, allowed = HUB + 0 * n, n < 0  # no literals, see compile.py
+    for x in range(n):
+        if not row_out[x]:
+            continue
+        row_out[x] = False
+        least = 0.0
+        for e in range(first[x], last[x]):
+            least = min(least, pair_cost[e] - v[pair_local[e]])
+        u[x] = least
+        length, far = find_path(
+            x, hub_node, np.inf, allowed, n, m, first, last, pair_local, pair_cost, banned, match, owner, u, v,
+            row_out, column_out, dist, through, by, seen, hub,
+        )  # fmt: skip
+        change_potentials(x, length, far, n, m, match, owner, u, v, row_out, column_out, dist, seen, hub)
+        flip_path(x, hub_node, pair_local, match, owner, through, by, hub)
+        forget_path(dist, seen, hub)
+
+
+@kernel
+def cost_of(match: Ints, pair_cost: Floats, n: int) -> float:
+    """Cost of a matching, summed in the order of the rows."""
+    total = 0.0
+    for x in range(n):
+        if match[x] >= 0:
+            total += pair_cost[match[x]]
+    return float(total)

@@ -1,0 +1,194 @@
+"""The tree of shared tracks, frame by frame: which leaves the hypotheses of a frame need, and what these remember.
+
+A leaf is a distinct track state after a frame; it belongs to all hypotheses that took the same detections for it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...types import Bools, Floats, Ints
+from .compile import kernel
+
+_UNSEEN, _SEEN, _DEAD = -1, -3, -2
+
+
+@kernel("i8(i8)")
+def _mixed(leaf: int) -> int:
+    """A number for a leaf, such that sums of the numbers of different leaves hardly ever agree."""
+    mixed = (leaf + 1) * 40503 % 65537
+    return mixed * mixed * mixed % 4294967291  # never beyond 64 bits, so that plain Python agrees
+
+
+@kernel("void(i8[::1], i8)")
+def _sort(values: Ints, n: int) -> None:
+    """Sort the first ``n`` values, a handful, in place."""
+    for i in range(1, n):
+        value, j = values[i], i - 1
+        while j >= 0 and values[j] > value:
+            values[j + 1] = values[j]
+            j -= 1
+        values[j + 1] = value
+
+
+@kernel("Tuple((i8[::1], i8[::1], b1[:, ::1], i8[::1]))(i8[:, ::1], i8[::1], b1[:, ::1], i8[::1], i8[::1], i8)")
+def grow(
+    column: Ints,  # [K, N] detection that each leaf takes in each new hypothesis, -1: none
+    parent: Ints,  # [K] old hypothesis that each new one comes from
+    member: Bools,  # [H, N]
+    age: Ints,  # [N] frames since the last detection
+    max_age: Ints,  # [N] a track ends after this many
+    detections: int,  # D
+) -> tuple[Ints, Ints, Bools, Ints]:
+    """The distinct leaves [E] that the new hypotheses hold: old leaf, detection (-1: none); membership; its names.
+
+    First the old leaves in their order, each with its choices, "none" before the detections; then the new tracks (old
+    leaf -1) of detections that some hypothesis leaves over. A track that misses once too often is left out. Membership
+    is [K, E]; hypotheses that hold the same leaves have the same name [K].
+    """
+    hypotheses, leaves = column.shape
+    choice = np.empty((leaves, hypotheses), dtype=np.int64)  # then the new leaf that it leads to; turned for speed
+    taken = np.zeros((hypotheses, detections), dtype=np.bool_)
+    for h in range(hypotheses):
+        for i in range(leaves):
+            held = member[parent[h], i]
+            choice[i, h] = column[h, i] + 1 if held else _UNSEEN
+            if held and column[h, i] >= 0:
+                taken[h, column[h, i]] = True
+    most = min(hypotheses, detections + 1) * leaves + detections
+    leaf, detection = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
+    place = np.full(detections + 1, _UNSEEN, dtype=np.int64)  # new leaf of each choice of the present old leaf
+    choices, count = np.empty(hypotheses, dtype=np.int64), 0
+    for i in range(leaves):
+        n = 0
+        for h in range(hypotheses):
+            c = choice[i, h]
+            if c >= 0 and place[c] == _UNSEEN:
+                place[c] = _SEEN
+                choices[n] = c
+                n += 1
+        _sort(choices, n)
+        for j in range(n):
+            if choices[j] == 0 and age[i] + 1 >= max_age[i]:
+                place[0] = _DEAD
+                continue
+            place[choices[j]] = count
+            leaf[count] = i
+            detection[count] = choices[j] - 1
+            count += 1
+        for h in range(hypotheses):
+            if choice[i, h] >= 0:
+                choice[i, h] = place[choice[i, h]]
+        for j in range(n):
+            place[choices[j]] = _UNSEEN
+    born = count
+    for d in range(detections):
+        for h in range(hypotheses):
+            if not taken[h, d]:
+                leaf[count] = -1
+                detection[count] = d
+                count += 1
+                break
+    now, name = np.zeros((hypotheses, count), dtype=np.bool_), np.zeros(hypotheses, dtype=np.int64)
+    for i in range(leaves):
+        for h in range(hypotheses):
+            e = choice[i, h]
+            if e >= 0:
+                now[h, e] = True
+                name[h] += _mixed(e)
+    for e in range(born, count):
+        for h in range(hypotheses):
+            if not taken[h, detection[e]]:
+                now[h, e] = True
+                name[h] += _mixed(e)
+    return leaf[:count].copy(), detection[:count].copy(), now, name
+
+
+@kernel("i8[::1](b1[:, ::1], i8[::1])")
+def distinct_rows(member: Bools, name: Ints) -> Ints:
+    """Rows [H'] of a membership [H, N] that are not equal to an earlier one; equal rows have equal names [H]."""
+    kept, count = np.empty(len(name), dtype=np.int64), 0
+    for h in range(len(name)):
+        fresh = True
+        for j in range(count):
+            if name[kept[j]] != name[h]:
+                continue
+            same = True
+            for i in range(member.shape[1]):
+                same &= member[kept[j], i] == member[h, i]
+            fresh &= not same
+        if fresh:
+            kept[count] = h
+            count += 1
+    return kept[:count].copy()
+
+
+@kernel(
+    "i8(i8[::1], i8[::1], i8[::1], i8[::1], i8[::1], f8[::1], i8[::1], f8[:, ::1], i8[::1], f8[::1], f8[:, ::1], i8,"
+    " i8[::1], i8[::1], i8[::1], f8[::1], i8[::1], f8[:, ::1])"
+)
+def descend(
+    leaf: Ints,  # [E] old leaf of each new one, -1: a new track
+    detection: Ints,  # [E] detection that it took, -1: none
+    class_id: Ints,  # [N] of the old leaves, as the next four
+    track_id: Ints,
+    hits: Ints,
+    score: Floats,  # sum of the scores of its detections
+    age: Ints,
+    box: Floats,  # [D, 7] detected
+    box_class: Ints,  # [D]
+    box_score: Floats,  # [D]
+    mean: Floats,  # [E, 10] state of the new leaves
+    next_id: int,  # of new tracks
+    new_class: Ints,  # [E], written, as all that follow
+    new_id: Ints,
+    new_hits: Ints,
+    new_score: Floats,
+    new_age: Ints,
+    measured: Floats,  # [E, 7] the detected box, or that of the state
+) -> int:
+    """What the new leaves remember of their tracks; gives the next free identity."""
+    for e in range(len(leaf)):
+        i, d = leaf[e], detection[e]
+        if i < 0:
+            new_class[e], new_id[e], new_hits[e], new_score[e], new_age[e] = box_class[d], next_id, 1, 0.0, 0
+            next_id += 1
+        else:
+            new_class[e], new_id[e], new_score[e] = class_id[i], track_id[i], score[i]
+            new_hits[e] = hits[i] + (1 if d >= 0 else 0)
+            new_age[e] = 0 if d >= 0 else age[i] + 1
+        if d >= 0:
+            new_score[e] += box_score[d]
+        for k in range(7):
+            measured[e, k] = box[d, k] if d >= 0 else mean[e, k]
+    return next_id
+
+
+@kernel("Tuple((f8[:, :, ::1], b1[:, ::1]))(i8[::1], f8[:, :, ::1], i8[:, ::1], i8[:, ::1], i8, i8)")
+def histories(
+    leaf: Ints,  # [n] of the last layer
+    measured: Floats,  # [P, capacity, 7] a ring of the last layers of the tree
+    detection: Ints,  # [P, capacity]
+    parent: Ints,  # [P, capacity] leaf of the layer before, -1 at birth
+    last: int,  # place of the last layer in the ring
+    filled: int,  # layers in the ring
+) -> tuple[Floats, Bools]:
+    """Boxes of the last P frames along the branches that end in ``leaf``: [n, P, 7], and where one was taken [n, P]."""
+    layers = len(measured)
+    past = np.empty((len(leaf), layers, 7))
+    valid = np.empty((len(leaf), layers), dtype=np.bool_)
+    for n in range(len(leaf)):
+        at, layer = leaf[n], last + 1
+        for back in range(layers):
+            if at < 0 or back >= filled:
+                valid[n, layers - 1 - back] = False
+                for k in range(7):
+                    past[n, layers - 1 - back, k] = 0.0
+                continue
+            layer = layer - 1 if layer > 0 else layers - 1
+            box, into = measured[layer, at], past[n, layers - 1 - back]
+            into[0], into[1], into[2], into[3] = box[0], box[1], box[2], box[3]
+            into[4], into[5], into[6] = box[4], box[5], box[6]
+            valid[n, layers - 1 - back] = detection[layer, at] >= 0
+            at = parent[layer, at]
+    return past, valid

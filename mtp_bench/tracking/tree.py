@@ -1,0 +1,106 @@
+"""The hypothesis tree: tracks shared by hypotheses, stored and filtered once however many hypotheses hold them.
+
+A leaf is a distinct track state. Leaves of one frame are a layer; every leaf knows its parent in the layer before, so
+that the past of a track is a walk up the tree (paper, "Multi-Hypothesis Data Association").
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, final
+
+import numpy as np
+
+from ..types import Bools, Floats, Ints
+from .kernels.motion_kernels import predict, update_pairs
+from .kernels.tree_kernels import descend, distinct_rows, grow, histories
+
+
+class Seen(NamedTuple):
+    """The detections of a frame."""
+
+    box: Floats  # [D, 7]
+    class_id: Ints  # [D]
+    score: Floats  # [D]
+    velocity: Floats  # [D, 2] m/s, [0, 2] where velocities are not measured
+
+
+@final
+class HypothesisTree:
+    """The leaves after the last frame, the hypotheses that hold them, and the layers of the last ``past`` frames.
+
+    Public arrays belong to the tree and change with the next frame.
+    """
+
+    def __init__(self, past: int) -> None:
+        """An empty tree with one hypothesis, which holds nothing."""
+        self.mean = np.zeros((0, 10))  # x y z yaw l w h vx vy vz per frame, see motion
+        self.covariance = np.zeros((0, 2, 2))
+        self.variance = np.zeros(0)
+        self.class_id = np.zeros(0, dtype=np.int64)
+        self.track_id = np.zeros(0, dtype=np.int64)
+        self.hits = np.zeros(0, dtype=np.int64)  # detections taken so far
+        self.score = np.zeros(0)  # sum of their scores
+        self.age = np.zeros(0, dtype=np.int64)  # frames since the last one
+        self.detection: Ints = np.zeros(0, dtype=np.int64)  # taken in the last frame, -1: none
+        self.member = np.ones((1, 0), dtype=np.bool_)  # [H, N]
+        self._name: Ints = np.zeros(1, dtype=np.int64)  # [H] equal for hypotheses that hold the same leaves
+        self._next_id = 0
+        self._last, self._filled = -1, 0  # place of the last layer in the rings, and layers in them
+        self._measured = np.zeros((past, 0, 7))
+        self._detections = np.zeros((past, 0), dtype=np.int64)
+        self._parents = np.zeros((past, 0), dtype=np.int64)
+
+    def predict(self) -> None:
+        """Move all leaves one frame on."""
+        predict(self.mean, self.covariance, self.variance)
+
+    def grow(self, column: Ints, parent: Ints, seen: Seen, max_age: Ints, dt: float) -> None:
+        """Replace the leaves by those of the new hypotheses.
+
+        ``column`` [K, N]: the detection that each leaf takes in each new hypothesis, -1 for none; ``parent`` [K]: the
+        old hypothesis that it comes from; ``max_age`` [N]: a leaf that misses for so many frames dies.
+        """
+        leaf, detection, self.member, self._name = grow(column, parent, self.member, self.age, max_age, len(seen.box))
+        n = len(leaf)
+        state = np.empty((n, 10)), np.empty((n, 2, 2)), np.empty(n)
+        update_pairs(
+            self.mean, self.covariance, self.variance, leaf, detection, seen.box, seen.velocity,
+            len(seen.velocity) > 0, dt, *state,
+        )  # fmt: skip
+        counts = np.empty((4, n), dtype=np.int64)
+        score, layer = np.empty(n), self._new_layer(n)
+        self._next_id = descend(
+            leaf, detection, self.class_id, self.track_id, self.hits, self.score, self.age, seen.box, seen.class_id,
+            seen.score, state[0], self._next_id, counts[0], counts[1], counts[2], score, counts[3],
+            self._measured[layer],
+        )  # fmt: skip
+        self._detections[layer, :n], self._parents[layer, :n] = detection, leaf
+        self.mean, self.covariance, self.variance = state
+        self.class_id, self.track_id, self.hits, self.age = counts
+        self.score, self.detection = score, detection
+
+    def merge_equal(self) -> Ints:
+        """Keep the first of the hypotheses that hold the same leaves; their numbers before."""
+        kept = distinct_rows(self.member, self._name)
+        if len(kept) < len(self.member):
+            self.member = self.member[kept]
+        return kept
+
+    def history(self, leaf: Ints) -> tuple[Floats, Bools]:
+        """Boxes [n, P, 7] of the last P frames along the branches that end in ``leaf`` [n], and where one was taken.
+
+        Where a track took none it is the box of its state; before its birth, zeros.
+        """
+        return histories(leaf, self._measured, self._detections, self._parents, self._last, self._filled)
+
+    def _new_layer(self, leaves: int) -> int:
+        """Place of a new layer in the rings, which are made wide enough for it."""
+        layers, width = self._parents.shape
+        if leaves > width:
+            more = max(leaves, 2 * width) - width
+            self._measured = np.concatenate([self._measured, np.zeros((layers, more, 7))], axis=1)
+            self._detections = np.concatenate([self._detections, np.full((layers, more), -1)], axis=1)
+            self._parents = np.concatenate([self._parents, np.full((layers, more), -1)], axis=1)
+        self._last = (self._last + 1) % layers
+        self._filled = min(self._filled + 1, layers)
+        return self._last
