@@ -84,7 +84,9 @@ class HypothesisTracker:
             cost[np.repeat(np.arange(len(cost)), np.diff(indptr)), column] = -gain
             chosen = greedy_where_asked(cost, tree.class_id, self._parameters)
             return np.zeros(1), chosen[None], np.zeros(1, dtype=np.int64)
-        base = self._cost + tree.member @ self._rules.miss[tree.class_id]
+        base = self._cost
+        if self._rules.miss.any():  # misses cost something with likelihood ratios only
+            base = base + tree.member @ self._rules.miss[tree.class_id]
         solve = per_cluster if self._per_cluster else joint_k_best
         return solve(indptr, column, -gain, len(seen.box), tree.member, base, self._hypotheses)
 
@@ -103,7 +105,7 @@ class HypothesisTracker:
             detection=tree.detection[out],
             past=past,
             past_valid=past_valid,
-            member=tree.member[:, out],
+            member=tree.member.take(out, axis=1),
             log_weight=weight - np.logaddexp.reduce(weight),
         )
 

@@ -83,7 +83,7 @@ class HypothesisTree:
         """Keep the first of the hypotheses that hold the same leaves; their numbers before."""
         kept = distinct_rows(self.member, self._name)
         if len(kept) < len(self.member):
-            self.member = self.member[kept]
+            self.member = self.member.take(kept, axis=0)
         return kept
 
     def history(self, leaf: Ints) -> tuple[Floats, Bools]:

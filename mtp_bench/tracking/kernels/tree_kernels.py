@@ -50,11 +50,11 @@ def grow(
     choice = np.empty((leaves, hypotheses), dtype=np.int64)  # then the new leaf that it leads to; turned for speed
     taken = np.zeros((hypotheses, detections), dtype=np.bool_)
     for h in range(hypotheses):
+        held, chosen, mine = member[parent[h]], column[h], taken[h]
         for i in range(leaves):
-            held = member[parent[h], i]
-            choice[i, h] = column[h, i] + 1 if held else _UNSEEN
-            if held and column[h, i] >= 0:
-                taken[h, column[h, i]] = True
+            choice[i, h] = chosen[i] + 1 if held[i] else _UNSEEN
+            if held[i] and chosen[i] >= 0:
+                mine[chosen[i]] = True
     most = min(hypotheses, detections + 1) * leaves + detections
     leaf, detection = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
     place = np.full(detections + 1, _UNSEEN, dtype=np.int64)  # new leaf of each choice of the present old leaf
@@ -90,17 +90,20 @@ def grow(
                 count += 1
                 break
     now, name = np.zeros((hypotheses, count), dtype=np.bool_), np.zeros(hypotheses, dtype=np.int64)
+    number = np.empty(count, dtype=np.int64)
+    for e in range(count):
+        number[e] = _mixed(e)
     for i in range(leaves):
         for h in range(hypotheses):
             e = choice[i, h]
             if e >= 0:
                 now[h, e] = True
-                name[h] += _mixed(e)
+                name[h] += number[e]
     for e in range(born, count):
         for h in range(hypotheses):
             if not taken[h, detection[e]]:
                 now[h, e] = True
-                name[h] += _mixed(e)
+                name[h] += number[e]
     return leaf[:count].copy(), detection[:count].copy(), now, name
 
 
