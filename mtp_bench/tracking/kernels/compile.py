@@ -165,4 +165,4 @@ def _tell(name: str, folder: Path | None) -> None:
         return
     _told = True
     where = "once per machine" if folder else "in every process (set NUMBA_CACHE_DIR to a folder that can be written)"
-    print(f"mtp_bench: compiling the tracking kernels, {where}: about 10 s", file=sys.stderr, flush=True)
+    print(f"mtp_bench: compiling the tracking kernels, {where}: about 20 s", file=sys.stderr, flush=True)
