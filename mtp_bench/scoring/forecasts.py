@@ -50,7 +50,7 @@ def match_objects(truth: Truth, object_frame: Ints, object_box: Floats, object_c
     pairs = box_pairs(
         frame, truth.box, truth.class_id, object_frame, object_box, object_class, "center_distance", gates
     )
-    return _match_twice(pairs, truth.neutral, len(object_frame))
+    return match_neutral_last(pairs, truth.neutral, len(object_frame))
 
 
 def forecast_errors(targets: Targets, found: ObjectMatch, rollout: Rollout) -> ForecastErrors:
@@ -96,7 +96,7 @@ def frame_error(
     gates = card.per_class(card.task.forecast_gate)
     same = np.zeros(len(box), dtype=np.intp), np.zeros(len(object_box), dtype=np.intp)
     pairs = box_pairs(same[0], box, class_id, same[1], object_box, object_class, "center_distance", gates)
-    found = _match_twice(pairs, scene.truth.neutral[rows], len(object_box))
+    found = match_neutral_last(pairs, scene.truth.neutral[rows], len(object_box))
     total = 0.0
     if scene.truth_complete:
         total += SPURIOUS_SHARE * float(miss_error[object_class[found.spurious]].sum())
@@ -109,6 +109,19 @@ def frame_error(
     return (total + float(error.sum())) / max(1, len(error))
 
 
+def match_neutral_last(pairs: Pairs, neutral: Bools, objects: int) -> ObjectMatch:
+    """Match ``objects`` boxes to evaluated truth first; what is left over may belong to neutral truth.
+
+    ``neutral`` [R] as in `Truth`; the boxes need not be forecasts.
+    """
+    is_neutral = neutral[pairs.row]
+    matched = match(pairs.keep(~is_neutral), len(neutral))
+    free = columns_to_rows(matched, objects) < 0
+    second = match(pairs.keep(is_neutral & free[pairs.column]), len(neutral))
+    matched = np.where(matched >= 0, matched, second)
+    return ObjectMatch(matched, columns_to_rows(matched, objects) < 0)
+
+
 def sample_weights(log_weight: Floats) -> NDArray[np.float64]:
     """Weights [n, K] from log-weights: 0 for an absent sample, above 0 for any other, however light."""
     logs = np.asarray(log_weight, dtype=np.float64)
@@ -116,13 +129,3 @@ def sample_weights(log_weight: Floats) -> NDArray[np.float64]:
     top = np.where(present, logs, -np.inf).max(axis=1, initial=_ABSENT, keepdims=True)
     weight = np.exp(np.clip(np.where(present, logs, 0.0) - top, -600.0, 0.0))
     return np.where(present, weight, 0.0)
-
-
-def _match_twice(pairs: Pairs, neutral: Bools, objects: int) -> ObjectMatch:
-    """Evaluated truth first; what is left over may belong to neutral truth."""
-    is_neutral = neutral[pairs.row]
-    matched = match(pairs.keep(~is_neutral), len(neutral))
-    free = columns_to_rows(matched, objects) < 0
-    second = match(pairs.keep(is_neutral & free[pairs.column]), len(neutral))
-    matched = np.where(matched >= 0, matched, second)
-    return ObjectMatch(matched, columns_to_rows(matched, objects) < 0)

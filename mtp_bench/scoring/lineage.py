@@ -37,6 +37,7 @@ class LineageEvents:
     lost: Bools  # [R, H]
     wrong: Bools  # [R, H] a loss whose old id is still output
     reacquired: Bools  # [R, H]
+    old: Rows  # [R, H] track that matched the object last, before this frame; -1 none
 
     @property
     def frag(self) -> Bools:
@@ -47,7 +48,8 @@ class LineageEvents:
         """The events [R, 1] of one hypothesis per row."""
         index = np.asarray(hypothesis)[:, None]
         kinds = (self.ids, self.lost, self.wrong, self.reacquired)
-        return LineageEvents(*(np.take_along_axis(kind, index, axis=1) for kind in kinds))
+        chosen = (np.take_along_axis(kind, index, axis=1) for kind in kinds)
+        return LineageEvents(*chosen, old=np.take_along_axis(self.old, index, axis=1))
 
 
 def hypotheses(rollout: Rollout, card: Card) -> Hypotheses:
@@ -82,14 +84,19 @@ def match_hypotheses(truth: Truth, rollout: Rollout, member: Bools, card: Card) 
 
 def event_pairs(truth: Truth, rollout: Rollout, card: Card) -> Pairs:
     """Pairs of true boxes and tracks inside the event gate of the card."""
+    return gated_pairs(truth, rollout.track_start, rollout.track_box, rollout.track_class, card)
+
+
+def gated_pairs(truth: Truth, start: Ints, box: Floats, class_id: Ints, card: Card) -> Pairs:
+    """Pairs of true boxes and other boxes [n, 7] inside the event gate of the card; ``start`` [F + 1] as in `Truth`."""
     gate = card.task.event_gate
     return box_pairs(
         frame_of_rows(truth.start),
         truth.box,
         truth.class_id,
-        frame_of_rows(rollout.track_start),
-        rollout.track_box,
-        rollout.track_class,
+        frame_of_rows(start),
+        box,
+        class_id,
         gate.measure,
         card.per_class(gate.threshold),
     )
@@ -99,27 +106,29 @@ def lineage_events(truth: Truth, rollout: Rollout, found: Hypotheses, matched: N
     """Events [R, H] of all hypotheses; ``matched`` [R, H] as `match_hypotheses` gives it."""
     shape = matched.shape
     ids, lost, wrong, reacquired = (np.zeros(shape, dtype=bool) for _ in range(4))
+    earlier = np.full(shape, -1, dtype=np.intp)
     objects, number = np.unique(truth.object_id, return_inverse=True)
     track_id = np.append(rollout.track_id, -1)  # row -1: no track, never compared
     before = np.full((len(objects), shape[1]), -1, dtype=np.intp)  # track row in the frame before
-    ever = np.zeros(before.shape, dtype=bool)  # matched at some time
+    last = before.copy()  # track row of the last match, at any time
     missed = np.zeros(before.shape, dtype=bool)  # unmatched when it last existed
     for t in range(len(truth.start) - 1):
         parent, rows = found.parent[t], truth.rows(t)
-        before, ever, missed = before[:, parent], ever[:, parent], missed[:, parent]
+        before, last, missed = before[:, parent], last[:, parent], missed[:, parent]
         who, now = number[rows], matched[rows]
         old, seen = before[who], now >= 0
+        earlier[rows] = last[who]
         ids[rows] = (old >= 0) & seen & (track_id[old] != track_id[now])
         lost[rows] = (old >= 0) & ~seen
-        reacquired[rows] = seen & ever[who] & missed[who]
+        reacquired[rows] = seen & (last[who] >= 0) & missed[who]
         if lost[rows].any():
             wrong[rows] = lost[rows] & _still_output(rollout, found.member, t, track_id[old])
         before = np.full_like(before, -1)
         before[who] = now
-        ever[who] |= seen
+        last[who] = np.where(seen, now, last[who])
         missed[who] = ~seen
     alive = found.alive[frame_of_rows(truth.start)]
-    return LineageEvents(ids, lost & alive, wrong & alive, reacquired)  # an absent hypothesis has lost nothing
+    return LineageEvents(ids, lost & alive, wrong & alive, reacquired, earlier)  # an absent hypothesis has lost nothing
 
 
 def _still_output(rollout: Rollout, member: Bools, t: int, old_id: Ints) -> Bools:

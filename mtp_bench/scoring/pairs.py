@@ -29,6 +29,14 @@ class Pairs:
         return Pairs(self.row[mask], self.column[mask], self.cost[mask])
 
 
+def of_columns(pairs: Pairs, chosen: Rows, columns: int) -> Pairs:
+    """The pairs of the ``chosen`` among ``columns`` columns, numbered by their place in ``chosen``."""
+    number = np.full(columns, -1, dtype=np.intp)
+    number[chosen] = np.arange(len(chosen))
+    kept = pairs.keep(number[pairs.column] >= 0)
+    return Pairs(kept.row, number[kept.column], kept.cost)
+
+
 def near_pairs(
     frame_a: Ints, xy_a: Floats, frame_b: Ints, xy_b: Floats, reach: float
 ) -> tuple[Rows, Rows, NDArray[np.float64]]:

@@ -12,7 +12,7 @@ from ..types import Ints, Rollout, Truth
 from .events import clear_identity, history
 from .lineage import Hypotheses, event_pairs
 from .matching import columns_to_rows, match, match_sticky
-from .pairs import Pairs, Rows
+from .pairs import Pairs, Rows, of_columns
 from .targets import frame_of_rows
 
 
@@ -35,7 +35,7 @@ def stream_counts(truth: Truth, rollout: Rollout, found: Hypotheses, card: Card)
     """CLEAR counts (sticky mode) and false output (frame mode) of the best hypothesis of every frame."""
     frame = frame_of_rows(rollout.track_start)
     chosen = np.flatnonzero(found.member[np.arange(len(frame)), found.best[frame]])
-    pairs = _of_columns(event_pairs(truth, rollout, card), chosen, len(frame))
+    pairs = of_columns(event_pairs(truth, rollout, card), chosen, len(frame))
     neutral = truth.neutral[pairs.row]
     pairs, beside = pairs.keep(~neutral), pairs.keep(neutral)
     objects = history(frame_of_rows(truth.start), truth.object_id)
@@ -66,14 +66,6 @@ def stream_counts(truth: Truth, rollout: Rollout, found: Hypotheses, card: Card)
         false_positives=int(in_frame.sum()),
         spurious_tracks=_never_matched(rollout.track_id[chosen], in_frame),
     )
-
-
-def _of_columns(pairs: Pairs, chosen: Rows, columns: int) -> Pairs:
-    """The pairs of the chosen columns, numbered among them."""
-    number = np.full(columns, -1, dtype=np.intp)
-    number[chosen] = np.arange(len(chosen))
-    kept = pairs.keep(number[pairs.column] >= 0)
-    return Pairs(kept.row, number[kept.column], kept.cost)
 
 
 def _unmatched(matched: NDArray[np.intp], beside: Pairs, columns: int) -> NDArray[np.bool_]:

@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .._bundle import card_ids
-from ..cards import Card, changed_card, load_card
+from ..cards import Card
 from ..env import MTPEnv
-from ..errors import RolloutError, UnknownNameError
-from ..rollouts import Run, RunInfo, load_run, require_run_folder, save_run
+from ..errors import RolloutError
+from ..rollouts import Run, require_run_folder, save_run
 from ..runner import run_info, run_jobs
 from ..scoring import AgentScores, Report, SceneScore, score_scene, stated_hypotheses, summarise
-from ..sources import open_source
 from ..types import Rollout, Scene
 from .compare import setting_of
 from .files import require_folder
 from .jobs import jobs_of
 from .loader import load_submission
+from .opened import open_run
 from .reading import total_skipped
 from .reference import Reference, frozen_reference
 
 Started = Callable[[int], object]
 Done = Callable[[str], object]
-CHANGES = ("split", "detector", "detection_file")  # of the card, as `changed_card` takes them
 
 
 @dataclass(frozen=True)
@@ -98,17 +95,13 @@ def score_stored(
 
     Raises RolloutError where the run was made for another version of the card, or says other things than its rollouts.
     """
-    run = load_run(folder)
-    card = _card(folder, run, env_id)
-    _check(folder, run)
-    source = open_source(card, data)
+    opened = open_run(folder, data, env_id)
+    run, card = opened.run, opened.card
     if started is not None:
         started(len(run.rollouts))
     scores: list[SceneScore] = []
     for rollout in run.rollouts:
-        if rollout.scene not in source.names:
-            raise UnknownNameError(f"scene of {folder}", rollout.scene, source.names)
-        scores.append(score_scene(source.load(rollout.scene), rollout, card))
+        scores.append(score_scene(opened.scene(rollout.scene), rollout, card))
         if progress is not None:
             progress(rollout.scene)
     agent = AgentScores(
@@ -122,40 +115,6 @@ def score_stored(
     reference = frozen_reference(card)
     report = summarise([agent], card, reference.subsets if reference else None)
     return StoredScore(report, _origin(reference), total_skipped(score.skipped for score in scores))
-
-
-def _card(folder: Path, run: Run, env_id: str | None) -> Card:
-    """The card that the run was made for, by its digest."""
-    info = run.info
-    if env_id is None and info.env_id not in card_ids():
-        raise RolloutError(f"{folder}: made for {info.env_id!r}, which does not ship here; name its card with --env")
-    card = changed_card(load_card(env_id or info.env_id), *(_text(folder, info, key) for key in CHANGES))
-    if card.digest != info.card_digest:
-        raise RolloutError(
-            f"{folder}: made for {info.env_id} with card digest {info.card_digest}, {card.id} now has {card.digest}; "
-            "run the agent again"
-        )
-    return card
-
-
-def _text(folder: Path, info: RunInfo, key: str) -> str | None:
-    value = info.keywords.get(key)
-    if value is not None and not isinstance(value, str):
-        raise RolloutError(f"{folder}: {key} is {value!r}, expected a name")
-    return value
-
-
-def _check(folder: Path, run: Run) -> None:
-    """Raise RolloutError where what the run says of itself is not what its rollouts hold."""
-    for rollout in run.rollouts:
-        if rollout.forecast.shape[1] != run.info.samples:
-            raise RolloutError(
-                f"{folder}: says {run.info.samples} samples per object, scene {rollout.scene!r} has "
-                f"{rollout.forecast.shape[1]}; run the agent again"
-            )
-    scene, count = Counter(rollout.scene for rollout in run.rollouts).most_common(1)[0] if run.rollouts else ("", 0)
-    if count > 1:
-        raise RolloutError(f"{folder}: names scene {scene!r} {count} times, expected once; run the agent again")
 
 
 def _hypotheses(folder: Path, run: Run) -> int:
