@@ -48,8 +48,8 @@ class LineageEvents:
         """The events [R, 1] of one hypothesis per row."""
         index = np.asarray(hypothesis)[:, None]
         kinds = (self.ids, self.lost, self.wrong, self.reacquired)
-        chosen = (np.take_along_axis(kind, index, axis=1) for kind in kinds)
-        return LineageEvents(*chosen, old=np.take_along_axis(self.old, index, axis=1))
+        ids, lost, wrong, reacquired = (np.take_along_axis(kind, index, axis=1) for kind in kinds)
+        return LineageEvents(ids, lost, wrong, reacquired, np.take_along_axis(self.old, index, axis=1))
 
 
 def hypotheses(rollout: Rollout, card: Card) -> Hypotheses:
