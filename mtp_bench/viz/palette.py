@@ -1,0 +1,23 @@
+"""Colours that people with any kind of colour vision tell apart (Okabe and Ito), and what each stands for."""
+
+from __future__ import annotations
+
+Color = tuple[int, int, int]  # red, green, blue, 0 to 255
+
+BLACK: Color = (0, 0, 0)
+ORANGE: Color = (230, 159, 0)
+SKY: Color = (86, 180, 233)
+GREEN: Color = (0, 158, 115)
+YELLOW: Color = (240, 228, 66)
+BLUE: Color = (0, 114, 178)
+VERMILLION: Color = (213, 94, 0)
+PURPLE: Color = (204, 121, 167)
+
+TRUTH = GREEN
+DETECTION = ORANGE
+TRACK = BLUE
+OTHER_TRACK = SKY  # of another hypothesis than the best
+FORECAST = PURPLE
+FALSE = VERMILLION  # a track, a detection or a forecast of nothing
+EVENT = YELLOW
+EGO = BLACK
