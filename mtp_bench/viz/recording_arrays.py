@@ -1,0 +1,228 @@
+"""What a recording shows of a scene and a run, as dense arrays over all frames; no drawing library here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scoring.events import history
+from ..scoring.targets import frame_of_rows
+from ..types import Floats, Ints
+from .palette import FALSE
+from .recording_colors import DETECTION, EGO, NEUTRAL, TRUTH, Colors, track_colors
+from .replay import Incident, Replay
+
+TRAIL_POINTS = 12
+TRAIL_RATE = 5.0  # Hz, at most: a longer trail of faster recordings has no more points
+TOP_SAMPLES = 3
+TOP_HYPOTHESES = 4
+EVENT_FRAMES = 10  # frames that an event stays in the picture
+EGO_SIZE = (4.5, 1.9, 1.6)  # m, drawn; no source says it
+
+
+@dataclass(frozen=True, eq=False)
+class BoxRows:
+    """Boxes over all frames, sorted by frame."""
+
+    count: Ints  # [F] boxes of each frame
+    box: NDArray[np.float32]  # [R, 7]
+    color: Colors  # [R, 3]
+    label: list[str]  # [R], or empty
+
+
+@dataclass(frozen=True, eq=False)
+class Strips:
+    """Polylines over all frames, sorted by frame; a shorter one repeats its last point."""
+
+    count: Ints  # [F]
+    point: NDArray[np.float32]  # [S, points, 3]
+    color: Colors  # [S, 3]
+
+
+@dataclass(frozen=True)
+class Lane:
+    """Which track follows a true object: states from their first frame on, None where the object is not there."""
+
+    object_id: int
+    frame: tuple[int, ...]
+    track: tuple[int | None, ...]  # -1: missed
+    eventful: bool  # it carries a switch, a loss or a re-acquisition
+
+
+def truth_boxes(replay: Replay) -> BoxRows:
+    """True boxes, labelled with their object; those beside the evaluated classes are darker."""
+    truth = replay.scene.truth
+    color = np.where(truth.neutral[:, None], NEUTRAL, TRUTH).astype(np.uint8)
+    return BoxRows(np.diff(truth.start), _single(truth.box), color, [str(g) for g in truth.object_id])
+
+
+def detection_boxes(replay: Replay) -> BoxRows:
+    """Detections; those of nothing in another colour."""
+    detections = replay.scene.detections
+    color = np.where(replay.detection_false[:, None], FALSE, DETECTION).astype(np.uint8)
+    return BoxRows(np.diff(detections.start), _single(detections.box), color, [])
+
+
+def ego_boxes(replay: Replay) -> BoxRows:
+    """The sensor platform, as a box of a usual car around its pose."""
+    ego = replay.scene.ego
+    box = np.concatenate([ego, np.broadcast_to(EGO_SIZE, (len(ego), 3))], axis=1)
+    return BoxRows(np.ones(len(ego), dtype=int), _single(box), np.full((len(ego), 3), EGO, dtype=np.uint8), [])
+
+
+def shown_hypotheses(replay: Replay, level: str) -> list[int]:
+    """The hypotheses of a level: all, else the few that weigh most over the scene."""
+    alive = np.flatnonzero(replay.member.any(axis=0))
+    if level == "all":
+        return [int(h) for h in alive]
+    weight = np.exp(replay.rollout.hypothesis_log_weight.astype(np.float64))[:, alive].sum(axis=0)
+    heaviest = alive[np.argsort(-weight, kind="stable")[:TOP_HYPOTHESES]]
+    return sorted(int(h) for h in heaviest)
+
+
+def hypothesis_boxes(replay: Replay, hypothesis: int) -> BoxRows:
+    """Tracks of one hypothesis, labelled with their id."""
+    rollout = replay.rollout
+    rows = np.flatnonzero(replay.member[:, hypothesis])
+    ids = rollout.track_id[rows]
+    return BoxRows(
+        _per_frame(rollout.track_start, rows),
+        _single(rollout.track_box[rows]),
+        track_colors(ids),
+        ids.astype(str).tolist(),
+    )
+
+
+def earlier_rows(replay: Replay) -> Ints:
+    """Row [N, H] of each track in the frame before, along the lineage of each hypothesis; -1 none."""
+    rollout, member = replay.rollout, replay.member
+    earlier = np.full(member.shape, -1, dtype=np.int64)
+    for t in range(1, replay.frames):
+        now, past = rollout.track_rows(t), rollout.track_rows(t - 1)
+        i, j = np.nonzero(rollout.track_id[now][:, None] == rollout.track_id[past])
+        held = member[now][i] & member[past][j][:, replay.parent[t]]
+        pair, hypothesis = np.nonzero(held)
+        earlier[now.start + i[pair], hypothesis] = past.start + j[pair]
+    return earlier
+
+
+def trails(replay: Replay, hypothesis: int, earlier: Ints) -> Strips:
+    """Where the tracks of a hypothesis were, now first; ``earlier`` [N, H] as `earlier_rows` gives it."""
+    rollout = replay.rollout
+    frame = frame_of_rows(rollout.track_start)
+    start = row = np.flatnonzero(replay.member[:, hypothesis])
+    lineage = np.full(len(row), hypothesis)
+    stride = max(1, round(replay.card.task.rate / TRAIL_RATE))
+    point = np.empty((len(row), TRAIL_POINTS, 3), dtype=np.float32)
+    for k in range(TRAIL_POINTS):
+        point[:, k] = rollout.track_box[row, :3]
+        for _ in range(stride):
+            past = earlier[row, lineage]
+            lineage = np.where(past >= 0, replay.parent[frame[row], lineage], lineage)
+            row = np.where(past >= 0, past, row)
+    return Strips(_per_frame(rollout.track_start, start), point, track_colors(rollout.track_id[start]))
+
+
+def forecasts(replay: Replay, level: str) -> Strips:
+    """Forecast samples, from the object on: all, or the few that weigh most; in the colour of the object's track."""
+    rollout = replay.rollout
+    weight = rollout.forecast_log_weight
+    stated = np.isfinite(weight)
+    if level != "all":
+        rank = np.argsort(np.argsort(-weight, axis=1, kind="stable"), axis=1, kind="stable")
+        stated &= rank < TOP_SAMPLES
+    row, sample = np.nonzero(stated)
+    center = rollout.object_box[row, :3].astype(np.float64)
+    future = rollout.forecast.shape[2]
+    point = np.repeat(center[:, None], future + 1, axis=1)
+    point[:, 1:, :2] += rollout.forecast[row, sample] / 100.0
+    color = track_colors(np.append(rollout.track_id, -1)[replay.object_track[row]])
+    return Strips(_per_frame(rollout.object_start, row), _single(point), color)
+
+
+def true_futures(replay: Replay) -> Strips:
+    """Where the evaluated objects go within the horizon, while they are there without a gap."""
+    truth, future = replay.scene.truth, replay.card.task.future
+    before = history(frame_of_rows(truth.start), truth.object_id).previous()
+    after = np.arange(len(before))  # a row without a successor follows itself
+    after[before[before >= 0]] = np.flatnonzero(before >= 0)
+    start = row = np.flatnonzero(~truth.neutral)
+    point = np.empty((len(row), future + 1, 3), dtype=np.float32)
+    for k in range(future + 1):
+        point[:, k] = truth.box[row, :3]
+        row = after[row]
+    return Strips(_per_frame(truth.start, start), point, np.full((len(start), 3), TRUTH, dtype=np.uint8))
+
+
+def map_lines(replay: Replay, border: bool) -> list[NDArray[np.float32]]:
+    """Polylines [n, 3] of the road: lane borders, or the middle of lanes; on the ground of the true boxes."""
+    truth = replay.scene.truth
+    ground = float(np.median(truth.box[:, 2] - truth.box[:, 6] / 2)) if len(truth.box) else 0.0
+    lines = [line for lane in replay.scene.lanes for line in ((lane.left, lane.right) if border else (lane.center,))]
+    return [_single(np.column_stack([line, np.full(len(line), ground)])) for line in lines]
+
+
+def lanes(replay: Replay) -> list[Lane]:
+    """Identity lanes of the evaluated objects, by their ids: the best hypothesis of every frame."""
+    truth = replay.scene.truth
+    frame = frame_of_rows(truth.start)
+    eventful = {i.object_id for i in replay.incidents if i.kind != "spurious"}
+    track = np.append(replay.rollout.track_id, -1)[replay.truth_track]
+    order = np.argsort(truth.object_id, kind="stable")
+    order = order[~truth.neutral[order]]
+    parts = np.split(order, np.flatnonzero(np.diff(truth.object_id[order])) + 1) if len(order) else []
+    found = []
+    for rows in parts:
+        at, state = _changes(frame[rows], track[rows], replay.frames)
+        object_id = int(truth.object_id[rows[0]])
+        found.append(Lane(object_id, at, state, object_id in eventful))
+    return found
+
+
+def _changes(frame: Ints, track: Ints, frames: int) -> tuple[tuple[int, ...], tuple[int | None, ...]]:
+    """Frames at which the state of one object changes, and the states; None from the frame after it was seen."""
+    states: dict[int, int | None] = {}
+    current: int | None = None
+    for t, following, i in zip(frame.tolist(), [*frame[1:].tolist(), frames], track.tolist(), strict=True):
+        if i != current:
+            states[t] = current = i
+        if following > t + 1:
+            states[t + 1] = current = None
+    return tuple(states), tuple(states.values())
+
+
+def visible_incidents(replay: Replay) -> list[list[Incident]]:
+    """Identity events of the last frames, for every frame [F]; forecasts of nothing only in their own."""
+    shown: list[list[Incident]] = [[] for _ in range(replay.frames)]
+    for incident in replay.incidents:
+        last = 1 if incident.kind == "spurious" else EVENT_FRAMES
+        for t in range(incident.frame, min(incident.frame + last, replay.frames)):
+            shown[t].append(incident)
+    return shown
+
+
+def counts(replay: Replay) -> dict[str, Ints]:
+    """Series [F] per name: boxes right, missed and false in each frame; identity events so far."""
+    series = {"TP": replay.true_positives, "FN": replay.false_negatives, "FP": replay.false_positives}
+    for kind in ("ids", "lost", "reacquired"):
+        frames = [i.frame for i in replay.incidents if i.kind == kind]
+        series[kind] = np.cumsum(np.bincount(frames, minlength=replay.frames))
+    return series
+
+
+def _per_frame(start: Ints, rows: Ints) -> Ints:
+    """Number [F] of ``rows`` in each frame; they are sorted."""
+    return np.diff(np.searchsorted(rows, start))
+
+
+def _single(values: Floats) -> NDArray[np.float32]:
+    return np.ascontiguousarray(values, dtype=np.float32)
+
+
+def quaternions(yaw: Floats) -> NDArray[np.float32]:
+    """Rotations [R, 4] x y z w about z by ``yaw`` [R]."""
+    half = np.asarray(yaw, dtype=np.float64) / 2
+    zero = np.zeros(len(half))
+    return _single(np.column_stack([zero, zero, np.sin(half), np.cos(half)]))

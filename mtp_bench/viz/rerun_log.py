@@ -1,0 +1,253 @@
+"""Runs of a scene as a rerun recording: truth, detections, hypotheses, forecasts, events and counts over all frames.
+
+Positions are logged in the scene's frame of reference, as 32 bit floats: numbers read back are those of the rollout.
+A recording is the same for the same runs: no clock, no random name is in it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import MtpBenchError, UnknownNameError
+from ..rollouts import digest
+from ..types import Ints
+from . import recording_arrays as arrays
+from .events_text import incident_text
+from .recording_arrays import BoxRows, Strips
+from .recording_colors import BORDER, CENTER, EVENTS, MISSED, SERIES, SWITCH, packed, track_colors
+from .replay import Incident, Replay
+from .rerun_sdk import rr
+
+APPLICATION = "mtp_bench"
+LEVELS = ("off", "tracks", "top", "all")
+ABOUT = """# {scene}
+{agents}
+
+Green: truth, and where it goes. Yellow: detections; red where they are of nothing. White: the sensor platform.
+Tracks have the colour of their id; trails follow a hypothesis along its lineage, forecasts belong to objects and are
+the same for all hypotheses. Metres, in the frame of reference of the scene.
+"""
+TRAIL, FUTURE, FORECAST, EDGE = 0.14, 0.09, 0.035, 0.05  # m, half the width of lines
+MARKER = (0.0, 1.5, 3.0)  # m, from an event to its mark: beside the label of the box
+RING = 3.0  # m, around the event that the views look at
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """One agent in a recording."""
+
+    replay: Replay
+    root: str  # prefix of its entities: "" or "agents/<name>/"
+    hypotheses: list[int]
+
+
+def shown_agents(replays: Sequence[Replay], level: str) -> list[Shown]:
+    """The agents of a recording and what is drawn of them; they must be of one scene and have names of their own."""
+    if level not in LEVELS:
+        raise UnknownNameError("level", level, LEVELS)
+    scenes = {replay.scene.name for replay in replays}
+    if len(scenes) != 1:
+        raise MtpBenchError(f"a recording shows one scene, got {', '.join(sorted(scenes)) or 'none'}")
+    shown: list[Shown] = []
+    for replay in replays:
+        root = f"agents/{_name(replay.agent, [s.root for s in shown])}/" if len(replays) > 1 else ""
+        hypotheses = [] if level == "off" else arrays.shown_hypotheses(replay, level)
+        shown.append(Shown(replay, root, hypotheses))
+    return shown
+
+
+def _name(agent: str, taken: Iterable[str]) -> str:
+    """Part of an entity path; a second run of an agent gets a number."""
+    name = re.sub(r"[^\w.-]", "_", agent) or "agent"
+    count = sum(root.split("/")[1].partition("~")[0] == name for root in taken)
+    return f"{name}~{count + 1}" if count else name
+
+
+def new_recording(shown: Sequence[Shown], level: str) -> rr.RecordingStream:
+    """An empty recording named after its content."""
+    sha = hashlib.sha256(f"{level}|{shown[0].replay.scene.name}".encode())
+    for agent in shown:
+        sha.update(f"|{agent.root}|{digest(agent.replay.rollout)}".encode())
+    recording = rr.RecordingStream(APPLICATION, recording_id=sha.hexdigest()[:32], send_properties=False)
+    recording.set_log_time_enabled(False)
+    recording.set_log_tick_enabled(False)
+    return recording
+
+
+def save_recording(path: str | Path, replays: Sequence[Replay], level: str = "top", at: Incident | None = None) -> None:
+    """Write the recording of runs of one scene (.rrd); ``at``: the views look at this event of the first run.
+
+    ``level``: "off" truth, detections and events; "tracks" also boxes and trails of the heaviest hypotheses; "top" also
+    the 3 heaviest forecast samples of each object; "all" every hypothesis and every sample.
+
+    Raises MtpBenchError where the runs are not of one scene, UnknownNameError for a wrong level.
+    """
+    from .rerun_blueprint import layout
+
+    shown = shown_agents(replays, level)
+    recording = new_recording(shown, level)
+    recording.save(path, default_blueprint=layout(shown, level, at))
+    log_runs(recording, shown, level, at)
+    recording.flush()
+    recording.disconnect()
+
+
+def log_runs(recording: rr.RecordingStream, shown: Sequence[Shown], level: str, at: Incident | None = None) -> None:
+    """Log everything: what all runs share once, then each run under its root."""
+    _log_scene(recording, shown[0].replay)
+    agents = ", ".join(f"{a.replay.agent or 'agent'}: hypotheses {a.hypotheses}" for a in shown)
+    about = ABOUT.format(scene=shown[0].replay.scene.name, agents=agents)
+    recording.log("about", rr.TextDocument(about, media_type="text/markdown"), static=True)
+    for agent in shown:
+        _log_tracks(recording, agent)
+        if level in ("top", "all"):
+            lines = arrays.forecasts(agent.replay, level)
+            _strips(recording, f"{agent.root}world/forecast", agent.replay, lines, FORECAST)
+        _log_judgement(recording, agent)
+    if at is not None:
+        _log_ring(recording, shown[0].replay, at)
+
+
+def _log_scene(recording: rr.RecordingStream, replay: Replay) -> None:
+    """Map, ego, truth and detections: they are the same for every agent."""
+    recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    for name, color in (("center", CENTER), ("border", BORDER)):
+        lines = arrays.map_lines(replay, border=name == "border")
+        if lines:
+            recording.log(f"world/map/{name}", rr.LineStrips3D(lines, colors=color, radii=EDGE), static=True)
+    if replay.card.has_ego:
+        _boxes(recording, "world/ego", replay, arrays.ego_boxes(replay), "solid")
+    _boxes(recording, "world/gt", replay, arrays.truth_boxes(replay), "majorwireframe", 2 * EDGE)
+    _strips(recording, "world/gt_future", replay, arrays.true_futures(replay), FUTURE)
+    if len(replay.scene.detections.box):
+        _boxes(recording, "world/det", replay, arrays.detection_boxes(replay), "majorwireframe")
+
+
+def _log_tracks(recording: rr.RecordingStream, agent: Shown) -> None:
+    earlier = arrays.earlier_rows(agent.replay) if agent.hypotheses else np.zeros((0, 0), dtype=np.int64)
+    for h in agent.hypotheses:
+        root = f"{agent.root}world/hyp/{h:02d}"
+        boxes = arrays.hypothesis_boxes(agent.replay, h)
+        _boxes(recording, f"{root}/box", agent.replay, boxes, "transparentfillmajorwireframe")
+        _strips(recording, f"{root}/trail", agent.replay, arrays.trails(agent.replay, h, earlier), TRAIL)
+
+
+def _log_judgement(recording: rr.RecordingStream, agent: Shown) -> None:
+    """Events, identity lanes and counts: the judge's view of the best hypothesis."""
+    replay = agent.replay
+    _log_markers(recording, agent)
+    for kind in EVENTS:
+        incidents = [i for i in replay.incidents if i.kind == kind]
+        if incidents:
+            frames = np.array([i.frame for i in incidents])
+            texts = [incident_text(i, replay.card.task.classes) for i in incidents]
+            colors = np.tile(packed(EVENTS[kind]), len(texts))
+            columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=colors)
+            recording.send_columns(f"{agent.root}events/{_title(kind)}", _times(replay, frames), columns)
+    for lane in arrays.lanes(replay):
+        _log_lane(recording, agent, lane)
+    for name, values in arrays.counts(replay).items():
+        path = f"{agent.root}metrics/{_title(name)}"
+        prefix = f"{agent.root.split('/')[1]} " if agent.root else ""
+        style = rr.SeriesLines(colors=SERIES[name], names=prefix + _title(name), widths=2)
+        recording.log(path, style, static=True)
+        scalars = rr.Scalars.columns(scalars=values.astype(np.float64))
+        recording.send_columns(path, _times(replay), scalars)
+
+
+def _title(kind: str) -> str:
+    return "IDS" if kind == "ids" else kind
+
+
+def _log_markers(recording: rr.RecordingStream, agent: Shown) -> None:
+    """Where events happened, for some frames after."""
+    replay = agent.replay
+    for name, wanted in (("events", True), ("spurious", False)):
+        frames = [[i for i in now if (i.kind != "spurious") == wanted] for now in arrays.visible_incidents(replay)]
+        flat = [incident for now in frames for incident in now]
+        if not flat:
+            continue
+        place = np.array([[i.x, i.y, i.z] for i in flat]) + (MARKER if wanted else 0.0)
+        colors = packed(np.array([EVENTS[i.kind] for i in flat], dtype=np.uint8))
+        labels = [_mark(i) for i in flat] if wanted else None
+        columns = rr.Points3D.columns(positions=place, colors=colors, labels=labels)
+        path = f"{agent.root}world/{name}"
+        style = rr.Points3D.from_fields(radii=rr.Radius.ui_points(6.0 if wanted else 3.0), show_labels=wanted)
+        recording.log(path, style, static=True)
+        recording.send_columns(path, _times(replay), columns.partition([len(now) for now in frames]))
+
+
+def _mark(incident: Incident) -> str:
+    if incident.kind == "ids":
+        return f"{incident.name}: {incident.old_id} → {incident.new_id}"
+    return incident.name
+
+
+def _log_ring(recording: rr.RecordingStream, replay: Replay, at: Incident) -> None:
+    """A ring around the event that the views look at, as long as its mark is there."""
+    angle = np.linspace(0.0, 2 * np.pi, 49)
+    ring = np.column_stack([at.x + RING * np.cos(angle), at.y + RING * np.sin(angle), np.full(len(angle), at.z)])
+    frames = np.arange(at.frame, min(at.frame + arrays.EVENT_FRAMES, replay.frames) + 1)
+    lines = np.repeat(ring[None], len(frames) - 1, axis=0).astype(np.float32)
+    columns = rr.LineStrips3D.columns(strips=lines).partition([*np.ones(len(lines), dtype=int), 0])
+    recording.log("world/at", rr.LineStrips3D.from_fields(radii=EDGE, colors=SWITCH), static=True)
+    recording.send_columns("world/at", _times(replay, frames), columns)
+
+
+def _log_lane(recording: rr.RecordingStream, agent: Shown, lane: arrays.Lane) -> None:
+    """One lane: which track follows the object."""
+    path = f"{agent.root}identity/gt_{lane.object_id:03d}"
+    named = [None if track is None else _state(track) for track in lane.track]
+    tracks = sorted({track for track in lane.track if track is not None})
+    colors = np.where(np.array(tracks)[:, None] < 0, MISSED, track_colors(np.array(tracks)))
+    labels = [_state(i).removeprefix("track ") for i in tracks]
+    style = rr.StateConfiguration(values=[_state(i) for i in tracks], labels=labels, colors=packed(colors))
+    recording.log(path, style, static=True)
+    columns = rr.StateChange.columns(state=["" if name is None else name for name in named])
+    recording.send_columns(path, _times(agent.replay, np.array(lane.frame)), columns)
+
+
+def _state(track: int) -> str:
+    return "missed" if track < 0 else f"track {track}"
+
+
+def _times(replay: Replay, frames: Ints | None = None) -> list[rr.TimeColumn]:
+    """Both timelines at ``frames``, by default all."""
+    frames = np.arange(replay.frames) if frames is None else frames
+    seconds = (replay.scene.time - replay.scene.time[0])[np.minimum(frames, replay.frames - 1)]
+    return [
+        rr.TimeColumn("frame", sequence=frames),
+        rr.TimeColumn("time", duration=np.rint(seconds * 1e9).astype("timedelta64[ns]")),
+    ]
+
+
+def _boxes(
+    recording: rr.RecordingStream, path: str, replay: Replay, rows: BoxRows, fill: Any, radius: float = EDGE
+) -> None:
+    """Boxes of all frames; a frame without any shows none."""
+    style = rr.Boxes3D.from_fields(fill_mode=fill, radii=radius, show_labels=False)
+    recording.log(path, style, static=True)
+    columns = rr.Boxes3D.columns(
+        centers=rows.box[:, :3],
+        half_sizes=rows.box[:, 4:7] / 2,
+        quaternions=arrays.quaternions(rows.box[:, 3]),
+        colors=packed(rows.color),
+        labels=rows.label or None,
+    )
+    recording.send_columns(path, _times(replay), columns.partition(rows.count))
+
+
+def _strips(recording: rr.RecordingStream, path: str, replay: Replay, lines: Strips, radius: float) -> None:
+    """Polylines of all frames."""
+    if not len(lines.point):
+        return
+    recording.log(path, rr.LineStrips3D.from_fields(radii=radius), static=True)
+    columns = rr.LineStrips3D.columns(strips=lines.point, colors=packed(lines.color))
+    recording.send_columns(path, _times(replay), columns.partition(lines.count))
