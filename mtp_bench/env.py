@@ -8,14 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, cast, final
+from typing import TYPE_CHECKING, Any, cast, final
 
 import gymnasium
 import numpy as np
+from gymnasium import logger
 from gymnasium.error import ResetNeeded
 
 from ._answer import Answer, decode
 from ._arguments import choose, flag, size, text, wanted
+from ._live import LiveEpisode, live_episode
 from ._observation import Feed, LocalFrame, Observation, make_feed, rotate
 from ._spaces import action_space, observation_space
 from .cards import Card, changed_card, load_card
@@ -26,8 +28,13 @@ from .scoring.targets import Targets, find_targets
 from .sources import detected, open_source
 from .types import Rollout, Scene, Task
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from .viz.live import Renderer
+
 OBSERVE = ("detections", "truth")
-RENDER_MODES: tuple[str, ...] = ()
+RENDER_MODES = ("rgb_array",)  # each has its renderer in viz/live.py
 
 
 @dataclass
@@ -61,11 +68,12 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
     ``detector``: another detector, simulated on the true boxes or stored (`Card.with_detector`). ``detection_file``:
     stored detections of one's own (`Card.with_detections`). ``fresh_noise``: the noise of a
     simulated detector is drawn anew in every episode, for training; else a scene always has the same detections.
+    ``render_mode``: what `render` does, see RENDER_MODES.
 
     Raises UnknownNameError, DataError or CardError (all MtpBenchError) for a wrong argument or missing data.
     """
 
-    metadata = {"render_modes": list(RENDER_MODES)}  # noqa: RUF012  (declared so by gymnasium.Env)
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": 10}  # noqa: RUF012  (declared so by gymnasium.Env)
 
     def __init__(
         self,
@@ -113,6 +121,9 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
         self.observation_space = cast("gymnasium.Space[Observation]", observation_space(self.task))
         self.action_space = cast("gymnasium.Space[dict[str, Any]]", action_space(self.task))
         self._episode: _Episode | None = None
+        self.metadata = {**type(self).metadata, "render_fps": max(1, round(self.card.task.rate))}
+        self._live: LiveEpisode | None = None
+        self._renderer: Renderer | None = None
 
     @property
     def scene(self) -> Scene:
@@ -129,6 +140,7 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
         frame = LocalFrame.of(scene, self.np_random if self._rigid_motion else None)
         targets = None if self._evaluation else find_targets(scene, self.card)
         self._episode = _Episode(scene, frame, make_feed(scene, frame, self.task), targets)
+        self._live = None
         return self._episode.feed.observe(0), _info(self._episode)
 
     def step(self, action: dict[str, Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -153,6 +165,31 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
                 " a rollout is there after the last frame"
             )
         return assemble(episode.scene.name, episode.answers, episode.feed.dropped)
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """The frame that was answered last, with its answer; before the first answer, frame 0.
+
+        ``rgb_array``: a bird's-eye picture [720, 960, 3]. It shows true boxes too, but in evaluation mode nothing that
+        derives from the truth. None without a render mode.
+        """
+        if self.render_mode is None:
+            logger.warn(f"render() without a render mode: make the env with one of {', '.join(RENDER_MODES)}")
+            return None
+        episode = self._started()
+        if self._live is None:
+            parts = (self.card, episode.scene, episode.frame, episode.feed, episode.answers)
+            self._live = live_episode(*parts, self._evaluation)
+        if self._renderer is None:
+            from .viz.live import open_renderer
+
+            self._renderer = open_renderer(self.render_mode)
+        return self._renderer.render(self._live)
+
+    def close(self) -> None:
+        """Let go of what render() opened."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
 
     def _started(self) -> _Episode:
         if self._episode is None:
