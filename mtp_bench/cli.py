@@ -167,6 +167,36 @@ def compare(
 
 
 @app.command()
+def view(
+    folders: Annotated[
+        list[Path], typer.Argument(help="Folders written by `mtp-bench run`; several are shown side by side.")
+    ],
+    scene: Annotated[str | None, typer.Option("--scene", help="Which scene; the first of the run.")] = None,
+    at: Annotated[str | None, typer.Option("--at", help="Open at this event; `mtp-bench events` lists them.")] = None,
+    level: Annotated[
+        str,
+        typer.Option("--level", help="off, tracks, top (3 samples per object) or all (every sample and hypothesis)."),
+    ] = "top",
+    save: Annotated[Path | None, typer.Option("--save", help="Write a recording (.rrd) instead.")] = None,
+    web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on this machine instead.")] = False,
+    root: DataOption = None,
+    env: Annotated[str | None, typer.Option("--env", help="Card of the run, where it does not ship.")] = None,
+) -> None:
+    """Look at tracks, hypotheses, forecasts and events of stored rollouts in rerun."""
+    from ._view import LEVELS, view_runs
+    from .viz.terminal import show
+
+    if level not in LEVELS:
+        raise typer.BadParameter(f"{level!r}, expected one of: {', '.join(LEVELS)}", param_hint="--level")
+    if save is not None and web:
+        raise typer.BadParameter("a recording is either written or served", param_hint="--save, --web")
+    if save is not None and save.suffix != ".rrd":
+        raise typer.BadParameter(f"{save}: the viewer opens files that end in .rrd", param_hint="--save")
+    require_writable(save)
+    view_runs(folders, scene, at, level, save, web, root, env, show)
+
+
+@app.command()
 def train(
     what: Annotated[str, typer.Argument(help="What to fit: motion-noise.")],
     env: EnvOption,

@@ -39,3 +39,10 @@ def packed(colors: Colors | Color) -> NDArray[np.uint32]:
     rgb = np.asarray(colors, dtype=np.uint8).reshape(-1, 3)
     opaque = np.column_stack([np.full(len(rgb), 255, dtype=np.uint8), rgb[:, ::-1]])
     return np.ascontiguousarray(opaque).view("<u4")[:, 0].astype(np.uint32)
+
+
+def tone(color: Color, number: int) -> Color:
+    """The colour for the first agent, and lighter ones for those beside it."""
+    share = 1.0 - 0.6**number
+    red, green, blue = (round(value + share * (255 - value)) for value in color)
+    return red, green, blue

@@ -7,8 +7,11 @@ A recording is the same for the same runs: no clock, no random name is in it.
 from __future__ import annotations
 
 import hashlib
+import itertools
 import re
+import secrets
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +24,7 @@ from ..types import Ints
 from . import recording_arrays as arrays
 from .events_text import incident_text
 from .recording_arrays import BoxRows, Strips
-from .recording_colors import BORDER, CENTER, EVENTS, MISSED, SERIES, SWITCH, packed, track_colors
+from .recording_colors import BORDER, CENTER, EVENTS, MISSED, SERIES, SWITCH, packed, tone, track_colors
 from .replay import Incident, Replay
 from .rerun_sdk import rr
 
@@ -45,6 +48,7 @@ class Shown:
 
     replay: Replay
     root: str  # prefix of its entities: "" or "agents/<name>/"
+    number: int  # of the agents shown
     hypotheses: list[int]
 
 
@@ -59,15 +63,16 @@ def shown_agents(replays: Sequence[Replay], level: str) -> list[Shown]:
     for replay in replays:
         root = f"agents/{_name(replay.agent, [s.root for s in shown])}/" if len(replays) > 1 else ""
         hypotheses = [] if level == "off" else arrays.shown_hypotheses(replay, level)
-        shown.append(Shown(replay, root, hypotheses))
+        shown.append(Shown(replay, root, len(shown), hypotheses))
     return shown
 
 
 def _name(agent: str, taken: Iterable[str]) -> str:
     """Part of an entity path; a second run of an agent gets a number."""
-    name = re.sub(r"[^\w.-]", "_", agent) or "agent"
-    count = sum(root.split("/")[1].partition("~")[0] == name for root in taken)
-    return f"{name}~{count + 1}" if count else name
+    base = re.sub(r"[^\w.-]", "_", agent) or "agent"
+    roots = set(taken)
+    names = (base if number == 1 else f"{base}-{number}" for number in itertools.count(1))
+    return next(name for name in names if f"agents/{name}/" not in roots)
 
 
 def new_recording(shown: Sequence[Shown], level: str) -> rr.RecordingStream:
@@ -87,16 +92,28 @@ def save_recording(path: str | Path, replays: Sequence[Replay], level: str = "to
     ``level``: "off" truth, detections and events; "tracks" also boxes and trails of the heaviest hypotheses; "top" also
     the 3 heaviest forecast samples of each object; "all" every hypothesis and every sample.
 
-    Raises MtpBenchError where the runs are not of one scene, UnknownNameError for a wrong level.
+    Raises MtpBenchError where the runs are not of one scene or the file cannot be written, UnknownNameError for a wrong
+    level. An earlier file stays as it was until the new one is complete.
     """
     from .rerun_blueprint import layout
 
+    path = Path(path)
+    partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}.partial")
     shown = shown_agents(replays, level)
-    recording = new_recording(shown, level)
-    recording.save(path, default_blueprint=layout(shown, level, at))
-    log_runs(recording, shown, level, at)
-    recording.flush()
-    recording.disconnect()
+    try:
+        partial.touch()  # before there is anything to lose
+        recording = new_recording(shown, level)
+        recording.save(partial, default_blueprint=layout(shown, level, at))
+        log_runs(recording, shown, level, at)
+        recording.flush()
+        recording.disconnect()
+        partial.replace(path)
+    except (OSError, RuntimeError) as error:  # RuntimeError: from rerun, whose texts name the cause
+        cause = getattr(error, "strerror", None) or error
+        raise MtpBenchError(f"{path}: the recording cannot be written: {cause}") from None
+    finally:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
 
 
 def log_runs(recording: rr.RecordingStream, shown: Sequence[Shown], level: str, at: Incident | None = None) -> None:
@@ -156,7 +173,7 @@ def _log_judgement(recording: rr.RecordingStream, agent: Shown) -> None:
     for name, values in arrays.counts(replay).items():
         path = f"{agent.root}metrics/{_title(name)}"
         prefix = f"{agent.root.split('/')[1]} " if agent.root else ""
-        style = rr.SeriesLines(colors=SERIES[name], names=prefix + _title(name), widths=2)
+        style = rr.SeriesLines(colors=packed(tone(SERIES[name], agent.number)), names=prefix + _title(name), widths=2)
         recording.log(path, style, static=True)
         scalars = rr.Scalars.columns(scalars=values.astype(np.float64))
         recording.send_columns(path, _times(replay), scalars)
@@ -194,9 +211,11 @@ def _log_ring(recording: rr.RecordingStream, replay: Replay, at: Incident) -> No
     """A ring around the event that the views look at, as long as its mark is there."""
     angle = np.linspace(0.0, 2 * np.pi, 49)
     ring = np.column_stack([at.x + RING * np.cos(angle), at.y + RING * np.sin(angle), np.full(len(angle), at.z)])
-    frames = np.arange(at.frame, min(at.frame + arrays.EVENT_FRAMES, replay.frames) + 1)
-    lines = np.repeat(ring[None], len(frames) - 1, axis=0).astype(np.float32)
-    columns = rr.LineStrips3D.columns(strips=lines).partition([*np.ones(len(lines), dtype=int), 0])
+    end = at.frame + arrays.EVENT_FRAMES
+    frames = np.arange(at.frame, min(end + 1, replay.frames))
+    drawn = (frames < end).astype(int)  # the frame after it clears the ring
+    lines = np.repeat(ring[None], drawn.sum(), axis=0).astype(np.float32)
+    columns = rr.LineStrips3D.columns(strips=lines).partition(drawn)
     recording.log("world/at", rr.LineStrips3D.from_fields(radii=EDGE, colors=SWITCH), static=True)
     recording.send_columns("world/at", _times(replay, frames), columns)
 

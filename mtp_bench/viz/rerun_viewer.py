@@ -46,7 +46,7 @@ def show_recording(replays: Sequence[Replay], level: str = "top", at: Incident |
     require_display()
     shown = shown_agents(replays, level)
     port = free_port()
-    viewer = _start([*_WINDOW, "--port", str(port)])
+    viewer = _start([*_WINDOW, "--port", str(port)], apart=True)
     client = _connect(viewer, port)
     _send(shown, level, at, port)
     if at is not None:
@@ -61,7 +61,7 @@ def serve_recording(replays: Sequence[Replay], level: str, at: Incident | None, 
     """
     shown = shown_agents(replays, level)
     port, page = free_port(), free_port()
-    server = _start(["--serve-web", "--port", str(port), "--web-viewer-port", str(page)])
+    server = _start(["--serve-web", "--port", str(port), "--web-viewer-port", str(page)], apart=False)
     try:
         _wait_for(server, port)
         _send(shown, level, at, port)
@@ -81,10 +81,10 @@ def free_port() -> int:
         return int(free.getsockname()[1])
 
 
-def _start(options: Sequence[str]) -> subprocess.Popen[bytes]:
+def _start(options: Sequence[str], apart: bool) -> subprocess.Popen[bytes]:
     quiet = subprocess.DEVNULL
     command = [viewer_program(), "--bind", LOCAL, *options]
-    return subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True)
+    return subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=apart)
 
 
 def _wait_for(viewer: subprocess.Popen[bytes], port: int) -> None:
