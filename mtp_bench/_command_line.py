@@ -34,6 +34,8 @@ DetectorOption = Annotated[
 DetectionsOption = Annotated[
     Path | None, typer.Option("--detections", help="File of stored detections (nuScenes submission form).")
 ]
+FolderArgument = Annotated[Path, typer.Argument(help="Folder written by `mtp-bench run`.")]
+RunCardOption = Annotated[str | None, typer.Option("--env", help="Card of the run, where it does not ship.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the run.")]
 
 

@@ -19,7 +19,7 @@ from mtp_bench.cli import app
 from tests.command_line import CommandLine, copy_sequence, read_json, write_submission
 from tests.small_scenes import write_kitti
 
-COMMANDS = ["envs", "data", "run", "score", "compare", "view", "train", "fit-noise"]
+COMMANDS = ["envs", "data", "run", "score", "compare", "view", "events", "video", "train", "fit-noise"]
 HEAVY = ["torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "pandas", "matplotlib", "jinja2"]
 
 
@@ -44,9 +44,9 @@ def python(code: str, *arguments: str, **keywords: Any) -> subprocess.CompletedP
 def test_the_commands_are_those_of_the_design() -> None:
     shown = [name for name, command in registered().items() if not command.hidden]
     assert shown == COMMANDS
-    for name in ("data", "run", "score", "compare", "view", "train", "fit-noise"):
+    for name in ("data", "run", "score", "compare", "view", "events", "video", "train", "fit-noise"):
         assert "--data" in options(name)
-    for name in ("envs", "data", "score", "compare"):  # wherever a table is printed
+    for name in ("envs", "data", "score", "compare", "events"):  # wherever a table is printed
         assert "--json" in options(name)
 
 

@@ -72,7 +72,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
 
     Raises RolloutError where the rollout is of another scene or another number of frames or classes.
     """
-    _check(scene, rollout, card)
+    check_rollout(scene, rollout, card)
     truth, targets = scene.truth, find_targets(scene, card)
     object_frame = frame_of_rows(rollout.object_start)
     found = match_objects(truth, object_frame, rollout.object_box, rollout.object_class, card)
@@ -129,7 +129,8 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     )
 
 
-def _check(scene: Scene, rollout: Rollout, card: Card) -> None:
+def check_rollout(scene: Scene, rollout: Rollout, card: Card) -> None:
+    """Raise RolloutError where ``rollout`` is of another scene or another number of frames or classes."""
     if rollout.scene != scene.name:
         raise RolloutError(f"rollout is of scene {rollout.scene!r}, expected {scene.name!r}")
     if rollout.frames != scene.frames:

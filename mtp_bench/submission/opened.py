@@ -35,6 +35,13 @@ class OpenedRun:
             raise UnknownNameError(f"scene of {self.folder}", scene, [rollout.scene for rollout in self.run.rollouts])
         return chosen
 
+    def first(self, scene: str | None = None) -> Rollout:
+        """The rollout of ``scene``, or the first there is; raises RolloutError where there is none."""
+        rollouts = self.rollouts(scene)
+        if not rollouts:
+            raise RolloutError(f"{self.folder}: holds no scene; run the agent again")
+        return rollouts[0]
+
     def scene(self, name: str) -> Scene:
         """The scene of this name, read from the source; raises UnknownNameError where the source has none."""
         if name not in self.source.names:

@@ -15,6 +15,7 @@ from ..scoring.forecasts import ForecastErrors, forecast_errors, match_neutral_l
 from ..scoring.lineage import LineageEvents, event_pairs, gated_pairs, hypotheses, lineage_events, match_hypotheses
 from ..scoring.matching import columns_to_rows, match
 from ..scoring.pairs import Rows, box_pairs, of_columns
+from ..scoring.score import check_rollout
 from ..scoring.targets import Targets, find_targets, frame_of_rows
 from ..types import Bools, Floats, Ints, Rollout, Scene
 
@@ -93,7 +94,11 @@ class Replay:
 
 
 def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Replay:
-    """The run of a scene beside the judge's view of it; ``rollout`` is of this scene and was checked by the scorer."""
+    """The run of a scene beside the judge's view of it.
+
+    Raises RolloutError where the rollout is of another scene or another number of frames or classes.
+    """
+    check_rollout(scene, rollout, card)
     truth = scene.truth
     found = hypotheses(rollout, card)
     matched = match_hypotheses(truth, rollout, found.member, card)
