@@ -20,8 +20,8 @@ from .replay import Replay
 
 SIZE = (960, 720)
 SAMPLES = 5  # of each forecast, the heaviest
-PANEL = 0.24  # share of the width
-NARROWEST = 480  # pixels; a smaller picture has no panel
+PANEL, PANEL_LEAST = 0.24, 200  # share of the width, pixels
+LEAST = (600, 400)  # pixels; a smaller picture has no panel
 ROAD, CENTER_LINE, BORDER = (240, 240, 240), (205, 205, 205), (150, 150, 150)
 EGO_SIZE = (4.6, 1.9)  # m
 
@@ -33,7 +33,7 @@ def picture(replay: Replay, t: int, size: tuple[int, int] = SIZE) -> NDArray[np.
 
 def draw_frame(view: FrameView, size: tuple[int, int] = SIZE) -> NDArray[np.uint8]:
     """A frame as a picture [height, width, 3]; ``size`` is width, height in pixels."""
-    wide = round(PANEL * size[0]) if size[0] >= NARROWEST else 0
+    wide = max(round(PANEL * size[0]), PANEL_LEAST) if size[0] >= LEAST[0] and size[1] >= LEAST[1] else 0
     canvas = Canvas.blank(size[0] - wide, size[1], view.viewport)
     _draw_lanes(canvas, view.lanes)
     _draw_boxes(canvas, view)
@@ -48,7 +48,7 @@ def draw_frame(view: FrameView, size: tuple[int, int] = SIZE) -> NDArray[np.uint
 
 
 def _draw_lanes(canvas: Canvas, lanes: tuple[Lane, ...]) -> None:
-    near = [lane for lane in lanes if canvas.inside(lane.center, canvas.width / 2).any()]
+    near = [lane for lane in lanes if canvas.meets(np.concatenate([lane.left, lane.right]))]
     for lane in near:
         outline = np.concatenate([lane.left, lane.right[::-1]])
         canvas.draw.polygon([(2 * x, 2 * y) for x, y in canvas.pixels(outline).tolist()], fill=ROAD)

@@ -67,6 +67,12 @@ class Canvas:
             (x >= -margin) & (x <= self.width + margin) & (y >= -margin) & (y <= self.height + margin), dtype=bool
         )
 
+    def meets(self, xy: Floats) -> bool:
+        """Whether the rectangle around places [n, 2] of the world meets the picture."""
+        pixels = self.pixels(xy)
+        size = (self.width, self.height)
+        return len(xy) > 0 and bool((pixels.max(axis=0) >= 0).all() and (pixels.min(axis=0) <= size).all())
+
     def lines(self, paths: Iterable[Floats], color: Color, width: float = 1.0, alpha: int = 255) -> None:
         """Polylines [n, 2] of the world."""
         for path in paths:

@@ -22,10 +22,10 @@ Mark = Callable[[Canvas, float], None]  # draws a mark at this height
 def panel(picture: Image.Image, view: FrameView, wide: int) -> Image.Image:
     """``picture`` with a column of ``wide`` pixels on its right."""
     column = Canvas.blank(wide, picture.height, Viewport(0.0, 0.0, wide, picture.height), PAPER)
-    legend = list(_legend(view))
+    entries = list(legend(view))
     heading = _heading(view)
     top = 14 + sum(size * 1.45 for _, size, _ in heading) + 12
-    for i, (mark, _) in enumerate(legend):
+    for i, (mark, _) in enumerate(entries):
         mark(column, top + LINE * (i + 0.5))
     image = column.finished()
     ink = ImageDraw.Draw(image)
@@ -33,9 +33,9 @@ def panel(picture: Image.Image, view: FrameView, wide: int) -> Image.Image:
     for text, size, color in heading:
         ink.text((12, round(y)), fitting(text, size, wide - 20), fill=color, font=font(size))
         y += size * 1.45
-    for i, (_, text) in enumerate(legend):
+    for i, (_, text) in enumerate(entries):
         ink.text((50, round(top + LINE * i + 2)), fitting(text, MIDDLE, wide - 56), fill=BLACK, font=font(MIDDLE))
-    _list_events(ink, view, top + LINE * len(legend) + 16, wide, picture.height)
+    _list_events(ink, view, top + LINE * len(entries) + 16, wide, picture.height)
     whole = Image.new("RGB", (picture.width + wide, picture.height), PAPER)
     whole.paste(picture, (0, 0))
     whole.paste(image, (picture.width, 0))
@@ -55,8 +55,8 @@ def fitting(text: str, size: int, wide: float) -> str:
 def _heading(view: FrameView) -> list[tuple[str, int, Color]]:
     """Lines at the top: text, size, colour."""
     lines = [
-        (view.agent or "agent", LARGE, BLACK),
-        (view.env_id, MIDDLE, GRAY),
+        (view.agent or view.env_id, LARGE, BLACK),
+        *([(view.env_id, MIDDLE, GRAY)] if view.agent else []),
         (f"scene {view.scene}", MIDDLE, GRAY),
         (f"frame {view.frame} of {view.frames - 1}   {view.seconds:.1f} s", MIDDLE, BLACK),
     ]
@@ -82,7 +82,7 @@ def _list_events(ink: ImageDraw.ImageDraw, view: FrameView, top: float, wide: in
             ink.text((12, round(top + LINE * 0.85 * i)), fitting(text, SMALL + 1, wide - 20), color, font(SMALL + 1))
 
 
-def _legend(view: FrameView) -> Iterator[tuple[Mark, str]]:
+def legend(view: FrameView) -> Iterator[tuple[Mark, str]]:
     """What the marks of this kind of picture mean; the same for all frames of a video."""
     judged = view.judged is not None
     if view.truth_box is not None:
