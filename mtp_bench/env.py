@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from .viz.live import Renderer
 
 OBSERVE = ("detections", "truth")
-RENDER_MODES = ("rgb_array",)  # each has its renderer in viz/live.py
+RENDER_MODES = ("rgb_array", "rerun")  # each has its renderer in viz/live.py
 
 
 @dataclass
@@ -141,6 +141,7 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
         targets = None if self._evaluation else find_targets(scene, self.card)
         self._episode = _Episode(scene, frame, make_feed(scene, frame, self.task), targets)
         self._live = None
+        self._follow()
         return self._episode.feed.observe(0), _info(self._episode)
 
     def step(self, action: dict[str, Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -154,6 +155,7 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
         answer = _in_scene(decode(action, self.task), episode.frame)
         reward = 0.0 if episode.targets is None else self._reward(episode, episode.targets, answer)
         episode.answers.append(answer)
+        self._follow()
         return episode.feed.observe(episode.t), reward, False, episode.over, _info(episode)
 
     def rollout(self) -> Rollout:
@@ -170,7 +172,8 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
         """The frame that was answered last, with its answer; before the first answer, frame 0.
 
         ``rgb_array``: a bird's-eye picture [720, 960, 3]. It shows true boxes too, but in evaluation mode nothing that
-        derives from the truth. None without a render mode.
+        derives from the truth. ``rerun``: every frame is logged without this call, into rerun's active recording
+        (`rerun.init`) or a viewer that opens; returns None, as without a render mode.
         """
         if self.render_mode is None:
             logger.warn(f"render() without a render mode: make the env with one of {', '.join(RENDER_MODES)}")
@@ -184,6 +187,11 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
 
             self._renderer = open_renderer(self.render_mode)
         return self._renderer.render(self._live)
+
+    def _follow(self) -> None:
+        """Show the frame where the mode shows every frame, as Gymnasium's "human" does."""
+        if self.render_mode == "rerun":
+            self.render()
 
     def close(self) -> None:
         """Let go of what render() opened."""

@@ -92,6 +92,14 @@ def compiled() -> None:
         agent.act(observation(frame((0.0, 0.0, 0), (1.0, 0.0, 0))))
 
 
+@pytest.fixture(scope="session", autouse=True)
+def no_viewer() -> None:
+    """No test opens a window: rerun has an active recording, which keeps nothing."""
+    from mtp_bench.viz.rerun_sdk import rr
+
+    rr.init("tests", default_enabled=False)
+
+
 @pytest.fixture
 def cli(capsys: pytest.CaptureFixture[str]) -> CommandLine:
     """Runs commands in this process."""

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from mtp_bench import MtpBenchError, load_card
 from mtp_bench.cards import Card
@@ -20,6 +19,7 @@ from mtp_bench.viz.palette import FALSE
 from mtp_bench.viz.recording_arrays import TOP_HYPOTHESES, TOP_SAMPLES, earlier_rows, lanes, true_futures
 from mtp_bench.viz.recording_colors import DETECTION, TRACKS, packed, track_colors
 from mtp_bench.viz.replay import Replay, replay
+from tests.recordings import Rows, boxes, read
 from tests.small_scenes import make_scene
 
 FRAMES, H, K, T = 8, 6, 4, 3
@@ -89,39 +89,9 @@ def save(path: Path, *runs: Replay, **options: Any) -> Path:
     return path
 
 
-Rows = dict[int, dict[str, Any]]
-
-
-def read(path: Path) -> dict[str, Rows]:
-    """Values by entity, frame (-1: static) and component, as rerun itself reads them from a file."""
-    from rerun.chunk import RrdReader
-
-    found: dict[str, Rows] = {}
-    for chunk in RrdReader(path).stream():
-        batch = chunk.to_record_batch()
-        rows = found.setdefault(chunk.entity_path.removeprefix("/"), {})
-        columns = {name: batch.column(i).to_pylist() for i, name in enumerate(batch.schema.names)}
-        for i in range(batch.num_rows):
-            frame = -1 if chunk.is_static else columns["frame"][i]
-            row = rows.setdefault(frame, {})
-            values = {name.split(":")[-1]: column[i] for name, column in columns.items() if column[i] is not None}
-            row.update(values)
-    return found
-
-
 @pytest.fixture(scope="module")
 def top(run: Replay, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Rows]:
     return read(save(tmp_path_factory.mktemp("top") / "top.rrd", run))
-
-
-def boxes(rows: Rows, frame: int) -> NDArray[np.float64]:
-    """Boxes [n, 7] of a frame; yaw from the quaternion."""
-    row = rows[frame]
-    if not row["centers"]:
-        return np.zeros((0, 7))
-    turn = np.array(row["quaternions"])
-    yaw = 2 * np.arctan2(turn[:, 2], turn[:, 3])
-    return np.column_stack([row["centers"], yaw, 2 * np.array(row["half_sizes"])])
 
 
 def test_the_boxes_of_truth_detections_and_ego_are_those_of_the_scene(run: Replay, top: dict[str, Rows]) -> None:
@@ -232,7 +202,7 @@ def test_an_object_that_pauses_has_a_gap_in_its_lane(run: Replay) -> None:
     seen = replay(changed(run.scene, truth=part), run.rollout, run.card)
     lane = next(lane for lane in lanes(seen) if lane.object_id == 7)
     assert dict(zip(lane.frame, lane.track, strict=True)) == {0: 10, 2: None, 4: 12, 7: None}
-    future = true_futures(seen)
+    future = true_futures(part, T)
     row = int(np.flatnonzero(part.object_id == 7)[0])  # frame 0: ends at frame 1
     np.testing.assert_array_equal(future.point[row, :, 0], np.array([20.0, 20.8, 20.8, 20.8], dtype=np.float32))
 

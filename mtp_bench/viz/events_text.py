@@ -25,4 +25,5 @@ def _happened(incident: Incident, noun: str) -> str:
         return f"{who} is lost by track {incident.old_id}" + (", which is elsewhere" if incident.wrong else "")
     if incident.kind == "reacquired":
         return f"{who} is found again as track {incident.new_id}"
-    return f"{noun} of track {incident.new_id} is nothing" if incident.new_id >= 0 else f"{noun} that is nothing"
+    track = f" of track {incident.new_id}" if incident.new_id >= 0 else ""
+    return f"forecast of a {noun}{track} that is nothing, until frame {incident.until}"

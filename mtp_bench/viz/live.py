@@ -32,7 +32,11 @@ def open_renderer(mode: str) -> Renderer:
     """The renderer of a render mode of the env; raises UnknownNameError for one that it has not."""
     if mode == "rgb_array":
         return Pictures()
-    raise UnknownNameError("render mode", mode, ("rgb_array",))
+    if mode == "rerun":
+        from .rerun_live import LiveRecording
+
+        return LiveRecording()
+    raise UnknownNameError("render mode", mode, ("rgb_array", "rerun"))
 
 
 class Pictures:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cards import Card
 from ..scoring.events import history
 from ..scoring.targets import frame_of_rows
-from ..types import Floats, Ints
+from ..types import Bools, Detections, Floats, Ints, Rollout, Scene, Truth
 from .palette import FALSE
 from .recording_colors import DETECTION, EGO, NEUTRAL, TRUTH, Colors, track_colors
 from .replay import Incident, Replay
@@ -20,6 +22,35 @@ TOP_SAMPLES = 3
 TOP_HYPOTHESES = 4
 EVENT_FRAMES = 10  # frames that an event stays in the picture
 EGO_SIZE = (4.5, 1.9, 1.6)  # m, drawn; no source says it
+
+
+class Said(Protocol):
+    """What is drawn of an answer: a scored run has it, and the last frames of an episode while it is played."""
+
+    @property
+    def rollout(self) -> Rollout:
+        """What was said."""
+        ...
+
+    @property
+    def card(self) -> Card:
+        """The rules."""
+        ...
+
+    @property
+    def member(self) -> Bools:
+        """Tracks of alive hypotheses [N, H]."""
+        ...
+
+    @property
+    def parent(self) -> Ints:
+        """Hypothesis of the frame before [F, H]."""
+        ...
+
+    @property
+    def object_track(self) -> Ints:
+        """Track at the place of each forecast object [O], -1 none."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,41 +82,38 @@ class Lane:
     eventful: bool  # it carries a switch, a loss or a re-acquisition
 
 
-def truth_boxes(replay: Replay) -> BoxRows:
+def truth_boxes(truth: Truth) -> BoxRows:
     """True boxes, labelled with their object; those beside the evaluated classes are darker."""
-    truth = replay.scene.truth
     color = np.where(truth.neutral[:, None], NEUTRAL, TRUTH).astype(np.uint8)
     return BoxRows(np.diff(truth.start), _single(truth.box), color, [str(g) for g in truth.object_id])
 
 
-def detection_boxes(replay: Replay) -> BoxRows:
-    """Detections; those of nothing in another colour."""
-    detections = replay.scene.detections
-    color = np.where(replay.detection_false[:, None], FALSE, DETECTION).astype(np.uint8)
+def detection_boxes(detections: Detections, false: Bools) -> BoxRows:
+    """Detections; those of nothing [D] in another colour."""
+    color = np.where(false[:, None], FALSE, DETECTION).astype(np.uint8)
     return BoxRows(np.diff(detections.start), _single(detections.box), color, [])
 
 
-def ego_boxes(replay: Replay) -> BoxRows:
-    """The sensor platform, as a box of a usual car around its pose."""
-    ego = replay.scene.ego
+def ego_boxes(ego: Floats) -> BoxRows:
+    """The sensor platform, as a box of a usual car around its poses [F, 4]."""
     box = np.concatenate([ego, np.broadcast_to(EGO_SIZE, (len(ego), 3))], axis=1)
     return BoxRows(np.ones(len(ego), dtype=int), _single(box), np.full((len(ego), 3), EGO, dtype=np.uint8), [])
 
 
-def shown_hypotheses(replay: Replay, level: str) -> list[int]:
+def shown_hypotheses(said: Said, level: str) -> list[int]:
     """The hypotheses of a level: all, else the few that weigh most over the scene."""
-    alive = np.flatnonzero(replay.member.any(axis=0))
+    alive = np.flatnonzero(said.member.any(axis=0))
     if level == "all":
         return [int(h) for h in alive]
-    weight = np.exp(replay.rollout.hypothesis_log_weight.astype(np.float64))[:, alive].sum(axis=0)
+    weight = np.exp(said.rollout.hypothesis_log_weight.astype(np.float64))[:, alive].sum(axis=0)
     heaviest = alive[np.argsort(-weight, kind="stable")[:TOP_HYPOTHESES]]
     return sorted(int(h) for h in heaviest)
 
 
-def hypothesis_boxes(replay: Replay, hypothesis: int) -> BoxRows:
+def hypothesis_boxes(said: Said, hypothesis: int) -> BoxRows:
     """Tracks of one hypothesis, labelled with their id."""
-    rollout = replay.rollout
-    rows = np.flatnonzero(replay.member[:, hypothesis])
+    rollout = said.rollout
+    rows = np.flatnonzero(said.member[:, hypothesis])
     ids = rollout.track_id[rows]
     return BoxRows(
         _per_frame(rollout.track_start, rows),
@@ -95,39 +123,48 @@ def hypothesis_boxes(replay: Replay, hypothesis: int) -> BoxRows:
     )
 
 
-def earlier_rows(replay: Replay) -> Ints:
+def earlier_rows(said: Said) -> Ints:
     """Row [N, H] of each track in the frame before, along the lineage of each hypothesis; -1 none."""
-    rollout, member = replay.rollout, replay.member
+    rollout, member = said.rollout, said.member
     earlier = np.full(member.shape, -1, dtype=np.int64)
-    for t in range(1, replay.frames):
+    for t in range(1, said.rollout.frames):
         now, past = rollout.track_rows(t), rollout.track_rows(t - 1)
         i, j = np.nonzero(rollout.track_id[now][:, None] == rollout.track_id[past])
-        held = member[now][i] & member[past][j][:, replay.parent[t]]
+        held = member[now][i] & member[past][j][:, said.parent[t]]
         pair, hypothesis = np.nonzero(held)
         earlier[now.start + i[pair], hypothesis] = past.start + j[pair]
     return earlier
 
 
-def trails(replay: Replay, hypothesis: int, earlier: Ints) -> Strips:
+def trails(said: Said, hypothesis: int, earlier: Ints) -> Strips:
     """Where the tracks of a hypothesis were, now first; ``earlier`` [N, H] as `earlier_rows` gives it."""
-    rollout = replay.rollout
+    rollout = said.rollout
     frame = frame_of_rows(rollout.track_start)
-    start = row = np.flatnonzero(replay.member[:, hypothesis])
+    start = row = np.flatnonzero(said.member[:, hypothesis])
     lineage = np.full(len(row), hypothesis)
-    stride = max(1, round(replay.card.task.rate / TRAIL_RATE))
+    stride = _stride(said.card.task.rate)
     point = np.empty((len(row), TRAIL_POINTS, 3), dtype=np.float32)
     for k in range(TRAIL_POINTS):
         point[:, k] = rollout.track_box[row, :3]
         for _ in range(stride):
             past = earlier[row, lineage]
-            lineage = np.where(past >= 0, replay.parent[frame[row], lineage], lineage)
+            lineage = np.where(past >= 0, said.parent[frame[row], lineage], lineage)
             row = np.where(past >= 0, past, row)
     return Strips(_per_frame(rollout.track_start, start), point, track_colors(rollout.track_id[start]))
 
 
-def forecasts(replay: Replay, level: str) -> Strips:
+def trail_frames(rate: float) -> int:
+    """How many frames a trail reaches back."""
+    return (TRAIL_POINTS - 1) * _stride(rate)
+
+
+def _stride(rate: float) -> int:
+    return max(1, round(rate / TRAIL_RATE))
+
+
+def forecasts(said: Said, level: str) -> Strips:
     """Forecast samples, from the object on: all, or the few that weigh most; in the colour of the object's track."""
-    rollout = replay.rollout
+    rollout = said.rollout
     weight = rollout.forecast_log_weight
     stated = np.isfinite(weight)
     if level != "all":
@@ -138,13 +175,12 @@ def forecasts(replay: Replay, level: str) -> Strips:
     future = rollout.forecast.shape[2]
     point = np.repeat(center[:, None], future + 1, axis=1)
     point[:, 1:, :2] += rollout.forecast[row, sample] / 100.0
-    color = track_colors(np.append(rollout.track_id, -1)[replay.object_track[row]])
+    color = track_colors(np.append(rollout.track_id, -1)[said.object_track[row]])
     return Strips(_per_frame(rollout.object_start, row), _single(point), color)
 
 
-def true_futures(replay: Replay) -> Strips:
-    """Where the evaluated objects go within the horizon, while they are there without a gap."""
-    truth, future = replay.scene.truth, replay.card.task.future
+def true_futures(truth: Truth, future: int) -> Strips:
+    """Where the evaluated objects go within the horizon of ``future`` frames, while they are there without a gap."""
     before = history(frame_of_rows(truth.start), truth.object_id).previous()
     after = np.arange(len(before))  # a row without a successor follows itself
     after[before[before >= 0]] = np.flatnonzero(before >= 0)
@@ -156,11 +192,11 @@ def true_futures(replay: Replay) -> Strips:
     return Strips(_per_frame(truth.start, start), point, np.full((len(start), 3), TRUTH, dtype=np.uint8))
 
 
-def map_lines(replay: Replay, border: bool) -> list[NDArray[np.float32]]:
-    """Polylines [n, 3] of the road: lane borders, or the middle of lanes; on the ground of the true boxes."""
-    truth = replay.scene.truth
-    ground = float(np.median(truth.box[:, 2] - truth.box[:, 6] / 2)) if len(truth.box) else 0.0
-    lines = [line for lane in replay.scene.lanes for line in ((lane.left, lane.right) if border else (lane.center,))]
+def map_lines(scene: Scene, border: bool) -> list[NDArray[np.float32]]:
+    """Polylines [n, 3] of the road: lane borders, or the middle of lanes; on the ground of the detections."""
+    boxes = scene.detections.box  # not the true ones, which an evaluation does not show
+    ground = float(np.median(boxes[:, 2] - boxes[:, 6] / 2)) if len(boxes) else 0.0
+    lines = [line for lane in scene.lanes for line in ((lane.left, lane.right) if border else (lane.center,))]
     return [_single(np.column_stack([line, np.full(len(line), ground)])) for line in lines]
 
 
@@ -194,11 +230,11 @@ def _changes(frame: Ints, track: Ints, frames: int) -> tuple[tuple[int, ...], tu
 
 
 def visible_incidents(replay: Replay) -> list[list[Incident]]:
-    """Identity events of the last frames, for every frame [F]; forecasts of nothing only in their own."""
+    """Identity events of the last frames, for every frame [F]; forecasts of nothing while they last."""
     shown: list[list[Incident]] = [[] for _ in range(replay.frames)]
     for incident in replay.incidents:
-        last = 1 if incident.kind == "spurious" else EVENT_FRAMES
-        for t in range(incident.frame, min(incident.frame + last, replay.frames)):
+        end = incident.until + 1 if incident.kind == "spurious" else incident.frame + EVENT_FRAMES
+        for t in range(incident.frame, min(end, replay.frames)):
             shown[t].append(incident)
     return shown
 
@@ -219,6 +255,23 @@ def _per_frame(start: Ints, rows: Ints) -> Ints:
 
 def _single(values: Floats) -> NDArray[np.float32]:
     return np.ascontiguousarray(values, dtype=np.float32)
+
+
+def frame_of(rows: BoxRows, t: int) -> BoxRows:
+    """The boxes of one frame."""
+    part = _slice(rows.count, t)
+    return BoxRows(rows.count[t][None], rows.box[part], rows.color[part], rows.label[part])
+
+
+def strips_of(lines: Strips, t: int) -> Strips:
+    """The polylines of one frame."""
+    part = _slice(lines.count, t)
+    return Strips(lines.count[t][None], lines.point[part], lines.color[part])
+
+
+def _slice(count: Ints, t: int) -> slice:
+    end = np.cumsum(count)[t]
+    return slice(int(end - count[t]), int(end))
 
 
 def quaternions(yaw: Floats) -> NDArray[np.float32]:

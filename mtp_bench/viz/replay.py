@@ -116,7 +116,7 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Repla
     errors = forecast_errors(targets, of_object, rollout)
     frame = frame_of_rows(truth.start)
     events = lineage_events(truth, rollout, found, matched).of(found.best[frame])
-    object_track = _object_tracks(rollout, card, shown)
+    object_track = object_tracks(rollout, card, shown)
     false_track = shown & (track_truth < 0) & scene.truth_complete
     right = ~truth.neutral & (truth_track >= 0)
     return Replay(
@@ -160,7 +160,7 @@ def _best_tracks(scene: Scene, rollout: Rollout, card: Card, shown: Bools) -> Ro
     return _rows_at(chosen, place)
 
 
-def _object_tracks(rollout: Rollout, card: Card, shown: Bools) -> Rows:
+def object_tracks(rollout: Rollout, card: Card, shown: Bools) -> Rows:
     """Track [O] of the best hypothesis nearest to each forecast object, one-to-one inside the forecast gate; -1 none.
 
     An action does not say which track a forecast belongs to; drawings and lists only name it.

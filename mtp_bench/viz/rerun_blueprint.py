@@ -39,6 +39,21 @@ def layout(shown: Sequence[Shown], level: str, at: Incident | None = None) -> rr
     )
 
 
+def live_layout(rate: float) -> rrb.Blueprint:
+    """The blueprint of an episode while it is played: the heaviest hypotheses, following the newest frame."""
+    shared = [*SHARED, "/world/det", "/world/forecast"]
+    views = [
+        _view(f"hypothesis {h}", [*shared, f"/world/hyp/{h:02d}/**"], None, f"/world/hyp/{h:02d}/box")
+        for h in range(arrays.TOP_HYPOTHESES)
+    ]
+    return rrb.Blueprint(
+        rrb.Tabs(*views, active_tab=0),
+        rrb.TimePanel(state="collapsed", timeline="frame", play_state="Following", fps=rate),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+    )
+
+
 def _focus(shown: Sequence[Shown], at: Incident | None) -> tuple[np.ndarray[Any, Any], float]:
     """Where the views look, and how far they see."""
     if at is not None:

@@ -20,7 +20,7 @@ import numpy as np
 
 from ..errors import MtpBenchError, UnknownNameError
 from ..rollouts import digest
-from ..types import Ints
+from ..types import Ints, Scene
 from . import recording_arrays as arrays
 from .events_text import incident_text
 from .recording_arrays import BoxRows, Strips
@@ -39,6 +39,7 @@ the same for all hypotheses. Metres, in the frame of reference of the scene.
 """
 TRAIL, FUTURE, FORECAST, EDGE = 0.14, 0.09, 0.035, 0.05  # m, half the width of lines
 MARKER = (0.0, 1.5, 3.0)  # m, from an event to its mark: beside the label of the box
+TRACK_FILL = "transparentfillmajorwireframe"
 RING = 3.0  # m, around the event that the views look at
 
 
@@ -126,7 +127,7 @@ def log_runs(recording: rr.RecordingStream, shown: Sequence[Shown], level: str, 
         _log_tracks(recording, agent)
         if level in ("top", "all"):
             lines = arrays.forecasts(agent.replay, level)
-            _strips(recording, f"{agent.root}world/forecast", agent.replay, lines, FORECAST)
+            log_strips(recording, f"{agent.root}world/forecast", frame_times(agent.replay.scene), lines, FORECAST)
         _log_judgement(recording, agent)
     if at is not None:
         _log_ring(recording, shown[0].replay, at)
@@ -134,26 +135,34 @@ def log_runs(recording: rr.RecordingStream, shown: Sequence[Shown], level: str, 
 
 def _log_scene(recording: rr.RecordingStream, replay: Replay) -> None:
     """Map, ego, truth and detections: they are the same for every agent."""
-    recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    for name, color in (("center", CENTER), ("border", BORDER)):
-        lines = arrays.map_lines(replay, border=name == "border")
-        if lines:
-            recording.log(f"world/map/{name}", rr.LineStrips3D(lines, colors=color, radii=EDGE), static=True)
+    scene, times = replay.scene, frame_times(replay.scene)
+    log_map(recording, scene)
     if replay.card.has_ego:
-        _boxes(recording, "world/ego", replay, arrays.ego_boxes(replay), "solid")
-    _boxes(recording, "world/gt", replay, arrays.truth_boxes(replay), "majorwireframe", 2 * EDGE)
-    _strips(recording, "world/gt_future", replay, arrays.true_futures(replay), FUTURE)
-    if len(replay.scene.detections.box):
-        _boxes(recording, "world/det", replay, arrays.detection_boxes(replay), "majorwireframe")
+        log_boxes(recording, "world/ego", times, arrays.ego_boxes(scene.ego), "solid")
+    log_boxes(recording, "world/gt", times, arrays.truth_boxes(scene.truth), "majorwireframe", 2 * EDGE)
+    log_strips(recording, "world/gt_future", times, arrays.true_futures(scene.truth, replay.card.task.future), FUTURE)
+    if len(scene.detections.box):
+        detections = arrays.detection_boxes(scene.detections, replay.detection_false)
+        log_boxes(recording, "world/det", times, detections, "majorwireframe")
+
+
+def log_map(recording: rr.RecordingStream, scene: Scene, root: str = "") -> None:
+    """What does not move."""
+    recording.log(f"{root}world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    for name, color in (("center", CENTER), ("border", BORDER)):
+        lines = arrays.map_lines(scene, border=name == "border")
+        if lines:
+            recording.log(f"{root}world/map/{name}", rr.LineStrips3D(lines, colors=color, radii=EDGE), static=True)
 
 
 def _log_tracks(recording: rr.RecordingStream, agent: Shown) -> None:
+    times = frame_times(agent.replay.scene)
     earlier = arrays.earlier_rows(agent.replay) if agent.hypotheses else np.zeros((0, 0), dtype=np.int64)
     for h in agent.hypotheses:
         root = f"{agent.root}world/hyp/{h:02d}"
-        boxes = arrays.hypothesis_boxes(agent.replay, h)
-        _boxes(recording, f"{root}/box", agent.replay, boxes, "transparentfillmajorwireframe")
-        _strips(recording, f"{root}/trail", agent.replay, arrays.trails(agent.replay, h, earlier), TRAIL)
+        boxes, trails = arrays.hypothesis_boxes(agent.replay, h), arrays.trails(agent.replay, h, earlier)
+        log_boxes(recording, f"{root}/box", times, boxes, TRACK_FILL)
+        log_strips(recording, f"{root}/trail", times, trails, TRAIL)
 
 
 def _log_judgement(recording: rr.RecordingStream, agent: Shown) -> None:
@@ -167,7 +176,7 @@ def _log_judgement(recording: rr.RecordingStream, agent: Shown) -> None:
             texts = [incident_text(i, replay.card.task.classes) for i in incidents]
             colors = np.tile(packed(EVENTS[kind]), len(texts))
             columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=colors)
-            recording.send_columns(f"{agent.root}events/{_title(kind)}", _times(replay, frames), columns)
+            recording.send_columns(f"{agent.root}events/{_title(kind)}", frame_times(replay.scene, frames), columns)
     for lane in arrays.lanes(replay):
         _log_lane(recording, agent, lane)
     for name, values in arrays.counts(replay).items():
@@ -176,7 +185,7 @@ def _log_judgement(recording: rr.RecordingStream, agent: Shown) -> None:
         style = rr.SeriesLines(colors=packed(tone(SERIES[name], agent.number)), names=prefix + _title(name), widths=2)
         recording.log(path, style, static=True)
         scalars = rr.Scalars.columns(scalars=values.astype(np.float64))
-        recording.send_columns(path, _times(replay), scalars)
+        recording.send_columns(path, frame_times(replay.scene), scalars)
 
 
 def _title(kind: str) -> str:
@@ -198,7 +207,7 @@ def _log_markers(recording: rr.RecordingStream, agent: Shown) -> None:
         path = f"{agent.root}world/{name}"
         style = rr.Points3D.from_fields(radii=rr.Radius.ui_points(6.0 if wanted else 3.0), show_labels=wanted)
         recording.log(path, style, static=True)
-        recording.send_columns(path, _times(replay), columns.partition([len(now) for now in frames]))
+        recording.send_columns(path, frame_times(replay.scene), columns.partition([len(now) for now in frames]))
 
 
 def _mark(incident: Incident) -> str:
@@ -217,7 +226,7 @@ def _log_ring(recording: rr.RecordingStream, replay: Replay, at: Incident) -> No
     lines = np.repeat(ring[None], drawn.sum(), axis=0).astype(np.float32)
     columns = rr.LineStrips3D.columns(strips=lines).partition(drawn)
     recording.log("world/at", rr.LineStrips3D.from_fields(radii=EDGE, colors=SWITCH), static=True)
-    recording.send_columns("world/at", _times(replay, frames), columns)
+    recording.send_columns("world/at", frame_times(replay.scene, frames), columns)
 
 
 def _log_lane(recording: rr.RecordingStream, agent: Shown, lane: arrays.Lane) -> None:
@@ -230,27 +239,32 @@ def _log_lane(recording: rr.RecordingStream, agent: Shown, lane: arrays.Lane) ->
     style = rr.StateConfiguration(values=[_state(i) for i in tracks], labels=labels, colors=packed(colors))
     recording.log(path, style, static=True)
     columns = rr.StateChange.columns(state=["" if name is None else name for name in named])
-    recording.send_columns(path, _times(agent.replay, np.array(lane.frame)), columns)
+    recording.send_columns(path, frame_times(agent.replay.scene, np.array(lane.frame)), columns)
 
 
 def _state(track: int) -> str:
     return "missed" if track < 0 else f"track {track}"
 
 
-def _times(replay: Replay, frames: Ints | None = None) -> list[rr.TimeColumn]:
-    """Both timelines at ``frames``, by default all."""
-    frames = np.arange(replay.frames) if frames is None else frames
-    seconds = (replay.scene.time - replay.scene.time[0])[np.minimum(frames, replay.frames - 1)]
+def frame_times(scene: Scene, frames: Ints | None = None) -> list[rr.TimeColumn]:
+    """Both timelines at ``frames``, by default all: numbers of frames, and seconds since the first."""
+    frames = np.arange(scene.frames) if frames is None else frames
+    seconds = (scene.time - scene.time[0])[frames]
     return [
         rr.TimeColumn("frame", sequence=frames),
         rr.TimeColumn("time", duration=np.rint(seconds * 1e9).astype("timedelta64[ns]")),
     ]
 
 
-def _boxes(
-    recording: rr.RecordingStream, path: str, replay: Replay, rows: BoxRows, fill: Any, radius: float = EDGE
+def log_boxes(
+    recording: rr.RecordingStream,
+    path: str,
+    times: list[rr.TimeColumn],
+    rows: BoxRows,
+    fill: Any,
+    radius: float = EDGE,
 ) -> None:
-    """Boxes of all frames; a frame without any shows none."""
+    """Boxes of the frames of ``times``; a frame without any shows none."""
     style = rr.Boxes3D.from_fields(fill_mode=fill, radii=radius, show_labels=False)
     recording.log(path, style, static=True)
     columns = rr.Boxes3D.columns(
@@ -260,13 +274,13 @@ def _boxes(
         colors=packed(rows.color),
         labels=rows.label or None,
     )
-    recording.send_columns(path, _times(replay), columns.partition(rows.count))
+    recording.send_columns(path, times, columns.partition(rows.count))
 
 
-def _strips(recording: rr.RecordingStream, path: str, replay: Replay, lines: Strips, radius: float) -> None:
-    """Polylines of all frames."""
-    if not len(lines.point):
-        return
+def log_strips(
+    recording: rr.RecordingStream, path: str, times: list[rr.TimeColumn], lines: Strips, radius: float
+) -> None:
+    """Polylines of the frames of ``times``; a frame without any shows none."""
     recording.log(path, rr.LineStrips3D.from_fields(radii=radius), static=True)
     columns = rr.LineStrips3D.columns(strips=lines.point, colors=packed(lines.color))
-    recording.send_columns(path, _times(replay), columns.partition(lines.count))
+    recording.send_columns(path, times, columns.partition(lines.count))

@@ -32,26 +32,37 @@ def viewer_program() -> str:
     raise MtpBenchError(f"the viewer of rerun is missing: {INSTALL}")
 
 
-def require_display() -> None:
-    """Raise MtpBenchError where no window can open."""
+OTHERWISE = "write a file with --save FILE.rrd, or serve it with --web"
+
+
+def require_display(otherwise: str = OTHERWISE) -> None:
+    """Raise MtpBenchError where no window can open; ``otherwise``: what to do then."""
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise MtpBenchError("no display for the viewer: write a file with --save FILE.rrd, or serve it with --web")
+        raise MtpBenchError(f"no display for the viewer: {otherwise}")
 
 
-def show_recording(replays: Sequence[Replay], level: str = "top", at: Incident | None = None) -> int:
-    """Open a viewer on runs of one scene, at the frame of ``at``; it stays when this process ends. Returns its pid.
+def show_recording(replays: Sequence[Replay], level: str = "top", at: Incident | None = None) -> None:
+    """Open a viewer on runs of one scene, at the frame of ``at``; it stays when this process ends.
 
     Raises MtpBenchError where there is no display or the viewer does not start.
     """
     require_display()
     shown = shown_agents(replays, level)
-    port = free_port()
-    viewer = _start([*_WINDOW, "--port", str(port)], apart=True)
-    client = _connect(viewer, port)
-    _send(shown, level, at, port)
+    address = open_viewer()
+    _send(shown, level, at, address)
     if at is not None:
-        _seek(client, at.frame)
-    return viewer.pid
+        _seek(ViewerClient.connect(address), at.frame)
+
+
+def open_viewer(otherwise: str = OTHERWISE) -> str:
+    """Open a viewer that stays when this process ends; returns where it listens, on this machine only.
+
+    Raises MtpBenchError where there is no display or the viewer does not start.
+    """
+    require_display(otherwise)
+    port = free_port()
+    _wait_for(_start([*_WINDOW, "--port", str(port)], apart=True), port)
+    return _address(port)
 
 
 def serve_recording(replays: Sequence[Replay], level: str, at: Incident | None, ready: Callable[[str], object]) -> None:
@@ -64,7 +75,7 @@ def serve_recording(replays: Sequence[Replay], level: str, at: Incident | None, 
     server = _start(["--serve-web", "--port", str(port), "--web-viewer-port", str(page)], apart=False)
     try:
         _wait_for(server, port)
-        _send(shown, level, at, port)
+        _send(shown, level, at, _address(port))
         ready(f"http://{LOCAL}:{page}/?url=rerun%2Bhttp://{LOCAL}:{port}/proxy")
         server.wait()
     except KeyboardInterrupt:
@@ -103,19 +114,14 @@ def _wait_for(viewer: subprocess.Popen[bytes], port: int) -> None:
     raise MtpBenchError(f"the viewer did not start within {START_SECONDS:.0f} s: try --save FILE.rrd or --web")
 
 
-def _connect(viewer: subprocess.Popen[bytes], port: int) -> ViewerClient:
-    _wait_for(viewer, port)
-    return ViewerClient.connect(_address(port))
-
-
 def _address(port: int) -> str:
     return f"rerun+http://{LOCAL}:{port}/proxy"
 
 
-def _send(shown: Sequence[Shown], level: str, at: Incident | None, port: int) -> None:
+def _send(shown: Sequence[Shown], level: str, at: Incident | None, address: str) -> None:
     """Send the recording and its layout, also where the user has changed the layout of an earlier one."""
     recording = new_recording(shown, level)
-    recording.connect_grpc(_address(port))
+    recording.connect_grpc(address)
     recording.send_blueprint(layout(shown, level, at))
     log_runs(recording, shown, level, at)
     recording.flush()
@@ -128,7 +134,7 @@ def _seek(client: ViewerClient, frame: int) -> None:
     while True:
         try:
             client.set_time("frame", sequence=frame, play_state="paused")
-        except RuntimeError:  # what the client raises for whatever the viewer refuses
+        except (OSError, RuntimeError):  # what the client raises for whatever the viewer refuses
             if time.monotonic() > end:
                 return  # it is open; the frame can be chosen by hand
             time.sleep(0.1)
