@@ -218,7 +218,7 @@ def test_a_rollout_of_another_scene_is_refused() -> None:
 def test_a_run_on_real_logs_has_the_events_of_its_score(env_id: str, data_root: Path, tmp_path: Path) -> None:
     run_and_store("mtp", env_id, tmp_path / "run", str(data_root), scenes=2)
     opened = open_run(tmp_path / "run", str(data_root))
-    own = dict.fromkeys(KINDS, 0)
+    own: dict[str, int] = dict.fromkeys(KINDS, 0)
     for rollout in opened.rollouts():
         scene = opened.scene(rollout.scene)
         assert_same_as_the_score(scene, rollout, opened.card)

@@ -261,7 +261,7 @@ def _known(value: float) -> float | None:
 def _named(incidents: list[Incident]) -> tuple[Incident, ...]:
     """The incidents in the order of frames, kinds and rows, each with its name."""
     ordered = sorted(incidents, key=lambda i: (i.frame, KINDS.index(i.kind), i.row))
-    count = dict.fromkeys(KINDS, 0)
+    count: dict[str, int] = dict.fromkeys(KINDS, 0)
     named = []
     for incident in ordered:
         named.append(changed(incident, name=f"{incident.kind}-{count[incident.kind]}"))
