@@ -45,6 +45,7 @@ PUBLIC = {
 LAZY = {"prediction", "scoring", "tracking"}
 HEAVY = {"torch", "rerun", "highway_env", "sklearn", "numba"}
 SLOW = HEAVY | {"scipy", "joblib", "rich", "typer", "pandas", "matplotlib", "jinja2", "pygame", "safetensors"}
+SLOW |= {"PIL", "av"}
 
 
 def python(code: str, *arguments: str) -> str:

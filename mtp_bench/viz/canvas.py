@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 FINER = 2  # everything but text is drawn this much larger and then made smaller
 DASH = 4.0  # pixels
+FAR = 20.0  # pixels that a heading may stand out of the picture
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class Canvas:
         moved = np.asarray(xy, dtype=np.float64) - [self.viewport.x, self.viewport.y]
         return np.asarray(moved * [self.scale, -self.scale] + [self.width / 2, self.height / 2])
 
-    def inside(self, xy: Floats, margin: float = 0.0) -> NDArray[np.bool_]:
+    def inside(self, xy: Floats, margin: float | Floats = 0.0) -> NDArray[np.bool_]:
         """Which places [..., 2] of the world lie in the picture, ``margin`` pixels around it included."""
         x, y = np.moveaxis(self.pixels(xy), -1, 0)
         return np.asarray(
@@ -90,6 +91,8 @@ class Canvas:
         crossed: bool = False,
     ) -> None:
         """Boxes [n, 7]: outlines, ``fill`` from 0 (not at all) to 255, ``heading`` as a tick out of the front."""
+        reach = np.hypot(box[:, 4], box[:, 5]) * self.scale + FAR
+        box = box[self.inside(box[:, :2], reach)]
         for corners, row in zip(self.pixels(bev_corners(box)), box, strict=True):
             if fill:
                 self.draw.polygon(_points(corners), fill=(*color, fill))

@@ -168,6 +168,7 @@ def event_text(incident: Incident) -> str:
         case "lost":
             return f"lost {incident.old_id}"
         case "reacquired":
-            return f"again {incident.old_id} > {incident.new_id}"
+            same = incident.old_id == incident.new_id
+            return f"again {incident.new_id}" if same else f"again {incident.old_id} > {incident.new_id}"
         case _:
             return f"spurious {incident.new_id}"

@@ -23,7 +23,7 @@ def panel(picture: Image.Image, view: FrameView, wide: int) -> Image.Image:
     """``picture`` with a column of ``wide`` pixels on its right."""
     column = Canvas.blank(wide, picture.height, Viewport(0.0, 0.0, wide, picture.height), PAPER)
     entries = list(legend(view))
-    heading = _heading(view)
+    heading = [(part, size, color) for text, size, color in _heading(view) for part in wrapped(text, size, wide - 20)]
     top = 14 + sum(size * 1.45 for _, size, _ in heading) + 12
     for i, (mark, _) in enumerate(entries):
         mark(column, top + LINE * (i + 0.5))
@@ -41,6 +41,11 @@ def panel(picture: Image.Image, view: FrameView, wide: int) -> Image.Image:
     whole.paste(image, (picture.width, 0))
     ImageDraw.Draw(whole).line([picture.width, 0, picture.width, picture.height], fill=(200, 200, 200))
     return whole
+
+
+def wrapped(text: str, size: int, wide: float) -> list[str]:
+    """``text``, or its parts between commas where it does not fit into ``wide`` pixels."""
+    return [text] if text_size(text, size)[0] <= wide else text.split(", ")
 
 
 def fitting(text: str, size: int, wide: float) -> str:
