@@ -93,7 +93,7 @@ class Feed:
 
 def make_feed(scene: Scene, frame: LocalFrame, task: Task) -> Feed:
     """Observations of ``scene`` under ``task``: detections or, with ``observe="truth"``, the true boxes."""
-    shown, object_id = (scene.detections, None) if task.observe == "detections" else _true_detections(scene)
+    shown, object_id = (scene.detections, None) if task.observe == "detections" else true_detections(scene)
     with np.errstate(over="ignore", invalid="ignore"):  # what does not fit into float32 is out of range below
         box = frame.to_local(shown.box).astype(np.float32)
         velocity = rotate(shown.velocity, frame.yaw).astype(np.float32)
@@ -120,7 +120,7 @@ def make_feed(scene: Scene, frame: LocalFrame, task: Task) -> Feed:
     )
 
 
-def _true_detections(scene: Scene) -> tuple[Detections, Ints]:
+def true_detections(scene: Scene) -> tuple[Detections, Ints]:
     """True boxes of the evaluated classes in the form of detections, and their ids."""
     truth = scene.truth
     shown = ~truth.neutral

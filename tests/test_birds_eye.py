@@ -65,7 +65,7 @@ def seen(scene: Scene, things: list[list[Thing]]) -> Scene:
 PARTS = ("truth", "detection", "track", "other hypothesis", "forecast", "false", "event")
 
 
-def scene_with(*parts: str, frames: int = 6) -> Replay:
+def scene_with(*parts: str, frames: int = 6, complete: bool = False) -> Replay:
     """One car or thing per part, each on a line of its own; the ego is in the origin."""
     span = range(frames)
     truth = [[car(1, t, 0.0)] if "truth" in parts else [] for t in span]
@@ -84,7 +84,7 @@ def scene_with(*parts: str, frames: int = 6) -> Replay:
         if "event" in parts and t > 2:
             tracks[t] = [replace(thing, id=9) if thing.id == 2 else thing for thing in tracks[t]]
     weight = np.log([[0.7, 0.3]] * frames)
-    scene = make_scene(truth, truth_complete="false" in parts)
+    scene = make_scene(truth, truth_complete=complete or "false" in parts)
     scene = replace(seen(scene, found), ego=np.tile([0.0, 0.0, 0.0, 0.0], (frames, 1)))
     return replay(scene, make_rollout(tracks, said, weight, hypotheses=2), CARD, "mtp")
 
@@ -121,7 +121,7 @@ def test_each_mark_is_there_with_its_thing_only(part: str) -> None:
 
 def test_the_marks_differ_by_more_than_colour() -> None:
     """In grey, a true box is not a detection, and a missed true box is not a tracked one."""
-    view = replay_view(scene_with("truth", "track"), 3)
+    view = replay_view(scene_with("truth", "track", complete=True), 3)
     assert view.judged is not None
     missed = replace(view, judged=replace(view.judged, truth_missed=np.array([True])))
     assert amount(draw_frame(view), palette.TRUTH) > 1.3 * amount(draw_frame(missed), palette.TRUTH) > 0
@@ -134,6 +134,7 @@ def test_the_marks_differ_by_more_than_colour() -> None:
 
 def test_the_legend_names_only_what_this_kind_of_picture_can_show() -> None:
     view = replay_view(scene_with("truth", "track"), 3)
+    assert not [text for _, text in legend(view) if "nothing" in text], "the truth is not complete"
     hidden = replace(view, truth_box=None, judged=None, ego=None)
     assert [text for _, text in legend(hidden)] == ["detection", "track, where it was", "other hypotheses", "forecast"]
 

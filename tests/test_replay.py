@@ -228,3 +228,15 @@ def test_a_run_on_real_logs_has_the_events_of_its_score(env_id: str, data_root: 
                 own["wrong"] += incident.wrong
     assert own == score_stored(tmp_path / "run", str(data_root)).report.details[0]["own_events"]
     assert own["lost"] > 0
+
+
+@pytest.mark.parametrize(("agent", "off"), [("stp", 0.1), ("truth_past", 0.0)])
+def test_an_opened_run_has_the_detections_that_its_agent_saw(
+    agent: str, off: float, tmp_path: Path, card: str, kitti: str
+) -> None:
+    run_and_store(agent, card, tmp_path / "run", kitti, scenes=1)
+    opened = open_run(tmp_path / "run", kitti, card)
+    scene = opened.scene(opened.first().scene)
+    far = np.hypot(*(scene.detections.box[:3] - scene.truth.box[:3])[:, :2].T)
+    assert far == pytest.approx([off] * 3, abs=1e-3)
+    np.testing.assert_array_equal(replay(scene, opened.first(), opened.card).detection_truth[:3], [0, 1, 2])

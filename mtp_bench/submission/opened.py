@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from .._bundle import card_ids
+from .._observation import true_detections
 from ..cards import Card, changed_card, load_card
 from ..errors import RolloutError, UnknownNameError
 from ..rollouts import Run, RunInfo, load_run
@@ -43,10 +44,14 @@ class OpenedRun:
         return rollouts[0]
 
     def scene(self, name: str) -> Scene:
-        """The scene of this name, read from the source; raises UnknownNameError where the source has none."""
+        """The scene of this name with the detections that the agent was shown: of a run on true pasts, true boxes.
+
+        Raises UnknownNameError where the source has none of this name.
+        """
         if name not in self.source.names:
             raise UnknownNameError(f"scene of {self.folder}", name, self.source.names)
-        return self.source.load(name)
+        scene = self.source.load(name)
+        return replace(scene, detections=true_detections(scene)[0]) if self.run.info.observe == "truth" else scene
 
 
 def open_run(folder: Path, data: str | None = None, env_id: str | None = None) -> OpenedRun:

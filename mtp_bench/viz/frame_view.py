@@ -45,6 +45,7 @@ class Judged:
     detection_false: Bools  # [D]
     track_false: Bools  # [N]
     spurious: Bools  # [O] forecasts of nothing
+    complete: bool  # the truth; else nothing is known to be false
     counts: tuple[int, int, int]  # tracked, missed, false
     marked: tuple[tuple[Incident, Floats], ...]  # the newest event of each object lately, and where it is [2] now
     log: tuple[Incident, ...]  # the last events, the newest first
@@ -103,6 +104,7 @@ def replay_view(replay: Replay, t: int, seen_by: Camera | None = None) -> FrameV
             detection_false=replay.detection_false[detected],
             track_false=replay.track_false[tracks][replay.shown[tracks]],
             spurious=replay.spurious[objects],
+            complete=scene.truth_complete,
             counts=(int(replay.true_positives[t]), int(replay.false_negatives[t]), int(replay.false_positives[t])),
             marked=_marked(replay, [i for i in events if i.frame > t - EVENT_SECONDS * card.task.rate], t),
             log=tuple(events[: -LOG - 1 : -1]),

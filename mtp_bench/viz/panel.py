@@ -72,7 +72,8 @@ def _heading(view: FrameView) -> list[tuple[str, int, Color]]:
         lines.append(("no answer yet", MIDDLE, GRAY))
     if view.judged is not None:
         tracked, missed, false = view.judged.counts
-        lines.append((f"tracked {tracked}, missed {missed}, false {false}", MIDDLE, BLACK))
+        text = f"tracked {tracked}, missed {missed}" + (f", false {false}" if view.judged.complete else "")
+        lines.append((text, MIDDLE, BLACK))
     return lines
 
 
@@ -90,20 +91,22 @@ def _list_events(ink: ImageDraw.ImageDraw, view: FrameView, top: float, wide: in
 def legend(view: FrameView) -> Iterator[tuple[Mark, str]]:
     """What the marks of this kind of picture mean; the same for all frames of a video."""
     judged = view.judged is not None
+    complete = view.judged is not None and view.judged.complete
     if view.truth_box is not None:
         yield _box(TRUTH, width=2.0, heading=True), "true box"
         if judged:
             yield _box(TRUTH, width=2.0, heading=True, dashed=True), "true box, missed"
     yield _box(DETECTION, width=1.2), "detection"
-    if judged:
+    if complete:
         yield _box(DETECTION, width=1.0, crossed=True), "detection of nothing"
     yield _trail(TRACK, 95), "track, where it was"
-    if judged:
+    if complete:
         yield _trail(FALSE, 25), "track of nothing"
     yield _box(OTHER_TRACK, width=0.8, dashed=True), "other hypotheses"
     yield _forecast(FORECAST), "forecast"
-    if judged:
+    if complete:
         yield _forecast(FALSE), "forecast of nothing"
+    if judged:
         yield _event, "event"
     if view.ego is not None:
         yield _box(EGO, width=1.5, fill=200, heading=True), "ego"
