@@ -269,7 +269,7 @@ def video(
         frames = frames_around(played, at)
         started(len(frames))
         rate = fps or opened.card.task.rate
-        write_video(output, pictures(played, frames), rate, lambda: done(rollout.scene))
+        write_video(output, pictures(played, frames, at), rate, lambda: done(rollout.scene))
     show(f"{output}: scene {rollout.scene}, frames {frames.start} to {frames.stop - 1}, {rate:g} per second")
 
 

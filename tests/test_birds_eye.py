@@ -245,6 +245,15 @@ def test_the_camera_of_a_fixed_place_stays_and_holds_what_was_seen() -> None:
 
 
 @pytest.mark.parametrize("has_ego", [True, False])
+def test_the_camera_steps_back_for_a_place_far_away(has_ego: bool) -> None:
+    ego, seen_xy = np.zeros((1, 4)), np.array([[5.0, 9.0], [19.0, -9.0]])
+    near = camera(has_ego, ego, seen_xy, np.zeros(2, dtype=int))
+    assert near.with_place(12.0, 1.0, ego[0]) == near
+    view = near.with_place(80.0, -60.0, ego[0]).at(ego[0])
+    assert Canvas.blank(400, 300, view).inside(np.array([80.0, -60.0]))
+
+
+@pytest.mark.parametrize("has_ego", [True, False])
 def test_a_scene_without_detections_has_a_camera(has_ego: bool) -> None:
     view = camera(has_ego, np.zeros((3, 4)), np.zeros((0, 2)), np.zeros(0, dtype=int)).at(np.zeros(4))
     assert view.wide > 0

@@ -18,7 +18,7 @@ from mtp_bench.submission.stored import run_and_store
 from mtp_bench.viz import palette
 from mtp_bench.viz.birds_eye import SIZE, picture
 from mtp_bench.viz.replay import replay
-from mtp_bench.viz.video import AROUND, frames_around, write_video
+from mtp_bench.viz.video import AROUND, frames_around, pictures, write_video
 from tests.command_line import CommandLine
 from tests.stored_runs import write_events_run
 
@@ -101,6 +101,17 @@ def test_an_event_is_shown_with_what_is_around_it(card: str, kitti: str, run: Pa
     cut = frames_around(stretched, "ids-0")
     assert cut == range(3, 6)
     assert (10 * time[5] - 10 * time[4]) < AROUND < (10 * time[6] - 10 * time[4])
+
+
+def test_a_spurious_run_is_marked_while_it_lasts(card: str, kitti: str, run: Path) -> None:
+    opened = open_run(run, kitti, card)
+    rollout = opened.first("0006")
+    played = replay(opened.scene(rollout.scene), rollout, opened.card)
+    marked = [
+        (np.abs(image.astype(int) - palette.EVENT).max(axis=-1) < 12).sum() > 600  # the legend has some, too
+        for image in pictures(played, range(6), "spurious-0")
+    ]
+    assert marked == [False, True, True, True, False, False]
 
 
 def test_what_broke_leaves_no_file(tmp_path: Path) -> None:

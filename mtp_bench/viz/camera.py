@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from .canvas import Viewport
 
 SMALLEST, LARGEST = 16.0, 50.0  # m, half of what is shown around a vehicle
 MARGIN = 3.0  # m around the objects of a fixed place
+BESIDE = 6.0  # m between what is looked for and the edge of the picture
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,12 @@ class Camera:
             return Viewport(self.x, self.y, self.wide, self.high)
         x, y, yaw = float(ego[0]), float(ego[1]), float(ego[3])
         return Viewport(x + self.x * np.cos(yaw), y + self.x * np.sin(yaw), self.wide, self.high)
+
+    def with_place(self, x: float, y: float, ego: Floats) -> Camera:
+        """The camera, farther away if that is needed to see the place (x, y) where the ego's pose is ``ego`` [4]."""
+        now = self.at(ego)
+        wide, high = 2 * (abs(x - now.x) + BESIDE), 2 * (abs(y - now.y) + BESIDE)
+        return replace(self, wide=max(self.wide, wide), high=max(self.high, high))
 
 
 def camera(has_ego: bool, ego: Floats, seen_xy: Floats, seen_frame: Ints) -> Camera:

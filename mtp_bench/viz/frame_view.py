@@ -79,8 +79,11 @@ def replay_camera(replay: Replay) -> Camera:
     return camera(replay.card.has_ego, scene.ego, seen.box[:, :2], frame_of_rows(seen.start))
 
 
-def replay_view(replay: Replay, t: int, seen_by: Camera | None = None) -> FrameView:
-    """Frame ``t`` of a scored run, with the events of the last EVENT_SECONDS."""
+def replay_view(replay: Replay, t: int, seen_by: Camera | None = None, at: Incident | None = None) -> FrameView:
+    """Frame ``t`` of a scored run, with the events of the last EVENT_SECONDS.
+
+    Spurious runs are too many to be marked: only ``at``, as long as it lasts.
+    """
     scene, rollout, card = replay.scene, replay.rollout, replay.card
     truth, detected = scene.truth.rows(t), scene.detections.rows(t)
     evaluated = ~scene.truth.neutral[truth]
@@ -106,7 +109,10 @@ def replay_view(replay: Replay, t: int, seen_by: Camera | None = None) -> FrameV
             spurious=replay.spurious[objects],
             complete=scene.truth_complete,
             counts=(int(replay.true_positives[t]), int(replay.false_negatives[t]), int(replay.false_positives[t])),
-            marked=_marked(replay, [i for i in events if i.frame > t - EVENT_SECONDS * card.task.rate], t),
+            marked=(
+                *_marked(replay, [i for i in events if i.frame > t - EVENT_SECONDS * card.task.rate], t),
+                *_marked_run(replay, at, t),
+            ),
             log=tuple(events[: -LOG - 1 : -1]),
         ),
     )
@@ -118,6 +124,18 @@ def _marked(replay: Replay, events: Sequence[Incident], t: int) -> tuple[tuple[I
     place = dict(zip(truth.object_id[rows].tolist(), truth.box[rows, :2], strict=True))
     newest = {event.object_id: event for event in events}
     return tuple((event, place.get(who, np.array([event.x, event.y]))) for who, event in newest.items())
+
+
+def _marked_run(replay: Replay, run: Incident | None, t: int) -> tuple[tuple[Incident, Floats], ...]:
+    """A spurious run with its place [2] at frame ``t``, if it lasts until then."""
+    if run is None or run.kind != "spurious" or not run.frame <= t <= run.until:
+        return ()
+    rollout, rows = replay.rollout, replay.rollout.object_rows(t)
+    ids = np.append(rollout.track_id, -1)[replay.object_track[rows]]
+    same = replay.spurious[rows] & (ids == run.new_id) & (rollout.object_class[rows] == run.class_id)
+    if run.new_id < 0:  # a forecast without a track is a run of its own
+        same = np.arange(rows.start, rows.stop) == run.row
+    return tuple((run, xy) for xy in rollout.object_box[rows, :2][same].astype(np.float64)[:1])
 
 
 def said(rollout: Rollout, found: Hypotheses, t: int, card: Card) -> Said:
@@ -173,4 +191,4 @@ def event_text(incident: Incident) -> str:
             same = incident.old_id == incident.new_id
             return f"again {incident.new_id}" if same else f"again {incident.old_id} > {incident.new_id}"
         case _:
-            return f"spurious {incident.new_id}"
+            return f"spurious {incident.new_id}" if incident.new_id >= 0 else "spurious"

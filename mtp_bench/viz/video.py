@@ -45,11 +45,13 @@ def frames_around(replay: Replay, event: str | None) -> range:
     return range(int(near[0]), int(near[-1]) + 1)
 
 
-def pictures(replay: Replay, frames: range, size: tuple[int, int] = SIZE) -> Iterator[Frame]:
-    """Bird's-eye pictures of these frames, all with the same view."""
-    seen_by = replay_camera(replay)
+def pictures(replay: Replay, frames: range, event: str | None = None, size: tuple[int, int] = SIZE) -> Iterator[Frame]:
+    """Bird's-eye pictures of these frames, all with the same view; ``event`` is marked whatever its kind."""
+    seen_by, at = replay_camera(replay), None if event is None else replay.incident(event)
+    if at is not None:
+        seen_by = seen_by.with_place(at.x, at.y, replay.scene.ego[at.frame])
     for t in frames:
-        yield draw_frame(replay_view(replay, t, seen_by), size)
+        yield draw_frame(replay_view(replay, t, seen_by, at), size)
 
 
 def write_video(path: Path, frames: Iterable[Frame], rate: float, done: Callable[[], object] | None = None) -> None:
