@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes.util
 import os
 import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import pytest
@@ -19,9 +20,6 @@ from mtp_bench.viz.palette import Color
 from mtp_bench.viz.rerun_sdk import ViewerClient
 from mtp_bench.viz.rerun_viewer import free_port, viewer_program
 
-if TYPE_CHECKING:
-    from rerun.experimental import ViewerState
-
 T = TypeVar("T")
 
 DRIVERS = ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d", "/usr/local/share/vulkan/icd.d")
@@ -31,7 +29,8 @@ WAIT = 40.0  # s
 def require_driver() -> None:
     """Skip where there is nothing that draws, and say what to install."""
     named = os.environ.get("VK_DRIVER_FILES") or os.environ.get("VK_ICD_FILENAMES")
-    if not named and not any(list(Path(folder).glob("*.json")) for folder in DRIVERS):
+    driver = named or any(list(Path(folder).glob("*.json")) for folder in DRIVERS)
+    if not driver or ctypes.util.find_library("vulkan") is None:
         pytest.skip("no Vulkan driver: apt-get install libvulkan1 mesa-vulkan-drivers")
 
 
@@ -57,15 +56,19 @@ def _connected(viewer: subprocess.Popen[bytes], url: str) -> ViewerClient:
     return client
 
 
-def open_at(viewer: ViewerClient, recording: Path, frame: int) -> ViewerState:
-    """Open a file at a frame; what the viewer then shows, with every view drawn."""
-    viewer.open(str(recording))
-    until(lambda: viewer.set_time("frame", sequence=frame, play_state="paused"))
-    state = viewer.get_state()
-    while state.loading or any(one.current_time != frame for one in state.recordings):
-        time.sleep(0.05)
+def open_at(viewer: ViewerClient, recording: Path, frame: int) -> None:
+    """Open a file at a frame, in place of what was open before."""
+    viewer.close("all")
+    (store,) = viewer.open(str(recording)).store_ids
+
+    def there() -> None:
+        viewer.set_time("frame", sequence=frame, play_state="paused", recording=store)
         state = viewer.get_state()
-    return state
+        times = {one.store_id: one.current_time for one in state.recordings}
+        if state.loading or state.active_recording != store or times.get(store) != frame:
+            raise RuntimeError(f"{recording}: {state.loading}, at {times}, expected frame {frame}")
+
+    until(there)
 
 
 def picture(viewer: ViewerClient, path: Path, view_id: str | None = None) -> NDArray[np.uint8]:

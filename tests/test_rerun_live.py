@@ -63,10 +63,8 @@ def test_what_is_logged_is_what_was_answered(card: str, kitti: str, recording: P
         truth = env.scene.truth.box[env.scene.truth.rows(t)].astype(np.float32)
         np.testing.assert_allclose(boxes(found["world/gt"], t), truth, rtol=1e-6, atol=1e-6)
         strips = np.array(found["world/forecast"][t]["strips"])
-        forecast = (
-            rollout.object_box[rollout.object_rows(t), None, None, :2]
-            + rollout.forecast[rows.start // 4 * 2 :][:2] / 100
-        )
+        objects = rollout.object_rows(t)
+        forecast = rollout.object_box[objects, None, None, :2] + rollout.forecast[objects] / 100
         np.testing.assert_allclose(strips[:, 1:, :2], forecast[:, :2].reshape(4, 3, 2), rtol=1e-5)
     assert sorted(t for t in found["world/det"] if t >= 0) == list(range(rollout.frames))
 

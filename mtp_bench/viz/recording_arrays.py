@@ -230,13 +230,19 @@ def _changes(frame: Ints, track: Ints, frames: int) -> tuple[tuple[int, ...], tu
 
 
 def visible_incidents(replay: Replay) -> list[list[Incident]]:
-    """Identity events of the last frames, for every frame [F]; forecasts of nothing while they last."""
-    shown: list[list[Incident]] = [[] for _ in range(replay.frames)]
+    """The newest identity event of each object in the last frames, for every frame [F]."""
+    shown: list[dict[int, Incident]] = [{} for _ in range(replay.frames)]
     for incident in replay.incidents:
-        end = incident.until + 1 if incident.kind == "spurious" else incident.frame + EVENT_FRAMES
-        for t in range(incident.frame, min(end, replay.frames)):
-            shown[t].append(incident)
-    return shown
+        if incident.kind != "spurious":
+            for now in shown[incident.frame : incident.frame + EVENT_FRAMES]:
+                now[incident.object_id] = incident
+    return [list(now.values()) for now in shown]
+
+
+def visible_spurious(replay: Replay) -> tuple[Ints, NDArray[np.float32]]:
+    """Number [F] and places [n, 3] of the forecasts of nothing in every frame."""
+    rows = np.flatnonzero(replay.spurious)
+    return _per_frame(replay.rollout.object_start, rows), _single(replay.rollout.object_box[rows, :3])
 
 
 def counts(replay: Replay) -> dict[str, Ints]:

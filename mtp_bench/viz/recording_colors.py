@@ -20,8 +20,8 @@ BORDER: Color = (92, 92, 104)
 MISSED: Color = (84, 84, 84)
 UNKNOWN: Color = (150, 150, 150)
 SWITCH: Color = (255, 80, 200)
-TRACKS: tuple[Color, ...] = (  # neighbours, as the ids of a switch often are, differ in hue
-    ORANGE, SKY, PURPLE, (255, 214, 130), BLUE, (240, 190, 216), (166, 112, 0), (176, 220, 245),
+TRACKS: tuple[Color, ...] = (  # a prime number of them: the ids of a switch seldom share one
+    ORANGE, SKY, PURPLE, BLUE, (245, 235, 200), (166, 112, 0), (180, 160, 250),
 )  # fmt: skip
 EVENTS = {"ids": SWITCH, "lost": FALSE, "reacquired": SKY, "spurious": UNKNOWN}
 SERIES = {"TP": TRUTH, "FN": FALSE, "FP": YELLOW, **EVENTS}

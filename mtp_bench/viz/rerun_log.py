@@ -38,7 +38,7 @@ Tracks have the colour of their id; trails follow a hypothesis along its lineage
 the same for all hypotheses. Metres, in the frame of reference of the scene.
 """
 TRAIL, FUTURE, FORECAST, EDGE = 0.14, 0.09, 0.035, 0.05  # m, half the width of lines
-MARKER = (0.0, 1.5, 3.0)  # m, from an event to its mark: beside the label of the box
+MARKER = (0.0, 3.4, 3.0)  # m, from an event to its mark: beside the label of the box
 TRACK_FILL = "transparentfillmajorwireframe"
 RING = 3.0  # m, around the event that the views look at
 
@@ -76,12 +76,16 @@ def _name(agent: str, taken: Iterable[str]) -> str:
     return next(name for name in names if f"agents/{name}/" not in roots)
 
 
-def new_recording(shown: Sequence[Shown], level: str) -> rr.RecordingStream:
-    """An empty recording named after its content."""
-    sha = hashlib.sha256(f"{level}|{shown[0].replay.scene.name}".encode())
+def new_recording(shown: Sequence[Shown], level: str, at: Incident | None = None) -> rr.RecordingStream:
+    """An empty recording named after its content.
+
+    A viewer keeps one layout per application: that of another scene, agent or event would not fit.
+    """
+    sha = hashlib.sha256(f"{level}|{shown[0].replay.scene.name}|{at.name if at else ''}".encode())
     for agent in shown:
         sha.update(f"|{agent.root}|{digest(agent.replay.rollout)}".encode())
-    recording = rr.RecordingStream(APPLICATION, recording_id=sha.hexdigest()[:32], send_properties=False)
+    name = sha.hexdigest()[:32]
+    recording = rr.RecordingStream(f"{APPLICATION}_{name[:12]}", recording_id=name, send_properties=False)
     recording.set_log_time_enabled(False)
     recording.set_log_tick_enabled(False)
     return recording
@@ -103,7 +107,7 @@ def save_recording(path: str | Path, replays: Sequence[Replay], level: str = "to
     shown = shown_agents(replays, level)
     try:
         partial.touch()  # before there is anything to lose
-        recording = new_recording(shown, level)
+        recording = new_recording(shown, level, at)
         recording.save(partial, default_blueprint=layout(shown, level, at))
         log_runs(recording, shown, level, at)
         recording.flush()
@@ -193,21 +197,23 @@ def _title(kind: str) -> str:
 
 
 def _log_markers(recording: rr.RecordingStream, agent: Shown) -> None:
-    """Where events happened, for some frames after."""
-    replay = agent.replay
-    for name, wanted in (("events", True), ("spurious", False)):
-        frames = [[i for i in now if (i.kind != "spurious") == wanted] for now in arrays.visible_incidents(replay)]
-        flat = [incident for now in frames for incident in now]
-        if not flat:
-            continue
-        place = np.array([[i.x, i.y, i.z] for i in flat]) + (MARKER if wanted else 0.0)
-        colors = packed(np.array([EVENTS[i.kind] for i in flat], dtype=np.uint8))
-        labels = [_mark(i) for i in flat] if wanted else None
-        columns = rr.Points3D.columns(positions=place, colors=colors, labels=labels)
-        path = f"{agent.root}world/{name}"
-        style = rr.Points3D.from_fields(radii=rr.Radius.ui_points(6.0 if wanted else 3.0), show_labels=wanted)
-        recording.log(path, style, static=True)
-        recording.send_columns(path, frame_times(replay.scene), columns.partition([len(now) for now in frames]))
+    """Where events happened, for some frames after; and forecasts of nothing."""
+    times = frame_times(agent.replay.scene)
+    now = arrays.visible_incidents(agent.replay)
+    incidents = list(itertools.chain.from_iterable(now))
+    if incidents:
+        columns = rr.Points3D.columns(
+            positions=np.array([[i.x, i.y, i.z] for i in incidents]) + MARKER,
+            colors=packed(np.array([EVENTS[i.kind] for i in incidents], dtype=np.uint8)),
+            labels=[_mark(i) for i in incidents],
+        )
+        path = f"{agent.root}world/events"
+        recording.log(path, rr.Points3D.from_fields(radii=rr.Radius.ui_points(6.0), show_labels=True), static=True)
+        recording.send_columns(path, times, columns.partition([len(each) for each in now]))
+    count, place = arrays.visible_spurious(agent.replay)
+    path, style = f"{agent.root}world/spurious", rr.Points3D.from_fields(radii=0.3, colors=EVENTS["spurious"])
+    recording.log(path, style, static=True)
+    recording.send_columns(path, times, rr.Points3D.columns(positions=place).partition(count))
 
 
 def _mark(incident: Incident) -> str:

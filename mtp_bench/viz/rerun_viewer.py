@@ -120,7 +120,7 @@ def _address(port: int) -> str:
 
 def _send(shown: Sequence[Shown], level: str, at: Incident | None, address: str) -> None:
     """Send the recording and its layout, also where the user has changed the layout of an earlier one."""
-    recording = new_recording(shown, level)
+    recording = new_recording(shown, level, at)
     recording.connect_grpc(address)
     recording.send_blueprint(layout(shown, level, at))
     log_runs(recording, shown, level, at)
