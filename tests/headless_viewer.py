@@ -9,13 +9,14 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+from mtp_bench.viz import rerun_viewer
 from mtp_bench.viz.palette import Color
 from mtp_bench.viz.rerun_sdk import ViewerClient
 from mtp_bench.viz.rerun_viewer import free_port, viewer_program
@@ -47,6 +48,26 @@ def headless_viewer(size: str = "1600x900") -> Iterator[ViewerClient]:
             yield client
         finally:
             viewer.terminate()
+
+
+@contextmanager
+def windows_without_a_screen(patch: pytest.MonkeyPatch) -> Iterator[str]:
+    """What would open a window opens a headless viewer; its address, and it is gone afterwards."""
+    port, started, popen = free_port(), [], subprocess.Popen
+
+    def start(command: list[str], **keywords: Any) -> subprocess.Popen[bytes]:
+        started.append(popen([*command, "--headless", "--window-size", "640x480"], **keywords))
+        return started[-1]
+
+    patch.setenv("DISPLAY", ":0")
+    patch.setattr(rerun_viewer, "free_port", lambda: port)
+    patch.setattr(subprocess, "Popen", start)
+    try:
+        yield f"rerun+http://127.0.0.1:{port}/proxy"
+    finally:
+        for viewer in started:
+            viewer.terminate()
+            viewer.wait()
 
 
 def _connected(viewer: subprocess.Popen[bytes], url: str) -> ViewerClient:

@@ -15,7 +15,8 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 
 from mtp_bench.env import MTPEnv
-from mtp_bench.viz.rerun_sdk import rr
+from mtp_bench.viz.rerun_sdk import ViewerClient, rr
+from tests.headless_viewer import require_driver, windows_without_a_screen
 from tests.recordings import boxes, read
 from tests.small_scenes import CARD_ID, full_action
 
@@ -80,6 +81,25 @@ def test_a_second_episode_has_its_own_place(card: str, kitti: str, recording: Pa
     play(card, kitti, episodes=2)
     found = read(recording)
     assert {"world/det", "episode-2/world/det", "episode-2/world/hyp/00/box"} <= set(found)
+
+
+def test_a_viewer_of_its_own_gets_a_recording_per_episode(
+    card: str, kitti: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    require_driver()
+    monkeypatch.setattr(rr, "get_data_recording", lambda: None)
+    with windows_without_a_screen(monkeypatch) as address:
+        env = MTPEnv(card, data=kitti, render_mode="rerun")
+        for episode in range(2):
+            env.reset(seed=episode)
+            for _ in range(3):
+                env.step(full_action(env.task))
+        env.close()
+        viewer = ViewerClient.connect(address)
+        viewer.take_screenshot()  # every visible view has been drawn
+        state = viewer.get_state()
+        assert len(state.recordings) == 2
+        assert not any(view.reports for view in state.views)
 
 
 def test_without_a_screen_a_sentence_says_what_to_do(card: str, kitti: str) -> None:

@@ -8,12 +8,12 @@ import subprocess
 import sys
 import urllib.request
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from mtp_bench.viz.rerun_sdk import ViewerClient
 from tests.command_line import CommandLine, plain_environment, write_submission
-from tests.headless_viewer import require_driver
+from tests.headless_viewer import require_driver, windows_without_a_screen
 from tests.recordings import read
 
 
@@ -108,28 +108,10 @@ def test_a_window_opens_at_the_event(
     cli: CommandLine, folder: Path, options: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     require_driver()
-    from mtp_bench.viz import rerun_viewer
-    from mtp_bench.viz.rerun_sdk import ViewerClient
-
-    port, started = rerun_viewer.free_port(), []
-    popen = subprocess.Popen
-
-    def start(command: list[str], **keywords: Any) -> subprocess.Popen[bytes]:
-        started.append(popen([*command, "--headless", "--window-size", "640x480"], **keywords))
-        return started[0]
-
-    monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr(rerun_viewer, "free_port", lambda: port)
-    monkeypatch.setattr(subprocess, "Popen", start)
-    try:
+    with windows_without_a_screen(monkeypatch) as address:
         cli.ok("view", folder, *options, "--at", "lost-0")
-        client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
-        (recording,) = client.get_state().recordings
+        (recording,) = ViewerClient.connect(address).get_state().recordings
         assert (recording.current_timeline, recording.current_time) == ("frame", 3)
-    finally:
-        for viewer in started:
-            viewer.terminate()
-            viewer.wait()
 
 
 def test_pages_are_served_on_this_machine_only(folder: Path, options: list[str]) -> None:

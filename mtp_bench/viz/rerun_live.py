@@ -67,7 +67,7 @@ class LiveRecording:
             self._recording = rr.RecordingStream(rerun_log.APPLICATION, recording_id=None, send_properties=False)
             self._recording.connect_grpc(self._address)
             self._recording.send_recording_name(name)
-            self._recording.send_blueprint(live_layout(episode.card.task.rate))
+            self._recording.send_blueprint(live_layout(episode.scene, episode.card))
         elif self._count > 1:
             self._root = f"episode-{self._count}/"
         assert self._recording is not None
@@ -90,7 +90,7 @@ def log_frame(recording: rr.RecordingStream, episode: LiveEpisode, root: str = "
     scene, card, t = episode.scene, episode.card, episode.frame
     times = frame_times(scene, np.array([t]))
     if card.has_ego:
-        log_boxes(recording, f"{root}world/ego", times, arrays.ego_boxes(scene.ego[t : t + 1]), "solid")
+        rerun_log.log_ego(recording, root, times, scene.ego[t : t + 1])
     detections = arrays.detection_boxes(scene.detections, np.zeros(len(scene.detections.box), dtype=bool))
     log_boxes(recording, f"{root}world/det", times, frame_of(detections, t), "majorwireframe")
     if episode.truth_shown:

@@ -20,7 +20,7 @@ import numpy as np
 
 from ..errors import MtpBenchError, UnknownNameError
 from ..rollouts import digest
-from ..types import Ints, Scene
+from ..types import Floats, Ints, Scene
 from . import recording_arrays as arrays
 from .events_text import incident_text
 from .recording_arrays import BoxRows, Strips
@@ -108,7 +108,7 @@ def save_recording(path: str | Path, replays: Sequence[Replay], level: str = "to
     try:
         partial.touch()  # before there is anything to lose
         recording = new_recording(shown, level, at)
-        recording.save(partial, default_blueprint=layout(shown, level, at))
+        recording.save(partial, default_blueprint=layout(shown, at))
         log_runs(recording, shown, level, at)
         recording.flush()
         recording.disconnect()
@@ -142,7 +142,7 @@ def _log_scene(recording: rr.RecordingStream, replay: Replay) -> None:
     scene, times = replay.scene, frame_times(replay.scene)
     log_map(recording, scene)
     if replay.card.has_ego:
-        log_boxes(recording, "world/ego", times, arrays.ego_boxes(scene.ego), "solid")
+        log_ego(recording, "", times, scene.ego)
     log_boxes(recording, "world/gt", times, arrays.truth_boxes(scene.truth), "majorwireframe", 2 * EDGE)
     log_strips(recording, "world/gt_future", times, arrays.true_futures(scene.truth, replay.card.task.future), FUTURE)
     if len(scene.detections.box):
@@ -260,6 +260,13 @@ def frame_times(scene: Scene, frames: Ints | None = None) -> list[rr.TimeColumn]
         rr.TimeColumn("frame", sequence=frames),
         rr.TimeColumn("time", duration=np.rint(seconds * 1e9).astype("timedelta64[ns]")),
     ]
+
+
+def log_ego(recording: rr.RecordingStream, root: str, times: list[rr.TimeColumn], ego: Floats) -> None:
+    """The sensor platform at poses [F, 4]; and a frame that moves along with it, without turning, for views."""
+    log_boxes(recording, f"{root}world/ego", times, arrays.ego_boxes(ego), "solid")
+    place = rr.Transform3D.columns(translation=ego[:, :3].astype(np.float32))
+    recording.send_columns(f"{root}world/follow", times, place)
 
 
 def log_boxes(

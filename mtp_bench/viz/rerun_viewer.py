@@ -122,7 +122,7 @@ def _send(shown: Sequence[Shown], level: str, at: Incident | None, address: str)
     """Send the recording and its layout, also where the user has changed the layout of an earlier one."""
     recording = new_recording(shown, level, at)
     recording.connect_grpc(address)
-    recording.send_blueprint(layout(shown, level, at))
+    recording.send_blueprint(layout(shown, at))
     log_runs(recording, shown, level, at)
     recording.flush()
     recording.disconnect()
