@@ -12,8 +12,9 @@ import time
 from pathlib import Path
 
 from mtp_bench.submission.opened import open_run
+from mtp_bench.viz.recording_arrays import LEVELS
 from mtp_bench.viz.replay import Replay, replay
-from mtp_bench.viz.rerun_log import LEVELS, save_recording
+from mtp_bench.viz.rerun_log import save_recording
 
 
 def main(folders: list[str]) -> None:

@@ -11,8 +11,6 @@ from .errors import MtpBenchError
 if TYPE_CHECKING:
     from .viz.replay import Incident, Replay
 
-LEVELS = ("off", "tracks", "top", "all")  # of detail
-
 
 def read_replays(folders: Sequence[Path], scene: str | None, data: str | None, env_id: str | None) -> list[Replay]:
     """The runs of one scene, by default the first of the first run.

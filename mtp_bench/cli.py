@@ -185,7 +185,8 @@ def view(
     env: Annotated[str | None, typer.Option("--env", help="Card of the run, where it does not ship.")] = None,
 ) -> None:
     """Look at tracks, hypotheses, forecasts and events of stored rollouts in rerun."""
-    from ._view import LEVELS, view_runs
+    from ._view import view_runs
+    from .viz.recording_arrays import LEVELS
     from .viz.terminal import show
 
     if level not in LEVELS:

@@ -12,12 +12,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench import MtpBenchError, load_card
+from mtp_bench import MtpBenchError, load_card, load_submission
 from mtp_bench.cards import Card
+from mtp_bench.env import MTPEnv
+from mtp_bench.runner import agent_task, run_scene
 from mtp_bench.types import Rollout
 from mtp_bench.viz.palette import FALSE
-from mtp_bench.viz.recording_arrays import TOP_HYPOTHESES, TOP_SAMPLES, earlier_rows, lanes, true_futures
+from mtp_bench.viz.recording_arrays import TOP_HYPOTHESES, TOP_SAMPLES, earlier_rows, true_futures
 from mtp_bench.viz.recording_colors import DETECTION, TRACKS, packed, track_colors
+from mtp_bench.viz.recording_events import lanes
 from mtp_bench.viz.replay import Replay, replay
 from tests.recordings import Rows, boxes, read
 from tests.small_scenes import make_scene
@@ -115,7 +118,7 @@ def test_the_tracks_of_every_hypothesis_are_those_of_the_rollout(run: Replay, to
             np.testing.assert_allclose(boxes(rows, t), rollout.track_box[mine], rtol=1e-6)
             assert [int(label) for label in rows[t]["labels"]] == rollout.track_id[mine].tolist()
             assert rows[t]["colors"] == packed(track_colors(rollout.track_id[mine])).tolist()
-    assert rows[7]["centers"] == []  # a hypothesis that has ended leaves nothing behind
+    assert top["world/hyp/03/box"][7]["centers"] == []  # a hypothesis that has ended leaves nothing behind
 
 
 def test_the_heaviest_samples_are_the_forecast(run: Replay, top: dict[str, Rows]) -> None:
@@ -303,3 +306,26 @@ main()
     (line,) = done.stderr.splitlines()
     assert text in line
     assert 'pip install "rerun-sdk>=0.41,<0.42"' in line
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("env_id", ["MTP-nuScenes-mini-v0", "MTP-KITTI-v0"])
+def test_a_recording_of_a_real_log_holds_the_rollout(env_id: str, data_root: Path, tmp_path: Path) -> None:
+    env = MTPEnv(env_id, data=str(data_root), evaluation=True)
+    name = min(env.scene_names, key=lambda scene: (scene != "0006", scene))
+    agent = load_submission("mtp").build(agent_task(env, 0))
+    rollout = run_scene(agent, env, name, seed=0)
+    found = read(save(tmp_path / "a.rrd", replay(env.scene, rollout, env.card), level="all"))
+    for t in range(rollout.frames):
+        rows, truth = rollout.track_rows(t), env.scene.truth.rows(t)
+        for h in np.flatnonzero(rollout.member.any(axis=0)):
+            mine, logged = rollout.member[rows, h], found[f"world/hyp/{h:02d}/box"][t]
+            expected = rollout.track_box[rows][mine]
+            np.testing.assert_array_equal(np.array(logged["centers"], dtype=np.float32).reshape(-1, 3), expected[:, :3])
+            assert [int(label) for label in logged["labels"]] == rollout.track_id[rows][mine].tolist()
+        np.testing.assert_allclose(boxes(found["world/gt"], t), env.scene.truth.box[truth], rtol=1e-6, atol=1e-5)
+        objects = rollout.object_rows(t)
+        stated = np.isfinite(rollout.forecast_log_weight[objects])
+        future = rollout.object_box[objects, None, None, :2] + rollout.forecast[objects] / 100
+        strips = np.array(found["world/forecast"][t]["strips"]).reshape(-1, env.task.future + 1, 3)
+        np.testing.assert_array_equal(strips[:, 1:, :2].astype(np.float32), future[stated].astype(np.float32))

@@ -14,13 +14,12 @@ from ..scoring.targets import frame_of_rows
 from ..types import Bools, Detections, Floats, Ints, Rollout, Scene, Truth
 from .palette import FALSE
 from .recording_colors import DETECTION, EGO, NEUTRAL, TRUTH, Colors, track_colors
-from .replay import Incident, Replay
 
+LEVELS = ("off", "tracks", "top", "all")  # of detail, each with what the one before it has
 TRAIL_POINTS = 12
 TRAIL_RATE = 5.0  # Hz, at most: a longer trail of faster recordings has no more points
 TOP_SAMPLES = 3
 TOP_HYPOTHESES = 4
-EVENT_FRAMES = 10  # frames that an event stays in the picture
 EGO_SIZE = (4.5, 1.9, 1.6)  # m, drawn; no source says it
 
 
@@ -72,16 +71,6 @@ class Strips:
     color: Colors  # [S, 3]
 
 
-@dataclass(frozen=True)
-class Lane:
-    """Which track follows a true object: states from their first frame on, None where the object is not there."""
-
-    object_id: int
-    frame: tuple[int, ...]
-    track: tuple[int | None, ...]  # -1: missed
-    eventful: bool  # it carries a switch, a loss or a re-acquisition
-
-
 def truth_boxes(truth: Truth) -> BoxRows:
     """True boxes, labelled with their object; those beside the evaluated classes are darker."""
     color = np.where(truth.neutral[:, None], NEUTRAL, TRUTH).astype(np.uint8)
@@ -116,7 +105,7 @@ def hypothesis_boxes(said: Said, hypothesis: int) -> BoxRows:
     rows = np.flatnonzero(said.member[:, hypothesis])
     ids = rollout.track_id[rows]
     return BoxRows(
-        _per_frame(rollout.track_start, rows),
+        per_frame(rollout.track_start, rows),
         _single(rollout.track_box[rows]),
         track_colors(ids),
         ids.astype(str).tolist(),
@@ -150,7 +139,7 @@ def trails(said: Said, hypothesis: int, earlier: Ints) -> Strips:
             past = earlier[row, lineage]
             lineage = np.where(past >= 0, said.parent[frame[row], lineage], lineage)
             row = np.where(past >= 0, past, row)
-    return Strips(_per_frame(rollout.track_start, start), point, track_colors(rollout.track_id[start]))
+    return Strips(per_frame(rollout.track_start, start), point, track_colors(rollout.track_id[start]))
 
 
 def trail_frames(rate: float) -> int:
@@ -176,7 +165,7 @@ def forecasts(said: Said, level: str) -> Strips:
     point = np.repeat(center[:, None], future + 1, axis=1)
     point[:, 1:, :2] += rollout.forecast[row, sample] / 100.0
     color = track_colors(np.append(rollout.track_id, -1)[said.object_track[row]])
-    return Strips(_per_frame(rollout.object_start, row), _single(point), color)
+    return Strips(per_frame(rollout.object_start, row), _single(point), color)
 
 
 def true_futures(truth: Truth, future: int) -> Strips:
@@ -189,7 +178,7 @@ def true_futures(truth: Truth, future: int) -> Strips:
     for k in range(future + 1):
         point[:, k] = truth.box[row, :3]
         row = after[row]
-    return Strips(_per_frame(truth.start, start), point, np.full((len(start), 3), TRUTH, dtype=np.uint8))
+    return Strips(per_frame(truth.start, start), point, np.full((len(start), 3), TRUTH, dtype=np.uint8))
 
 
 def map_lines(scene: Scene, border: bool) -> list[NDArray[np.float32]]:
@@ -200,61 +189,7 @@ def map_lines(scene: Scene, border: bool) -> list[NDArray[np.float32]]:
     return [_single(np.column_stack([line, np.full(len(line), ground)])) for line in lines]
 
 
-def lanes(replay: Replay) -> list[Lane]:
-    """Identity lanes of the evaluated objects, by their ids: the best hypothesis of every frame."""
-    truth = replay.scene.truth
-    frame = frame_of_rows(truth.start)
-    eventful = {i.object_id for i in replay.incidents if i.kind != "spurious"}
-    track = np.append(replay.rollout.track_id, -1)[replay.truth_track]
-    order = np.argsort(truth.object_id, kind="stable")
-    order = order[~truth.neutral[order]]
-    parts = np.split(order, np.flatnonzero(np.diff(truth.object_id[order])) + 1) if len(order) else []
-    found = []
-    for rows in parts:
-        at, state = _changes(frame[rows], track[rows], replay.frames)
-        object_id = int(truth.object_id[rows[0]])
-        found.append(Lane(object_id, at, state, object_id in eventful))
-    return found
-
-
-def _changes(frame: Ints, track: Ints, frames: int) -> tuple[tuple[int, ...], tuple[int | None, ...]]:
-    """Frames at which the state of one object changes, and the states; None from the frame after it was seen."""
-    states: dict[int, int | None] = {}
-    current: int | None = None
-    for t, following, i in zip(frame.tolist(), [*frame[1:].tolist(), frames], track.tolist(), strict=True):
-        if i != current:
-            states[t] = current = i
-        if following > t + 1:
-            states[t + 1] = current = None
-    return tuple(states), tuple(states.values())
-
-
-def visible_incidents(replay: Replay) -> list[list[Incident]]:
-    """The newest identity event of each object in the last frames, for every frame [F]."""
-    shown: list[dict[int, Incident]] = [{} for _ in range(replay.frames)]
-    for incident in replay.incidents:
-        if incident.kind != "spurious":
-            for now in shown[incident.frame : incident.frame + EVENT_FRAMES]:
-                now[incident.object_id] = incident
-    return [list(now.values()) for now in shown]
-
-
-def visible_spurious(replay: Replay) -> tuple[Ints, NDArray[np.float32]]:
-    """Number [F] and places [n, 3] of the forecasts of nothing in every frame."""
-    rows = np.flatnonzero(replay.spurious)
-    return _per_frame(replay.rollout.object_start, rows), _single(replay.rollout.object_box[rows, :3])
-
-
-def counts(replay: Replay) -> dict[str, Ints]:
-    """Series [F] per name: boxes right, missed and false in each frame; identity events so far."""
-    series = {"TP": replay.true_positives, "FN": replay.false_negatives, "FP": replay.false_positives}
-    for kind in ("ids", "lost", "reacquired"):
-        frames = [i.frame for i in replay.incidents if i.kind == kind]
-        series[kind] = np.cumsum(np.bincount(frames, minlength=replay.frames))
-    return series
-
-
-def _per_frame(start: Ints, rows: Ints) -> Ints:
+def per_frame(start: Ints, rows: Ints) -> Ints:
     """Number [F] of ``rows`` in each frame; they are sorted."""
     return np.diff(np.searchsorted(rows, start))
 

@@ -10,9 +10,10 @@ import numpy as np
 
 from ..cards import Card
 from ..types import Floats, Scene
-from . import recording_arrays as arrays
+from .recording_agents import Shown
+from .recording_arrays import TOP_HYPOTHESES
+from .recording_events import lanes
 from .replay import Incident, Replay
-from .rerun_log import Shown
 from .rerun_sdk import rr, rrb
 
 SHARED = ("/world/map/**", "/world/ego", "/world/gt", "/world/gt_future", "/world/at")
@@ -32,11 +33,11 @@ def layout(shown: Sequence[Shown], at: Incident | None = None) -> rrb.Blueprint:
     columns: list[Any] = [_bird(agent, focus) for agent in shown]
     if not several:
         columns.insert(0, _oblique(shown[0], focus))
-    lanes = [_identities(agent, at, several) for agent in shown]
+    identities = [_identities(agent, at, several) for agent in shown]
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(*columns),
-            rrb.Horizontal(*_plots(shown), *lanes, column_shares=[1, 1, *(1.6 if not several else 1.2 for _ in lanes)]),
+            rrb.Horizontal(*_plots(shown), *identities, column_shares=[1, 1, *[1.2 if several else 1.6] * len(shown)]),
             row_shares=[2, 1],
         ),
         rrb.TimePanel(state="collapsed", timeline="frame", play_state="Paused", fps=shown[0].replay.card.task.rate),
@@ -52,7 +53,7 @@ def live_layout(scene: Scene, card: Card) -> rrb.Blueprint:
     focus = _Focus(start, 2 * NEAR, FOLLOW if card.has_ego else "/world")
     views = [
         _view(f"hypothesis {h}", [*shared, f"/world/hyp/{h:02d}/**"], focus, ABOVE, f"/world/hyp/{h:02d}/box")
-        for h in range(arrays.TOP_HYPOTHESES)
+        for h in range(TOP_HYPOTHESES)
     ]
     return rrb.Blueprint(
         rrb.Tabs(*views, active_tab=0),
@@ -95,7 +96,7 @@ def _middle(place: Floats) -> Floats:
 
 
 def _of_agent(agent: Shown, hypothesis: int | None) -> list[str]:
-    paths = [f"/{agent.root}world/forecast", f"/{agent.root}world/events"]
+    paths = [f"/{agent.root}world/{name}" for name in ("forecast", "events", "spurious")]
     if hypothesis is not None:
         paths.append(f"/{agent.root}world/hyp/{hypothesis:02d}/**")
     return paths
@@ -172,7 +173,7 @@ def _identities(agent: Shown, at: Incident | None, several: bool) -> rrb.Tabs:
     """Lanes of the objects with events; all lanes; the event log."""
     prefix = f"{agent.root.split('/')[1]}: " if several else ""
     chosen = _eventful(agent.replay, at)
-    every = [lane.object_id for lane in arrays.lanes(agent.replay)]
+    every = [lane.object_id for lane in lanes(agent.replay)]
     tabs: list[Any] = []
     for name, objects in (("track of each object with events", chosen), ("of every object", every)):
         if objects:

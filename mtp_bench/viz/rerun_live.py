@@ -14,11 +14,12 @@ from ..scoring.lineage import hypotheses
 from ..scoring.targets import frame_of_rows
 from ..types import Bools, Ints, Rollout
 from . import recording_arrays as arrays
-from . import rerun_log
+from . import rerun_entities as entities
 from .recording_arrays import frame_of, strips_of
 from .replay import object_tracks
 from .rerun_blueprint import live_layout
-from .rerun_log import EDGE, frame_times, log_boxes, log_strips
+from .rerun_entities import EDGE, frame_times, log_boxes, log_strips
+from .rerun_log import APPLICATION
 from .rerun_sdk import rr
 from .rerun_viewer import open_viewer
 
@@ -64,14 +65,14 @@ class LiveRecording:
         if self._address is not None:
             self.close()
             name = f"{episode.scene.name} ({self._count})"
-            self._recording = rr.RecordingStream(rerun_log.APPLICATION, recording_id=None, send_properties=False)
+            self._recording = rr.RecordingStream(APPLICATION, recording_id=None, send_properties=False)
             self._recording.connect_grpc(self._address)
             self._recording.send_recording_name(name)
             self._recording.send_blueprint(live_layout(episode.scene, episode.card))
         elif self._count > 1:
             self._root = f"episode-{self._count}/"
         assert self._recording is not None
-        rerun_log.log_map(self._recording, episode.scene, self._root)
+        entities.log_map(self._recording, episode.scene, self._root)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,14 +91,14 @@ def log_frame(recording: rr.RecordingStream, episode: LiveEpisode, root: str = "
     scene, card, t = episode.scene, episode.card, episode.frame
     times = frame_times(scene, np.array([t]))
     if card.has_ego:
-        rerun_log.log_ego(recording, root, times, scene.ego[t : t + 1])
+        entities.log_ego(recording, root, times, scene.ego[t : t + 1])
     detections = arrays.detection_boxes(scene.detections, np.zeros(len(scene.detections.box), dtype=bool))
     log_boxes(recording, f"{root}world/det", times, frame_of(detections, t), "majorwireframe")
     if episode.truth_shown:
         truth = arrays.truth_boxes(scene.truth)
         log_boxes(recording, f"{root}world/gt", times, frame_of(truth, t), "majorwireframe", 2 * EDGE)
         futures = arrays.true_futures(scene.truth, card.task.future)
-        log_strips(recording, f"{root}world/gt_future", times, strips_of(futures, t), rerun_log.FUTURE)
+        log_strips(recording, f"{root}world/gt_future", times, strips_of(futures, t), entities.FUTURE)
     first = max(0, t - arrays.trail_frames(card.task.rate))
     said = episode.rollout(first)
     if said is not None:
@@ -118,7 +119,7 @@ def _log_answer(recording: rr.RecordingStream, said: _Window, times: list[rr.Tim
     for h in range(min(arrays.TOP_HYPOTHESES, said.member.shape[1])):
         path = f"{root}world/hyp/{h:02d}"
         boxes, trails = arrays.hypothesis_boxes(said, h), arrays.trails(said, h, earlier)
-        log_boxes(recording, f"{path}/box", times, frame_of(boxes, last), rerun_log.TRACK_FILL)
-        log_strips(recording, f"{path}/trail", times, strips_of(trails, last), rerun_log.TRAIL)
+        log_boxes(recording, f"{path}/box", times, frame_of(boxes, last), entities.TRACK_FILL)
+        log_strips(recording, f"{path}/trail", times, strips_of(trails, last), entities.TRAIL)
     forecasts = strips_of(arrays.forecasts(said, "top"), last)
-    log_strips(recording, f"{root}world/forecast", times, forecasts, rerun_log.FORECAST)
+    log_strips(recording, f"{root}world/forecast", times, forecasts, entities.FORECAST)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -12,9 +13,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ..errors import MtpBenchError
+from .recording_agents import Shown, shown_agents
 from .replay import Incident, Replay
 from .rerun_blueprint import layout
-from .rerun_log import Shown, log_runs, new_recording, shown_agents
+from .rerun_log import log_runs, new_recording
 from .rerun_sdk import INSTALL, ViewerClient
 
 LOCAL = "127.0.0.1"  # the viewer's own default is every network interface
@@ -72,6 +74,7 @@ def serve_recording(replays: Sequence[Replay], level: str, at: Incident | None, 
     """
     shown = shown_agents(replays, level)
     port, page = free_port(), free_port()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a server that is ended does not leave one behind
     server = _start(["--serve-web", "--port", str(port), "--web-viewer-port", str(page)], apart=False)
     try:
         _wait_for(server, port)
