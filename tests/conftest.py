@@ -97,7 +97,7 @@ def no_viewer() -> None:
     """No test opens a window: rerun has an active recording, which keeps nothing."""
     from mtp_bench.viz.rerun_sdk import rr
 
-    rr.init("tests", default_enabled=False)
+    rr.RecordingStream("tests", make_default=True, send_properties=False).save(os.devnull)
 
 
 @pytest.fixture
