@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...types import Bools, Floats, Ints
+from .arrays import first_ints, flag_table, int_table, ints, ints_of
 from .compile import kernel
 
 _UNSEEN, _SEEN, _DEAD = -1, -3, -2
@@ -47,8 +48,8 @@ def grow(
     is [K, E]; hypotheses that hold the same leaves have the same name [K].
     """
     hypotheses, leaves = column.shape
-    choice = np.empty((leaves, hypotheses), dtype=np.int64)  # then the new leaf that it leads to; turned for speed
-    taken = np.zeros((hypotheses, detections), dtype=np.bool_)
+    choice = int_table(leaves, hypotheses)  # then the new leaf that it leads to; turned for speed
+    taken = flag_table(hypotheses, detections)
     for h in range(hypotheses):
         held, chosen, mine = member[parent[h]], column[h], taken[h]
         for i in range(leaves):
@@ -56,9 +57,9 @@ def grow(
             if held[i] and chosen[i] >= 0:
                 mine[chosen[i]] = True
     most = min(hypotheses, detections + 1) * leaves + detections
-    leaf, detection = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
-    place = np.full(detections + 1, _UNSEEN, dtype=np.int64)  # new leaf of each choice of the present old leaf
-    choices, count = np.empty(hypotheses, dtype=np.int64), 0
+    leaf, detection = ints(most), ints(most)
+    place = ints_of(detections + 1, _UNSEEN)  # new leaf of each choice of the present old leaf
+    choices, count = ints(hypotheses), 0
     for i in range(leaves):
         n = 0
         for h in range(hypotheses):
@@ -89,8 +90,8 @@ def grow(
                 detection[count] = d
                 count += 1
                 break
-    now, name = np.zeros((hypotheses, count), dtype=np.bool_), np.zeros(hypotheses, dtype=np.int64)
-    number = np.empty(count, dtype=np.int64)
+    now, name = flag_table(hypotheses, count), ints_of(hypotheses, 0)
+    number = ints(count)
     for e in range(count):
         number[e] = _mixed(e)
     for i in range(leaves):
@@ -104,13 +105,13 @@ def grow(
             if not taken[h, detection[e]]:
                 now[h, e] = True
                 name[h] += number[e]
-    return leaf[:count].copy(), detection[:count].copy(), now, name
+    return first_ints(leaf, count), first_ints(detection, count), now, name
 
 
 @kernel("i8[::1](b1[:, ::1], i8[::1])")
 def distinct_rows(member: Bools, name: Ints) -> Ints:
     """Rows [H'] of a membership [H, N] that are not equal to an earlier one; equal rows have equal names [H]."""
-    kept, count = np.empty(len(name), dtype=np.int64), 0
+    kept, count = ints(len(name)), 0
     for h in range(len(name)):
         fresh = True
         for j in range(count):
@@ -123,7 +124,7 @@ def distinct_rows(member: Bools, name: Ints) -> Ints:
         if fresh:
             kept[count] = h
             count += 1
-    return kept[:count].copy()
+    return first_ints(kept, count)
 
 
 @kernel(
@@ -179,7 +180,7 @@ def histories(
     """Boxes of the last P frames along the branches that end in ``leaf``: [n, P, 7], and where one was taken [n, P]."""
     layers = len(measured)
     past = np.empty((len(leaf), layers, 7))
-    valid = np.empty((len(leaf), layers), dtype=np.bool_)
+    valid = flag_table(len(leaf), layers)
     for n in range(len(leaf)):
         at, layer = leaf[n], last + 1
         for back in range(layers):
