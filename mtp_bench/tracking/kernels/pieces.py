@@ -166,7 +166,7 @@ def solve_pieces(
     banned, root_cost = flags(len(pair_local)), floats(Q)
     product, at_once = floats_of(Q, 1.0), 0 if k == 1 else min(AT_ONCE, most_choices)
     sol_begin, sol_count = ints(Q), ints(Q)
-    gap, pair_at, sols = floats(Q * k), ints(Q * k), 0
+    gap, pair_at, sols = floats(Q * k), ints(Q * k), 0 * Q  # no literal, see compile.py
     pairs: Ints = ints(2 * k * n_most + 2 * len(places))
     used = 0 * Q
     order, cost, saved = ints(k), floats(k), floats(k)
