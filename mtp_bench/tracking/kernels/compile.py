@@ -35,7 +35,7 @@ import re
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from types import FunctionType
@@ -82,7 +82,7 @@ class Kernel(Generic[P, R]):
     def compiled(self) -> Any:
         """Numba's dispatcher, compiled already if the kernel has a signature; the Python twin if numba is off."""
         if self._run is None:
-            with _lock:
+            with _lock, _no_garbage_collection():
                 numba: Any = importlib.import_module("numba")
                 self._run = self.python if numba.config.DISABLE_JIT else self._compile(numba, callee=False)
         return self._run
@@ -93,18 +93,26 @@ class Kernel(Generic[P, R]):
         return self._inner
 
     def _compile(self, numba: Any, callee: bool) -> Any:
-        """Numba's dispatcher; that of a callee has no wrapper for calls from Python, which is long to compile."""
-        folder = _writable(_root() / f"kernels-{self._digest(numba.__version__)}" / ("inner" if callee else "outer"))
-        _tell(self.function.__name__, folder)
-        function = self._bound({name: kernel._as_callee(numba) for name, kernel in self._callees().items()})
+        """Numba's dispatcher; that of a callee has no wrapper for calls from Python, which is long to compile.
+
+        Nor is a callee kept in the cache, which costs a tenth of the time: its caller is.
+        """
+        folder = None if callee else _writable(_root() / f"kernels-{self._digest(numba.__version__)}")
+        known = folder is not None and any(folder.glob(f"*/*.{self.function.__name__}-*.nbi"))
+        if not callee and not known:
+            _tell(folder)
         signature = [] if self.signature is None else [self.signature]
         options = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": callee}
         if callee and self.inline:
             options["inline"] = "always"
         if callee and not self._makes_arrays():
             options["_nrt"] = False  # no counting of references: arrays belong to the caller
+        jit = numba.njit(*signature, cache=folder is not None, **options)
         with _settings(numba.config, str(folder or numba.config.CACHE_DIR), self.vectorize):
-            return numba.njit(*signature, cache=folder is not None and not callee, **options)(function)
+            if known and signature:
+                with suppress(numba.TypingError):  # not in the cache after all: the file has another time stamp
+                    return jit(self._bound({}))
+            return jit(self._bound({name: kernel._as_callee(numba) for name, kernel in self._callees().items()}))
 
     def _makes_arrays(self) -> bool:
         """Whether it or what it calls makes or returns arrays, by the names in its code and its annotations."""
@@ -154,20 +162,28 @@ def kernel(given: Any = None, /, inline: bool = False, vectorize: bool = False) 
 
 
 @contextmanager
+def _no_garbage_collection() -> Iterator[None]:
+    """Numba makes millions of objects that stay, over which the collector would go again and again."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
+
+
+@contextmanager
 def _settings(config: Any, folder: str, vectorize: bool) -> Iterator[None]:
-    """Numba's cache in ``folder``; its first level of optimisation and no garbage collection: kernels as fast, sooner."""
+    """Numba's cache in ``folder`` and its first level of optimisation: as fast kernels, sooner."""
     importlib.import_module("numba.core.registry").cpu_target.target_context.codegen()  # made once, for all of numba
     ours = {"CACHE_DIR": folder, "OPT": type(config.OPT)("1"), "LOOP_VECTORIZE": int(vectorize), "SLP_VECTORIZE": 0}
     before = {name: getattr(config, name) for name in ours}
-    collects = gc.isenabled()
-    gc.disable()
     _set(config, ours)
     try:
         yield
     finally:
         _set(config, before)
-        if collects:
-            gc.enable()
 
 
 def _set(config: Any, values: dict[str, Any]) -> None:
@@ -202,10 +218,10 @@ def _writable(folder: Path) -> Path | None:
     return folder
 
 
-def _tell(name: str, folder: Path | None) -> None:
-    """Say, once, that the first call takes a while, if kernel ``name`` is not in the cache."""
+def _tell(folder: Path | None) -> None:
+    """Say, once, that the first call takes a while."""
     global _told
-    if _told or (folder is not None and any(folder.glob(f"*/*.{name}-*.nbi"))):
+    if _told:
         return
     _told = True
     where = "once per machine" if folder else "in every process (set NUMBA_CACHE_DIR to a folder that can be written)"

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...types import Floats, Ints
-from .arrays import first_floats, first_ints, floats, ints
+from .arrays import first_floats, first_ints, floats, int_table, ints
 from .compile import kernel
 from .heap import pop, push, sorted_numbers
 
@@ -48,7 +48,8 @@ def merge(
     pieces, used = ints(P * min(len(ordered), piece_of.shape[1])), 0
     stop = ints(P)
     most = P + 3 * k
-    parent, place, rank, under = ints(most), ints(most), ints(most), ints(most)
+    table = int_table(4, most)
+    parent, place, rank, under = table[0], table[1], table[2], table[3]
     keys, names, size, states = floats(most), ints(most), 0 * P, P
     out_parent, out_state, found = ints(k), ints(k), 0
     for p in range(P):

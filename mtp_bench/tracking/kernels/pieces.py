@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...types import Bools, Floats, Ints
-from .arrays import first_floats, flags, floats, floats_of, ints, ints_of
+from .arrays import first_floats, flags, float_table, floats, floats_of, int_table, ints, ints_of
 from .compile import kernel
 from .heap import sorted_numbers
 from .murty import best_solutions
@@ -158,10 +158,11 @@ def solve_pieces(
         n_most, m_most = max(n_most, begin[q + 1] - begin[q]), max(m_most, width[component[q]])
         v_start[q + 1] = v_start[q] + width[component[q]]
     root, root_u, root_v = ints(len(places)), floats(len(places)), floats(v_start[Q])
-    first, last = ints(n_most), ints(n_most)
-    match, u, v = ints(n_most), floats(n_most), floats(m_most)
-    owner, dist = ints(m_most), floats_of(m_most, np.inf)
-    through, by, seen = ints(m_most), ints(m_most), ints(m_most)
+    of_row, sum_of_row = int_table(4, n_most), float_table(3, n_most + 1)  # few arrays: many arguments are slow
+    first, last, match, option = of_row[0], of_row[1], of_row[2], of_row[3]
+    u, lower, partial = sum_of_row[0], sum_of_row[1], sum_of_row[2]
+    of_column, v, dist = int_table(4, m_most), floats(m_most), floats_of(m_most, np.inf)
+    owner, through, by, seen = of_column[0], of_column[1], of_column[2], of_column[3]
     hub, row_out, column_out = ints_of(3, 0), flags(n_most), flags(m_most)
     banned, root_cost = flags(len(pair_local)), floats(Q)
     product, at_once = floats_of(Q, 1.0), 0 if k == 1 else min(AT_ONCE, most_choices)
@@ -169,8 +170,8 @@ def solve_pieces(
     gap, pair_at, sols = floats(Q * k), ints(Q * k), 0 * Q  # no literal, see compile.py
     pairs: Ints = ints(2 * k * n_most + 2 * len(places))
     used = 0 * Q
-    order, cost, saved = ints(k), floats(k), floats(k)
-    option, lower, partial = ints(n_most), floats(n_most + 1), floats(n_most + 1)
+    of_solution = float_table(3, k)
+    order, cost, saved, bound = ints(k), of_solution[0], of_solution[1], of_solution[2]
     for q in range(Q if k > 1 else 0):
         n = begin[q + 1] - begin[q]
         for x in range(n):
@@ -194,7 +195,9 @@ def solve_pieces(
         first, last, match, owner, u, v, row_out, column_out, dist, through, by, seen, hub,
         root, root_u, root_v, root_cost, product,
     )  # fmt: skip
-    total, bound, slack = totals_of(piece_of, base, root_cost), floats_of(k, np.inf), 1e-12 * scale
+    total, slack = totals_of(piece_of, base, root_cost), 1e-12 * scale
+    for j in range(k):
+        bound[j] = np.inf
     if k == 1:
         for q in range(Q):
             sol_begin[q], sol_count[q], gap[q] = q, 1, 0.0
