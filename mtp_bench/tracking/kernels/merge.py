@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...types import Floats, Ints
-from .arrays import first_floats, first_ints, floats, int_table, ints
+from .arrays import first_floats, first_ints, floats, int_table, ints, ints_of
 from .compile import kernel
 from .heap import pop, push, sorted_numbers
 
@@ -41,9 +41,12 @@ def merge(
     of each state, its piece, the rank of that piece's solution and the state with the other changes (-1: none).
     """
     P = len(total)
-    least = np.inf
+    least, best = np.inf, 0
     for p in range(P):
-        least = min(least, total[p])
+        if total[p] < least:
+            least, best = total[p], p
+    if k == 1:
+        return ints_of(1, best), ints_of(1, -1), ints(0), ints(0), ints(0)
     ordered = by_first_gap(sol_begin, sol_count, gap, limit - least)
     pieces, used = ints(P * min(len(ordered), piece_of.shape[1])), 0
     stop = ints(P)
