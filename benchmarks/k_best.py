@@ -4,9 +4,9 @@
     python benchmarks/k_best.py [--problems 10] [--repeats 5] [--json FILE]
 
 Problems are gated as on KITTI: objects 12 m apart on average, a detection of nine in ten with a noise of 0.5 m, clutter
-for the others, and pairs within ``--gate`` metres, which cost distance - gate. CPU time of one core, least of the
-repeats. ``lsa`` is one scipy.optimize.linear_sum_assignment of the gated square matrix, with which figures of another
-machine are scaled.
+for the others, and pairs within ``--gate`` metres, which cost distance - gate. Dense ones allow all pairs, at that cost
+or at a random one. CPU time of one core, least of the repeats. ``lsa`` is one scipy.optimize.linear_sum_assignment of
+the gated square matrix, with which figures of another machine are scaled.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ FROZEN: dict[tuple[int, int], tuple[float, ...]] = {
     (50, 20): (27, 32, 20, 7, 780),
     (100, 20): (56, 92, 28, 14, 5998),
 }
+FROZEN_DENSE = (442, 560, 357, 285, 11082)  # 100, 20, all pairs allowed
 FROZEN_JOINT = {20: (32, 462, 25, 13), 50: (86, 1147, 75, 45), 100: (168, 2404, 108, 56)}  # recorded, H = 20
 JOINT_PROGRAMS = ("best C peer, joint", "best C peer, pooled", "numba prototype", "C prototype")
 FROZEN_LSA = {20: 2.0, 50: 14.0, 100: 58.0}
@@ -45,17 +46,23 @@ FROZEN_LSA = {20: 2.0, 50: 14.0, 100: 58.0}
 
 def gated(rng: np.random.Generator, n: int, gate: float) -> Floats:
     """Cost [n, n] of pairs of tracks and detections, inf beyond the gate."""
+    cost = dense(rng, n, gate)
+    return np.where(cost < 0.0, cost, np.inf)
+
+
+def dense(rng: np.random.Generator, n: int, gate: float) -> Floats:
+    """Cost [n, n] of all pairs of tracks and detections, positive beyond the gate."""
     side = 12.0 * np.sqrt(n)
     tracks = rng.uniform(0, side, (n, 2))
     detections = tracks + rng.normal(0, 0.5, (n, 2))
     clutter = rng.random(n) < 0.1
     detections[clutter] = rng.uniform(0, side, (int(clutter.sum()), 2))
     distance = np.linalg.norm(tracks[:, None] - rng.permutation(detections), axis=-1)
-    return np.asarray(np.where(distance < gate, distance - gate, np.inf))
+    return np.asarray(distance - gate)
 
 
 def sparse(cost: Floats) -> tuple[Any, ...]:
-    row, column = np.nonzero(cost < np.inf)
+    row, column = (np.ascontiguousarray(index) for index in np.nonzero(cost < np.inf))
     return np.searchsorted(row, np.arange(len(cost) + 1)), column, cost[row, column], cost.shape[1]
 
 
@@ -127,6 +134,24 @@ def single(n: int, k: int, given: argparse.Namespace, problems: list[Floats]) ->
     return row
 
 
+def ungated(given: argparse.Namespace, rng: np.random.Generator, scale: float) -> list[dict[str, Any]]:
+    """All pairs allowed, n = 100, k = 20; scaled as the gated problems of that size."""
+    n, k, everyone, base = 100, 20, np.ones((1, 100), dtype=bool), np.zeros(1)
+    kinds: dict[str, Callable[[], Floats]] = {
+        "positions": lambda: dense(rng, n, given.gate),
+        "random": lambda: -rng.random((n, n)),
+    }
+    rows: list[dict[str, Any]] = []
+    for kind, make in kinds.items():
+        problems = [make() for _ in range(given.problems)]
+        calls = [(*sparse(cost), everyone, base, k) for cost in problems]
+        row: dict[str, Any] = {"n": n, "k": k, "costs": kind}
+        row["lsa"] = microseconds(lsa, [(cost,) for cost in problems], given.repeats)
+        row["mtp_bench"] = microseconds(joint_k_best, calls, given.repeats)
+        rows.append(row | {f"{p} (scaled)": us * scale for p, us in zip(PROGRAMS, FROZEN_DENSE, strict=True)})
+    return rows
+
+
 def joint(n: int, given: argparse.Namespace, problems: list[Floats], rng: np.random.Generator) -> dict[str, Any]:
     together, apart = [], []
     for cost in problems:
@@ -152,7 +177,7 @@ def show(title: str, rows: list[dict[str, Any]]) -> None:
         table.add_column(name, justify="right")
     for row in rows:
         values = [row.get(name) for name in names]
-        table.add_row(*("" if v is None else str(v) if isinstance(v, int) else f"{v:,.1f}" for v in values))
+        table.add_row(*("" if v is None else str(v) if isinstance(v, (int, str)) else f"{v:,.1f}" for v in values))
     Console(width=180).print(table)
 
 
@@ -167,12 +192,17 @@ def main() -> None:
     problems = {n: [gated(rng, n, given.gate) for _ in range(given.problems)] for n in SIZES}
     choices = {n: float(np.mean([(cost < np.inf).sum() / n for cost in problems[n]])) for n in SIZES}
     one = [single(n, k, given, problems[n]) for n in SIZES for k in KS]
+    scale = next(row["lsa"] for row in one if (row["n"], row["k"]) == (100, 20)) / FROZEN_LSA[100]
+    every = ungated(given, rng, scale)
     steps = [joint(n, given, problems[n], rng) for n in SIZES]
     show("one parent, us per call; (scaled): figures of another machine times the ratio of lsa", one)
+    show("one parent, all pairs allowed", every)
     show(f"{PARENTS} parents to {PARENTS} children, us per step", steps)
     if given.json:
         setting = {"gate_m": given.gate, "problems": given.problems, "pairs_per_row": choices}
-        given.json.write_text(json.dumps({**setting, "single": one, "joint": steps}, indent=1) + "\n", encoding="utf-8")
+        given.json.write_text(
+            json.dumps({**setting, "single": one, "dense": every, "joint": steps}, indent=1) + "\n", encoding="utf-8"
+        )
 
 
 if __name__ == "__main__":

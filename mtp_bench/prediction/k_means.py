@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..tracking.kernels.arrays import first_ints, float_table, floats, ints_of
 from ..tracking.kernels.compile import kernel
 from ..types import Floats, Ints
 
 _JUST_BELOW = 1.0 - 2.0**-53  # times a number: the next one below it, or that number's half unit
 
 
-@kernel("void(f4[:, ::1], f8[::1], f8[::1], f8[::1])")
+@kernel("void(f4[:, ::1], f8[::1], f8[::1], f8[::1])", vectorize=True)
 def _distances(turned: Floats, centre: Floats, origin: Floats, distance: Floats) -> None:
     """Squared distances [S] of points [d, S], relative to an origin [d], from a centre [d].
 
@@ -25,7 +26,7 @@ def _distances(turned: Floats, centre: Floats, origin: Floats, distance: Floats)
             distance[s] += off * off
 
 
-@kernel("void(f8[:, ::1], f4[:, ::1], f8[::1], f8[::1], f8[:, ::1], f8[::1], f8[::1])")
+@kernel("void(f8[:, ::1], f4[:, ::1], f8[::1], f8[::1], f8[:, ::1], f8[::1], f8[::1])", vectorize=True)
 def _seed(
     points: Floats, turned: Floats, weight: Floats, uniform: Floats, centre: Floats, distance: Floats, least: Floats
 ) -> None:
@@ -56,10 +57,10 @@ def _seed(
             least[s] = min(least[s], distance[s])
 
 
-@kernel("b1(f8[:, ::1], f4[:, ::1], f8[:, ::1], f8[::1], f8[::1], i8[::1])")
+@kernel("b1(f8[:, ::1], f4[:, ::1], f8[:, ::1], f8[::1], f8[::1], i8[::1])", vectorize=True)
 def _assign(points: Floats, turned: Floats, centre: Floats, distance: Floats, least: Floats, nearest: Ints) -> bool:
     """Give every point to its nearest centre, the first of equally near ones; whether any changed."""
-    changed, before = False, nearest.copy()
+    changed, before = False, first_ints(nearest, len(nearest))
     for s in range(len(distance)):
         least[s] = np.inf
     for j in range(len(centre)):
@@ -73,7 +74,7 @@ def _assign(points: Floats, turned: Floats, centre: Floats, distance: Floats, le
     return changed
 
 
-@kernel("void(f8[::1], i8[::1], f8[::1])")
+@kernel("void(f8[::1], i8[::1], f8[::1])", vectorize=True)
 def _shares(weight: Floats, nearest: Ints, share: Floats) -> None:
     """Weight of the points of each centre."""
     for j in range(len(share)):
@@ -82,7 +83,7 @@ def _shares(weight: Floats, nearest: Ints, share: Floats) -> None:
         share[nearest[s]] += weight[s]
 
 
-@kernel("void(f8[:, ::1], f8[::1], i8[::1], f8[:, ::1], f8[::1])")
+@kernel("void(f8[:, ::1], f8[::1], i8[::1], f8[:, ::1], f8[::1])", vectorize=True)
 def _move(points: Floats, weight: Floats, nearest: Ints, centre: Floats, share: Floats) -> None:
     """Move every centre to the mean of its points; one without any stays. ``share``: their weight."""
     _shares(weight, nearest, share)
@@ -95,7 +96,7 @@ def _move(points: Floats, weight: Floats, nearest: Ints, centre: Floats, share: 
             centre[nearest[s], axis] += part * points[s, axis]
 
 
-@kernel("Tuple((f8[:, ::1], f8[::1]))(f8[:, ::1], f8[::1], f8[::1], i8)")
+@kernel("Tuple((f8[:, ::1], f8[::1]))(f8[:, ::1], f8[::1], f8[::1], i8)", vectorize=True)
 def k_means(points: Floats, weight: Floats, uniform: Floats, iterations: int) -> tuple[Floats, Floats]:
     """Centres [k, d] and their share of the weight [k] of points [S, d] weighted [S], for uniform numbers [k].
 
@@ -106,9 +107,9 @@ def k_means(points: Floats, weight: Floats, uniform: Floats, iterations: int) ->
     for s in range(len(points)):
         for axis in range(d):
             turned[axis, s] = points[s, axis] - points[0, axis]
-    centre, share = np.empty((k, d)), np.empty(k)
-    distance, least = np.empty(len(weight)), np.empty(len(weight))
-    nearest = np.full(len(weight), -1, dtype=np.int64)
+    centre, share = float_table(k, d), floats(k)
+    distance, least = floats(len(weight)), floats(len(weight))
+    nearest = ints_of(len(weight), -1)
     _seed(points, turned, weight, uniform, centre, distance, least)
     _assign(points, turned, centre, distance, least, nearest)
     for _ in range(iterations):

@@ -76,6 +76,8 @@ def _checked(
     indptr: ArrayLike, column: ArrayLike, cost: ArrayLike, columns: int, member: ArrayLike, base_cost: ArrayLike, k: int
 ) -> _Problem:
     """The arguments as the kernels take them; what they can check is left to them."""
+    if k >= 0 and columns >= 0 and _ready(indptr, column, cost, member, base_cost):
+        return indptr, column, cost, columns, member, base_cost, k  # type: ignore[return-value]
     rows, mask = _array("indptr", indptr, _INT, 1), _array("member", member, _BOOL, 2)
     base = _array("base_cost", base_cost, _FLOAT, 1)
     if mask.shape != (len(base), len(rows) - 1):
@@ -92,10 +94,27 @@ _INT, _BOOL, _FLOAT = np.dtype(np.int64), np.dtype(np.bool_), np.dtype(np.float6
 _KINDS = {_INT: "iu", _BOOL: "b", _FLOAT: "fiu"}
 
 
+def _ready(indptr: Any, column: Any, cost: Any, member: Any, base_cost: Any) -> bool:
+    """Whether all is as `_checked` would make it: so trackers call, several times a frame."""
+    try:
+        return (
+            indptr.dtype is column.dtype is _INT
+            and cost.dtype is base_cost.dtype is _FLOAT
+            and member.dtype is _BOOL
+            and indptr.flags.carray
+            and column.flags.carray
+            and cost.flags.carray
+            and member.flags.carray
+            and base_cost.flags.carray
+            and indptr.ndim == column.ndim == cost.ndim == 1
+            and member.shape == (*base_cost.shape, len(indptr) - 1)
+        )
+    except AttributeError:
+        return False  # no array
+
+
 def _array(name: str, given: ArrayLike, dtype: np.dtype[Any], dimensions: int) -> NDArray[Any]:
     """A contiguous array that can be written (the kernels are compiled for those, and leave it as it is)."""
-    if type(given) is np.ndarray and given.dtype is dtype and given.ndim == dimensions and given.flags.carray:
-        return given  # as trackers call it, many times a frame
     array = np.asarray(given)
     if array.dtype != dtype and array.size and array.dtype.kind not in _KINDS[dtype]:
         raise ShapeError(f"{name} has type {array.dtype}, expected {dtype}")

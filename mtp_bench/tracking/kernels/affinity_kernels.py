@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from ...types import Floats, Ints
+from .arrays import first_floats, first_ints, floats, ints, ints_of, zeros
 from .compile import kernel
 
 CENTER_DISTANCE, IOU_3D, GIOU_3D, MAHALANOBIS, LIKELIHOOD_RATIO = range(5)
@@ -246,15 +247,16 @@ def _gain(a: Floats, i: int, b: Floats, j: int, kind: int, gate: float, offset: 
 @kernel("Tuple((i8[::1], i8[::1], f8[:, ::1], f8[:, ::1]))(f8[:, :], i8[::1], i8[::1])")
 def _by_class(detection: Floats, class_id: Ints, kind: Ints) -> tuple[Ints, Ints, Floats, Floats]:
     """Start of each class [C + 1], detections by class [D], their descriptions in that order, extremes [C, 3]."""
-    classes, start = len(kind), np.zeros(len(kind) + 2, dtype=np.int64)
-    extreme = np.zeros((classes, 3))
-    extreme[:, 1] = np.inf
+    classes, start = len(kind), ints_of(len(kind) + 2, 0)
+    extreme = zeros(classes, 3)
+    for c in range(classes):
+        extreme[c, 1] = np.inf
     for c in class_id:
         if 0 <= c < classes:
             start[c + 2] += 1
     for c in range(classes):
         start[c + 2] += start[c + 1]
-    order, described = np.empty(start[classes + 1], dtype=np.int64), np.zeros((start[classes + 1], _COLUMNS))
+    order, described = ints(start[classes + 1]), zeros(start[classes + 1], _COLUMNS)
     for j in range(len(class_id)):
         c = class_id[j]
         if 0 <= c < classes:
@@ -266,7 +268,7 @@ def _by_class(detection: Floats, class_id: Ints, kind: Ints) -> tuple[Ints, Ints
                 extreme[c, 0] = max(extreme[c, 0], described[at, _AREA])
                 extreme[c, 1] = min(extreme[c, 1], described[at, _SIDE])
                 extreme[c, 2] = max(extreme[c, 2], described[at, _RADIUS])
-    return start[: classes + 1], order, described, extreme
+    return first_ints(start, classes + 1), order, described, extreme
 
 
 @kernel("Tuple((i8[::1], i8[::1], f8[::1]))(f8[:, :], i8[::1], f8[::1], f8[:, :], i8[::1], i8[::1], f8[::1], f8[::1])")
@@ -286,8 +288,8 @@ def sparse_pairs(
     for c in track_class:
         if 0 <= c < len(kind):
             capacity += start[c + 1] - start[c]
-    indptr, column, gain = np.zeros(n + 1, dtype=np.int64), np.empty(capacity, dtype=np.int64), np.empty(capacity)
-    a, e, candidate = np.zeros((1, _COLUMNS)), 0, np.empty(len(order) + 1, dtype=np.int64)
+    indptr, column, gain = ints_of(n + 1, 0), ints(capacity), floats(capacity)
+    a, e, candidate = zeros(1, _COLUMNS), 0, ints(len(order) + 1)
     for i in range(n):
         c = track_class[i]
         if 0 <= c < len(kind):
@@ -304,4 +306,4 @@ def sparse_pairs(
                     column[e], gain[e] = order[j], value
                     e += 1
         indptr[i + 1] = e
-    return indptr, column[:e].copy(), gain[:e].copy()
+    return indptr, first_ints(column, e), first_floats(gain, e)

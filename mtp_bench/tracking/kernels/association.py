@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ...types import Bools, Floats, Ints
+from .arrays import floats, int_table, ints_of, up_to
 from .checks import OK, at_most, check
 from .compile import kernel
 from .components import distinct_parents, joined_rows, local_problem, packed_rows, pieces_of, rows_held
@@ -36,7 +35,7 @@ def search(
     error, where, scale = check(indptr, column, cost, columns, base_cost)
     H, N = member.shape
     if error != OK or k < 1 or H == 0:
-        return error, where, np.empty(0), np.empty((0, N), np.int64), np.full(N if not joint else 0, -1, np.int64)
+        return error, where, floats(0), int_table(0, N), ints_of(N if not joint else 0, -1)
     if joint:
         k = at_most(indptr, member, k)
     held = rows_held(member)
@@ -45,9 +44,9 @@ def search(
         indptr, column, cost, columns, lowest
     )
     bits, word_start = packed_rows(member, held, rows, start, lowest)
-    parents = distinct_parents(bits, base_cost) if joint else np.arange(H)
+    parents = distinct_parents(bits, base_cost) if joint else up_to(H)
     P = len(parents)
-    base = np.empty(P)
+    base = floats(P)
     for p in range(P):
         base[p] = base_cost[parents[p]]
     component, begin, places, piece_of = pieces_of(member, parents, rows, start, bits, word_start)
@@ -67,14 +66,14 @@ def search(
         most_choices,
     )
     if not joint:
-        cluster, row_to_column = np.full(N, -1, np.int64), np.full((H * k, N), -1, np.int64)
+        cluster, row_to_column = ints_of(N, -1), int_table(H * k, N)
         costs = write_clusters(
             k, start, pair_column, begin, places, rows, piece_of, sol_begin, sol_count, root_cost, gap, pair_at, pairs,
             cluster, row_to_column,
         )  # fmt: skip
         return error, where, costs, row_to_column, cluster
     parent, state, piece, rank, under = merge(piece_of, component, sol_begin, sol_count, gap, total, limit, k)
-    costs, row_to_column = np.empty(len(parent)), np.empty((len(parent), N), np.int64)
+    costs, row_to_column = floats(len(parent)), int_table(len(parent), N)
     write_solutions(
         parent, state, piece, rank, under, parents, base, rows, pair_cost, pair_column, begin, places, piece_of,
         sol_begin, pair_at, pairs, costs, row_to_column,

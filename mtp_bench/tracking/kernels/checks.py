@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...types import Bools, Floats, Ints
+from .arrays import ints_of
 from .compile import kernel
 
 OK, BAD_INDPTR, BAD_COLUMN, BAD_COST, BAD_BASE, REPEATED, TOO_LARGE = range(7)
@@ -17,7 +18,7 @@ def check(indptr: Ints, column: Ints, cost: Floats, columns: int, base: Floats) 
     n = len(indptr) - 1
     if n < 0 or indptr[0] != 0 or indptr[n] != len(column) or len(cost) != len(column):
         return BAD_INDPTR, 0, 0.0
-    largest, row_of = 0.0, np.full(columns, -1, np.int64)
+    largest, row_of = 0.0, ints_of(columns, -1)
     for row in range(n):
         if indptr[row] > indptr[row + 1] or indptr[row + 1] > len(column):
             return BAD_INDPTR, row, 0.0

@@ -6,6 +6,12 @@
     @kernel("f8(f8[::1], i8)")
     def total(x: Floats, n: int) -> float: ...  # may call twice
 
+    @kernel(inline=True)
+    def part(x: Floats) -> float: ...  # long, and called in one place: compiled as a part of its caller
+
+    @kernel(vectorize=True)
+    def scale(x: Floats, by: float) -> None: ...  # long simple loops: worth the search for vector instructions
+
 Importing a module of kernels does not import numba. A kernel is a module-level function that numba's nopython mode
 understands; it may use constants of its module and call other kernels, of any module, by their plain names.
 ``total(x, 3)`` compiles it and what it calls, or loads them from the cache. ``total.python(x, 3)`` runs the same
@@ -21,12 +27,15 @@ written, as in a read-only container, every process compiles for itself.
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import importlib
 import os
+import re
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from types import FunctionType
@@ -34,6 +43,7 @@ from typing import Any, Generic, ParamSpec, TypeVar, final, overload
 
 P = ParamSpec("P")
 R = TypeVar("R")
+_MAKERS = {"array", "copy", "empty", "full", "ones", "zeros"}  # a maker that is not named here fails to compile
 _lock = threading.RLock()
 _told = False
 
@@ -42,10 +52,14 @@ _told = False
 class Kernel(Generic[P, R]):
     """A function that runs compiled; see the module's text."""
 
-    def __init__(self, function: Callable[P, R], signature: str | None = None) -> None:
+    def __init__(
+        self, function: Callable[P, R], signature: str | None = None, inline: bool = False, vectorize: bool = False
+    ) -> None:
         assert isinstance(function, FunctionType)  # a kernel is written with def
         self.function = function
         self.signature = signature
+        self.inline = inline
+        self.vectorize = vectorize
         self.__doc__ = function.__doc__
         self._run: Any = None
         self._inner: Any = None
@@ -68,7 +82,7 @@ class Kernel(Generic[P, R]):
     def compiled(self) -> Any:
         """Numba's dispatcher, compiled already if the kernel has a signature; the Python twin if numba is off."""
         if self._run is None:
-            with _lock:
+            with _lock, _no_garbage_collection():
                 numba: Any = importlib.import_module("numba")
                 self._run = self.python if numba.config.DISABLE_JIT else self._compile(numba, callee=False)
         return self._run
@@ -79,18 +93,32 @@ class Kernel(Generic[P, R]):
         return self._inner
 
     def _compile(self, numba: Any, callee: bool) -> Any:
-        """Numba's dispatcher; that of a callee has no wrapper for calls from Python, which is long to compile."""
-        folder = _writable(_root() / f"kernels-{self._digest(numba.__version__)}" / ("inner" if callee else "outer"))
-        _tell(self.function.__name__, folder)
-        function = self._bound({name: kernel._as_callee(numba) for name, kernel in self._callees().items()})
+        """Numba's dispatcher; that of a callee has no wrapper for calls from Python, which is long to compile.
+
+        Nor is a callee kept in the cache, which costs a tenth of the time: its caller is.
+        """
+        folder = None if callee else _writable(_root() / f"kernels-{self._digest(numba.__version__)}")
+        known = folder is not None and any(folder.glob(f"*/*.{self.function.__name__}-*.nbi"))
+        if not callee and not known:
+            _tell(folder)
         signature = [] if self.signature is None else [self.signature]
         options = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": callee}
-        before = numba.config.CACHE_DIR
-        numba.config.CACHE_DIR = str(folder or before)
-        try:
-            return numba.njit(*signature, cache=folder is not None, **options)(function)
-        finally:
-            numba.config.CACHE_DIR = before
+        if callee and self.inline:
+            options["inline"] = "always"
+        if callee and not self._makes_arrays():
+            options["_nrt"] = False  # no counting of references: arrays belong to the caller
+        jit = numba.njit(*signature, cache=folder is not None, **options)
+        with _settings(numba.config, str(folder or numba.config.CACHE_DIR), self.vectorize):
+            if known and signature:
+                with suppress(numba.TypingError):  # not in the cache after all: the file has another time stamp
+                    return jit(self._bound({}))
+            return jit(self._bound({name: kernel._as_callee(numba) for name, kernel in self._callees().items()}))
+
+    def _makes_arrays(self) -> bool:
+        """Whether it or what it calls makes or returns arrays, by the names in its code and its annotations."""
+        plain = re.fullmatch(r"(tuple|int|float|bool|None|[\[\], ])+", str(self.function.__annotations__["return"]))
+        own = not plain or not _MAKERS.isdisjoint(self.function.__code__.co_names)
+        return own or any(callee._makes_arrays() for callee in self._callees().values())
 
     def _callees(self) -> dict[str, Kernel[Any, Any]]:
         """Kernels that the function calls, by the names it calls them."""
@@ -116,19 +144,51 @@ class Kernel(Generic[P, R]):
     def _parts(self) -> set[str]:
         constants = {n: v for n, v in self._globals().items() if isinstance(v, (bool, int, float, str, tuple))}
         files = {_source(self.function.__code__.co_filename), _source(__file__)}
-        parts = {*files, repr((self.signature, sorted(constants.items())))}
+        parts = {*files, repr((self.signature, self.inline, self.vectorize, sorted(constants.items())))}
         return parts.union(*(callee._parts() for callee in self._callees().values()))
 
 
 @overload
-def kernel(given: str, /) -> Callable[[Callable[P, R]], Kernel[P, R]]: ...
+def kernel(
+    given: str | None = None, /, inline: bool = False, vectorize: bool = False
+) -> Callable[[Callable[P, R]], Kernel[P, R]]: ...
 @overload
 def kernel(given: Callable[P, R], /) -> Kernel[P, R]: ...
-def kernel(given: Any, /) -> Any:
+def kernel(given: Any = None, /, inline: bool = False, vectorize: bool = False) -> Any:
     """A function as a `Kernel`; a decorator, with or without numba's signature."""
-    if isinstance(given, str):
-        return lambda function: Kernel(function, given)
+    if given is None or isinstance(given, str):
+        return lambda function: Kernel(function, given, inline, vectorize)
     return Kernel(given)
+
+
+@contextmanager
+def _no_garbage_collection() -> Iterator[None]:
+    """Numba makes millions of objects that stay, over which the collector would go again and again."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
+
+
+@contextmanager
+def _settings(config: Any, folder: str, vectorize: bool) -> Iterator[None]:
+    """Numba's cache in ``folder`` and its first level of optimisation: as fast kernels, sooner."""
+    importlib.import_module("numba.core.registry").cpu_target.target_context.codegen()  # made once, for all of numba
+    ours = {"CACHE_DIR": folder, "OPT": type(config.OPT)("1"), "LOOP_VECTORIZE": int(vectorize), "SLP_VECTORIZE": 0}
+    before = {name: getattr(config, name) for name in ours}
+    _set(config, ours)
+    try:
+        yield
+    finally:
+        _set(config, before)
+
+
+def _set(config: Any, values: dict[str, Any]) -> None:
+    for name, value in values.items():
+        setattr(config, name, value)
 
 
 @cache
@@ -158,11 +218,11 @@ def _writable(folder: Path) -> Path | None:
     return folder
 
 
-def _tell(name: str, folder: Path | None) -> None:
-    """Say, once, that the first call takes a while, if kernel ``name`` is not in the cache."""
+def _tell(folder: Path | None) -> None:
+    """Say, once, that the first call takes a while."""
     global _told
-    if _told or (folder is not None and any(folder.glob(f"*/*.{name}-*.nbi"))):
+    if _told:
         return
     _told = True
     where = "once per machine" if folder else "in every process (set NUMBA_CACHE_DIR to a folder that can be written)"
-    print(f"mtp_bench: compiling the tracking kernels, {where}: about 20 s", file=sys.stderr, flush=True)
+    print(f"mtp_bench: compiling the tracking kernels, {where}: about 15 s", file=sys.stderr, flush=True)

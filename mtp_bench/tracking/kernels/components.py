@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...types import Bools, Floats, Ints
+from .arrays import first_ints, flags, floats, int_table, ints, ints_of, up_to
 from .compile import kernel
 
 BITS = 30  # of a word, so that nothing overflows when words are hashed
@@ -17,7 +18,7 @@ BITS = 30  # of a word, so that nothing overflows when words are hashed
 @kernel
 def rows_held(member: Bools) -> Ints:
     """How many parents hold each row, [N]."""
-    held = np.zeros(member.shape[1], np.int64)
+    held = ints_of(member.shape[1], 0)
     for p in range(member.shape[0]):
         for row in range(member.shape[1]):
             held[row] += member[p, row]
@@ -31,7 +32,7 @@ def packed_rows(member: Bools, held: Ints, rows: Ints, start: Ints, lowest: Ints
     Also where the words of each component begin [C + 1]; after the last come those of rows without a component.
     """
     H, C, N = member.shape[0], len(start) - 1, len(held)
-    row_at, word_at, word_start = np.empty(N, np.int64), np.empty(N + 1, np.int64), np.empty(C + 1, np.int64)
+    row_at, word_at, word_start = ints(N), ints(N + 1), ints(C + 1)
     used, words = 0, 0
     for c in range(C + 1):
         word_start[c] = words
@@ -48,7 +49,7 @@ def packed_rows(member: Bools, held: Ints, rows: Ints, start: Ints, lowest: Ints
             used += 1
             room -= 1
     word_at[words] = used
-    bits = np.empty((H, words), np.int64)
+    bits = int_table(H, words)
     for p in range(H):
         for w in range(words):
             word = 0
@@ -64,7 +65,7 @@ def new_table(parents: int) -> Ints:
     size = 4
     while size < 2 * parents:
         size *= 2
-    return np.full(size, -1, np.int64)
+    return ints_of(size, -1)
 
 
 @kernel
@@ -89,10 +90,10 @@ def place_in(table: Ints, bits: Ints, p: int, low: int, high: int) -> int:
 def distinct_parents(bits: Ints, base: Floats) -> Ints:
     """Numbers of the parents to search, increasing: of those with equal rows the cheapest, of equal ones the first."""
     total = len(base)
-    kept, used = np.arange(total), 0
+    kept, used = up_to(total), 0
     if total == 1:
         return kept
-    table, dropped = new_table(total), np.zeros(total, np.bool_)
+    table, dropped = new_table(total), flags(total)
     for p in range(total):
         at = place_in(table, bits, p, 0 * p, bits.shape[1])
         best = table[at]
@@ -106,7 +107,7 @@ def distinct_parents(bits: Ints, base: Floats) -> Ints:
         if not dropped[p]:
             kept[used] = p
             used += 1
-    return kept[:used]
+    return first_ints(kept, used)
 
 
 @kernel
@@ -122,7 +123,7 @@ def root_of(above: Ints, row: int) -> int:
 def joined_rows(indptr: Ints, column: Ints, cost: Floats, columns: int, held: Ints) -> Ints:
     """Lowest row of the component of each row [N]; -1 for a row without an allowed pair or without a parent."""
     n = len(held)
-    above, first = np.full(n, -1, np.int64), np.full(columns, -1, np.int64)
+    above, first = ints_of(n, -1), ints_of(columns, -1)
     for row in range(n):
         if held[row] == 0:
             continue
@@ -152,28 +153,28 @@ def local_problem(
     has [C], where the pairs of each of the A rows begin [A + 1], and of each pair its local column, cost and column.
     """
     n = len(lowest)
-    number, count = np.empty(n, np.int64), 0
-    size = np.zeros(n + 1, np.int64)
+    number, count = ints(n), 0
+    size = ints_of(n + 1, 0)
     for row in range(n):
         if lowest[row] == row:
             number[row] = count
             count += 1
         if lowest[row] >= 0:
             size[number[lowest[row]] + 1] += 1
-    start, place, width = np.zeros(count + 1, np.int64), np.empty(count, np.int64), np.zeros(count, np.int64)
+    start, place, width = ints_of(count + 1, 0), ints(count), ints_of(count, 0)
     for c in range(count):
         place[c] = start[c]
         start[c + 1] = start[c] + size[c + 1]
-    rows = np.empty(start[count], np.int64)
+    rows = ints(start[count])
     for row in range(n):
         if lowest[row] >= 0:
             c = number[lowest[row]]
             rows[place[c]] = row
             place[c] += 1
-    local = np.full(columns, -1, np.int64)
-    pair_start = np.empty(len(rows) + 1, np.int64)
-    pair_local, pair_cost = np.empty(len(column), np.int64), np.empty(len(column))
-    pair_column = np.empty(len(column), np.int64)
+    local = ints_of(columns, -1)
+    pair_start = ints(len(rows) + 1)
+    pair_local, pair_cost = ints(len(column)), floats(len(column))
+    pair_column = ints(len(column))
     used = 0
     for a in range(len(rows)):
         pair_start[a] = used
@@ -205,14 +206,15 @@ def pieces_of(
         groups = P if word_start[c + 1] > word_start[c] else 1
         most += groups
         longest += groups * (start[c + 1] - start[c])
-    component, begin = np.empty(most, np.int64), np.zeros(most + 1, np.int64)
-    places, piece_of = np.empty(longest, np.int64), np.empty((P, C), np.int64)
-    table, named = new_table(P), np.empty(member.shape[0], np.int64)
+    component, begin = ints(most), ints_of(most + 1, 0)
+    places, piece_of = ints(longest), int_table(P, C)
+    table, named = new_table(P), ints(member.shape[0])
     count, used = 0, 0
     for c in range(C):
         low, high = word_start[c], word_start[c + 1]
         if high > low:
-            table[:] = -1
+            for i in range(len(table)):
+                table[i] = -1
         at, fresh = 0, True
         for i in range(P):
             p = parents[i]
@@ -231,4 +233,4 @@ def pieces_of(
                     begin[count] = used
             fresh = False
             piece_of[i, c] = named[table[at]]
-    return component[:count], begin[: count + 1], places[:used], piece_of
+    return first_ints(component, count), first_ints(begin, count + 1), first_ints(places, used), piece_of

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ...types import Floats, Ints
+from .arrays import ints, up_to
 from .compile import kernel
 
 
@@ -49,7 +48,7 @@ def pop(keys: Floats, names: Ints, size: int) -> int:
 def sorted_numbers(keys: Floats) -> Ints:
     """Numbers of the keys, least first."""
     size, width = len(keys), 16
-    order, spare = np.arange(size), np.empty(size, np.int64)
+    order, spare = up_to(size), ints(size)
     for i in range(1, size):
         j = i
         while j % width > 0 and keys[order[j - 1]] > keys[i]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...types import Floats, Ints
+from .arrays import first_floats, first_ints, floats, int_table, ints, ints_of
 from .compile import kernel
 from .heap import pop, push, sorted_numbers
 
@@ -18,12 +19,12 @@ from .heap import pop, push, sorted_numbers
 @kernel
 def by_first_gap(sol_begin: Ints, sol_count: Ints, gap: Floats, spare: float) -> Ints:
     """Pieces with a second solution that is dearer by at most ``spare``, by that gap."""
-    names, first, size = np.empty(len(sol_begin), np.int64), np.empty(len(sol_begin)), 0
+    names, first, size = ints(len(sol_begin)), floats(len(sol_begin)), 0
     for q in range(len(sol_begin)):
         if sol_count[q] > 1 and gap[sol_begin[q] + 1] <= spare:
             names[size], first[size] = q, gap[sol_begin[q] + 1]
             size += 1
-    order = sorted_numbers(first[:size])
+    order = sorted_numbers(first_floats(first, size))
     for i in range(size):
         order[i] = names[order[i]]
     return order
@@ -40,17 +41,20 @@ def merge(
     of each state, its piece, the rank of that piece's solution and the state with the other changes (-1: none).
     """
     P = len(total)
-    least = np.inf
+    least, best = np.inf, 0
     for p in range(P):
-        least = min(least, total[p])
+        if total[p] < least:
+            least, best = total[p], p
+    if k == 1:
+        return ints_of(1, best), ints_of(1, -1), ints(0), ints(0), ints(0)
     ordered = by_first_gap(sol_begin, sol_count, gap, limit - least)
-    pieces, used = np.empty(P * min(len(ordered), piece_of.shape[1]), np.int64), 0
-    stop = np.empty(P, np.int64)
+    pieces, used = ints(P * min(len(ordered), piece_of.shape[1])), 0
+    stop = ints(P)
     most = P + 3 * k
-    parent, place, rank, under = (np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64),
-                                  np.empty(most, np.int64))  # fmt: skip
-    keys, names, size, states = np.empty(most), np.empty(most, np.int64), 0 * P, P
-    out_parent, out_state, found = np.empty(k, np.int64), np.empty(k, np.int64), 0
+    table = int_table(4, most)
+    parent, place, rank, under = table[0], table[1], table[2], table[3]
+    keys, names, size, states = floats(most), ints(most), 0 * P, P
+    out_parent, out_state, found = ints(k), ints(k), 0
     for p in range(P):
         parent[p], place[p], rank[p], under[p] = p, -1, 0, -1
         if total[p] <= limit:
@@ -90,4 +94,4 @@ def merge(
         place[s] = pieces[place[s]] if rank[s] > 0 else -1
         if under[s] < P:
             under[s] = -1
-    return out_parent[:found], out_state[:found], place, rank, under
+    return first_ints(out_parent, found), first_ints(out_state, found), place, rank, under

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...types import Bools, Floats, Ints
+from .arrays import float_table, floats, int_table, ints
 from .compile import kernel
 from .heap import pop, push
 from .shortest_path import HUB, change_potentials, cost_of, find_path, flip_path, forget_path
@@ -161,7 +162,7 @@ def split_node(
     return records, size
 
 
-@kernel
+@kernel(inline=True)
 def best_solutions(
     n: int, m: int, k: int, first: Ints, last: Ints, pair_local: Ints, pair_cost: Floats, banned: Bools,
     root_cost: float, bound: Floats, roots: Floats, low: int, high: int, slack: float,
@@ -170,12 +171,12 @@ def best_solutions(
     order: Ints, sol_cost: Floats, sol_pair: Ints, at: int,
 ) -> int:  # fmt: skip
     """As `small.enumerate_solutions`, for pieces of any size; ``match``, ``u`` and ``v`` hold the root."""
-    nodes = np.empty((16, 2 * n + 2), np.int64)  # pair of each row; order of the rows; depth and origin
-    potentials = np.empty((16, n + m + 1))  # of rows; of columns; cost
+    nodes = int_table(16, 2 * n + 2)  # pair of each row; order of the rows; depth and origin
+    potentials = float_table(16, n + m + 1)  # of rows; of columns; cost
     most = 2 * k * n + 2
-    waiting, waiting_t = np.empty(most, np.int64), np.empty(most, np.int64)
-    keys, names = np.empty(most), np.empty(most, np.int64)
-    out, enter = np.empty(n), np.empty(m)
+    waiting, waiting_t = ints(most), ints(most)
+    keys, names = floats(most), ints(most)
+    out, enter = floats(n), floats(m)
     zero, on, off = 0 * n, n > 0, n < 0  # no literals, see compile.py
     save_child(zero, zero, zero, n, m, nodes, potentials, match, u, v, root_cost)
     for x in range(n):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...types import Bools, Floats, Ints
+from .arrays import first_floats, flags, float_table, floats, floats_of, int_table, ints, ints_of
 from .compile import kernel
 from .heap import sorted_numbers
 from .murty import best_solutions
@@ -19,7 +20,7 @@ PATIENCE = 100  # partial choices to look at per solution asked for; Murty's sea
 @kernel
 def totals_of(piece_of: Ints, base: Floats, root_cost: Floats) -> Floats:
     """Cost of the cheapest solution of each parent, [P]."""
-    total = base.copy()
+    total = first_floats(base, len(base))
     for p in range(piece_of.shape[0]):
         for c in range(piece_of.shape[1]):
             if piece_of[p, c] >= 0:
@@ -34,14 +35,14 @@ def totals_of_pieces(piece_of: Ints, total: Floats, ranked: Ints, pieces: int) -
     ``ranked``: the parents, cheapest first.
     """
     P, C = piece_of.shape
-    start = np.zeros(pieces + 2, np.int64)
+    start = ints_of(pieces + 2, 0)
     for p in range(P):
         for c in range(C):
             start[piece_of[p, c] + 2] += 1  # no piece, -1, counts at 1
     start[1] = 0
     for q in range(pieces):
         start[q + 2] += start[q + 1]
-    roots = np.empty(start[pieces + 1])
+    roots = floats(start[pieces + 1])
     for p in ranked:
         for c in range(C):
             q = piece_of[p, c]
@@ -57,7 +58,7 @@ def in_order(product: Floats, most_choices: int, roots: Floats, roots_start: Int
 
     So the bound has fallen when the costly ones come.
     """
-    Q, small, key = len(product), 0, np.empty(len(product))
+    Q, small, key = len(product), 0, floats(len(product))
     for q in range(Q):
         small += product[q] <= most_choices
         key[q] = product[q] if product[q] <= most_choices else np.inf
@@ -120,7 +121,7 @@ def with_room(pairs: Ints, used: int, more: int) -> Ints:
     """The array, or a longer copy if there is no room for ``more`` after the first ``used``."""
     if used + more <= len(pairs):
         return pairs
-    longer = np.empty(2 * (used + more), np.int64)
+    longer = ints(2 * (used + more))
     for i in range(used):
         longer[i] = pairs[i]
     return longer
@@ -141,7 +142,7 @@ def record(n: int, count: int, order: Ints, cost: Floats, sols: int, used: int, 
         gap[sols + r], pair_at[sols + r] = rise, used + order[r] * n
 
 
-@kernel
+@kernel(inline=True)
 def solve_pieces(
     k: int, component: Ints, begin: Ints, places: Ints, piece_of: Ints, width: Ints, pair_start: Ints,
     pair_local: Ints, pair_cost: Floats, base: Floats, scale: float, joint: bool, most_choices: int,
@@ -152,24 +153,25 @@ def solve_pieces(
     pairs begin; the pairs; the cost of each parent's cheapest solution [P]; a limit that the k-th best does not exceed.
     """
     Q, most_choices = len(component), max(most_choices, 1)
-    n_most, m_most, v_start = 1, 1, np.zeros(Q + 1, np.int64)
+    n_most, m_most, v_start = 1, 1, ints_of(Q + 1, 0)
     for q in range(Q):
         n_most, m_most = max(n_most, begin[q + 1] - begin[q]), max(m_most, width[component[q]])
         v_start[q + 1] = v_start[q] + width[component[q]]
-    root, root_u, root_v = np.empty(len(places), np.int64), np.empty(len(places)), np.empty(v_start[Q])
-    first, last = np.empty(n_most, np.int64), np.empty(n_most, np.int64)
-    match, u, v = np.empty(n_most, np.int64), np.empty(n_most), np.empty(m_most)
-    owner, dist = np.empty(m_most, np.int64), np.full(m_most, np.inf)
-    through, by, seen = np.empty(m_most, np.int64), np.empty(m_most, np.int64), np.empty(m_most, np.int64)
-    hub, row_out, column_out = np.zeros(3, np.int64), np.zeros(n_most, np.bool_), np.zeros(m_most, np.bool_)
-    banned, root_cost = np.zeros(len(pair_local), np.bool_), np.empty(Q)
-    product, at_once = np.ones(Q), 0 if k == 1 else min(AT_ONCE, most_choices)
-    sol_begin, sol_count = np.empty(Q, np.int64), np.empty(Q, np.int64)
-    gap, pair_at, sols = np.empty(Q * k), np.empty(Q * k, np.int64), 0
-    pairs: Ints = np.empty(2 * k * n_most + 2 * len(places), np.int64)
+    root, root_u, root_v = ints(len(places)), floats(len(places)), floats(v_start[Q])
+    of_row, sum_of_row = int_table(4, n_most), float_table(3, n_most + 1)  # few arrays: many arguments are slow
+    first, last, match, option = of_row[0], of_row[1], of_row[2], of_row[3]
+    u, lower, partial = sum_of_row[0], sum_of_row[1], sum_of_row[2]
+    of_column, v, dist = int_table(4, m_most), floats(m_most), floats_of(m_most, np.inf)
+    owner, through, by, seen = of_column[0], of_column[1], of_column[2], of_column[3]
+    hub, row_out, column_out = ints_of(3, 0), flags(n_most), flags(m_most)
+    banned, root_cost = flags(len(pair_local)), floats(Q)
+    product, at_once = floats_of(Q, 1.0), 0 if k == 1 else min(AT_ONCE, most_choices)
+    sol_begin, sol_count = ints(Q), ints(Q)
+    gap, pair_at, sols = floats(Q * k), ints(Q * k), 0 * Q  # no literal, see compile.py
+    pairs: Ints = ints(2 * k * n_most + 2 * len(places))
     used = 0 * Q
-    order, cost, saved = np.empty(k, np.int64), np.empty(k), np.empty(k)
-    option, lower, partial = np.empty(n_most, np.int64), np.empty(n_most + 1), np.empty(n_most + 1)
+    of_solution = float_table(3, k)
+    order, cost, saved, bound = ints(k), of_solution[0], of_solution[1], of_solution[2]
     for q in range(Q if k > 1 else 0):
         n = begin[q + 1] - begin[q]
         for x in range(n):
@@ -193,7 +195,9 @@ def solve_pieces(
         first, last, match, owner, u, v, row_out, column_out, dist, through, by, seen, hub,
         root, root_u, root_v, root_cost, product,
     )  # fmt: skip
-    total, bound, slack = totals_of(piece_of, base, root_cost), np.full(k, np.inf), 1e-12 * scale
+    total, slack = totals_of(piece_of, base, root_cost), 1e-12 * scale
+    for j in range(k):
+        bound[j] = np.inf
     if k == 1:
         for q in range(Q):
             sol_begin[q], sol_count[q], gap[q] = q, 1, 0.0

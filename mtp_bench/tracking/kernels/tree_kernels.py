@@ -8,9 +8,10 @@ from __future__ import annotations
 import numpy as np
 
 from ...types import Bools, Floats, Ints
+from .arrays import first_ints, flag_table, int_table, ints, ints_of
 from .compile import kernel
 
-_UNSEEN, _SEEN, _DEAD = -1, -3, -2
+_UNSEEN, _SEEN = -1, -2
 
 
 @kernel("i8(i8)")
@@ -47,70 +48,64 @@ def grow(
     is [K, E]; hypotheses that hold the same leaves have the same name [K].
     """
     hypotheses, leaves = column.shape
-    choice = np.empty((leaves, hypotheses), dtype=np.int64)  # then the new leaf that it leads to; turned for speed
-    taken = np.zeros((hypotheses, detections), dtype=np.bool_)
-    for h in range(hypotheses):
-        held, chosen, mine = member[parent[h]], column[h], taken[h]
-        for i in range(leaves):
-            choice[i, h] = chosen[i] + 1 if held[i] else _UNSEEN
-            if held[i] and chosen[i] >= 0:
-                mine[chosen[i]] = True
+    choice = int_table(leaves, hypotheses)
+    taken, takers = flag_table(hypotheses, detections), ints_of(detections, 0)
     most = min(hypotheses, detections + 1) * leaves + detections
-    leaf, detection = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
-    place = np.full(detections + 1, _UNSEEN, dtype=np.int64)  # new leaf of each choice of the present old leaf
-    choices, count = np.empty(hypotheses, dtype=np.int64), 0
+    leaf, detection, start = ints(most), ints(most), ints(leaves + 1)
+    place = ints_of(detections + 1, _UNSEEN)  # new leaf of each choice of the present old leaf
+    choices, count = ints(hypotheses), 0
     for i in range(leaves):
-        n = 0
+        n, start[i] = 0, count
         for h in range(hypotheses):
-            c = choice[i, h]
-            if c >= 0 and place[c] == _UNSEEN:
-                place[c] = _SEEN
-                choices[n] = c
+            if not member[parent[h], i]:
+                choice[i, h] = _UNSEEN
+                continue
+            d = column[h, i]
+            choice[i, h] = d + 1
+            if d >= 0:
+                taken[h, d] = True
+                takers[d] += 1
+            if place[d + 1] == _UNSEEN:
+                place[d + 1] = _SEEN
+                choices[n] = d + 1
                 n += 1
         _sort(choices, n)
         for j in range(n):
-            if choices[j] == 0 and age[i] + 1 >= max_age[i]:
-                place[0] = _DEAD
-                continue
-            place[choices[j]] = count
-            leaf[count] = i
-            detection[count] = choices[j] - 1
-            count += 1
-        for h in range(hypotheses):
-            if choice[i, h] >= 0:
-                choice[i, h] = place[choice[i, h]]
-        for j in range(n):
             place[choices[j]] = _UNSEEN
-    born = count
-    for d in range(detections):
-        for h in range(hypotheses):
-            if not taken[h, d]:
-                leaf[count] = -1
-                detection[count] = d
+            if choices[j] > 0 or age[i] + 1 < max_age[i]:
+                leaf[count], detection[count] = i, choices[j] - 1
                 count += 1
-                break
-    now, name = np.zeros((hypotheses, count), dtype=np.bool_), np.zeros(hypotheses, dtype=np.int64)
-    number = np.empty(count, dtype=np.int64)
+    born = start[leaves] = count
+    for d in range(detections):
+        if takers[d] < hypotheses:
+            leaf[count], detection[count] = -1, d
+            count += 1
+    now, name = flag_table(hypotheses, count), ints_of(hypotheses, 0)
+    number = ints(count)
     for e in range(count):
         number[e] = _mixed(e)
     for i in range(leaves):
+        for e in range(start[i], start[i + 1]):
+            place[detection[e] + 1] = e
         for h in range(hypotheses):
-            e = choice[i, h]
+            e = place[choice[i, h]] if choice[i, h] >= 0 else _UNSEEN
             if e >= 0:
                 now[h, e] = True
                 name[h] += number[e]
+        for e in range(start[i], start[i + 1]):
+            place[detection[e] + 1] = _UNSEEN
     for e in range(born, count):
         for h in range(hypotheses):
             if not taken[h, detection[e]]:
                 now[h, e] = True
                 name[h] += number[e]
-    return leaf[:count].copy(), detection[:count].copy(), now, name
+    return first_ints(leaf, count), first_ints(detection, count), now, name
 
 
 @kernel("i8[::1](b1[:, ::1], i8[::1])")
 def distinct_rows(member: Bools, name: Ints) -> Ints:
     """Rows [H'] of a membership [H, N] that are not equal to an earlier one; equal rows have equal names [H]."""
-    kept, count = np.empty(len(name), dtype=np.int64), 0
+    kept, count = ints(len(name)), 0
     for h in range(len(name)):
         fresh = True
         for j in range(count):
@@ -123,7 +118,7 @@ def distinct_rows(member: Bools, name: Ints) -> Ints:
         if fresh:
             kept[count] = h
             count += 1
-    return kept[:count].copy()
+    return first_ints(kept, count)
 
 
 @kernel(
@@ -179,7 +174,7 @@ def histories(
     """Boxes of the last P frames along the branches that end in ``leaf``: [n, P, 7], and where one was taken [n, P]."""
     layers = len(measured)
     past = np.empty((len(leaf), layers, 7))
-    valid = np.empty((len(leaf), layers), dtype=np.bool_)
+    valid = flag_table(len(leaf), layers)
     for n in range(len(leaf)):
         at, layer = leaf[n], last + 1
         for back in range(layers):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...types import Floats, Ints
+from .arrays import floats, floats_of, int_table, ints, ints_of, up_to
 from .compile import kernel
 
 
@@ -26,7 +27,7 @@ def write_solutions(
 ) -> None:  # fmt: skip
     """Costs and columns of the merged solutions; ``parent`` gets the numbers of the caller."""
     P, N = len(parents), row_to_column.shape[1]
-    chosen, own, count = np.empty((P, N), np.int64), np.empty((P, N + 1), np.int64), np.full(P, -1, np.int64)
+    chosen, own, count = int_table(P, N), int_table(P, N + 1), ints_of(P, -1)
     for i in range(len(parent)):
         p = parent[i]
         if count[p] < 0:
@@ -68,7 +69,10 @@ def write_clusters(
 ) -> Floats:  # fmt: skip
     """Costs of the k best solutions of every cluster of every parent, flat; fills in clusters and columns."""
     P, C = piece_of.shape
-    costs = np.full(P * C * k, np.inf)
+    costs = floats_of(P * C * k, np.inf)
+    for i in range(row_to_column.shape[0]):
+        for row in range(row_to_column.shape[1]):
+            row_to_column[i, row] = -1
     for c in range(C):
         for place in range(start[c], start[c + 1]):
             cluster[rows[place]] = c
@@ -106,7 +110,7 @@ def comes_before(a: int, b: int, cost: Floats, parent: Ints, column: Ints) -> bo
 def sort_solutions(cost: Floats, parent: Ints, column: Ints) -> tuple[Floats, Ints, Ints]:
     """The solutions, cheapest first; see `comes_before`."""
     count, moved = len(cost), False
-    order = np.arange(count)
+    order = up_to(count)
     for i in range(1, count):
         j = i
         while j > 0 and comes_before(i, order[j - 1], cost, parent, column):
@@ -116,7 +120,7 @@ def sort_solutions(cost: Floats, parent: Ints, column: Ints) -> tuple[Floats, In
         order[j] = i
     if not moved:
         return cost, parent, column
-    cost_out, parent_out, column_out = np.empty(count), np.empty(count, np.int64), np.empty(column.shape, np.int64)
+    cost_out, parent_out, column_out = floats(count), ints(count), int_table(column.shape[0], column.shape[1])
     for i in range(count):
         cost_out[i], parent_out[i] = cost[order[i]], parent[order[i]]
         for row in range(column.shape[1]):
