@@ -1,0 +1,56 @@
+"""What the process of an agent is given and what it must not see."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+from pathlib import Path
+
+from ...errors import SubmissionError
+from ...sources.cache import cache_root
+from ...sources.roots import data_root
+from ..loader import Submission
+
+_THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
+_PASSED = ("LD_LIBRARY_PATH", "CUDA_VISIBLE_DEVICES", "NUMBA_DISABLE_JIT", *_THREADS)
+
+
+def own_kernels() -> str | None:
+    """Folder of the user's compiled kernels; None where there is none yet."""
+    from platformdirs import user_cache_path
+
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    folder = Path(given) if given else user_cache_path("mtp_bench", appauthor=False)
+    return str(folder.resolve()) if folder.is_dir() else None
+
+
+def library_path() -> list[str]:
+    """Where the agent finds this library, and other packages that an isolated interpreter would not see."""
+    spec = importlib.util.find_spec(__name__.partition(".")[0])
+    root = str(Path(str(spec and spec.origin)).resolve().parent.parent)
+    return [root, *(entry for entry in sys.path if entry.endswith(("site-packages", "dist-packages")))]
+
+
+def environment(work: str) -> dict[str, str]:
+    """Environment of an agent's process: nothing of the judge's but what libraries need to be found and to share cores."""
+    own = {"HOME": work, "TMPDIR": work, "LANG": "C.UTF-8", "NUMBA_CACHE_DIR": f"{work}/kernels"}
+    return {name: os.environ[name] for name in _PASSED if name in os.environ} | own
+
+
+def hidden_folders(submission: Submission, data: str | None) -> list[str]:
+    """Folders that the agent must not see: the data, and the scenes made of it or generated.
+
+    Raises SubmissionError where one of them holds the submission or the library.
+    """
+    cache = cache_root()
+    made = [path for path in cache.iterdir() if not path.name.startswith("kernels-")] if cache.is_dir() else []
+    hidden = [path.resolve() for path in (data_root(data)[0], *made) if path.is_dir()]
+    library = Path(library_path()[0])
+    for path in hidden:
+        for needed, what in ((submission.path, "submission"), (library, "library")):
+            if needed == path or path in needed.parents:
+                raise SubmissionError(
+                    f"{path} holds data and the {what} ({needed}): an agent must not see the data; move one"
+                )
+    return [os.fspath(path) for path in hidden]

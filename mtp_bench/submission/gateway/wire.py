@@ -1,0 +1,101 @@
+"""Messages between the judge and an agent: a header of JSON and the bytes of arrays; nothing is pickled.
+
+A message is 4 bytes (length of the header), 8 bytes (length of the body), the header, the body; lengths are
+little-endian. The header holds what the kind of message needs and, under "arrays", name, dtype and shape of every array
+of the body, in order.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+PREFIX = struct.Struct("<IQ")
+HEADER_LIMIT = 1 << 16  # bytes
+DTYPES = frozenset(["|b1", "|i1", "|u1", "<i2", "<u2", "<i4", "<u4", "<i8", "<u8", "<f2", "<f4", "<f8"])
+UNUSABLE = ""  # dtype of a field that was there but was no array of numbers
+
+Arrays = Mapping[str, NDArray[Any]]
+
+
+class WireError(Exception):
+    """A message that is none."""
+
+
+def encode(header: dict[str, Any], arrays: Mapping[str, NDArray[Any] | None] | None = None) -> list[bytes | memoryview]:
+    """Parts of a message, to be written one after the other; None in place of an array says that it was unusable."""
+    entries: list[tuple[str, str, tuple[int, ...]]] = []
+    body: list[bytes | memoryview] = []
+    for name, value in (arrays or {}).items():
+        if value is None:
+            entries.append((name, UNUSABLE, ()))
+            continue
+        array = np.ascontiguousarray(value).reshape(value.shape)  # ascontiguousarray makes scalars into rows
+        entries.append((name, array.dtype.str, array.shape))
+        body.append(array.reshape(-1).view(np.uint8).data)
+    text = json.dumps({**header, "arrays": entries}, allow_nan=False).encode()
+    return [PREFIX.pack(len(text), sum(len(part) for part in body)) + text, *body]
+
+
+def header_of(text: bytes | bytearray | memoryview) -> dict[str, Any]:
+    """The header of a message; WireError where it is no table."""
+    try:
+        header = json.loads(bytes(text))
+    except (ValueError, RecursionError):
+        raise WireError("the header is no JSON") from None
+    if not isinstance(header, dict):
+        raise WireError("the header is no table")
+    return header
+
+
+def arrays_of(header: dict[str, Any], body: bytes | bytearray | memoryview) -> dict[str, NDArray[Any] | None]:
+    """Arrays of a message, as writable copies; WireError where header and body do not fit."""
+    entries = header.get("arrays")
+    if not isinstance(entries, list) or len(entries) > 64:
+        raise WireError("no list of arrays")
+    arrays: dict[str, NDArray[Any] | None] = {}
+    at = 0
+    for entry in entries:
+        name, dtype, shape = _entry(entry)
+        if dtype == UNUSABLE:
+            arrays[name] = None
+            continue
+        size = math.prod(shape) * np.dtype(dtype).itemsize
+        if size > len(body) - at:
+            raise WireError(f"array {name!r} is longer than the message")
+        arrays[name] = (
+            np.frombuffer(body, dtype, math.prod(shape), at).reshape(shape).copy() if size else np.zeros(shape, dtype)
+        )
+        at += size
+    if at != len(body):
+        raise WireError("the message is longer than its arrays")
+    return arrays
+
+
+def _entry(entry: Any) -> tuple[str, str, tuple[int, ...]]:
+    match entry:
+        case [str(name), str(dtype), list(shape)] if (
+            (dtype in DTYPES or dtype == UNUSABLE)
+            and len(shape) <= 8
+            and all(type(size) is int and 0 <= size < 2**40 for size in shape)
+        ):
+            return name, dtype, tuple(shape)
+    raise WireError(f"an array is described by {str(entry)[:80]}")
+
+
+def plain(value: object) -> NDArray[Any] | None:
+    """``value`` as an array of numbers that can be sent, None where it is none; whatever an agent hands over."""
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind not in "fiub":
+            return None
+        array = array.astype(array.dtype.newbyteorder("<"), copy=False)
+        return array if array.dtype.str in DTYPES else array.astype(np.float64)
+    except Exception:
+        return None
