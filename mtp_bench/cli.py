@@ -349,6 +349,56 @@ def fit_noise(
         write_text(output, text)
 
 
+@app.command()
+def submit(
+    path: Annotated[str, typer.Argument(help="Folder of a submission or name of a baseline.")],
+    env: Annotated[list[str], typer.Option("--env", help="Environment id; repeatable.")],
+    root: DataOption = None,
+    seeds: Annotated[int, typer.Option("--seeds", min=1, help="Runs with different random draws and frames.")] = 3,
+    scenes: Annotated[
+        int | None, typer.Option("--scenes", min=1, help="Only the first N scenes: a partial record, never ranked.")
+    ] = None,
+    jobs: JobsOption = 0,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder; leaderboard/records/<name> by default.")
+    ] = None,
+    division: Annotated[str, typer.Option("--division", help="closed or open.")] = "closed",
+    training_data: Annotated[
+        list[str] | None, typer.Option("--training-data", help="What the agent was trained on; repeatable.")
+    ] = None,
+) -> None:
+    """Run a submission behind the gateway and write its records for the leaderboard."""
+    from ._submit import DIVISIONS, submit_all
+
+    if division not in DIVISIONS:
+        raise typer.BadParameter(f"{division!r}, expected one of: {', '.join(DIVISIONS)}", param_hint="--division")
+    submit_all(path, env, root, seeds, scenes, workers(jobs), output, division, training_data or ())
+
+
+@app.command()
+def verify(
+    record: Annotated[Path, typer.Argument(help="A record, or a folder: all records in it.")],
+    root: DataOption = None,
+    rerun: Annotated[bool, typer.Option("--rerun", help="Run the submission again, not only its scorer.")] = False,
+    submission: Annotated[
+        Path | None, typer.Option("--submission", help="Folder to run again; else the baseline of that name.")
+    ] = None,
+    write: Annotated[
+        bool, typer.Option("--write", help="Write the level reached, or new numbers where the scorer changed.")
+    ] = False,
+    jobs: JobsOption = 0,
+    env: Annotated[str | None, typer.Option("--env", help="Card of the record, where it does not ship.")] = None,
+    json_file: JsonOption = None,
+) -> None:
+    """Check records: digest, card, data, and stored rollouts scored again. Status 1 where one does not hold."""
+    from ._submit import verify_all
+
+    if submission is not None and not rerun:
+        raise typer.BadParameter("is for running it again: add --rerun", param_hint="--submission")
+    require_writable(json_file)
+    verify_all(record, root, env, submission, rerun, write, workers(jobs), json_file)
+
+
 @app.command(hidden=True)
 def freeze(env: EnvOption, root: DataOption = None, jobs: JobsOption = 0) -> None:
     """Write the frozen subsets of a shipped environment (maintainers)."""

@@ -26,6 +26,10 @@ class RolloutError(MtpBenchError):
     """A stored rollout is missing, incomplete or was made for another card."""
 
 
+class RecordError(MtpBenchError):
+    """A leaderboard record is missing, incomplete, was changed or cannot be compared with another."""
+
+
 class ShapeError(MtpBenchError, ValueError):
     """An array has another shape, type or content than its function needs."""
 

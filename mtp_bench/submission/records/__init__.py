@@ -1,0 +1,18 @@
+"""Leaderboard records: what a submission scored, how it was measured, and how anyone checks it.
+
+A record is a JSON file with a digest of its own. The digest tells of accidents and of careless changes; it is no
+signature. What cannot be forged without being found is a record whose stored rollouts are scored again (`verify`), and
+a submission that is run again.
+"""
+
+from .ranking import MissingAware as MissingAware
+from .ranking import paired as paired
+from .ranking import ranks as ranks
+from .ranking import why_unranked as why_unranked
+from .record import Record as Record
+from .record import load_record as load_record
+from .record import record_paths as record_paths
+from .record import save_record as save_record
+from .submitting import submit as submit
+from .verifying import Verification as Verification
+from .verifying import verify as verify
