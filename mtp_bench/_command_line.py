@@ -34,6 +34,12 @@ DetectorOption = Annotated[
 DetectionsOption = Annotated[
     Path | None, typer.Option("--detections", help="File of stored detections (nuScenes submission form).")
 ]
+BackendOption = Annotated[
+    str, typer.Option("--backend", help="loky: processes of this machine. dask: workers of a Dask cluster.")
+]
+SchedulerOption = Annotated[
+    str | None, typer.Option("--scheduler", help="Address of the Dask scheduler, such as tcp://10.0.0.1:8786.")
+]
 FolderArgument = Annotated[Path, typer.Argument(help="Folder written by `mtp-bench run`.")]
 RunCardOption = Annotated[str | None, typer.Option("--env", help="Card of the run, where it does not ship.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the run.")]
@@ -55,6 +61,17 @@ def prepare(env: str, root: str | None, scenes: int | None, jobs: int, changes: 
 
     with progress_bar("prepare") as (started, done):
         prepare_scenes(env, changes, root, scenes, workers(jobs), started, done)
+
+
+def require_backend_options(backend: str, scheduler: str | None) -> None:
+    """Refuse a backend that cannot work before anything is prepared."""
+    from ._cluster import BACKENDS, require_backend
+
+    if backend not in BACKENDS:
+        raise typer.BadParameter(f"{backend!r}, expected one of: {', '.join(BACKENDS)}", param_hint="--backend")
+    if (backend == "dask") != (scheduler is not None):
+        raise typer.BadParameter("--backend dask and --scheduler ADDRESS go together", param_hint="--scheduler")
+    require_backend(backend, scheduler)
 
 
 def fail(text: str) -> None:

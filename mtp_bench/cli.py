@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from ._command_line import (
+    BackendOption,
     DataOption,
     DetectionsOption,
     DetectorOption,
@@ -19,6 +20,7 @@ from ._command_line import (
     JsonOption,
     RunCardOption,
     ScenesOption,
+    SchedulerOption,
     SeedOption,
     SplitOption,
     condition,
@@ -26,6 +28,7 @@ from ._command_line import (
     fail,
     given,
     prepare,
+    require_backend_options,
     require_writable,
     show_report,
     show_skipped,
@@ -95,15 +98,19 @@ def run(
     split: SplitOption = None,
     detector: DetectorOption = None,
     detections: DetectionsOption = None,
+    backend: BackendOption = "loky",
+    scheduler: SchedulerOption = None,
 ) -> None:
     """Run an agent and store what it said."""
     from .submission.stored import run_and_store
     from .viz.terminal import progress_bar, show
 
+    require_backend_options(backend, scheduler)
     changes = given(split=split, detector=detector, detection_file=detections)
     prepare(env, root, scenes, jobs, changes)
     with progress_bar(agent) as (started, done):
-        stored = run_and_store(agent, env, output, root, scenes, workers(jobs), seed, started, done, changes)
+        size = scenes, workers(jobs), seed
+        stored = run_and_store(agent, env, output, root, *size, started, done, changes, backend, scheduler)
     show_skipped(stored.skipped)
     show(f"{count(stored.scenes, 'scene')} of {env} by {agent} in {output}; score with `mtp-bench score {output}`")
 
@@ -145,6 +152,8 @@ def compare(
     detector: DetectorOption = None,
     detections: DetectionsOption = None,
     json_file: JsonOption = None,
+    backend: BackendOption = "loky",
+    scheduler: SchedulerOption = None,
 ) -> None:
     """Run agents side by side, with true pasts and the controls beside them, and print the comparison."""
     from .submission.compare import compare as run_comparison
@@ -152,11 +161,13 @@ def compare(
     from .viz.terminal import progress_bar, show
 
     require_writable(json_file)
+    require_backend_options(backend, scheduler)
     changes = given(split=split, detector=detector, detection_file=detections)
     prepare(env, root, scenes, jobs, changes)
     keywords = {**given(data=root), **changes}
     with progress_bar("compare") as (started, done):
-        result = run_comparison(agents, env, keywords, scenes, range(seeds), workers(jobs), started, done, reference)
+        size = scenes, range(seeds), workers(jobs)
+        result = run_comparison(agents, env, keywords, *size, started, done, reference, backend, scheduler)
     report = result.report
     further = {"condition": report.condition, "ranks": report.ranks, "paired": report.paired}
     further |= {"details": report.details, "skipped": result.skipped}
@@ -350,6 +361,42 @@ def fit_noise(
 
 
 @app.command()
+def new(
+    name: Annotated[str, typer.Argument(help="Name of the submission: lower case.")],
+    folder: Annotated[Path, typer.Option("--folder", help="Where its folder is made.")] = Path(),
+) -> None:
+    """Begin a submission: a folder with an agent that works."""
+    from ._new import begin
+    from .viz.terminal import show
+
+    show(begin(name, folder))
+
+
+@app.command()
+def check(
+    path: Annotated[str, typer.Argument(help="Folder of a submission or name of a baseline.")],
+    env: Annotated[
+        str, typer.Option("--env", help="Environment to check on; `mtp-bench envs` lists them.")
+    ] = "MTP-Intersection-v0",
+    root: DataOption = None,
+    json_file: JsonOption = None,
+) -> None:
+    """Check that a submission keeps the contract, and score three scenes beside STP. Status 1 for errors."""
+    from ._check import SCENES, check_submission, finding_table, score_table, verdict
+    from .viz.terminal import progress_bar, show, show_numbers
+
+    require_writable(json_file)
+    prepare(env, root, SCENES, 0, {})
+    with progress_bar("check") as (started, done):
+        checked = check_submission(path, env, root, started, done)
+    write_json(json_file, checked.to_json())
+    show(finding_table(checked))
+    if checked.scores:
+        show_numbers(score_table(checked))
+    show(verdict(checked, path))
+
+
+@app.command()
 def submit(
     path: Annotated[str, typer.Argument(help="Folder of a submission or name of a baseline.")],
     env: Annotated[list[str], typer.Option("--env", help="Environment id; repeatable.")],
@@ -397,6 +444,28 @@ def verify(
         raise typer.BadParameter("is for running it again: add --rerun", param_hint="--submission")
     require_writable(json_file)
     verify_all(record, root, env, submission, rerun, write, workers(jobs), json_file)
+
+
+@app.command()
+def board(
+    further: Annotated[
+        list[Path] | None, typer.Option("--with", help="A record to place among the others; repeatable.")
+    ] = None,
+    records: Annotated[
+        Path | None, typer.Option("--records", help="Folder of records; those that ship by default.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Also write a page that needs no network: a .html file.")
+    ] = None,
+    env: Annotated[str | None, typer.Option("--env", help="Only this environment.")] = None,
+    json_file: JsonOption = None,
+) -> None:
+    """Show the leaderboard: a table per environment, and a page to open in a browser."""
+    from ._board import show_board
+
+    for path in (json_file, output):
+        require_writable(path)
+    show_board(records, further or (), env, output, json_file)
 
 
 @app.command(hidden=True)

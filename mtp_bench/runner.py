@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ._cluster import cluster_map, require_backend
 from ._version import __version__
 from .agent import Agent
 from .cards import Card
@@ -94,11 +95,25 @@ class Job:
 
 
 def run_jobs(
-    jobs: Sequence[Job], workers: int = 1, finish: Finish | None = None, progress: Progress | None = None
+    jobs: Sequence[Job],
+    workers: int = 1,
+    finish: Finish | None = None,
+    progress: Progress | None = None,
+    backend: str = "loky",
+    scheduler: str | None = None,
 ) -> list[Any]:
-    """What ``finish`` makes of each job (its Rollout if None), in the order of ``jobs``, over ``workers`` processes."""
+    """What ``finish`` makes of each job (its Rollout if None), in the order of ``jobs``, over ``workers`` processes.
+
+    With ``backend="dask"`` they run on the workers of the Dask scheduler at this address, as many as it has; the
+    results are the same. What the jobs name (data root, submission) must be at the same path there.
+    """
+    require_backend(backend, scheduler)
     results: dict[int, Any] = {}
-    for index, result in _map(jobs, min(workers, max(1, len(jobs))), finish):
+    if scheduler is None:
+        done = _map(jobs, min(workers, max(1, len(jobs))), finish)
+    else:
+        done = cluster_map(_one_scene, [(index, job, finish) for index, job in enumerate(jobs)], scheduler)
+    for index, result in done:
         results[index] = result
         if progress is not None:
             progress(jobs[index].scene)

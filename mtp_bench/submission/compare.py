@@ -125,12 +125,15 @@ def compare(
     started: Callable[[int], object] | None = None,
     progress: Callable[[str], object] | None = None,
     reference: str | None = None,
+    backend: str = "loky",
+    scheduler: str | None = None,
 ) -> Comparison:
     """Run and score the controls and the agents ``names`` on the first ``scenes`` scenes of an env (None: all).
 
     ``env_keywords`` go to every env (``data``). ``started`` is told the number of runs (settings x seeds x scenes),
     ``progress`` the scene of each finished one. ``reference`` names another agent whose own events define the subsets
-    in place of the frozen ones: a look, not a ranking. Raises MtpBenchError for whatever the user can mend.
+    in place of the frozen ones: a look, not a ranking. ``backend`` and ``scheduler`` as in `run_jobs`. Raises
+    MtpBenchError for whatever the user can mend.
     """
     common = env_keywords or {}
     env = MTPEnv(env_id, **common)
@@ -144,7 +147,7 @@ def compare(
     jobs = [job for s in settings for seed in seeds for job in _jobs(s, env_id, env.card, common, chosen, seed)]
     if started is not None:
         started(len(jobs))
-    scores: list[SceneScore] = run_jobs(jobs, workers, score_scene, progress)
+    scores: list[SceneScore] = run_jobs(jobs, workers, score_scene, progress, backend, scheduler)
     runs = iter([tuple(scores[i : i + len(chosen)]) for i in range(0, len(scores), len(chosen))])
     agents = [_agent_scores(setting, tuple(next(runs) for _ in seeds)) for setting in settings]
     subsets = _subsets(env.card, agents[place], own=settings[place].submission.name == env.card.reference)

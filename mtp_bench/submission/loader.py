@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ..types import Task
 
 MANIFEST = "submission.toml"
+NAME_PATTERN = r"^[a-z0-9][a-z0-9_.-]*$"
 Value = bool | int | float | str | list[Any] | dict[str, Any]
 _NOT_EMPTY = Field(min_length=1, strict=False)  # not strict: TOML has lists, no tuples
 _Names = Annotated[tuple[str, ...], _NOT_EMPTY]
@@ -42,7 +43,7 @@ class CompareSection(Section):
 
 
 class _Manifest(Section):
-    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_.-]*$")]  # it becomes the name of a folder of records
+    name: Annotated[str, Field(pattern=NAME_PATTERN)]  # it becomes the name of a folder of records
     authors: _Names
     agent: Annotated[str, Field(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*$")]
     description: str = ""

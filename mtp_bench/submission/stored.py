@@ -54,10 +54,13 @@ def run_and_store(
     started: Started | None = None,
     progress: Done | None = None,
     changes: dict[str, Any] | None = None,
+    backend: str = "loky",
+    scheduler: str | None = None,
 ) -> StoredRun:
     """Run a submission on the first ``scenes`` scenes (None: all) of an env and store its rollouts in ``folder``.
 
-    ``changes``: ``split``, ``detector`` or ``detection_file`` of the env where it is not the card's.
+    ``changes``: ``split``, ``detector`` or ``detection_file`` of the env where it is not the card's. ``backend`` and
+    ``scheduler`` as in `run_jobs`.
 
     Raises MtpBenchError for whatever the user can mend, a folder that cannot be written before anything runs.
     """
@@ -72,7 +75,7 @@ def run_and_store(
     if started is not None:
         started(len(names))
     jobs = jobs_of(submission, env_id, {"data": data, **keywords}, names, seed)
-    results: list[tuple[Rollout, dict[str, int]]] = run_jobs(jobs, workers, _keep, progress)
+    results: list[tuple[Rollout, dict[str, int]]] = run_jobs(jobs, workers, _keep, progress, backend, scheduler)
     keywords.pop("samples")  # the card's, and a field of its own
     info = run_info(env, submission.name, seed, submission.parameters, submission.digest, keywords)
     save_run(folder, info, [rollout for rollout, _ in results])

@@ -1,0 +1,51 @@
+"""Begin a submission: a folder with an agent that works, made from the template."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+from .._bundle import baseline_names
+from ..errors import SubmissionError
+from .files import require_folder
+from .loader import MANIFEST, NAME_PATTERN
+
+TEMPLATE = Path(__file__).parent / "template"
+FILES = (MANIFEST, "agent.py", "README.md")
+
+
+def new_submission(name: str, parent: Path) -> Path:
+    """Folder ``parent / name`` with the template under this name.
+
+    Raises SubmissionError for a name that a manifest could not have or a baseline has, for a folder that exists, and
+    MtpBenchError where nothing can be written.
+    """
+    if not re.fullmatch(NAME_PATTERN, name):
+        raise SubmissionError(
+            f"{name!r} is no name for a submission: expected lower-case letters, digits and _ . - after a letter or a "
+            f"digit, such as {_nearest_name(name)!r}"
+        )
+    if name in baseline_names():
+        raise SubmissionError(f"{name!r} is the name of a baseline, which commands would take instead: choose another")
+    folder = parent / name
+    if folder.exists() or folder.is_symlink():
+        raise SubmissionError(f"{folder} exists already, expected a new folder: choose another name, or remove it")
+    require_folder(folder)
+    try:
+        _write(folder, name)
+    except OSError as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise SubmissionError(f"cannot write {folder}: {error.strerror or error}") from None
+    return folder
+
+
+def _write(folder: Path, name: str) -> None:
+    folder.mkdir(parents=True)
+    for file in FILES:
+        text = (TEMPLATE / file).read_text(encoding="utf-8")
+        (folder / file).write_text(re.sub(r"\bNAME\b", name, text), encoding="utf-8")
+
+
+def _nearest_name(name: str) -> str:
+    return re.sub(r"[^a-z0-9_.-]+", "-", name.lower()).strip("-_.") or "mine"

@@ -1,0 +1,56 @@
+"""What a check found."""
+
+from __future__ import annotations
+
+import traceback
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from ..errors import MtpBenchError
+
+Level = Literal["ok", "warning", "error"]
+
+_OWN = Path(__file__).resolve().parent  # frames of these files say nothing of the agent
+_LOADER = _OWN.parent / "submission" / "loader.py"
+_LINES = 4  # of a traceback
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One result of a check; ``str()`` is a sentence."""
+
+    level: Level
+    check: str  # short name of the check, such as "determinism"
+    got: str
+    expected: str = ""
+    where: str = ""  # scene, frame, field
+    advice: str = ""  # what to do
+    traceback: tuple[str, ...] = ()  # the last calls, innermost last: 'agent.py, line 12, in act: x = 1 / 0'
+
+    def __str__(self) -> str:
+        place = f" ({self.where})" if self.where else ""
+        wanted = f", expected {self.expected}" if self.expected else ""
+        return f"{self.check}: {self.got}{wanted}{place}" + (f"; {self.advice}" if self.advice else "")
+
+
+def failure(check: str, error: BaseException, where: str, expected: str = "an answer", advice: str = "") -> Finding:
+    """The finding that the agent raised ``error``, with the lines of its code that led there."""
+    root = error
+    while isinstance(root, MtpBenchError) and root.__cause__ is not None:
+        root = root.__cause__
+    text = str(error) if isinstance(error, MtpBenchError) else f"{type(error).__name__}: {error}"
+    return Finding("error", check, text, expected, where, advice or "see its traceback", _calls(root))
+
+
+def _calls(error: BaseException) -> tuple[str, ...]:
+    frames = [
+        frame
+        for frame in traceback.extract_tb(error.__traceback__)
+        if not frame.filename.startswith("<frozen")
+        and Path(frame.filename).resolve() != _LOADER
+        and Path(frame.filename).resolve().parent != _OWN
+    ]
+    return tuple(
+        f"{Path(frame.filename).name}, line {frame.lineno}, in {frame.name}: {frame.line}" for frame in frames[-_LINES:]
+    )

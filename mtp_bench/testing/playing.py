@@ -1,0 +1,162 @@
+"""An agent played through frames, with an eye on everything that it does."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._answer import Answer, decode
+from ..agent import Agent
+from ..env import MTPEnv
+from ..runner import agent_task, derived_seed
+from ..types import Task
+from .answers import Problem, answer_problems
+from .findings import Finding, failure
+
+Observation = dict[str, NDArray[Any]]
+Steps = Generator[tuple[str, Observation], Any, None]  # yields (what, observation), is sent the answer
+
+
+@dataclass
+class Seen:
+    """One kind of problem over all frames."""
+
+    problem: Problem  # the first of its kind
+    where: str
+    rows: int = 0
+    frames: int = 0
+
+
+@dataclass
+class Played:
+    """What an agent said in one pass, and what it did besides."""
+
+    where: str
+    answers: list[Answer] = field(default_factory=list)  # in the frame of the observations
+    seconds: list[float] = field(default_factory=list)
+    problems: dict[tuple[str, str], Seen] = field(default_factory=dict)
+    written: str = ""  # where it wrote into an observation first; empty: nowhere
+    failure: Finding | None = None
+
+    def findings(self, check: str) -> list[Finding]:
+        """The failure, else every kind of problem with the place of its first row."""
+        if self.failure is not None:
+            return [replace(self.failure, check=check)]
+        return [_finding(check, seen) for seen in self.problems.values()]
+
+
+def play(
+    agent: Agent, env: MTPEnv, scene: str, seed: int, frames: int | None = None, scribble: bool = False, turn: int = 0
+) -> Played:
+    """Play the first ``frames`` frames of a scene (None: all of them).
+
+    ``scribble``: every observation is overwritten when the answer to it is there, as an env with buffers would do.
+    ``turn`` chooses the rigid motion of an env that has one.
+    """
+    place = "" if turn == 0 else f"|{turn}"
+    first, _ = env.reset(seed=derived_seed(seed, scene + place, "env"), options={"scene": scene})
+    return _play(agent, agent_task(env, seed), _episode(env, first, frames), f"scene {scene}", scribble)
+
+
+def play_made_up(agent: Agent, task: Task, frames: Sequence[tuple[str, Observation]]) -> Played:
+    """Play observations that no scene holds, each with a word for what it is."""
+    return _play(agent, task, _listed(frames), "made-up scene", False)
+
+
+def first_difference(a: Played, b: Played) -> str:
+    """Where two passes first differ, as text; empty where they are equal."""
+    for number, (x, y) in enumerate(zip(a.answers, b.answers, strict=False)):
+        for name, value in vars(x).items():
+            if not np.array_equal(value, getattr(y, name), equal_nan=True):
+                return f"{a.where}, frame {number}, {name}"
+    return "" if len(a.answers) == len(b.answers) else f"{a.where}, frame {min(len(a.answers), len(b.answers))}"
+
+
+def _episode(env: MTPEnv, observation: Observation, frames: int | None) -> Steps:
+    number, over = 0, False
+    while not over and (frames is None or number < frames):
+        action = yield f"frame {number}", observation
+        observation, _, _, over, _ = env.step(action)
+        number += 1
+
+
+def _listed(frames: Sequence[tuple[str, Observation]]) -> Steps:
+    for number in range(len(frames)):
+        yield frames[number]
+
+
+def _play(agent: Agent, task: Task, steps: Steps, where: str, scribble: bool) -> Played:
+    played = Played(where)
+    try:
+        agent.reset(task)
+    except (Exception, SystemExit) as error:
+        played.failure = failure("", error, f"{where}, reset", "a reset")
+        return played
+    step = next(steps, None)
+    while step is not None:
+        what, observation = step
+        place = f"{where}, {what}"
+        before = {name: array.copy() for name, array in observation.items()}
+        try:
+            start = time.perf_counter()
+            action = agent.act(observation)
+            played.seconds.append(time.perf_counter() - start)
+        except (Exception, SystemExit) as error:
+            played.failure = failure("", error, place)
+            return played
+        _note(played, action, task, before, observation, place)
+        if scribble:
+            action = _copied(action)
+            _overwrite(observation)
+        step = _next(steps, action)
+    return played
+
+
+def _next(steps: Steps, action: object) -> tuple[str, Observation] | None:
+    try:
+        return steps.send(action)
+    except StopIteration:
+        return None
+
+
+def _note(
+    played: Played, action: object, task: Task, before: Observation, observation: Observation, place: str
+) -> None:
+    """Keep the sound part of the answer, the problems of the rest, and whether the observation was written into."""
+    played.answers.append(decode(action, task))
+    for problem in answer_problems(action, task):
+        where = f"{place}, {problem.example}" if problem.example else place
+        seen = played.problems.setdefault((problem.field, problem.reason), Seen(problem, where))
+        seen.rows += problem.rows
+        seen.frames += 1
+    for name, array in before.items():
+        if not played.written and not np.array_equal(array, observation.get(name), equal_nan=True):  # type: ignore[arg-type]
+            played.written = f"{place}, {name}"
+
+
+def _copied(action: Any) -> Any:
+    """The answer without the arrays of the observation, which an agent may hand back."""
+    return {key: np.array(value) for key, value in action.items()} if isinstance(action, dict) else action
+
+
+def _overwrite(observation: Observation) -> None:
+    for array in observation.values():
+        array[...] = 1
+
+
+def _finding(check: str, seen: Seen) -> Finding:
+    problem = seen.problem
+    rows = f", {seen.rows} rows" if problem.kind and seen.rows > 1 else ""
+    return Finding(
+        problem.level,
+        check,
+        f"{problem.field}: {problem.reason} in {seen.frames} frame{'s' * (seen.frames > 1)}{rows}",
+        problem.expected,
+        seen.where,
+        f"the judge takes such {problem.kind} out: they count as missing" if problem.kind else "",
+    )
