@@ -1,0 +1,94 @@
+"""What `mtp-bench board` does: records with their ranks, as tables, as a page and as JSON."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .errors import MtpBenchError
+
+if TYPE_CHECKING:
+    from .submission.records import Record
+    from .viz.board.entries import Entry
+
+
+def show_board(
+    folder: Path | None, further: Sequence[Path], env_id: str | None, output: Path | None, json_file: Path | None
+) -> None:
+    """Print the leaderboards of the records in ``folder`` (None: those that ship) and of the files ``further``.
+
+    ``output`` is written as a page, ``json_file`` as JSON, where they are named. Raises MtpBenchError where the
+    folder is missing, RecordError where a record is broken, UnknownNameError for an env without a record that is
+    no card either.
+    """
+    from ._command_line import count, write_json
+    from .submission.files import write_text
+    from .viz.board import board_json, board_page, board_tables
+    from .viz.terminal import show, show_numbers
+
+    entries = read_board(folder, further, env_id, output)
+    write_json(json_file, board_json(entries))
+    if output is not None:
+        write_text(output, board_page(entries))
+    for table in board_tables(entries):
+        show_numbers(table)
+    if not entries:
+        show("no record" + (f" of {env_id}" if env_id else "") + " yet; `mtp-bench submit` makes one")
+    if output is not None:
+        show(f"{output}: {count(len(entries), 'record')}; open it in a browser")
+
+
+def read_board(
+    folder: Path | None, further: Sequence[Path], env_id: str | None, page: Path | None = None
+) -> list[Entry]:
+    """Entries in the order of the leaderboard; those of ``further`` that are not in the folder are marked as added.
+
+    ``page`` is the file that links start from; without one there are none. Errors as in show_board.
+    """
+    from .submission.records import load_record, ranks, record_paths, why_unranked
+    from .viz.board import entries_of
+
+    paths = record_paths(_records_folder(folder))
+    found = {record.digest: (path, record, False) for path in paths for record in [load_record(path)]}
+    for path in further:
+        record = load_record(path)
+        found.setdefault(record.digest, (path, record, True))
+    listed = [item for item in found.values() if env_id is None or item[1].env.id == env_id]
+    _require_known(env_id, [record for _, record, _ in found.values()])
+    records = [record for _, record, _ in listed]
+    places = ranks(records)
+    return entries_of(
+        [record.model_dump(mode="json") for record in records],
+        [places[record.digest]["all"] for record in records],
+        [why_unranked(record, records) or "" for record in records],
+        [None if page is None else relative_address(path, page) for path, _, _ in listed],
+        {i for i, (_, _, added) in enumerate(listed) if added},
+    )
+
+
+def relative_address(path: Path, page: Path) -> str | None:
+    """Way from the folder of ``page`` to ``path``; None from another drive."""
+    try:
+        relative = os.path.relpath(path.absolute(), page.absolute().parent)
+    except ValueError:
+        return None
+    return Path(relative).as_posix()
+
+
+def _records_folder(folder: Path | None) -> Path:
+    from ._bundle import bundled
+
+    folder = folder or bundled("leaderboard") / "records"
+    if not folder.is_dir():
+        raise MtpBenchError(f"{folder}: no such folder of records; name another with --records")
+    return folder
+
+
+def _require_known(env_id: str | None, records: Sequence[Record]) -> None:
+    """An env that nobody has submitted to is fine as long as there is such an env."""
+    from .cards import load_card
+
+    if env_id is not None and all(record.env.id != env_id for record in records):
+        load_card(env_id)

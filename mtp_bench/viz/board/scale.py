@@ -1,0 +1,78 @@
+"""The common scale of the intervals of one environment, in user units of the drawings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from .entries import Entry
+
+WIDTH = 190.0  # of a drawing
+PAD = 10.0  # left and right of the scale
+MOST_TICKS = 4
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A linear scale from ``low`` to ``high`` metres."""
+
+    low: float
+    high: float
+    ticks: tuple[float, ...]
+
+    def x(self, value: float) -> float:
+        """Where a value is drawn; values off the scale stay at its ends."""
+        share = (min(max(value, self.low), self.high) - self.low) / (self.high - self.low)
+        return round(PAD + share * (WIDTH - 2 * PAD), 1)
+
+    def text(self, value: float) -> str:
+        """A tick's label."""
+        return f"{value:g}"
+
+
+@dataclass(frozen=True)
+class Bar:
+    """One interval as it is drawn."""
+
+    low: float
+    high: float
+    at: float
+    below: bool  # some of it lies off the scale: an arrow says so
+    above: bool
+
+
+def scale_of(entries: Sequence[Entry], reference: float | None) -> Scale | None:
+    """A scale that holds the intervals of the ranked entries (of all, where none is ranked) and the reference."""
+    shown = [entry for entry in entries if entry.rank is not None] or list(entries)
+    values = [end for entry in shown for end in (entry.interval or (entry.error,)) if end is not None]
+    values += [entry.error for entry in shown if entry.error is not None]
+    if not values:
+        return None
+    values += [] if reference is None else [reference]
+    return _nice(min(values), max(values))
+
+
+def bar_of(scale: Scale | None, error: float | None, interval: tuple[float, float] | None) -> Bar | None:
+    """How an error and its interval are drawn; without an interval as a point."""
+    if scale is None or error is None:
+        return None
+    low, high = interval or (error, error)
+    return Bar(scale.x(low), scale.x(high), scale.x(error), low < scale.low, high > scale.high)
+
+
+def _nice(low: float, high: float) -> Scale:
+    """Round ends and at most ``MOST_TICKS`` ticks between them."""
+    span = max(high - low, 1e-3 * max(abs(high), 1.0))
+    step = _step(span / (MOST_TICKS - 1))
+    first, last = math.floor(low / step), math.ceil(high / step)
+    last = max(last, first + 1)
+    every = -(-(last - first + 1) // (MOST_TICKS + 1))
+    ticks = tuple(round(i * step, 9) for i in range(first, last + 1, every))
+    return Scale(first * step, last * step, ticks)
+
+
+def _step(least: float) -> float:
+    """The smallest 1, 2 or 5 times a power of ten that is not less than ``least``."""
+    power = 10.0 ** math.floor(math.log10(least))
+    return next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= least * (1 - 1e-9))

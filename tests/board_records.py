@@ -1,0 +1,124 @@
+"""Records made up for tests of the leaderboard: no submission of these names exists, no number was measured."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from typing import Any
+
+Row = dict[str, Any]
+
+SUBSETS = {"all": 4210, "ids": 131, "lost": 322, "reacquired": 118, "frag": 440}
+OBJECTS = {"all": 312, "ids": 41, "lost": 96, "reacquired": 17, "frag": 102}
+HARDER = {"all": 1.0, "ids": 1.55, "lost": 2.4, "reacquired": 1.8, "frag": 2.2}
+SCENES = 12
+SECRET = {"commitment": "c0ffee", "scenes": 20, "targets": 7000, "missing_aware": 0.83, "interval": [0.78, 0.9]}
+
+HOSTILE = '</script><img src=x onerror="window.hacked=1">'
+
+
+def made_up(
+    name: str,
+    error: float | None = 1.0,
+    env_id: str = "MTP-Intersection-v0",
+    spread: float = 0.08,
+    hypotheses: int = 1,
+    **changed: Any,
+) -> Row:
+    """A record; ``changed`` replaces fields, those of a nested section one by one."""
+    record: Row = {
+        "format": 1,
+        "submission": {
+            "name": name,
+            "authors": ["Ada Fiction", "Ben Example"],
+            "description": "Made up for a picture.",
+            "digest": _hex(f"submission {name}"),
+            "parameters": {"hypotheses": hypotheses},
+        },
+        "division": "closed",
+        "training_data": [],
+        "env": {
+            "id": env_id, "card_digest": _hex(env_id)[:16], "split": "val", "data_manifest": _hex(f"data {env_id}"),
+            "scenes": SCENES, "scenes_of_split": SCENES, "observe": "detections", "truth_complete": True,
+            "keywords": {},
+        },
+        "scorer": {"definitions": "1.0", "source_digest": _hex("source")},
+        "reference": {"name": "stp", "hash": _hex("reference"), "origin": "frozen subsets of 'stp'"},
+        "seeds": [0, 1, 2],
+        "status": "finished",
+        "status_reason": "",
+        "verification": "scored",
+        "versions": {"mtp_bench": "0.1.0"},
+        "hardware": {"cpu": "Example CPU 3000", "cores": 8, "memory_gib": 31.2, "gpu": None},
+        "latency": {"p50_ms": 1.4 + hypotheses, "p95_ms": 2.9 + 2 * hypotheses, "max_ms": 40.25, "limit_ms": 100.0},
+        "peak_memory_mib": 210.0 + 14 * hypotheses,
+        "missed": {"late": 0, "malformed": 0, "crashed_scenes": 0, "reasons": {}},
+        "isolation": {"network_cut": True, "files_hidden": True},
+        "hypotheses": hypotheses,
+        "samples": 20,
+        "rows": [_row(name, subset, error, spread, hypotheses) for subset in SUBSETS],
+        "details": {} if error is None else {"parts": _parts(error)},
+        "motion_gap": None if error is None else {
+            "still": error, "moved": error + 0.002, "difference": 0.002, "interval": [-0.004, 0.009],
+        },
+        "per_scene": [] if error is None else [_scene(i, error) for i in range(SCENES)],
+        "seals": {},
+        "rollout_digests": {},
+        "made": "2026-01-15T12:00:00Z",
+    }  # fmt: skip
+    for field, value in changed.items():
+        record[field] = {**record[field], **value} if isinstance(record.get(field), dict) else value
+    record["digest"] = _hex(repr(record))
+    return record
+
+
+def _row(name: str, subset: str, error: float | None, spread: float, hypotheses: int) -> Row:
+    worse = None if error is None else error * HARDER[subset] / (1 + 0.03 * hypotheses * (subset != "all"))
+    return {
+        "agent": name, "hypotheses": hypotheses, "samples": 20, "budget": "equal", "subset": subset,
+        "minADE": worse and 0.6 * worse, "minFDE": worse and 1.15 * worse, "missing_aware": worse,
+        "energy_score": worse, "coverage": worse and 0.97 - 0.1 * worse,
+        "gap_closed": worse and 1.65 - 1.7 * worse / HARDER[subset],
+        "targets": SUBSETS[subset], "events": None, "objects": OBJECTS[subset], "scenes": SCENES,
+        "interval": worse and [worse * (1 - spread), worse * (1 + 1.2 * spread)], "ms_per_frame": 2.5,
+    }  # fmt: skip
+
+
+def _scene(i: int, error: float) -> Row:
+    here = error * (1 + 0.35 * math.sin(1.7 * i + error))
+    targets = 300 + 17 * i
+    return {
+        "scene": f"{i:04d}", "targets": targets, "missing_aware": here, "seeds": [here] * 3,
+        "counts": {"all": targets}, "errors": {"all": [here * targets] * 3},
+    }  # fmt: skip
+
+
+def _parts(error: float) -> Row:
+    return {"localisation": 0.55 * error, "missed": 0.3 * error, "false": 0.15 * error}
+
+
+def _hex(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def made_up_board() -> tuple[list[Row], list[int | None], list[str]]:
+    """Records of two environments with ranks and reasons."""
+    kitti = "MTP-KITTI-v0"
+    truth = {"observe": "truth"}
+    listed: list[tuple[Row, int | None, str]] = [
+        (made_up("braided_paths", 0.742, hypotheses=20, verification="re-run"), 1, ""),
+        (made_up("forest_of_maybe", 0.761, hypotheses=10, verification="re-scored"), 1, ""),
+        (made_up("calm_hedge", 0.823, hypotheses=5, spread=0.05, verification="hidden seeds", hidden=SECRET), 3, ""),
+        (made_up("late_decider", 0.871, hypotheses=8, training_data=["split train of this env"]), 4, ""),
+        (made_up("stp", 0.968, verification="re-run"), 5, ""),
+        (made_up("straight_on", 1.134, spread=0.1, missed={"late": 14}), 6, ""),
+        (made_up("truth_past", 0.381, env=truth), None, "saw the truth"),
+        (made_up("pooled_many", 0.655, hypotheses=40, division="open"), 1, ""),
+        (made_up("short_of_breath", 1.6, status="partial", status_reason="3 of 12 scenes were cut short"), None, ""),
+        (made_up("sleeper", None, status="crashed", status_reason="the process ended by signal 9"), None, ""),
+        (made_up("braided_paths", 0.411, kitti, hypotheses=20), 1, ""),
+        (made_up("stp", 0.532, kitti, spread=0.2), 2, ""),
+        (made_up("calm_hedge", 0.548, kitti, hypotheses=5), 2, ""),
+    ]
+    records, ranks, reasons = zip(*listed, strict=True)
+    return list(records), list(ranks), list(reasons)
