@@ -166,7 +166,7 @@ class EchoAgent:
         action["track_box"][: len(rows)] = observation["detection_box"][rows]
         action["track_class"][: len(rows)] = observation["detection_class"][rows]
         action["hypothesis_member"][:2] = action["track_valid"]
-        action["hypothesis_log_weight"][:2] = [0.0, -2.0]
+        action["hypothesis_log_weight"][:2] = [0.0, -2.0][: rules.hypotheses]
         rows = valid[: rules.objects]
         box = observation["detection_box"][rows]
         action["object_valid"][: len(rows)] = 1

@@ -95,7 +95,8 @@ def _contract(suite: Suite) -> list[Finding]:
             return played.findings("contract")
         total.append(score_scene(suite.env.scene, suite.env.rollout(), suite.env.card))
     suite.score = error_of(total)
-    return _merged([finding for played in suite.played for finding in played.findings("contract")]) + _silent(suite)
+    found = _merged([finding for played in suite.played for finding in played.findings("contract")])
+    return found if any(finding.level == "error" for finding in found) else found + _silent(suite)
 
 
 def _merged(findings: list[Finding]) -> list[Finding]:

@@ -15,6 +15,7 @@ from ..types import Bools, Task
 from .findings import Level
 
 KINDS = ("tracks", "hypotheses", "objects")  # in the order of `Rollout.invalid`
+_MOST_NUMBERS = 8  # of one row that are shown
 _OPTIONAL = "track_class"
 _BOX = f"finite x y z yaw up to {COORDINATE_LIMIT:g}, and l w h above 0 up to {SIZE_LIMIT:g} m"
 _KIND_NAMES = {"f": "floating", "i": "integer", "u": "integer", "b": "bool"}
@@ -196,8 +197,14 @@ def _rows(
     rows = np.flatnonzero(bad)
     if not len(rows):
         return None
-    value = "" if values is None else f" = {np.array2string(np.asarray(values[rows[0]]), precision=3, threshold=10)}"
+    value = "" if values is None else f" = {_shown(np.asarray(values[rows[0]]))}"
     return Problem(field, reason, expected, len(rows), f"{field}[{rows[0]}]{value}", kind, level)
+
+
+def _shown(value: NDArray[Any]) -> str:
+    numbers = [f"{number:.4g}" for number in value.ravel()[:_MOST_NUMBERS]]
+    more = ", ..." if value.size > _MOST_NUMBERS else ""
+    return f"[{', '.join(numbers)}{more}]" if value.ndim else numbers[0]
 
 
 def _sound(box: NDArray[Any]) -> Bools:

@@ -25,8 +25,7 @@ def other_sizes(suite: Suite) -> list[Finding]:
         env = suite.other_env(**sizes)
         played = play(suite.agent(env), env, suite.scenes[0], suite.seed, _FEW)
         shown = ", ".join(f"{name} {value}" for name, value in sizes.items())
-        known = {seen for first in suite.played for seen in first.problems}
-        news = [seen for key, seen in played.problems.items() if key not in known]
+        news = [seen for (name, _), seen in played.problems.items() if name not in suite.faulty]
         if played.failure is not None or news:
             first = played.findings("sizes")[0] if played.failure else None
             got = first.got if first else "; ".join(f"{seen.problem.field} {seen.problem.reason}" for seen in news)
@@ -43,8 +42,7 @@ def extremes(suite: Suite) -> list[Finding]:
     played = play_made_up(suite.agent(), task, extreme_frames(task))
     if played.failure is not None:
         return played.findings("extremes")
-    known = {seen for first in suite.played for seen in first.problems}
-    played.problems = {key: seen for key, seen in played.problems.items() if key not in known}
+    played.problems = {key: seen for key, seen in played.problems.items() if key[0] not in suite.faulty}
     return played.findings("extremes")
 
 

@@ -39,6 +39,11 @@ class Suite:
         except (Exception, SystemExit) as error:
             raise BuildError from error
 
+    @property
+    def faulty(self) -> set[str]:
+        """Fields with problems that were found already: under other conditions they are the same."""
+        return {name for played in self.played for name, _ in played.problems}
+
     def other_env(self, **changes: Any) -> MTPEnv:
         """The env of the suite with other keywords."""
         return MTPEnv(self.env_id, **{**self.keywords, **changes})
