@@ -25,8 +25,8 @@ def main() -> None:
     setup = json.loads(_read(orders)[0])
     made = sandbox["separate"]()
     sandbox["first_process"](made, lambda pid: _say(answers, {"kind": "started", "pid": pid}), (orders, answers))
-    hidden = sandbox["hide_files"](made, setup["work"], setup["hidden"], setup["disk"])
-    os.chdir(setup["work"])  # the folder as it is now, not the one below it
+    hidden = sandbox["hide_files"](made, setup["own"], setup["hidden"])
+    os.chdir(os.environ["HOME"])  # the folder as it is now, not the one below it
     _link_kernels(setup["kernels"], os.environ["NUMBA_CACHE_DIR"])
     sandbox["restrict"](made, setup["memory"], setup["disk"])
     _say(answers, {"kind": "locked", **sandbox["facts"](made, hidden)})

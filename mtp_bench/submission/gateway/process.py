@@ -17,12 +17,14 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import MtpBenchError
+from .family import children, descendants, peak_memory
 from .limits import Limits
 from .sandbox import hide_memory
 from .surroundings import environment
 from .wire import HEADER_LIMIT, PREFIX, Arrays, WireError, encode, header_of
 
 _KEPT = 4096  # bytes of what the agent prints
+_ENDING = 5.0  # s that the system may take to end a process
 _PIPE = 1 << 20  # bytes that a pipe holds, where the system allows it
 Message = tuple[dict[str, Any], bytes]
 
@@ -41,6 +43,7 @@ class AgentProcess:
         self._outgoing: deque[memoryview] = deque()
         self._printed = bytearray()
         self._pid: int | None = None  # of the process with the agent, which the one that was started may not be
+        self._handle: int | None = None
         self._memory_was_hidden = False
         self._incoming = bytearray()  # grows to `_wanted` bytes: first the prefix, then header and body
         self._wanted = PREFIX.size
@@ -52,9 +55,10 @@ class AgentProcess:
                 "agents run in processes of their own on Linux and macOS only; use `mtp-bench run` here"
             )
         self._folder = tempfile.mkdtemp(prefix="mtp_bench-agent-")
-        work = Path(self._folder).resolve() / "work"
-        work.mkdir()
-        self.work = str(work)
+        folder = Path(self._folder).resolve()
+        self.work, self.kernels = str(folder / "work"), str(folder / "kernels")
+        for path in (self.work, self.kernels):
+            Path(path).mkdir()
         orders, self._orders = os.pipe()
         self._answers, answers = os.pipe()
         self._log, log = os.pipe()
@@ -63,7 +67,7 @@ class AgentProcess:
             self._process = subprocess.Popen(
                 [sys.executable, "-I", "-B", str(child), str(orders), str(answers)],
                 cwd=self.work,
-                env=environment(self.work),
+                env=environment(self.work, self.kernels),
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
@@ -83,8 +87,9 @@ class AgentProcess:
 
     def __exit__(self, *_: object) -> None:
         self._kill()
-        for descriptor in (self._orders, self._answers, self._log):
-            os.close(descriptor)
+        for descriptor in (self._orders, self._answers, self._log, self._handle):
+            if descriptor is not None:
+                os.close(descriptor)
         shutil.rmtree(self._folder, ignore_errors=True)
         if self._memory_was_hidden:
             hide_memory(False)
@@ -115,16 +120,16 @@ class AgentProcess:
 
     def started(self, pid: int) -> None:
         """The number of the process with the agent."""
+        with suppress(OSError, AttributeError):  # a handle: the number may be given to another process
+            self._handle = os.pidfd_open(pid)
         self._pid = pid
 
     def others(self) -> int:
         """Look at the process: its memory, and how many processes it has started that are still there."""
         if self._pid is None:
             return 0
-        with suppress(OSError, ValueError, IndexError):
-            status = Path(f"/proc/{self._pid}/status").read_text()
-            self.peak_memory = max(self.peak_memory, int(status.split("VmHWM:")[1].split()[0]) * 1024)
-        return len(_children(self._pid))
+        self.peak_memory = max(self.peak_memory, peak_memory(self._pid))
+        return len(children(self._pid))
 
     def printed(self) -> str:
         """The last line of what the agent printed first, for an error text."""
@@ -205,14 +210,24 @@ class AgentProcess:
                     return
 
     def _kill(self) -> None:
-        everyone = _descendants(self._pid) if self._pid is not None else []
-        if self._process.poll() is None:
-            for pid in everyone:
+        """End the agent and all that it started, and wait for it."""
+        if self._pid is not None:
+            for pid in reversed(descendants(self._pid)[1:]):
                 with suppress(OSError):
                     os.kill(pid, signal.SIGKILL)
+            with suppress(OSError):
+                self._end_agent(self._pid)
         with suppress(OSError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
+
+    def _end_agent(self, pid: int) -> None:
+        if self._handle is None:  # the process that was started is the agent
+            if self._process.poll() is None:
+                os.kill(pid, signal.SIGKILL)
+            return
+        signal.pidfd_send_signal(self._handle, signal.SIGKILL)
+        select.select([self._handle], [], [], _ENDING)  # the first process of a namespace ends after all others
 
 
 def _widen(descriptor: int) -> None:
@@ -220,18 +235,3 @@ def _widen(descriptor: int) -> None:
         import fcntl
 
         fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, _PIPE)
-
-
-def _children(pid: int) -> list[int]:
-    found: list[int] = []
-    with suppress(OSError, ValueError):
-        for task in Path(f"/proc/{pid}/task").iterdir():
-            found += map(int, (task / "children").read_text().split())
-    return found
-
-
-def _descendants(pid: int) -> list[int]:
-    found = [pid]
-    for parent in found:  # grows as it is read
-        found += _children(parent)
-    return found

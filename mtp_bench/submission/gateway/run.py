@@ -21,6 +21,8 @@ from .limits import Limits, SceneRun
 from .process import AgentProcess
 from .surroundings import hidden_folders, library_path, own_kernels
 
+KERNELS = 64 << 20  # bytes that compiled kernels may take
+
 Progress = Callable[[str], object]
 
 
@@ -52,7 +54,7 @@ def run_isolated(
         setup = {
             "submission": str(loaded.path),
             "parameters": loaded.parameters if parameters is None else parameters,
-            "work": process.work,
+            "own": {process.work: limits.disk, process.kernels: KERNELS},
             "hidden": hidden,
             "kernels": own_kernels(),
             "path": library_path(),

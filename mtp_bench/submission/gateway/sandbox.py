@@ -10,7 +10,7 @@ import ctypes
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -64,7 +64,9 @@ def first_process(made: int, tell: Callable[[int], object], descriptors: Iterabl
     if inner == 0:
         _call("prctl", _PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
         _call("prctl", _SUBREAPER, 1, 0, 0, 0)
-        if not made & _PIDS:
+        if made & _PIDS:
+            os.setsid()  # the group of the process outside is out of its reach
+        else:
             tell(os.getpid())
         return
     tell(inner)
@@ -76,8 +78,11 @@ def first_process(made: int, tell: Callable[[int], object], descriptors: Iterabl
     os._exit(os.waitstatus_to_exitcode(status) & 0xFF)
 
 
-def hide_files(made: int, work: str, hidden: Iterable[str], size: int) -> bool:
-    """Make all files but those of ``work`` read-only and the folders ``hidden`` empty; whether that worked."""
+def hide_files(made: int, own: Mapping[str, int], hidden: Iterable[str]) -> bool:
+    """Make the folders ``hidden`` empty and all files read-only; whether that worked.
+
+    The folders ``own`` become empty too, with room for so many bytes, and can be written.
+    """
     if not made & _MOUNTS:
         return False
     readonly = _MountAttributes(attr_set=_READ_ONLY)
@@ -86,10 +91,11 @@ def hide_files(made: int, work: str, hidden: Iterable[str], size: int) -> bool:
     if not _call("syscall", _MOUNT_SETATTR, _AT_FDCWD, b"/", _AT_RECURSIVE, ctypes.byref(readonly), 32):
         return False
     _mount("proc", "/proc", "proc", _NOSUID | _NODEV)
-    _mount("tmpfs", "/dev/shm", "tmpfs", _NOSUID | _NODEV, f"size={size}")
+    _mount("tmpfs", "/dev/shm", "tmpfs", _NOSUID | _NODEV, f"size={min(own.values())}")
     _mount("tmpfs", "/run", "tmpfs", _NOSUID | _NODEV, "size=4096")  # sockets of services
     done = [_mount("tmpfs", path, "tmpfs", _NOSUID | _NODEV | _READ_ONLY, "size=4096") for path in hidden]
-    return all(done) and _mount("tmpfs", work, "tmpfs", _NOSUID | _NODEV, f"size={size}")
+    done += [_mount("tmpfs", path, "tmpfs", _NOSUID | _NODEV, f"size={size}") for path, size in own.items()]
+    return all(done)
 
 
 def restrict(made: int, memory: int, disk: int) -> None:

@@ -32,9 +32,9 @@ def library_path() -> list[str]:
     return [root, *(entry for entry in sys.path if entry.endswith(("site-packages", "dist-packages")))]
 
 
-def environment(work: str) -> dict[str, str]:
-    """Environment of an agent's process: nothing of the judge's but what libraries need to be found and to share cores."""
-    own = {"HOME": work, "TMPDIR": work, "LANG": "C.UTF-8", "NUMBA_CACHE_DIR": f"{work}/kernels"}
+def environment(work: str, kernels: str) -> dict[str, str]:
+    """Environment of an agent's process: of the judge's own, only what libraries need."""
+    own = {"HOME": work, "TMPDIR": work, "LANG": "C.UTF-8", "NUMBA_CACHE_DIR": kernels}
     return {name: os.environ[name] for name in _PASSED if name in os.environ} | own
 
 
@@ -45,7 +45,8 @@ def hidden_folders(submission: Submission, data: str | None) -> list[str]:
     """
     cache = cache_root()
     made = [path for path in cache.iterdir() if not path.name.startswith("kernels-")] if cache.is_dir() else []
-    hidden = [path.resolve() for path in (data_root(data)[0], *made) if path.is_dir()]
+    found = [path.resolve() for path in (data_root(data)[0], data_root(None)[0], *made) if path.is_dir()]
+    hidden = [path for path in dict.fromkeys(found) if not set(found) & set(path.parents)]
     library = Path(library_path()[0])
     for path in hidden:
         for needed, what in ((submission.path, "submission"), (library, "library")):

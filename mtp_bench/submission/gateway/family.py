@@ -1,0 +1,31 @@
+"""What Linux tells about a process and those that it started; elsewhere nothing."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+
+
+def peak_memory(pid: int) -> int:
+    """Bytes that were resident at most; 0 where it is not known."""
+    with suppress(OSError, ValueError, IndexError):
+        status = Path(f"/proc/{pid}/status").read_text()
+        return int(status.split("VmHWM:")[1].split()[0]) * 1024
+    return 0
+
+
+def children(pid: int) -> list[int]:
+    """Processes that it started, and those whose own parents have ended."""
+    found: list[int] = []
+    with suppress(OSError, ValueError):
+        for task in Path(f"/proc/{pid}/task").iterdir():
+            found += map(int, (task / "children").read_text().split())
+    return found
+
+
+def descendants(pid: int) -> list[int]:
+    """The process itself, its children, theirs, and so on."""
+    found = [pid]
+    for parent in found:  # grows as it is read
+        found += children(parent)
+    return found

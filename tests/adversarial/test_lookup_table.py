@@ -1,0 +1,55 @@
+"""An agent that has seen the scene before: it knows the futures by heart, until the world is turned."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mtp_bench.env import MTPEnv
+from mtp_bench.runner import derived_seed
+from mtp_bench.submission.gateway import run_isolated
+from tests.small_scenes import empty_action
+
+from .hostile import FRAMES, QUICK, SCENE, Court, submission
+
+TABLE = """
+def act(self, observation):
+    action = self.honest(observation)
+    with np.load(Path(self.given["table"])) as table:
+        key = observation["detection_box"].round(2).tobytes().hex()
+        if key in table:
+            action["forecast"][:3] = table[key]
+    return action
+"""
+
+
+def seen(court: Court) -> dict[str, object]:
+    """The futures of the three objects, from what was detected later; in the frame of reference of the first visit."""
+    env = MTPEnv(court.card, court.data, evaluation=True)
+    observation, _ = env.reset(seed=derived_seed(0, SCENE, "env"), options={"scene": SCENE})
+    frames = []
+    for _ in range(FRAMES):
+        frames.append(observation["detection_box"].copy())
+        observation, *_ = env.step(empty_action(env.task))
+    steps = np.arange(1, env.task.future + 1)
+    table: dict[str, object] = {}
+    for t, now in enumerate(frames[:3]):
+        last = frames[2][:3, :2] - frames[1][:3, :2]  # nothing is seen in frames 3 and 4, but all goes on as it did
+        future = last[:, None, :] * steps[None, :, None]
+        table[now.round(2).tobytes().hex()] = np.repeat(future[:, None], env.task.samples, axis=1)
+        assert t < FRAMES
+    return table
+
+
+def test_a_lookup_table_helps_only_in_the_world_that_it_knows(court: Court) -> None:
+    folder = submission(court.folder / "hostile", TABLE)
+    path = folder / "table.npz"
+    np.savez(path, **seen(court))  # type: ignore[arg-type]  # pyright: ignore[reportArgumentType]
+    errors = []
+    for keywords, seed in (({}, 0), ({"rigid_motion": True}, 0), ({"rigid_motion": True}, 1)):
+        given = {"data": court.data, **keywords}
+        run = run_isolated(folder, court.card, given, SCENE, seed, {"table": str(path)}, QUICK)
+        assert run.status == "finished", run.reason
+        errors.append(court.error(run.rollout))
+    honest = court.error(court.honest())
+    assert errors[0] < honest
+    np.testing.assert_allclose(errors[1:], honest, rtol=1e-2)
