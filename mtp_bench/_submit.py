@@ -1,4 +1,4 @@
-"""What `mtp-bench submit` and `mtp-bench verify` do: records made and checked, and what the user reads of it."""
+"""What `mtp-bench submit`, `verify` and `seal` do: records made and checked, and what the user reads of it."""
 
 from __future__ import annotations
 
@@ -67,23 +67,26 @@ def verify_all(
     write: bool,
     workers: int,
     json_file: Path | None = None,
+    hidden: Path | None = None,
+    commitment: Path | None = None,
 ) -> None:
     """Check a record, or all records of a folder, and print what differs; ``write`` takes over what was found.
 
     Raises RecordError where a record does not hold; of a folder, after all were checked.
     """
-    from .submission.records import record_paths, verify
+    from .submission.records import open_seal, record_paths, verify
     from .submission.records.verifying import confirm
     from .viz.terminal import progress_bar, show, show_numbers
 
     paths = record_paths(path) if path.is_dir() else [path]
     if not paths:
         raise RecordError(f"{path}: no record there, expected files <submission>/<env id>.json")
+    sealed = None if hidden is None else open_seal(hidden, commitment)
     failed, verdicts = [], []
     for file in paths:
         try:
             with progress_bar(f"verify {file.name}") as (started, done):
-                checked = verify(file, data, env_id, submission, rerun, workers, started, done)
+                checked = verify(file, data, env_id, submission, rerun, workers, started, done, sealed)
         except MtpBenchError as error:
             if not path.is_dir():
                 raise
@@ -161,7 +164,25 @@ def _verdict(checked: Verification) -> str:
     record = checked.record
     who = f"{checked.path}: {record.submission.name} on {record.env.id}"
     what = f"holds, {checked.level}" if checked.holds else "does not hold"
-    return ". ".join([f"{who}: {what}", *checked.notes])
+    hidden = []
+    if checked.hidden is not None:
+        error = _number(checked.hidden.missing_aware)
+        hidden.append(f"missing-aware error {error} m on {count(checked.hidden.scenes, 'hidden scene')}")
+    return ". ".join([f"{who}: {what}", *hidden, *checked.notes])
+
+
+def seal_env(env_id: str, scenes: int, output: Path) -> None:
+    """Draw secret scenes of an env and print their commitment."""
+    from .submission.records import seal
+    from .submission.records.sealing import commitment_path
+    from .viz.terminal import show
+
+    promise = seal(env_id, scenes, output)
+    show(
+        f"{commitment_path(output)}: publish this commitment to {count(scenes, 'hidden scene')} of {promise.env}, "
+        f"sha256 {promise.commitment}"
+    )
+    show(f"{output}: keep this secret; `mtp-bench verify RECORD --rerun --hidden {output}` runs them")
 
 
 def _shown(value: Any) -> Any:

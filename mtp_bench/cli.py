@@ -433,6 +433,12 @@ def verify(
     write: Annotated[
         bool, typer.Option("--write", help="Write the level reached, or new numbers where the scorer changed.")
     ] = False,
+    hidden: Annotated[
+        Path | None, typer.Option("--hidden", help="Secret of `mtp-bench seal`: with --rerun, run its scenes too.")
+    ] = None,
+    commitment: Annotated[
+        Path | None, typer.Option("--commitment", help="What the secret was promised with; the file beside it.")
+    ] = None,
     jobs: JobsOption = 0,
     env: Annotated[str | None, typer.Option("--env", help="Card of the record, where it does not ship.")] = None,
     json_file: JsonOption = None,
@@ -442,8 +448,24 @@ def verify(
 
     if submission is not None and not rerun:
         raise typer.BadParameter("is for running it again: add --rerun", param_hint="--submission")
+    if hidden is not None and not rerun:
+        raise typer.BadParameter("is for running the submission: add --rerun", param_hint="--hidden")
+    if commitment is not None and hidden is None:
+        raise typer.BadParameter("belongs to a secret: name it with --hidden", param_hint="--commitment")
     require_writable(json_file)
-    verify_all(record, root, env, submission, rerun, write, workers(jobs), json_file)
+    verify_all(record, root, env, submission, rerun, write, workers(jobs), json_file, hidden, commitment)
+
+
+@app.command()
+def seal(
+    env: EnvOption,
+    scenes: Annotated[int, typer.Option("--count", min=1, max=1000, help="Number of hidden scenes.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="File of the secret; its commitment goes beside it.")],
+) -> None:
+    """Draw secret scenes of a simulated environment and commit to them (maintainers)."""
+    from ._submit import seal_env
+
+    seal_env(env, scenes, output)
 
 
 @app.command()

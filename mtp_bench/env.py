@@ -60,15 +60,15 @@ class _Episode:
 class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
     """Tracking and prediction of one log: detections in, hypotheses and forecasts out.
 
-    ``card``: env id or path of a card (.toml). ``data``: data root. ``observe``: "detections", or "truth" for true
-    boxes with true ids. ``samples``, ``tracks``, ``objects``, ``hypotheses``, ``detections``: sizes of the spaces in
-    place of the card's; more ``samples`` than the card's belong to unranked runs. ``scenes``: names to choose from.
+    ``card``: env id, path of a card (.toml), or a card. ``data``: data root. ``observe``: "detections", or "truth" for
+    true boxes with true ids. ``samples``, ``tracks``, ``objects``, ``hypotheses``, ``detections``: sizes of the spaces
+    in place of the card's; more ``samples`` than the card's belong to unranked runs. ``scenes``: names to choose from.
     ``evaluation``: the reward is 0 and nothing that is returned derives from the truth. ``rigid_motion``: the local
-    frame of every episode is turned and shifted at random. ``split``: another split of the card's source.
-    ``detector``: another detector, simulated on the true boxes or stored (`Card.with_detector`). ``detection_file``:
-    stored detections of one's own (`Card.with_detections`). ``fresh_noise``: the noise of a
-    simulated detector is drawn anew in every episode, for training; else a scene always has the same detections.
-    ``render_mode``: what `render` does, see RENDER_MODES.
+    frame of every episode is turned and shifted at random. ``split``: another split of the card's source. ``detector``:
+    another detector, simulated on the true boxes or stored (`Card.with_detector`). ``detection_file``: stored
+    detections of one's own (`Card.with_detections`). ``fresh_noise``: the noise of a simulated detector is drawn anew
+    in every episode, for training; else a scene always has the same detections. ``render_mode``: what `render` does,
+    see RENDER_MODES.
 
     Raises UnknownNameError, DataError or CardError (all MtpBenchError) for a wrong argument or missing data.
     """
@@ -77,7 +77,7 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
 
     def __init__(
         self,
-        card: str,
+        card: str | Card,
         data: str | None = None,
         observe: str = "detections",
         samples: int | None = None,
@@ -100,7 +100,8 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
             raise UnknownNameError("render mode", str(render_mode), RENDER_MODES)
         self.render_mode = render_mode
         changes = {"split": split, "detector": detector, "detection_file": detection_file}
-        self.card = changed_card(load_card(card), *(text(name, value) for name, value in changes.items()))
+        given = card if isinstance(card, Card) else load_card(card)
+        self.card = changed_card(given, *(text(name, value) for name, value in changes.items()))
         sizes = {
             "samples": size("samples", samples, self.card.task.samples),
             "tracks": size("tracks", tracks, self.card.size.tracks),

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from mtp_bench.scoring import SUBSETS
-from mtp_bench.submission.records.record import Record, ScenePart, sealed
+from mtp_bench.submission.records.record import Record, ScenePart
+from mtp_bench.submission.records.storage import sealed
 
 from .small_scenes import EchoAgent, empty_action
 

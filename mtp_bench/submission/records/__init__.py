@@ -10,9 +10,11 @@ from .ranking import paired as paired
 from .ranking import ranks as ranks
 from .ranking import why_unranked as why_unranked
 from .record import Record as Record
-from .record import load_record as load_record
-from .record import record_paths as record_paths
-from .record import save_record as save_record
+from .sealing import open_seal as open_seal
+from .sealing import seal as seal
+from .storage import load_record as load_record
+from .storage import record_paths as record_paths
+from .storage import save_record as save_record
 from .submitting import submit as submit
 from .verifying import Verification as Verification
 from .verifying import verify as verify

@@ -1,23 +1,16 @@
-"""The schema of a record, its canonical JSON and its digest."""
+"""The schema of a record."""
 
 from __future__ import annotations
 
-import hashlib
-import json
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from ..._strict import Section, validate
-from ...errors import MtpBenchError, RecordError
-from ..files import require_folder, write_text
+from ..._strict import Section
 
 Status = Literal["finished", "partial", "crashed", "rejected"]
 Level = Literal["scored", "re-scored", "re-run", "hidden seeds"]
 LEVELS: tuple[Level, ...] = ("scored", "re-scored", "re-run", "hidden seeds")  # from the weakest on
-UNSIGNED = ("digest", "verification")  # not part of the digest: the level grows when others check the record
-ROLLOUTS = ".rollouts"  # suffix of the folder beside a record
 _FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]  # it becomes part of a path
 _Count = Annotated[int, Field(ge=0)]
 _Hex = Annotated[str, Field(pattern=r"^[0-9a-f]*$")]
@@ -116,6 +109,16 @@ class ScenePart(Section):
     errors: dict[str, list[float]]  # m, missing-aware error summed over the targets of a subset, per seed
 
 
+class HiddenPart(Section):
+    """Error on scenes of secret seeds, over all of them: the name of a scene tells its seed."""
+
+    commitment: _Hex  # sha256 of the secret
+    scenes: _Count
+    targets: _Count
+    missing_aware: float | None
+    interval: list[float] | None
+
+
 class Record(Section):
     """One submission on one env."""
 
@@ -130,6 +133,7 @@ class Record(Section):
     status: Status
     status_reason: str
     verification: Level = "scored"
+    hidden: HiddenPart | None = None
     versions: dict[str, str]
     hardware: HardwarePart
     latency: LatencyPart
@@ -151,107 +155,3 @@ class Record(Section):
     def row(self) -> dict[str, Any]:
         """The row of the subset "all"."""
         return next(row for row in self.rows if row["subset"] == "all")
-
-
-def sealed(record: Record) -> Record:
-    """``record`` with the digest of its content."""
-    return record.model_copy(update={"digest": content_digest(_plain(record))})
-
-
-def content_digest(content: dict[str, Any]) -> str:
-    """Hex sha256 over the canonical JSON of a record: sorted keys, no spaces, UTF-8, without UNSIGNED."""
-    kept = {name: value for name, value in content.items() if name not in UNSIGNED}
-    text = json.dumps(kept, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def save_record(record: Record, path: str | Path) -> Record:
-    """Write ``record`` with its digest and return it so; folders are made. The file appears complete or not at all.
-
-    Raises MtpBenchError where it cannot be written, RecordError where its content is no JSON.
-    """
-    path = Path(path)
-    try:
-        record = sealed(record)
-        text = json.dumps(_plain(record), indent=1, ensure_ascii=False, allow_nan=False)
-    except (TypeError, ValueError) as error:
-        raise RecordError(f"{path}: the record cannot be stored as JSON: {error}") from None
-    require_folder(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise MtpBenchError(f"cannot write {path}: {error.strerror or error}") from None
-    write_text(path, text + "\n")
-    return record
-
-
-def load_record(path: str | Path) -> Record:
-    """The record at ``path``.
-
-    Raises RecordError, naming the file, where it is missing, of another format or schema, or does not fit its digest.
-    """
-    path = Path(path)
-    content = _read(path)
-    if content.get("format") != 1:
-        raise RecordError(
-            f"{path}: format {content.get('format')!r}, expected 1: made by another version of mtp-bench?"
-        )
-    record = validate(Record, content, str(path), RecordError)
-    _require_rows(path, record)
-    found = content_digest(content)
-    if found != record.digest:
-        raise RecordError(
-            f"{path}: its content has the digest {found[:12]}, the file says {record.digest[:12] or 'none'}: it was "
-            "changed after it was made; make it again with `mtp-bench submit`"
-        )
-    return record
-
-
-def record_paths(folder: str | Path) -> list[Path]:
-    """Files of the records in ``folder`` and the folders below it, sorted; stored rollouts do not count."""
-    folder = Path(folder)
-    found = sorted(folder.rglob("*.json"))
-    return [path for path in found if not any(part.endswith(ROLLOUTS) for part in path.relative_to(folder).parts)]
-
-
-def rollouts_folder(path: Path, seed: int) -> Path:
-    """Where the stored rollouts of one seed of the record at ``path`` are."""
-    return path.with_suffix(ROLLOUTS) / f"seed-{seed}"
-
-
-def key_of(scene: str, seed: int) -> str:
-    """Key of ``seals`` and ``rollout_digests``."""
-    return f"{scene}|{seed}"
-
-
-def _require_rows(path: Path, record: Record) -> None:
-    if not any(row.get("subset") == "all" for row in record.rows):
-        raise RecordError(f"{path}: rows has none for the subset 'all', expected one per subset")
-    for scene in record.per_scene:
-        wrong = [name for name, sums in scene.errors.items() if len(sums) != len(record.seeds)]
-        if wrong or scene.errors.keys() != scene.counts.keys() or len(scene.seeds) != len(record.seeds):
-            raise RecordError(f"{path}: per_scene of {scene.scene!r} lacks errors, expected one per subset and seed")
-
-
-def _plain(record: Record) -> dict[str, Any]:
-    """The record as it is read back: lists and numbers of JSON alone."""
-    content: dict[str, Any] = record.model_dump(mode="json")
-    return content
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
-    except FileNotFoundError:
-        raise RecordError(f"{path}: no such record; `mtp-bench submit` makes one") from None
-    except OSError as error:
-        raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except (ValueError, RecursionError) as error:
-        raise RecordError(f"{path}: not valid JSON: {error}") from None
-    if not isinstance(content, dict):
-        raise RecordError(f"{path}: holds {type(content).__name__}, expected a table")
-    return content
-
-
-def _refuse(text: str) -> None:
-    raise ValueError(f"{text} is no number of JSON")

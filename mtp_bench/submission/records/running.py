@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -17,7 +17,8 @@ from ..compare import setting_of
 from ..gateway import Limits, SceneRun, run_isolated_scenes
 from ..loader import Submission
 from .evaluation import Progress, moves
-from .record import IsolationPart, LatencyPart, MissedPart, key_of
+from .record import IsolationPart, LatencyPart, MissedPart
+from .storage import key_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +26,7 @@ class Plan:
     """What is run: a submission on scenes of an env."""
 
     submission: Submission
-    env_id: str  # or the path of a card
+    env: str | Card  # id, path of a card, or a card that is in no file
     card: Card
     data: str | None
     scenes: tuple[str, ...]
@@ -54,7 +55,7 @@ def run_seed(plan: Plan, seed: int, workers: int, progress: Progress | None, lim
     keywords = {**plan.keywords, "data": plan.data, "observe": plan.submission.compare.observe}
     return run_isolated_scenes(
         plan.submission.path,
-        plan.env_id,
+        cast("str", plan.env),  # for MTPEnv, which takes a card as well
         {**keywords, "rigid_motion": moves(seed)},
         seed=seed,
         parameters=plan.submission.parameters,
@@ -68,7 +69,7 @@ def run_seed(plan: Plan, seed: int, workers: int, progress: Progress | None, lim
 def info_of(plan: Plan, seed: int) -> RunInfo:
     """What a stored run of the plan says of itself; the data root is nobody's business."""
     submission = plan.submission
-    env = MTPEnv(plan.env_id, data=plan.data, observe=submission.compare.observe, evaluation=True, **plan.keywords)
+    env = MTPEnv(plan.env, data=plan.data, observe=submission.compare.observe, evaluation=True, **plan.keywords)
     keywords = {**{k: v for k, v in plan.keywords.items() if k != "samples"}, "rigid_motion": moves(seed)}
     return run_info(env, submission.name, seed, submission.parameters, submission.digest, keywords)
 

@@ -19,16 +19,9 @@ from ..loader import Submission, load_submission
 from ..reference import frozen_reference
 from .evaluation import Evaluation, Progress, evaluate, status_of
 from .provenance import hardware, scorer_digest
-from .record import (
-    ROLLOUTS,
-    EnvPart,
-    Record,
-    ScorerPart,
-    SubmissionPart,
-    rollouts_folder,
-    save_record,
-)
+from .record import EnvPart, Record, ScorerPart, SubmissionPart
 from .running import Plan, info_of, isolation, latency, missed, peak_memory, plan_run, rollout_digests, run_seed, seals
+from .storage import ROLLOUTS, rollouts_folder, save_record
 
 RECORDS = Path("leaderboard", "records")  # relative to the working folder: the checkout
 

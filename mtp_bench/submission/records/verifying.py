@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from ...cards import Card, load_card
 from ...errors import RecordError
@@ -16,21 +15,15 @@ from ...sources import open_source
 from ...types import Rollout
 from ..gateway import Limits
 from ..loader import load_submission
+from .differences import Difference, unequal
 from .evaluation import Evaluation, Progress, evaluate, status_of
 from .provenance import scorer_digest
-from .record import LEVELS, Level, Record, ScorerPart, load_record, rollouts_folder, save_record
-from .running import plan_run, rollout_digests, run_seed
+from .record import LEVELS, HiddenPart, Level, Record, ScorerPart
+from .running import Plan, plan_run, rollout_digests, run_seed
+from .sealing import Sealed, run_hidden, worse_when_hidden
+from .storage import load_record, rollouts_folder, save_record
 
 _CHECKED = ("env", "status", "hypotheses", "reference", "rows", "details", "motion_gap", "per_scene")
-TOLERANCE = 1e-9  # of a number that is scored again, absolute and relative
-
-
-class Difference(NamedTuple):
-    """Something that a record says and that was found to be otherwise."""
-
-    what: str
-    recorded: Any
-    found: Any
 
 
 @dataclass(frozen=True)
@@ -43,6 +36,7 @@ class Verification:
     differences: tuple[Difference, ...]  # none: the record holds
     notes: tuple[str, ...]  # what changed since and made no difference, in sentences
     updated: Record | None  # with the numbers of today's scorer, where it changed and the rollouts are the record's
+    hidden: HiddenPart | None = None  # what it scored on hidden scenes
 
     @property
     def holds(self) -> bool:
@@ -59,12 +53,14 @@ def verify(
     workers: int = 1,
     started: Callable[[int], object] | None = None,
     progress: Progress | None = None,
+    sealed: Sealed | None = None,
 ) -> Verification:
     """Check the record at ``path`` by its stored rollouts: scored again they must give its numbers ("re-scored").
 
     ``rerun``: by running the submission again instead, whose rollouts must be the same ("re-run"); ``submission`` is
-    its folder, None the baseline of that name. ``env_id`` names the card of an env that does not ship. Raises
-    RecordError where the record is missing, was changed or has no stored rollouts, DataError where data is missing.
+    its folder, None the baseline of that name. ``sealed``: so too, and then on hidden scenes, where its error must not
+    be larger ("hidden seeds"). ``env_id`` names the card of an env that does not ship. Raises RecordError where the
+    record is missing, was changed or has no stored rollouts, DataError where data is missing.
     """
     path = Path(path)
     record = load_record(path)
@@ -72,22 +68,23 @@ def verify(
     stale = _card_differences(record, card)
     if stale:
         return Verification(path, record, "scored", stale, (), None)
+    plan = _plan(path, record, env_id, submission, data) if rerun or sealed is not None else None
     if started is not None:
-        started(len(record.per_scene) * (1 + len(record.seeds) if rerun else 1))
-    if rerun:
-        runs = _rerun(path, record, env_id or record.env.id, submission, data, workers, progress)
-    else:
-        runs = _stored(path, record)
-    changed = _rollout_differences(record, runs)
+        started(_work(record, plan, sealed))
+    runs = _stored(path, record) if plan is None else _run_again(plan, record, workers, progress)
+    changed = tuple(unequal("rollout_digests", record.rollout_digests, rollout_digests(runs)))
     if changed:
         return Verification(path, record, "scored", changed, (), None)
     found = _evaluate(record, card, data, runs, workers, progress)
-    again = _with(record, found, len(open_source(card, data).names))
-    differences = _differences(record, again, timed=not rerun)
-    level: Level = "scored" if differences else "re-run" if rerun else "re-scored"
+    again = _with(record, found, len(open_source(card, data).names), timed=plan is None)
+    differences = tuple(unequal("", _checked(record), _checked(again)))
+    level: Level = "scored" if differences else "re-scored" if plan is None else "re-run"
     same_task = not any(difference.what.startswith("env.") for difference in differences)
     updated = again if again.scorer != record.scorer and same_task else None
-    return Verification(path, record, level, differences, _notes(record), updated)
+    checked = Verification(path, record, level, differences, _notes(record), updated)
+    if plan is None or sealed is None or differences:
+        return checked
+    return _on_hidden(checked, plan, sealed, workers, progress)
 
 
 def confirm(checked: Verification) -> Record:
@@ -100,7 +97,27 @@ def confirm(checked: Verification) -> Record:
         raise RecordError(f"{checked.path}: differs, and not because the scorer changed: make the record again")
     reached: Level = "re-scored" if checked.differences else checked.level  # by today's scorer, from its own rollouts
     level = max(reached, record.verification, key=LEVELS.index)
-    return save_record(record.model_copy(update={"verification": level}), checked.path)
+    hidden = checked.hidden or record.hidden
+    return save_record(record.model_copy(update={"verification": level, "hidden": hidden}), checked.path)
+
+
+def _on_hidden(
+    checked: Verification, plan: Plan, sealed: Sealed, workers: int, progress: Progress | None
+) -> Verification:
+    """The check with what the submission scores on hidden scenes."""
+    hidden = run_hidden(plan, checked.record, sealed, workers, progress)
+    if worse_when_hidden(checked.record, hidden):
+        row = checked.record.row
+        worse = Difference("missing_aware on hidden scenes", row["interval"], hidden.interval)
+        return replace(checked, level="scored", differences=(worse,), updated=None)
+    return replace(checked, level="hidden seeds", hidden=hidden)
+
+
+def _work(record: Record, plan: Plan | None, sealed: Sealed | None) -> int:
+    """Runs and scenes to score, for a progress bar."""
+    runs = 0 if plan is None else len(record.seeds)
+    hidden = 0 if sealed is None else sealed.seeds.count * runs
+    return len(record.per_scene) * (1 + runs) + hidden
 
 
 def _stored(path: Path, record: Record) -> dict[int, list[Rollout]]:
@@ -134,25 +151,23 @@ def _in_order(record: Record, found: Mapping[str, Rollout], where: Path) -> list
     return [found[name] for name in names]
 
 
-def _rerun(
-    path: Path,
-    record: Record,
-    env_id: str,
-    folder: str | Path | None,
-    data: str | None,
-    workers: int,
-    progress: Progress | None,
-) -> dict[int, list[Rollout]]:
-    """Rollouts of the submission under every seed of the record."""
+def _plan(path: Path, record: Record, env_id: str | None, folder: str | Path | None, data: str | None) -> Plan:
+    """How the submission of a record is run again; RecordError where it is another one, or the scenes are others."""
     submission = load_submission(folder or record.submission.name)
     if submission.digest != record.submission.digest:
         raise RecordError(
             f"{path}: made by {record.submission.name!r} with digest {record.submission.digest[:12]}, the submission "
             f"{submission.name!r} has {submission.digest[:12]}; name the right folder with --submission"
         )
+    env_id = env_id or record.env.id
     plan = plan_run(submission, env_id, data, len(record.per_scene))
     if list(plan.scenes) != [scene.scene for scene in record.per_scene]:
         raise RecordError(f"{path}: its scenes are not the first {len(record.per_scene)} of {env_id}")
+    return plan
+
+
+def _run_again(plan: Plan, record: Record, workers: int, progress: Progress | None) -> dict[int, list[Rollout]]:
+    """Rollouts of the submission under every seed of the record."""
     runs = {seed: run_seed(plan, seed, workers, progress, Limits()) for seed in record.seeds}
     return {seed: [run.rollout for run in results] for seed, results in runs.items()}
 
@@ -164,10 +179,6 @@ def _card_differences(record: Record, card: Card) -> tuple[Difference, ...]:
         ("env.split", record.env.split, card.source.split),
     )
     return tuple(Difference(*pair) for pair in pairs if pair[1] != pair[2])
-
-
-def _rollout_differences(record: Record, runs: Mapping[int, Sequence[Rollout]]) -> tuple[Difference, ...]:
-    return tuple(_unequal("rollout_digests", record.rollout_digests, rollout_digests(runs)))
 
 
 def _evaluate(
@@ -184,8 +195,10 @@ def _evaluate(
     return evaluate(record.submission.name, card, data, runs, hypotheses, ideal, workers, progress)
 
 
-def _with(record: Record, found: Evaluation, scenes_of_split: int) -> Record:
-    """The record with what the evaluation found, under today's scorer."""
+def _with(record: Record, found: Evaluation, scenes_of_split: int, timed: bool) -> Record:
+    """The record with what the evaluation found, under today's scorer; ``timed``: with the times of these rollouts."""
+    times = [row.get("ms_per_frame") for row in record.rows]
+    rows = found.rows if timed else [{**row, "ms_per_frame": t} for row, t in zip(found.rows, times, strict=False)]
     scenes = len(found.per_scene)
     status, reason = status_of(
         found.motion_gap,
@@ -204,7 +217,7 @@ def _with(record: Record, found: Evaluation, scenes_of_split: int) -> Record:
             "status": status,
             "status_reason": reason,
             "hypotheses": found.hypotheses,
-            "rows": found.rows,
+            "rows": rows,
             "details": found.details,
             "motion_gap": found.motion_gap,
             "per_scene": found.per_scene,
@@ -212,14 +225,10 @@ def _with(record: Record, found: Evaluation, scenes_of_split: int) -> Record:
     )
 
 
-def _differences(record: Record, again: Record, timed: bool) -> tuple[Difference, ...]:
-    """What the record says otherwise than ``again``; ``timed``: the rollouts still hold the times of the run."""
-    here, there = (
-        {name: content for name, content in part.model_dump(mode="json").items() if name in _CHECKED}
-        for part in (record, again)
-    )
-    found = _unequal("", here, there)
-    return tuple(difference for difference in found if timed or not difference.what.endswith("ms_per_frame"))
+def _checked(record: Record) -> dict[str, Any]:
+    """The part of a record that follows from rollouts, card and data."""
+    content: dict[str, Any] = record.model_dump(mode="json", include=set(_CHECKED))
+    return content
 
 
 def _notes(record: Record) -> tuple[str, ...]:
@@ -229,23 +238,3 @@ def _notes(record: Record) -> tuple[str, ...]:
     if record.scorer.source_digest != scorer_digest():
         notes.append("the source of the scorer changed since; --write takes over the numbers of today's")
     return tuple(notes)
-
-
-def _unequal(where: str, recorded: Any, found: Any) -> Iterator[Difference]:
-    """The leaves in which two contents of JSON differ, numbers by more than TOLERANCE."""
-    if isinstance(recorded, dict) and isinstance(found, dict):
-        for name in dict.fromkeys([*recorded, *found]):
-            path = f"{where}.{name}" if where else name
-            yield from _unequal(path, recorded.get(name), found.get(name))
-    elif isinstance(recorded, list) and isinstance(found, list) and len(recorded) == len(found):
-        for index, (one, other) in enumerate(zip(recorded, found, strict=True)):
-            yield from _unequal(f"{where}[{index}]", one, other)
-    elif not _same(recorded, found):
-        yield Difference(where, recorded, found)
-
-
-def _same(recorded: Any, found: Any) -> bool:
-    numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in (recorded, found))
-    if numbers:
-        return math.isclose(recorded, found, rel_tol=TOLERANCE, abs_tol=TOLERANCE)
-    return type(recorded) is type(found) and bool(recorded == found)
