@@ -78,7 +78,7 @@ def _row(name: str, subset: str, error: float | None, spread: float, hypotheses:
         "agent": name, "hypotheses": hypotheses, "samples": 20, "budget": "equal", "subset": subset,
         "minADE": worse and 0.6 * worse, "minFDE": worse and 1.15 * worse, "missing_aware": worse,
         "energy_score": worse, "coverage": worse and 0.97 - 0.1 * worse,
-        "gap_closed": worse and 1.65 - 1.7 * worse / HARDER[subset],
+        "gap_closed": None,
         "targets": SUBSETS[subset], "events": None, "objects": OBJECTS[subset], "scenes": SCENES,
         "interval": worse and [worse * (1 - spread), worse * (1 + 1.2 * spread)], "ms_per_frame": 2.5,
     }  # fmt: skip
@@ -86,10 +86,11 @@ def _row(name: str, subset: str, error: float | None, spread: float, hypotheses:
 
 def _scene(i: int, error: float) -> Row:
     here = error * (1 + 0.35 * math.sin(1.7 * i + error))
-    targets = 300 + 17 * i
+    counts = {subset: targets // SCENES + i for subset, targets in SUBSETS.items()}
+    errors = {subset: [here * HARDER[subset] * count] * 3 for subset, count in counts.items()}
     return {
-        "scene": f"{i:04d}", "targets": targets, "missing_aware": here, "seeds": [here] * 3,
-        "counts": {"all": targets}, "errors": {"all": [here * targets] * 3},
+        "scene": f"{i:04d}", "targets": counts["all"], "missing_aware": here, "seeds": [here] * 3,
+        "counts": counts, "errors": errors,
     }  # fmt: skip
 
 

@@ -106,6 +106,30 @@ def test_what_cannot_be_compared_with_most_is_not_ranked() -> None:
     assert "other data, split, card or definitions" in entries[-1].why
 
 
+def gaps(*records: Row, ranks: list[int | None]) -> dict[str, float | None]:
+    return {entry.name: entry.number("gap_closed") for entry in entries_of(records, ranks)}
+
+
+def test_the_gap_closed_comes_from_the_records_of_both_ends() -> None:
+    ends = made_up("stp", 1.0), made_up("truth_past", 0.4, env={"observe": "truth"})
+    found = gaps(*ends, made_up("a", 0.7), made_up("b", 1.6, status="partial"), ranks=[2, None, 1, None])
+    assert found == {"stp": 0.0, "truth_past": 1.0, "a": pytest.approx(0.5), "b": None}
+    assert gaps(ends[0], made_up("a", 0.7), ranks=[2, 1]) == {"a": None, "stp": None}
+
+
+def test_a_gap_between_other_data_or_no_gap_at_all_is_not_closed() -> None:
+    stp, other = made_up("stp", 1.0), made_up("truth_past", 0.4, env={"data_manifest": "00"})
+    assert gaps(stp, other, ranks=[1, None]) == {"stp": None, "truth_past": None}
+    assert gaps(stp, made_up("truth_past", 1.0), ranks=[1, None]) == {"stp": None, "truth_past": None}
+
+
+def test_false_forecasts_are_no_part_of_the_gap() -> None:
+    parts = {"parts": {"localisation": 0.5, "missed": 0.2, "false": 0.3}}
+    ends = made_up("stp", 1.0, details=parts), made_up("truth_past", 0.4, details={"parts": {"false": 0.0}})
+    found = gaps(*ends, made_up("a", 0.65, details={"parts": {"false": 0.1}}), ranks=[2, None, 1])
+    assert found["a"] == pytest.approx((0.7 - 0.55) / (0.7 - 0.4))
+
+
 def test_lengths_must_agree() -> None:
     with pytest.raises(MtpBenchError, match="1 records with 2 ranks"):
         entries_of([made_up("a")], [1, 2])
@@ -195,10 +219,10 @@ def test_what_people_write_is_text(text: str) -> None:
         per_scene=[{"scene": text, "targets": 3, "missing_aware": 1.0}],
     )
     harmless = board_page(entries_of([made_up("a", status="partial", status_reason="b")], [None]))
-    html = board_page(entries_of([hostile], [None], [text], [text]))
+    html = board_page(entries_of([hostile, made_up("b")], [None, None], [text, ""], [text, None]))
     page = Page(html)
     assert len(page.all("script")) == 1
-    assert {tag for tag, _ in page.tags} <= {tag for tag, _ in Page(harmless).tags} | {"a", "ul", "li"}
+    assert {tag for tag, _ in page.tags} <= {tag for tag, _ in Page(harmless).tags} | {"a", "ul", "li", "nav"}
     for _, attributes in page.tags:
         assert not [name for name in attributes if name.startswith("on")]
     assert "49" not in re.findall(r"<bdi>(.*?)</bdi>", html)

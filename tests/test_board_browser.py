@@ -120,7 +120,9 @@ def test_selections_filter(opened: Browser, control: str, value: str, kept: list
 
 def test_one_env_is_shown_alone(opened: Browser) -> None:
     choose(opened, "env", "MTP-KITTI-v0")
-    shown = "return [...document.querySelectorAll('.board')].filter((b) => b.checkVisibility()).map((b) => b.id)"
+    shown = (
+        "return [...document.querySelectorAll('.board')].filter((b) => b.checkVisibility()).map((b) => b.dataset.env)"
+    )
     assert opened.script(shown) == ["MTP-KITTI-v0"]
     assert opened.script("return document.getElementById('count').textContent") == "3 of 13 entries"
 

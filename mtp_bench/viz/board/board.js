@@ -57,7 +57,8 @@
       board.querySelector(".scroll").hidden = none;
     }
     const total = all("tbody.entry").length;
-    one("count").textContent = shown === total ? `${total} entries` : `${shown} of ${total} entries`;
+    const noun = total === 1 ? "entry" : "entries";
+    one("count").textContent = shown === total ? `${total} ${noun}` : `${shown} of ${total} ${noun}`;
   };
 
   for (const table of all("table.ranking")) {

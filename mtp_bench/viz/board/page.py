@@ -14,17 +14,16 @@ from ...errors import MtpBenchError
 from ...scoring.definitions import DEFINITIONS, RANKED_OBJECTS
 from .columns import COLUMNS, NOTHING, best_texts, level, percent, shown
 from .entries import LEVEL_TEXT, LEVELS, SUBSETS, Entry, Row, by_env, finite, interval_of
+from .gaps import STP
 from .scale import PAD, WIDTH, bar_of, scale_of
 from .scenes import scene_chart
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-REFERENCE = "stp"  # the submission whose error is drawn as a line: the single-hypothesis pipeline
-
 
 def board_page(entries: Sequence[Entry]) -> str:
-    """HTML of the leaderboards of ``entries`` (see ``entries_of``), a table per environment.
+    """HTML of the leaderboards of ``entries`` (from ``entries_of``), a table per environment.
 
     Equal entries give equal bytes: no date, no path, no random id is added.
     """
@@ -51,10 +50,10 @@ def board_page(entries: Sequence[Entry]) -> str:
 
 def _board(env_id: str, entries: Sequence[Entry]) -> dict[str, Any]:
     """What the template shows of one environment."""
-    reference = next((entry for entry in entries if entry.name == REFERENCE and entry.error is not None), None)
+    reference = next((entry for entry in entries if entry.name == STP and entry.rank is not None), None)
     scale = scale_of(entries, reference.error if reference else None)
     best = {column.key: best_texts(column, entries) for column in COLUMNS}
-    rank_counts = [entry.rank for entry in entries]
+    ranks = [entry.rank for entry in entries if entry.rank is not None]
     scored = next((entry for entry in entries if entry.rank is not None), entries[0])
     return {
         "id": env_id,
@@ -62,7 +61,8 @@ def _board(env_id: str, entries: Sequence[Entry]) -> dict[str, Any]:
         "card": sorted({str(entry.record["env"].get("card_digest") or "") for entry in entries} - {""}),
         "split": scored.record["env"].get("split"),
         "size": scored.row(),
-        "ranked": sum(rank is not None for rank in rank_counts),
+        "ranked": len(ranks),
+        "leaders": ranks.count(1),
         "sizes": {subset: scored.row(subset) for subset in SUBSETS},
         "few": {name for name in SUBSETS if (scored.row(name).get("objects") or 0) < RANKED_OBJECTS},
         "few_objects": RANKED_OBJECTS,
