@@ -114,11 +114,10 @@ def _record_table(record: Record) -> Table:
     for name in ("subset", "missing-aware", "interval", "minADE", "minFDE", "coverage", "targets", "objects", "scenes"):
         table.add_column(name, justify="left" if name == "subset" else "right")
     for row in record.rows:
-        interval = row["interval"]
-        shown = "–" if interval is None else f"{interval[0]:.3f} to {interval[1]:.3f}"
-        numbers = [_number(row[name]) for name in ("minADE", "minFDE", "coverage")]
-        counts = [str(row[name]) for name in ("targets", "objects", "scenes")]
-        table.add_row(row["subset"], _number(row["missing_aware"]), shown, *numbers, *counts)
+        shown = "–" if row.interval is None else f"{row.interval[0]:.3f} to {row.interval[1]:.3f}"
+        numbers = [_number(value) for value in (row.minADE, row.minFDE, row.coverage)]
+        counts = [str(value) for value in (row.targets, row.objects, row.scenes)]
+        table.add_row(row.subset, _number(row.missing_aware), shown, *numbers, *counts)
     return table
 
 

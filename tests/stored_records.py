@@ -59,13 +59,22 @@ def scene_part(name: str, targets: int, errors: Sequence[float]) -> ScenePart:
 
 
 def write_record(
-    errors: Mapping[str, Sequence[float]], name: str = "echo", objects: int = 40, **changes: Any
+    errors: Mapping[str, Sequence[float]],
+    name: str = "echo",
+    objects: int = 40,
+    interval: list[float] | None = None,
+    budget: str = "equal",
+    **changes: Any,
 ) -> Record:
     """A record on ten targets per scene; ``errors``: scene -> mean error per seed. ``changes`` replace fields."""
     scenes = [scene_part(scene, 10, values) for scene, values in errors.items()]
     seeds = len(next(iter(errors.values())))
     mean = sum(part.missing_aware or 0.0 for part in scenes) / len(scenes)
-    row = {"agent": name, "budget": "equal", "missing_aware": mean, "targets": 10 * len(scenes)}
+    row = {
+        "agent": name, "hypotheses": 1, "samples": 4, "budget": budget, "minADE": mean, "minFDE": mean,
+        "missing_aware": mean, "energy_score": mean, "coverage": 1.0, "gap_closed": None, "targets": 10 * len(scenes),
+        "events": None, "scenes": len(scenes), "interval": interval, "ms_per_frame": 1.0,
+    }  # fmt: skip
     content: dict[str, Any] = {
         "format": 1,
         "submission": {"name": name, "authors": ["A"], "description": "", "digest": "aa", "parameters": {}},

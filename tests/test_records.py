@@ -80,10 +80,6 @@ def test_a_changed_record_is_refused(change: Callable[[dict[str, Any]], None], t
         load_record(path)
 
 
-def shorten(content: dict[str, Any]) -> None:
-    content["per_scene"][0]["errors"]["all"] = []
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -105,9 +101,19 @@ def test_what_is_no_record_is_refused(text: str, message: str, tmp_path: Path) -
 
 def test_errors_that_do_not_fit_the_seeds_are_refused(tmp_path: Path) -> None:
     part = scene_part("a", 10, [1.0]).model_dump()
-    shorten({"per_scene": [part]})
+    part["errors"]["all"] = []
     save_record(record_of(1.0, per_scene=[part]), tmp_path / "a.json")
     with pytest.raises(RecordError, match="'a' lacks errors"):
+        load_record(tmp_path / "a.json")
+
+
+def test_rows_and_scenes_must_be_complete(tmp_path: Path) -> None:
+    record = record_of(1.0, 2.0)
+    save_record(record.model_copy(update={"rows": record.rows[1:]}), tmp_path / "a.json")
+    with pytest.raises(RecordError, match="rows are of ids, lost, reacquired, frag, expected all, ids"):
+        load_record(tmp_path / "a.json")
+    save_record(record.model_copy(update={"per_scene": record.per_scene[:1] * 2}), tmp_path / "a.json")
+    with pytest.raises(RecordError, match="per_scene has 2 scenes, expected 2, each once"):
         load_record(tmp_path / "a.json")
 
 
@@ -183,7 +189,7 @@ def test_divisions_and_envs_are_ranked_apart() -> None:
         ({"status": "crashed"}, "crashed: "),
         ({"status": "rejected"}, "rejected: "),
         ({"env": {"observe": "truth"}}, "saw the truth"),
-        ({"rows": [{"subset": "all", "budget": "free"}]}, "4 samples per object, not the env's own k"),
+        ({"budget": "free"}, "4 samples per object, not the env's own k"),
     ],
 )
 def test_some_are_shown_never_ranked(changes: dict[str, Any], reason: str) -> None:

@@ -124,8 +124,7 @@ def test_a_seal_of_another_card_is_refused(short: str, cli: CommandLine, tmp_pat
 
 @pytest.mark.parametrize(("low", "worse"), [(1.9, False), (2.1, True), (None, False)])
 def test_an_agent_that_knows_the_public_scenes_is_worse_on_hidden_ones(low: float | None, worse: bool) -> None:
-    record = write_record({"a": [1.0], "b": [2.0]})
-    record.row["interval"] = [1.0, 2.0]
+    record = write_record({"a": [1.0], "b": [2.0]}, interval=[1.0, 2.0])
     interval = None if low is None else [low, 3.0]
     hidden = HiddenPart(commitment="aa", scenes=9, targets=90, missing_aware=2.5, interval=interval)
     assert worse_when_hidden(record, hidden) is worse

@@ -23,7 +23,7 @@ from ...sources import open_source
 from ...types import Rollout
 from ..reference import frozen_reference
 from .provenance import data_manifest, scene_digest
-from .record import MotionGap, ReferencePart, ScenePart, Status
+from .record import MotionGap, ReferencePart, RowPart, ScenePart, Status
 
 Progress = Callable[[str], object]
 MOTION_TOLERANCE = 0.05  # share of the error without motion by which that with motion may exceed it
@@ -33,7 +33,7 @@ MOTION_TOLERANCE = 0.05  # share of the error without motion by which that with 
 class Evaluation:
     """The part of a record that follows from rollouts, card, data and scorer."""
 
-    rows: list[dict[str, Any]]
+    rows: list[RowPart]
     details: dict[str, Any]
     per_scene: list[ScenePart]
     motion_gap: MotionGap | None
@@ -74,7 +74,7 @@ def evaluate(
     report = summarise([given], card, subsets)
     per_scene = [_scene_part(scores, subsets) for _, scores in scored]
     return Evaluation(
-        rows=report.rows,
+        rows=[RowPart.model_validate(row) for row in report.rows],
         details=report.details[0],
         per_scene=per_scene,
         motion_gap=motion_gap(per_scene, list(runs)),

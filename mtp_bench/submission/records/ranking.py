@@ -76,7 +76,7 @@ def why_unranked(record: Record, records: Sequence[Record] = ()) -> str | None:
         return f"{record.status}: {record.status_reason}"
     if record.env.observe == "truth":
         return "saw the truth"
-    if record.row.get("budget") != "equal":
+    if record.row.budget != "equal":
         return f"{record.samples} samples per object, not the env's own k"
     stp = next((r for r in records if r.submission.name == STP and _comparable(r) == _comparable(record)), None)
     if stp is not None and not record.env.truth_complete and _forecasts(record) > MOST_FORECASTS * _forecasts(stp):
@@ -86,10 +86,10 @@ def why_unranked(record: Record, records: Sequence[Record] = ()) -> str | None:
 
 def _rankable(group: Sequence[Record], subset: str) -> bool:
     """Whether all records of a group have enough objects, and the same targets, in a subset."""
-    row = next((row for row in group[0].rows if row.get("subset") == subset), {})
+    objects = next((row.objects for row in group[0].rows if row.subset == subset), 0)
     count = _counts(group[0], subset)
     same = all(np.array_equal(_counts(record, subset), count) for record in group)
-    return same and count.sum() > 0 and (row.get("objects") or 0) >= RANKED_OBJECTS
+    return same and count.sum() > 0 and objects >= RANKED_OBJECTS
 
 
 def _comparable(record: Record) -> tuple[object, ...]:

@@ -13,6 +13,7 @@ Level = Literal["scored", "re-scored", "re-run", "hidden seeds"]
 LEVELS: tuple[Level, ...] = ("scored", "re-scored", "re-run", "hidden seeds")  # from the weakest on
 _FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]  # it becomes part of a path
 _Count = Annotated[int, Field(ge=0)]
+_Interval = Annotated[list[float], Field(min_length=2, max_length=2)]
 _Hex = Annotated[str, Field(pattern=r"^[0-9a-f]*$")]
 
 
@@ -89,13 +90,35 @@ class IsolationPart(Section):
     files_hidden: bool  # it saw no data and wrote nowhere but into its own folder
 
 
+class RowPart(Section):
+    """Numbers of one subset: the row of `compare --json`."""
+
+    agent: str
+    hypotheses: _Count
+    samples: _Count
+    budget: Literal["equal", "free"]
+    subset: Literal["all", "ids", "lost", "reacquired", "frag"]
+    minADE: float | None  # noqa: N815  (m; a fixed name of the files)
+    minFDE: float | None  # noqa: N815
+    missing_aware: float | None
+    energy_score: float | None
+    coverage: float | None
+    gap_closed: float | None
+    targets: _Count
+    events: _Count | None
+    objects: _Count
+    scenes: _Count
+    interval: _Interval | None  # of missing_aware
+    ms_per_frame: float | None
+
+
 class MotionGap(Section):
     """Difference between the runs in a local frame turned and shifted at random and those in the usual one."""
 
     still: float  # m, missing-aware error of the seeds without motion
     moved: float  # m, of those with
     difference: float  # m, moved - still
-    interval: list[float] | None
+    interval: _Interval | None
 
 
 class ScenePart(Section):
@@ -116,7 +139,7 @@ class HiddenPart(Section):
     scenes: _Count
     targets: _Count
     missing_aware: float | None
-    interval: list[float] | None
+    interval: _Interval | None
 
 
 class Record(Section):
@@ -142,7 +165,7 @@ class Record(Section):
     isolation: IsolationPart
     hypotheses: _Count
     samples: _Count
-    rows: list[dict[str, Any]]  # as in `compare --json`, one per subset
+    rows: list[RowPart]  # one per subset
     details: dict[str, Any]
     motion_gap: MotionGap | None  # None: all seeds ran in the usual frame
     per_scene: list[ScenePart]
@@ -152,6 +175,6 @@ class Record(Section):
     digest: _Hex = ""
 
     @property
-    def row(self) -> dict[str, Any]:
+    def row(self) -> RowPart:
         """The row of the subset "all"."""
-        return next(row for row in self.rows if row["subset"] == "all")
+        return next(row for row in self.rows if row.subset == "all")

@@ -143,9 +143,9 @@ def run_hidden(
     return HiddenPart(
         commitment=sealed.commitment,
         scenes=len(names),
-        targets=row["targets"],
-        missing_aware=row["missing_aware"],
-        interval=row["interval"],
+        targets=row.targets,
+        missing_aware=row.missing_aware,
+        interval=row.interval,
     )
 
 
@@ -155,7 +155,7 @@ def worse_when_hidden(record: Record, hidden: HiddenPart) -> bool:
     The scenes are others, so the intervals are not paired; two of 95 % that do not touch are a difference that an agent
     without knowledge of the known scenes shows about once in 200 times.
     """
-    known = record.row["interval"]
+    known = record.row.interval
     return known is not None and hidden.interval is not None and hidden.interval[0] > known[1]
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from ..._strict import validate
 from ...errors import MtpBenchError, RecordError
+from ...scoring.subsets import SUBSETS
 from ..files import require_folder, write_text
 from .record import Record
 
@@ -88,8 +89,12 @@ def key_of(scene: str, seed: int) -> str:
 
 
 def _require_rows(path: Path, record: Record) -> None:
-    if not any(row.get("subset") == "all" for row in record.rows):
-        raise RecordError(f"{path}: rows has none for the subset 'all', expected one per subset")
+    subsets = [row.subset for row in record.rows]
+    if subsets != list(SUBSETS):
+        raise RecordError(f"{path}: rows are of {', '.join(subsets) or 'no subset'}, expected {', '.join(SUBSETS)}")
+    names = [scene.scene for scene in record.per_scene]
+    if len(set(names)) != len(names) or len(names) != record.env.scenes:
+        raise RecordError(f"{path}: per_scene has {len(names)} scenes, expected {record.env.scenes}, each once")
     for scene in record.per_scene:
         wrong = [name for name, sums in scene.errors.items() if len(sums) != len(record.seeds)]
         if wrong or scene.errors.keys() != scene.counts.keys() or len(scene.seeds) != len(record.seeds):

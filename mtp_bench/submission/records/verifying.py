@@ -108,7 +108,7 @@ def _on_hidden(
     hidden = run_hidden(plan, checked.record, sealed, workers, progress)
     if worse_when_hidden(checked.record, hidden):
         row = checked.record.row
-        worse = Difference("missing_aware on hidden scenes", row["interval"], hidden.interval)
+        worse = Difference("missing_aware on hidden scenes", row.interval, hidden.interval)
         return replace(checked, level="scored", differences=(worse,), updated=None)
     return replace(checked, level="hidden seeds", hidden=hidden)
 
@@ -197,8 +197,12 @@ def _evaluate(
 
 def _with(record: Record, found: Evaluation, scenes_of_split: int, timed: bool) -> Record:
     """The record with what the evaluation found, under today's scorer; ``timed``: with the times of these rollouts."""
-    times = [row.get("ms_per_frame") for row in record.rows]
-    rows = found.rows if timed else [{**row, "ms_per_frame": t} for row, t in zip(found.rows, times, strict=False)]
+    known = zip(found.rows, record.rows, strict=True)
+    rows = (
+        found.rows
+        if timed
+        else [row.model_copy(update={"ms_per_frame": recorded.ms_per_frame}) for row, recorded in known]
+    )
     scenes = len(found.per_scene)
     status, reason = status_of(
         found.motion_gap,
