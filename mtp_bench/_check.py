@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .submission import Submission
     from .submission.gateway import SceneRun
     from .testing import Finding
+    from .types import Rollout
 
 SCENES = 3  # that are scored
 BESIDE = "stp"
@@ -53,8 +54,10 @@ def check_submission(
     number of steps, ``done`` the name of each.
     """
     from .env import MTPEnv
+    from .runner import run_jobs
     from .submission import SubmissionFactory, load_submission
     from .submission.gateway import run_isolated_scenes
+    from .submission.jobs import jobs_of
     from .testing import check_agent
 
     submission = load_submission(path)
@@ -62,20 +65,29 @@ def check_submission(
     env = MTPEnv(env_id, **keywords)
     names = env.scene_names[:SCENES]
     started(1 + 2 * len(names))
+    runs = run_isolated_scenes(submission.path, env_id, keywords, scenes=names, progress=done)
+    if any(_unsafe(run) for run in runs):  # it would take this process with it
+        return Checked(submission.name, env_id, tuple(gateway_findings(runs, None)), ())
     make = SubmissionFactory(str(submission.path), submission.parameters)
     findings = check_agent(make, env_id, names[:2], keywords)
     done("conformance")
     if any(finding.level == "error" for finding in findings):
         return Checked(submission.name, env_id, tuple(findings), ())
-    runs = run_isolated_scenes(submission.path, env_id, keywords, scenes=names, progress=done)
-    findings += gateway_findings(runs)
+    here = run_jobs(jobs_of(submission, env_id, keywords, names))
+    findings += gateway_findings(runs, here)
     own = [_scored(env, run) for run in runs]
     scores = _beside(own, _trusted(load_submission(BESIDE), env_id, data, names, done))
     return Checked(submission.name, env_id, tuple(findings), scores)
 
 
-def gateway_findings(runs: Sequence[SceneRun]) -> list[Finding]:
-    """What the gateway says of an agent in a process of its own."""
+def _unsafe(run: SceneRun) -> bool:
+    """Whether the agent did worse than to raise: hung, broke the rules, or ended its process."""
+    return run.status in ("hung", "rejected") or (run.status == "crashed" and run.reason.startswith("the process "))
+
+
+def gateway_findings(runs: Sequence[SceneRun], here: Sequence[Rollout] | None) -> list[Finding]:
+    """What the gateway says of an agent in a process of its own; ``here`` are its rollouts in this process, if any."""
+    from .rollouts import digest
     from .testing import Finding
 
     found: list[Finding] = []
@@ -88,6 +100,12 @@ def gateway_findings(runs: Sequence[SceneRun]) -> list[Finding]:
             if frames:
                 got = f"{frames} answers {what}"
                 found.append(Finding("error", "gateway", got, "answers in time and whole", where, "they are missed"))
+    pairs = zip(runs, here or [run.rollout for run in runs], strict=True)
+    others = [run.rollout.scene for run, rollout in pairs if digest(run.rollout) != digest(rollout)]
+    if others and not found:
+        advice = "look for hash(), the order of sets, the number of threads, the environment"
+        got, where = "answers differ in a process of its own", f"scene {others[0]}"
+        found.append(Finding("warning", "gateway", got, "the answers given in this process", where, advice))
     text = (
         f"{len(runs)} scenes in a process of its own: built in at most {max(run.started for run in runs):.1f} s, "
         f"{max(run.peak_memory for run in runs) >> 20} MiB at most"

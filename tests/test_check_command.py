@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from mtp_bench._check import Checked, finding_table, gateway_findings
+from mtp_bench.runner import run_scenes
+from mtp_bench.submission.gateway import SceneRun
 from mtp_bench.submission.starting import new_submission
 from mtp_bench.testing import Finding
+from mtp_bench.types import Rollout
 from tests.command_line import CommandLine, read_json
+from tests.small_scenes import make_echo
 
 ACT = '        """Answer this frame, before the next one is known."""\n'
 
@@ -90,17 +93,38 @@ def test_what_only_the_gateway_sees(folder: Path, cli: CommandLine, tmp_path: Pa
     assert "no environment" in output.out
 
 
-def run(**changes: Any) -> Any:
-    told = {"status": "finished", "reason": "", "late": 0, "malformed": 0, "peak_memory": 3 << 20, "started": 0.25}
-    return SimpleNamespace(rollout=SimpleNamespace(scene="one"), **(told | changes))
+UNSAFE = {
+    "ends its process": ("import os; os._exit(0)", "crashed: the process "),
+    "a fault": ("import ctypes; ctypes.string_at(0)", "crashed: the process "),
+}
 
 
-def test_what_the_gateway_says_becomes_findings() -> None:
-    (sound,) = gateway_findings([run(), run()])
+@pytest.mark.parametrize(("body", "text"), UNSAFE.values(), ids=UNSAFE)
+def test_an_agent_that_would_end_this_process_is_not_run_in_it(
+    body: str, text: str, folder: Path, cli: CommandLine
+) -> None:
+    edit(folder, ACT, f"{ACT}        {body}\n")
+    output = cli("check", folder)
+    assert output.status == 1
+    assert text in output.out
+    assert "conformance" not in output.out
+
+
+def run(rollout: Rollout, **changes: Any) -> SceneRun:
+    told: dict[str, Any] = {"status": "finished", "reason": "", "late": 0, "malformed": 0, "seal": ""}
+    return SceneRun(rollout=rollout, **(told | {"peak_memory": 3 << 20, "started": 0.25} | changes))
+
+
+def test_what_the_gateway_says_becomes_findings(card: str, kitti: str) -> None:
+    one, two = run_scenes(make_echo, card, {"data": kitti}, ["0001", "0006"])
+    (sound,) = gateway_findings([run(one), run(two)], [one, two])
     assert (sound.level, sound.got) == ("ok", "2 scenes in a process of its own: built in at most 0.2 s, 3 MiB at most")
-    found = gateway_findings([run(), run(late=2, malformed=1, status="hung", reason="no answer")])
+    hung = run(two, late=2, malformed=1, status="hung", reason="no answer")
+    found = gateway_findings([run(one), hung], [one, one])
     assert [finding.got for finding in found] == ["hung: no answer", "2 answers too late", "1 answers malformed"]
-    assert {(finding.level, finding.where) for finding in found} == {("error", "scene one")}
+    assert {(finding.level, finding.where) for finding in found} == {("error", "scene 0006")}
+    (other,) = gateway_findings([run(one)], [two])
+    assert (other.level, other.got, other.where) == ("warning", "answers differ in a process of its own", "scene 0001")
 
 
 def test_what_a_user_wrote_is_no_markup() -> None:

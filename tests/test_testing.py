@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from tests.small_scenes import CARD, Action, EchoAgent, bare_scene, full_action,
 
 Observation = dict[str, NDArray[Any]]
 SCENES = ["0006", "0001"]
+START = time.monotonic()
 
 
 def check(make: Callable[[Task], Any], card: str, kitti: str, scenes: list[str] | None = None) -> list[Finding]:
@@ -68,6 +70,26 @@ class Unclocked(Broken):
     def act(self, observation: Observation) -> Action:
         action = self.answer(observation)
         action["forecast"] += np.random.default_rng().normal(scale=0.1, size=action["forecast"].shape)
+        return action
+
+
+class Clocked(Broken):
+    """Says something else later in the day."""
+
+    def act(self, observation: Observation) -> Action:
+        action = self.answer(observation)
+        action["forecast"] += np.float32(0.1 * (time.monotonic() > START + 1800.0))
+        return action
+
+
+class Ragged(Broken):
+    """Answers with lists that are no array, and takes apart what it is shown."""
+
+    def act(self, observation: Observation) -> Action:
+        action = self.answer(observation)
+        observation.pop("time")
+        observation["dt"] = None  # type: ignore[assignment]
+        action["track_box"] = [[1.0], [1.0, 2.0]]  # type: ignore[assignment]
         return action
 
 
@@ -182,6 +204,8 @@ class Loose(Broken):
 
 BROKEN: dict[str, tuple[type[Broken], list[tuple[str, str]], str]] = {
     "random": (Unclocked, [("error", "determinism")], "scene 0006, frame 0, forecast"),
+    "clock": (Clocked, [("warning", "determinism")], "scene 0006, frame 0, forecast"),
+    "ragged": (Ragged, [("error", "contract"), ("warning", "observations")], "scene 0006, frame 0"),
     "leaks": (Remembering, [("error", "reset")], "scene 0006, frame 0, track_id"),
     "writes": (Writing, [("warning", "observations")], "scene 0006, frame 0, detection_box"),
     "keeps": (Keeping, [("error", "observations")], "scene 0006, frame 1"),

@@ -11,7 +11,7 @@ from ..errors import MtpBenchError, UnknownNameError
 from ..runner import MakeAgent
 from ..scoring import SceneScore, score_scene
 from .findings import Finding, failure
-from .playing import first_difference, play
+from .playing import another_clock, first_difference, play
 from .stress_checks import extremes, latency, other_sizes, unmoved
 from .suite import BuildError, Suite, error_of
 
@@ -123,12 +123,18 @@ def _deterministic(suite: Suite) -> list[Finding]:
     if again.failure is not None:
         return again.findings("determinism")
     where = first_difference(suite.played[0], again)
-    if not where:
-        return []
-    suite.deterministic = False
-    advice = "draw from np.random.default_rng(task.seed), made in reset; look at no clock"
-    got, expected = "a second agent with the same seed answers otherwise", "the same answers"
-    return [Finding("error", "determinism", got, expected, where, advice)]
+    if where:
+        suite.deterministic = False
+        advice = "draw from np.random.default_rng(task.seed), made in reset"
+        got, expected = "a second agent with the same seed answers otherwise", "the same answers"
+        return [Finding("error", "determinism", got, expected, where, advice)]
+    with another_clock():
+        later = play(suite.agent(), suite.env, suite.scenes[0], suite.seed)
+    where = first_difference(suite.played[0], later)
+    if where:
+        got, advice = "answers depend on the clock", "count steps, not seconds: a run cannot be repeated otherwise"
+        return [Finding("warning", "determinism", got, "the same answers", where, advice)]
+    return []
 
 
 def _forgets(suite: Suite) -> list[Finding]:
