@@ -9,11 +9,11 @@ import shutil
 import socket
 import subprocess
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from urllib.error import URLError
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 DRIVER = shutil.which("chromedriver")
@@ -86,6 +86,11 @@ class Browser:
         events = [json.loads(entry["message"])["message"] for entry in self._log("performance")]
         return [e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"]
 
+    def forget(self) -> None:
+        """Leave out of the next ``console`` and ``requests`` what happened so far."""
+        self.console()
+        self.requests()
+
     def _log(self, kind: str) -> list[dict[str, Any]]:
         found: list[dict[str, Any]] = self._post("se/log", {"type": kind})
         return found
@@ -140,7 +145,7 @@ def _call(address: str, content: dict[str, Any] | None = None, method: str | Non
 
 def _wait(server: str) -> None:
     for _ in range(200):
-        with contextlib.suppress(URLError, ConnectionError):
+        with contextlib.suppress(urllib.error.URLError, ConnectionError):
             if _call(f"{server}/status")["ready"]:
                 return
         time.sleep(0.1)

@@ -39,7 +39,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def opened(browser: Browser, page: Path) -> Iterator[Browser]:
     """The page, wide and freshly loaded; afterwards the console is clean and only the page itself was asked for."""
     browser.resize(1700, 1000)
-    browser.console(), browser.requests()
+    browser.forget()
     browser.open(page)
     yield browser
     assert browser.console() == []
@@ -188,7 +188,7 @@ def test_hostile_names_do_not_run(browser: Browser, tmp_path: Path) -> None:
     ]
     path = tmp_path / "hostile.html"
     path.write_text(board_page(entries_of(records, [None] * 4, texts, ["javascript:window.hacked=1"] * 4)))
-    browser.console(), browser.requests()
+    browser.forget()
     browser.open(path)
     assert names(browser) == texts
     browser.click(f"{FIRST} tbody.entry .open")
