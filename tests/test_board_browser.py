@@ -204,6 +204,7 @@ def test_a_script_that_slipped_in_would_not_run(browser: Browser, tmp_path: Path
     )
     path = tmp_path / "slipped.html"
     path.write_text(html)
+    browser.forget()
     browser.open(path)
     assert browser.script("return typeof window.hacked") == "undefined"
     refused = browser.console()

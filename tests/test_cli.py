@@ -20,6 +20,8 @@ from tests.command_line import CommandLine, copy_sequence, read_json, write_subm
 from tests.small_scenes import write_kitti
 
 COMMANDS = ["envs", "data", "run", "score", "compare", "view", "events", "video", "train", "fit-noise"]
+COMMANDS += ["new", "check", "submit", "verify", "seal", "board"]
+TABLES = ["envs", "data", "score", "compare", "events", "check", "verify", "board"]  # what prints one
 HEAVY = ["torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "pandas", "matplotlib", "jinja2"]
 
 
@@ -44,9 +46,9 @@ def python(code: str, *arguments: str, **keywords: Any) -> subprocess.CompletedP
 def test_the_commands_are_those_of_the_design() -> None:
     shown = [name for name, command in registered().items() if not command.hidden]
     assert shown == COMMANDS
-    for name in ("data", "run", "score", "compare", "view", "events", "video", "train", "fit-noise"):
+    for name in [*shown[1:10], "check", "submit", "verify"]:
         assert "--data" in options(name)
-    for name in ("envs", "data", "score", "compare", "events"):  # wherever a table is printed
+    for name in TABLES:
         assert "--json" in options(name)
 
 
