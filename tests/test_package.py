@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import json
 import os
+import runpy
 import subprocess
 import sys
 import tomllib
@@ -149,7 +150,12 @@ def wheel(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def files_under(folder: Path) -> set[str]:
     paths = (path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
-    return {path.as_posix() for path in paths if "__pycache__" not in path.parts}
+    return {path.as_posix() for path in paths if "__pycache__" not in path.parts and not stored(path)}
+
+
+def stored(path: Path) -> bool:
+    """Whether a file belongs to the rollouts beside a record, which never leave this machine."""
+    return any(part.endswith(".rollouts") for part in path.parts)
 
 
 def test_the_wheel_has_one_top_level_name(wheel: Path) -> None:
@@ -163,6 +169,17 @@ def test_the_wheel_holds_the_library_and_its_bundle(wheel: Path, repository: Pat
     for kind in ("envs", "baselines", "leaderboard/records"):
         assert {f"mtp_bench/_bundled/{kind}/{name}" for name in files_under(repository / kind)} <= names
     assert not [name for name in names if "__pycache__" in name or name.endswith(".pyc")]
+
+
+def test_rollouts_beside_records_stay_out_of_the_wheel(repository: Path, tmp_path: Path) -> None:
+    records = tmp_path / "leaderboard" / "records" / "mine"
+    (records / "MTP-KITTI-v0.rollouts" / "seed-0").mkdir(parents=True)
+    (records / "MTP-KITTI-v0.json").touch()
+    (records / "MTP-KITTI-v0.rollouts" / "seed-0" / "run.json").touch()
+    hook = runpy.run_path(str(repository / "hatch_build.py"))["RecordsHook"]
+    data: dict[str, dict[str, str]] = {"force_include": {}}
+    hook(str(tmp_path), {}, None, None, "", "wheel").initialize("standard", data)
+    assert list(data["force_include"].values()) == ["mtp_bench/_bundled/leaderboard/records/mine/MTP-KITTI-v0.json"]
 
 
 def test_the_installed_wheel_works_without_the_checkout(wheel: Path, tmp_path: Path) -> None:
