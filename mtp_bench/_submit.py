@@ -42,6 +42,7 @@ def submit_all(
 
     submission = load_submission(path)
     place = cast('Literal["closed", "open"]', division)  # one of DIVISIONS
+    env_ids = list(dict.fromkeys(env_ids))
     targets = [record_path(submission, load_card(env_id).id, output) for env_id in env_ids]
     for target in targets:
         require_writable(target)

@@ -109,6 +109,10 @@ def test_errors_that_do_not_fit_the_seeds_are_refused(tmp_path: Path) -> None:
 
 def test_rows_and_scenes_must_be_complete(tmp_path: Path) -> None:
     record = record_of(1.0, 2.0)
+    for seeds in ([], [0, 0], [-1]):
+        save_record(record.model_copy(update={"seeds": seeds}), tmp_path / "a.json")
+        with pytest.raises(RecordError, match="expected whole numbers from 0 on, each once"):
+            load_record(tmp_path / "a.json")
     save_record(record.model_copy(update={"rows": record.rows[1:]}), tmp_path / "a.json")
     with pytest.raises(RecordError, match="rows are of ids, lost, reacquired, frag, expected all, ids"):
         load_record(tmp_path / "a.json")

@@ -61,7 +61,7 @@ def load_record(path: str | Path) -> Record:
             f"{path}: format {content.get('format')!r}, expected 1: made by another version of mtp-bench?"
         )
     record = validate(Record, content, str(path), RecordError)
-    _require_rows(path, record)
+    _require_complete(path, record)
     found = content_digest(content)
     if found != record.digest:
         raise RecordError(
@@ -88,13 +88,15 @@ def key_of(scene: str, seed: int) -> str:
     return f"{scene}|{seed}"
 
 
-def _require_rows(path: Path, record: Record) -> None:
+def _require_complete(path: Path, record: Record) -> None:
     subsets = [row.subset for row in record.rows]
     if subsets != list(SUBSETS):
         raise RecordError(f"{path}: rows are of {', '.join(subsets) or 'no subset'}, expected {', '.join(SUBSETS)}")
     names = [scene.scene for scene in record.per_scene]
     if len(set(names)) != len(names) or len(names) != record.env.scenes:
         raise RecordError(f"{path}: per_scene has {len(names)} scenes, expected {record.env.scenes}, each once")
+    if not record.seeds or len(set(record.seeds)) != len(record.seeds) or min(record.seeds) < 0:
+        raise RecordError(f"{path}: seeds are {record.seeds}, expected whole numbers from 0 on, each once")
     for scene in record.per_scene:
         wrong = [name for name, sums in scene.errors.items() if len(sums) != len(record.seeds)]
         if wrong or scene.errors.keys() != scene.counts.keys() or len(scene.seeds) != len(record.seeds):
