@@ -274,6 +274,12 @@ def test_a_single_point_has_a_scale_too(error: float) -> None:
     assert 1 <= len(scale.ticks) <= MOST_TICKS + 1
 
 
+def test_one_entry_far_off_leaves_the_scale_to_the_others() -> None:
+    scale = scale_of(listed(made_up("a", 0.7), made_up("b", 0.8), made_up("c", 90.0)), None)
+    assert scale is not None
+    assert scale.high < 2.0
+
+
 def test_without_a_number_there_is_no_scale() -> None:
     assert scale_of(entries_of([made_up("a", None)], [None]), 1.0) is None
     assert bar_of(None, 1.0, None) is None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,6 +12,7 @@ from .entries import Entry
 WIDTH = 190.0  # of a drawing
 PAD = 10.0  # left and right of the scale
 MOST_TICKS = 4
+FARTHEST = 3.0
 
 
 @dataclass(frozen=True)
@@ -43,14 +45,18 @@ class Bar:
 
 
 def scale_of(entries: Sequence[Entry], reference: float | None) -> Scale | None:
-    """A scale that holds the intervals of the ranked entries (of all, where none is ranked) and the reference."""
+    """A scale that holds the intervals of the ranked entries (of all, where none is ranked) and the reference.
+
+    What is more than FARTHEST times as bad as the median is left off, so that the others can be told apart.
+    """
     shown = [entry for entry in entries if entry.rank is not None] or list(entries)
-    values = [end for entry in shown for end in (entry.interval or (entry.error,)) if end is not None]
-    values += [entry.error for entry in shown if entry.error is not None]
-    if not values:
+    values = [end for entry in shown for end in (*(entry.interval or ()), entry.error) if end is not None]
+    errors = [entry.error for entry in shown if entry.error is not None]
+    if not errors:
         return None
-    values += [] if reference is None else [reference]
-    return _nice(min(values), max(values))
+    within = [value for value in values if value <= FARTHEST * statistics.median_low(errors)]
+    within += [] if reference is None else [reference]
+    return _nice(min(within or errors), max(within or errors))
 
 
 def bar_of(scale: Scale | None, error: float | None, interval: tuple[float, float] | None) -> Bar | None:
