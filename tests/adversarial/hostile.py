@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import textwrap
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +17,14 @@ from mtp_bench.types import Rollout
 from tests import small_scenes
 
 SCENE, FRAMES = "0006", 7
-QUICK = Limits(start=30.0, reset=10.0, first_frame=10.0, frame=0.4, scene=60.0, disk=8 << 20)
-SLOW = 5 * QUICK.frame  # s, far beyond the limit
+QUICK = Limits(start=30.0, reset=10.0, first_frame=10.0, frame=5.0, scene=60.0, disk=8 << 20)
+HURRIED = replace(QUICK, frame=0.4)  # for agents that are late on purpose
+SLOW = 5 * HURRIED.frame  # s, far beyond the limit
 
 MANIFEST = 'name = "hostile"\nauthors = ["N. N."]\nagent = "agent:build"\n'
 HEAD = """
 import ctypes, gc, os, pickle, socket, sys, time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 import numpy as np

@@ -12,7 +12,7 @@ import pytest
 from mtp_bench.rollouts import digest
 from mtp_bench.submission.gateway import SceneRun, run_isolated_scenes
 
-from .hostile import FRAMES, HONEST, QUICK, Court, submission
+from .hostile import FRAMES, HONEST, HURRIED, QUICK, Court, submission
 
 
 def at_frame_two(what: str) -> str:
@@ -49,7 +49,7 @@ def test_the_last_words_are_in_the_reason(court: Court) -> None:
 
 
 SILENT = {
-    "act": (at_frame_two("time.sleep(1000)"), replace(QUICK, scene=6.0)),
+    "act": (at_frame_two("time.sleep(1000)"), replace(HURRIED, scene=6.0)),
     "import": ("time.sleep(1000)", replace(QUICK, start=1.0)),
     "build": ("__init__ = lambda self: time.sleep(1000)", replace(QUICK, start=1.0)),
 }

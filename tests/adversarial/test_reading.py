@@ -28,7 +28,7 @@ JUDGE = """
 def act(self, observation):
     judge = f"/proc/{self.given['judge']}"
     for read in (lambda: open(judge + "/mem", "rb"), lambda: open(judge + "/environ", "rb").read(1),
-                 lambda: os.readlink(judge + "/cwd"), lambda: os.listdir(judge + "/fd"),
+                 lambda: os.readlink(judge + "/cwd"), lambda: os.readlink(judge + "/fd/0"),
                  lambda: open(judge + "/maps").read(1)):
         try:
             read()

@@ -1,0 +1,110 @@
+"""Milliseconds per frame that the gateway adds to an agent: round trips with one that repeats an empty answer.
+
+    python benchmarks/gateway.py [--frames 300] [--json FILE]
+
+The messages are as long as those of a full answer, whatever it says: arrays are padded. Called directly, the agent takes
+no time, so that all that is measured is the gateway. No data is needed: observations are drawn from the spaces of the cards.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import tempfile
+import time
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from mtp_bench import load_card
+from mtp_bench._spaces import action_space, observation_space
+from mtp_bench.env import _task
+from mtp_bench.submission.gateway import Limits
+from mtp_bench.submission.gateway.exchange import Exchange
+from mtp_bench.submission.gateway.process import AgentProcess
+from mtp_bench.submission.gateway.surroundings import library_path
+
+CARDS = ("MTP-KITTI-v0", "MTP-Intersection-v0", "MTP-nuScenes-mini-v0")
+AGENT = """
+import numpy as np
+
+SHAPES = {shapes!r}
+
+
+class Same:
+    def reset(self, task):
+        self.action = {{name: np.zeros(shape, dtype) for name, (shape, dtype) in SHAPES.items()}}
+
+    def act(self, observation):
+        return self.action
+
+
+def build(task):
+    return Same()
+"""
+MANIFEST = 'name = "same"\nauthors = ["mtp_bench"]\nagent = "agent:build"\n'
+
+
+def measured(env_id: str, frames: int) -> dict[str, float]:
+    card = load_card(env_id)
+    sizes = {"samples": card.task.samples, **sizes_of(card)}
+    task = _task(card, "detections", sizes)
+    space, observation = action_space(task), observation_space(task).sample()
+    shapes = {name: (part.shape, str(part.dtype)) for name, part in space.spaces.items()}
+    limits = Limits()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "agent.py").write_text(AGENT.format(shapes=shapes))
+        (folder / "submission.toml").write_text(MANIFEST)
+        with AgentProcess(limits) as process:
+            exchange = Exchange(process, limits, space, b"")
+            exchange.open(setup(folder, process, limits), asdict(replace(task, seed=0)))
+            seconds = []
+            for _ in range(frames):
+                begin = time.perf_counter()
+                action, _ = exchange.ask(observation)
+                seconds.append(time.perf_counter() - begin)
+                assert action, "the agent did not answer"
+    size = sum(array.nbytes for array in action.values())
+    ordered = sorted(seconds[10:])
+    return {
+        "median_ms": 1e3 * statistics.median(ordered),
+        "p95_ms": 1e3 * ordered[int(0.95 * len(ordered))],
+        "answer_kib": size / 1024,
+        "observation_kib": sum(array.nbytes for array in observation.values()) / 1024,
+    }
+
+
+def sizes_of(card: Any) -> dict[str, int]:
+    return {name: getattr(card.size, name) for name in ("tracks", "objects", "hypotheses", "detections")}
+
+
+def setup(folder: Path, process: AgentProcess, limits: Limits) -> dict[str, Any]:
+    return {
+        "submission": str(folder),
+        "parameters": {},
+        "own": {process.work: limits.disk, process.kernels: 1 << 20},
+        "hidden": [],
+        "kernels": None,
+        "path": library_path(),
+        "memory": limits.memory,
+        "disk": limits.disk,
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--frames", type=int, default=300)
+    parser.add_argument("--json", type=Path, default=None)
+    given = parser.parse_args()
+    found = {env_id: measured(env_id, given.frames) for env_id in CARDS}
+    for env_id, row in found.items():
+        times = f"{row['median_ms']:6.2f} ms (p95 {row['p95_ms']:.2f})"
+        print(f"{env_id:22} {times}  {row['observation_kib']:.0f} KiB asked, {row['answer_kib']:.0f} KiB answered")
+    if given.json is not None:
+        given.json.write_text(json.dumps(found, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()
