@@ -11,6 +11,7 @@ from .errors import MtpBenchError
 
 BACKENDS = ("loky", "dask")
 _CONNECT = 10  # s to wait for the scheduler
+_WORKERS = 30  # s to wait for its first worker: those that died may be starting anew
 _one_at_a_time = threading.Lock()  # of a worker process: agents need not be safe among threads
 
 
@@ -71,11 +72,13 @@ def _connect(scheduler: str) -> tuple[Any, Any]:
 
 
 def _require_workers(client: Any, scheduler: str) -> None:
-    versions = client.run(_library_version)
-    if not versions:
+    try:
+        client.wait_for_workers(1, timeout=_WORKERS)
+    except TimeoutError:
         raise MtpBenchError(
             f"the Dask scheduler at {scheduler} has no workers: start some with `dask worker {scheduler}`"
-        )
+        ) from None
+    versions = client.run(_library_version, on_error="ignore")  # a worker may end just now
     for worker, version in versions.items():
         if version != __version__:
             raise MtpBenchError(f"worker {worker} has mtp-bench {version}, expected {__version__} as here: install it")

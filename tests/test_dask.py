@@ -41,6 +41,10 @@ def make_slow(task: Task) -> SlowAgent:
     return SlowAgent(noise=0.1)
 
 
+def make_deadly(task: Task) -> SlowAgent:
+    os._exit(1)
+
+
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
     """A scheduler with two worker processes of one thread each."""
@@ -81,6 +85,12 @@ def test_a_killed_worker_loses_nothing(cluster: Any, card: str, kitti: str) -> N
     spread = run_jobs(given, progress=kill_once, backend="dask", scheduler=cluster.scheduler_address)
     assert killed
     assert [digest(rollout) for rollout in run_jobs(given)] == [digest(rollout) for rollout in spread]
+
+
+def test_an_agent_that_kills_every_worker_is_given_up(cluster: Any, card: str, kitti: str) -> None:
+    text = f"several workers of {cluster.scheduler_address} died in the same call"
+    with pytest.raises(MtpBenchError, match=text):
+        run_jobs(jobs(card, kitti, make_deadly)[:1], backend="dask", scheduler=cluster.scheduler_address)
 
 
 def test_an_agent_that_fails_is_named_as_in_this_process(cluster: Any, card: str, kitti: str) -> None:
@@ -139,7 +149,8 @@ def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> No
         list(cluster_map(np.add, [(1, 2)], "nowhere"))
 
 
-def test_a_scheduler_without_workers() -> None:
+def test_a_scheduler_without_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_cluster, "_WORKERS", 0.2)
     untyped = distributed_untyped
     with (
         untyped.LocalCluster(n_workers=0, processes=True, dashboard_address=":0", host="127.0.0.1") as cluster,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -37,6 +38,14 @@ def test_its_readme_speaks_of_this_submission(tmp_path: Path) -> None:
     assert text.startswith("# my-agent.2\n")
     assert "mtp-bench check my-agent.2\n" in text
     assert "NAME" not in text
+
+
+def test_the_test_in_its_readme_passes(tmp_path: Path) -> None:
+    folder = new_submission("mine", tmp_path)
+    code = (folder / "README.md").read_text().split("```python\n")[1].split("```")[0]
+    names: dict[str, Any] = {"__file__": str(folder / "test_agent.py")}
+    exec(code, names)
+    names["test_the_agent_keeps_the_contract"]()
 
 
 @pytest.mark.parametrize("name", ["Mine", "my agent", "../mine", "-mine", "", "mine\n", "grün", "a/b"])

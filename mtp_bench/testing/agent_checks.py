@@ -138,13 +138,14 @@ def _deterministic(suite: Suite) -> list[Finding]:
 
 
 def _forgets(suite: Suite) -> list[Finding]:
-    agent = suite.agent()
-    for scene in suite.scenes[::-1]:  # ends with the first one
-        played = play(agent, suite.env, scene, suite.seed)
-        if played.failure is not None:
-            return played.findings("reset")
-    if len(suite.scenes) == 1:
-        played = play(agent, suite.env, suite.scenes[0], suite.seed)
+    agent, first = suite.agent(), suite.scenes[0]
+    for scene in suite.scenes[1:] or suite.scenes:
+        before = play(agent, suite.env, scene, suite.seed)
+        if before.failure is not None:
+            return before.findings("reset")
+    played = play(agent, suite.env, first, suite.seed)
+    if played.failure is not None:
+        return played.findings("reset")
     where = first_difference(suite.played[0], played)
     if not where or not suite.deterministic:
         return []
