@@ -2,8 +2,8 @@
 
     python benchmarks/gateway.py [--frames 300] [--json FILE]
 
-The messages are as long as those of a full answer, whatever it says: arrays are padded. Called directly, the agent takes
-no time, so that all that is measured is the gateway. No data is needed: observations are drawn from the spaces of the cards.
+The messages are as long as those of a full answer, whatever it says: arrays are padded. Called directly, the agent
+takes no time, so all that is measured is the gateway. No data is needed: observations are drawn from the cards' spaces.
 """
 
 from __future__ import annotations

@@ -27,7 +27,10 @@ def main() -> None:
     sandbox["first_process"](made, lambda pid: _say(answers, {"kind": "started", "pid": pid}), (orders, answers))
     hidden = sandbox["hide_files"](made, setup["own"], setup["hidden"])
     os.chdir(os.environ["HOME"])  # the folder as it is now, not the one below it
-    _link_kernels(setup["kernels"], os.environ["NUMBA_CACHE_DIR"])
+    if hidden:
+        _link_kernels(setup["kernels"], os.environ["NUMBA_CACHE_DIR"])
+    elif setup["kernels"]:  # could be written anyway
+        os.environ["NUMBA_CACHE_DIR"] = setup["kernels"]
     sandbox["restrict"](made, setup["memory"], setup["disk"])
     _say(answers, {"kind": "locked", **sandbox["facts"](made, hidden)})
     _extend_path(setup["path"])
@@ -97,13 +100,12 @@ def _extend_path(path: list[str]) -> None:
 
 def _link_kernels(source: str | None, target: str) -> None:
     """A cache of compiled kernels for this process alone: what is there is linked, what is new is its own."""
-    for folder, _, names in os.walk(source or target):
-        if source is None or not Path(folder).relative_to(source).as_posix().startswith(("kernels-", ".")):
-            continue
-        own = Path(target) / Path(folder).relative_to(source)
-        own.mkdir(parents=True, exist_ok=True)
-        for name in names if folder != source else ():
-            (own / name).symlink_to(Path(folder) / name)
+    for kernel in Path(source or target).glob("kernels-*"):
+        for folder, _, names in os.walk(kernel):
+            own = folder.replace(str(source), target, 1)
+            os.makedirs(own, exist_ok=True)  # noqa: PTH103  (there are thousands: paths as text are faster)
+            for name in names:
+                os.symlink(f"{folder}/{name}", f"{own}/{name}")  # noqa: PTH211
 
 
 def _read(descriptor: int) -> tuple[bytearray, bytearray]:

@@ -19,7 +19,7 @@ from ..loader import load_submission
 from .exchange import Exchange
 from .limits import Limits, SceneRun
 from .process import AgentProcess
-from .surroundings import hidden_folders, library_path, own_kernels
+from .surroundings import compile_kernels, hidden_folders, library_path, own_kernels
 
 KERNELS = 64 << 20  # bytes that compiled kernels may take
 
@@ -86,6 +86,7 @@ def run_isolated_scenes(
     """
     if workers < 1:
         raise MtpBenchError(f"workers is {workers}, expected at least 1")
+    compile_kernels()
     arguments = (env_id, env_keywords, seed, parameters, limits)
     results: dict[str, SceneRun] = {}
     for scene, result in _map(submission, tuple(scenes), min(workers, max(1, len(scenes))), arguments):
