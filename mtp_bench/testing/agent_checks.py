@@ -182,5 +182,5 @@ _CHECKS: tuple[tuple[str, Callable[[Suite], list[Finding]], str], ...] = (
     ("sizes", other_sizes, "other numbers of tracks, objects, hypotheses and samples work"),
     ("extremes", extremes, "frames without detections and full of them work"),
     ("rigid motion", unmoved, "turned and shifted coordinates give the same score"),
-    ("latency", latency, ""),
+    ("latency", latency, "too few frames to time"),
 )

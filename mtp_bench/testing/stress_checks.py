@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..runner import agent_task
@@ -26,13 +28,15 @@ def other_sizes(suite: Suite) -> list[Finding]:
         played = play(suite.agent(env), env, suite.scenes[0], suite.seed, _FEW)
         shown = ", ".join(f"{name} {value}" for name, value in sizes.items())
         news = [seen for (name, _), seen in played.problems.items() if name not in suite.faulty]
-        if played.failure is not None or news:
-            first = played.findings("sizes")[0] if played.failure else None
-            got = first.got if first else "; ".join(f"{seen.problem.field} {seen.problem.reason}" for seen in news)
-            where = f"{first.where if first else news[0].where}; {shown}"
-            advice = "take every size from the task"
-            calls = first.traceback if first else ()
-            found.append(Finding("error", "sizes", got, "answers of the task's sizes", where, advice, calls))
+        wrong = [seen for seen in news if seen.problem.level == "error"]
+        advice = "take every size from the task"
+        if played.failure is not None:
+            where = f"{played.failure.where}; {shown}"
+            found.append(replace(played.failure, check="sizes", where=where, advice=advice))
+        elif wrong:
+            got = "; ".join(f"{seen.problem.field} {seen.problem.reason}" for seen in wrong)
+            where = f"{wrong[0].where}; {shown}"
+            found.append(Finding("error", "sizes", got, "answers of the task's sizes", where, advice))
     return found
 
 
