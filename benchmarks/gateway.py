@@ -60,7 +60,8 @@ def measured(env_id: str, frames: int) -> dict[str, float]:
         with AgentProcess(limits) as process:
             exchange = Exchange(process, limits, space, b"")
             exchange.open(setup(folder, process, limits), asdict(replace(task, seed=0)))
-            seconds = []
+            seconds: list[float] = []
+            action: dict[str, Any] = {}
             for _ in range(frames):
                 begin = time.perf_counter()
                 action, _ = exchange.ask(observation)

@@ -13,7 +13,7 @@ What is protected, on Linux where the system allows user namespaces (`SceneRun.n
 - The cache of compiled kernels, which trusted processes load: the agent sees links to it and keeps what it adds.
 
 Elsewhere the environment is still scrubbed, memory, file size and time are limited, and the judge's memory is closed to
-its own user; but files of the user and the network are open.
+its own user; but files of the user and the network are open, and any process of the user can be sent signals.
 
 What is not protected: this is a process of the same user on the same machine, no virtual machine. An agent may read
 other files of the user, hold whatever it was trained on, recognise a public scene, and generate simulated scenes anew,

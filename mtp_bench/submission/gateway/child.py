@@ -25,7 +25,7 @@ def main() -> None:
     setup = json.loads(_read(orders)[0])
     made = sandbox["separate"]()
     sandbox["first_process"](made, lambda pid: _say(answers, {"kind": "started", "pid": pid}), (orders, answers))
-    hidden = sandbox["hide_files"](made, setup["own"], setup["hidden"])
+    hidden = sandbox["hide_files"](made, setup["own"], setup.pop("hidden"))
     os.chdir(os.environ["HOME"])  # the folder as it is now, not the one below it
     if hidden:
         _link_kernels(setup["kernels"], os.environ["NUMBA_CACHE_DIR"])

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import select
+import signal
+import time
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
@@ -29,3 +34,18 @@ def descendants(pid: int) -> list[int]:
     for parent in found:  # grows as it is read
         found += children(parent)
     return found
+
+
+def end(processes: Iterable[int], seconds: float) -> None:
+    """Kill processes and wait until they are gone, at most so long."""
+    handles: list[int] = []
+    for pid in processes:
+        with suppress(OSError, AttributeError):
+            handles.append(os.pidfd_open(pid))
+            signal.pidfd_send_signal(handles[-1], signal.SIGKILL)
+    deadline = time.monotonic() + seconds
+    for handle in handles:
+        gone = select.poll()
+        gone.register(handle, select.POLLIN)
+        gone.poll(max(0.0, 1000 * (deadline - time.monotonic())))
+        os.close(handle)

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import MtpBenchError
-from .family import children, descendants, peak_memory
+from .family import children, descendants, end, peak_memory
 from .limits import Limits
 from .sandbox import hide_memory
 from .surroundings import environment
@@ -212,9 +212,8 @@ class AgentProcess:
     def _kill(self) -> None:
         """End the agent and all that it started, and wait for it."""
         if self._pid is not None:
-            for pid in reversed(descendants(self._pid)[1:]):
-                with suppress(OSError):
-                    os.kill(pid, signal.SIGKILL)
+            for _ in range(2):  # some may have started others meanwhile
+                end(descendants(self._pid)[1:], _ENDING)
             with suppress(OSError):
                 self._end_agent(self._pid)
         with suppress(OSError):
@@ -227,7 +226,9 @@ class AgentProcess:
                 os.kill(pid, signal.SIGKILL)
             return
         signal.pidfd_send_signal(self._handle, signal.SIGKILL)
-        select.select([self._handle], [], [], _ENDING)  # the first process of a namespace ends after all others
+        gone = select.poll()
+        gone.register(self._handle, select.POLLIN)
+        gone.poll(1000 * _ENDING)  # the first process of a namespace ends after all others
 
 
 def _widen(descriptor: int) -> None:
