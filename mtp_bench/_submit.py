@@ -124,7 +124,7 @@ def _record_table(record: Record) -> Table:
 
 def _sentence(record: Record) -> str:
     """Status, cost and what went wrong, for people."""
-    gap, latency = record.motion_gap, record.latency
+    latency = record.latency
     parts = [f"{record.status}{f' ({record.status_reason})' if record.status_reason else ''}"]
     if latency.p50_ms is not None and latency.p95_ms is not None:
         parts.append(f"{latency.p50_ms:.1f} ms per frame, 95 % within {latency.p95_ms:.1f} ms")
@@ -134,8 +134,6 @@ def _sentence(record: Record) -> str:
               if count]  # fmt: skip
     if lost.crashed_scenes:
         parts.append(f"{count(lost.crashed_scenes, 'scene')} cut short ({next(iter(lost.reasons.values()), '')})")
-    if gap is not None:
-        parts.append(f"{gap.difference:+.4f} m under random rigid motion")
     return "; ".join(parts)
 
 

@@ -58,9 +58,6 @@ def made_up(
         "samples": 20,
         "rows": [_row(name, subset, error, spread, hypotheses) for subset in SUBSETS],
         "details": {} if error is None else {"parts": _parts(error)},
-        "motion_gap": None if error is None else {
-            "still": error, "moved": error + 0.002, "difference": 0.002, "interval": [-0.004, 0.009],
-        },
         "per_scene": [] if error is None else [_scene(i, error) for i in range(SCENES)],
         "seals": {},
         "rollout_digests": {},

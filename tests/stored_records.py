@@ -100,7 +100,6 @@ def write_record(
         "samples": 4,
         "rows": [{**row, "subset": s, "objects": objects if s == "all" else 5} for s in SUBSETS],
         "details": {"forecasts_per_frame": 3.0},
-        "motion_gap": None,
         "per_scene": [part.model_dump() for part in scenes],
         "seals": {},
         "rollout_digests": {},

@@ -14,7 +14,6 @@ from ...scoring import (
     ReferenceSubsets,
     SceneScore,
     masks,
-    paired_interval,
     score_scene,
     stated_hypotheses,
     summarise,
@@ -23,10 +22,9 @@ from ...sources import open_source
 from ...types import Rollout
 from ..reference import frozen_reference
 from .provenance import data_manifest, scene_digest
-from .record import MotionGap, ReferencePart, RowPart, ScenePart, Status
+from .record import ReferencePart, RowPart, ScenePart, Status
 
 Progress = Callable[[str], object]
-MOTION_TOLERANCE = 0.05  # share of the error without motion by which that with motion may exceed it
 
 
 @dataclass(frozen=True)
@@ -36,7 +34,6 @@ class Evaluation:
     rows: list[RowPart]
     details: dict[str, Any]
     per_scene: list[ScenePart]
-    motion_gap: MotionGap | None
     reference: ReferencePart
     data_manifest: str
     truth_complete: bool
@@ -77,7 +74,6 @@ def evaluate(
         rows=[RowPart.model_validate(row) for row in report.rows],
         details=report.details[0],
         per_scene=per_scene,
-        motion_gap=motion_gap(per_scene, list(runs)),
         reference=_reference_part(card, reference.origin if reference else None, subsets),
         data_manifest=data_manifest(digest for digest, _ in scored),
         truth_complete=all(score.truth_complete for run in seeds for score in run),
@@ -85,52 +81,20 @@ def evaluate(
     )
 
 
-def moves(seed: int) -> bool:
-    """Whether a seed's local frames are turned and shifted at random: all but the first."""
-    return seed != 0
-
-
-def motion_gap(per_scene: Sequence[ScenePart], seeds: Sequence[int]) -> MotionGap | None:
-    """How much larger the error of the moved seeds is than that of the others; None unless there are both."""
-    moved = np.array([moves(seed) for seed in seeds])
-    targets = np.array([scene.counts["all"] for scene in per_scene], dtype=np.float64)
-    if moved.all() or not moved.any() or targets.sum() == 0:
-        return None
-    errors = np.array([scene.errors["all"] for scene in per_scene])  # [S, seeds]
-    with_motion, without = errors[:, moved].mean(axis=1), errors[:, ~moved].mean(axis=1)
-    interval = paired_interval(with_motion, without, targets)
-    total = float(targets.sum())
-    return MotionGap(
-        still=float(without.sum()) / total,
-        moved=float(with_motion.sum()) / total,
-        difference=float((with_motion - without).sum()) / total,
-        interval=None if interval is None else list(interval),
-    )
-
-
-def depends_on_motion(gap: MotionGap | None) -> bool:
-    """Whether an agent knows the scenes by their coordinates, as a lookup table does.
-
-    Its error with motion is larger than without by more than MOTION_TOLERANCE of it, and the paired interval over
-    scenes lies above 0. Other draws and other rounding differ by chance in either direction; the interval alone would
-    reject one honest agent in 40.
-    """
-    if gap is None or gap.interval is None:
-        return False
-    return gap.interval[0] > 0.0 and gap.difference > MOTION_TOLERANCE * gap.still
-
-
 def status_of(
-    gap: MotionGap | None, scenes: int, scenes_of_split: int, crashed: int, runs: int, reason: str = ""
+    scenes: int, scenes_of_split: int, crashed: int, runs: int, reasons: Mapping[str, str] | None = None
 ) -> tuple[Status, str]:
-    """Status of a record and why: ``crashed`` of ``runs`` (scenes x seeds) were cut short; ``reason`` of one."""
+    """Status of a record and why: ``crashed`` of ``runs`` (scenes x seeds) were cut short, for ``reasons``.
+
+    An agent that broke the rules of the gateway in any run is rejected.
+    """
+    reasons = reasons or {}
+    for key, reason in reasons.items():
+        if reason.startswith("rejected: "):
+            return "rejected", f"{key}: {reason.removeprefix('rejected: ')}"
     if runs and crashed == runs:
-        return "crashed", f"no scene was finished: {reason}" if reason else "no scene was finished"
-    if gap is not None and depends_on_motion(gap):
-        return "rejected", (
-            f"the error grows from {gap.still:.3f} to {gap.moved:.3f} m where the scene is turned and shifted: "
-            "the answers depend on where the scene lies"
-        )
+        first = next(iter(reasons.values()), "")
+        return "crashed", f"no scene was finished: {first}" if first else "no scene was finished"
     if scenes < scenes_of_split:
         return "partial", f"{scenes} of {scenes_of_split} scenes"
     return "finished", ""

@@ -112,15 +112,6 @@ class RowPart(Section):
     ms_per_frame: float | None
 
 
-class MotionGap(Section):
-    """Difference between the runs in a local frame turned and shifted at random and those in the usual one."""
-
-    still: float  # m, missing-aware error of the seeds without motion
-    moved: float  # m, of those with
-    difference: float  # m, moved - still
-    interval: _Interval | None
-
-
 class ScenePart(Section):
     """Errors of one scene: enough to pair two records without their rollouts."""
 
@@ -167,7 +158,6 @@ class Record(Section):
     samples: _Count
     rows: list[RowPart]  # one per subset
     details: dict[str, Any]
-    motion_gap: MotionGap | None  # None: all seeds ran in the usual frame
     per_scene: list[ScenePart]
     seals: dict[str, str]  # "scene|seed" -> hash chain over the answers as they came
     rollout_digests: dict[str, str]  # "scene|seed"

@@ -16,7 +16,7 @@ from ...types import Rollout
 from ..compare import setting_of
 from ..gateway import Limits, SceneRun, run_isolated_scenes
 from ..loader import Submission
-from .evaluation import Progress, moves
+from .evaluation import Progress
 from .record import IsolationPart, LatencyPart, MissedPart
 from .storage import key_of
 
@@ -56,7 +56,7 @@ def run_seed(plan: Plan, seed: int, workers: int, progress: Progress | None, lim
     return run_isolated_scenes(
         plan.submission.path,
         cast("str", plan.env),  # for MTPEnv, which takes a card as well
-        {**keywords, "rigid_motion": moves(seed)},
+        {**keywords, "rigid_motion": True},
         seed=seed,
         parameters=plan.submission.parameters,
         limits=limits,
@@ -70,7 +70,7 @@ def info_of(plan: Plan, seed: int) -> RunInfo:
     """What a stored run of the plan says of itself; the data root is nobody's business."""
     submission = plan.submission
     env = MTPEnv(plan.env, data=plan.data, observe=submission.compare.observe, evaluation=True, **plan.keywords)
-    keywords = {**{k: v for k, v in plan.keywords.items() if k != "samples"}, "rigid_motion": moves(seed)}
+    keywords = {**{k: v for k, v in plan.keywords.items() if k != "samples"}, "rigid_motion": True}
     return run_info(env, submission.name, seed, submission.parameters, submission.digest, keywords)
 
 

@@ -43,10 +43,9 @@ def submit(
     """Run the submission at ``path`` on an env behind the gateway, and write its record to ``output``/<env id>.json.
 
     ``output``: None stands for leaderboard/records/<name of the submission>. On the first ``scenes`` scenes (None:
-    all); a part of them makes a partial record, which is never ranked. Seed 0 runs in the usual local frames, the other
-    ``seeds`` in frames that are turned and shifted at random: an agent that knows the scenes by their coordinates is
-    found out (`depends_on_motion`). ``started`` is told the number of runs and scenes to score, ``progress`` the scene
-    of each that is done.
+    all); a part of them makes a partial record, which is never ranked. In every run the local frames are turned and
+    shifted at random: what an agent knows of the scenes by their coordinates is of no use. ``started`` is told the
+    number of runs and scenes to score, ``progress`` the scene of each that is done.
 
     What an agent does is never an error: a submission of which no scene was finished has the status "crashed". Raises
     MtpBenchError for whatever the user can mend, an output that cannot be written before anything runs.
@@ -108,10 +107,7 @@ def _record(
 ) -> Record:
     lost = missed(runs)
     every = [rollout for results in rollouts.values() for rollout in results]
-    first_reason = next(iter(lost.reasons.values()), "")
-    status, reason = status_of(
-        found.motion_gap, len(plan.scenes), plan.scenes_of_split, lost.crashed_scenes, len(every), first_reason
-    )
+    status, reason = status_of(len(plan.scenes), plan.scenes_of_split, lost.crashed_scenes, len(every), lost.reasons)
     return Record(
         submission=submission_part(plan.submission),
         division="closed",
@@ -132,7 +128,6 @@ def _record(
         samples=every[0].forecast.shape[1],
         rows=found.rows,
         details=found.details,
-        motion_gap=found.motion_gap,
         per_scene=found.per_scene,
         seals=seals(runs),
         rollout_digests=rollout_digests(rollouts),

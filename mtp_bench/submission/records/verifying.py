@@ -23,7 +23,7 @@ from .running import Plan, plan_run, rollout_digests, run_seed
 from .sealing import Sealed, run_hidden, worse_when_hidden
 from .storage import load_record, rollouts_folder, save_record
 
-_CHECKED = ("env", "status", "hypotheses", "reference", "rows", "details", "motion_gap", "per_scene")
+_CHECKED = ("env", "status", "hypotheses", "reference", "rows", "details", "per_scene")
 
 
 @dataclass(frozen=True)
@@ -205,12 +205,11 @@ def _with(record: Record, found: Evaluation, scenes_of_split: int, timed: bool) 
     )
     scenes = len(found.per_scene)
     status, reason = status_of(
-        found.motion_gap,
         scenes,
         scenes_of_split,
         record.missed.crashed_scenes,
         scenes * len(record.seeds),
-        next(iter(record.missed.reasons.values()), ""),
+        record.missed.reasons,
     )
     env = {"scenes": scenes, "scenes_of_split": scenes_of_split, "data_manifest": found.data_manifest}
     return record.model_copy(
@@ -223,7 +222,6 @@ def _with(record: Record, found: Evaluation, scenes_of_split: int, timed: bool) 
             "hypotheses": found.hypotheses,
             "rows": rows,
             "details": found.details,
-            "motion_gap": found.motion_gap,
             "per_scene": found.per_scene,
         }
     )
