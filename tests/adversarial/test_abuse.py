@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib.util
+import py_compile
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -10,9 +12,9 @@ import numpy as np
 import pytest
 
 from mtp_bench.rollouts import digest
-from mtp_bench.submission.gateway import SceneRun, run_isolated_scenes
+from mtp_bench.submission.gateway import SceneRun, run_isolated, run_isolated_scenes
 
-from .hostile import FRAMES, HONEST, HURRIED, QUICK, Court, submission
+from .hostile import FRAMES, HONEST, HURRIED, QUICK, SCENE, Court, submission
 
 
 def at_frame_two(what: str) -> str:
@@ -147,6 +149,17 @@ def test_nothing_is_unpickled(court: Court) -> None:
     run = court.run(HONEST)
     assert run.status == "finished"
     assert not marker.exists()
+
+
+def test_compiled_code_that_the_digest_does_not_cover_is_not_run(court: Court) -> None:
+    folder, other = submission(court.folder / "hostile"), court.folder / "other.py"
+    other.write_text("raise RuntimeError('not in the digest')")
+    compiled = importlib.util.cache_from_source(str(folder / "agent.py"))
+    py_compile.compile(str(other), compiled, invalidation_mode=py_compile.PycInvalidationMode.UNCHECKED_HASH)
+    run = run_isolated(folder, court.card, {"data": court.data}, SCENE, limits=QUICK)
+    if not run.files_hidden:
+        pytest.skip("this system allows no file system of one's own")
+    assert run.status == "finished", run.reason
 
 
 def test_one_scene_that_crashes_does_not_end_the_run(court: Court) -> None:

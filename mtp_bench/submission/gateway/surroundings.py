@@ -56,6 +56,8 @@ def environment(work: str, kernels: str) -> dict[str, str]:
 def hidden_folders(submission: Submission, data: str | None) -> list[str]:
     """Folders that the agent must not see: the data, and the scenes made of it or generated.
 
+    And folders of the submission that its digest does not cover: compiled code would run in place of its own.
+
     Raises SubmissionError where one of them holds the submission or the library.
     """
     cache = cache_root()
@@ -69,4 +71,10 @@ def hidden_folders(submission: Submission, data: str | None) -> list[str]:
                 raise SubmissionError(
                     f"{path} holds data and the {what} ({needed}): an agent must not see the data; move one"
                 )
-    return [os.fspath(path) for path in hidden]
+    return [os.fspath(path) for path in (*hidden, *_beside_the_digest(submission.path))]
+
+
+def _beside_the_digest(folder: Path) -> list[Path]:
+    """Outermost folders of a submission that its digest does not cover."""
+    found = {path for name in ("__pycache__", ".git") for path in folder.rglob(name) if path.is_dir()}
+    return sorted(path for path in found if not found & set(path.parents))
