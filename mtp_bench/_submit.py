@@ -29,6 +29,7 @@ def submit_all(
     output: Path | None,
     division: str,
     training_data: Sequence[str],
+    scheduler: str | None = None,
 ) -> None:
     """Make the record of a submission on each env and print what it says.
 
@@ -50,7 +51,9 @@ def submit_all(
     for env_id, target in zip(env_ids, targets, strict=True):
         prepare(env_id, data, scenes, workers, {})
         with progress_bar(f"{submission.name} on {env_id}") as (started, done):
-            record = submit(path, env_id, data, seeds, scenes, workers, output, place, training_data, started, done)
+            record = submit(
+                path, env_id, data, seeds, scenes, workers, output, place, training_data, started, done, None, scheduler
+            )
         show_numbers(_record_table(record))
         show(f"{target}: {_sentence(record)}")
         if record.status in ("crashed", "rejected"):

@@ -413,13 +413,16 @@ def submit(
     training_data: Annotated[
         list[str] | None, typer.Option("--training-data", help="What the agent was trained on; repeatable.")
     ] = None,
+    backend: BackendOption = "loky",
+    scheduler: SchedulerOption = None,
 ) -> None:
     """Run a submission behind the gateway and write its records for the leaderboard."""
     from ._submit import DIVISIONS, submit_all
 
     if division not in DIVISIONS:
         raise typer.BadParameter(f"{division!r}, expected one of: {', '.join(DIVISIONS)}", param_hint="--division")
-    submit_all(path, env, root, seeds, scenes, workers(jobs), output, division, training_data or ())
+    require_backend_options(backend, scheduler)
+    submit_all(path, env, root, seeds, scenes, workers(jobs), output, division, training_data or (), scheduler)
 
 
 @app.command()

@@ -20,9 +20,11 @@ from mtp_bench._cluster import cluster_map, require_backend
 from mtp_bench.errors import MtpBenchError, SubmissionError
 from mtp_bench.rollouts import digest, load_run
 from mtp_bench.runner import Job, run_jobs
+from mtp_bench.submission.records import submit
 from mtp_bench.types import Task
 from tests.command_line import CommandLine, read_json, write_submission
 from tests.small_scenes import Action, EchoAgent, make_noisy
+from tests.stored_records import write_isolated
 from tests.test_runner import make_failing
 
 NAMES = ["0006", "0001", "0008"]
@@ -85,6 +87,27 @@ def test_a_killed_worker_loses_nothing(cluster: Any, card: str, kitti: str) -> N
     spread = run_jobs(given, progress=kill_once, backend="dask", scheduler=cluster.scheduler_address)
     assert killed
     assert [digest(rollout) for rollout in run_jobs(given)] == [digest(rollout) for rollout in spread]
+
+
+def test_a_submission_loses_nothing_with_a_worker(cluster: Any, card: str, kitti: str, tmp_path: Path) -> None:
+    folder = write_isolated(tmp_path / "echo", body="__import__('time').sleep(0.02)")
+    with distributed_untyped.Client(cluster, set_as_default=False) as client:
+        client.wait_for_workers(2)
+        first = next(iter(client.run(os.getpid).values()))
+    killed: list[str] = []
+
+    def kill_once(scene: str) -> None:
+        if not killed:
+            os.kill(first, signal.SIGKILL)
+        killed.append(scene)
+
+    address = cluster.scheduler_address
+    spread = submit(folder, card, kitti, 2, output=tmp_path / "there", progress=kill_once, scheduler=address)
+    here = submit(folder, card, kitti, 2, output=tmp_path / "here")
+    assert killed
+    assert (spread.status, spread.missed.crashed_scenes) == ("finished", 0)
+    assert spread.rollout_digests == here.rollout_digests
+    assert spread.seals == here.seals
 
 
 def test_an_agent_that_kills_every_worker_is_given_up(cluster: Any, card: str, kitti: str) -> None:

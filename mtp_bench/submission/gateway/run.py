@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..._cluster import cluster_map
 from ...env import MTPEnv
 from ...errors import MtpBenchError
 from ...runner import agent_task, derived_seed
@@ -78,18 +79,20 @@ def run_isolated_scenes(
     scenes: Sequence[str],
     workers: int = 1,
     progress: Progress | None = None,
+    scheduler: str | None = None,
 ) -> list[SceneRun]:
     """`run_isolated` of every scene, in the order of ``scenes``, over ``workers`` processes.
 
     Every scene has an agent of its own, so what one of them does ends at most its scene. ``progress`` is called with
-    the name of every scene that is done, in the order of completion.
+    the name of every scene that is done, in the order of completion. With the address of a Dask ``scheduler`` its
+    workers take the place of the processes.
     """
     if workers < 1:
         raise MtpBenchError(f"workers is {workers}, expected at least 1")
     compile_kernels()
     arguments = (env_id, env_keywords, seed, parameters, limits)
     results: dict[str, SceneRun] = {}
-    for scene, result in _map(submission, tuple(scenes), min(workers, max(1, len(scenes))), arguments):
+    for scene, result in _map(submission, tuple(scenes), min(workers, max(1, len(scenes))), arguments, scheduler):
         results[scene] = result
         if progress is not None:
             progress(scene)
@@ -101,7 +104,11 @@ def seal_start(card_digest: str, scene: str, seed: int) -> bytes:
     return hashlib.sha256(json.dumps(["mtp-bench seal 1", card_digest, scene, seed]).encode()).digest()
 
 
-def _map(submission: str | Path, scenes: Sequence[str], workers: int, arguments: tuple[Any, ...]) -> Any:
+def _map(
+    submission: str | Path, scenes: Sequence[str], workers: int, arguments: tuple[Any, ...], scheduler: str | None
+) -> Any:
+    if scheduler is not None:
+        return cluster_map(_one, [(submission, scene, *arguments) for scene in scenes], scheduler)
     if workers == 1:
         return (_one(submission, scene, *arguments) for scene in scenes)
     from joblib import Parallel, delayed

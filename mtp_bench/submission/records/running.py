@@ -50,7 +50,9 @@ def plan_run(submission: Submission, env_id: str, data: str | None, scenes: int 
     return Plan(submission, env_id, env.card, data, names[:scenes], len(names), keywords)
 
 
-def run_seed(plan: Plan, seed: int, workers: int, progress: Progress | None, limits: Limits) -> list[SceneRun]:
+def run_seed(
+    plan: Plan, seed: int, workers: int, progress: Progress | None, limits: Limits, scheduler: str | None = None
+) -> list[SceneRun]:
     """Every scene of the plan under one seed, in the order of the plan; never raises for what an agent does."""
     keywords = {**plan.keywords, "data": plan.data, "observe": plan.submission.compare.observe}
     return run_isolated_scenes(
@@ -63,6 +65,7 @@ def run_seed(plan: Plan, seed: int, workers: int, progress: Progress | None, lim
         scenes=plan.scenes,
         workers=workers,
         progress=progress,
+        scheduler=scheduler,
     )
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
+from ..._cluster import cluster_map
 from ...errors import MtpBenchError
 from ...rollouts import require_run_folder, save_run
 from ...runner import library_versions
@@ -19,7 +20,7 @@ from ..loader import Submission, load_submission
 from ..reference import frozen_reference
 from .evaluation import Evaluation, Progress, evaluate, status_of
 from .provenance import hardware, scorer_digest
-from .record import EnvPart, Record, ScorerPart, SubmissionPart
+from .record import EnvPart, HardwarePart, Record, ScorerPart, SubmissionPart
 from .running import Plan, info_of, isolation, latency, missed, peak_memory, plan_run, rollout_digests, run_seed, seals
 from .storage import ROLLOUTS, rollouts_folder, save_record
 
@@ -39,13 +40,15 @@ def submit(
     started: Callable[[int], object] | None = None,
     progress: Progress | None = None,
     limits: Limits | None = None,
+    scheduler: str | None = None,
 ) -> Record:
     """Run the submission at ``path`` on an env behind the gateway, and write its record to ``output``/<env id>.json.
 
     ``output``: None stands for leaderboard/records/<name of the submission>. On the first ``scenes`` scenes (None:
     all); a part of them makes a partial record, which is never ranked. In every run the local frames are turned and
     shifted at random: what an agent knows of the scenes by their coordinates is of no use. ``started`` is told the
-    number of runs and scenes to score, ``progress`` the scene of each that is done.
+    number of runs and scenes to score, ``progress`` the scene of each that is done. With the address of a Dask
+    ``scheduler`` its workers run the agent, and the record names the hardware of one of them.
 
     What an agent does is never an error: a submission of which no scene was finished has the status "crashed". Raises
     MtpBenchError for whatever the user can mend, an output that cannot be written before anything runs.
@@ -59,15 +62,20 @@ def submit(
     frozen_reference(plan.card)  # a broken file shows before anything runs
     if started is not None:
         started((seeds + 1) * len(plan.scenes))
-    runs = {seed: run_seed(plan, seed, workers, progress, limits) for seed in range(seeds)}
+    runs = {seed: run_seed(plan, seed, workers, progress, limits, scheduler) for seed in range(seeds)}
     rollouts = {seed: [run.rollout for run in results] for seed, results in runs.items()}
     ideal = submission.compare.observe == "truth"
     found = evaluate(submission.name, plan.card, data, rollouts, plan.hypotheses, ideal, workers, progress)
     record = _record(plan, runs, rollouts, found, limits).model_copy(
-        update={"division": division, "training_data": list(training_data)}
+        update={"division": division, "training_data": list(training_data), "hardware": _hardware(scheduler)}
     )
     _store(target, plan, rollouts)
     return save_record(record, target)
+
+
+def _hardware(scheduler: str | None) -> HardwarePart:
+    """Of this machine, or of a worker of the scheduler."""
+    return hardware() if scheduler is None else next(cluster_map(hardware, [()], scheduler))
 
 
 def record_path(submission: Submission, env_id: str, output: str | Path | None) -> Path:
