@@ -156,11 +156,12 @@ def test_seeds_are_averaged() -> None:
 
 def test_only_the_same_targets_are_paired() -> None:
     env = record_of(1.0).env.model_dump()
-    for changes, what in (
+    cases: tuple[tuple[dict[str, Any], str], ...] = (
         ({"env": {**env, "data_manifest": "00"}}, "data"),
         ({"scorer": {"definitions": "0.9", "source_digest": ""}}, "definitions"),
         ({"reference": {"name": "stp", "hash": "", "origin": ""}}, "subsets"),
-    ):
+    )
+    for changes, what in cases:
         with pytest.raises(RecordError, match=f"cannot be paired: they differ in {what}"):
             paired(record_of(1.0), record_of(1.0, **changes))
     with pytest.raises(RecordError, match="no target in the subset 'ids'"):

@@ -72,7 +72,8 @@ def seal(env_id: str, count: int, path: str | Path) -> Commitment:
 
     Raises MtpBenchError where the env is not simulated, the file is there already or cannot be written.
     """
-    path, public = Path(path), commitment_path(path)
+    path = Path(path)
+    public = commitment_path(path)
     card = load_card(env_id)
     _simulated(card)
     if not 1 <= count <= MOST_SCENES:
