@@ -205,6 +205,15 @@ def test_some_are_shown_never_ranked(changes: dict[str, Any], reason: str) -> No
     assert (found[odd.digest]["all"], found[sound.digest]["all"]) == (None, 1)
 
 
+def test_who_dies_in_a_scene_is_not_ranked() -> None:
+    """Where false forecasts outweigh the right ones, falling silent would gain."""
+    lost = {"late": 0, "malformed": 0, "crashed_scenes": 1, "reasons": {"0001|0": "crashed: it fell"}}
+    sound, cut = record_of(9.0, 9.0, name="sound"), record_of(1.0, 1.0, name="cut", missed=lost)
+    assert why_unranked(cut) == f"1 of {len(cut.seals)} scenes and seeds were cut short"
+    found = ranks([sound, cut])
+    assert (found[sound.digest]["all"], found[cut.digest]["all"]) == (1, None)
+
+
 def test_flooding_is_not_ranked_where_false_forecasts_cost_nothing() -> None:
     env = {**record_of(1.0).env.model_dump(), "truth_complete": False}
     stp = record_of(1.0, 1.0, name="stp", env=env)

@@ -74,6 +74,8 @@ def why_unranked(record: Record, records: Sequence[Record] = ()) -> str | None:
     """
     if record.status != "finished":
         return f"{record.status}: {record.status_reason}"
+    if record.missed.crashed_scenes:  # where false forecasts outweigh the right ones, saying no more would gain
+        return f"{record.missed.crashed_scenes} of {len(record.seals)} scenes and seeds were cut short"
     if record.env.observe == "truth":
         return "saw the truth"
     if record.row.budget != "equal":
