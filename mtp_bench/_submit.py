@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
-from ._command_line import count, prepare, write_json
+from ._command_line import count, given, prepare, write_json
 from .errors import MtpBenchError, RecordError
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ def submit_all(
     division: str,
     training_data: Sequence[str],
     scheduler: str | None = None,
+    split: str | None = None,
 ) -> None:
     """Make the record of a submission on each env and print what it says.
 
@@ -44,16 +45,17 @@ def submit_all(
     submission = load_submission(path)
     place = cast('Literal["closed", "open"]', division)  # one of DIVISIONS
     env_ids = list(dict.fromkeys(env_ids))
-    targets = [record_path(submission, load_card(env_id).id, output) for env_id in env_ids]
+    targets = [record_path(submission, load_card(env_id), output, split) for env_id in env_ids]
     for target in targets:
         require_writable(target)
     failed = []
     for env_id, target in zip(env_ids, targets, strict=True):
-        prepare(env_id, data, scenes, workers, {})
+        prepare(env_id, data, scenes, workers, given(split=split))
         with progress_bar(f"{submission.name} on {env_id}") as (started, done):
             record = submit(
-                path, env_id, data, seeds, scenes, workers, output, place, training_data, started, done, None, scheduler
-            )
+                path, env_id, data, seeds, scenes, workers, output, place, training_data, started, done, None,
+                scheduler, split,
+            )  # fmt: skip
         show_numbers(_record_table(record))
         show(f"{target}: {_sentence(record)}")
         if record.status in ("crashed", "rejected"):

@@ -405,13 +405,16 @@ def submit(
     scenes: Annotated[
         int | None, typer.Option("--scenes", min=1, help="Only the first N scenes: a partial record, never ranked.")
     ] = None,
+    split: Annotated[
+        str | None, typer.Option("--split", help="Another split, such as train: a partial record, never ranked.")
+    ] = None,
     jobs: JobsOption = 0,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder; leaderboard/records/<name> by default.")
     ] = None,
     division: Annotated[str, typer.Option("--division", help="closed or open.")] = "closed",
     training_data: Annotated[
-        list[str] | None, typer.Option("--training-data", help="What the agent was trained on; repeatable.")
+        list[str] | None, typer.Option("--training-data", help="What else the agent was trained on than its manifest says; repeatable.")
     ] = None,
     backend: BackendOption = "loky",
     scheduler: SchedulerOption = None,
@@ -422,7 +425,8 @@ def submit(
     if division not in DIVISIONS:
         raise typer.BadParameter(f"{division!r}, expected one of: {', '.join(DIVISIONS)}", param_hint="--division")
     require_backend_options(backend, scheduler)
-    submit_all(path, env, root, seeds, scenes, workers(jobs), output, division, training_data or (), scheduler)
+    trained = training_data or ()
+    submit_all(path, env, root, seeds, scenes, workers(jobs), output, division, trained, scheduler, split)
 
 
 @app.command()

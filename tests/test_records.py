@@ -231,6 +231,7 @@ def test_status_of_a_record() -> None:
     assert status_of(3, 3, 0, 9) == ("finished", "")
     assert status_of(3, 3, 8, 9) == ("finished", "")  # what is cut short is missing, and that costs
     assert status_of(3, 4, 0, 9) == ("partial", "3 of 4 scenes")
+    assert status_of(3, 3, 0, 9, split="train") == ("partial", "3 of 3 scenes of split 'train', not the env's")
     assert status_of(3, 4, 9, 9, {"a|0": "crashed: it fell"}) == ("crashed", "no scene was finished: crashed: it fell")
     broke = {"a|0": "crashed: it fell", "b|1": "rejected: it answered before it was asked"}
     assert status_of(3, 3, 2, 9, broke) == ("rejected", "b|1: it answered before it was asked")

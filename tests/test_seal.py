@@ -14,6 +14,7 @@ from mtp_bench._bundle import bundled
 from mtp_bench.cards import load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import MtpBenchError, RecordError
+from mtp_bench.sources.highway.source import HighwayTraffic
 from mtp_bench.submission.records import load_record, open_seal, seal, submit
 from mtp_bench.submission.records.record import HiddenPart
 from mtp_bench.submission.records.sealing import worse_when_hidden
@@ -109,7 +110,11 @@ def test_a_submission_on_hidden_scenes(cli: CommandLine, short: str, tmp_path: P
     assert (record.verification, record.digest) == ("hidden seeds", made.digest)
     assert record.hidden is not None
     assert record.hidden.scenes == 2
-    assert record.hidden.commitment == open_seal(secret).commitment
+    sealed = open_seal(secret)
+    assert record.hidden.commitment == sealed.commitment
+    kept = HighwayTraffic(load_card(short)).store
+    assert kept.has(10000)
+    assert not kept.path(sealed.seeds.first).exists(), "a hidden scene can be read in the cache"
     assert str(open_seal(secret).seeds.first)[:6] not in path.read_text()
     cli.ok("verify", path, "--env", short, "--jobs", 1)  # the times are still those of its own rollouts
 

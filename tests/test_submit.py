@@ -13,7 +13,9 @@ import pytest
 
 from mtp_bench.errors import RecordError, RolloutError, UnknownNameError
 from mtp_bench.rollouts import load_run, save_run
+from mtp_bench.submission.opened import open_run
 from mtp_bench.submission.records import Record, load_record, save_record, submit, verify
+from mtp_bench.submission.records.ranking import why_unranked
 from mtp_bench.submission.records.verifying import confirm
 from tests.command_line import CommandLine, read_json
 from tests.small_scenes import CARD, CARD_ID, write_card
@@ -24,7 +26,7 @@ TIMES = ("made", "hardware", "latency", "peak_memory_mib", "digest", "isolation"
 
 @pytest.fixture(scope="module")
 def submission(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_isolated(tmp_path_factory.mktemp("submissions") / "echo", tables="[parameters]\nnoise = 0.1\n")
+    return write_isolated(tmp_path_factory.mktemp("submissions") / "echo", tables='training_data = ["drives"]\n[parameters]\nnoise = 0.1\n')
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +61,7 @@ def test_what_a_record_says(made: Path, submission: Path, card: str) -> None:
     record = load_record(made)
     assert (record.submission.name, record.submission.parameters) == ("echo", {"noise": 0.1})
     assert (record.status, record.verification, record.division) == ("finished", "scored", "closed")
-    assert (record.seeds, record.samples, record.env.scenes, record.training_data) == ([0, 1], 4, 3, ["KITTI"])
+    assert (record.seeds, record.samples, record.env.scenes, record.training_data) == ([0, 1], 4, 3, ["drives", "KITTI"])
     assert [row.subset for row in record.rows] == ["all", "ids", "lost", "reacquired", "frag"]
     assert sorted(record.seals) == sorted(record.rollout_digests) == [
         f"{scene}|{seed}" for scene in ("0001", "0006", "0008") for seed in (0, 1)
@@ -119,6 +121,10 @@ def other_data(content: dict[str, Any]) -> None:
     content["env"]["data_manifest"] = "00"
 
 
+def faster(content: dict[str, Any]) -> None:
+    content["latency"]["p95_ms"] /= 10
+
+
 def other_split(content: dict[str, Any]) -> None:
     content["env"]["split"] = "train"
 
@@ -138,6 +144,7 @@ def other_answers(content: dict[str, Any]) -> None:
         (lower_scene, "per_scene[0].errors.all[0]"),
         (other_data, "env.data_manifest"),
         (other_split, "env.split"),
+        (faster, "latency.p95_ms"),
         (other_answers, "rollout_digests.0001|0"),
     ],
 )
@@ -229,8 +236,31 @@ def test_the_command_writes_a_partial_record(
     said = cli.ok(*arguments, "--scenes", 1, "-o", tmp_path / "out", "--division", "open", "--training-data", "x")
     assert f"{tmp_path / 'out' / CARD_ID}.json: partial (1 of 3 scenes); " in said
     record = load_record(tmp_path / "out" / f"{CARD_ID}.json")
-    assert (record.status, record.division, record.training_data) == ("partial", "open", ["x"])
+    assert (record.status, record.division, record.training_data) == ("partial", "open", ["drives", "x"])
     assert verify(tmp_path / "out" / f"{CARD_ID}.json", kitti, card).holds
+
+
+def test_another_split_is_run_and_never_ranked(cli: CommandLine, submission: Path, kitti: str, tmp_path: Path) -> None:
+    card = write_card(tmp_path, CARD.replace('name = "kitti"', 'name = "kitti"\nsplit = "train"'))
+    arguments = ("submit", submission, "--env", card, "--data", kitti, "--jobs", 1, "--seeds", 1, "-o", tmp_path)
+    path = tmp_path / f"{CARD_ID}-val.json"
+    said = cli.ok(*arguments, "--split", "val")
+    assert f"{path}: partial (3 of 3 scenes of split 'val', not the env's); " in said
+    record = load_record(path)
+    assert (record.env.split, record.env.keywords["split"], record.reference.hash) == ("val", "val", "")
+    assert why_unranked(record) == "partial: 3 of 3 scenes of split 'val', not the env's"
+    for how in ((), ("--rerun", "--submission", submission)):
+        assert "holds" in cli.ok("verify", path, "--env", card, "--data", kitti, "--jobs", 1, *how)
+    assert open_run(path.with_suffix(".rollouts") / "seed-0", kitti, card).card.source.split == "val"
+    assert "unknown split of MTP-Small-v0 'vall'" in cli(*arguments, "--split", "vall").error
+
+
+def test_a_split_that_is_not_the_records_own_does_not_hold(path: Path, card: str, kitti: str) -> None:
+    resign(path, lambda content: content["env"]["keywords"].update(split="train"))
+    assert "env.card_digest" in [difference.what for difference in verify(path, kitti, card).differences]
+    resign(path, lambda content: content["env"]["keywords"].update(split=3))
+    with pytest.raises(RecordError, match="split is 3, expected a name"):
+        verify(path, kitti, card)
 
 
 def test_a_crash_is_a_record_and_an_error(cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:

@@ -94,3 +94,11 @@ def prepare(
         from .nuscenes.source import prepare_nuscenes
 
         prepare_nuscenes(card, data, started, progress)
+
+
+def discard(card: Card) -> None:
+    """Take the simulated scenes of the card's split out of the cache; of recorded scenes nothing is kept there."""
+    if isinstance(card.source, HighwaySource):
+        from .highway.source import HighwayTraffic
+
+        HighwayTraffic(card).discard()

@@ -47,6 +47,7 @@ class _Manifest(Section):
     authors: _Names
     agent: Annotated[str, Field(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*$")]
     description: str = ""
+    training_data: Annotated[tuple[str, ...], Field(strict=False)] = ()
     parameters: dict[str, Value] = Field(default_factory=dict)
     compare: CompareSection = CompareSection()
 
@@ -60,6 +61,7 @@ class Submission:
     path: Path  # absolute
     agent: str  # "module:function", relative to the folder
     description: str = ""
+    training_data: tuple[str, ...] = ()  # what it was trained or fitted on, in words
     parameters: dict[str, Any] = field(default_factory=dict)
     compare: CompareSection = field(default_factory=CompareSection)
 

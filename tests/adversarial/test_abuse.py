@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import py_compile
+import re
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -88,6 +89,23 @@ def test_processes_that_an_agent_starts_end_with_it(court: Court, what: str) -> 
     run = court.run(at_frame_two(what))
     assert run.status == "rejected"
     assert "other processes" in run.reason
+    assert left_over(str(court.folder)) == []
+
+
+HOARDS = {
+    "processes": ("[os.fork() or time.sleep(4711) for _ in range(100)]", "other processes"),
+    "memory": (
+        "[os.fork() or (np.ones(50_000_000), time.sleep(4711)) for _ in range(6)]",
+        r"its \d processes held .* MiB, of 2048 MiB",
+    ),
+}
+
+
+@pytest.mark.parametrize(("what", "text"), HOARDS.values(), ids=HOARDS)
+def test_processes_that_take_the_machine_end_before_the_answer_is_due(court: Court, what: str, text: str) -> None:
+    run = court.run(at_frame_two(f"{what}; time.sleep(4711)"), replace(QUICK, frame=50.0, memory=2 << 30))
+    assert (run.status, run.late) == ("rejected", 0)
+    assert re.search(text, run.reason), run.reason
     assert left_over(str(court.folder)) == []
 
 

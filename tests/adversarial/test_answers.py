@@ -148,11 +148,45 @@ def test_what_is_no_answer_is_a_miss(court: Court, what: str) -> None:
     assert court.error(run.rollout) > court.error(court.honest())
 
 
+NOT_FINITE = {
+    "forecast": "action['forecast'][0] = np.nan",
+    "one sample": "action['forecast'][0, -1, -1, 0] = np.inf",
+    "track": "action['track_box'][0, 3] = np.nan",
+    "object": "action['object_box'][0, 0] = -np.inf",
+    "weight of a sample": "action['forecast_log_weight'][0, 0] = np.inf",
+    "weight of a hypothesis": "action['hypothesis_log_weight'][0] = np.nan",
+    "without a mask": "del action['object_valid']; action['object_box'][-1] = np.nan",
+}
+
+
+@pytest.mark.parametrize("what", NOT_FINITE.values(), ids=NOT_FINITE)
+def test_one_number_that_is_not_finite_is_a_miss_of_the_frame(court: Court, what: str) -> None:
+    run = court.run(replaced(f"if self.frame == 2: {what.replace('; ', chr(10) + '    if self.frame == 2: ')}"))
+    objects, honest = np.diff(run.rollout.object_start), np.diff(court.honest().object_start)
+    assert (run.status, run.malformed, run.late) == ("finished", 1, 0)
+    assert (objects[1], honest[1]) == (0, 3)
+    assert np.delete(objects, 1).tolist() == np.delete(honest, 1).tolist()
+    assert court.error(run.rollout) > court.error(court.honest())
+
+
+UNUSED = {
+    "rows": "action['object_box'][~action['object_valid'].astype(bool)] = np.nan; action['track_box'][-1] = np.inf",
+    "samples": "action['forecast'][action['forecast_log_weight'] < -1e30] = np.nan",
+    "hypotheses": "action['hypothesis_log_weight'][1:] = -np.inf",
+}
+
+
+@pytest.mark.parametrize("what", UNUSED.values(), ids=UNUSED)
+def test_what_an_answer_does_not_use_may_be_anything(court: Court, what: str) -> None:
+    run = court.run(replaced(what))
+    assert (run.status, run.malformed) == ("finished", 0)
+    assert np.array_equal(run.rollout.object_box, court.honest().object_box)
+    assert np.array_equal(run.rollout.forecast, court.honest().forecast)
+
+
 UNSOUND = {
-    "NaN": "action['forecast'][:] = np.nan; action['track_box'][:] = np.nan",
-    "infinite": "action['object_box'][:] = np.inf",
+    "out of range": "action['object_box'][:] = 1e30",
     "duplicate ids": "action['track_id'][:] = 3; action['object_valid'][:] = 1",
-    "weights": "action['forecast_log_weight'][:] = np.inf",
 }
 
 

@@ -58,6 +58,11 @@ class HighwayTraffic:
             if progress is not None:
                 progress(scene_name(self.section.scenario, seed))
 
+    def discard(self) -> None:
+        """Take all scenes of the split out of the cache."""
+        for name in self.names:
+            self.store.path(seed_of(name)).unlink(missing_ok=True)
+
     def _cut(self, name: str, world: World) -> Scene:
         from ...detector.sight import Sensor, covered
 

@@ -9,11 +9,11 @@ import time
 from typing import Any
 
 from gymnasium import spaces
-from numpy.typing import NDArray
 
 from ...types import Rollout
+from .finite import finite
 from .limits import PATIENCE, Limits, SceneRun
-from .process import AgentProcess, EndedError, Message
+from .process import AgentProcess, EndedError, ExcessError, Message
 from .wire import Arrays, WireError, arrays_of
 
 Action = dict[str, Any]
@@ -131,13 +131,12 @@ class Exchange:
             arrays = arrays_of(header, body)
         except WireError as error:
             raise SceneOverError("rejected", f"it broke the wire format: {error}") from None
-        if all(self._fits(name, array) for name, array in arrays.items()):
-            return dict(arrays)
+        shapes = self._shapes
+        fitting = {name: a for name, a in arrays.items() if a is not None and a.shape == shapes.get(name)}
+        if len(fitting) == len(arrays) and finite(fitting):
+            return fitting
         self._malformed += 1
         return None
-
-    def _fits(self, name: str, array: NDArray[Any] | None) -> bool:
-        return array is not None and array.shape == self._shapes.get(name)
 
     def _expect(self, kind: str, seconds: float) -> dict[str, Any]:
         message = self._message(min(time.monotonic() + seconds, self._begin + self._limits.scene))
@@ -157,6 +156,8 @@ class Exchange:
             said = self._process.printed()
             reason = f"the process {self._process.end()}" + (f"; it last said {said!r}" if said else "")
             raise SceneOverError("crashed", reason) from None
+        except ExcessError as error:
+            raise SceneOverError("rejected", str(error)) from None
         if message is not None and message[0].get("kind") == "error":
             raise SceneOverError("crashed", str(message[0].get("text"))[:2000])
         return message

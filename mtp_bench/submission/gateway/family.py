@@ -10,12 +10,21 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
+_PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
+
 
 def peak_memory(pid: int) -> int:
     """Bytes that were resident at most; 0 where it is not known."""
     with suppress(OSError, ValueError, IndexError):
         status = Path(f"/proc/{pid}/status").read_text()
         return int(status.split("VmHWM:")[1].split()[0]) * 1024
+    return 0
+
+
+def resident(pid: int) -> int:
+    """Bytes of it that are in memory now; 0 where it is not known."""
+    with suppress(OSError, ValueError, IndexError):
+        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * _PAGE
     return 0
 
 
@@ -28,10 +37,12 @@ def children(pid: int) -> list[int]:
     return found
 
 
-def descendants(pid: int) -> list[int]:
-    """The process itself, its children, theirs, and so on."""
+def descendants(pid: int, most: int | None = None) -> list[int]:
+    """The process itself, its children, theirs, and so on, until they are more than ``most``."""
     found = [pid]
     for parent in found:  # grows as it is read
+        if most is not None and len(found) > most:
+            break
         found += children(parent)
     return found
 

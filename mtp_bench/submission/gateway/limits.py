@@ -32,7 +32,7 @@ class SceneRun:
     status: str  # "finished", "crashed", "hung" or "rejected" (broke the rules of the gateway)
     reason: str  # "" or one sentence for people
     late: int  # frames missed because the answer came too late
-    malformed: int  # frames missed because the answer was none: too large, other shapes, no arrays
+    malformed: int  # frames missed because the answer was none: too large, other shapes, no arrays, not finite
     peak_memory: int  # bytes resident, of the agent's process; 0 where the system does not tell
     started: float  # s until the agent was built
     network_cut: bool = False  # it ran without a network

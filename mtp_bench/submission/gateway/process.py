@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import MtpBenchError
-from .family import children, descendants, end, peak_memory
+from .family import children, descendants, end, peak_memory, resident
 from .limits import Limits
 from .sandbox import hide_memory
 from .surroundings import environment
@@ -25,12 +25,18 @@ from .wire import HEADER_LIMIT, PREFIX, Arrays, WireError, encode, header_of
 
 _KEPT = 4096  # bytes of what the agent prints
 _ENDING = 5.0  # s that the system may take to end a process
+_WATCH = 0.1  # s between looks at the agent's processes while they are waited for
+_MOST_PROCESSES = 64  # the system's limit does not hold for root
 _PIPE = 1 << 20  # bytes that a pipe holds, where the system allows it
 Message = tuple[dict[str, Any], bytes]
 
 
 class EndedError(Exception):
     """The agent's process is gone."""
+
+
+class ExcessError(Exception):
+    """The agent's processes are too many, or hold too much memory."""
 
 
 class AgentProcess:
@@ -102,13 +108,19 @@ class AgentProcess:
     def receive(self, deadline: float) -> Message | None:
         """The next message, None if it is not whole at ``deadline`` (s, of `time.monotonic`).
 
-        Raises WireError for what is no message or longer than allowed, EndedError if the process is gone.
+        Raises WireError for what is no message or longer than allowed, EndedError if the process is gone, ExcessError
+        if there are too many, or they hold more memory than is allowed.
         """
+        watched = time.monotonic()
         while (message := self._whole()) is None:
-            if time.monotonic() >= deadline:
+            now = time.monotonic()
+            if now >= deadline:
                 return None
+            if now >= watched + _WATCH:
+                self._watch()
+                watched = time.monotonic()
             if not self._read():
-                self._wait(deadline)
+                self._wait(min(deadline, watched + _WATCH))
         return header_of(message[0]), message[1]
 
     def locked(self, facts: Mapping[str, Any]) -> None:
@@ -159,6 +171,19 @@ class AgentProcess:
         whole, (header, _) = memoryview(self._incoming), self._lengths
         self._lengths, self._wanted, self._incoming = None, PREFIX.size, bytearray()
         return bytes(whole[:header]), bytes(whole[header:])
+
+    def _watch(self) -> None:
+        """See that a process that starts others does not take the machine; the limits of the system hold for each."""
+        if self._pid is None:
+            return
+        family = descendants(self._pid, _MOST_PROCESSES)
+        if len(family) > _MOST_PROCESSES:
+            raise ExcessError(f"it had started {len(family) - 1} other processes, or more")
+        memory = sum(map(resident, family))
+        if memory > self._limits.memory:
+            raise ExcessError(
+                f"its {len(family)} processes held {memory >> 20} MiB, of {self._limits.memory >> 20} MiB"
+            )
 
     def _read(self) -> bool:
         """Read what is there; whether anything was."""

@@ -82,11 +82,16 @@ def evaluate(
 
 
 def status_of(
-    scenes: int, scenes_of_split: int, crashed: int, runs: int, reasons: Mapping[str, str] | None = None
+    scenes: int,
+    scenes_of_split: int,
+    crashed: int,
+    runs: int,
+    reasons: Mapping[str, str] | None = None,
+    split: str | None = None,
 ) -> tuple[Status, str]:
     """Status of a record and why: ``crashed`` of ``runs`` (scenes x seeds) were cut short, for ``reasons``.
 
-    An agent that broke the rules of the gateway in any run is rejected.
+    An agent that broke the rules of the gateway in any run is rejected. ``split``: another one than the env's was run.
     """
     reasons = reasons or {}
     for key, reason in reasons.items():
@@ -95,8 +100,9 @@ def status_of(
     if runs and crashed == runs:
         first = next(iter(reasons.values()), "")
         return "crashed", f"no scene was finished: {first}" if first else "no scene was finished"
-    if scenes < scenes_of_split:
-        return "partial", f"{scenes} of {scenes_of_split} scenes"
+    where = "" if split is None else f" of split {split!r}, not the env's"
+    if scenes < scenes_of_split or split is not None:
+        return "partial", f"{scenes} of {scenes_of_split} scenes{where}"
     return "finished", ""
 
 

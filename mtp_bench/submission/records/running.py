@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from ...cards import Card
+from ...cards import Card, load_card
 from ...env import MTPEnv
 from ...rollouts import RunInfo, digest
 from ...runner import run_info
@@ -39,13 +39,18 @@ class Plan:
         return setting_of(self.submission, self.card).hypotheses
 
 
-def plan_run(submission: Submission, env_id: str, data: str | None, scenes: int | None = None) -> Plan:
+def plan_run(
+    submission: Submission, env_id: str, data: str | None, scenes: int | None = None, split: str | None = None
+) -> Plan:
     """The first ``scenes`` scenes (None: all) of an env for a submission, with its own parameters and k samples.
 
-    Raises MtpBenchError for an unknown env, missing data or a parameter that is wrong.
+    ``split``: another one than the card's. Raises MtpBenchError for an unknown env or split, missing data or a
+    parameter that is wrong.
     """
-    env = MTPEnv(env_id, data=data, observe=submission.compare.observe, evaluation=True)
+    env = MTPEnv(env_id, data=data, observe=submission.compare.observe, evaluation=True, split=split)
     keywords = setting_of(submission, env.card).env_keywords(env.card)
+    if env.card.source.split != load_card(env_id).source.split:
+        keywords["split"] = env.card.source.split
     names = env.scene_names
     return Plan(submission, env_id, env.card, data, names[:scenes], len(names), keywords)
 
@@ -112,14 +117,14 @@ def isolation(runs: Mapping[int, Sequence[SceneRun]]) -> IsolationPart:
     )
 
 
-def latency(rollouts: Sequence[Rollout], limits: Limits) -> LatencyPart:
+def latency(rollouts: Sequence[Rollout], limit_ms: float) -> LatencyPart:
     """Percentiles over the frames of all rollouts but the first of each; frames without an answer are left out."""
     seconds = np.concatenate([np.zeros(0), *(rollout.seconds[1:] for rollout in rollouts)])
     seconds = seconds[np.isfinite(seconds) & (seconds > 0)]
     if not len(seconds):
-        return LatencyPart(p50_ms=None, p95_ms=None, max_ms=None, limit_ms=1e3 * limits.frame)
+        return LatencyPart(p50_ms=None, p95_ms=None, max_ms=None, limit_ms=limit_ms)
     p50, p95, most = (float(value) for value in np.percentile(1e3 * seconds, [50, 95, 100]))
-    return LatencyPart(p50_ms=p50, p95_ms=p95, max_ms=most, limit_ms=1e3 * limits.frame)
+    return LatencyPart(p50_ms=p50, p95_ms=p95, max_ms=most, limit_ms=limit_ms)
 
 
 def peak_memory(runs: Mapping[int, Sequence[SceneRun]]) -> float:

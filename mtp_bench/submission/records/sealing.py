@@ -19,7 +19,7 @@ from pydantic import Field
 from ..._strict import Section, validate
 from ...cards import Card, HighwaySource, load_card
 from ...errors import MtpBenchError, RecordError
-from ...sources import open_source
+from ...sources import discard, open_source
 from ..files import require_file, write_text
 from ..gateway import Limits
 from .evaluation import Progress, evaluate
@@ -121,7 +121,8 @@ def run_hidden(
 ) -> HiddenPart:
     """Error of the submission of ``plan`` on the hidden scenes, under the seeds of ``record``.
 
-    Raises RecordError where the seal is of another card, or the system cannot hide files and network from an agent.
+    The scenes are made anew and not kept: what lies in the cache can be read by agents outside the gateway. Raises
+    RecordError where the seal is of another card, or the system cannot hide files and network from an agent.
     """
     card = plan.card
     if (sealed.seeds.env, sealed.seeds.card_digest) != (card.id, card.digest):
@@ -130,6 +131,15 @@ def run_hidden(
             f"with {card.digest}"
         )
     hidden = sealed.card(card)
+    try:
+        return _run(plan, record, hidden, sealed.commitment, workers, progress)
+    finally:
+        discard(hidden)
+
+
+def _run(
+    plan: Plan, record: Record, hidden: Card, commitment: str, workers: int, progress: Progress | None
+) -> HiddenPart:
     names = tuple(open_source(hidden).names)
     there = Plan(plan.submission, hidden, hidden, None, names, len(names), plan.keywords)
     runs = {seed: run_seed(there, seed, workers, progress, Limits()) for seed in record.seeds}
@@ -142,7 +152,7 @@ def run_hidden(
     ideal = plan.submission.compare.observe == "truth"
     row = evaluate(plan.submission.name, hidden, None, rollouts, plan.hypotheses, ideal, workers).rows[0]
     return HiddenPart(
-        commitment=sealed.commitment,
+        commitment=commitment,
         scenes=len(names),
         targets=row.targets,
         missing_aware=row.missing_aware,

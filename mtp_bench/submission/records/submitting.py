@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from ..._cluster import cluster_map
+from ...cards import Card, load_card
 from ...errors import MtpBenchError
 from ...rollouts import require_run_folder, save_run
 from ...runner import library_versions
@@ -41,14 +42,16 @@ def submit(
     progress: Progress | None = None,
     limits: Limits | None = None,
     scheduler: str | None = None,
+    split: str | None = None,
 ) -> Record:
     """Run the submission at ``path`` on an env behind the gateway, and write its record to ``output``/<env id>.json.
 
     ``output``: None stands for leaderboard/records/<name of the submission>. On the first ``scenes`` scenes (None:
-    all); a part of them makes a partial record, which is never ranked. In every run the local frames are turned and
-    shifted at random: what an agent knows of the scenes by their coordinates is of no use. ``started`` is told the
-    number of runs and scenes to score, ``progress`` the scene of each that is done. With the address of a Dask
-    ``scheduler`` its workers run the agent, and the record names the hardware of one of them.
+    all); a part of them makes a partial record, which is never ranked, as does another ``split`` than the env's. In
+    every run the local frames are turned and shifted at random: what an agent knows of the scenes by their coordinates
+    is of no use. ``started`` is told the number of runs and scenes to score, ``progress`` the scene of each that is
+    done. With the address of a Dask ``scheduler`` its workers run the agent, and the record names the hardware of one
+    of them.
 
     What an agent does is never an error: a submission of which no scene was finished has the status "crashed". Raises
     MtpBenchError for whatever the user can mend, an output that cannot be written before anything runs.
@@ -56,8 +59,8 @@ def submit(
     limits = limits or Limits()
     _check_counts(seeds, scenes)
     submission = load_submission(path)
-    plan = plan_run(submission, env_id, data, scenes)
-    target = record_path(submission, plan.card.id, output)
+    plan = plan_run(submission, env_id, data, scenes, split)
+    target = record_path(submission, load_card(env_id), output, split)
     require_writable(target)
     frozen_reference(plan.card)  # a broken file shows before anything runs
     if started is not None:
@@ -67,7 +70,7 @@ def submit(
     ideal = submission.compare.observe == "truth"
     found = evaluate(submission.name, plan.card, data, rollouts, plan.hypotheses, ideal, workers, progress)
     record = _record(plan, runs, rollouts, found, limits).model_copy(
-        update={"division": division, "training_data": list(training_data), "hardware": _hardware(scheduler)}
+        update={"division": division, "training_data": [*plan.submission.training_data, *training_data], "hardware": _hardware(scheduler)}
     )
     _store(target, plan, rollouts)
     return save_record(record, target)
@@ -78,9 +81,11 @@ def _hardware(scheduler: str | None) -> HardwarePart:
     return hardware() if scheduler is None else next(cluster_map(hardware, [()], scheduler))
 
 
-def record_path(submission: Submission, env_id: str, output: str | Path | None) -> Path:
-    """Where the record of a submission on an env goes."""
-    return (RECORDS / submission.name if output is None else Path(output)) / f"{env_id}.json"
+def record_path(submission: Submission, card: Card, output: str | Path | None, split: str | None = None) -> Path:
+    """Where the record of a submission on the env of ``card`` goes; on another ``split`` beside the one on its own."""
+    folder = RECORDS / submission.name if output is None else Path(output)
+    other = "" if split in (None, card.source.split) else f"-{split}"
+    return folder / f"{card.id}{other}.json"
 
 
 def _check_counts(seeds: int, scenes: int | None) -> None:
@@ -115,7 +120,14 @@ def _record(
 ) -> Record:
     lost = missed(runs)
     every = [rollout for results in rollouts.values() for rollout in results]
-    status, reason = status_of(len(plan.scenes), plan.scenes_of_split, lost.crashed_scenes, len(every), lost.reasons)
+    status, reason = status_of(
+        len(plan.scenes),
+        plan.scenes_of_split,
+        lost.crashed_scenes,
+        len(every),
+        lost.reasons,
+        plan.keywords.get("split"),
+    )
     return Record(
         submission=submission_part(plan.submission),
         division="closed",
@@ -128,7 +140,7 @@ def _record(
         status_reason=reason,
         versions=library_versions(),
         hardware=hardware(),
-        latency=latency(every, limits),
+        latency=latency(every, 1e3 * limits.frame),
         peak_memory_mib=peak_memory(runs),
         missed=lost,
         isolation=isolation(runs),

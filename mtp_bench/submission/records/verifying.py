@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ...cards import Card, load_card
+from ...cards import Card, changed_card, load_card
 from ...errors import RecordError
 from ...rollouts import load_run
 from ...scoring import DEFINITIONS
@@ -18,12 +18,12 @@ from ..loader import load_submission
 from .differences import Difference, unequal
 from .evaluation import Evaluation, Progress, evaluate, status_of
 from .provenance import scorer_digest
-from .record import LEVELS, HiddenPart, Level, Record, ScorerPart
-from .running import Plan, plan_run, rollout_digests, run_seed
+from .record import LEVELS, HiddenPart, LatencyPart, Level, Record, ScorerPart
+from .running import Plan, latency, plan_run, rollout_digests, run_seed
 from .sealing import Sealed, run_hidden, worse_when_hidden
 from .storage import load_record, rollouts_folder, save_record
 
-_CHECKED = ("env", "status", "hypotheses", "reference", "rows", "details", "per_scene")
+_CHECKED = ("env", "status", "hypotheses", "latency", "reference", "rows", "details", "per_scene")
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def verify(
     """
     path = Path(path)
     record = load_record(path)
-    card = load_card(env_id or record.env.id)
+    card = changed_card(load_card(env_id or record.env.id), _split(path, record))
     stale = _card_differences(record, card)
     if stale:
         return Verification(path, record, "scored", stale, (), None)
@@ -77,6 +77,8 @@ def verify(
         return Verification(path, record, "scored", changed, (), None)
     found = _evaluate(record, card, data, runs, workers, progress)
     again = _with(record, found, len(open_source(card, data).names), timed=plan is None)
+    if plan is None:
+        again = again.model_copy(update={"latency": _latency(record, runs)})
     differences = tuple(unequal("", _checked(record), _checked(again)))
     level: Level = "scored" if differences else "re-scored" if plan is None else "re-run"
     same_task = not any(difference.what.startswith("env.") for difference in differences)
@@ -160,10 +162,18 @@ def _plan(path: Path, record: Record, env_id: str | None, folder: str | Path | N
             f"{submission.name!r} has {submission.digest[:12]}; name the right folder with --submission"
         )
     env_id = env_id or record.env.id
-    plan = plan_run(submission, env_id, data, len(record.per_scene))
+    plan = plan_run(submission, env_id, data, len(record.per_scene), _split(path, record))
     if list(plan.scenes) != [scene.scene for scene in record.per_scene]:
         raise RecordError(f"{path}: its scenes are not the first {len(record.per_scene)} of {env_id}")
     return plan
+
+
+def _split(path: Path, record: Record) -> str | None:
+    """The split that was run where it is another one than the env's."""
+    split = record.env.keywords.get("split")
+    if split is not None and not isinstance(split, str):
+        raise RecordError(f"{path}: split is {split!r}, expected a name")
+    return split
 
 
 def _run_again(plan: Plan, record: Record, workers: int, progress: Progress | None) -> dict[int, list[Rollout]]:
@@ -210,6 +220,7 @@ def _with(record: Record, found: Evaluation, scenes_of_split: int, timed: bool) 
         record.missed.crashed_scenes,
         scenes * len(record.seeds),
         record.missed.reasons,
+        record.env.keywords.get("split"),
     )
     env = {"scenes": scenes, "scenes_of_split": scenes_of_split, "data_manifest": found.data_manifest}
     return record.model_copy(
@@ -225,6 +236,10 @@ def _with(record: Record, found: Evaluation, scenes_of_split: int, timed: bool) 
             "per_scene": found.per_scene,
         }
     )
+
+
+def _latency(record: Record, runs: Mapping[int, Sequence[Rollout]]) -> LatencyPart:
+    return latency([rollout for rollouts in runs.values() for rollout in rollouts], record.latency.limit_ms)
 
 
 def _checked(record: Record) -> dict[str, Any]:
