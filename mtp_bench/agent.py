@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import ShapeError
+from .errors import ShapeError, UnknownNameError
 from .tracks import Objects as Objects
 from .tracks import Tracks as Tracks
 from .tracks import group
@@ -75,7 +76,8 @@ class Pipeline:
     the task's K is reduced by the sampler.
 
     ``weighting``: "posterior" weighs samples by their hypothesis, "uniform" counts hypotheses alike, as in the paper.
-    ``min_score``: objects whose track has a lower mean score are not reported; by default all are, as in the paper.
+    ``min_score``: objects whose track has a lower mean score are not reported, a number or one per class name; by
+    default all are, as in the paper.
     ``min_mass``: an object is reported if hypotheses of at least this total weight hold it; 0.5 is "likelier than not".
     """
 
@@ -87,7 +89,7 @@ class Pipeline:
         draws: int = 1,
         weighting: str = "posterior",
         min_mass: float = 0.5,
-        min_score: float = -math.inf,
+        min_score: float | Mapping[str, float] = -math.inf,
     ) -> None:
         if weighting not in ("posterior", "uniform"):
             raise ShapeError(f"weighting is {weighting!r}, expected 'posterior' or 'uniform'")
@@ -95,11 +97,14 @@ class Pipeline:
         self._draws = draws
         self._posterior = weighting == "posterior"
         self._min_mass, self._min_score = min_mass, min_score
+        self.reported: Objects | None = None  # what the last answer said is there
 
     def reset(self, task: Task) -> None:
         """Forget everything; a new scene begins."""
         self._task = task
+        self._least = _per_class(self._min_score, task)
         self._frame = 0
+        self.reported = None
         self._tracker.reset(task)
         self._predictor.reset(task)
 
@@ -107,7 +112,8 @@ class Pipeline:
         """Answer one frame."""
         self._frame += 1
         tracks = self._tracker.step(observation)
-        objects = group(tracks, self._task.objects, self._min_mass, self._min_score)
+        objects = group(tracks, self._task.objects, self._min_mass, self._least)
+        self.reported = objects
         rng = np.random.default_rng([self._task.seed, self._frame, 1])
         size = objects.leaf.shape[1] * self._draws * self._task.k
         at_once = max(1, _POOLED // max(size, 1))
@@ -142,6 +148,16 @@ class Pipeline:
         log_weight[row, place] = weight[slot // draws][:, None]
         size = shape[1] * k
         return pool.reshape(shape[0], size, self._task.future, 2), log_weight.reshape(shape[0], size)
+
+
+def _per_class(min_score: float | Mapping[str, float], task: Task) -> Floats:
+    """The least score of every class of the task [C]; classes that are not named have none."""
+    if not isinstance(min_score, Mapping):
+        return np.full(len(task.classes), float(min_score))
+    for name in min_score:
+        if name not in task.classes:
+            raise UnknownNameError("class in min_score", name, task.classes)
+    return np.array([float(min_score.get(name, -math.inf)) for name in task.classes])
 
 
 def pack(task: Task, tracks: Tracks, objects: Objects, samples: Floats, log_weight: Floats) -> Action:

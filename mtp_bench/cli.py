@@ -287,7 +287,7 @@ def video(
 
 @app.command()
 def train(
-    what: Annotated[str, typer.Argument(help="What to fit: motion-noise.")],
+    what: Annotated[str, typer.Argument(help="What to fit: motion-noise or operating-point.")],
     env: EnvOption,
     root: DataOption = None,
     observe: Annotated[
@@ -302,16 +302,21 @@ def train(
 ) -> None:
     """Fit the parameters of a baseline on the training split of an environment (or another)."""
     from .submission.files import write_text
-    from .submission.training import KINDS, fit_motion_noise
+    from .submission.training import KINDS, fit_motion_noise, fit_operating_point
     from .viz.terminal import progress_bar
 
     require_writable(output)
     if what not in KINDS:
         raise typer.BadParameter(f"{what!r} cannot be fitted, expected one of: {', '.join(KINDS)}", param_hint="WHAT")
+    if what == "operating-point" and observe != "detections":
+        raise typer.BadParameter("true boxes have no scores to choose by", param_hint="--observe")
     changes = {"split": "train", **given(split=split, detector=detector, detection_file=detections)}
     prepare(env, root, scenes, jobs, changes)
     with progress_bar("read") as (started, done):
-        text = fit_motion_noise(env, root, observe, started, done, scenes, changes)
+        if what == "operating-point":
+            text = fit_operating_point(env, root, started, done, scenes, changes)
+        else:
+            text = fit_motion_noise(env, root, observe, started, done, scenes, changes)
     if output is None:
         sys.stdout.write(text)
     else:

@@ -37,10 +37,11 @@ class Objects:
     log_mass: Floats  # [O] total weight of the hypotheses that hold the object
 
 
-def group(tracks: Tracks, most: int, min_mass: float = 0.0, min_score: float = -np.inf) -> Objects:
+def group(tracks: Tracks, most: int, min_mass: float = 0.0, min_score: float | Floats = -np.inf) -> Objects:
     """The at most ``most`` objects held by hypotheses of a total weight of at least ``min_mass``.
 
-    ``min_score`` leaves out objects whose track, in the heaviest hypothesis that holds them, scores less on average.
+    ``min_score``, a number or one per class [C], leaves out objects whose track, in the heaviest hypothesis that holds
+    them, scores less on average.
 
     Tracks of different hypotheses are one object if they took the same detection. A track that took none stands, in its
     hypothesis, for the object whose detection its identity took elsewhere (in the heaviest hypothesis that knows one),
@@ -55,7 +56,8 @@ def group(tracks: Tracks, most: int, min_mass: float = 0.0, min_score: float = -
     enough = np.exp(log_mass[order]) >= min_mass - _ROUNDING
     order = order[enough & held[order].any(axis=1)]
     first = leaf[order, held[order].argmax(axis=1)]
-    kept = np.flatnonzero(tracks.score[first] >= min_score)[:most]
+    least = min_score[tracks.class_id[first]] if isinstance(min_score, np.ndarray) else min_score
+    kept = np.flatnonzero(tracks.score[first] >= least)[:most]
     order, first = order[kept], first[kept]
     return Objects(tracks.box[first], tracks.class_id[first], tracks.score[first], leaf[order], log_mass[order])
 

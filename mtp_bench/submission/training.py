@@ -10,7 +10,7 @@ from ..env import OBSERVE, MTPEnv
 from ..errors import MtpBenchError, UnknownNameError
 from ..sources import open_source
 
-KINDS = ("motion-noise",)
+KINDS = ("motion-noise", "operating-point")
 
 
 def fit_motion_noise(
@@ -54,3 +54,39 @@ def fit_motion_noise(
             "frames, so there is nothing to fit"
         )
     return as_toml(condition(task), rows)
+
+
+def fit_operating_point(
+    env_id: str,
+    data: str | None = None,
+    started: Callable[[int], object] | None = None,
+    progress: Callable[[str], object] | None = None,
+    scenes: int | None = None,
+    changes: dict[str, Any] | None = None,
+) -> str:
+    """TOML of the least score per class from which on it pays to report an object, on the training split of an env.
+
+    The agent is the single-hypothesis pipeline; arguments and errors as in `fit_motion_noise`. MtpBenchError, too,
+    where the truth is not complete: there no forecast costs anything.
+    """
+    from ..agent import Pipeline
+    from ..prediction import KinematicPredictor, KMeansSampler
+    from ..tracking import HypothesisTracker
+    from .operating_point import as_toml, least_scores, worth_of_scene
+
+    changes = {"split": "train", **(changes or {})}
+    env = MTPEnv(env_id, data=data, evaluation=True, **changes)
+    names = env.scene_names[:scenes]
+    if not names:
+        raise MtpBenchError(f"{env_id} has no scene in its split {changes['split']!r}")
+    if started is not None:
+        started(len(names))
+    worth = []
+    for name in names:
+        agent = Pipeline(HypothesisTracker(1), KinematicPredictor(), KMeansSampler())
+        worth.append(worth_of_scene(agent, env, name))
+        if not env.scene.truth_complete:
+            raise MtpBenchError(f"{env_id}: the truth is not complete, so no false forecast costs anything")
+        if progress is not None:
+            progress(name)
+    return as_toml(env_id, least_scores(worth, env.card.task.classes))
