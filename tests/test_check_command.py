@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from mtp_bench._check import Checked, finding_table, gateway_findings
+from mtp_bench.commands.checking import Checked, finding_table, gateway_findings
 from mtp_bench.runner import run_scenes
 from mtp_bench.submission.gateway import SceneRun
 from mtp_bench.submission.starting import new_submission

@@ -26,7 +26,10 @@ TIMES = ("made", "hardware", "latency", "peak_memory_mib", "digest", "isolation"
 
 @pytest.fixture(scope="module")
 def submission(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_isolated(tmp_path_factory.mktemp("submissions") / "echo", tables='training_data = ["drives"]\n[parameters]\nnoise = 0.1\n')
+    return write_isolated(
+        tmp_path_factory.mktemp("submissions") / "echo",
+        tables='training_data = ["drives"]\n[parameters]\nnoise = 0.1\n',
+    )
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +64,12 @@ def test_what_a_record_says(made: Path, submission: Path, card: str) -> None:
     record = load_record(made)
     assert (record.submission.name, record.submission.parameters) == ("echo", {"noise": 0.1})
     assert (record.status, record.verification, record.division) == ("finished", "scored", "closed")
-    assert (record.seeds, record.samples, record.env.scenes, record.training_data) == ([0, 1], 4, 3, ["drives", "KITTI"])
+    assert (record.seeds, record.samples, record.env.scenes, record.training_data) == (
+        [0, 1],
+        4,
+        3,
+        ["drives", "KITTI"],
+    )
     assert [row.subset for row in record.rows] == ["all", "ids", "lost", "reacquired", "frag"]
     assert sorted(record.seals) == sorted(record.rollout_digests) == [
         f"{scene}|{seed}" for scene in ("0001", "0006", "0008") for seed in (0, 1)

@@ -1,7 +1,8 @@
 """The operating point of an agent: from which score on a forecast is worth more than it costs.
 
-A forecast of a target gains what its error is below the miss error c, one of nothing costs c/2 (protocol, "missing-aware
-error"). Both are sums over forecasts, so the best least score of a class is where the sum from the top is greatest.
+A forecast of a target gains what its error is below the miss error c, one of nothing costs c/2 (protocol,
+"missing-aware error"). Both are sums over forecasts, so the best least score of a class is where the sum from the top
+is greatest.
 """
 
 from __future__ import annotations

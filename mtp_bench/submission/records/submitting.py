@@ -70,7 +70,11 @@ def submit(
     ideal = submission.compare.observe == "truth"
     found = evaluate(submission.name, plan.card, data, rollouts, plan.hypotheses, ideal, workers, progress)
     record = _record(plan, runs, rollouts, found, limits).model_copy(
-        update={"division": division, "training_data": [*plan.submission.training_data, *training_data], "hardware": _hardware(scheduler)}
+        update={
+            "division": division,
+            "training_data": [*plan.submission.training_data, *training_data],
+            "hardware": _hardware(scheduler),
+        }
     )
     _store(target, plan, rollouts)
     return save_record(record, target)

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .errors import MtpBenchError
+from ..errors import MtpBenchError
 
 if TYPE_CHECKING:
-    from .submission.records import Record
-    from .viz.board.entries import Entry
+    from ..submission.records import Record
+    from ..viz.board.entries import Entry
 
 
 def show_board(
@@ -23,10 +23,10 @@ def show_board(
     folder is missing, RecordError where a record is broken, UnknownNameError for an env without a record that is
     no card either.
     """
-    from ._command_line import count, write_json
-    from .submission.files import write_text
-    from .viz.board import board_json, board_page, board_tables
-    from .viz.terminal import show, show_numbers
+    from ..submission.files import write_text
+    from ..viz.board import board_json, board_page, board_tables
+    from ..viz.terminal import show, show_numbers
+    from .shared import count, write_json
 
     entries = read_board(folder, further, env_id, output)
     write_json(json_file, board_json(entries))
@@ -47,8 +47,8 @@ def read_board(
 
     ``page`` is the file that links start from; without one there are none. Errors as in show_board.
     """
-    from .submission.records import load_record, ranks, record_paths, why_unranked
-    from .viz.board import entries_of
+    from ..submission.records import load_record, ranks, record_paths, why_unranked
+    from ..viz.board import entries_of
 
     paths = record_paths(_records_folder(folder))
     found = {record.digest: (path, record, False) for path in paths for record in [load_record(path)]}
@@ -78,7 +78,7 @@ def relative_address(path: Path, page: Path) -> str | None:
 
 
 def _records_folder(folder: Path | None) -> Path:
-    from ._bundle import bundled
+    from .._bundle import bundled
 
     folder = folder or bundled("leaderboard") / "records"
     if not folder.is_dir():
@@ -88,7 +88,7 @@ def _records_folder(folder: Path | None) -> Path:
 
 def _require_known(env_id: str | None, records: Sequence[Record]) -> None:
     """An env that nobody has submitted to is fine as long as there is such an env."""
-    from .cards import load_card
+    from ..cards import load_card
 
     if env_id is not None and all(record.env.id != env_id for record in records):
         load_card(env_id)

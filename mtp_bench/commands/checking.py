@@ -6,17 +6,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from .errors import SubmissionError
+from ..errors import SubmissionError
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from .env import MTPEnv
-    from .scoring import SceneScore
-    from .submission import Submission
-    from .submission.gateway import SceneRun
-    from .testing import Finding
-    from .types import Rollout
+    from ..env import MTPEnv
+    from ..scoring import SceneScore
+    from ..submission import Submission
+    from ..submission.gateway import SceneRun
+    from ..testing import Finding
+    from ..types import Rollout
 
 SCENES = 3  # that are scored
 BESIDE = "stp"
@@ -53,12 +53,12 @@ def check_submission(
     Raises MtpBenchError for a folder that cannot be read and an env or data that is not there. ``started`` is told the
     number of steps, ``done`` the name of each.
     """
-    from .env import MTPEnv
-    from .runner import run_jobs
-    from .submission import SubmissionFactory, load_submission
-    from .submission.gateway import run_isolated_scenes
-    from .submission.jobs import jobs_of
-    from .testing import check_agent
+    from ..env import MTPEnv
+    from ..runner import run_jobs
+    from ..submission import SubmissionFactory, load_submission
+    from ..submission.gateway import run_isolated_scenes
+    from ..submission.jobs import jobs_of
+    from ..testing import check_agent
 
     submission = load_submission(path)
     keywords: dict[str, Any] = {"data": data, "observe": submission.compare.observe, "evaluation": True}
@@ -87,8 +87,8 @@ def _unsafe(run: SceneRun) -> bool:
 
 def gateway_findings(runs: Sequence[SceneRun], here: Sequence[Rollout] | None) -> list[Finding]:
     """What the gateway says of an agent in a process of its own; ``here`` are its rollouts in this process, if any."""
-    from .rollouts import digest
-    from .testing import Finding
+    from ..rollouts import digest
+    from ..testing import Finding
 
     found: list[Finding] = []
     for run in runs:
@@ -114,7 +114,7 @@ def gateway_findings(runs: Sequence[SceneRun], here: Sequence[Rollout] | None) -
 
 
 def _scored(env: MTPEnv, run: SceneRun) -> SceneScore:
-    from .scoring import score_scene
+    from ..scoring import score_scene
 
     env.reset(seed=0, options={"scene": run.rollout.scene})
     return score_scene(env.scene, run.rollout, env.card)
@@ -124,9 +124,9 @@ def _trusted(
     submission: Submission, env_id: str, data: str | None, names: Sequence[str], done: Callable[[str], object]
 ) -> list[SceneScore]:
     """Scores of a baseline, in this process."""
-    from .runner import run_jobs
-    from .scoring import score_scene
-    from .submission.jobs import jobs_of
+    from ..runner import run_jobs
+    from ..scoring import score_scene
+    from ..submission.jobs import jobs_of
 
     return list(run_jobs(jobs_of(submission, env_id, {"data": data}, names), 1, score_scene, done))
 

@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .errors import MtpBenchError
+from ..errors import MtpBenchError
 
 if TYPE_CHECKING:
-    from .viz.replay import Incident, Replay
+    from ..viz.replay import Incident, Replay
 
 
 def read_replays(folders: Sequence[Path], scene: str | None, data: str | None, env_id: str | None) -> list[Replay]:
@@ -17,8 +17,8 @@ def read_replays(folders: Sequence[Path], scene: str | None, data: str | None, e
 
     Raises MtpBenchError where the runs were made for different cards, UnknownNameError where one has no such scene.
     """
-    from .submission.opened import open_run
-    from .viz.replay import replay
+    from ..submission.opened import open_run
+    from ..viz.replay import replay
 
     runs = [open_run(folder, data, env_id) for folder in folders]
     first = runs[0]
@@ -51,8 +51,8 @@ def view_runs(
 
     Raises MtpBenchError for whatever the user can mend, before anything is read where that is possible.
     """
-    from .viz.rerun_log import save_recording
-    from .viz.rerun_viewer import require_display, serve_recording, show_recording
+    from ..viz.rerun_log import save_recording
+    from ..viz.rerun_viewer import require_display, serve_recording, show_recording
 
     if save is None and not web:
         require_display()
@@ -71,7 +71,7 @@ def view_runs(
 
 
 def _sentence(replay: Replay, incident: Incident | None) -> str:
-    from .viz.events_text import incident_text
+    from ..viz.events_text import incident_text
 
     if incident is None:
         return f"scene {replay.scene.name}"

@@ -11,7 +11,7 @@ def begin(name: str, parent: Path) -> str:
 
     Raises MtpBenchError for a name that cannot be used and a folder that is there or cannot be written.
     """
-    from .submission.starting import new_submission
+    from ..submission.starting import new_submission
 
     folder = new_submission(name, parent)
     shown = shlex.quote(str(folder))
