@@ -77,9 +77,8 @@ def test_where_the_truth_is_not_complete_nothing_costs(card: str, kitti: str) ->
     box = rollout.object_box.copy()
     box[0, :2] += 1000
     odd = replace(rollout, object_box=box)
-    assert (
-        gains(env.scene, odd, env.card)[0] == -0.5 * env.card.per_class(env.card.task.miss_error)[odd.object_class[0]]
-    )
+    cost = 0.5 * env.card.per_class(env.card.task.miss_error)[odd.object_class[0]]
+    assert gains(env.scene, odd, env.card)[0] == -cost
     assert gains(replace(env.scene, truth_complete=False), odd, env.card)[0] == 0
 
 
