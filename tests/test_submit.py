@@ -110,6 +110,12 @@ def test_a_submission_runs_again(cli: CommandLine, path: Path, submission: Path,
     assert confirm(verify(path, kitti, card)).verification == "re-run"  # never less than it was
 
 
+def test_running_again_counts_what_was_missed(path: Path, submission: Path, card: str, kitti: str) -> None:
+    resign(path, lambda content: content["missed"].update(malformed=1))
+    checked = verify(path, kitti, card, submission=submission, rerun=True)
+    assert [difference.what for difference in checked.differences] == ["missed.malformed"]
+
+
 def test_another_submission_is_not_run_in_its_place(path: Path, card: str, kitti: str) -> None:
     with pytest.raises(RecordError, match="name the right folder with --submission"):
         verify(path, kitti, card, submission="stp", rerun=True)

@@ -18,7 +18,8 @@ its own user; but files of the user and the network are open, and any process of
 What is not protected: this is a process of the same user on the same machine, no virtual machine. An agent may read
 other files of the user, hold whatever it was trained on, recognise a public scene, and generate simulated scenes anew,
 for their seeds are public: for that there are other rigid motions and hidden seeds. It may use all cores of the machine
-while it runs, and memory once per process. A flaw of the operating system's kernel opens everything.
+while it runs, and for a tenth of a second more memory than allowed, in several processes, until that is seen. A flaw of
+the operating system's kernel opens everything.
 """
 
 from .limits import PATIENCE as PATIENCE

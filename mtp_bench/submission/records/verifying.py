@@ -13,13 +13,13 @@ from ...rollouts import load_run
 from ...scoring import DEFINITIONS
 from ...sources import open_source
 from ...types import Rollout
-from ..gateway import Limits
+from ..gateway import Limits, SceneRun
 from ..loader import load_submission
 from .differences import Difference, unequal
 from .evaluation import Evaluation, Progress, evaluate, status_of
 from .provenance import scorer_digest
-from .record import LEVELS, HiddenPart, LatencyPart, Level, Record, ScorerPart
-from .running import Plan, latency, plan_run, rollout_digests, run_seed
+from .record import LEVELS, HiddenPart, LatencyPart, Level, MissedPart, Record, ScorerPart
+from .running import Plan, latency, missed, plan_run, rollout_digests, run_seed
 from .sealing import Sealed, run_hidden, worse_when_hidden
 from .storage import load_record, rollouts_folder, save_record
 
@@ -71,18 +71,21 @@ def verify(
     plan = _plan(path, record, env_id, submission, data) if rerun or sealed is not None else None
     if started is not None:
         started(_work(record, plan, sealed))
-    runs = _stored(path, record) if plan is None else _run_again(plan, record, workers, progress)
+    again = None if plan is None else _run_again(plan, record, workers, progress)
+    runs = _stored(path, record) if again is None else _rollouts(again)
     changed = tuple(unequal("rollout_digests", record.rollout_digests, rollout_digests(runs)))
+    if again is not None:
+        changed += tuple(unequal("missed", _lost(record.missed), _lost(missed(again))))
     if changed:
         return Verification(path, record, "scored", changed, (), None)
     found = _evaluate(record, card, data, runs, workers, progress)
-    again = _with(record, found, len(open_source(card, data).names), timed=plan is None)
+    scored = _with(record, found, len(open_source(card, data).names), timed=plan is None)
     if plan is None:
-        again = again.model_copy(update={"latency": _latency(record, runs)})
-    differences = tuple(unequal("", _checked(record), _checked(again)))
+        scored = scored.model_copy(update={"latency": _latency(record, runs)})
+    differences = tuple(unequal("", _checked(record), _checked(scored)))
     level: Level = "scored" if differences else "re-scored" if plan is None else "re-run"
     same_task = not any(difference.what.startswith("env.") for difference in differences)
-    updated = again if again.scorer != record.scorer and same_task else None
+    updated = scored if scored.scorer != record.scorer and same_task else None
     checked = Verification(path, record, level, differences, _notes(record), updated)
     if plan is None or sealed is None or differences:
         return checked
@@ -176,10 +179,18 @@ def _split(path: Path, record: Record) -> str | None:
     return split
 
 
-def _run_again(plan: Plan, record: Record, workers: int, progress: Progress | None) -> dict[int, list[Rollout]]:
-    """Rollouts of the submission under every seed of the record."""
-    runs = {seed: run_seed(plan, seed, workers, progress, Limits()) for seed in record.seeds}
+def _run_again(plan: Plan, record: Record, workers: int, progress: Progress | None) -> dict[int, list[SceneRun]]:
+    """Runs of the submission under every seed of the record."""
+    return {seed: run_seed(plan, seed, workers, progress, Limits()) for seed in record.seeds}
+
+
+def _rollouts(runs: Mapping[int, Sequence[SceneRun]]) -> dict[int, list[Rollout]]:
     return {seed: [run.rollout for run in results] for seed, results in runs.items()}
+
+
+def _lost(part: MissedPart) -> dict[str, int]:
+    """What an agent loses on any machine; late answers are a matter of the machine."""
+    return {"malformed": part.malformed, "crashed_scenes": part.crashed_scenes}
 
 
 def _card_differences(record: Record, card: Card) -> tuple[Difference, ...]:
