@@ -1,0 +1,148 @@
+"""What hypotheses cost and hold: against H, against objects, joint and per cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+
+import mtp_bench.tracking.tracker as tracker_module
+from mtp_bench.agent import Tracks
+from mtp_bench.tracking import HypothesisTracker
+from mtp_bench.tracking.clusters import per_cluster
+from mtp_bench.tracks import group
+from mtp_bench.types import Ints, Task
+from tests.plain_tracker import PlainTracker
+
+from .scenes import Row, Scenes, agent, crowd, frames_of, run_scene, tracker
+from .timing import AGENT_STAGES, cpu_seconds, stages, wrapped
+
+PAPER = {1: 207.0, 5: 65.0, 10: 25.0, 20: 8.1}  # frames/s
+
+
+def distinct_histories(tracks: Tracks, task: Task) -> Ints:
+    """Distinct tracks [O] that stand for each object in the hypotheses, objects as the agent reports them."""
+    leaf = np.sort(group(tracks, task.objects, 0.5).leaf, axis=1)
+    return np.asarray(1 + (np.diff(leaf, axis=1) > 0).sum(axis=1) - (leaf[:, 0] < 0), dtype=np.int64)
+
+
+def alive(hypotheses: int, task: Task, scenes: Scenes, **options: Any) -> Row:
+    """Averages over frames of what the tracker holds; histories, over objects of all frames."""
+    counts: list[tuple[int, int, int]] = []
+    histories: list[Ints] = []
+    for observations in scenes.values():
+        made = HypothesisTracker(hypotheses, **options)
+        made.reset(task)
+        for observation in observations:
+            histories.append(distinct_histories(made.step(observation), task))
+            member = made._tree.member
+            counts.append((len(member), member.shape[1], int(member[0].sum())))
+    held, leaves, tracks = np.mean(counts, axis=0).tolist()
+    per_object = float(np.concatenate(histories).mean())
+    return {
+        "hypotheses alive": held,
+        "leaves": leaves,
+        "tracks of the best": tracks,
+        "histories per object": per_object,
+    }
+
+
+def against_hypotheses(task: Task, scenes: Scenes, sizes: Iterable[int], repeats: int) -> list[Row]:
+    """Cost against H on recordings, beside the plain tracker and the paper."""
+    frames = frames_of(scenes)
+    ours = cpu_seconds({h: tracker(h) for h in sizes}, task, scenes, repeats)
+    plain = cpu_seconds({h: tracker(h, PlainTracker) for h in (1, 20)}, task, scenes, 1)
+    return [
+        {
+            "H": h,
+            "frames/s": frames / seconds,
+            "us per frame": 1e6 * seconds / frames,
+            "x H=1": seconds / ours[1],
+            "plain frames/s": frames / plain[h] if h in plain else None,
+            "plain x H=1": plain[h] / plain[1] if h in plain else None,
+            "paper frames/s": PAPER.get(h),
+            "paper x H=1": PAPER[1] / PAPER[h] if h in PAPER else None,
+            **alive(h, task, scenes),
+        }
+        for h, seconds in ours.items()
+    ]
+
+
+def best_of(tracks: Tracks) -> bytes:
+    """The detections of the last P frames in the best hypothesis, whatever the ids and order of its tracks."""
+    rows = np.where(tracks.past_valid[:, :, None], tracks.past, 0.0)[tracks.member[0]]
+    table = rows.reshape(len(rows), -1) if len(rows) else np.zeros((0, 1))
+    return bytes(table[np.lexsort(table.T)].tobytes())
+
+
+def same_best(hypotheses: int, task: Task, scenes: Scenes) -> list[Row]:
+    """Shares of frames in which joint and per-cluster hypotheses have a best like that of others.
+
+    In whole runs, that of joint hypotheses and that of H = 1; and in one step from the parents of the joint ones.
+    """
+    of_parents: list[bool] = []
+
+    def both(joint: Callable[..., Any], _: str) -> Callable[..., Any]:
+        def solve(*problem: Any) -> Any:
+            found, other = joint(*problem), per_cluster(*problem)
+            equal = np.array_equal(found[1][0], other[1][0]) and found[2][0] == other[2][0]
+            of_parents.append(bool(equal or np.isclose(found[0][0], other[0][0], 0, 1e-9)))
+            return found
+
+        return solve
+
+    runs: list[list[bytes]] = []  # of joint ones, clusters, one
+    for observations in scenes.values():
+        steps = [tracker(hypotheses)(task), tracker(hypotheses, per_cluster=True)(task), tracker(1)(task)]
+        runs += [[best_of(step(seen)) for step in steps] for seen in observations]
+    with wrapped(((tracker_module, "joint_k_best", ""),), both):
+        for observations in scenes.values():
+            run_scene(tracker(hypotheses), task, observations)
+    shares = [[100 * float(np.mean([run[i] == run[j] for run in runs])) for j in (0, 2)] for i in (0, 1)]
+    names = "best of runs as joint, %", "as H=1, %", "as joint of the same parents, %"
+    return [dict(zip(names, (*share, 100 * float(np.mean(of_parents))), strict=True)) for share in shares]
+
+
+def joint_and_clusters(task: Task, scenes: Scenes, repeats: int) -> list[Row]:
+    kinds = [(h, clusters) for h in (5, 20) for clusters in (False, True)]
+    starts = {kind: tracker(kind[0], per_cluster=kind[1]) for kind in kinds}
+    seconds = cpu_seconds(starts, task, scenes, repeats)
+    best = {h: same_best(h, task, scenes) for h in (5, 20)}
+    return [
+        {
+            "H": h,
+            "hypotheses": "per cluster" if clusters else "joint",
+            "frames/s": frames_of(scenes) / seconds[h, clusters],
+            "x joint": seconds[h, clusters] / seconds[h, False],
+            **alive(h, task, scenes, per_cluster=clusters),
+            **best[h][clusters],
+        }
+        for h, clusters in kinds
+    ]
+
+
+def against_objects(sizes: Iterable[int], frames: int, repeats: int) -> list[Row]:
+    rows = []
+    for n in sizes:
+        task, scenes = crowd(n, frames)
+        seconds = cpu_seconds({h: tracker(h) for h in (1, 20)}, task, scenes, repeats)
+        row: Row = {"objects": n, **{f"us, H={h}": 1e6 * seconds[h] / frames for h in seconds}}
+        rows.append({**row, "H=20 / H=1": seconds[20] / seconds[1], **alive(20, task, scenes)})
+    return rows
+
+
+def growth(rows: list[Row], over: str, cost: str) -> dict[str, float]:
+    """Slopes of log cost over log size: least squares over all, and between the last two."""
+    x, y = (np.log([row[name] for row in rows]) for name in (over, cost))
+    return {"all": float(np.polyfit(x, y, 1)[0]), "last two": float((y[-1] - y[-2]) / (x[-1] - x[-2]))}
+
+
+def whole_agent(name: str, task: Task, scenes: Scenes, repeats: int) -> list[Row]:
+    starts = {h: agent(h) for h in (1, 20)}
+    seconds, rows = cpu_seconds(starts, task, scenes, repeats), []
+    for h, start in starts.items():
+        row = {"scenes": name, "frames": frames_of(scenes), "H": h, "CPU ms": 1e3 * seconds[h] / frames_of(scenes)}
+        split = {stage: us / 1e3 for stage, us in stages(start, AGENT_STAGES, task, scenes, 1).items()}
+        rows.append({**row, "x H=1": seconds[h] / seconds[1], **split})
+    return rows
