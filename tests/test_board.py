@@ -294,6 +294,15 @@ def test_bars_of_scenes_share_a_scale_with_the_reference() -> None:
     assert all(bar.reference is None for bar in scene_chart(second, second))
 
 
+def test_what_saying_nothing_scores_stands_above_the_table() -> None:
+    known, unknown = made_up("one", 1.0, details={"silence": 2.0}), made_up("two", 2.0)
+    assert "saying nothing scores <b>2.000</b>" in board_page(listed(known))
+    assert "saying nothing scores 2.000" in str(board_tables(listed(known))[0].title)
+    for entries in (listed(unknown), entries_of([known], [None])):
+        assert "saying nothing" not in board_page(entries)
+        assert "saying nothing" not in str(board_tables(entries)[0].title)
+
+
 def test_tables_of_the_terminal(entries: list[Entry]) -> None:
     first, second = board_tables(entries)
     assert first.row_count == 10

@@ -78,6 +78,12 @@ def condition_of(entry: Entry) -> tuple[str, ...]:
     return definitions, *(str(env.get(name)) for name in ("card_digest", "split", "data_manifest"))
 
 
+def silence_of(entries: Sequence[Entry]) -> float | None:
+    """What an agent that says nothing scores in the ranking of one environment, metres; None where it is not known."""
+    ranked = next((entry for entry in entries if entry.rank is not None), None)
+    return None if ranked is None else finite((ranked.record.get("details") or {}).get("silence"))
+
+
 def by_env(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
     """The entries of each environment, in their order."""
     boards: dict[str, list[Entry]] = {}

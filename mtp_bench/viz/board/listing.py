@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from .columns import COLUMNS, NOTHING, shown
-from .entries import Entry, Row, by_env
+from .entries import Entry, Row, by_env, silence_of
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -24,7 +24,9 @@ def _table(env_id: str, entries: Sequence[Entry]) -> Table:
     from rich.table import Table
 
     columns = [column for column in COLUMNS if column.key in _SHOWN]
-    table = Table(title=f"{escape(env_id)}: missing-aware error (m)", title_justify="left")
+    silence = silence_of(entries)
+    said = "" if silence is None else f"; saying nothing scores {silence:.3f}"
+    table = Table(title=f"{escape(env_id)}: missing-aware error (m){said}", title_justify="left")
     table.add_column("rank", justify="right")
     table.add_column("submission", no_wrap=True)
     table.add_column("error ↓ [dim]95 % interval[/dim]", justify="right", no_wrap=True)

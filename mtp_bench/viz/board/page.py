@@ -13,7 +13,7 @@ from urllib.parse import quote
 from ...errors import MtpBenchError
 from ...scoring.definitions import DEFINITIONS, RANKED_OBJECTS
 from .columns import COLUMNS, NOTHING, best_texts, level, percent, shown
-from .entries import LEVEL_TEXT, LEVELS, SUBSETS, Entry, Row, by_env, finite, interval_of
+from .entries import LEVEL_TEXT, LEVELS, SUBSETS, Entry, Row, by_env, finite, interval_of, silence_of
 from .gaps import STP
 from .scale import PAD, WIDTH, bar_of, scale_of
 from .scenes import scene_chart
@@ -64,6 +64,7 @@ def _board(env_id: str, entries: Sequence[Entry]) -> dict[str, Any]:
         "ranked": len(ranks),
         "leaders": ranks.count(1),
         "sizes": {subset: scored.row(subset) for subset in SUBSETS},
+        "silence": silence_of(entries),
         "few": {name for name in SUBSETS if (scored.row(name).get("objects") or 0) < RANKED_OBJECTS},
         "few_objects": RANKED_OBJECTS,
         "scale": scale,
