@@ -12,6 +12,7 @@ import pytest
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.submission.records import Record, save_record
 from mtp_bench.viz.board import board_json, board_page, board_tables, entries_of
+from mtp_bench.viz.board.columns import percent
 from mtp_bench.viz.board.entries import LEVELS, SUBSETS, Entry
 from mtp_bench.viz.board.scale import MOST_TICKS, PAD, WIDTH, bar_of, scale_of
 from mtp_bench.viz.board.scenes import BAR, scene_chart
@@ -292,6 +293,11 @@ def test_bars_of_scenes_share_a_scale_with_the_reference() -> None:
     assert max(bar.reference or 0.0 for bar in bars) == BAR
     assert all(bar.width < BAR for bar in bars)
     assert all(bar.reference is None for bar in scene_chart(second, second))
+
+
+@pytest.mark.parametrize(("share", "text"), [(-0.004, "0 %"), (-0.006, "−1 %"), (0.499, "50 %"), (1.0, "100 %")])
+def test_shares_are_whole_percentages(share: float, text: str) -> None:
+    assert percent(share) == text
 
 
 def test_what_saying_nothing_scores_stands_above_the_table() -> None:

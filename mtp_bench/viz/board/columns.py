@@ -37,7 +37,7 @@ def fixed(digits: int) -> Callable[[float], str]:
 
 def percent(value: float) -> str:
     """A share as a percentage."""
-    return f"{100 * value:.0f} %".replace("-", "−")
+    return f"{round(100 * value)} %".replace("-", "−")  # round: a whole number has no -0
 
 
 def _row(key: str, subset: str = "all") -> Callable[[Entry], float | None]:
