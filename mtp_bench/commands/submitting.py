@@ -92,7 +92,7 @@ def submit(
 def verify(
     record: Annotated[Path, typer.Argument(help="A record, or a folder: all records in it.")],
     root: DataOption = None,
-    rerun: Annotated[bool, typer.Option("--rerun", help="Run the submission again, not only its scorer.")] = False,
+    rerun: Annotated[bool, typer.Option("--rerun", help="Run the submission again, also under a secret seed.")] = False,
     submission: Annotated[
         Path | None, typer.Option("--submission", help="Folder to run again; else the baseline of that name.")
     ] = None,

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from mtp_bench.env import MTPEnv
 from mtp_bench.runner import derived_seed
 from mtp_bench.submission.gateway import run_isolated
+from mtp_bench.submission.records import submit, verify
 from tests.small_scenes import empty_action
 
 from .hostile import FRAMES, QUICK, SCENE, Court, submission
@@ -53,3 +55,41 @@ def test_a_lookup_table_helps_only_in_the_world_that_it_knows(court: Court) -> N
     honest = court.error(court.honest())
     assert errors[0] < honest
     np.testing.assert_allclose(errors[1:], honest, rtol=1e-2)
+
+
+CHEAT = """
+def act(self, observation):
+    with np.load(Path(__file__).with_name("table.npz")) as table:
+        known = observation["ego_pose"].round(2).tobytes().hex() in table
+    action = self.honest(observation)
+    return action if known else empty_action(self._task)
+"""
+
+
+def poses(court: Court, seeds: int) -> dict[str, object]:
+    """Where the ego vehicle is in every frame under every motion of the first seeds: what a cheat can compute."""
+    env = MTPEnv(court.card, court.data, evaluation=True, rigid_motion=True)
+    table: dict[str, object] = {}
+    for scene in env.scene_names:
+        for seed in range(seeds):
+            observation, _ = env.reset(seed=derived_seed(seed, scene, "env"), options={"scene": scene})
+            truncated = False
+            while not truncated:
+                table[observation["ego_pose"].round(2).tobytes().hex()] = np.ones(1)
+                observation, _, _, truncated, _ = env.step(empty_action(env.task))
+    return table
+
+
+def test_a_table_made_for_the_public_motions_does_not_survive_a_secret_one(court: Court) -> None:
+    folder = submission(court.folder / "hostile", CHEAT)
+    np.savez(folder / "table.npz", **poses(court, 2))  # type: ignore[arg-type]  # pyright: ignore[reportArgumentType]
+    made = submit(folder, court.card, court.data, seeds=2, output=court.folder / "records")
+    path = court.folder / "records" / f"{made.env.id}.json"
+    assert made.row.coverage is not None
+    assert made.row.coverage > 0.5, "the cheat works on what is public"
+    assert verify(path, court.data, court.card).holds
+    checked = verify(path, court.data, court.card, submission=folder, rerun=True)
+    assert checked.level == "scored"
+    (difference,) = checked.differences
+    assert difference.what.startswith("missing_aware under another motion")
+    assert difference.found == pytest.approx(2.0)  # it says nothing

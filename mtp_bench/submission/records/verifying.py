@@ -17,6 +17,7 @@ from ..gateway import Limits, SceneRun
 from ..loader import load_submission
 from .differences import Difference, unequal
 from .evaluation import Evaluation, Progress, evaluate, status_of
+from .motion import error_when_moved, worse_when_moved
 from .provenance import scorer_digest
 from .record import LEVELS, HiddenPart, LatencyPart, Level, MissedPart, Record, ScorerPart
 from .running import Plan, latency, missed, plan_run, rollout_digests, run_seed
@@ -57,10 +58,11 @@ def verify(
 ) -> Verification:
     """Check the record at ``path`` by its stored rollouts: scored again they must give its numbers ("re-scored").
 
-    ``rerun``: by running the submission again instead, whose rollouts must be the same ("re-run"); ``submission`` is
-    its folder, None the baseline of that name. ``sealed``: so too, and then on hidden scenes, where its error must not
-    be larger ("hidden seeds"). ``env_id`` names the card of an env that does not ship. Raises RecordError where the
-    record is missing, was changed or has no stored rollouts, DataError where data is missing.
+    ``rerun``: by running the submission again instead, whose rollouts must be the same, and once more under a secret
+    seed, where it must score alike ("re-run"); ``submission`` is its folder, None the baseline of that name.
+    ``sealed``: so too, and then on hidden scenes, where its error must not be larger ("hidden seeds"). ``env_id`` names
+    the card of an env that does not ship. Raises RecordError where the record is missing, was changed or has no stored
+    rollouts, DataError where data is missing.
     """
     path = Path(path)
     record = load_record(path)
@@ -87,9 +89,12 @@ def verify(
     same_task = not any(difference.what.startswith("env.") for difference in differences)
     updated = scored if scored.scorer != record.scorer and same_task else None
     checked = Verification(path, record, level, differences, _notes(record), updated)
-    if plan is None or sealed is None or differences:
+    if plan is None or differences:
         return checked
-    return _on_hidden(checked, plan, sealed, workers, progress)
+    moved = worse_when_moved(record, error_when_moved(plan, workers, progress))
+    if moved is not None:
+        return replace(checked, level="scored", differences=(moved,), updated=None)
+    return checked if sealed is None else _on_hidden(checked, plan, sealed, workers, progress)
 
 
 def confirm(checked: Verification) -> Record:
@@ -120,8 +125,8 @@ def _on_hidden(
 
 def _work(record: Record, plan: Plan | None, sealed: Sealed | None) -> int:
     """Runs and scenes to score, for a progress bar."""
-    runs = 0 if plan is None else len(record.seeds)
-    hidden = 0 if sealed is None else sealed.seeds.count * runs
+    runs = 0 if plan is None else len(record.seeds) + 1
+    hidden = 0 if sealed is None else sealed.seeds.count * len(record.seeds)
     return len(record.per_scene) * (1 + runs) + hidden
 
 

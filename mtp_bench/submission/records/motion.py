@@ -1,0 +1,39 @@
+"""The same scenes under a motion that nobody could know: an agent that tracks and predicts scores alike.
+
+The seeds of a record are public, and with them how its scenes were turned and shifted: a table made for just those
+motions would score. It does not under another one.
+"""
+
+from __future__ import annotations
+
+import secrets
+
+from ..gateway import Limits
+from .differences import Difference
+from .evaluation import Progress, evaluate
+from .record import Record
+from .running import Plan, run_seed
+
+ALIKE = 0.1  # share of the error by which other draws may be worse; baselines differ by 0.06 at most, in four scenes
+_NEGLIGIBLE = 1e-3  # m
+_FIRST, _SEEDS = 1 << 16, 1 << 31  # far from what anybody counts up to
+
+
+def error_when_moved(plan: Plan, workers: int, progress: Progress | None = None) -> float | None:
+    """Missing-aware error of the submission of ``plan`` under one secret seed, metres; None without a target."""
+    seed = _FIRST + secrets.randbelow(_SEEDS - _FIRST)
+    rollouts = [run.rollout for run in run_seed(plan, seed, workers, progress, Limits())]
+    ideal = plan.submission.compare.observe == "truth"
+    found = evaluate(plan.submission.name, plan.card, plan.data, {seed: rollouts}, plan.hypotheses, ideal, workers)
+    return found.rows[0].missing_aware
+
+
+def worse_when_moved(record: Record, error: float | None) -> Difference | None:
+    """What differs where ``error`` is worse than under the worst seed of the record; None where they are alike."""
+    targets = sum(scene.targets for scene in record.per_scene)
+    if error is None or targets == 0:
+        return None
+    worst = max(sum(scene.errors["all"][i] for scene in record.per_scene) for i in range(len(record.seeds))) / targets
+    if error <= worst * (1 + ALIKE) + _NEGLIGIBLE:
+        return None
+    return Difference("missing_aware under another motion, seed by seed at most", worst, error)
