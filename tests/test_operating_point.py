@@ -133,14 +133,16 @@ def test_the_command(cli: CommandLine, tmp_path: Path) -> None:
     assert cli(*arguments, "--observe", "truth").status == 2
 
 
-def test_the_baseline_withholds_what_is_not_worth_its_cost(tmp_path: Path) -> None:
+def test_the_baseline_keeps_to_its_points_and_else_is_mtp(env: MTPEnv, tmp_path: Path) -> None:
     loaded = load_submission("mtp_selective")
-    env = MTPEnv(ENV, evaluation=True)
     picky, every = (
         run_scene(load_submission(name).build(env.task), env, SCENE, 0) for name in ("mtp_selective", "mtp")
     )
     assert 0 < len(picky.object_box) < len(every.object_box)
-    assert error(env.scene, picky, env) < error(env.scene, every, env)
+    points = tomllib.loads((loaded.path / "operating_points.toml").read_text())[ENV]
+    tracker, predictor, sampler = HypothesisTracker(20), KinematicPredictor(), KMeansSampler()
+    same = run_scene(Pipeline(tracker, predictor, sampler, min_score=points), env, SCENE, 0)
+    np.testing.assert_array_equal(picky.forecast, same.forecast)
     copy = Path(shutil.copytree(loaded.path, tmp_path / "copy"))
     (copy / "operating_points.toml").write_text("")
     as_mtp = run_scene(load_submission(copy).build(env.task), env, SCENE, 0)
