@@ -53,7 +53,11 @@ def _explain(errors: Sequence[ErrorDetails], model: type[BaseModel]) -> str:
     if first["type"].startswith("union_tag"):
         tags = [tag for member in get_args(_annotation(model, first["loc"])) for tag in _tags(member)]
         return f"{where}.name: got {_tag(first['input'])!r}, expected one of {', '.join(map(repr, tags))}"
-    expected = "expected a table" if first["type"] in ("model_type", "model_attributes_type") else first["msg"]
+    expected = (
+        "expected a table"
+        if first["type"] in ("model_type", "model_attributes_type")
+        else first["msg"].replace("tuple", "list")
+    )
     return f"{where}: got {_short(first['input'])}: {expected.removeprefix('Value error, ')}"
 
 

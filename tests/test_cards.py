@@ -205,7 +205,7 @@ WRONG = {
         "source.ego_motion: got 'no': Input should be a valid boolean",
     ),
     "number for a text": (put("summary", 1), "summary: got 1: Input should be a valid string"),
-    "text for a list": (put("task.classes", "car"), "task.classes: got 'car': Input should be a valid tuple"),
+    "text for a list": (put("task.classes", "car"), "task.classes: got 'car': Input should be a valid list"),
     "number in a list": (put("task.classes", ["car", 1]), "task.classes.1: got 1: Input should be a valid string"),
     "no classes": (put("task.classes", []), "task.classes: got []: Tuple should have at least 1 item"),
     "the same class twice": (put("task.classes", ["car", "car", "pedestrian"]), "expected each class once"),

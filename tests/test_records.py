@@ -13,6 +13,7 @@ import pytest
 from mtp_bench.errors import MtpBenchError, RecordError
 from mtp_bench.submission.records import load_record, paired, ranks, record_paths, save_record, why_unranked
 from mtp_bench.submission.records.evaluation import status_of
+from mtp_bench.submission.records.motion import worse_when_moved
 from mtp_bench.submission.records.provenance import hardware, scene_digest, scorer_digest
 from mtp_bench.submission.records.record import Record
 from tests.command_line import CommandLine
@@ -225,6 +226,13 @@ def test_flooding_is_not_ranked_where_false_forecasts_cost_nothing() -> None:
     assert ranks([flood])[flood.digest]["all"] == 1  # nothing to compare with
     complete = [record_of(1.0, 1.0, name="stp"), record_of(0.1, 0.1, details={"forecasts_per_frame": 4.6})]
     assert why_unranked(complete[1], complete) is None
+
+
+@pytest.mark.parametrize(("error", "worse"), [(1.0, False), (1.15, False), (1.17, True), (2.0, True), (None, False)])
+def test_a_submission_scores_alike_under_another_motion(error: float | None, worse: bool) -> None:
+    record = write_record({"a": [0.1, 2.0]})  # a table for one seed, and nothing for the other
+    assert record.row.missing_aware == pytest.approx(1.05)
+    assert (worse_when_moved(record, error) is not None) is worse
 
 
 def test_status_of_a_record() -> None:

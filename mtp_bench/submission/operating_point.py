@@ -70,7 +70,9 @@ def least_scores(worth: Sequence[Worth], classes: Sequence[str]) -> dict[str, fl
 
 def as_toml(name: str, least: Mapping[str, float]) -> str:
     """The table of one env; rounded down, so that the forecasts it was fitted to stay in."""
-    rows = [f"{key} = {value if np.isinf(value) else np.floor(value * 1000) / 1000:g}" for key, value in least.items()]
+    rows = [
+        f"{key} = {value if np.isinf(value) else np.floor(value * 1000) / 1000:.3f}" for key, value in least.items()
+    ]
     return "\n".join([f'["{name}"]', *rows, ""])
 
 

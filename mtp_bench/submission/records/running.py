@@ -34,6 +34,11 @@ class Plan:
     keywords: dict[str, Any]  # of the env, beyond card and data; as stored
 
     @property
+    def ideal(self) -> bool:
+        """Whether the agent is shown the truth."""
+        return self.submission.compare.observe == "truth"
+
+    @property
     def hypotheses(self) -> int | None:
         """As declared by the submission."""
         return setting_of(self.submission, self.card).hypotheses

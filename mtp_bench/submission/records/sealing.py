@@ -149,8 +149,7 @@ def _run(
             "run it on Linux with user namespaces"
         )
     rollouts = {seed: [run.rollout for run in results] for seed, results in runs.items()}
-    ideal = plan.submission.compare.observe == "truth"
-    row = evaluate(plan.submission.name, hidden, None, rollouts, plan.hypotheses, ideal, workers).rows[0]
+    row = evaluate(plan.submission.name, hidden, None, rollouts, plan.hypotheses, plan.ideal, workers).rows[0]
     return HiddenPart(
         commitment=commitment,
         scenes=len(names),

@@ -67,8 +67,7 @@ def submit(
         started((seeds + 1) * len(plan.scenes))
     runs = {seed: run_seed(plan, seed, workers, progress, limits, scheduler) for seed in range(seeds)}
     rollouts = {seed: [run.rollout for run in results] for seed, results in runs.items()}
-    ideal = submission.compare.observe == "truth"
-    found = evaluate(submission.name, plan.card, data, rollouts, plan.hypotheses, ideal, workers, progress)
+    found = evaluate(submission.name, plan.card, data, rollouts, plan.hypotheses, plan.ideal, workers, progress)
     record = _record(plan, runs, rollouts, found, limits).model_copy(
         update={
             "division": division,
