@@ -1,0 +1,126 @@
+"""Do two versions of the library say and score the same? Contents of rollouts and every number of `compare`.
+
+    python benchmarks/same_results.py -o before.json --checkout ../old   # a checkout of the older commit
+    python benchmarks/same_results.py -o after.json --against before.json
+
+Every baseline plays a few scenes of six environments; the rollouts' arrays are read field by field, not by the digest,
+which a change of a record's form may change. Needs MTP_BENCH_DATA or --data. Exit status 1: something differs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+SCENES = {
+    "MTP-KITTI-v0": 3,
+    "MTP-nuScenes-mini-v0": 3,
+    "MTP-WILDTRACK-v0": None,
+    "MTP-PETS-v0": None,
+    "MTP-Intersection-v0": 5,
+    "MTP-Roundabout-v0": 5,
+}
+AGENTS = ("truth_past", "stp", "stp_same_budget", "stp_hedged", "mtp", "mtp_selective", "ab3dmot")
+NOT_RESULTS = ("seconds", "scene")  # of a stored rollout
+TIMES = ("ms_per_frame",)  # of a row
+START = """
+try:
+    from mtp_bench.commands import main
+except ImportError:
+    from mtp_bench.cli import main
+main()
+"""
+
+
+def command(checkout: Path, *arguments: str) -> None:
+    """Run `mtp-bench` of a checkout, whichever version is installed."""
+    environment = {**os.environ, "PYTHONPATH": str(checkout)}
+    subprocess.run([sys.executable, "-c", START, *arguments], env=environment, check=True, stdout=subprocess.DEVNULL)
+
+
+def rollouts(folder: Path) -> dict[str, str]:
+    """A hash of each array of each stored scene, by `scene/array`; times are left out."""
+    hashes = {}
+    for path in sorted(folder.glob("*.npz")):
+        with np.load(path) as arrays:
+            for name in sorted(arrays.files):
+                if name not in NOT_RESULTS:
+                    array = np.ascontiguousarray(arrays[name])
+                    content = f"{array.dtype.str}{array.shape}".encode() + array.tobytes()
+                    hashes[f"{path.stem}/{name}"] = hashlib.sha256(content).hexdigest()[:16]
+    return hashes
+
+
+def rows(path: Path) -> list[dict[str, Any]]:
+    """The rows of a comparison, without times."""
+    found = json.loads(path.read_text(encoding="utf-8"))["rows"]
+    return [{key: value for key, value in row.items() if key not in TIMES} for row in found]
+
+
+def results(checkout: Path, data: str, scenes: dict[str, int | None]) -> dict[str, Any]:
+    """What every baseline says and is worth on every environment, from `run` and `compare` of a checkout."""
+    made: dict[str, Any] = {}
+    for env, count in scenes.items():
+        some = [] if count is None else ["--scenes", str(count)]
+        common = ["--env", env, "--data", data, *some]
+        with tempfile.TemporaryDirectory() as folder:
+            said = {}
+            for agent in AGENTS:
+                print(f"{env}: {agent}", file=sys.stderr, flush=True)
+                output = Path(folder, agent)
+                command(checkout, "run", agent, "-o", str(output), *common)
+                said[agent] = rollouts(output)
+            print(f"{env}: compare", file=sys.stderr, flush=True)
+            table = Path(folder, "compare.json")
+            command(checkout, "compare", *AGENTS, "--json", str(table), *common)
+            made[env] = {"rollouts": said, "rows": rows(table)}
+    return made
+
+
+def differences(before: Any, after: Any, where: str = "") -> list[str]:
+    """Places where two contents differ, a key that only one has included."""
+    if isinstance(before, dict) and isinstance(after, dict):
+        keys = sorted({*before, *after})
+        return [line for key in keys for line in differences(before.get(key), after.get(key), f"{where}/{key}")]
+    if isinstance(before, list) and isinstance(after, list) and len(before) == len(after):
+        pairs = enumerate(zip(before, after, strict=True))
+        return [line for place, pair in pairs for line in differences(*pair, f"{where}/{place}")]
+    return [] if before == after else [f"{where}: {before!r} -> {after!r}"]
+
+
+def main() -> None:
+    """Make the results of a checkout and, with --against, list what differs from another's."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("-o", "--output", type=Path, required=True, help="file for the results")
+    parser.add_argument("--checkout", type=Path, default=ROOT, help="the version to run; default: this one")
+    parser.add_argument("--data", default=os.environ.get("MTP_BENCH_DATA"), help="data root; else MTP_BENCH_DATA")
+    parser.add_argument("--against", type=Path, help="results of another version")
+    parser.add_argument("--env", choices=SCENES, action="append", help="only this environment")
+    options = parser.parse_args()
+    if options.data is None:
+        parser.error("no data root: give --data or set MTP_BENCH_DATA")
+    chosen = {env: count for env, count in SCENES.items() if not options.env or env in options.env}
+    made = results(options.checkout.resolve(), options.data, chosen)
+    options.output.write_text(json.dumps(made, indent=1, sort_keys=True), encoding="utf-8")
+    if options.against is None:
+        return
+    before = {env: part for env, part in json.loads(options.against.read_text()).items() if env in chosen}
+    found = differences(before, made)
+    count = sum(len(arrays) for part in made.values() for arrays in part["rollouts"].values())
+    numbers = sum(len(row) for part in made.values() for row in part["rows"])
+    print("\n".join(found) if found else f"the same: {count} arrays of rollouts, {numbers} entries of rows")
+    sys.exit(bool(found))
+
+
+if __name__ == "__main__":
+    main()
