@@ -18,12 +18,12 @@ from pathlib import Path
 from typing import Any
 
 from mtp_bench import load_card
-from mtp_bench._spaces import action_space, observation_space
-from mtp_bench.env import _task
-from mtp_bench.submission.gateway import Limits
-from mtp_bench.submission.gateway.exchange import Exchange
-from mtp_bench.submission.gateway.process import AgentProcess
-from mtp_bench.submission.gateway.surroundings import library_path
+from mtp_bench.env.environment import _task
+from mtp_bench.env.spaces import action_space, observation_space
+from mtp_bench.gateway import Limits
+from mtp_bench.gateway.exchange import Exchange
+from mtp_bench.gateway.process import AgentProcess
+from mtp_bench.gateway.surroundings import library_path
 
 CARDS = ("MTP-KITTI-v0", "MTP-Intersection-v0", "MTP-nuScenes-mini-v0")
 AGENT = """

@@ -24,7 +24,7 @@ import numpy as np
 
 from mtp_bench.tracking.joint import joint_k_best
 from mtp_bench.types import Bools, Floats
-from tests.textbook_k_best import k_best as textbook
+from tests.support.textbook_k_best import k_best as textbook
 
 SIZES, KS, PARENTS = (5, 20, 50, 100), (1, 20, 100), 20
 SLOW = 0.2  # s; a call that takes longer is measured once

@@ -11,10 +11,10 @@ import tempfile
 import time
 from pathlib import Path
 
-from mtp_bench.submission.opened import open_run
-from mtp_bench.viz.recording_arrays import LEVELS
+from mtp_bench.running.opened import open_run
 from mtp_bench.viz.replay import Replay, replay
-from mtp_bench.viz.rerun_log import save_recording
+from mtp_bench.viz.rerun.arrays import LEVELS
+from mtp_bench.viz.rerun.log import save_recording
 
 
 def main(folders: list[str]) -> None:

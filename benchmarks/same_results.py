@@ -37,7 +37,7 @@ START = """
 try:
     from mtp_bench.commands import main
 except ImportError:
-    from mtp_bench.cli import main
+    from mtp_bench.commands.app import main
 main()
 """
 

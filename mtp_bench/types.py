@@ -10,6 +10,7 @@ Rows over all frames are sorted by frame; the rows of frame t are ``start[t]:sta
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,10 +23,49 @@ Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class Truth:
-    """True boxes of a scene, in its frame of reference."""
+class Ragged:
+    """Rows of all frames one after the other, sorted by frame; frame t has the rows ``start[t]:start[t + 1]``.
+
+    A table whose columns are aligned with these rows is a subclass.
+    """
 
     start: Ints  # [F + 1]
+
+    @classmethod
+    def of_counts(cls, count: Sequence[int] | Ints) -> Ragged:
+        """Frames of ``count`` [F] rows each."""
+        return Ragged(starts_of(count))
+
+    @property
+    def frames(self) -> int:
+        """Number of frames F."""
+        return len(self.start) - 1
+
+    @property
+    def counts(self) -> Ints:
+        """Number of rows of each frame [F]."""
+        return np.diff(self.start)
+
+    @property
+    def frame_of_rows(self) -> Ints:
+        """The frame of each row [R]."""
+        return np.repeat(np.arange(self.frames), self.counts)
+
+    def rows(self, t: int) -> slice:
+        """Rows of frame ``t``."""
+        return slice(int(self.start[t]), int(self.start[t + 1]))
+
+
+def starts_of(count: Sequence[int] | Ints) -> Ints:
+    """Where the rows of each frame start [F + 1], of ``count`` [F] rows per frame."""
+    start: Ints = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
+    return start
+
+
+@dataclass(frozen=True, eq=False)
+class Truth(Ragged):
+    """True boxes of a scene, in its frame of reference."""
+
     box: Floats  # [R, 7]
     velocity: Floats  # [R, 2] m/s, NaN where unknown
     class_id: Ints  # [R] index into the task's classes
@@ -33,24 +73,15 @@ class Truth:
     eligible: Bools  # [R] may be a prediction target; it needs P past and T future frames (`Scene.listed_targets`)
     neutral: Bools  # [R] beside the evaluated classes (KITTI: a van for "car"): matching it is neither right nor wrong
 
-    def rows(self, t: int) -> slice:
-        """Rows of frame ``t``."""
-        return slice(int(self.start[t]), int(self.start[t + 1]))
-
 
 @dataclass(frozen=True, eq=False)
-class Detections:
+class Detections(Ragged):
     """Detected boxes of a scene, in its frame of reference."""
 
-    start: Ints  # [F + 1]
     box: Floats  # [R, 7]
     velocity: Floats  # [R, 2] m/s, NaN where unknown
     class_id: Ints  # [R]
     score: Floats  # [R] as the detector gives it (a logit may be negative)
-
-    def rows(self, t: int) -> slice:
-        """Rows of frame ``t``."""
-        return slice(int(self.start[t]), int(self.start[t + 1]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,10 +167,12 @@ class Rollout:
         """Number of frames F."""
         return len(self.track_start) - 1
 
-    def track_rows(self, t: int) -> slice:
-        """Rows of the tracks of frame ``t``."""
-        return slice(int(self.track_start[t]), int(self.track_start[t + 1]))
+    @property
+    def tracks(self) -> Ragged:
+        """Which rows of tracks belong to which frame."""
+        return Ragged(self.track_start)
 
-    def object_rows(self, t: int) -> slice:
-        """Rows of the forecast objects of frame ``t``."""
-        return slice(int(self.object_start[t]), int(self.object_start[t + 1]))
+    @property
+    def objects(self) -> Ragged:
+        """Which rows of forecast objects belong to which frame."""
+        return Ragged(self.object_start)

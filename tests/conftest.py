@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from .command_line import CommandLine
-from .small_scenes import write_card, write_kitti
+from tests.support.command_line import CommandLine
+from tests.support.small_scenes import write_card, write_kitti
 
 VARIABLE = "MTP_BENCH_DATA"
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -83,8 +83,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 def compiled() -> None:
     """Kernels are compiled once, here: the line that says so is in nobody's output."""
     from mtp_bench import load_submission
-
-    from .tracking_scenes import frame, kitti_task, observation
+    from tests.support.tracking_scenes import frame, kitti_task, observation
 
     agent = load_submission("mtp").build(kitti_task())
     agent.reset(kitti_task())
@@ -95,7 +94,7 @@ def compiled() -> None:
 @pytest.fixture(scope="session", autouse=True)
 def no_viewer() -> None:
     """No test opens a window: rerun has an active recording, which keeps nothing."""
-    from mtp_bench.viz.rerun_sdk import rr
+    from mtp_bench.viz.rerun.sdk import rr
 
     rr.RecordingStream("tests", make_default=True, send_properties=False).save(os.devnull)
 

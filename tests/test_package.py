@@ -93,7 +93,7 @@ def test_the_import_loads_nothing_heavy() -> None:
 
 def test_the_help_loads_nothing_heavy() -> None:
     loaded = loaded_after(
-        "from mtp_bench.cli import main\n"
+        "from mtp_bench.commands.app import main\n"
         "sys.argv = ['mtp-bench', '--help']\n"
         "try: main()\n"
         "except SystemExit as end: assert not end.code, end.code"
@@ -210,7 +210,16 @@ def test_heavy_packages_are_dependencies_and_lazy(repository: Path) -> None:
 
 
 def test_tests_on_real_data_are_deselected_visibly(repository: Path) -> None:
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--collect-only", "tests/test_runner.py"]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        "--collect-only",
+        "tests/running/test_runner.py",
+    ]
     environment = {key: value for key, value in os.environ.items() if key != "MTP_BENCH_DATA"}
     run = partial(subprocess.run, command, cwd=repository, capture_output=True, text=True, check=False)
     without = run(env=environment)

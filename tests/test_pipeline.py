@@ -16,8 +16,7 @@ from mtp_bench.prediction import KinematicPredictor, KMeansSampler, StandingStil
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.tracks import Objects, Tracks, group
 from mtp_bench.types import Task
-
-from .tracking_scenes import CYCLIST, Frame, at_once, frame, kitti_task, observation, random_frames
+from tests.support.tracking_scenes import CYCLIST, Frame, at_once, frame, kitti_task, observation, random_frames
 
 TASK = kitti_task(seed=3)
 CROWD = random_frames(np.random.default_rng(2), 30, objects=12, area=7.0)

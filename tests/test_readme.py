@@ -20,8 +20,7 @@ from mtp_bench.cards import (
     TaskSection,
     WildtrackSource,
 )
-
-from .small_scenes import task
+from tests.support.small_scenes import task
 
 TASK = task(classes=("car",), detections=5, objects=7)
 DOCUMENTS = (

@@ -8,8 +8,7 @@ import pytest
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.tracks import Tracks, group
 from mtp_bench.types import Floats
-
-from .tracking_scenes import at_once, random_frames, run
+from tests.support.tracking_scenes import at_once, random_frames, run
 
 
 def make_tracks(leaves: list[tuple[int, int, str]], weights: list[float] | Floats) -> Tracks:

@@ -13,7 +13,7 @@ from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.tracking.clusters import per_cluster
 from mtp_bench.tracks import group
 from mtp_bench.types import Ints, Task
-from tests.plain_tracker import PlainTracker
+from tests.support.plain_tracker import PlainTracker
 
 from .scenes import Row, Scenes, agent, crowd, frames_of, run_scene, tracker
 from .timing import AGENT_STAGES, cpu_seconds, stages, wrapped

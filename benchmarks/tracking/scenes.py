@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from mtp_bench import load_submission
-from mtp_bench._observation import LocalFrame, make_feed
 from mtp_bench.agent import Observation, Tracks
-from mtp_bench.env import MTPEnv
+from mtp_bench.env.environment import MTPEnv
+from mtp_bench.env.observation import LocalFrame, make_feed
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.types import Task
 

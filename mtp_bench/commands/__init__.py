@@ -1,5 +1,8 @@
-"""The commands of ``mtp-bench``: `mtp_bench.cli` puts them together.
+"""The commands of ``mtp-bench``, one file each; `mtp_bench.commands.app` puts them together."""
 
-Their options are in ``running``, ``looking``, ``fitting`` and ``submitting``; what takes more than a few lines to do
-and to print is in the other modules.
-"""
+
+def main() -> None:
+    """Entry point of the command line."""
+    from .app import main as run
+
+    run()

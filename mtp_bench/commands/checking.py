@@ -11,10 +11,10 @@ from ..errors import SubmissionError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from ..env import MTPEnv
+    from ..env.environment import MTPEnv
+    from ..gateway import SceneRun
     from ..scoring import SceneScore
     from ..submission import Submission
-    from ..submission.gateway import SceneRun
     from ..testing import Finding
     from ..types import Rollout
 
@@ -53,11 +53,11 @@ def check_submission(
     Raises MtpBenchError for a folder that cannot be read and an env or data that is not there. ``started`` is told the
     number of steps, ``done`` the name of each.
     """
-    from ..env import MTPEnv
-    from ..runner import run_jobs
+    from ..env.environment import MTPEnv
+    from ..gateway import run_isolated_scenes
+    from ..running.jobs import jobs_of
+    from ..running.run import run_jobs
     from ..submission import SubmissionFactory, load_submission
-    from ..submission.gateway import run_isolated_scenes
-    from ..submission.jobs import jobs_of
     from ..testing import check_agent
 
     submission = load_submission(path)
@@ -87,7 +87,7 @@ def _unsafe(run: SceneRun) -> bool:
 
 def gateway_findings(runs: Sequence[SceneRun], here: Sequence[Rollout] | None) -> list[Finding]:
     """What the gateway says of an agent in a process of its own; ``here`` are its rollouts in this process, if any."""
-    from ..rollouts import digest
+    from ..env.rollouts import digest
     from ..testing import Finding
 
     found: list[Finding] = []
@@ -124,11 +124,11 @@ def _trusted(
     submission: Submission, env_id: str, data: str | None, names: Sequence[str], done: Callable[[str], object]
 ) -> list[SceneScore]:
     """Scores of a baseline, in this process."""
-    from ..runner import run_jobs
+    from ..running.jobs import jobs_of
+    from ..running.run import run_jobs
     from ..scoring import score_scene
-    from ..submission.jobs import jobs_of
 
-    return list(run_jobs(jobs_of(submission, env_id, {"data": data}, names), 1, score_scene, done))
+    return list(run_jobs(jobs_of(submission, env_id, {"data": data}, names), finish=score_scene, progress=done))
 
 
 def _beside(own: Sequence[SceneScore], stp: Sequence[SceneScore]) -> tuple[dict[str, Any], ...]:

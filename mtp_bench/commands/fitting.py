@@ -38,9 +38,9 @@ def train(
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Write here instead of printing.")] = None,
 ) -> None:
     """Fit the parameters of a baseline on the training split of an environment (or another)."""
-    from ..submission.files import write_text
-    from ..submission.training import KINDS, fit_motion_noise, fit_operating_point
-    from ..viz.terminal import progress_bar
+    from ..files import write_text
+    from ..training.fit import KINDS, fit_motion_noise, fit_operating_point
+    from ..viz.terminal.output import progress_bar
 
     require_writable(output)
     if what not in KINDS:
@@ -86,9 +86,9 @@ def fit_noise(
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Write here instead of printing.")] = None,
 ) -> None:
     """Fit the noise of a simulated detector to the detections of an environment, as a section of a card."""
-    from ..submission.files import write_text
-    from ..submission.fitting import fit_noise as fit
-    from ..viz.terminal import progress_bar
+    from ..files import write_text
+    from ..training.noise_profile import fit_noise as fit
+    from ..viz.terminal.output import progress_bar
 
     require_writable(output)
     changes = given(split=split, detector=detector, detection_file=detections)
@@ -103,8 +103,8 @@ def fit_noise(
 
 def freeze(env: EnvOption, root: DataOption = None, jobs: JobsOption = 0) -> None:
     """Write the frozen subsets of a shipped environment (maintainers)."""
-    from ..submission.reference import freeze as write
-    from ..viz.terminal import progress_bar, show
+    from ..running.reference import freeze as write
+    from ..viz.terminal.output import progress_bar, show
 
     prepare(env, root, None, jobs, {})
     with progress_bar("freeze") as (started, done):

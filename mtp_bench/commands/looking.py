@@ -26,8 +26,8 @@ def view(
     env: Annotated[str | None, typer.Option("--env", help="Card of the run, where it does not ship.")] = None,
 ) -> None:
     """Look at tracks, hypotheses, forecasts and events of stored rollouts in rerun."""
-    from ..viz.recording_arrays import LEVELS
-    from ..viz.terminal import show
+    from ..viz.rerun.arrays import LEVELS
+    from ..viz.terminal.output import show
     from .viewing import view_runs
 
     if level not in LEVELS:
@@ -51,10 +51,19 @@ def events(
     json_file: JsonOption = None,
 ) -> None:
     """List identity switches, losses, re-acquisitions and forecasts of nothing, and how to look at each."""
-    from ..submission.opened import open_run
-    from ..viz.event_table import EventRow, Shown, Tally, event_rows, event_table, events_json, longest_only, tally_line
+    from ..running.opened import open_run
     from ..viz.replay import KINDS, replay
-    from ..viz.terminal import progress_bar, show, show_numbers
+    from ..viz.terminal.event_table import (
+        EventRow,
+        Shown,
+        Tally,
+        event_rows,
+        event_table,
+        events_json,
+        longest_only,
+        tally_line,
+    )
+    from ..viz.terminal.output import progress_bar, show, show_numbers
 
     for name in kind or ():
         if name not in KINDS:
@@ -92,10 +101,10 @@ def video(
     env: RunCardOption = None,
 ) -> None:
     """Write a scene of a stored rollout as a video, seen from above."""
-    from ..submission.opened import open_run
+    from ..running.opened import open_run
+    from ..viz.drawing.video import KINDS, frames_around, pictures, require_encoder, write_video
     from ..viz.replay import replay
-    from ..viz.terminal import progress_bar, show
-    from ..viz.video import KINDS, frames_around, pictures, require_encoder, write_video
+    from ..viz.terminal.output import progress_bar, show
 
     suffix = output.suffix.lower()
     if suffix not in KINDS:

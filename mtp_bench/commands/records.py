@@ -12,8 +12,8 @@ from .shared import count, given, prepare, write_json
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from ..submission.records import Record
-    from ..submission.records.verifying import Verification
+    from ..records import Record
+    from ..records.verifying import Verification
 
 DIVISIONS = ("closed", "open")
 MOST_DIFFERENCES = 20  # shown per record
@@ -37,10 +37,10 @@ def submit_all(
     Raises MtpBenchError, after all records are written, where one crashed or is rejected.
     """
     from ..cards import load_card
+    from ..records import submit
+    from ..records.submitting import record_path, require_writable
     from ..submission.loader import load_submission
-    from ..submission.records import submit
-    from ..submission.records.submitting import record_path, require_writable
-    from ..viz.terminal import progress_bar, show, show_numbers
+    from ..viz.terminal.output import progress_bar, show, show_numbers
 
     submission = load_submission(path)
     place = cast('Literal["closed", "open"]', division)  # one of DIVISIONS
@@ -80,9 +80,9 @@ def verify_all(
 
     Raises RecordError where a record does not hold; of a folder, after all were checked.
     """
-    from ..submission.records import open_seal, record_paths, verify
-    from ..submission.records.verifying import confirm
-    from ..viz.terminal import progress_bar, show, show_numbers
+    from ..records import open_seal, record_paths, verify
+    from ..records.verifying import confirm
+    from ..viz.terminal.output import progress_bar, show, show_numbers
 
     paths = record_paths(path) if path.is_dir() else [path]
     if not paths:
@@ -176,9 +176,9 @@ def _verdict(checked: Verification) -> str:
 
 def seal_env(env_id: str, scenes: int, output: Path) -> None:
     """Draw secret scenes of an env and print their commitment."""
-    from ..submission.records import seal
-    from ..submission.records.sealing import commitment_path
-    from ..viz.terminal import show
+    from ..records import seal
+    from ..records.sealing import commitment_path
+    from ..viz.terminal.output import show
 
     promise = seal(env_id, scenes, output)
     show(

@@ -37,8 +37,8 @@ def envs(json_file: JsonOption = None) -> None:
     """List the environments."""
     from .._bundle import card_ids
     from ..cards import load_card
-    from ..viz.listings import env_table
-    from ..viz.terminal import show
+    from ..viz.terminal.listings import env_table
+    from ..viz.terminal.output import show
 
     cards = [load_card(env_id) for env_id in card_ids()]
     write_json(json_file, {card.id: {**card.model_dump(mode="json"), "digest": card.digest} for card in cards})
@@ -57,9 +57,9 @@ def data(
     """
     from .._bundle import card_ids
     from ..cards import changed_card, load_card
-    from ..submission.reading import read_status
-    from ..viz.listings import data_report, status_json
-    from ..viz.terminal import show
+    from ..running.reading import read_status
+    from ..viz.terminal.listings import data_report, status_json
+    from ..viz.terminal.output import show
 
     if split is not None and env is None:
         raise typer.BadParameter("the splits of environments differ: name one with --env", param_hint="--split")
@@ -87,8 +87,8 @@ def run(
     scheduler: SchedulerOption = None,
 ) -> None:
     """Run an agent and store what it said."""
-    from ..submission.stored import run_and_store
-    from ..viz.terminal import progress_bar, show
+    from ..running.stored import run_and_store
+    from ..viz.terminal.output import progress_bar, show
 
     require_backend_options(backend, scheduler)
     changes = given(split=split, detector=detector, detection_file=detections)
@@ -107,8 +107,8 @@ def score(
     json_file: JsonOption = None,
 ) -> None:
     """Score stored rollouts."""
-    from ..submission.stored import score_stored
-    from ..viz.terminal import progress_bar, show
+    from ..running.stored import score_stored
+    from ..viz.terminal.output import progress_bar, show
 
     require_writable(json_file)
     with progress_bar("score") as (started, done):
@@ -139,9 +139,9 @@ def compare(
     scheduler: SchedulerOption = None,
 ) -> None:
     """Run agents side by side, with true pasts and the controls beside them, and print the comparison."""
-    from ..submission.compare import compare as run_comparison
-    from ..viz.findings import findings
-    from ..viz.terminal import progress_bar, show
+    from ..running.compare import compare as run_comparison
+    from ..viz.terminal.findings import findings
+    from ..viz.terminal.output import progress_bar, show
 
     require_writable(json_file)
     require_backend_options(backend, scheduler)

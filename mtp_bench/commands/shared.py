@@ -56,8 +56,8 @@ def given(**options: str | Path | None) -> dict[str, str]:
 
 def prepare(env: str, root: str | None, scenes: int | None, jobs: int, changes: dict[str, str]) -> None:
     """Make simulated scenes, or the compact copy of tables, that are not in the cache yet."""
-    from ..submission.reading import prepare_scenes
-    from ..viz.terminal import progress_bar
+    from ..running.reading import prepare_scenes
+    from ..viz.terminal.output import progress_bar
 
     with progress_bar("prepare") as (started, done):
         prepare_scenes(env, changes, root, scenes, workers(jobs), started, done)
@@ -65,13 +65,13 @@ def prepare(env: str, root: str | None, scenes: int | None, jobs: int, changes: 
 
 def require_backend_options(backend: str, scheduler: str | None) -> None:
     """Refuse a backend that cannot work before anything is prepared."""
-    from .._cluster import BACKENDS, require_backend
+    from ..parallel import BACKENDS, Workers
 
     if backend not in BACKENDS:
         raise typer.BadParameter(f"{backend!r}, expected one of: {', '.join(BACKENDS)}", param_hint="--backend")
     if (backend == "dask") != (scheduler is not None):
         raise typer.BadParameter("--backend dask and --scheduler ADDRESS go together", param_hint="--scheduler")
-    require_backend(backend, scheduler)
+    Workers(1, backend, scheduler)
 
 
 def fail(text: str) -> None:
@@ -91,8 +91,8 @@ def condition(report: Report) -> str:
 
 def show_report(report: Report, title: str) -> None:
     """Print the tables of a report."""
-    from ..viz.tables import displacement_table, error_table, parts_table
-    from ..viz.terminal import show, show_numbers
+    from ..viz.terminal.output import show, show_numbers
+    from ..viz.terminal.tables import displacement_table, error_table, parts_table
 
     for table in (error_table(report, title), displacement_table(report), parts_table(report)):
         show_numbers(table)
@@ -101,8 +101,8 @@ def show_report(report: Report, title: str) -> None:
 
 def show_skipped(skipped: Mapping[str, int]) -> None:
     """Print what could not be read, if anything."""
-    from ..submission.reading import skipped_line
-    from ..viz.terminal import show
+    from ..running.reading import skipped_line
+    from ..viz.terminal.output import show
 
     line = skipped_line(skipped)
     if line is not None:
@@ -111,7 +111,7 @@ def show_skipped(skipped: Mapping[str, int]) -> None:
 
 def require_writable(path: Path | None) -> None:
     """Refuse a file that cannot be written before the work, not after it."""
-    from ..submission.files import require_file
+    from ..files import require_file
 
     if path is not None:
         require_file(path)
@@ -119,7 +119,7 @@ def require_writable(path: Path | None) -> None:
 
 def write_json(path: Path | None, content: dict[str, Any]) -> None:
     """Write what a table shows, where a file is named."""
-    from ..submission.files import write_text
+    from ..files import write_text
 
     if path is not None:
         write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")

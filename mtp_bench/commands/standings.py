@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ..errors import MtpBenchError
 
 if TYPE_CHECKING:
-    from ..submission.records import Record
+    from ..records import Record
     from ..viz.board.entries import Entry
 
 
@@ -23,9 +23,9 @@ def show_board(
     folder is missing, RecordError where a record is broken, UnknownNameError for an env without a record that is
     no card either.
     """
-    from ..submission.files import write_text
+    from ..files import write_text
     from ..viz.board import board_json, board_page, board_tables
-    from ..viz.terminal import show, show_numbers
+    from ..viz.terminal.output import show, show_numbers
     from .shared import count, write_json
 
     entries = read_board(folder, further, env_id, output)
@@ -47,7 +47,7 @@ def read_board(
 
     ``page`` is the file that links start from; without one there are none. Errors as in show_board.
     """
-    from ..submission.records import load_record, ranks, record_paths, why_unranked
+    from ..records import load_record, ranks, record_paths, why_unranked
     from ..viz.board import entries_of
 
     paths = record_paths(_records_folder(folder))

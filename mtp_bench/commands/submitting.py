@@ -27,7 +27,7 @@ def new(
     folder: Annotated[Path, typer.Option("--folder", help="Where its folder is made.")] = Path(),
 ) -> None:
     """Begin a submission: a folder with an agent that works."""
-    from ..viz.terminal import show
+    from ..viz.terminal.output import show
     from .beginning import begin
 
     show(begin(name, folder))
@@ -42,7 +42,7 @@ def check(
     json_file: JsonOption = None,
 ) -> None:
     """Check that a submission keeps the contract, and score three scenes beside STP. Status 1 for errors."""
-    from ..viz.terminal import progress_bar, show, show_numbers
+    from ..viz.terminal.output import progress_bar, show, show_numbers
     from .checking import SCENES, check_submission, finding_table, score_table, verdict
 
     require_writable(json_file)

@@ -17,7 +17,7 @@ def read_replays(folders: Sequence[Path], scene: str | None, data: str | None, e
 
     Raises MtpBenchError where the runs were made for different cards, UnknownNameError where one has no such scene.
     """
-    from ..submission.opened import open_run
+    from ..running.opened import open_run
     from ..viz.replay import replay
 
     runs = [open_run(folder, data, env_id) for folder in folders]
@@ -51,8 +51,8 @@ def view_runs(
 
     Raises MtpBenchError for whatever the user can mend, before anything is read where that is possible.
     """
-    from ..viz.rerun_log import save_recording
-    from ..viz.rerun_viewer import require_display, serve_recording, show_recording
+    from ..viz.rerun.log import save_recording
+    from ..viz.rerun.viewer import require_display, serve_recording, show_recording
 
     if save is None and not web:
         require_display()

@@ -14,8 +14,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from .._strict import Section, read_toml, validate
 from ..errors import CardError, UnknownNameError
+from ..strict import Section, read_toml, validate
 
 Variant = Literal["as_fitted", "iid", "hard"]
 Share = Annotated[float, Field(ge=0, le=1)]

@@ -4,6 +4,5 @@ from .hedged import HedgedPredictor as HedgedPredictor
 from .hedged import StandingStill as StandingStill
 from .kalman import NoiseTable as NoiseTable
 from .kinematic import KinematicPredictor as KinematicPredictor
-from .motion_noise import fit_motion_noise as fit_motion_noise
 from .motion_noise import stored_noise as stored_noise
 from .sampling import KMeansSampler as KMeansSampler

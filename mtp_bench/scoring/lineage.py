@@ -133,7 +133,7 @@ def lineage_events(truth: Truth, rollout: Rollout, found: Hypotheses, matched: N
 
 def _still_output(rollout: Rollout, member: Bools, t: int, old_id: Ints) -> Bools:
     """Whether hypothesis h of frame ``t`` holds a track of ``old_id[:, h]``."""
-    rows = rollout.track_rows(t)
+    rows = rollout.tracks.rows(t)
     same = rollout.track_id[rows][:, None, None] == old_id
     return np.asarray((same & member[rows][:, None]).any(axis=0))
 
@@ -150,7 +150,7 @@ def _parents(rollout: Rollout, member: Bools, alive: Bools, weight: Floats, t: i
     Cost of a parent: capped BEV distance summed over the tracks that both hold (same id and class), plus the cap for
     every track that one of them lacks. Equal costs: the heavier, then the lower index.
     """
-    now, past = rollout.track_rows(t), rollout.track_rows(t - 1)
+    now, past = rollout.tracks.rows(t), rollout.tracks.rows(t - 1)
     cap_now, cap_past = reach[rollout.track_class[now]], reach[rollout.track_class[past]]
     row, column = np.nonzero(
         (rollout.track_id[now][:, None] == rollout.track_id[past])

@@ -34,15 +34,15 @@ def _scenes(card: Card, data: str | Path | None) -> SceneSource:
 
             return NuScenes(card, data)
         case WildtrackSource():
-            from .wildtrack import Wildtrack
+            from .wildtrack.source import Wildtrack
 
             return Wildtrack(card, data)
         case Mot3dSource():
-            from .mot3d import Mot3d
+            from .mot3d.source import Mot3d
 
             return Mot3d(card, data)
         case _:
-            from .kitti import KittiTracking
+            from .kitti.source import KittiTracking
 
             return KittiTracking(card, data)
 
@@ -59,15 +59,15 @@ def describe(card: Card, data: str | Path | None = None) -> DataStatus:
 
             return nuscenes_status(card, data)
         case WildtrackSource():
-            from .wildtrack_status import wildtrack_status
+            from .wildtrack.status import wildtrack_status
 
             return wildtrack_status(card, data)
         case Mot3dSource():
-            from .mot3d_status import mot3d_status
+            from .mot3d.status import mot3d_status
 
             return mot3d_status(card, data)
         case _:
-            from .kitti_status import kitti_status
+            from .kitti.status import kitti_status
 
             return kitti_status(card, data)
 

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field
 
 from .._bundle import baseline_names, bundled
-from .._strict import Section, read_toml, validate
 from ..errors import SubmissionError, UnknownNameError
+from ..strict import Section, read_toml, validate
 
 if TYPE_CHECKING:
     from ..agent import Agent

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from .._bundle import baseline_names
 from ..errors import SubmissionError
-from .files import require_folder
+from ..files import require_folder
 from .loader import MANIFEST, NAME_PATTERN
 
 TEMPLATE = Path(__file__).parent / "template"

@@ -6,9 +6,9 @@ import pickle
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ..env import MTPEnv
+from ..env.environment import MTPEnv
 from ..errors import MtpBenchError, UnknownNameError
-from ..runner import MakeAgent
+from ..running.run import MakeAgent
 from ..scoring import SceneScore, score_scene
 from .findings import Finding, failure
 from .playing import another_clock, first_difference, play

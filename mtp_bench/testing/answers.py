@@ -1,4 +1,4 @@
-"""Why the judge refuses parts of an answer: `mtp_bench._answer` counts them, this module names field and reason."""
+"""Why the judge refuses parts of an answer: `mtp_bench.env.decoding` counts them, this names field and reason."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._answer import decode
-from .._spaces import ABSENT_BELOW, COORDINATE_LIMIT, FORECAST_LIMIT, ID_LIMIT, SIZE_LIMIT
+from ..env.decoding import decode
+from ..env.spaces import ABSENT_BELOW, COORDINATE_LIMIT, FORECAST_LIMIT, ID_LIMIT, SIZE_LIMIT
 from ..types import Bools, Task
 from .findings import Level
 

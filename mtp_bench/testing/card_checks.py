@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..cards import load_card
-from ..env import MTPEnv
+from ..env.environment import MTPEnv
 from ..errors import DataError, MtpBenchError
 from ..scoring import find_targets
 from .findings import Finding

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._spaces import observation_space
+from ..env.spaces import observation_space
 from ..types import Task
 
 Observation = dict[str, NDArray[Any]]

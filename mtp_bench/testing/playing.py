@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._answer import Answer, decode
 from ..agent import Agent
-from ..env import MTPEnv
-from ..runner import agent_task, derived_seed
+from ..env.decoding import Answer, decode
+from ..env.environment import MTPEnv
+from ..running.run import agent_task, derived_seed
 from ..types import Task
 from .answers import Problem, answer_problems
 from .findings import Finding, failure

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..runner import agent_task
+from ..running.run import agent_task
 from ..scoring import SceneScore, score_scene
 from .findings import Finding
 from .made_up import extreme_frames

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..agent import Agent
-from ..env import MTPEnv
-from ..runner import MakeAgent, agent_task
+from ..env.environment import MTPEnv
+from ..running.run import MakeAgent, agent_task
 from ..scoring import SceneScore
 from .playing import Played
 

@@ -13,14 +13,7 @@ import numpy as np
 
 from ..errors import ShapeError, UnknownNameError
 from ..types import Floats, Ints
-from .kernels.affinity_kernels import (
-    CENTER_DISTANCE,
-    GIOU_3D,
-    IOU_3D,
-    LIKELIHOOD_RATIO,
-    MAHALANOBIS,
-    sparse_pairs,
-)
+from .kernels.affinity_kernels import CENTER_DISTANCE, GIOU_3D, IOU_3D, LIKELIHOOD_RATIO, MAHALANOBIS, sparse_pairs
 from .kernels.motion_kernels import MEASUREMENT_VARIANCE
 from .parameters import ClassParameters, LikelihoodTerms
 

@@ -12,8 +12,8 @@ from ..scoring.forecasts import sample_weights
 from ..scoring.lineage import Hypotheses
 from ..scoring.targets import frame_of_rows
 from ..types import Bools, Floats, Ints, Lane, Rollout
-from .camera import Camera, camera
-from .canvas import Viewport
+from .drawing.camera import Camera, camera
+from .drawing.canvas import Viewport
 from .replay import Incident, Replay
 
 TRAIL_SECONDS = 3.0
@@ -87,7 +87,7 @@ def replay_view(replay: Replay, t: int, seen_by: Camera | None = None, at: Incid
     scene, rollout, card = replay.scene, replay.rollout, replay.card
     truth, detected = scene.truth.rows(t), scene.detections.rows(t)
     evaluated = ~scene.truth.neutral[truth]
-    tracks, objects = rollout.track_rows(t), rollout.object_rows(t)
+    tracks, objects = rollout.tracks.rows(t), rollout.objects.rows(t)
     events = [i for i in replay.incidents if i.kind != "spurious" and i.frame <= t]
     return FrameView(
         env_id=card.id,
@@ -130,7 +130,7 @@ def _marked_run(replay: Replay, run: Incident | None, t: int) -> tuple[tuple[Inc
     """A spurious run with its place [2] at frame ``t``, if it lasts until then."""
     if run is None or run.kind != "spurious" or not run.frame <= t <= run.until:
         return ()
-    rollout, rows = replay.rollout, replay.rollout.object_rows(t)
+    rollout, rows = replay.rollout, replay.rollout.objects.rows(t)
     ids = np.append(rollout.track_id, -1)[replay.object_track[rows]]
     same = replay.spurious[rows] & (ids == run.new_id) & (rollout.object_class[rows] == run.class_id)
     if run.new_id < 0:  # a forecast without a track is a run of its own
@@ -140,7 +140,7 @@ def _marked_run(replay: Replay, run: Incident | None, t: int) -> tuple[tuple[Inc
 
 def said(rollout: Rollout, found: Hypotheses, t: int, card: Card) -> Said:
     """What ``rollout`` says at frame ``t``; trails follow the lineage of the best hypothesis."""
-    rows, objects, best = rollout.track_rows(t), rollout.object_rows(t), int(found.best[t])
+    rows, objects, best = rollout.tracks.rows(t), rollout.objects.rows(t), int(found.best[t])
     member = found.member[rows]
     held = member[:, best]
     center = rollout.object_box[objects, None, None, :2].astype(np.float64)
@@ -176,7 +176,7 @@ def _trails(rollout: Rollout, found: Hypotheses, t: int, length: int) -> list[Fl
 
 def _held(rollout: Rollout, found: Hypotheses, t: int, hypothesis: int) -> Ints:
     """Rows of the tracks that a hypothesis holds at frame ``t``."""
-    rows = rollout.track_rows(t)
+    rows = rollout.tracks.rows(t)
     return np.arange(rows.start, rows.stop)[found.member[rows, hypothesis]]
 
 

@@ -22,8 +22,7 @@ from mtp_bench.sources import open_source
 from mtp_bench.sources.nuscenes.classes import CLASS_OF, NEUTRAL_OF
 from mtp_bench.sources.nuscenes.splits import official_scenes as shipped_scenes
 from mtp_bench.types import Scene
-
-from .nuscenes_checks import (
+from tests.parity.nuscenes_checks import (
     SPEED_TOLERANCE,
     TOLERANCE,
     Check,
@@ -34,7 +33,7 @@ from .nuscenes_checks import (
     target_checks,
     truth_checks,
 )
-from .nuscenes_export import Export, official_classes, official_scenes, packages
+from tests.parity.nuscenes_export import Export, official_classes, official_scenes, packages
 
 
 def challenge_check(export: Export, card: Card, split: str, data: Path) -> Check:

@@ -10,8 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from mtp_bench.cards import Card
 from mtp_bench.scoring.targets import find_targets, frame_of_rows
 from mtp_bench.types import Floats, Ints, Scene
-
-from .nuscenes_export import Export, Indices, Numbers, Rows
+from tests.parity.nuscenes_export import Export, Indices, Numbers, Rows
 
 TOLERANCE = 1e-6  # m, rad, s: the files have three to six decimals, only the noise of float64 arithmetic may pass
 SPEED_TOLERANCE = 1e-5  # m/s: the devkit divides by differences of seconds since 1970, which float64 has to 2e-7 s

@@ -12,10 +12,10 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
-from ..._card_sections import GENERATOR
+from ...cards.sections import GENERATOR
 from ...errors import DataError
+from ...parallel import Workers, unordered_map
 from ..cache import VARIABLE, cache_root, read_arrays, write_arrays
 from .packing import pack, unpack
 from .world import Traffic, World
@@ -74,15 +74,8 @@ class WorldStore:
 
     def make(self, seeds: Sequence[int], workers: int = 1) -> Iterator[int]:
         """Make and store worlds over ``workers`` processes; gives each seed when it is done."""
-        if workers <= 1 or len(seeds) <= 1:
-            for seed in seeds:
-                self._make(seed)
-                yield seed
-            return
-        from joblib import Parallel, delayed
-
-        parallel: Any = Parallel(n_jobs=min(workers, len(seeds)), backend="loky", return_as="generator_unordered")
-        yield from parallel(delayed(_make_one)(self, seed) for seed in seeds)
+        for place, _ in unordered_map(_make_one, [(self, seed) for seed in seeds], Workers(max(1, workers))):
+            yield seeds[place]
 
     def _make(self, seed: int) -> World:
         from ...detector.sight import visible_fractions
@@ -113,6 +106,5 @@ class WorldStore:
                 part.unlink()
 
 
-def _make_one(store: WorldStore, seed: int) -> int:
+def _make_one(store: WorldStore, seed: int) -> None:
     store._make(seed)
-    return seed

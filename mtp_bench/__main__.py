@@ -1,0 +1,5 @@
+"""``python -m mtp_bench`` is ``mtp-bench``."""
+
+from .commands import main
+
+main()

@@ -1,0 +1,15 @@
+"""Cards: what an environment replays, its task and its sizes, as strict TOML."""
+
+from .card import VARIANTS as VARIANTS
+from .card import Card as Card
+from .card import TaskSection as TaskSection
+from .card import changed_card as changed_card
+from .card import load_card as load_card
+from .card import parse_card as parse_card
+from .sections import DetectorSection as DetectorSection
+from .sections import HighwaySource as HighwaySource
+from .sections import KittiSource as KittiSource
+from .sections import Mot3dSource as Mot3dSource
+from .sections import NuScenesSource as NuScenesSource
+from .sections import Source as Source
+from .sections import WildtrackSource as WildtrackSource

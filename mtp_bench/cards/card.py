@@ -1,0 +1,292 @@
+"""Environment cards: strict TOML, read into a frozen record with a digest.
+
+A card says which source an env replays, what the task is and how large the padded arrays are; see ``envs/README.md``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import Field
+
+from .._bundle import bundled, card_ids
+from ..detector import load_profile, profile_names
+from ..detector.profile import MODEL
+from ..errors import CardError, DataError, MtpBenchError, UnknownNameError, nearest
+from ..strict import Section, read_toml, validate
+from .sections import STORED_DETECTOR
+from .sections import DetectorSection as DetectorSection
+from .sections import HighwaySource as HighwaySource
+from .sections import KittiSource as KittiSource
+from .sections import Mot3dSource as Mot3dSource
+from .sections import NuScenesSource as NuScenesSource
+from .sections import Source as Source
+from .sections import WildtrackSource as WildtrackSource
+
+VARIANTS = ("iid", "hard")  # of a card's own simulated detector
+PerClass = dict[str, float]  # a single number in the TOML stands for every class
+
+
+class EventGate(Section):
+    """When a true box and a track count as matched for identity events (protocol, "Matching")."""
+
+    measure: Literal["iou_3d", "center_distance"]
+    threshold: PerClass  # inclusive: IoU at least, or metres at most
+
+
+class TaskSection(Section):
+    """The rules of prediction and scoring (protocol, table of tasks)."""
+
+    rate: Annotated[float, Field(gt=0)]  # Hz, nominal
+    past: Annotated[int, Field(ge=2)]  # P
+    future: Annotated[int, Field(ge=1)]  # T
+    samples: Annotated[int, Field(ge=1)]  # k
+    classes: Annotated[tuple[str, ...], Field(min_length=1, strict=False)]  # TOML has lists only
+    event_gate: EventGate
+    forecast_gate: PerClass  # m, BEV centre distance
+    miss_error: PerClass  # m, c of the missing-aware error
+
+
+class SizeSection(Section):
+    """Padded sizes of the spaces; constants of the env id."""
+
+    detections: Annotated[int, Field(ge=1)]  # D
+    tracks: Annotated[int, Field(ge=1)]  # N
+    objects: Annotated[int, Field(ge=1)]  # O
+    hypotheses: Annotated[int, Field(ge=1)]  # H
+
+
+class Card(Section):
+    """One environment id."""
+
+    id: str
+    summary: str
+    reference: str = "stp"  # baseline whose events define the frozen subsets
+    source: Source
+    detector: DetectorSection | None = None
+    task: TaskSection
+    size: SizeSection
+
+    @property
+    def digest(self) -> str:
+        """First 16 hex digits of the sha256 of the card's content, the noise of a simulated detector included."""
+        content = self.model_dump(mode="json", exclude_none=True)
+        if self.detector is not None:
+            content["detector"]["noise"] = self.detector.resolved.model_dump(mode="json", exclude_none=True)
+            content["detector"]["model"] = MODEL
+        text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    @property
+    def detector_name(self) -> str:
+        """What agents choose their parameters by: the stored detector, or the profile of the simulated one."""
+        if self.detector is not None:
+            return self.detector.name
+        return "" if isinstance(self.source, HighwaySource) else self.source.detector or ""
+
+    @property
+    def ego_motion(self) -> bool:
+        """False: every frame is given in its own sensor frame."""
+        return self.source.ego_motion if isinstance(self.source, KittiSource) else True
+
+    @property
+    def has_ego(self) -> bool:
+        """Whether a vehicle carries the sensors; else the ego pose is a fixed place, and distances to it say little."""
+        if isinstance(self.source, HighwaySource):
+            return self.source.sensor == "ego"
+        return not isinstance(self.source, WildtrackSource | Mot3dSource)
+
+    @property
+    def velocity(self) -> bool:
+        """Whether detections carry a measured velocity."""
+        if self.detector is None:
+            return isinstance(self.source, NuScenesSource) and self.source.velocity
+        noise = self.detector.resolved
+        return all(noise.noise(name).velocity is not None for name in self.task.classes)
+
+    def with_split(self, split: str) -> Card:
+        """The same card on another split of its source; raises UnknownNameError for one that it has not."""
+        known = get_args(type(self.source).model_fields["split"].annotation)
+        if split not in known:
+            raise UnknownNameError(f"split of {self.id}", split, known)
+        return self.model_copy(update={"source": self.source.model_copy(update={"split": split})})
+
+    def with_detector(self, name: str) -> Card:
+        """The card with another simulated detector, of the same reach; on nuScenes also with other stored detections.
+
+        ``name``: a shipped profile, the path of a profile (.toml), or "iid" or "hard" for that variant of the card's
+        own profile; on nuScenes any other name stands for ``detections/<name>*.json``. Raises UnknownNameError or
+        CardError.
+        """
+        ahead = isinstance(self.source, KittiSource)  # its labels are those of a camera; others look all around
+        own = self.detector or DetectorSection(field_of_view=90.0 if ahead else 360.0)
+        if name in VARIANTS:
+            if self.detector is None:
+                raise CardError(f"detector {name!r} is a variant of a simulated detector, and {self.id} has none")
+            changed = own.model_copy(update={"variant": name})
+        elif name.endswith(".toml"):
+            changed = own.model_copy(update={"profile": None, "noise": load_profile(name), "variant": "as_fitted"})
+        elif name in profile_names():
+            changed = own.model_copy(update={"profile": name, "noise": None, "variant": "as_fitted"})
+        elif isinstance(self.source, NuScenesSource) and self.detector is None:
+            if not re.fullmatch(STORED_DETECTOR, name):
+                raise CardError(f"detector is {name!r}, expected the first part of the names of its files")
+            return self.model_copy(update={"source": self.source.model_copy(update={"detector": name})})
+        else:
+            known = [*profile_names(), *VARIANTS]
+            raise UnknownNameError("detector profile", name, known, "or give the path of a .toml file")
+        source = self.source
+        if isinstance(source, WildtrackSource):  # else its stored detections would stay
+            source = source.model_copy(update={"detector": None})
+        card = self.model_copy(update={"detector": changed, "source": source})
+        _check_detector(card, self.id)
+        return card
+
+    def with_detections(self, file: str | Path) -> Card:
+        """The card with the stored detections of a file of one's own, in the official submission form of nuScenes.
+
+        It stands in for the card's detector, by whose name agents choose their settings: "megvii" becomes
+        "megvii-<file>". The digest holds the content of the file, not its place. Raises CardError where the card's
+        source has no such files, and DataError where the file cannot be read.
+        """
+        if not isinstance(self.source, NuScenesSource) or self.detector is not None:
+            raise CardError(
+                f"{self.id} takes no file of detections: only stored detections of nuScenes can be replaced"
+            )
+        path = Path(file).expanduser().absolute()
+        try:
+            state = path.stat()
+            digest = _file_digest(path, state.st_size, state.st_mtime_ns, state.st_ctime_ns)
+        except OSError as error:
+            raise DataError(f"detections {path}: {error.strerror}") from None
+        name = f"{self.source.detector}-{path.stem}"
+        changed = {"detector": name, "detections_sha256": digest, "detections_file": str(path)}
+        return self.model_copy(update={"source": self.source.model_copy(update=changed)})
+
+    def per_class(self, table: PerClass) -> tuple[float, ...]:
+        """Values of a per-class table in the order of ``task.classes``."""
+        return tuple(table[name] for name in self.task.classes)
+
+
+@cache
+def _file_digest(path: Path, *state: int) -> str:
+    """Sha256 of a file in this state: read once per process, for it may hold a gigabyte."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def load_card(name: str | Path) -> Card:
+    """Read a card by env id or from a TOML file.
+
+    Raises UnknownNameError for an id that does not exist and CardError for content that is wrong, naming the key.
+    """
+    path = Path(name)
+    if path.suffix == ".toml":
+        if not path.is_file():
+            raise CardError(f"no card file at {path}")
+    else:
+        if str(name) not in card_ids():
+            raise UnknownNameError("environment", str(name), card_ids(), "`mtp-bench envs` lists them")
+        path = bundled("envs") / f"{name}.toml"
+    content = read_toml(path, CardError)
+    return parse_card(content, where=path.name, stem=path.stem)
+
+
+def parse_card(content: dict[str, Any], where: str = "card", stem: str | None = None) -> Card:
+    """Validate the content of a card; ``stem`` is the id that its file name promises."""
+    card = validate(Card, _spread_scalars(content), where, CardError)
+    if stem is not None and card.id != stem:
+        raise CardError(f"{where}: id is {card.id!r}, expected the file's stem {stem!r}")
+    _check_classes(card, where)
+    _check_detector(card, where)
+    _check_length(card, where)
+    return card
+
+
+def changed_card(
+    card: Card, split: str | None = None, detector: str | None = None, detection_file: str | None = None
+) -> Card:
+    """``card`` on another split, with another detector or with the detections of a file, where one is named."""
+    if split is not None:
+        card = card.with_split(split)
+    if detector is not None:
+        card = card.with_detector(detector)
+    return card if detection_file is None else card.with_detections(detection_file)
+
+
+def _spread_scalars(content: dict[str, Any]) -> dict[str, Any]:
+    """Write a single number in place of a per-class table as a table with every class."""
+    task = content.get("task")
+    if not isinstance(task, dict):
+        return content
+    task = dict(task)
+    classes = task.get("classes")
+    names = [c for c in classes if isinstance(c, str)] if isinstance(classes, list) else []
+
+    def spread(value: Any) -> Any:
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        return dict.fromkeys(names, value) if number else value
+
+    for key in ("forecast_gate", "miss_error"):
+        if key in task:
+            task[key] = spread(task[key])
+    if isinstance(task.get("event_gate"), dict) and "threshold" in task["event_gate"]:
+        task["event_gate"] = {**task["event_gate"], "threshold": spread(task["event_gate"]["threshold"])}
+    return {**content, "task": task}
+
+
+def _check_classes(card: Card, where: str) -> None:
+    classes = set(card.task.classes)
+    if len(classes) != len(card.task.classes):
+        raise CardError(f"{where}: task.classes is {list(card.task.classes)}, expected each class once")
+    tables = {
+        "task.event_gate.threshold": card.task.event_gate.threshold,
+        "task.forecast_gate": card.task.forecast_gate,
+        "task.miss_error": card.task.miss_error,
+    }
+    for key, table in tables.items():
+        for name in table:
+            if name not in classes:
+                raise CardError(f"{where}: {key} has an unknown class {name!r}{nearest(name, classes)}")
+        for name in card.task.classes:
+            if name not in table:
+                raise CardError(f"{where}: {key} has no value for class {name!r}")
+            if table[name] <= 0:
+                raise CardError(f"{where}: {key}.{name} is {table[name]}, expected a number above 0")
+
+
+def _check_detector(card: Card, where: str) -> None:
+    """A simulated source needs a simulated detector, which must know every class."""
+    if isinstance(card.source, NuScenesSource) and card.source.truth == "targets" and card.detector is not None:
+        raise CardError(
+            f"{where}: a simulated detector would see nothing but the prediction targets, the only known objects; "
+            'take stored detections, or a card with truth = "all"'
+        )
+    if card.detector is None:
+        if isinstance(card.source, HighwaySource | WildtrackSource):
+            what = "simulated traffic" if isinstance(card.source, HighwaySource) else "most of WILDTRACK"
+            raise CardError(f"{where}: {what} has no detections: a [detector] section is missing")
+        return
+    try:
+        noise = card.detector.resolved
+        for name in card.task.classes:
+            noise.noise(name)
+    except MtpBenchError as error:
+        raise CardError(f"{where}: {error}") from None
+
+
+def _check_length(card: Card, where: str) -> None:
+    """Simulated scenes must be long enough for a target."""
+    if not isinstance(card.source, HighwaySource):
+        return
+    frames, needed = card.source.seconds * card.task.rate, card.task.past + card.task.future
+    if frames < needed:
+        raise CardError(
+            f"{where}: scenes of {card.source.seconds:g} s at {card.task.rate:g} Hz have {frames:g} frames, expected "
+            f"at least {needed}: task.past and task.future"
+        )

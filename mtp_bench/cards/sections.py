@@ -1,0 +1,162 @@
+"""Sections of a card: where its scenes come from, and the simulated detector."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
+
+from ..detector import Profile, Variant, load_profile
+from ..errors import CardError
+from ..strict import Section
+
+
+def _rising(seeds: tuple[int, int]) -> tuple[int, int]:
+    if not 0 <= seeds[0] < seeds[1] <= 999_999:
+        raise ValueError("expected 0 <= first < end <= 999999")
+    return seeds
+
+
+def _current(generator: int) -> int:
+    if generator != GENERATOR:
+        raise ValueError(f"this version of the library makes generator {GENERATOR}")
+    return generator
+
+
+GENERATOR = 1  # version of the content that a seed gives
+STORED_DETECTOR = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"  # begins the names of files
+Generator = Annotated[int, AfterValidator(_current)]
+SeedRange = Annotated[tuple[int, int], Field(strict=False), AfterValidator(_rising)]
+
+
+class KittiSource(Section):
+    """KITTI tracking logs with stored detections."""
+
+    name: Literal["kitti"]
+    detector: str = "pointrcnn"  # folder under detections/
+    split: Literal["train", "val"] = "val"
+    ego_motion: bool = True  # False: every frame in its own camera frame, as without ego-motion compensation
+    stride: Annotated[int, Field(ge=1)] = 1  # keep every n-th frame
+
+
+class SeedRanges(Section):
+    """Seeds of the scenes of each split: the first, and the one after the last; no scene is in two splits."""
+
+    train: SeedRange
+    val: SeedRange
+    test: SeedRange
+
+    @model_validator(mode="after")
+    def _apart(self) -> SeedRanges:
+        ranges = sorted((self.train, self.val, self.test))
+        if any(end > first for (_, end), (first, _) in itertools.pairwise(ranges)):
+            raise ValueError("expected splits without a common seed")
+        return self
+
+
+class HighwaySource(Section):
+    """Simulated traffic on highway-env roads, one scene per seed; needs a ``[detector]``."""
+
+    name: Literal["highway"]
+    generator: Generator  # version of the simulated content: a change of the traffic gets a new number
+    scenario: Literal["intersection", "roundabout", "merge", "highway"]
+    split: Literal["train", "val", "test"] = "val"
+    sensor: Literal["ego", "roadside"] = "ego"  # on a moving vehicle, or at a fixed place
+    seconds: Annotated[float, Field(gt=0, le=600)] = 20.0
+    vehicles: Annotated[int, Field(ge=2, le=200)]  # aimed at on the road
+    pedestrians: Annotated[int, Field(ge=0, le=200)] = 0  # aimed at; only the intersection has crossings
+    drivers: Literal["cooperative", "idm"] = "cooperative"  # "idm": highway-env's own, on merge and highway only
+    seeds: SeedRanges
+
+    @field_validator("pedestrians")
+    @classmethod
+    def _where_they_cross(cls, pedestrians: int, info: ValidationInfo) -> int:
+        if pedestrians and info.data.get("scenario") != "intersection":
+            raise ValueError("expected 0: only the intersection has crossings")
+        return pedestrians
+
+    @field_validator("drivers")
+    @classmethod
+    def _where_they_drive(cls, drivers: str, info: ValidationInfo) -> str:
+        if drivers == "idm" and info.data.get("scenario") in ("intersection", "roundabout"):
+            raise ValueError("expected 'cooperative': IDM knows no right of way, which junctions need")
+        return drivers
+
+
+class NuScenesSource(Section):
+    """nuScenes logs (official v1.0 tables) with stored detections in the official submission form."""
+
+    name: Literal["nuscenes"]
+    version: Annotated[str, Field(pattern=r"^v1\.0-[A-Za-z0-9_.-]+$")] = "v1.0-trainval"  # folder of the tables
+    detector: Annotated[str, Field(pattern=STORED_DETECTOR)] = "megvii"  # detections/<detector>*.json
+    detections_sha256: str | None = None  # of a file that stands in for the detector's; see Card.with_detections
+    detections_file: Annotated[str | None, Field(exclude=True)] = None  # where that file is: no part of the digest
+    velocity: bool = False  # show the velocities of the detections, where the file has them
+    split: Literal["train", "train_val", "val", "mini_train", "mini_val", "all"] = "val"
+    truth: Literal["targets", "all"] = "all"
+    # "targets": the official prediction split names the targets, and only those objects are known; "all": every box
+
+
+class WildtrackSource(Section):
+    """WILDTRACK: people on a square, seen by seven fixed cameras; real detections of the last 40 frames.
+
+    The other frames have simulated detections, of the card's ``[detector]``.
+    """
+
+    name: Literal["wildtrack"]
+    detector: Literal["mvdet"] | None = "mvdet"  # None: simulated detections everywhere
+    split: Literal["train", "val", "test"] = "val"
+
+
+class Mot3dSource(Section):
+    """3DMOT2015: people on the ground plane, seen by a fixed camera, with stored detections."""
+
+    name: Literal["mot3d"]
+    sequence: Literal["PETS09-S2L1", "TUD-Stadtmitte"]
+    detector: Literal["acf"] = "acf"  # det/det.txt
+    split: Literal["train", "val"] = "val"
+    stride: Annotated[int, Field(ge=1)] = 1  # keep every n-th frame
+    scene_frames: Annotated[int, Field(ge=2)] = 140  # kept frames per scene, the last scene may have fewer
+    train_scenes: Annotated[int, Field(ge=0)] = 2  # the first ones are for training, the others are "val"
+
+
+Source = Annotated[
+    KittiSource | NuScenesSource | WildtrackSource | Mot3dSource | HighwaySource, Field(discriminator="name")
+]
+
+
+def _name(profile: str) -> str:
+    if profile.endswith(".toml"):  # a card would mean another file in another folder
+        raise ValueError("expected the name of a shipped profile; a file's content belongs into [detector.noise]")
+    return profile
+
+
+class DetectorSection(Section):
+    """A simulated detector in place of stored detections: a shipped profile by name, or ``noise`` of one's own."""
+
+    profile: Annotated[str, AfterValidator(_name)] | None = None
+    noise: Profile | None = None
+    variant: Variant = "as_fitted"
+    reach: Annotated[float, Field(gt=0)] = 80.0  # m
+    field_of_view: Annotated[float, Field(gt=0, le=360)] = 90.0  # degrees, centred on the ego's heading
+    area: Annotated[tuple[float, float, float, float] | None, Field(strict=False)] = None
+    # m: least x and y, largest x and y of false positives; without it they are anywhere within reach
+    seed: Annotated[int, Field(ge=0)] = 0  # of the noise
+
+    @property
+    def name(self) -> str:
+        """Name of the profile and its variant."""
+        return self.resolved.name
+
+    @property
+    def resolved(self) -> Profile:
+        """The noise that is meant; raises CardError or UnknownNameError where it is not there."""
+        if (self.profile is None) == (self.noise is None):
+            raise CardError("[detector] has both or none of 'profile' and 'noise', expected one of them")
+        noise = self.noise or load_profile(str(self.profile))
+        if self.variant == "as_fitted":
+            return noise
+        from ..detector.variants import with_variant
+
+        return with_variant(noise, self.variant)

@@ -1,0 +1,42 @@
+"""The command line: ``mtp-bench``. Exit status 0, 1 for a failure that the message explains, 2 for wrong usage."""
+
+from __future__ import annotations
+
+import warnings
+
+import typer
+
+from ..errors import MtpBenchError
+from .fitting import fit_noise, freeze, train
+from .looking import events, video, view
+from .running import compare, data, envs, run, score
+from .shared import fail
+from .submitting import board, check, new, seal, submit, verify
+
+app = typer.Typer(
+    help="Tracking and prediction together: your agent sees detections, not the truth.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+for command in (
+    envs, data, run, score, compare, view, events, video, train, fit_noise, new, check, submit, verify, seal, board,
+):  # fmt: skip
+    app.command()(command)
+app.command(hidden=True)(freeze)
+
+
+def main() -> None:
+    """Entry point: errors of the library become one line and exit status 1."""
+    # joblib renews workers that hold much memory, and says so; nothing is lost by it.
+    warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given")
+    try:
+        app(prog_name="mtp-bench")
+    except MtpBenchError as error:
+        fail(str(error))
+    except OSError as error:  # a full disk, a file without permission
+        fail(f"{error.filename}: {error.strerror}" if error.filename else str(error))
+
+
+if __name__ == "__main__":
+    main()

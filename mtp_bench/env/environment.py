@@ -1,0 +1,273 @@
+"""The Gymnasium environment: one class for every card of ``envs/``.
+
+The observation at frame t holds the detections of frame t only. The action answers it: hypotheses of tracks and
+forecasts of objects as of frame t. ``step`` gives the reward of that answer and the observation of frame t + 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, cast, final
+
+import gymnasium
+import numpy as np
+from gymnasium import logger
+from gymnasium.error import ResetNeeded
+
+from ..cards import Card, changed_card, load_card
+from ..errors import DataError, MtpBenchError, RolloutError, UnknownNameError
+from ..scoring.forecasts import frame_error
+from ..scoring.targets import Targets, find_targets
+from ..sources import detected, open_source
+from ..types import Rollout, Scene, Task
+from .arguments import choose, flag, size, text, wanted
+from .decoding import Answer, decode
+from .live import LiveEpisode, live_episode
+from .observation import Feed, LocalFrame, Observation, make_feed, rotate
+from .rollouts import assemble
+from .spaces import action_space, observation_space
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ..viz.drawing.live import Renderer
+
+OBSERVE = ("detections", "truth")
+RENDER_MODES = ("rgb_array", "rerun")  # each has its renderer in viz/live.py
+
+
+@dataclass
+class _Episode:
+    """One pass through a scene."""
+
+    scene: Scene
+    frame: LocalFrame
+    feed: Feed
+    targets: Targets | None  # None in evaluation mode
+    answers: list[Answer] = field(default_factory=list)  # one per frame, in the scene's frame of reference
+
+    @property
+    def t(self) -> int:
+        return len(self.answers)
+
+    @property
+    def over(self) -> bool:
+        return self.t == self.scene.frames
+
+
+@final
+class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
+    """Tracking and prediction of one log: detections in, hypotheses and forecasts out.
+
+    ``card``: env id, path of a card (.toml), or a card. ``data``: data root. ``observe``: "detections", or "truth" for
+    true boxes with true ids. ``samples``, ``tracks``, ``objects``, ``hypotheses``, ``detections``: sizes of the spaces
+    in place of the card's; more ``samples`` than the card's belong to unranked runs. ``scenes``: names to choose from.
+    ``evaluation``: the reward is 0 and nothing that is returned derives from the truth. ``rigid_motion``: the local
+    frame of every episode is turned and shifted at random. ``split``: another split of the card's source. ``detector``:
+    another detector, simulated on the true boxes or stored (`Card.with_detector`). ``detection_file``: stored
+    detections of one's own (`Card.with_detections`). ``fresh_noise``: the noise of a simulated detector is drawn anew
+    in every episode, for training; else a scene always has the same detections. ``render_mode``: what `render` does,
+    see RENDER_MODES.
+
+    Raises UnknownNameError, DataError or CardError (all MtpBenchError) for a wrong argument or missing data.
+    """
+
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": 10}  # noqa: RUF012  (declared so by gymnasium.Env)
+
+    def __init__(
+        self,
+        card: str | Card,
+        data: str | None = None,
+        observe: str = "detections",
+        samples: int | None = None,
+        tracks: int | None = None,
+        objects: int | None = None,
+        hypotheses: int | None = None,
+        detections: int | None = None,
+        scenes: Sequence[str] | None = None,
+        evaluation: bool = False,
+        rigid_motion: bool = False,
+        split: str | None = None,
+        detector: str | None = None,
+        fresh_noise: bool = False,
+        detection_file: str | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        if observe not in OBSERVE:
+            raise UnknownNameError("value of observe", str(observe), OBSERVE)
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise UnknownNameError("render mode", str(render_mode), RENDER_MODES)
+        self.render_mode = render_mode
+        changes = {"split": split, "detector": detector, "detection_file": detection_file}
+        given = card if isinstance(card, Card) else load_card(card)
+        self.card = changed_card(given, *(text(name, value) for name, value in changes.items()))
+        sizes = {
+            "samples": size("samples", samples, self.card.task.samples),
+            "tracks": size("tracks", tracks, self.card.size.tracks),
+            "objects": size("objects", objects, self.card.size.objects),
+            "hypotheses": size("hypotheses", hypotheses, self.card.size.hypotheses),
+            "detections": size("detections", detections, self.card.size.detections),
+        }
+        self.task = _task(self.card, observe, sizes)
+        self._evaluation = flag("evaluation", evaluation)
+        self._rigid_motion = flag("rigid_motion", rigid_motion)
+        self._fresh_noise = flag("fresh_noise", fresh_noise)
+        if self._fresh_noise and self.card.detector is None:
+            raise MtpBenchError(f"fresh_noise needs a simulated detector: {self.card.id} has stored detections")
+        if self._fresh_noise and self._evaluation:
+            raise MtpBenchError("fresh_noise is for training: an evaluation takes the detections of the card")
+        self._source = open_source(self.card, data)
+        self.scene_names = choose(tuple(self._source.names), scenes)
+        self.observation_space = cast("gymnasium.Space[Observation]", observation_space(self.task))
+        self.action_space = cast("gymnasium.Space[dict[str, Any]]", action_space(self.task))
+        self._episode: _Episode | None = None
+        self.metadata = {**type(self).metadata, "render_fps": max(1, round(self.card.task.rate))}
+        self._live: LiveEpisode | None = None
+        self._renderer: Renderer | None = None
+
+    @property
+    def scene(self) -> Scene:
+        """The scene of this episode, truth included; in its own frame of reference."""
+        return self._started().scene
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """First observation of a scene: the one that ``options={"scene": name}`` names, else one drawn at random."""
+        super().reset(seed=seed)
+        drawn = self.scene_names[int(self.np_random.integers(len(self.scene_names)))]
+        scene = self._load(wanted(options or {}, self.scene_names, drawn))
+        frame = LocalFrame.of(scene, self.np_random if self._rigid_motion else None)
+        targets = None if self._evaluation else find_targets(scene, self.card)
+        self._episode = _Episode(scene, frame, make_feed(scene, frame, self.task), targets)
+        self._live = None
+        self._follow()
+        return self._episode.feed.observe(0), _info(self._episode)
+
+    def step(self, action: dict[str, Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Take the answer to the last observation and show the next frame; ``truncated`` after the last frame.
+
+        Whatever breaks the contract is taken out of the answer and counted in ``info``, never raised.
+        """
+        episode = self._started()
+        if episode.over:
+            raise ResetNeeded(f"step() after the last frame of {episode.scene.name!r}: call reset() first")
+        answer = _in_scene(decode(action, self.task), episode.frame)
+        reward = 0.0 if episode.targets is None else self._reward(episode, episode.targets, answer)
+        episode.answers.append(answer)
+        self._follow()
+        return episode.feed.observe(episode.t), reward, False, episode.over, _info(episode)
+
+    def rollout(self) -> Rollout:
+        """Everything said in this episode, in the scene's own frame of reference; RolloutError before its end."""
+        episode = self._started()
+        if not episode.over:
+            raise RolloutError(
+                f"scene {episode.scene.name!r} is at frame {episode.t} of {episode.scene.frames}:"
+                " a rollout is there after the last frame"
+            )
+        return assemble(episode.scene.name, episode.answers, episode.feed.dropped)
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """The frame that was answered last, with its answer; before the first answer, frame 0.
+
+        ``rgb_array``: a bird's-eye picture [720, 960, 3]. It shows true boxes too, but in evaluation mode nothing that
+        derives from the truth. ``rerun``: every frame is logged without this call, into rerun's active recording
+        (`rerun.init`) or a viewer that opens; returns None, as without a render mode.
+        """
+        if self.render_mode is None:
+            logger.warn(f"render() without a render mode: make the env with one of {', '.join(RENDER_MODES)}")
+            return None
+        episode = self._started()
+        if self._live is None:
+            parts = (self.card, episode.scene, episode.frame, episode.feed, episode.answers)
+            self._live = live_episode(*parts, self._evaluation)
+        if self._renderer is None:
+            from ..viz.drawing.live import open_renderer
+
+            self._renderer = open_renderer(self.render_mode)
+        return self._renderer.render(self._live)
+
+    def _follow(self) -> None:
+        """Show the frame where the mode shows every frame, as Gymnasium's "human" does."""
+        if self.render_mode == "rerun":
+            self.render()
+
+    def close(self) -> None:
+        """Let go of what render() opened."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _started(self) -> _Episode:
+        if self._episode is None:
+            raise ResetNeeded("no scene yet: call reset() first")
+        return self._episode
+
+    def _load(self, name: str) -> Scene:
+        if self._episode is not None and self._episode.scene.name == name:
+            scene = self._episode.scene
+        else:
+            scene = self._source.load(name)
+        if self._fresh_noise:
+            scene = detected(scene, self.card, int(self.np_random.integers(2**62)))
+        if scene.frames == 0:
+            raise DataError(f"scene {name!r} of {self.card.id} has no frames, expected at least one")
+        return scene
+
+    def _reward(self, episode: _Episode, targets: Targets, answer: Answer) -> float:
+        center = answer.object_box[:, None, None, :2].astype(np.float64)
+        error = frame_error(
+            episode.scene,
+            targets,
+            self.card,
+            episode.t,
+            answer.object_box,
+            answer.object_class,
+            center + answer.forecast / 100.0,
+            answer.forecast_log_weight,
+        )
+        return 0.0 - error  # not -error: no -0.0
+
+
+def _in_scene(answer: Answer, frame: LocalFrame) -> Answer:
+    """The answer as it is recorded and scored: in the scene's frame of reference, forecasts in whole centimetres."""
+    forecast = np.rint(rotate(answer.forecast, -frame.yaw) * 100.0)
+    return replace(
+        answer,
+        track_box=frame.to_scene(answer.track_box).astype(np.float32),
+        object_box=frame.to_scene(answer.object_box).astype(np.float32),
+        hypothesis_log_weight=answer.hypothesis_log_weight.astype(np.float32),
+        forecast=forecast.astype(np.int16),
+        forecast_log_weight=answer.forecast_log_weight.astype(np.float32),
+    )
+
+
+def _info(episode: _Episode) -> dict[str, Any]:
+    """Always the same entries, all whole numbers: of the frame shown, and of the answer to the one before."""
+    t = episode.t
+    invalid = episode.answers[-1].invalid if episode.answers else np.zeros(3, dtype=np.int64)
+    return {
+        "frame": t,
+        "dropped_detections": 0 if episode.over else int(episode.feed.dropped[t]),
+        "invalid_tracks": int(invalid[0]),
+        "invalid_hypotheses": int(invalid[1]),
+        "invalid_objects": int(invalid[2]),
+    }
+
+
+def _task(card: Card, observe: str, sizes: dict[str, int]) -> Task:
+    return Task(
+        env_id=card.id,
+        classes=card.task.classes,
+        dt=1.0 / card.task.rate,
+        past=card.task.past,
+        future=card.task.future,
+        k=min(card.task.samples, sizes["samples"]),
+        detector=card.detector_name,
+        observe=observe,
+        ego_motion=card.ego_motion,
+        velocity=card.velocity,
+        **sizes,
+    )

@@ -1,0 +1,84 @@
+"""Observation and action space: padded arrays whose sizes are constants of the env id."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from ..types import Task
+from .numbers import Numbers
+
+COORDINATE_LIMIT = 1e5  # m, of a centre in the frame of the observations
+SIZE_LIMIT = 100.0  # m, of a box
+SCORE_LIMIT = 1e6
+VELOCITY_LIMIT = 1e3  # m/s
+TIME_LIMIT = 1e6  # s
+FORECAST_LIMIT = 327.0  # m, length of an offset: within int16 centimetres whichever way the frame is turned
+ID_LIMIT = 2**31 - 1
+ABSENT = -2e30  # a log-weight that says "no such sample", "no such hypothesis" and lies inside the space
+ABSENT_BELOW = -1e30  # where such log-weights begin; -inf says the same
+
+Box = spaces.Box
+AnySpaces = dict[str, spaces.Space[Any]]
+
+
+def observation_space(task: Task) -> spaces.Dict:
+    """Space of one frame, in the local frame of the scene: metres, seconds, radians.
+
+    Rows where ``detection_valid`` is 0 hold zeros, and -1 as class and id. With ``observe="truth"`` true boxes come as
+    detections with score 1 and ``detection_id`` (D,) is added.
+    """
+    d = task.detections
+    fields: AnySpaces = {
+        "detection_box": _boxes(d, smallest=0.0),
+        "detection_velocity": Box(-VELOCITY_LIMIT, VELOCITY_LIMIT, (d, 2), np.float32),
+        "detection_score": Box(-SCORE_LIMIT, SCORE_LIMIT, (d,), np.float32),
+        "detection_class": Box(-1, len(task.classes) - 1, (d,), np.int32),
+        "detection_valid": spaces.MultiBinary(d),
+        "ego_pose": Box(*_pose_bounds(), dtype=np.float32),
+        "time": Box(0.0, TIME_LIMIT, (), np.float64),
+        "dt": Box(0.0, TIME_LIMIT, (), np.float64),
+    }
+    if task.observe == "truth":
+        fields["detection_id"] = Box(-1, ID_LIMIT, (d,), np.int64)
+    return spaces.Dict(fields)
+
+
+def action_space(task: Task) -> spaces.Dict:
+    """Space of the answer to one frame, in the frame of the observations.
+
+    A log-weight of -inf or below -1e30 means absent; ``track_class`` -1 means not stated. Every row of the space is
+    sound, unless an id occurs twice in a hypothesis or all samples of an object are absent. A little more is: any
+    finite angle, and forecasts up to 327 m in length, of which the space is the inscribed square.
+    """
+    reach = np.floor(FORECAST_LIMIT / np.sqrt(2.0))
+    n, o, h, k = task.tracks, task.objects, task.hypotheses, task.samples
+    fields: AnySpaces = {
+        "track_id": Numbers(0, ID_LIMIT, (n,), np.int64),
+        "track_box": _boxes(n, smallest=0.01),
+        "track_class": spaces.MultiDiscrete(np.full(n, len(task.classes) + 1), start=np.full(n, -1)),
+        "track_valid": spaces.MultiBinary(n),
+        "hypothesis_member": spaces.MultiBinary((h, n)),
+        "hypothesis_log_weight": Numbers(ABSENT, 0.0, (h,), np.float32),
+        "object_box": _boxes(o, smallest=0.01),
+        "object_class": spaces.MultiDiscrete(np.full(o, len(task.classes))),
+        "object_valid": spaces.MultiBinary(o),
+        "forecast": Box(-reach, reach, (o, k, task.future, 2), np.float32),
+        "forecast_log_weight": Box(ABSENT, 0.0, (o, k), np.float32),
+    }
+    return spaces.Dict(fields)
+
+
+def _pose_bounds() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    high = np.array([COORDINATE_LIMIT] * 3 + [np.pi], dtype=np.float32)
+    return -high, high
+
+
+def _boxes(rows: int, smallest: float) -> spaces.Box:
+    low, high = _pose_bounds()
+    low = np.concatenate([low, np.full(3, smallest, np.float32)])
+    high = np.concatenate([high, np.full(3, SIZE_LIMIT, np.float32)])
+    return Box(np.tile(low, (rows, 1)), np.tile(high, (rows, 1)), dtype=np.float32)

@@ -1,0 +1,140 @@
+"""The agent's side of the gateway: started as a script, in a folder of its own, with three descriptors.
+
+Until the code of the submission is imported, all that runs here is the library's own.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import runpy
+import struct
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+_PREFIX = struct.Struct("<IQ")  # as in wire.py, which cannot be imported yet
+_SITE = ("site-packages", "dist-packages")
+
+
+def main() -> None:
+    """Take orders from one descriptor and answer into the other until there are none."""
+    orders, answers = int(sys.argv[1]), int(sys.argv[2])
+    sandbox = runpy.run_path(str(Path(__file__).with_name("sandbox.py")))
+    setup = json.loads(_read(orders)[0])
+    made = sandbox["separate"]()
+    sandbox["first_process"](made, lambda pid: _say(answers, {"kind": "started", "pid": pid}), (orders, answers))
+    hidden = sandbox["hide_files"](made, setup["own"], setup.pop("hidden"))
+    os.chdir(os.environ["HOME"])  # the folder as it is now, not the one below it
+    if hidden:
+        _link_kernels(setup["kernels"], os.environ["NUMBA_CACHE_DIR"])
+    elif setup["kernels"]:  # could be written anyway
+        os.environ["NUMBA_CACHE_DIR"] = setup["kernels"]
+    sandbox["restrict"](made, setup["memory"], setup["disk"])
+    _say(answers, {"kind": "locked", **sandbox["facts"](made, hidden)})
+    _extend_path(setup["path"])
+    _serve(orders, answers, setup)
+
+
+def _serve(orders: int, answers: int, setup: dict[str, Any]) -> None:
+    where = "the agent cannot be built"
+    try:
+        from mtp_bench import Task, load_submission
+        from mtp_bench.gateway.wire import arrays_of, encode, header_of
+
+        agent: Any = None
+        while True:
+            text, body = _read(orders)
+            header = header_of(text)
+            match header["kind"]:
+                case "build":
+                    task = _task(Task, header["task"])
+                    agent = load_submission(setup["submission"]).build(task, **setup["parameters"])
+                    _say(answers, {"kind": "built"})
+                case "reset":
+                    where = "reset failed"
+                    agent.reset(_task(Task, header["task"]))
+                    _say(answers, {"kind": "ready"})
+                case _:
+                    where = f"frame {header['frame']} failed"
+                    action = agent.act(arrays_of(header, body))
+                    reply = {"kind": "answer", "frame": header["frame"], "token": header["token"]}
+                    _write(answers, _packed(encode, reply, action, header["fields"], header["most"]))
+    except EOFError:
+        return
+    except BaseException as error:
+        _say(answers, {"kind": "error", "text": f"{where}: {_text(error)}"[:2000]})
+
+
+def _packed(encode: Any, reply: dict[str, Any], action: object, fields: list[str], most: int) -> Any:
+    """The message of an answer; without arrays, and with the reason, where it cannot be sent."""
+    from mtp_bench.gateway.wire import plain
+
+    if not isinstance(action, Mapping):
+        return encode(
+            {**reply, "malformed": f"act() returned {type(action).__name__}, expected a dict of arrays"[:200]}
+        )
+    arrays = {name: plain(action[name]) for name in fields if name in action}
+    size = sum(array.nbytes for array in arrays.values() if array is not None)
+    if size > most:
+        return encode({**reply, "malformed": f"an answer of {size} bytes, expected at most {most}"})
+    return encode(reply, arrays)
+
+
+def _text(error: BaseException) -> str:
+    known = any(kind.__name__ == "MtpBenchError" for kind in type(error).__mro__)  # the library may not be importable
+    return str(error) if known else f"{type(error).__name__}: {error}"
+
+
+def _task(make: Any, content: dict[str, Any]) -> Any:
+    return make(**{**content, "classes": tuple(content["classes"])})
+
+
+def _extend_path(path: list[str]) -> None:
+    """Find the library where the judge has it, after the standard library and before other packages."""
+    first = next((i for i, entry in enumerate(sys.path) if entry.endswith(_SITE)), len(sys.path))
+    sys.path[first:first] = [entry for entry in path[:1] if entry not in sys.path]
+    sys.path += [entry for entry in path[1:] if entry not in sys.path]
+
+
+def _link_kernels(source: str | None, target: str) -> None:
+    """A cache of compiled kernels for this process alone: what is there is linked, what is new is its own."""
+    for kernel in Path(source or target).glob("kernels-*"):
+        for folder, _, names in os.walk(kernel):
+            own = folder.replace(str(source), target, 1)
+            os.makedirs(own, exist_ok=True)  # noqa: PTH103  (there are thousands: paths as text are faster)
+            for name in names:
+                os.symlink(f"{folder}/{name}", f"{own}/{name}")  # noqa: PTH211
+
+
+def _read(descriptor: int) -> tuple[bytearray, bytearray]:
+    header, body = _PREFIX.unpack(_exactly(descriptor, _PREFIX.size))
+    return _exactly(descriptor, header), _exactly(descriptor, body)
+
+
+def _exactly(descriptor: int, size: int) -> bytearray:
+    found = bytearray(size)
+    view, at = memoryview(found), 0
+    while at < size:
+        count = os.readv(descriptor, [view[at:]])
+        if count == 0:
+            raise EOFError
+        at += count
+    return found
+
+
+def _say(descriptor: int, header: dict[str, Any]) -> None:
+    text = json.dumps({**header, "arrays": []}).encode()
+    _write(descriptor, [_PREFIX.pack(len(text), 0) + text])
+
+
+def _write(descriptor: int, parts: list[bytes | memoryview]) -> None:
+    for part in parts:
+        view = memoryview(part)
+        while view:
+            view = view[os.write(descriptor, view) :]
+
+
+if __name__ == "__main__":
+    main()

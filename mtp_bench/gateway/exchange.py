@@ -1,0 +1,182 @@
+"""One scene of questions and answers: what is late, malformed or against the rules, and the seal over all of it."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import secrets
+import time
+from typing import Any
+
+from gymnasium import spaces
+
+from ..types import Rollout
+from .finite import finite
+from .limits import PATIENCE, Limits, SceneRun
+from .process import AgentProcess, EndedError, ExcessError, Message
+from .wire import Arrays, WireError, arrays_of
+
+Action = dict[str, Any]
+
+
+class SceneOverError(Exception):
+    """The scene is over for the agent."""
+
+    def __init__(self, status: str, reason: str) -> None:
+        super().__init__(reason)
+        self.status, self.reason = status, reason
+
+
+class Exchange:
+    """Questions to one agent and its answers; after the scene is over for it, every answer is empty."""
+
+    def __init__(self, process: AgentProcess, limits: Limits, space: spaces.Space[Any], seal: bytes) -> None:
+        self._process, self._limits, self._seal = process, limits, seal
+        self._shapes = {name: tuple(part.shape or ()) for name, part in _parts(space).items()}
+        self._most = min(limits.answer, sum(8 * math.prod(shape) for shape in self._shapes.values()))
+        self._frame = 0
+        self._open: dict[int, str] = {}  # token of every frame whose answer may still come, too late
+        self._silent = 0  # late answers in a row
+        self._late = self._malformed = 0
+        self._status, self._reason = "finished", ""
+        self._started = 0.0
+        self._begin = time.monotonic()
+
+    def open(self, setup: dict[str, Any], task: dict[str, Any]) -> None:
+        """Start the agent: shut off, then built, then told the task."""
+        try:
+            self._process.send(setup)
+            started = self._expect("started", self._limits.start)
+            self._process.started(int(started["pid"]))
+            facts = self._expect("locked", self._limits.start)
+            self._process.locked({name: value for name, value in facts.items() if name not in ("kind", "arrays")})
+            self._process.send({"kind": "build", "task": task})
+            self._expect("built", self._limits.start)
+            self._started = time.monotonic() - self._begin
+            self._process.send({"kind": "reset", "task": task})
+            self._expect("ready", self._limits.reset)
+            self._look()
+        except SceneOverError as end:
+            self._status, self._reason = end.status, end.reason
+
+    def ask(self, observation: Arrays) -> tuple[Action, float]:
+        """The answer to one frame, empty where there is none in time, and the seconds that it took."""
+        action: Action | None = None
+        begin = time.monotonic()
+        spent = 0.0
+        if self._status == "finished":
+            try:
+                action = self._answer(observation, begin)
+                spent = time.monotonic() - begin
+                self._look()
+            except SceneOverError as end:
+                self._status, self._reason, action = end.status, end.reason, None
+        self._seal_frame(action)
+        self._frame += 1
+        return action or {}, spent
+
+    def result(self, rollout: Rollout) -> SceneRun:
+        """What came of it."""
+        self._process.others()
+        facts = self._process.facts
+        return SceneRun(
+            rollout=rollout,
+            seal=self._seal.hex(),
+            status=self._status,
+            reason=self._reason,
+            late=self._late,
+            malformed=self._malformed,
+            peak_memory=self._process.peak_memory,
+            started=self._started,
+            network_cut=facts.get("network_cut", False),
+            files_hidden=facts.get("files_hidden", False),
+        )
+
+    def _answer(self, observation: Arrays, begin: float) -> Action | None:
+        token = secrets.token_hex(8)  # must be repeated, so that no frame is answered before it was shown
+        question = {"kind": "frame", "frame": self._frame, "token": token}
+        self._process.send({**question, "fields": list(self._shapes), "most": self._most}, observation)
+        limit = self._limits.first_frame if self._frame == 0 else self._limits.frame
+        self._open[self._frame] = token
+        message = self._wait_for_answer(begin + limit)
+        if message is None:
+            self._late += 1
+            self._silent += 1
+            if self._silent == PATIENCE or time.monotonic() >= self._begin + self._limits.scene:
+                raise SceneOverError("hung", f"no answer in time since frame {self._frame + 1 - self._silent}")
+            return None
+        self._silent = 0
+        return self._checked(message)
+
+    def _wait_for_answer(self, deadline: float) -> Message | None:
+        """The answer to this frame; those to earlier frames come too late and are dropped."""
+        while True:
+            message = self._message(min(deadline, self._begin + self._limits.scene))
+            if message is None:
+                return None
+            frame, token = message[0].get("frame"), message[0].get("token")
+            if message[0].get("kind") != "answer" or type(frame) is not int or self._open.pop(frame, None) != token:
+                raise SceneOverError(
+                    "rejected", "it sent what was not asked for: every frame is answered once, after it was shown"
+                )
+            if frame == self._frame:
+                return message
+
+    def _checked(self, message: Message) -> Action | None:
+        header, body = message
+        if "malformed" in header:
+            self._malformed += 1
+            return None
+        try:
+            arrays = arrays_of(header, body)
+        except WireError as error:
+            raise SceneOverError("rejected", f"it broke the wire format: {error}") from None
+        shapes = self._shapes
+        fitting = {name: a for name, a in arrays.items() if a is not None and a.shape == shapes.get(name)}
+        if len(fitting) == len(arrays) and finite(fitting):
+            return fitting
+        self._malformed += 1
+        return None
+
+    def _expect(self, kind: str, seconds: float) -> dict[str, Any]:
+        message = self._message(min(time.monotonic() + seconds, self._begin + self._limits.scene))
+        if message is None:
+            raise SceneOverError("hung", f"not {kind} within {seconds:g} s")
+        if message[0].get("kind") != kind:
+            raise SceneOverError("rejected", f"it sent {str(message[0].get('kind'))[:20]!r}, expected {kind!r}")
+        return message[0]
+
+    def _message(self, deadline: float) -> Message | None:
+        """The next message; an error of the agent and the end of its process are the end of the scene."""
+        try:
+            message = self._process.receive(deadline)
+        except WireError as error:
+            raise SceneOverError("rejected", f"it broke the wire format: {error}") from None
+        except EndedError:
+            said = self._process.printed()
+            reason = f"the process {self._process.end()}" + (f"; it last said {said!r}" if said else "")
+            raise SceneOverError("crashed", reason) from None
+        except ExcessError as error:
+            raise SceneOverError("rejected", str(error)) from None
+        if message is not None and message[0].get("kind") == "error":
+            raise SceneOverError("crashed", str(message[0].get("text"))[:2000])
+        return message
+
+    def _look(self) -> None:
+        if self._process.others():
+            raise SceneOverError("rejected", f"it had started other processes at frame {self._frame}")
+
+    def _seal_frame(self, action: Action | None) -> None:
+        """Lengthen the chain by the hash before, the frame's number, and the answer or that it is missed."""
+        chain = hashlib.sha256(self._seal + self._frame.to_bytes(8, "little"))
+        if action is None:
+            chain.update(b"missed")
+        for name, array in sorted((action or {}).items()):
+            chain.update(f"|{name} {array.dtype.str} {list(array.shape)}|".encode())
+            chain.update(array.data)
+        self._seal = chain.digest()
+
+
+def _parts(space: spaces.Space[Any]) -> dict[str, spaces.Space[Any]]:
+    assert isinstance(space, spaces.Dict)
+    return dict(space.spaces)

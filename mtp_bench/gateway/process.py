@@ -1,0 +1,263 @@
+"""The judge's side of the gateway: starts the agent's process, exchanges messages by a deadline, and ends it."""
+
+from __future__ import annotations
+
+import os
+import select
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import deque
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from ..errors import MtpBenchError
+from .family import children, descendants, end, peak_memory, resident
+from .limits import Limits
+from .sandbox import hide_memory
+from .surroundings import environment
+from .wire import HEADER_LIMIT, PREFIX, Arrays, WireError, encode, header_of
+
+_KEPT = 4096  # bytes of what the agent prints
+_ENDING = 5.0  # s that the system may take to end a process
+_WATCH = 0.1  # s between looks at the agent's processes while they are waited for
+_MOST_PROCESSES = 64  # the system's limit does not hold for root
+_PIPE = 1 << 20  # bytes that a pipe holds, where the system allows it
+Message = tuple[dict[str, Any], bytes]
+
+
+class EndedError(Exception):
+    """The agent's process is gone."""
+
+
+class ExcessError(Exception):
+    """The agent's processes are too many, or hold too much memory."""
+
+
+class AgentProcess:
+    """A process that holds one agent. Use it in a ``with`` statement: at the end nothing of it is left."""
+
+    def __init__(self, limits: Limits) -> None:
+        self.peak_memory = 0
+        self.facts: dict[str, bool] = {}
+        self._limits = limits
+        self._outgoing: deque[memoryview] = deque()
+        self._printed = bytearray()
+        self._pid: int | None = None  # of the process with the agent, which the one that was started may not be
+        self._handle: int | None = None
+        self._memory_was_hidden = False
+        self._incoming = bytearray()  # grows to `_wanted` bytes: first the prefix, then header and body
+        self._wanted = PREFIX.size
+        self._lengths: tuple[int, int] | None = None
+
+    def __enter__(self) -> AgentProcess:
+        if sys.platform == "win32":
+            raise MtpBenchError(
+                "agents run in processes of their own on Linux and macOS only; use `mtp-bench run` here"
+            )
+        self._folder = tempfile.mkdtemp(prefix="mtp_bench-agent-")
+        folder = Path(self._folder).resolve()
+        self.work, self.kernels = str(folder / "work"), str(folder / "kernels")
+        for path in (self.work, self.kernels):
+            Path(path).mkdir()
+        orders, self._orders = os.pipe()
+        self._answers, answers = os.pipe()
+        self._log, log = os.pipe()
+        child = Path(__file__).with_name("child.py")
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-I", "-B", str(child), str(orders), str(answers)],
+                cwd=self.work,
+                env=environment(self.work, self.kernels),
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                pass_fds=(orders, answers),
+                start_new_session=True,
+            )
+        finally:
+            for descriptor in (orders, answers, log):
+                os.close(descriptor)
+        for descriptor in (self._orders, self._answers, self._log):
+            os.set_blocking(descriptor, False)
+            _widen(descriptor)
+        self._poll = select.poll()
+        self._poll.register(self._answers, select.POLLIN)
+        self._poll.register(self._log, select.POLLIN)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._kill()
+        for descriptor in (self._orders, self._answers, self._log, self._handle):
+            if descriptor is not None:
+                os.close(descriptor)
+        shutil.rmtree(self._folder, ignore_errors=True)
+        if self._memory_was_hidden:
+            hide_memory(False)
+
+    def send(self, header: dict[str, Any], arrays: Arrays | None = None) -> None:
+        """Queue a message; it is written as far as the agent reads, now and while `receive` waits."""
+        self._outgoing.extend(memoryview(part) for part in encode(header, arrays) if len(part))
+        self._write()
+
+    def receive(self, deadline: float) -> Message | None:
+        """The next message, None if it is not whole at ``deadline`` (s, of `time.monotonic`).
+
+        Raises WireError for what is no message or longer than allowed, EndedError if the process is gone, ExcessError
+        if there are too many, or they hold more memory than is allowed.
+        """
+        watched = time.monotonic()
+        while (message := self._whole()) is None:
+            now = time.monotonic()
+            if now >= deadline:
+                return None
+            if now >= watched + _WATCH:
+                self._watch()
+                watched = time.monotonic()
+            if not self._read():
+                self._wait(min(deadline, watched + _WATCH))
+        return header_of(message[0]), message[1]
+
+    def locked(self, facts: Mapping[str, Any]) -> None:
+        """Take note of what the system allowed; where the agent could read this process's memory, hide that."""
+        self.facts = {name: value is True for name, value in facts.items()}
+        if not self.facts.get("memory_hidden"):
+            hide_memory(True)
+            self._memory_was_hidden = True
+
+    def started(self, pid: int) -> None:
+        """The number of the process with the agent."""
+        with suppress(OSError, AttributeError):  # a handle: the number may be given to another process
+            self._handle = os.pidfd_open(pid)
+        self._pid = pid
+
+    def others(self) -> int:
+        """Look at the process: its memory, and how many processes it has started that are still there."""
+        if self._pid is None:
+            return 0
+        self.peak_memory = max(self.peak_memory, peak_memory(self._pid))
+        return len(children(self._pid))
+
+    def printed(self) -> str:
+        """The last line of what the agent printed first, for an error text."""
+        self._read_log()
+        lines = self._printed.decode(errors="replace").split("\n")
+        return next((line.strip()[:200] for line in reversed(lines) if line.strip()), "")
+
+    def end(self) -> str:
+        """How the process ended, in words."""
+        try:
+            code = self._process.wait(timeout=2.0)
+        except subprocess.TimeoutExpired:
+            return "closed its connection"
+        if code < 0:
+            return f"was ended by {signal.Signals(-code).name}"
+        return f"ended by itself with exit code {code}"
+
+    def _whole(self) -> tuple[bytes, bytes] | None:
+        """Header and body of the message that is being read, once it is complete."""
+        if self._lengths is None and len(self._incoming) == PREFIX.size:
+            header, body = PREFIX.unpack(self._incoming)
+            if header > HEADER_LIMIT or body > self._limits.answer:
+                raise WireError(f"it announced a message of {header} + {body} bytes")
+            self._lengths, self._wanted, self._incoming = (header, body), header + body, bytearray()
+        if self._lengths is None or len(self._incoming) < self._wanted:
+            return None
+        whole, (header, _) = memoryview(self._incoming), self._lengths
+        self._lengths, self._wanted, self._incoming = None, PREFIX.size, bytearray()
+        return bytes(whole[:header]), bytes(whole[header:])
+
+    def _watch(self) -> None:
+        """See that a process that starts others does not take the machine; the limits of the system hold for each."""
+        if self._pid is None:
+            return
+        family = descendants(self._pid, _MOST_PROCESSES)
+        if len(family) > _MOST_PROCESSES:
+            raise ExcessError(f"it had started {len(family) - 1} other processes, or more")
+        memory = sum(map(resident, family))
+        if memory > self._limits.memory:
+            raise ExcessError(
+                f"its {len(family)} processes held {memory >> 20} MiB, of {self._limits.memory >> 20} MiB"
+            )
+
+    def _read(self) -> bool:
+        """Read what is there; whether anything was."""
+        if len(self._incoming) == self._wanted:  # a message of no bytes
+            raise WireError("an empty message")
+        try:
+            found = os.read(self._answers, min(self._wanted - len(self._incoming), _PIPE))
+        except BlockingIOError:
+            return False
+        if not found:
+            raise EndedError
+        self._incoming += found
+        return True
+
+    def _wait(self, deadline: float) -> None:
+        """Wait for something to read or to write, at most until the deadline."""
+        if self._outgoing:
+            self._poll.register(self._orders, select.POLLOUT)
+        left = max(0.0, deadline - time.monotonic())
+        ready = dict(self._poll.poll(left * 1000))
+        if self._outgoing:
+            self._poll.unregister(self._orders)
+        if self._orders in ready:
+            self._write()
+        if self._log in ready:
+            self._read_log()
+
+    def _write(self) -> None:
+        while self._outgoing:
+            try:
+                count = os.write(self._orders, self._outgoing[0])
+            except BlockingIOError:
+                return
+            except BrokenPipeError:  # the end shows when its answer is read
+                self._outgoing.clear()
+                return
+            part = self._outgoing.popleft()
+            if count < len(part):
+                self._outgoing.appendleft(part[count:])
+
+    def _read_log(self) -> None:
+        with suppress(BlockingIOError):
+            for _ in range(16):  # what an agent prints must not keep the judge busy
+                found = os.read(self._log, 1 << 16)
+                self._printed += found[: _KEPT - len(self._printed)]
+                if not found:
+                    with suppress(KeyError):
+                        self._poll.unregister(self._log)
+                    return
+
+    def _kill(self) -> None:
+        """End the agent and all that it started, and wait for it."""
+        if self._pid is not None:
+            for _ in range(2):  # some may have started others meanwhile
+                end(descendants(self._pid)[1:], _ENDING)
+            with suppress(OSError):
+                self._end_agent(self._pid)
+        with suppress(OSError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+
+    def _end_agent(self, pid: int) -> None:
+        if self._handle is None:  # the process that was started is the agent
+            if self._process.poll() is None:
+                os.kill(pid, signal.SIGKILL)
+            return
+        signal.pidfd_send_signal(self._handle, signal.SIGKILL)
+        gone = select.poll()
+        gone.register(self._handle, select.POLLIN)
+        gone.poll(1000 * _ENDING)  # the first process of a namespace ends after all others
+
+
+def _widen(descriptor: int) -> None:
+    with suppress(ImportError, AttributeError, OSError):
+        import fcntl
+
+        fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, _PIPE)

@@ -1,0 +1,109 @@
+"""Runs a submission scene by scene, each in a process that knows nothing but what it is sent."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..env.environment import MTPEnv
+from ..parallel import ALONE, Workers, parallel_map
+from ..running.run import agent_task, derived_seed
+from ..submission.loader import load_submission
+from .exchange import Exchange
+from .limits import Limits, SceneRun
+from .process import AgentProcess
+from .surroundings import compile_kernels, hidden_folders, library_path, own_kernels
+
+KERNELS = 64 << 20  # bytes that compiled kernels may take
+
+Progress = Callable[[str], object]
+
+
+def run_isolated(
+    submission: str | Path,
+    env_id: str,
+    env_keywords: dict[str, Any],
+    scene: str,
+    seed: int = 0,
+    parameters: dict[str, Any] | None = None,
+    limits: Limits = Limits(),  # noqa: B008  (frozen)
+) -> SceneRun:
+    """One scene of an env in evaluation mode, answered by a submission in a process of its own.
+
+    ``env_keywords`` are keywords of MTPEnv; the env observes what the submission asks for unless they say otherwise.
+    ``parameters`` stand in place of those of its manifest. The rollout of an agent that keeps the rules is that of
+    `runner.run_scene`, but for the times, which are measured outside the agent. A frame without an answer has no rows:
+    everything in it is missed.
+
+    Never raises for what an agent does; raises MtpBenchError for a folder that is no submission, an unknown scene or
+    data that is not there.
+    """
+    loaded = load_submission(submission)
+    keywords = {"observe": loaded.compare.observe, **env_keywords, "evaluation": True}
+    env = MTPEnv(env_id, **keywords)
+    observation, _ = env.reset(seed=derived_seed(seed, scene, "env"), options={"scene": scene})
+    hidden = hidden_folders(loaded, keywords.get("data"))
+    with AgentProcess(limits) as process:
+        setup = {
+            "submission": str(loaded.path),
+            "parameters": loaded.parameters if parameters is None else parameters,
+            "own": {process.work: limits.disk, process.kernels: KERNELS},
+            "hidden": hidden,
+            "kernels": own_kernels(),
+            "path": library_path(),
+            "memory": limits.memory,
+            "disk": limits.disk,
+        }
+        exchange = Exchange(process, limits, env.action_space, seal_start(env.card.digest, scene, seed))
+        exchange.open(setup, asdict(agent_task(env, seed)))
+        rollout = _play(env, observation, exchange)
+        return exchange.result(rollout)
+
+
+def run_isolated_scenes(
+    submission: str | Path,
+    env_id: str,
+    env_keywords: dict[str, Any],
+    seed: int = 0,
+    parameters: dict[str, Any] | None = None,
+    limits: Limits = Limits(),  # noqa: B008  (frozen)
+    *,
+    scenes: Sequence[str],
+    workers: Workers = ALONE,
+    progress: Progress | None = None,
+) -> list[SceneRun]:
+    """`run_isolated` of every scene, in the order of ``scenes``.
+
+    Every scene has an agent of its own, so what one of them does ends at most its scene. ``progress`` is called with
+    the name of every scene that is done, in the order of completion.
+    """
+    compile_kernels()
+    calls = [(submission, env_id, env_keywords, scene, seed, parameters, limits) for scene in scenes]
+
+    def done(place: int) -> None:
+        if progress is not None:
+            progress(scenes[place])
+
+    return parallel_map(run_isolated, calls, workers, done)
+
+
+def seal_start(card_digest: str, scene: str, seed: int) -> bytes:
+    """The beginning of the hash chain of one scene."""
+    return hashlib.sha256(json.dumps(["mtp-bench seal 1", card_digest, scene, seed]).encode()).digest()
+
+
+def _play(env: MTPEnv, observation: dict[str, NDArray[Any]], exchange: Exchange) -> Any:
+    seconds: list[float] = []
+    truncated = False
+    while not truncated:
+        action, spent = exchange.ask(observation)
+        seconds.append(spent)
+        observation, _, _, truncated, _ = env.step(action)
+    return replace(env.rollout(), seconds=np.array(seconds))

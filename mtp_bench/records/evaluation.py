@@ -1,0 +1,144 @@
+"""Numbers of a record from rollouts: the same when it is made and when it is verified."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..cards import Card
+from ..parallel import Workers, parallel_map
+from ..running.reference import frozen_reference
+from ..scoring import AgentScores, ReferenceSubsets, SceneScore, masks, score_scene, stated_hypotheses, summarise
+from ..sources import open_source
+from ..types import Rollout
+from .provenance import data_manifest, scene_digest
+from .record import ReferencePart, RowPart, ScenePart, Status
+
+Progress = Callable[[str], object]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The part of a record that follows from rollouts, card, data and scorer."""
+
+    rows: list[RowPart]
+    details: dict[str, Any]
+    per_scene: list[ScenePart]
+    reference: ReferencePart
+    data_manifest: str
+    truth_complete: bool
+    hypotheses: int
+
+
+def evaluate(
+    agent: str,
+    card: Card,
+    data: str | None,
+    runs: Mapping[int, Sequence[Rollout]],
+    hypotheses: int | None = None,
+    ideal: bool = False,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> Evaluation:
+    """Score the rollouts of each seed (``runs``: seed -> the same scenes in the same order) of one agent.
+
+    ``hypotheses`` as declared; None: what the agent states. ``ideal``: it saw the truth. Raises RolloutError where the
+    rollouts do not fit the scenes, DataError where data is missing.
+    """
+    reference = frozen_reference(card)
+    subsets = reference.subsets if reference else None
+    scored = _score(card, data, list(zip(*runs.values(), strict=True)), workers, progress)
+    seeds = tuple(zip(*(scores for _, scores in scored), strict=True))
+    samples = next(iter(runs.values()))[0].forecast.shape[1]
+    given = AgentScores(
+        agent=agent,
+        hypotheses=hypotheses or stated_hypotheses(seeds),
+        samples=samples,
+        budget="equal" if samples == card.task.samples else "free",
+        seeds=seeds,
+        ideal=ideal,
+    )
+    report = summarise([given], card, subsets)
+    per_scene = [_scene_part(scores, subsets) for _, scores in scored]
+    return Evaluation(
+        rows=[RowPart.model_validate(row) for row in report.rows],
+        details=report.details[0],
+        per_scene=per_scene,
+        reference=_reference_part(card, reference.origin if reference else None, subsets),
+        data_manifest=data_manifest(digest for digest, _ in scored),
+        truth_complete=all(score.truth_complete for run in seeds for score in run),
+        hypotheses=given.hypotheses,
+    )
+
+
+def status_of(
+    scenes: int,
+    scenes_of_split: int,
+    crashed: int,
+    runs: int,
+    reasons: Mapping[str, str] | None = None,
+    split: str | None = None,
+) -> tuple[Status, str]:
+    """Status of a record and why: ``crashed`` of ``runs`` (scenes x seeds) were cut short, for ``reasons``.
+
+    An agent that broke the rules of the gateway in any run is rejected. ``split``: another one than the env's was run.
+    """
+    reasons = reasons or {}
+    for key, reason in reasons.items():
+        if reason.startswith("rejected: "):
+            return "rejected", f"{key}: {reason.removeprefix('rejected: ')}"
+    if runs and crashed == runs:
+        first = next(iter(reasons.values()), "")
+        return "crashed", f"no scene was finished: {first}" if first else "no scene was finished"
+    where = "" if split is None else f" of split {split!r}, not the env's"
+    if scenes < scenes_of_split or split is not None:
+        return "partial", f"{scenes} of {scenes_of_split} scenes{where}"
+    return "finished", ""
+
+
+def _score(
+    card: Card, data: str | None, scenes: Sequence[Sequence[Rollout]], workers: int, progress: Progress | None
+) -> list[tuple[str, tuple[SceneScore, ...]]]:
+    """Digest and scores, one per seed, of each scene; ``scenes`` holds the rollouts of all seeds of each."""
+
+    def done(place: int) -> None:
+        if progress is not None:
+            progress(scenes[place][0].scene)
+
+    return parallel_map(_score_scene, [(card, data, rollouts) for rollouts in scenes], Workers(workers), done)
+
+
+def _score_scene(card: Card, data: str | None, rollouts: Sequence[Rollout]) -> tuple[str, tuple[SceneScore, ...]]:
+    scene = open_source(card, data).load(rollouts[0].scene)
+    return scene_digest(scene), tuple(score_scene(scene, rollout, card) for rollout in rollouts)
+
+
+def _scene_part(scores: Sequence[SceneScore], reference: ReferenceSubsets | None) -> ScenePart:
+    """Errors of a scene, one score per seed; "all" holds the spurious forecasts, as in the report."""
+    first = scores[0]
+    mask = masks(reference, first) if reference else {"all": np.ones(len(first), dtype=bool)}
+    errors = {
+        name: [float(s.capped[rows].sum()) + (s.spurious_error if name == "all" else 0.0) for s in scores]
+        for name, rows in mask.items()
+    }
+    count = len(first)
+    seeds = [error / count if count else None for error in errors["all"]]
+    return ScenePart(
+        scene=first.scene,
+        targets=count,
+        missing_aware=sum(errors["all"]) / len(scores) / count if count else None,
+        seeds=seeds,
+        counts={name: int(rows.sum()) for name, rows in mask.items()},
+        errors=errors,
+    )
+
+
+def _reference_part(card: Card, origin: str | None, subsets: ReferenceSubsets | None) -> ReferencePart:
+    if subsets is None or origin is None:
+        return ReferencePart(
+            name=card.reference, hash="", origin="no frozen subsets for this env and split: only 'all' has targets"
+        )
+    return ReferencePart(name=subsets.reference, hash=subsets.hash, origin=origin)

@@ -1,0 +1,105 @@
+"""What a number rests on: the source of the judge, the content of the data, the machine."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..types import Detections, Scene, Truth
+from .record import HardwarePart
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+_JUDGE = (  # what decides on a number once the agent has answered; relative to the package
+    "_answer.py",
+    "_card_sections.py",
+    "_observation.py",
+    "_spaces.py",
+    "cards.py",
+    "env.py",
+    "geometry.py",
+    "rollouts.py",
+    "runner.py",
+    "shapes.py",
+    "types.py",
+    "submission/records/evaluation.py",
+)
+DECIMALS = 6  # of what is hashed: machines differ in the last bits of simulated scenes
+
+
+def scorer_digest() -> str:
+    """Hex sha256 over names and contents of the files of the judge, whatever their line ends."""
+    files = [*sorted((_PACKAGE / "scoring").glob("*.py")), *(_PACKAGE / name for name in _JUDGE)]
+    total = hashlib.sha256()
+    for path in files:
+        content = hashlib.sha256(path.read_bytes().replace(b"\r\n", b"\n")).hexdigest()
+        total.update(f"{path.relative_to(_PACKAGE).as_posix()}\0{content}\n".encode())
+    return total.hexdigest()
+
+
+def scene_digest(scene: Scene) -> str:
+    """Hex sha256 over name, times, ego poses, truth and detections of a scene; lengths to DECIMALS decimals."""
+    sha = hashlib.sha256(f"{scene.name}|{scene.frames}|{scene.truth_complete}|{scene.listed_targets}".encode())
+    for name, array in {
+        "time": scene.time,
+        "ego": scene.ego,
+        **_arrays(scene.truth),
+        **_arrays(scene.detections),
+    }.items():
+        sha.update(f"|{name}{list(array.shape)}".encode())
+        sha.update(_bytes(array))
+    return sha.hexdigest()
+
+
+def data_manifest(digests: Iterable[str]) -> str:
+    """Hex sha256 over the digests of the scenes, in their order."""
+    return hashlib.sha256("\n".join(digests).encode()).hexdigest()
+
+
+def _arrays(part: Truth | Detections) -> dict[str, NDArray[np.generic]]:
+    return {f"{type(part).__name__}.{name}": value for name, value in vars(part).items()}
+
+
+def _bytes(array: NDArray[np.generic]) -> bytes:
+    if array.dtype.kind != "f":
+        return np.ascontiguousarray(array, dtype="<i8").tobytes()
+    rounded = np.round(array.astype("<f8"), DECIMALS) + 0.0  # -0.0 becomes 0.0
+    rounded[np.isnan(rounded)] = np.nan  # one kind of NaN
+    return np.ascontiguousarray(rounded).tobytes()
+
+
+def hardware() -> HardwarePart:
+    """This machine, without names that tell whose it is."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 0
+    return HardwarePart(cpu=_cpu(), cores=cores, memory_gib=round(_memory() / 2**30, 1), gpu=_gpu())
+
+
+def _cpu() -> str:
+    return _field(Path("/proc/cpuinfo"), "model name") or platform.processor() or platform.machine()
+
+
+def _memory() -> float:
+    try:
+        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, OSError, ValueError):
+        return 0.0
+
+
+def _gpu() -> str | None:
+    """The models that NVIDIA's driver names; None where there is none."""
+    models = [_field(path, "Model") for path in sorted(Path("/proc/driver/nvidia/gpus").glob("*/information"))]
+    return ", ".join(model for model in models if model) or None
+
+
+def _field(path: Path, name: str) -> str:
+    """Value of the first line ``name : value`` of a file of /proc; empty where there is none."""
+    try:
+        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return ""
+    return next((line.split(":", 1)[1].strip() for line in lines if line.split(":")[0].strip() == name), "")

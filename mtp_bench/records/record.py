@@ -1,0 +1,170 @@
+"""The schema of a record."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from ..strict import Section
+
+Status = Literal["finished", "partial", "crashed", "rejected"]
+Level = Literal["scored", "re-scored", "re-run", "hidden seeds"]
+LEVELS: tuple[Level, ...] = ("scored", "re-scored", "re-run", "hidden seeds")  # from the weakest on
+_FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]  # it becomes part of a path
+_Count = Annotated[int, Field(ge=0)]
+_Interval = Annotated[list[float], Field(min_length=2, max_length=2)]
+_Hex = Annotated[str, Field(pattern=r"^[0-9a-f]*$")]
+
+
+class SubmissionPart(Section):
+    """What was run."""
+
+    name: _FileName
+    authors: list[str]
+    description: str
+    digest: _Hex  # over all files of the folder
+    parameters: dict[str, Any]
+
+
+class EnvPart(Section):
+    """What it was run on."""
+
+    id: _FileName
+    card_digest: _Hex
+    split: str
+    data_manifest: _Hex  # over all that the scorer read
+    scenes: _Count
+    scenes_of_split: _Count
+    observe: Literal["detections", "truth"]
+    truth_complete: bool  # False: false forecasts cost nothing
+    keywords: dict[str, Any]  # settings of the env beyond the card
+
+
+class ScorerPart(Section):
+    """What scored it."""
+
+    definitions: str
+    source_digest: _Hex
+
+
+class ReferencePart(Section):
+    """The frozen subsets."""
+
+    name: str
+    hash: _Hex  # empty: there are none
+    origin: str
+
+
+class HardwarePart(Section):
+    """Where it was run."""
+
+    cpu: str
+    cores: _Count
+    memory_gib: float
+    gpu: str | None
+
+
+class LatencyPart(Section):
+    """Time per answer; the first of each scene, in which code is loaded and compiled, is left out."""
+
+    p50_ms: float | None
+    p95_ms: float | None
+    max_ms: float | None
+    limit_ms: float  # later answers are misses
+
+
+class MissedPart(Section):
+    """Frames, over all scenes and seeds, that are missing for another reason than silence; and scenes cut short."""
+
+    late: _Count
+    malformed: _Count
+    crashed_scenes: _Count  # of scenes x seeds
+    reasons: dict[str, str]  # "scene|seed" -> why it was cut short
+
+
+class IsolationPart(Section):
+    """What the agent was kept from in all its runs; not every system allows it."""
+
+    network_cut: bool
+    files_hidden: bool  # it saw no data and wrote nowhere but into its own folder
+
+
+class RowPart(Section):
+    """Numbers of one subset: the row of `compare --json`."""
+
+    agent: str
+    hypotheses: _Count
+    samples: _Count
+    budget: Literal["equal", "free"]
+    subset: Literal["all", "ids", "lost", "reacquired", "frag"]
+    minADE: float | None  # noqa: N815  (m; a fixed name of the files)
+    minFDE: float | None  # noqa: N815
+    missing_aware: float | None
+    energy_score: float | None
+    coverage: float | None
+    gap_closed: float | None
+    targets: _Count
+    events: _Count | None
+    objects: _Count
+    scenes: _Count
+    interval: _Interval | None  # of missing_aware
+    ms_per_frame: float | None
+
+
+class ScenePart(Section):
+    """Errors of one scene: enough to pair two records without their rollouts."""
+
+    scene: str
+    targets: _Count
+    missing_aware: float | None  # m, mean over targets and seeds; null without a target
+    seeds: list[float | None]  # m, the same per seed
+    counts: dict[str, int]  # targets per subset
+    errors: dict[str, list[float]]  # m, missing-aware error summed over the targets of a subset, per seed
+
+
+class HiddenPart(Section):
+    """Error on scenes of secret seeds, over all of them: the name of a scene tells its seed."""
+
+    commitment: _Hex  # sha256 of the secret
+    scenes: _Count
+    targets: _Count
+    missing_aware: float | None
+    interval: _Interval | None
+
+
+class Record(Section):
+    """One submission on one env."""
+
+    format: Literal[1] = 1
+    submission: SubmissionPart
+    division: Literal["closed", "open"]
+    training_data: list[str]  # as declared
+    env: EnvPart
+    scorer: ScorerPart
+    reference: ReferencePart
+    seeds: list[int]
+    status: Status
+    status_reason: str
+    verification: Level = "scored"
+    hidden: HiddenPart | None = None
+    versions: dict[str, str]
+    hardware: HardwarePart
+    latency: LatencyPart
+    peak_memory_mib: float
+    missed: MissedPart
+    isolation: IsolationPart
+    hypotheses: _Count
+    samples: _Count
+    rows: list[RowPart]  # one per subset
+    details: dict[str, Any]
+    per_scene: list[ScenePart]
+    seals: dict[str, str]  # "scene|seed" -> hash chain over the answers as they came
+    rollout_digests: dict[str, str]  # "scene|seed"
+    made: str  # ISO date, UTC
+    digest: _Hex = ""
+
+    @property
+    def row(self) -> RowPart:
+        """The row of the subset "all"."""
+        return next(row for row in self.rows if row.subset == "all")

@@ -1,0 +1,193 @@
+"""Hidden seeds: scenes that nobody could have seen, promised beforehand by a commitment.
+
+A maintainer draws a secret range of seeds, publishes the sha256 of it with a salt, and keeps the file. Submissions are
+later run on those scenes; when the file is published, anyone can check that it is the one that was promised. Only the
+error over all hidden scenes is published, for the name of a scene tells its seed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import secrets
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from ..cards import Card, HighwaySource, load_card
+from ..errors import MtpBenchError, RecordError
+from ..files import require_file, write_text
+from ..gateway import Limits
+from ..sources import discard, open_source
+from ..strict import Section, validate
+from .evaluation import Progress, evaluate
+from .record import HiddenPart, Record
+from .running import Plan, run_seed
+
+FIRST, LAST = 1_000_000, 2**31  # seeds are drawn from here; those of the cards are far below
+MOST_SCENES = 1000
+
+
+class SecretSeeds(Section):
+    """The content of the secret file."""
+
+    format: Literal[1] = 1
+    env: str
+    card_digest: str
+    first: Annotated[int, Field(ge=FIRST, lt=LAST)]
+    count: Annotated[int, Field(ge=1, le=MOST_SCENES)]
+    salt: Annotated[str, Field(min_length=64)]  # so that nobody finds the seeds by trying all of them
+
+
+class Commitment(Section):
+    """The content of the public file."""
+
+    format: Literal[1] = 1
+    env: str
+    card_digest: str
+    count: int
+    commitment: str  # sha256 of the secret
+
+
+@dataclass(frozen=True)
+class Sealed:
+    """Secret seeds whose commitment was checked."""
+
+    seeds: SecretSeeds
+    commitment: str
+
+    def card(self, card: Card) -> Card:
+        """``card`` with the hidden scenes as its test split."""
+        source = _simulated(card)
+        first = self.seeds.first
+        ranges = source.seeds.model_copy(update={"test": (first, first + self.seeds.count)})
+        hidden = source.model_copy(update={"split": "test", "seeds": ranges})
+        return card.model_copy(update={"source": hidden})
+
+
+def seal(env_id: str, count: int, path: str | Path) -> Commitment:
+    """Draw ``count`` secret scenes of a simulated env; the secret goes to ``path``, its commitment beside it.
+
+    Raises MtpBenchError where the env is not simulated, the file is there already or cannot be written.
+    """
+    path = Path(path)
+    public = commitment_path(path)
+    card = load_card(env_id)
+    _simulated(card)
+    if not 1 <= count <= MOST_SCENES:
+        raise MtpBenchError(f"count is {count}, expected 1 to {MOST_SCENES}")
+    for file in (path, public):
+        require_file(file)
+        if file.exists():
+            raise MtpBenchError(f"{file} is there already: a seal is never replaced, name another file")
+    first = FIRST + secrets.randbelow(LAST - FIRST - count)
+    seeds = SecretSeeds(env=card.id, card_digest=card.digest, first=first, count=count, salt=secrets.token_hex(32))
+    promise = Commitment(env=card.id, card_digest=card.digest, count=count, commitment=commitment_of(seeds))
+    path.touch(mode=0o600)  # the secret is never readable by others, not even while it is written
+    path.write_text(_canonical(seeds) + "\n", encoding="utf-8")
+    write_text(public, json.dumps(promise.model_dump(), indent=1) + "\n")
+    return promise
+
+
+def open_seal(path: str | Path, commitment: str | Path | None = None) -> Sealed:
+    """The secret seeds at ``path``, checked against their commitment: the file ``commitment``, None: the one beside.
+
+    Raises RecordError where a file is missing or wrong, or the secret is not the one that was promised.
+    """
+    path = Path(path)
+    public = commitment_path(path) if commitment is None else Path(commitment)
+    seeds = validate(SecretSeeds, _read(path), str(path), RecordError)
+    promise = validate(Commitment, _read(public), str(public), RecordError)
+    found = commitment_of(seeds)
+    if (promise.commitment, promise.env, promise.count) != (found, seeds.env, seeds.count):
+        raise RecordError(f"{path}: has the sha256 {found[:12]}, {public} promises {promise.commitment[:12]}")
+    return Sealed(seeds, found)
+
+
+def commitment_path(path: Path) -> Path:
+    """Where the commitment of the secret at ``path`` goes."""
+    return path.with_name(f"{path.stem}.commitment.json")
+
+
+def commitment_of(seeds: SecretSeeds) -> str:
+    """Hex sha256 over the canonical JSON of the secret, salt included."""
+    return hashlib.sha256(_canonical(seeds).encode()).hexdigest()
+
+
+def run_hidden(
+    plan: Plan, record: Record, sealed: Sealed, workers: int, progress: Progress | None = None
+) -> HiddenPart:
+    """Error of the submission of ``plan`` on the hidden scenes, under the seeds of ``record``.
+
+    The scenes are made anew and not kept: what lies in the cache can be read by agents outside the gateway. Raises
+    RecordError where the seal is of another card, or the system cannot hide files and network from an agent.
+    """
+    card = plan.card
+    if (sealed.seeds.env, sealed.seeds.card_digest) != (card.id, card.digest):
+        raise RecordError(
+            f"the seal is of {sealed.seeds.env} with card digest {sealed.seeds.card_digest}, the record of {card.id} "
+            f"with {card.digest}"
+        )
+    hidden = sealed.card(card)
+    try:
+        return _run(plan, record, hidden, sealed.commitment, workers, progress)
+    finally:
+        discard(hidden)
+
+
+def _run(
+    plan: Plan, record: Record, hidden: Card, commitment: str, workers: int, progress: Progress | None
+) -> HiddenPart:
+    names = tuple(open_source(hidden).names)
+    there = Plan(plan.submission, hidden, hidden, None, names, len(names), plan.keywords)
+    runs = {seed: run_seed(there, seed, workers, progress, Limits()) for seed in record.seeds}
+    if not all(run.network_cut and run.files_hidden for results in runs.values() for run in results):
+        raise RecordError(
+            "this system cannot hide files and network from an agent, so its hidden scenes would not stay hidden: "
+            "run it on Linux with user namespaces"
+        )
+    rollouts = {seed: [run.rollout for run in results] for seed, results in runs.items()}
+    row = evaluate(plan.submission.name, hidden, None, rollouts, plan.hypotheses, plan.ideal, workers).rows[0]
+    return HiddenPart(
+        commitment=commitment,
+        scenes=len(names),
+        targets=row.targets,
+        missing_aware=row.missing_aware,
+        interval=row.interval,
+    )
+
+
+def worse_when_hidden(record: Record, hidden: HiddenPart) -> bool:
+    """Whether the error on hidden scenes is larger than on the known ones: its interval lies wholly above theirs.
+
+    The scenes are others, so the intervals are not paired; two of 95 % that do not touch are a difference that an agent
+    without knowledge of the known scenes shows about once in 200 times.
+    """
+    known = record.row.interval
+    return known is not None and hidden.interval is not None and hidden.interval[0] > known[1]
+
+
+def _simulated(card: Card) -> HighwaySource:
+    if not isinstance(card.source, HighwaySource):
+        raise MtpBenchError(f"{card.id} is recorded, expected a simulated env: only those have scenes for any seed")
+    return card.source
+
+
+def _canonical(seeds: SecretSeeds) -> str:
+    return json.dumps(seeds.model_dump(), sort_keys=True, separators=(",", ":"))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise RecordError(f"{path}: no such file; `mtp-bench seal` makes a secret and its commitment") from None
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except ValueError as error:
+        raise RecordError(f"{path}: not valid JSON: {error}") from None
+    if not isinstance(content, dict):
+        raise RecordError(f"{path}: holds {type(content).__name__}, expected a table")
+    return content

@@ -1,0 +1,127 @@
+"""Records on disk: canonical JSON with a digest."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from ..errors import MtpBenchError, RecordError
+from ..files import require_folder, write_text
+from ..scoring.subsets import SUBSETS
+from ..strict import validate
+from .record import Record
+
+UNSIGNED = ("digest", "verification", "hidden")  # not part of the digest: what others write who check the record
+ROLLOUTS = ".rollouts"  # suffix of the folder beside a record
+
+
+def sealed(record: Record) -> Record:
+    """``record`` with the digest of its content."""
+    return record.model_copy(update={"digest": content_digest(_plain(record))})
+
+
+def content_digest(content: dict[str, Any]) -> str:
+    """Hex sha256 over the canonical JSON of a record: sorted keys, no spaces, UTF-8, without UNSIGNED."""
+    kept = {name: value for name, value in content.items() if name not in UNSIGNED}
+    text = json.dumps(kept, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def save_record(record: Record, path: str | Path) -> Record:
+    """Write ``record`` with its digest and return it so; folders are made. The file appears complete or not at all.
+
+    Raises MtpBenchError where it cannot be written, RecordError where its content is no JSON.
+    """
+    path = Path(path)
+    try:
+        record = sealed(record)
+        text = json.dumps(_plain(record), indent=1, ensure_ascii=False, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise RecordError(f"{path}: the record cannot be stored as JSON: {error}") from None
+    require_folder(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise MtpBenchError(f"cannot write {path}: {error.strerror or error}") from None
+    write_text(path, text + "\n")
+    return record
+
+
+def load_record(path: str | Path) -> Record:
+    """The record at ``path``.
+
+    Raises RecordError, naming the file, where it is missing, of another format or schema, or does not fit its digest.
+    """
+    path = Path(path)
+    content = _read(path)
+    if content.get("format") != 1:
+        raise RecordError(
+            f"{path}: format {content.get('format')!r}, expected 1: made by another version of mtp-bench?"
+        )
+    record = validate(Record, content, str(path), RecordError)
+    _require_complete(path, record)
+    found = content_digest(content)
+    if found != record.digest:
+        raise RecordError(
+            f"{path}: its content has the digest {found[:12]}, the file says {record.digest[:12] or 'none'}: it was "
+            "changed after it was made; make it again with `mtp-bench submit`"
+        )
+    return record
+
+
+def record_paths(folder: str | Path) -> list[Path]:
+    """Files of the records in ``folder`` and the folders below it, sorted; stored rollouts do not count."""
+    folder = Path(folder)
+    found = sorted(folder.rglob("*.json"))
+    return [path for path in found if not any(part.endswith(ROLLOUTS) for part in path.relative_to(folder).parts)]
+
+
+def rollouts_folder(path: Path, seed: int) -> Path:
+    """Where the stored rollouts of one seed of the record at ``path`` are."""
+    return path.with_suffix(ROLLOUTS) / f"seed-{seed}"
+
+
+def key_of(scene: str, seed: int) -> str:
+    """Key of ``seals`` and ``rollout_digests``."""
+    return f"{scene}|{seed}"
+
+
+def _require_complete(path: Path, record: Record) -> None:
+    subsets = [row.subset for row in record.rows]
+    if subsets != list(SUBSETS):
+        raise RecordError(f"{path}: rows are of {', '.join(subsets) or 'no subset'}, expected {', '.join(SUBSETS)}")
+    names = [scene.scene for scene in record.per_scene]
+    if len(set(names)) != len(names) or len(names) != record.env.scenes:
+        raise RecordError(f"{path}: per_scene has {len(names)} scenes, expected {record.env.scenes}, each once")
+    if not record.seeds or len(set(record.seeds)) != len(record.seeds) or min(record.seeds) < 0:
+        raise RecordError(f"{path}: seeds are {record.seeds}, expected whole numbers from 0 on, each once")
+    for scene in record.per_scene:
+        wrong = [name for name, sums in scene.errors.items() if len(sums) != len(record.seeds)]
+        if wrong or scene.errors.keys() != scene.counts.keys() or len(scene.seeds) != len(record.seeds):
+            raise RecordError(f"{path}: per_scene of {scene.scene!r} lacks errors, expected one per subset and seed")
+
+
+def _plain(record: Record) -> dict[str, Any]:
+    """The record as it is read back: lists and numbers of JSON alone."""
+    content: dict[str, Any] = record.model_dump(mode="json")
+    return content
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
+    except FileNotFoundError:
+        raise RecordError(f"{path}: no such record; `mtp-bench submit` makes one") from None
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except (ValueError, RecursionError) as error:
+        raise RecordError(f"{path}: not valid JSON: {error}") from None
+    if not isinstance(content, dict):
+        raise RecordError(f"{path}: holds {type(content).__name__}, expected a table")
+    return content
+
+
+def _refuse(text: str) -> None:
+    raise ValueError(f"{text} is no number of JSON")

@@ -1,0 +1,273 @@
+"""Check a record: schema, digest, what it rests on; score its stored rollouts again, or run the submission again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ..cards import Card, changed_card, load_card
+from ..env.rollouts import load_run
+from ..errors import RecordError
+from ..gateway import Limits, SceneRun
+from ..scoring import DEFINITIONS
+from ..sources import open_source
+from ..submission.loader import load_submission
+from ..types import Rollout
+from .differences import Difference, unequal
+from .evaluation import Evaluation, Progress, evaluate, status_of
+from .motion import error_when_moved, worse_when_moved
+from .provenance import scorer_digest
+from .record import LEVELS, HiddenPart, LatencyPart, Level, MissedPart, Record, ScorerPart
+from .running import Plan, latency, missed, plan_run, rollout_digests, run_seed
+from .sealing import Sealed, run_hidden, worse_when_hidden
+from .storage import load_record, rollouts_folder, save_record
+
+_CHECKED = ("env", "status", "hypotheses", "latency", "reference", "rows", "details", "per_scene")
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What checking one record showed."""
+
+    path: Path
+    record: Record
+    level: Level  # reached by this check
+    differences: tuple[Difference, ...]  # none: the record holds
+    notes: tuple[str, ...]  # what changed since and made no difference, in sentences
+    updated: Record | None  # with the numbers of today's scorer, where it changed and the rollouts are the record's
+    hidden: HiddenPart | None = None  # what it scored on hidden scenes
+
+    @property
+    def holds(self) -> bool:
+        """Whether nothing differs."""
+        return not self.differences
+
+
+def verify(
+    path: str | Path,
+    data: str | None = None,
+    env_id: str | None = None,
+    submission: str | Path | None = None,
+    rerun: bool = False,
+    workers: int = 1,
+    started: Callable[[int], object] | None = None,
+    progress: Progress | None = None,
+    sealed: Sealed | None = None,
+) -> Verification:
+    """Check the record at ``path`` by its stored rollouts: scored again they must give its numbers ("re-scored").
+
+    ``rerun``: by running the submission again instead, whose rollouts must be the same, and once more under a secret
+    seed, where it must score alike ("re-run"); ``submission`` is its folder, None the baseline of that name.
+    ``sealed``: so too, and then on hidden scenes, where its error must not be larger ("hidden seeds"). ``env_id`` names
+    the card of an env that does not ship. Raises RecordError where the record is missing, was changed or has no stored
+    rollouts, DataError where data is missing.
+    """
+    path = Path(path)
+    record = load_record(path)
+    card = changed_card(load_card(env_id or record.env.id), _split(path, record))
+    stale = _card_differences(record, card)
+    if stale:
+        return Verification(path, record, "scored", stale, (), None)
+    plan = _plan(path, record, env_id, submission, data) if rerun or sealed is not None else None
+    if started is not None:
+        started(_work(record, plan, sealed))
+    again = None if plan is None else _run_again(plan, record, workers, progress)
+    runs = _stored(path, record) if again is None else _rollouts(again)
+    changed = tuple(unequal("rollout_digests", record.rollout_digests, rollout_digests(runs)))
+    if again is not None:
+        changed += tuple(unequal("missed", _lost(record.missed), _lost(missed(again))))
+    if changed:
+        return Verification(path, record, "scored", changed, (), None)
+    found = _evaluate(record, card, data, runs, workers, progress)
+    scored = _with(record, found, len(open_source(card, data).names), timed=plan is None)
+    if plan is None:
+        scored = scored.model_copy(update={"latency": _latency(record, runs)})
+    differences = tuple(unequal("", _checked(record), _checked(scored)))
+    level: Level = "scored" if differences else "re-scored" if plan is None else "re-run"
+    same_task = not any(difference.what.startswith("env.") for difference in differences)
+    updated = scored if scored.scorer != record.scorer and same_task else None
+    checked = Verification(path, record, level, differences, _notes(record), updated)
+    if plan is None or differences:
+        return checked
+    moved = worse_when_moved(record, error_when_moved(plan, workers, progress))
+    if moved is not None:
+        return replace(checked, level="scored", differences=(moved,), updated=None)
+    return checked if sealed is None else _on_hidden(checked, plan, sealed, workers, progress)
+
+
+def confirm(checked: Verification) -> Record:
+    """Write what a check showed into the record: its level, or the numbers of today's scorer where that changed.
+
+    Raises RecordError where the record differs for another reason than a changed scorer.
+    """
+    record = checked.updated or checked.record
+    if checked.differences and checked.updated is None:
+        raise RecordError(f"{checked.path}: differs, and not because the scorer changed: make the record again")
+    reached: Level = "re-scored" if checked.differences else checked.level  # by today's scorer, from its own rollouts
+    level = max(reached, record.verification, key=LEVELS.index)
+    hidden = checked.hidden or record.hidden
+    return save_record(record.model_copy(update={"verification": level, "hidden": hidden}), checked.path)
+
+
+def _on_hidden(
+    checked: Verification, plan: Plan, sealed: Sealed, workers: int, progress: Progress | None
+) -> Verification:
+    """The check with what the submission scores on hidden scenes."""
+    hidden = run_hidden(plan, checked.record, sealed, workers, progress)
+    if worse_when_hidden(checked.record, hidden):
+        row = checked.record.row
+        worse = Difference("missing_aware on hidden scenes", row.interval, hidden.interval)
+        return replace(checked, level="scored", differences=(worse,), updated=None)
+    return replace(checked, level="hidden seeds", hidden=hidden)
+
+
+def _work(record: Record, plan: Plan | None, sealed: Sealed | None) -> int:
+    """Runs and scenes to score, for a progress bar."""
+    runs = 0 if plan is None else len(record.seeds) + 1
+    hidden = 0 if sealed is None else sealed.seeds.count * len(record.seeds)
+    return len(record.per_scene) * (1 + runs) + hidden
+
+
+def _stored(path: Path, record: Record) -> dict[int, list[Rollout]]:
+    """The stored rollouts of each seed, in the order of ``per_scene``."""
+    runs = {}
+    for seed in record.seeds:
+        folder = rollouts_folder(path, seed)
+        if not folder.is_dir():
+            raise RecordError(
+                f"{path}: its rollouts of seed {seed} are not stored at {folder}; run the submission again with --rerun"
+            )
+        run = load_run(folder)
+        for what, said, expected in (
+            ("card", run.info.card_digest, record.env.card_digest),
+            ("submission", run.info.submission_digest, record.submission.digest),
+            ("seed", run.info.seed, seed),
+        ):
+            if said != expected:
+                raise RecordError(f"{folder}: made with {what} {said!r}, the record {path.name} says {expected!r}")
+        runs[seed] = _in_order(record, {rollout.scene: rollout for rollout in run.rollouts}, folder)
+    return runs
+
+
+def _in_order(record: Record, found: Mapping[str, Rollout], where: Path) -> list[Rollout]:
+    names = [scene.scene for scene in record.per_scene]
+    if set(names) != set(found) or len(names) != len(set(names)):
+        odd = sorted(set(names) ^ set(found))
+        raise RecordError(
+            f"{where}: its scenes are not those of the record: {', '.join(odd[:5]) or 'one occurs twice'}"
+        )
+    return [found[name] for name in names]
+
+
+def _plan(path: Path, record: Record, env_id: str | None, folder: str | Path | None, data: str | None) -> Plan:
+    """How the submission of a record is run again; RecordError where it is another one, or the scenes are others."""
+    submission = load_submission(folder or record.submission.name)
+    if submission.digest != record.submission.digest:
+        raise RecordError(
+            f"{path}: made by {record.submission.name!r} with digest {record.submission.digest[:12]}, the submission "
+            f"{submission.name!r} has {submission.digest[:12]}; name the right folder with --submission"
+        )
+    env_id = env_id or record.env.id
+    plan = plan_run(submission, env_id, data, len(record.per_scene), _split(path, record))
+    if list(plan.scenes) != [scene.scene for scene in record.per_scene]:
+        raise RecordError(f"{path}: its scenes are not the first {len(record.per_scene)} of {env_id}")
+    return plan
+
+
+def _split(path: Path, record: Record) -> str | None:
+    """The split that was run where it is another one than the env's."""
+    split = record.env.keywords.get("split")
+    if split is not None and not isinstance(split, str):
+        raise RecordError(f"{path}: split is {split!r}, expected a name")
+    return split
+
+
+def _run_again(plan: Plan, record: Record, workers: int, progress: Progress | None) -> dict[int, list[SceneRun]]:
+    """Runs of the submission under every seed of the record."""
+    return {seed: run_seed(plan, seed, workers, progress, Limits()) for seed in record.seeds}
+
+
+def _rollouts(runs: Mapping[int, Sequence[SceneRun]]) -> dict[int, list[Rollout]]:
+    return {seed: [run.rollout for run in results] for seed, results in runs.items()}
+
+
+def _lost(part: MissedPart) -> dict[str, int]:
+    """What an agent loses on any machine; late answers are a matter of the machine."""
+    return {"malformed": part.malformed, "crashed_scenes": part.crashed_scenes}
+
+
+def _card_differences(record: Record, card: Card) -> tuple[Difference, ...]:
+    pairs = (
+        ("env.id", record.env.id, card.id),
+        ("env.card_digest", record.env.card_digest, card.digest),
+        ("env.split", record.env.split, card.source.split),
+    )
+    return tuple(Difference(*pair) for pair in pairs if pair[1] != pair[2])
+
+
+def _evaluate(
+    record: Record,
+    card: Card,
+    data: str | None,
+    runs: Mapping[int, Sequence[Rollout]],
+    workers: int,
+    progress: Progress | None,
+) -> Evaluation:
+    declared = record.submission.parameters.get("hypotheses")
+    hypotheses = declared if isinstance(declared, int) and not isinstance(declared, bool) else None
+    ideal = record.env.observe == "truth"
+    return evaluate(record.submission.name, card, data, runs, hypotheses, ideal, workers, progress)
+
+
+def _with(record: Record, found: Evaluation, scenes_of_split: int, timed: bool) -> Record:
+    """The record with what the evaluation found, under today's scorer; ``timed``: with the times of these rollouts."""
+    known = zip(found.rows, record.rows, strict=True)
+    rows = (
+        found.rows
+        if timed
+        else [row.model_copy(update={"ms_per_frame": recorded.ms_per_frame}) for row, recorded in known]
+    )
+    scenes = len(found.per_scene)
+    status, reason = status_of(
+        scenes,
+        scenes_of_split,
+        record.missed.crashed_scenes,
+        scenes * len(record.seeds),
+        record.missed.reasons,
+        record.env.keywords.get("split"),
+    )
+    env = {"scenes": scenes, "scenes_of_split": scenes_of_split, "data_manifest": found.data_manifest}
+    return record.model_copy(
+        update={
+            "env": record.env.model_copy(update={**env, "truth_complete": found.truth_complete}),
+            "scorer": ScorerPart(definitions=DEFINITIONS, source_digest=scorer_digest()),
+            "reference": found.reference,
+            "status": status,
+            "status_reason": reason,
+            "hypotheses": found.hypotheses,
+            "rows": rows,
+            "details": found.details,
+            "per_scene": found.per_scene,
+        }
+    )
+
+
+def _latency(record: Record, runs: Mapping[int, Sequence[Rollout]]) -> LatencyPart:
+    return latency([rollout for rollouts in runs.values() for rollout in rollouts], record.latency.limit_ms)
+
+
+def _checked(record: Record) -> dict[str, Any]:
+    """The part of a record that follows from rollouts, card and data."""
+    content: dict[str, Any] = record.model_dump(mode="json", include=set(_CHECKED))
+    return content
+
+
+def _notes(record: Record) -> tuple[str, ...]:
+    notes = []
+    if record.scorer.definitions != DEFINITIONS:
+        notes.append(f"scored by definitions {record.scorer.definitions}, today's are {DEFINITIONS}")
+    if record.scorer.source_digest != scorer_digest():
+        notes.append("the source of the scorer changed since; --write takes over the numbers of today's")
+    return tuple(notes)

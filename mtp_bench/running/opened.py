@@ -1,0 +1,100 @@
+"""A stored run, the card it was made for and the source of its scenes: where scores, lists and pictures start."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from .._bundle import card_ids
+from ..cards import Card, changed_card, load_card
+from ..env.observation import true_detections
+from ..env.rollouts import Run, RunInfo, load_run
+from ..errors import RolloutError, UnknownNameError
+from ..sources import SceneSource, open_source
+from ..types import Rollout, Scene
+
+CHANGES = ("split", "detector", "detection_file")  # of the card, as `changed_card` takes them
+
+
+@dataclass(frozen=True, eq=False)
+class OpenedRun:
+    """A stored run, checked, and where its scenes come from."""
+
+    folder: Path
+    run: Run
+    card: Card  # with the run's own split and detector
+    source: SceneSource
+
+    def rollouts(self, scene: str | None = None) -> Sequence[Rollout]:
+        """All rollouts, or that of one scene; raises UnknownNameError where the run has none of it."""
+        if scene is None:
+            return self.run.rollouts
+        chosen = [rollout for rollout in self.run.rollouts if rollout.scene == scene]
+        if not chosen:
+            raise UnknownNameError(f"scene of {self.folder}", scene, [rollout.scene for rollout in self.run.rollouts])
+        return chosen
+
+    def first(self, scene: str | None = None) -> Rollout:
+        """The rollout of ``scene``, or the first there is; raises RolloutError where there is none."""
+        rollouts = self.rollouts(scene)
+        if not rollouts:
+            raise RolloutError(f"{self.folder}: holds no scene; run the agent again")
+        return rollouts[0]
+
+    def scene(self, name: str) -> Scene:
+        """The scene of this name with the detections that the agent was shown: of a run on true pasts, true boxes.
+
+        Raises UnknownNameError where the source has none of this name.
+        """
+        if name not in self.source.names:
+            raise UnknownNameError(f"scene of {self.folder}", name, self.source.names)
+        scene = self.source.load(name)
+        return replace(scene, detections=true_detections(scene)[0]) if self.run.info.observe == "truth" else scene
+
+
+def open_run(folder: Path, data: str | None = None, env_id: str | None = None) -> OpenedRun:
+    """The run stored in ``folder``; ``env_id`` names the card of a run whose env does not ship with the library.
+
+    Raises RolloutError where the run was made for another version of the card, or says other things than its rollouts,
+    and DataError where its data is missing.
+    """
+    run = load_run(folder)
+    card = _card(folder, run, env_id)
+    _check(folder, run)
+    return OpenedRun(folder, run, card, open_source(card, data))
+
+
+def _card(folder: Path, run: Run, env_id: str | None) -> Card:
+    """The card that the run was made for, by its digest."""
+    info = run.info
+    if env_id is None and info.env_id not in card_ids():
+        raise RolloutError(f"{folder}: made for {info.env_id!r}, which does not ship here; name its card with --env")
+    card = changed_card(load_card(env_id or info.env_id), *(_text(folder, info, key) for key in CHANGES))
+    if card.digest != info.card_digest:
+        raise RolloutError(
+            f"{folder}: made for {info.env_id} with card digest {info.card_digest}, {card.id} now has {card.digest}; "
+            "run the agent again"
+        )
+    return card
+
+
+def _text(folder: Path, info: RunInfo, key: str) -> str | None:
+    value = info.keywords.get(key)
+    if value is not None and not isinstance(value, str):
+        raise RolloutError(f"{folder}: {key} is {value!r}, expected a name")
+    return value
+
+
+def _check(folder: Path, run: Run) -> None:
+    """Raise RolloutError where what the run says of itself is not what its rollouts hold."""
+    for rollout in run.rollouts:
+        if rollout.forecast.shape[1] != run.info.samples:
+            raise RolloutError(
+                f"{folder}: says {run.info.samples} samples per object, scene {rollout.scene!r} has "
+                f"{rollout.forecast.shape[1]}; run the agent again"
+            )
+    scene, count = Counter(rollout.scene for rollout in run.rollouts).most_common(1)[0] if run.rollouts else ("", 0)
+    if count > 1:
+        raise RolloutError(f"{folder}: names scene {scene!r} {count} times, expected once; run the agent again")

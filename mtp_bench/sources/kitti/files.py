@@ -1,0 +1,218 @@
+"""Text files of the KITTI tracking benchmark, read into arrays: labels, detections, calibration, GPS/IMU, sequence map.
+
+Boxes come out in the sensor frame of their own image: the rectified camera 0 with its axes renamed to x forward
+(camera z), y left (-camera x), z up (-camera y).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import DataError
+from ...geometry import wrap_angle
+from ...types import Bools, Floats, Ints
+
+SENSOR_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+
+
+@dataclass(frozen=True, eq=False)
+class Labels:
+    """Rows of ``label_02/%04d.txt`` in the order of the file, all types included."""
+
+    line: Ints  # [R] line in the file, from 1
+    frame: Ints  # [R]
+    object_id: Ints  # [R] -1 for DontCare
+    type: NDArray[np.str_]  # [R] Car, Van, Truck, Pedestrian, Person, Cyclist, Tram, Misc, DontCare
+    truncated: Floats  # [R] -1 for DontCare
+    occluded: Ints  # [R] 0 visible, 1 partly, 2 largely, 3 unknown; -1 for DontCare
+    alpha: Floats  # [R] rad
+    image_box: Floats  # [R, 4] left top right bottom, pixels
+    box: Floats  # [R, 7] sensor frame; NaN for DontCare
+
+
+@dataclass(frozen=True, eq=False)
+class StoredDetections:
+    """Rows of ``detections/<detector>/<class>/%04d.txt`` in the order of the file."""
+
+    line: Ints  # [R] line in the file, from 1
+    frame: Ints  # [R]
+    type_code: Ints  # [R] 1 Pedestrian, 2 Car, 3 Cyclist
+    image_box: Floats  # [R, 4] left top right bottom, pixels
+    score: Floats  # [R] raw logit
+    box: Floats  # [R, 7] sensor frame; may hold NaN or sizes that are not positive
+    alpha: Floats  # [R] rad
+
+
+@dataclass(frozen=True, eq=False)
+class Oxts:
+    """Rows of ``oxts/%04d.txt``, one per frame: the GPS/IMU unit."""
+
+    geodetic: Floats  # [F, 3] latitude and longitude in degrees, altitude in m
+    attitude: Floats  # [F, 3] roll, pitch, yaw in rad; yaw 0 is east, counter-clockwise
+    velocity: Floats  # [F, 3] m/s east, north, up
+
+
+def read_labels(path: Path) -> Labels:
+    """Labels of one sequence; an empty file gives no rows. DataError names the line that is wrong."""
+    line, value, kind = _read_table(path, columns=17, text_column=2)
+    boxed = kind != "DontCare"
+    _refuse(path, line, _not_finite(value), "a value that is not finite")
+    _refuse(path, line, boxed & (value[:, 10:13] <= 0).any(axis=1), "a box with a size that is not above 0")
+    frame, object_id = _whole(path, line, value[:, 0], "frame"), _whole(path, line, value[:, 1], "object id")
+    box = sensor_boxes(value[:, 10:13], value[:, 13:16], value[:, 16])
+    box[~boxed] = np.nan
+    return Labels(
+        line=line, frame=frame, object_id=object_id, type=kind, truncated=value[:, 3],
+        occluded=_whole(path, line, value[:, 4], "occlusion"), alpha=value[:, 5], image_box=value[:, 6:10], box=box,
+    )  # fmt: skip
+
+
+def read_detections(path: Path) -> StoredDetections:
+    """Detections of one sequence and class; an empty file gives no rows. DataError names the line that is wrong.
+
+    NaN and sizes that are not positive are kept: what to do with such rows is the caller's decision.
+    """
+    line, value, _ = _read_table(path, columns=15, delimiter=",")
+    return StoredDetections(
+        line=line, frame=_whole(path, line, value[:, 0], "frame"), type_code=_whole(path, line, value[:, 1], "type"),
+        image_box=value[:, 2:6], score=value[:, 6], box=sensor_boxes(value[:, 7:10], value[:, 10:13], value[:, 13]),
+        alpha=value[:, 14],
+    )  # fmt: skip
+
+
+def read_oxts(path: Path) -> Oxts:
+    """GPS/IMU rows of one sequence."""
+    line, value, _ = _read_table(path, columns=30)
+    _refuse(path, line, _not_finite(value[:, :11]), "a value that is not finite")
+    # The file gives the northern velocity before the eastern one.
+    return Oxts(geodetic=value[:, :3], attitude=value[:, 3:6], velocity=value[:, [7, 6, 10]])
+
+
+def read_imu_to_camera(path: Path) -> Floats:
+    """Transform ``[4, 4]`` from the GPS/IMU unit to the rectified camera 0: R_rect x Tr_velo_cam x Tr_imu_velo."""
+    rows = {words[0].rstrip(":"): words[1:] for words in (line.split() for line in _lines(path)[1]) if words}
+
+    def matrix(names: tuple[str, ...], columns: int) -> Floats:
+        words = next((rows[name] for name in names if name in rows), None)
+        if words is None:
+            raise DataError(f"{path}: no line {names[0]!r}; found {', '.join(rows) or 'nothing'}")
+        try:
+            value = np.array(words, dtype=np.float64).reshape(3, columns)
+        except ValueError:
+            raise DataError(f"{path}: line {names[0]!r} must hold {3 * columns} numbers, got {len(words)}") from None
+        whole = np.eye(4)
+        whole[:3, :columns] = value
+        return whole
+
+    rectify = matrix(("R_rect", "R0_rect"), 3)
+    return np.asarray(
+        rectify @ matrix(("Tr_velo_cam", "Tr_velo_to_cam"), 4) @ matrix(("Tr_imu_velo", "Tr_imu_to_velo"), 4)
+    )
+
+
+def read_odometry(path: Path) -> Floats:
+    """Poses ``[F, 3, 4]`` camera to world (world = camera axes of frame 0), one row of 12 numbers per frame."""
+    line, value, _ = _read_table(path, columns=12)
+    _refuse(path, line, _not_finite(value), "a value that is not finite")
+    return value.reshape(-1, 3, 4)
+
+
+def read_sequence_map(path: Path) -> dict[str, int]:
+    """Frames of each sequence of a split, in the order of the file (``0001 empty 000000 000447``)."""
+    lengths: dict[str, int] = {}
+    for number, line in zip(*_lines(path), strict=True):
+        words = line.split()
+        if len(words) != 4 or not words[2].isdigit() or not words[3].isdigit() or int(words[3]) <= int(words[2]):
+            raise DataError(f"{path}, line {number}: got {line!r}, expected 'name empty first end'")
+        if int(words[2]) != 0:
+            raise DataError(f"{path}, line {number}: first frame is {words[2]}, expected 0")
+        lengths[words[0]] = int(words[3])
+    if not lengths:
+        raise DataError(f"{path} names no sequence")
+    return lengths
+
+
+def sensor_boxes(size: Floats, bottom: Floats, rotation_y: Floats) -> Floats:
+    """Boxes ``[R, 7]`` in the sensor frame from KITTI's camera-frame fields.
+
+    ``size`` is height, width, length; ``bottom`` the centre of the bottom face; the heading is
+    (cos ry, 0, -sin ry) in camera axes.
+    """
+    height = size[:, 0]
+    yaw = wrap_angle(-rotation_y - np.pi / 2)
+    return np.column_stack(
+        [bottom[:, 2], -bottom[:, 0], -bottom[:, 1] + height / 2, yaw, size[:, 2], size[:, 1], height]
+    )
+
+
+def _lines(path: Path) -> tuple[Ints, list[str]]:
+    """Lines that are not blank, and their numbers from 1."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except FileNotFoundError:
+        raise DataError(f"no file {path}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(f"{path} cannot be read as text: {error}") from None
+    kept = [number for number, line in enumerate(lines, 1) if line.strip()]
+    return np.array(kept, dtype=np.int64), [lines[number - 1] for number in kept]
+
+
+def _read_table(
+    path: Path, columns: int, delimiter: str | None = None, text_column: int = -1
+) -> tuple[Ints, Floats, NDArray[np.str_]]:
+    """Line numbers ``[R]``, values ``[R, columns]`` (NaN in the text column) and the texts ``[R]`` of that column."""
+    number, lines = _lines(path)
+    fields: list[Any] = [(f"c{i}", "U16" if i == text_column else "f8") for i in range(columns)]
+    if not lines:
+        return number, np.empty((0, columns)), np.empty(0, dtype="U16")
+    try:
+        table = np.loadtxt(lines, dtype=fields, delimiter=delimiter, comments=None, ndmin=1)
+    except ValueError as error:
+        _explain(path, number, lines, columns, delimiter, text_column)
+        raise DataError(f"{path}: {error}") from None
+    # The text column leaves a 0 among the values: no reader uses it as a number.
+    numeric = [table[f"c{i}"] if i != text_column else np.zeros(len(table)) for i in range(columns)]
+    kind = table[f"c{text_column}"] if text_column >= 0 else np.empty(0, dtype="U16")
+    return number, np.column_stack(numeric), kind
+
+
+def _explain(path: Path, number: Ints, lines: list[str], columns: int, delimiter: str | None, text_column: int) -> None:
+    """Raise DataError for the first row that is no row of the table."""
+    for at, line in zip(number, lines, strict=True):
+        cells = line.split(delimiter)
+        if len(cells) != columns:
+            raise DataError(f"{path}, line {at}: {len(cells)} columns, expected {columns}: is the file cut off?")
+        for column, cell in enumerate(cells):
+            if column != text_column and not _is_number(cell):
+                raise DataError(f"{path}, line {at}, column {column + 1}: got {cell!r}, expected a number")
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _not_finite(value: Floats) -> Bools:
+    return np.asarray(~np.isfinite(value).all(axis=1))
+
+
+def _refuse(path: Path, line: Ints, bad: Bools, what: str) -> None:
+    if bad.any():
+        raise DataError(f"{path}, line {line[np.argmax(bad)]}: {what}")
+
+
+def _whole(path: Path, line: Ints, value: Floats, what: str) -> Ints:
+    """Values as integers; DataError where one is not whole."""
+    bad = ~(np.isfinite(value) & (value == np.round(value)))
+    if bad.any():
+        at = int(np.argmax(bad))
+        raise DataError(f"{path}, line {line[at]}: {what} is {value[at]}, expected a whole number")
+    return value.astype(np.int64)

@@ -1,0 +1,215 @@
+"""KITTI tracking logs with stored detections, from the official folder layout."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...cards import Card
+from ...errors import CardError, DataError, UnknownNameError, nearest
+from ...types import Bools, Detections, Floats, Ints, Scene, Truth
+from ..base import no_detections
+from .files import Labels, StoredDetections, read_detections, read_imu_to_camera, read_labels, read_odometry, read_oxts
+from .layout import TYPES, find_root, require_detector, section_of, split_names, validation_lengths
+from .poses import FRAME_PERIOD, Poses, integrated_poses, odometry_poses
+
+# Types that KITTI's own evaluation neither rewards nor punishes: their annotation overlaps with the class.
+NEIGHBOURS = {"car": ("Van",), "pedestrian": ("Person", "Person_sitting"), "cyclist": ()}
+
+
+class KittiTracking:
+    """Scenes of one split of the KITTI tracking benchmark, with or without ego-motion compensation.
+
+    Frames of reference: with compensation the world of `kitti_poses`; without it every frame is given in its own
+    sensor frame (x forward, y left, z up) and the ego state is all zeros. Time is frame index x 0.1036 s.
+    """
+
+    def __init__(self, card: Card, data: str | Path | None = None) -> None:
+        self.card = card
+        self.section = section_of(card)
+        self.root = find_root(data)
+        for name in card.task.classes:
+            if name not in TYPES:
+                raise CardError(f"{card.id}: KITTI has no class {name!r}{nearest(name, TYPES)}")
+        stride = self.section.stride
+        if not np.isclose(card.task.rate * stride, 10.0):
+            raise CardError(
+                f"{card.id}: task.rate is {card.task.rate} Hz, but every {stride}. frame of KITTI's 10 Hz is "
+                f"{10 / stride:g} Hz"
+            )
+        self._lengths = validation_lengths(self.root)
+        self.names = split_names(self.root, self.section.split, self._lengths)
+        if card.detector is None:
+            require_detector(self.root, card)
+
+    def load(self, name: str) -> Scene:
+        """Read one sequence; all its frames count, also those without labels or detections."""
+        if name not in self.names:
+            raise UnknownNameError("scene", name, self.names)
+        section, length = self.section, self._length(name)
+        poses = read_poses(self.root, name, length) if section.ego_motion else None
+        frames = _Frames(length, section.stride, poses)
+        kept = np.arange(0, length, section.stride)
+        detections, skipped, label = no_detections(len(kept)), dict[str, int](), ""
+        if self.card.detector is None:
+            label = f"{section.detector}, stored detections"
+            folder = self.root / "detections" / section.detector
+            detections, skipped = _detections(folder, name, self.card.task.classes, frames)
+        return Scene(
+            name=name,
+            time=kept * FRAME_PERIOD,
+            ego=poses.ego()[kept] if poses else np.zeros((len(kept), 4)),
+            truth=_truth(self.root / f"training/label_02/{name}.txt", self.card.task.classes, frames),
+            detections=detections,
+            detector=label,
+            skipped=skipped,
+        )
+
+    def _length(self, name: str) -> int:
+        if name in self._lengths:
+            return self._lengths[name]
+        length = len(read_oxts(self.root / f"training/oxts/{name}.txt").attitude)
+        if length == 0:
+            raise DataError(f"{self.root / f'training/oxts/{name}.txt'} is empty, expected one row per frame")
+        return length
+
+
+def read_poses(root: Path, name: str, length: int) -> Poses:
+    """Poses ``[length]`` of one sequence: odometry where ``poses_orbslam3`` has it (0019: bad GPS), else OXTS."""
+    oxts_path = root / f"training/oxts/{name}.txt"
+    oxts = read_oxts(oxts_path)
+    imu_to_camera = read_imu_to_camera(root / f"training/calib/{name}.txt")
+    _require_rows(oxts_path, len(oxts.attitude), length)
+    odometry_path = root / f"poses_orbslam3/{name}.txt"
+    if not odometry_path.is_file():
+        return integrated_poses(oxts, imu_to_camera)
+    odometry = read_odometry(odometry_path)
+    _require_rows(odometry_path, len(odometry), length)
+    return odometry_poses(odometry, oxts, imu_to_camera)
+
+
+def _require_rows(path: Path, rows: int, length: int) -> None:
+    if rows != length:
+        raise DataError(f"{path} has {rows} rows, expected one for each of the {length} frames of the sequence")
+
+
+@dataclass(frozen=True)
+class _Frames:
+    """The frames of a scene among those of the sequence, and their poses."""
+
+    length: int  # of the sequence
+    stride: int
+    poses: Poses | None  # None: every frame in its own sensor frame
+
+    def select(self, frame: Ints, keep: Bools) -> Ints:
+        """Indices of the rows to keep in frames of the scene, sorted by frame, otherwise in their order."""
+        row = np.flatnonzero(keep & (frame % self.stride == 0))
+        return row[np.argsort(frame[row], kind="stable")]
+
+    def starts(self, frame: Ints) -> Ints:
+        """First row of each frame of the scene, and the number of rows."""
+        return np.searchsorted(frame, np.arange(0, self.length + self.stride, self.stride))
+
+    def place(self, box: Floats, frame: Ints) -> Floats:
+        """Boxes in the frame of reference of the scene."""
+        return self.poses.to_world(box, frame) if self.poses else box
+
+    def check(self, path: Path, rows: Labels | StoredDetections) -> None:
+        """Raise DataError for a row outside of the sequence."""
+        bad = (rows.frame < 0) | (rows.frame >= self.length)
+        if bad.any():
+            at = int(np.argmax(bad))
+            raise DataError(
+                f"{path}, line {rows.line[at]}: frame {rows.frame[at]}, but the sequence has {self.length} frames"
+            )
+
+
+def _truth(path: Path, classes: tuple[str, ...], frames: _Frames) -> Truth:
+    labels = read_labels(path)
+    frames.check(path, labels)
+    class_id = np.full(len(labels.frame), -1)
+    neutral = np.zeros(len(labels.frame), dtype=bool)
+    for index, name in enumerate(classes):
+        beside = np.isin(labels.type, NEIGHBOURS[name])
+        class_id[beside | (labels.type == TYPES[name][0])] = index
+        neutral |= beside
+    _require_single(path, labels, class_id >= 0)
+    row = frames.select(labels.frame, class_id >= 0)
+    frame, object_id = labels.frame[row], labels.object_id[row]
+    box = frames.place(labels.box[row], frame)
+    return Truth(
+        start=frames.starts(frame),
+        box=box,
+        velocity=central_velocity(frame // frames.stride, object_id, box[:, :2], frames.stride * FRAME_PERIOD),
+        class_id=class_id[row],
+        object_id=object_id,
+        eligible=~neutral[row],
+        neutral=neutral[row],
+    )
+
+
+def _detections(
+    folder: Path, name: str, classes: tuple[str, ...], frames: _Frames
+) -> tuple[Detections, dict[str, int]]:
+    """Detections of all classes, sorted by frame, class and place in the file; and the counts of skipped rows."""
+    parts: list[tuple[Ints, Floats, Floats, Ints]] = []
+    skipped: dict[str, int] = {}
+    for index, class_name in enumerate(classes):
+        kind, code = TYPES[class_name]
+        path = folder / kind / f"{name}.txt"
+        rows = read_detections(path)
+        frames.check(path, rows)
+        wrong = rows.type_code != code
+        if wrong.any():
+            at = int(np.argmax(wrong))
+            raise DataError(f"{path}, line {rows.line[at]}: type {rows.type_code[at]}, expected {code} ({kind})")
+        row = frames.select(rows.frame, np.ones(len(rows.frame), dtype=bool))
+        row = row[_sound(rows.box[row], rows.score[row], skipped)]
+        parts.append((rows.frame[row], rows.box[row], rows.score[row], np.full(len(row), index)))
+    frame, box, score, class_id = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.argsort(frame, kind="stable")
+    frame = frame[order]
+    detections = Detections(
+        start=frames.starts(frame),
+        box=frames.place(box[order], frame),
+        velocity=np.full((len(frame), 2), np.nan),
+        class_id=class_id[order],
+        score=score[order],
+    )
+    return detections, skipped
+
+
+def _sound(box: Floats, score: Floats, skipped: dict[str, int]) -> Bools:
+    """Rows that can be used; the others are counted by reason in ``skipped``."""
+    finite = np.isfinite(box).all(axis=1) & np.isfinite(score)
+    empty = finite & (box[:, 4:7] <= 0).any(axis=1)
+    for reason, bad in (("detection not finite", ~finite), ("detection size not above 0", empty)):
+        if bad.any():
+            skipped[reason] = skipped.get(reason, 0) + int(bad.sum())
+    return np.asarray(finite & ~empty)
+
+
+def central_velocity(frame: Ints, object_id: Ints, position: Floats, period: float) -> Floats:
+    """Velocities ``[R, 2]`` m/s from the object's positions ``[R, 2]`` one frame before and after; NaN without both."""
+    velocity = np.full(position.shape, np.nan)
+    order = np.lexsort((frame, object_id))
+    before, here, after = order[:-2], order[1:-1], order[2:]
+    follows = (object_id[before] == object_id[after]) & (frame[after] - frame[before] == 2)
+    before, here, after = before[follows], here[follows], after[follows]
+    velocity[here] = (position[after] - position[before]) / (2 * period)
+    return velocity
+
+
+def _require_single(path: Path, labels: Labels, used: Bools) -> None:
+    """An object has one box per frame."""
+    row = np.flatnonzero(used)
+    order = row[np.lexsort((labels.frame[row], labels.object_id[row]))]
+    first, second = order[:-1], order[1:]
+    twice = (labels.frame[first] == labels.frame[second]) & (labels.object_id[first] == labels.object_id[second])
+    if twice.any():
+        at = second[np.argmax(twice)]
+        raise DataError(
+            f"{path}, line {labels.line[at]}: a second box of object {labels.object_id[at]} in frame {labels.frame[at]}"
+        )

@@ -1,0 +1,162 @@
+"""3DMOT2015: people on the ground plane with stored ACF detections, one sequence cut into scenes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ...cards import Card, Mot3dSource
+from ...errors import CardError, DataError, UnknownNameError
+from ...types import Bools, Detections, Floats, Ints, Scene, Truth
+from ..base import no_detections
+from ..motion import backward_velocity
+from ..people import person_boxes
+from .files import (
+    DETECTIONS,
+    SEQINFO,
+    TRUTH,
+    Rows,
+    SequenceInfo,
+    find_root,
+    read_detections,
+    read_sequence_info,
+    read_truth,
+)
+
+
+class Mot3d:
+    """Scenes of one sequence of 3DMOT2015, cut from it one after the other.
+
+    Intervals of a score are over scenes, and a dataset of one sequence would be a single scene without any: so it is
+    cut into scenes of ``scene_frames`` kept frames. What is left at the end is a scene if a target fits into it. The
+    cuts make no new recordings: neighbouring scenes show the same place and partly the same people, so they are not
+    independent, and an interval over them is narrower than one over recordings would be.
+
+    Frame of reference: the ground plane of the files, in metres. Boxes are nominal, 0.6 m x 0.6 m x 1.75 m with yaw 0:
+    neither sizes nor headings are annotated. There is no ego vehicle: the ego state is a fixed reference point, the
+    middle of all true positions of the sequence in whole metres. Line of sight from there means nothing, so every box
+    counts as visible. Time is (official frame - 1) / frame rate. Truth rows with confidence 0 are neutral.
+
+    Raises CardError for another class than pedestrian, a rate that is not the sequence's, scenes too short for a target
+    and a split without scenes; DataError for files that are missing or broken.
+    """
+
+    def __init__(self, card: Card, data: str | Path | None = None) -> None:
+        self.card = card
+        self.section = section_of(card)
+        if card.task.classes != ("pedestrian",):
+            raise CardError(f"{card.id}: task.classes is {list(card.task.classes)}, but 3DMOT2015 has only pedestrian")
+        self.folder = find_root(data, self.section.sequence) / "train" / self.section.sequence
+        self._info = read_sequence_info(self.folder / SEQINFO)
+        _check_rate(card, self.section, self._info)
+        for name in needed(card):
+            if not (self.folder / name).is_file():
+                raise DataError(f"no file {self.folder / name}")
+        self._kept = split_frames(card, self._info.length)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the split's scenes: the sequence and the official number of the scene's first frame."""
+        return tuple(self._kept)
+
+    def load(self, name: str) -> Scene:
+        """Read one scene; all its frames count, also those without people or detections."""
+        if name not in self._kept:
+            raise UnknownNameError("scene", name, self.names)
+        kept, section = self._kept[name], self.section
+        people = read_truth(self.folder / TRUTH, self._info.length)
+        stored = section.detector if self.card.detector is None else None
+        found = read_detections(self.folder / DETECTIONS, self._info.length) if stored else None
+        time = (kept - 1) / self._info.rate
+        truth = _truth(people, kept, time)
+        return Scene(
+            name=name,
+            time=time,
+            ego=np.tile(_reference_point(people.ground), (len(kept), 1)),
+            truth=truth,
+            detections=_detections(found, kept) if found else no_detections(len(kept)),
+            detector=f"{stored}, stored detections" if stored else "",
+            visible=np.ones(len(truth.box)),
+        )
+
+
+def section_of(card: Card) -> Mot3dSource:
+    """The card's source section; raises CardError where it is another source's."""
+    if not isinstance(card.source, Mot3dSource):
+        raise CardError(f"{card.id}: source is {card.source.name!r}, expected 'mot3d'")
+    return card.source
+
+
+def needed(card: Card) -> tuple[str, ...]:
+    """Files that the card needs, relative to ``train/<sequence>``; a simulated detector needs no detections."""
+    return (SEQINFO, TRUTH, DETECTIONS) if card.detector is None else (SEQINFO, TRUTH)
+
+
+def split_frames(card: Card, length: int) -> dict[str, Ints]:
+    """Official numbers (from 1) of the kept frames of each scene of the card's split, by the scene's name.
+
+    The first ``train_scenes`` scenes are "train", the others "val". Raises CardError for a split without scenes.
+    """
+    section, shortest = section_of(card), card.task.past + card.task.future
+    if section.scene_frames < shortest:
+        raise CardError(
+            f"{card.id}: source.scene_frames is {section.scene_frames}, expected at least {shortest}: "
+            "task.past and task.future"
+        )
+    kept = np.arange(1, length + 1, section.stride)
+    cut = [kept[first : first + section.scene_frames] for first in range(0, len(kept), section.scene_frames)]
+    scenes = [frames for frames in cut if len(frames) >= shortest]
+    chosen = scenes[: section.train_scenes] if section.split == "train" else scenes[section.train_scenes :]
+    if not chosen:
+        raise CardError(
+            f"{card.id}: split {section.split!r} has no scenes: {section.sequence} has {len(scenes)} of "
+            f"{section.scene_frames} frames, and source.train_scenes is {section.train_scenes}"
+        )
+    return {f"{section.sequence}-{frames[0]:04d}": frames for frames in chosen}
+
+
+def _check_rate(card: Card, section: Mot3dSource, info: SequenceInfo) -> None:
+    if not np.isclose(card.task.rate * section.stride, info.rate):
+        raise CardError(
+            f"{card.id}: task.rate is {card.task.rate:g} Hz, but {section.sequence} with {info.rate:g} Hz and stride "
+            f"{section.stride} gives {info.rate / section.stride:g} Hz"
+        )
+
+
+def _reference_point(ground: Floats) -> Floats:
+    """State ``x y z yaw`` of the fixed reference point: the middle of the true positions, in whole metres."""
+    if not len(ground):
+        return np.zeros(4)
+    x, y = np.round((ground[:, :2].min(axis=0) + ground[:, :2].max(axis=0)) / 2) + 0.0  # no negative zero
+    return np.array([x, y, 0.0, 0.0])
+
+
+def _truth(rows: Rows, kept: Ints, time: Floats) -> Truth:
+    row, start, frame = _select(rows, kept)
+    box, object_id = person_boxes(rows.ground[row, :2]), rows.object_id[row]
+    neutral: Bools = rows.confidence[row] == 0
+    return Truth(
+        start=start,
+        box=box,
+        velocity=backward_velocity(frame, object_id, box[:, :2], time),
+        class_id=np.zeros(len(row), dtype=np.int64),
+        object_id=object_id,
+        eligible=~neutral,
+        neutral=neutral,
+    )
+
+
+def _detections(rows: Rows, kept: Ints) -> Detections:
+    row, start, _ = _select(rows, kept)
+    unknown = np.full((len(row), 2), np.nan)
+    class_id = np.zeros(len(row), dtype=np.int64)
+    return Detections(start, person_boxes(rows.ground[row, :2]), unknown, class_id, rows.confidence[row])
+
+
+def _select(rows: Rows, kept: Ints) -> tuple[Ints, Ints, Ints]:
+    """Rows ``[n]`` of the kept frames, sorted by frame; first rows ``[F + 1]``; index of each row's frame ``[n]``."""
+    row = np.flatnonzero(np.isin(rows.frame, kept))
+    row = row[np.argsort(rows.frame[row], kind="stable")]
+    frame = np.searchsorted(kept, rows.frame[row])
+    return row, np.searchsorted(frame, np.arange(len(kept) + 1)), frame

@@ -1,0 +1,94 @@
+"""The fit of motion noise to windows of tracks.
+
+The criterion is the continuous ranked probability score of the forecast of each axis, averaged over the horizon: it is
+proper, needs no sampling, and a few broken tracks do not rule it as they would a likelihood (Gneiting, Raftery 2007).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..prediction.kalman import NoiseTable, filtered
+from ..prediction.motion_noise import table
+from ..tracking import HypothesisTracker, TruthTracker
+from ..types import Bools, Floats, Scene, Task
+from .windows import collect
+
+
+def fit_scenes(scenes: Sequence[Scene], task: Task) -> dict[str, dict[str, Any]]:
+    """Noise of every class of ``task`` from scenes of a training split, as stored under ``condition(task)``.
+
+    The past is what the single-hypothesis tracker makes of the detections, or the true past if the task observes it.
+    A class without windows is left out.
+    """
+    tracker = TruthTracker() if task.observe == "truth" else HypothesisTracker()
+    windows = collect(scenes, task, tracker)
+    rows = {}
+    for class_id, name in enumerate(task.classes):
+        mine = windows.class_id == class_id
+        if mine.any():
+            row = fit_motion_noise(windows.position[mine], windows.valid[mine], windows.future[mine], task.dt)
+            rows[name] = {**row, "turn_rate": TURN_RATE}
+    return rows
+
+
+TURN_RATE = 0.1  # rad/s, prior of the turn-rate model; not fitted
+
+
+def as_toml(name: str, rows: dict[str, dict[str, Any]]) -> str:
+    """The text of a stored condition."""
+    lines = []
+    for class_name, row in rows.items():
+        lines += [f'["{name}".{class_name}]', *(f"{field} = {value}" for field, value in row.items()), ""]
+    return "\n".join(lines)
+
+
+def fit_motion_noise(position: Floats, valid: Bools, future: Floats, dt: float) -> dict[str, Any]:
+    """Noise of one class from windows in the heading frame of their last box.
+
+    ``position`` [n, P, 2] and ``valid`` [n, P]: the past as a predictor sees it; ``future`` [n, T, 2]: the truth. The
+    turn rate is not among the fitted values.
+    """
+    from scipy.optimize import minimize
+
+    start = np.log([0.05, 0.5, 0.2, 5.0, 1.0, 0.5, 0.3])
+    bounds = [tuple(np.log(limit)) for limit in _LIMITS]
+
+    def loss(x: Floats) -> float:
+        noise = table([{**_row(np.exp(x)), "turn_rate": 0.1}])
+        return forecast_score(position, valid, future, noise, dt)
+
+    best = minimize(loss, start, method="L-BFGS-B", bounds=bounds, options={"eps": 1e-3, "maxiter": 60})
+    return {field: np.round(value, 4).tolist() for field, value in _row(np.exp(best.x)).items()}
+
+
+# Limits of the fit: measurement, jerkiness (2), speed (2), acceleration (2); a noise of 0 would make a filter deaf.
+_LIMITS = [(0.005, 1.0), (0.02, 10), (0.02, 10), (0.1, 30), (0.05, 10), (0.02, 10), (0.02, 10)]
+
+
+def _row(x: Floats) -> dict[str, Any]:
+    return {"measurement": x[0], "jerkiness": x[1:3], "speed": x[3:5], "acceleration": x[5:7]}
+
+
+def forecast_score(position: Floats, valid: Bools, future: Floats, noise: NoiseTable, dt: float) -> float:
+    """Mean continuous ranked probability score (m) of the constant-velocity forecast of windows of one class."""
+    state = filtered(position, valid, np.zeros(len(position), dtype=np.int64), noise, dt)
+    tau = dt * np.arange(1, future.shape[1] + 1)[:, None]
+    mean = state.position[:, None] + tau * state.velocity[:, None]
+    cov = state.covariance[:, None]
+    variance = cov[..., 0, 0] + 2 * tau * cov[..., 0, 1] + tau**2 * cov[..., 1, 1]
+    deviation = np.sqrt(variance + noise.acceleration[0] ** 2 * tau**4 / 4)
+    return float(np.mean(_crps((future - mean) / deviation) * deviation))
+
+
+def _crps(z: Floats) -> Floats:
+    """Score of a standard normal forecast where ``z`` came true."""
+    from scipy.special import ndtr
+
+    density = np.exp(-(z**2) / 2) / math.sqrt(2 * math.pi)
+    score: Floats = z * (2 * ndtr(z) - 1) + 2 * density - 1 / math.sqrt(math.pi)
+    return score

@@ -1,0 +1,162 @@
+"""A picture in metres: lines, boxes and texts at places of the world, drawn by Pillow without jagged edges."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cache
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from ...geometry import bev_corners
+from ...types import Floats
+from .palette import Color
+
+if TYPE_CHECKING:
+    Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
+
+FINER = 2  # everything but text is drawn this much larger and then made smaller
+DASH = 4.0  # pixels
+FAR = 20.0  # pixels that a heading may stand out of the picture
+
+
+@dataclass(frozen=True)
+class Viewport:
+    """The part of the world that is shown, north up: its centre, and how many metres fit at least each way."""
+
+    x: float  # m
+    y: float  # m
+    wide: float  # m
+    high: float  # m
+
+
+@dataclass(frozen=True, eq=False)
+class Canvas:
+    """A picture of ``width`` x ``height`` pixels that shows at least ``viewport``; world to pixels and back."""
+
+    width: int
+    height: int
+    viewport: Viewport
+    image: Image.Image
+    draw: ImageDraw.ImageDraw
+    taken: list[tuple[float, float, float, float]] = field(default_factory=list)  # pixels that hold text already
+
+    @classmethod
+    def blank(cls, width: int, height: int, viewport: Viewport, paper: Color = (255, 255, 255)) -> Canvas:
+        """An empty picture."""
+        image = Image.new("RGB", (width * FINER, height * FINER), paper)
+        return cls(width, height, viewport, image, ImageDraw.Draw(image, "RGBA"))
+
+    @property
+    def scale(self) -> float:
+        """Pixels per metre."""
+        return min(self.width / self.viewport.wide, self.height / self.viewport.high)
+
+    def pixels(self, xy: Floats) -> NDArray[np.float64]:
+        """Pixels [..., 2] of places [..., 2] of the world, y downwards."""
+        moved = np.asarray(xy, dtype=np.float64) - [self.viewport.x, self.viewport.y]
+        return np.asarray(moved * [self.scale, -self.scale] + [self.width / 2, self.height / 2])
+
+    def inside(self, xy: Floats, margin: float | Floats = 0.0) -> NDArray[np.bool_]:
+        """Which places [..., 2] of the world lie in the picture, ``margin`` pixels around it included."""
+        x, y = np.moveaxis(self.pixels(xy), -1, 0)
+        return np.asarray(
+            (x >= -margin) & (x <= self.width + margin) & (y >= -margin) & (y <= self.height + margin), dtype=bool
+        )
+
+    def meets(self, xy: Floats) -> bool:
+        """Whether the rectangle around places [n, 2] of the world meets the picture."""
+        pixels = self.pixels(xy)
+        size = (self.width, self.height)
+        return len(xy) > 0 and bool((pixels.max(axis=0) >= 0).all() and (pixels.min(axis=0) <= size).all())
+
+    def lines(self, paths: Iterable[Floats], color: Color, width: float = 1.0, alpha: int = 255) -> None:
+        """Polylines [n, 2] of the world."""
+        for path in paths:
+            if len(path) > 1:
+                self.stroke(self.pixels(path), color, width, alpha)
+
+    def boxes(
+        self,
+        box: Floats,
+        color: Color,
+        width: float = 1.0,
+        fill: int = 0,
+        dashed: bool = False,
+        heading: bool = False,
+        crossed: bool = False,
+    ) -> None:
+        """Boxes [n, 7]: outlines, ``fill`` from 0 (not at all) to 255, ``heading`` as a tick out of the front."""
+        reach = np.hypot(box[:, 4], box[:, 5]) * self.scale + FAR
+        box = box[self.inside(box[:, :2], reach)]
+        for corners, row in zip(self.pixels(bev_corners(box)), box, strict=True):
+            if fill:
+                self.draw.polygon(_points(corners), fill=(*color, fill))
+            self.stroke(np.concatenate([corners, corners[:1]]), color, width, dashed=dashed)
+            if crossed:
+                self.stroke(corners[[0, 2]], color, width)
+                self.stroke(corners[[1, 3]], color, width)
+            if heading:
+                ahead = np.array([np.cos(row[3]), np.sin(row[3])]) * (row[4] / 2 + max(0.4, 0.25 * row[4]))
+                front = corners[[0, 3]].mean(axis=0)
+                self.stroke(np.stack([front, self.pixels(row[:2] + ahead)]), color, width)
+
+    def stroke(
+        self, pixels: NDArray[np.float64], color: Color, width: float, alpha: int = 255, dashed: bool = False
+    ) -> None:
+        """A polyline [n, 2] in pixels."""
+        thick = max(1, round(width * FINER))
+        if dashed:
+            for a, b in _dashes(pixels):
+                self.draw.line([tuple(a * FINER), tuple(b * FINER)], fill=(*color, alpha), width=thick)
+        else:
+            self.draw.line(_points(pixels), fill=(*color, alpha), width=thick, joint="curve" if thick > 3 else None)
+
+    def dot(self, pixel: NDArray[np.float64], radius: float, color: Color, alpha: int = 255) -> None:
+        """A disc around a pixel."""
+        x, y = pixel * FINER
+        r = radius * FINER
+        self.draw.ellipse([x - r, y - r, x + r, y + r], fill=(*color, alpha))
+
+    def ring(self, pixel: NDArray[np.float64], radius: float, color: Color, width: float) -> None:
+        """A circle around a pixel."""
+        x, y = pixel * FINER
+        r = radius * FINER
+        self.draw.ellipse([x - r, y - r, x + r, y + r], outline=color, width=max(1, round(width * FINER)))
+
+    def finished(self) -> Image.Image:
+        """The picture at its own size; texts go onto this one."""
+        return self.image.reduce(FINER)
+
+
+@cache
+def font(size: int) -> Font:
+    """The font that Pillow brings, the same on every machine."""
+    return ImageFont.load_default(size)
+
+
+@cache
+def text_size(text: str, size: int) -> tuple[float, float]:
+    """Width and height in pixels that a line of text takes."""
+    left, _, right, _ = font(size).getbbox(text)
+    return right - left, size * 1.2
+
+
+def _points(pixels: NDArray[np.float64]) -> list[tuple[float, ...]]:
+    return [tuple(p) for p in (pixels * FINER).tolist()]
+
+
+def _dashes(path: NDArray[np.float64]) -> list[tuple[Any, Any]]:
+    """Ends of the dashes along a polyline [n, 2] of pixels."""
+    parts = []
+    for a, b in pairwise(path):
+        length = float(np.hypot(*(b - a)))
+        steps = max(2, round(length / (2 * DASH)))
+        cuts = np.linspace(0.0, 1.0, 2 * steps + 1)[:, None]
+        points = a + (b - a) * cuts
+        parts += [(points[i], points[i + 1]) for i in range(0, 2 * steps, 2)]
+    return parts

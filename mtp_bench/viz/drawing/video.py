@@ -1,0 +1,97 @@
+"""Videos of bird's-eye pictures: ``.gif`` by Pillow, ``.mp4`` by PyAV."""
+
+from __future__ import annotations
+
+import contextlib
+import secrets
+from collections.abc import Callable, Iterable, Iterator
+from fractions import Fraction
+from itertools import chain
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from ...errors import MtpBenchError
+from ..frame_view import replay_camera, replay_view
+from ..replay import Replay
+from .birds_eye import SIZE, draw_frame
+
+KINDS = (".mp4", ".gif")
+AROUND = 2.0  # s before and after an event
+COLORS = 128  # of a gif
+Frame = NDArray[Any]  # uint8 [height, width, 3]
+
+
+def require_encoder(kind: str) -> None:
+    """Raise MtpBenchError unless files with the suffix ``kind`` of KINDS can be written here."""
+    if kind == ".mp4":
+        try:
+            import av  # noqa: F401
+        except ImportError:
+            raise MtpBenchError(
+                "mp4 files need PyAV: `pip install av` (or 'mtp-bench[video]'), or write a .gif"
+            ) from None
+
+
+def frames_around(replay: Replay, event: str | None) -> range:
+    """All frames, or those at most AROUND seconds from the event of this name; raises UnknownNameError."""
+    if event is None:
+        return range(replay.frames)
+    time = replay.scene.time
+    near = np.flatnonzero(np.abs(time - time[replay.incident(event).frame]) <= AROUND + 1e-6)
+    return range(int(near[0]), int(near[-1]) + 1)
+
+
+def pictures(replay: Replay, frames: range, event: str | None = None, size: tuple[int, int] = SIZE) -> Iterator[Frame]:
+    """Bird's-eye pictures of these frames, all with the same view; ``event`` is marked whatever its kind."""
+    seen_by, at = replay_camera(replay), None if event is None else replay.incident(event)
+    if at is not None:
+        seen_by = seen_by.with_place(at.x, at.y, replay.scene.ego[at.frame])
+    for t in frames:
+        yield draw_frame(replay_view(replay, t, seen_by, at), size)
+
+
+def write_video(path: Path, frames: Iterable[Frame], rate: float, done: Callable[[], object] | None = None) -> None:
+    """Write ``frames`` (at least one) at ``rate`` per second: a whole file or none; ``done`` is called per frame."""
+    partial = path.with_name(f".{path.stem}.{secrets.token_hex(4)}.part{path.suffix}")
+    write = _write_gif if path.suffix.lower() == ".gif" else _write_mp4
+    try:
+        write(partial, _told(frames, done), rate)
+        partial.replace(path)
+    except OSError as error:
+        raise MtpBenchError(f"cannot write {path}: {error.strerror or error}") from None
+    finally:
+        with contextlib.suppress(OSError):  # after an interruption too
+            partial.unlink(missing_ok=True)
+
+
+def _told(frames: Iterable[Frame], done: Callable[[], object] | None) -> Iterator[Frame]:
+    for frame in frames:
+        yield frame
+        if done is not None:
+            done()
+
+
+def _write_gif(path: Path, frames: Iterator[Frame], rate: float) -> None:
+    images = (Image.fromarray(frame).quantize(COLORS, dither=Image.Dither.NONE) for frame in frames)
+    duration = max(20, round(1000 / rate))  # ms; viewers slow down what is faster
+    next(images).save(path, format="GIF", save_all=True, append_images=images, duration=duration, loop=0)
+
+
+def _write_mp4(path: Path, frames: Iterator[Frame], rate: float) -> None:
+    import av
+
+    name: Literal["libx264", "mpeg4"] = "libx264" if "libx264" in av.codecs_available else "mpeg4"
+    first = next(frames)
+    high, wide = first.shape[0] // 2 * 2, first.shape[1] // 2 * 2  # the encoder takes pixels in pairs
+    with av.open(str(path), "w", format="mp4") as container:
+        stream = container.add_stream(name, rate=Fraction(rate).limit_denominator(1000))
+        stream.height, stream.width = high, wide
+        stream.pix_fmt = "yuv420p"  # what every player shows
+        for frame in chain([first], frames):
+            picture = np.ascontiguousarray(frame[:high, :wide])
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        container.mux(stream.encode())

@@ -1,0 +1,48 @@
+"""Colours of recordings: those of `palette` on a dark ground, and one for every track."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...types import Ints
+from ..drawing.palette import BLUE, FALSE, GREEN, ORANGE, PURPLE, SKY, YELLOW, Color
+
+Colors = NDArray[np.uint8]  # [..., 3] red green blue
+
+# What is right or wrong has a colour of its own, which no track takes.
+TRUTH = GREEN
+NEUTRAL: Color = (0, 79, 58)
+DETECTION = YELLOW
+EGO: Color = (255, 255, 255)
+CENTER: Color = (44, 44, 52)
+BORDER: Color = (92, 92, 104)
+MISSED: Color = (84, 84, 84)
+UNKNOWN: Color = (150, 150, 150)
+SWITCH: Color = (255, 80, 200)
+TRACKS: tuple[Color, ...] = (  # a prime number of them: the ids of a switch seldom share one
+    ORANGE, SKY, PURPLE, BLUE, (245, 235, 200), (166, 112, 0), (180, 160, 250),
+)  # fmt: skip
+EVENTS = {"ids": SWITCH, "lost": FALSE, "reacquired": SKY, "spurious": UNKNOWN}
+SERIES = {"TP": TRUTH, "FN": FALSE, "FP": YELLOW, **EVENTS}
+
+
+def track_colors(track_id: Ints) -> Colors:
+    """Colour [N, 3] of each track id [N]: the same in every frame and run; grey for -1."""
+    table = np.array([*TRACKS, UNKNOWN], dtype=np.uint8)
+    ids = np.asarray(track_id)
+    return table[np.where(ids < 0, len(TRACKS), ids % len(TRACKS))]
+
+
+def packed(colors: Colors | Color) -> NDArray[np.uint32]:
+    """Opaque colours [N] as one number each, from red, green, blue [N, 3]."""
+    rgb = np.asarray(colors, dtype=np.uint8).reshape(-1, 3)
+    opaque = np.column_stack([np.full(len(rgb), 255, dtype=np.uint8), rgb[:, ::-1]])
+    return np.ascontiguousarray(opaque).view("<u4")[:, 0].astype(np.uint32)
+
+
+def tone(color: Color, number: int) -> Color:
+    """The colour for the first agent, and lighter ones for those beside it."""
+    share = 1.0 - 0.6**number
+    red, green, blue = (round(value + share * (255 - value)) for value in color)
+    return red, green, blue

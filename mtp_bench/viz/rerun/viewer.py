@@ -1,0 +1,145 @@
+"""The viewer that comes with rerun, opened on a recording: a window, or pages for browsers on this machine."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from ...errors import MtpBenchError
+from ..replay import Incident, Replay
+from .agents import Shown, shown_agents
+from .blueprint import layout
+from .log import log_runs, new_recording
+from .sdk import INSTALL, ViewerClient
+
+LOCAL = "127.0.0.1"  # the viewer's own default is every network interface
+START_SECONDS = 30.0
+_WINDOW = ("--expect-data-soon", "--hide-welcome-screen")
+
+
+def viewer_program() -> str:
+    """Path of the viewer's program; raises MtpBenchError where the package is incomplete."""
+    spec = importlib.util.find_spec("rerun_cli")
+    if spec is not None and spec.origin is not None:
+        program = Path(spec.origin).with_name("rerun.exe" if os.name == "nt" else "rerun")
+        if program.is_file():
+            return str(program)
+    raise MtpBenchError(f"the viewer of rerun is missing: {INSTALL}")
+
+
+OTHERWISE = "write a file with --save FILE.rrd, or serve it with --web"
+
+
+def require_display(otherwise: str = OTHERWISE) -> None:
+    """Raise MtpBenchError where no window can open; ``otherwise``: what to do then."""
+    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise MtpBenchError(f"no display for the viewer: {otherwise}")
+
+
+def show_recording(replays: Sequence[Replay], level: str = "top", at: Incident | None = None) -> None:
+    """Open a viewer on runs of one scene, at the frame of ``at``; it stays when this process ends.
+
+    Raises MtpBenchError where there is no display or the viewer does not start.
+    """
+    require_display()
+    shown = shown_agents(replays, level)
+    address = open_viewer()
+    _send(shown, level, at, address)
+    if at is not None:
+        _seek(ViewerClient.connect(address), at.frame)
+
+
+def open_viewer(otherwise: str = OTHERWISE) -> str:
+    """Open a viewer that stays when this process ends; returns where it listens, on this machine only.
+
+    Raises MtpBenchError where there is no display or the viewer does not start.
+    """
+    require_display(otherwise)
+    port = free_port()
+    _wait_for(_start([*_WINDOW, "--port", str(port)], apart=True), port)
+    return _address(port)
+
+
+def serve_recording(replays: Sequence[Replay], level: str, at: Incident | None, ready: Callable[[str], object]) -> None:
+    """Serve runs of one scene to browsers on this machine until interrupted; ``ready`` gets the address.
+
+    Raises MtpBenchError where the server does not start.
+    """
+    shown = shown_agents(replays, level)
+    port, page = free_port(), free_port()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a server that is ended does not leave one behind
+    server = _start(["--serve-web", "--port", str(port), "--web-viewer-port", str(page)], apart=False)
+    try:
+        _wait_for(server, port)
+        _send(shown, level, at, _address(port))
+        ready(f"http://{LOCAL}:{page}/?url=rerun%2Bhttp://{LOCAL}:{port}/proxy")
+        server.wait()
+    except KeyboardInterrupt:
+        pass  # how it is ended
+    finally:
+        server.terminate()
+        server.wait()
+
+
+def free_port() -> int:
+    """A port that nobody listens on."""
+    with socket.socket() as free:
+        free.bind((LOCAL, 0))
+        return int(free.getsockname()[1])
+
+
+def _start(options: Sequence[str], apart: bool) -> subprocess.Popen[bytes]:
+    quiet = subprocess.DEVNULL
+    command = [viewer_program(), "--bind", LOCAL, *options]
+    return subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=apart)
+
+
+def _wait_for(viewer: subprocess.Popen[bytes], port: int) -> None:
+    """Wait until somebody listens; raises MtpBenchError if the viewer ends or takes too long."""
+    end = time.monotonic() + START_SECONDS
+    while time.monotonic() < end:
+        if viewer.poll() is not None:
+            raise MtpBenchError(f"the viewer ended with status {viewer.returncode}: try --save FILE.rrd or --web")
+        try:
+            socket.create_connection((LOCAL, port), timeout=1.0).close()
+        except OSError:
+            time.sleep(0.05)
+        else:
+            return
+    viewer.terminate()
+    raise MtpBenchError(f"the viewer did not start within {START_SECONDS:.0f} s: try --save FILE.rrd or --web")
+
+
+def _address(port: int) -> str:
+    return f"rerun+http://{LOCAL}:{port}/proxy"
+
+
+def _send(shown: Sequence[Shown], level: str, at: Incident | None, address: str) -> None:
+    """Send the recording and its layout, also where the user has changed the layout of an earlier one."""
+    recording = new_recording(shown, level, at)
+    recording.connect_grpc(address)
+    recording.send_blueprint(layout(shown, at))
+    log_runs(recording, shown, level, at)
+    recording.flush()
+    recording.disconnect()
+
+
+def _seek(client: ViewerClient, frame: int) -> None:
+    """Move the cursor, as soon as the viewer has the recording."""
+    end = time.monotonic() + START_SECONDS
+    while True:
+        try:
+            client.set_time("frame", sequence=frame, play_state="paused")
+        except (OSError, RuntimeError):  # what the client raises for whatever the viewer refuses
+            if time.monotonic() > end:
+                return  # it is open; the frame can be chosen by hand
+            time.sleep(0.1)
+        else:
+            return

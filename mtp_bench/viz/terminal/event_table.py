@@ -1,0 +1,195 @@
+"""Events of a run as a list: what happened when to whom, what its forecast was worth, and how to look at it."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from ..replay import KINDS, Incident, Replay
+from .tables import counted
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+LONGEST = 3  # spurious runs of a scene in the table, unless their kind is asked for
+_RIGHT = ("frame", "time", "object", "minADE", "costs")
+
+
+@dataclass(frozen=True)
+class EventRow:
+    """One event and where it was."""
+
+    scene: str
+    seconds: float  # since the first frame
+    class_name: str
+    incident: Incident
+    view: str  # the command that shows it
+
+
+@dataclass(frozen=True)
+class Shown:
+    """How the run was named on the command line, to name it again."""
+
+    folder: str
+    data: str | None = None
+    env: str | None = None
+
+    def view(self, scene: str, event: str) -> str:
+        """The command that shows an event; it can be pasted into a shell."""
+        words = ["mtp-bench", "view", self.folder, "--scene", scene, "--at", event]
+        words += ["--data", self.data] if self.data is not None else []
+        words += ["--env", self.env] if self.env is not None else []
+        return shlex.join(words)
+
+
+@dataclass
+class Tally:
+    """What was counted over scenes, listed or not."""
+
+    events: dict[str, int] = field(default_factory=lambda: dict.fromkeys(KINDS, 0))
+    wrong: int = 0  # losses whose old track is still output
+    forecasts: int = 0  # of nothing
+    scenes: int = 0
+    complete: bool = True  # the truth: else nothing is called spurious
+
+    def add(self, replay: Replay) -> None:
+        """Count the events of a scene."""
+        self.scenes += 1
+        self.complete &= replay.scene.truth_complete
+        self.forecasts += int(replay.spurious.sum())
+        for incident in replay.incidents:
+            self.events[incident.kind] += 1
+            self.wrong += incident.wrong
+
+
+def event_rows(replay: Replay, kinds: Sequence[str], shown: Shown) -> list[EventRow]:
+    """The events of a scene of these kinds, in the order of frames."""
+    time, classes = replay.scene.time, replay.card.task.classes
+    return [
+        EventRow(
+            scene=replay.scene.name,
+            seconds=float(time[incident.frame] - time[0]),
+            class_name=classes[incident.class_id],
+            incident=incident,
+            view=shown.view(replay.scene.name, incident.name),
+        )
+        for incident in replay.incidents
+        if incident.kind in kinds
+    ]
+
+
+def longest_only(rows: Sequence[EventRow]) -> list[EventRow]:
+    """The rows without all but the LONGEST longest spurious runs of each scene."""
+    runs = sorted((row for row in rows if row.incident.kind == "spurious"), key=_length, reverse=True)
+    kept: dict[str, list[int]] = {}
+    for row in runs:
+        of_scene = kept.setdefault(row.scene, [])
+        if len(of_scene) < LONGEST:
+            of_scene.append(id(row))
+    return [row for row in rows if row.incident.kind != "spurious" or id(row) in kept[row.scene]]
+
+
+def event_table(rows: Sequence[EventRow]) -> Table:
+    """One row per event, the command that shows it at its end."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(title="Events of the best hypothesis, along its lineage", title_justify="left", caption=_CAPTION)
+    table.caption_justify = "left"
+    for heading in ("scene", "frame", "time", "event", "object", "class", "track", "minADE", "costs", "to look at it"):
+        table.add_column(heading, justify="right" if heading in _RIGHT else "left", no_wrap=True)
+    for row in rows:
+        table.add_row(*(escape(cell) for cell in _cells(row)))
+    return table
+
+
+def tally_line(tally: Tally, all_listed: bool) -> str:
+    """How many events there are, and whether all of them were listed."""
+    count = tally.events
+    switched, lost, back = count["ids"], count["lost"], count["reacquired"]
+    text = (
+        f"{switched} identity {'switch' if switched == 1 else 'switches'}, {lost} lost ({tally.wrong} of them "
+        f"with their track elsewhere), {back} reacquired"
+    )
+    if tally.complete:
+        text += f"; {counted(tally.forecasts, 'forecast')} of nothing in {counted(count['spurious'], 'run')}"
+    else:
+        text += "; forecasts of nothing are not known, for objects outside the truth exist"
+    text += f"; {counted(tally.scenes, 'scene')}"
+    if not all_listed and count["spurious"]:
+        text += f"\nThe {LONGEST} longest spurious runs of each scene are listed; all of them: --kind spurious"
+    return text
+
+
+def events_json(rows: Sequence[EventRow], tally: Tally, env_id: str, agent: str) -> dict[str, Any]:
+    """The list as a record that can be written as JSON."""
+    return {
+        "env": env_id,
+        "agent": agent,
+        "scenes": tally.scenes,
+        "counts": tally.events | {"wrong": tally.wrong, "spurious_forecasts": tally.forecasts},
+        "truth_complete": tally.complete,
+        "events": [_record(row) for row in rows],
+    }
+
+
+_CAPTION = (
+    "minADE: of the forecast made then, metres; – where the object is no target, or was not forecast. costs: what the "
+    "score counts,\nmin(minADE, c), c where it was not forecast; of a spurious run c/2 per frame. (wrong): the old "
+    "track is still output, outside the gate."
+)
+
+
+def _length(row: EventRow) -> int:
+    return row.incident.until - row.incident.frame
+
+
+def _cells(row: EventRow) -> tuple[str, ...]:
+    event = row.incident
+    return (
+        row.scene,
+        str(event.frame) if event.until == event.frame else f"{event.frame}–{event.until}",
+        f"{row.seconds:.1f} s",
+        event.name + (" (wrong)" if event.wrong else ""),
+        _id(event.object_id),
+        row.class_name,
+        _id(event.new_id) if event.kind == "spurious" else f"{_id(event.old_id)} → {_id(event.new_id)}",
+        _metres(event.error),
+        _metres(event.capped),
+        row.view,
+    )
+
+
+def _record(row: EventRow) -> dict[str, Any]:
+    event = row.incident
+    return {
+        "scene": row.scene,
+        "frame": event.frame,
+        "until": event.until,
+        "time": row.seconds,
+        "event": event.name,
+        "kind": event.kind,
+        "object": _given(event.object_id),
+        "class": row.class_name,
+        "old_id": _given(event.old_id),
+        "new_id": _given(event.new_id),
+        "position": [event.x, event.y, event.z],
+        "wrong": event.wrong,
+        "minADE": event.error,
+        "missing_aware": event.capped,
+        "view": row.view,
+    }
+
+
+def _given(number: int) -> int | None:
+    return None if number < 0 else number
+
+
+def _id(number: int) -> str:
+    return "–" if number < 0 else str(number)
+
+
+def _metres(value: float | None) -> str:
+    return "–" if value is None else f"{value:.2f}"

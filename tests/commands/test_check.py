@@ -1,0 +1,139 @@
+"""`mtp-bench check`: what it prints of sound and of broken submissions, and its exit status."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mtp_bench.commands.checking import Checked, finding_table, gateway_findings
+from mtp_bench.gateway import SceneRun
+from mtp_bench.running.run import run_scenes
+from mtp_bench.submission.starting import new_submission
+from mtp_bench.testing import Finding
+from mtp_bench.types import Rollout
+from tests.support.command_line import CommandLine, read_json
+from tests.support.small_scenes import make_echo
+
+ACT = '        """Answer this frame, before the next one is known."""\n'
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return new_submission("mine", tmp_path)
+
+
+def edit(folder: Path, old: str, new: str) -> None:
+    path = folder / "agent.py"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+def test_a_sound_submission_passes_with_its_score_beside_stp(folder: Path, cli: CommandLine, tmp_path: Path) -> None:
+    out = cli.ok("check", folder, "--json", tmp_path / "check.json")
+    assert "mine on MTP-Intersection-v0" in out
+    assert "missing-aware error (m), lower is better" in out
+    assert "mine passes; next: `mtp-bench compare" in out
+    content = read_json(tmp_path / "check.json")
+    assert {finding["level"] for finding in content["findings"]} == {"ok"}
+    assert [finding["check"] for finding in content["findings"]][-1] == "gateway"
+    assert len(content["scores"]) == 3
+    for row in content["scores"]:
+        assert row["targets"] > 100
+        assert 0 < row["missing_aware"] < 10
+        assert 0 < row["stp"] < 10
+        assert f"{row['missing_aware']:.3f}" in out
+
+
+def test_an_agent_that_raises_shows_file_line_and_text(folder: Path, cli: CommandLine) -> None:
+    edit(folder, ACT, ACT + '        if observation["time"] > 3:\n            raise ValueError("no [more] frames")\n')
+    output = cli("check", folder)
+    assert output.error == "mine does not pass: 1 error; the table says what, where and what to do"
+    assert "ValueError: no [more] frames" in output.out
+    line = (folder / "agent.py").read_text().splitlines().index('            raise ValueError("no [more] frames")') + 1
+    assert f'agent.py, line {line}, in act: raise ValueError("no [more] frames")' in output.out
+    assert "frame 7" in output.out
+    assert "lower is better" not in output.out
+
+
+def test_an_import_that_fails_shows_the_line(folder: Path, cli: CommandLine) -> None:
+    edit(folder, "import numpy as np", "import numpy as np\nimport nothing_of_this_name")
+    output = cli("check", folder)
+    assert output.status == 1
+    assert "importing agent.py failed: ModuleNotFoundError: No module named 'nothing_of_this_name'" in output.out
+    assert "in <module>: import nothing_of_this_name" in output.out
+
+
+def test_a_syntax_error_names_file_and_line(folder: Path, cli: CommandLine) -> None:
+    edit(folder, "import numpy as np", "import numpy as np\nimport = 3")
+    output = cli("check", folder)
+    assert output.status == 1
+    assert "SyntaxError: invalid syntax (agent.py, line 10)" in output.out
+
+
+def test_a_manifest_that_is_wrong_is_one_sentence(folder: Path, cli: CommandLine) -> None:
+    manifest = folder / "submission.toml"
+    manifest.write_text(manifest.read_text().replace("authors", "author"))
+    assert cli("check", folder).error == "mine/submission.toml: unknown key 'author': did you mean 'authors'?"
+    assert "unknown submission 'nothing'" in cli("check", "nothing").error
+
+
+def test_what_only_the_gateway_sees(folder: Path, cli: CommandLine, tmp_path: Path) -> None:
+    outside = tmp_path / "weights.txt"
+    outside.write_text("3")
+    edit(folder, ACT, ACT + "        import os\n        if 'HOME' not in os.environ and 'PATH' not in os.environ or "
+         "os.environ.get('CHECK_ME') is None:\n            raise RuntimeError('no environment')\n")  # fmt: skip
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CHECK_ME", "1")
+        output = cli("check", folder)
+    assert output.status == 1
+    assert "crashed" in output.out
+    assert "no environment" in output.out
+
+
+UNSAFE = {
+    "ends its process": ("import os; os._exit(0)", "crashed: the process "),
+    "a fault": ("import ctypes; ctypes.string_at(0)", "crashed: the process "),
+}
+
+
+@pytest.mark.parametrize(("body", "text"), UNSAFE.values(), ids=UNSAFE)
+def test_an_agent_that_would_end_this_process_is_not_run_in_it(
+    body: str, text: str, folder: Path, cli: CommandLine
+) -> None:
+    edit(folder, ACT, f"{ACT}        {body}\n")
+    output = cli("check", folder)
+    assert output.status == 1
+    assert text in output.out
+    assert "conformance" not in output.out
+
+
+def run(rollout: Rollout, **changes: Any) -> SceneRun:
+    told: dict[str, Any] = {"status": "finished", "reason": "", "late": 0, "malformed": 0, "seal": ""}
+    return SceneRun(rollout=rollout, **(told | {"peak_memory": 3 << 20, "started": 0.25} | changes))
+
+
+def test_what_the_gateway_says_becomes_findings(card: str, kitti: str) -> None:
+    one, two = run_scenes(make_echo, card, {"data": kitti}, ["0001", "0006"])
+    (sound,) = gateway_findings([run(one), run(two)], [one, two])
+    assert (sound.level, sound.got) == ("ok", "2 scenes in a process of its own: built in at most 0.2 s, 3 MiB at most")
+    hung = run(two, late=2, malformed=1, status="hung", reason="no answer")
+    found = gateway_findings([run(one), hung], [one, one])
+    assert [finding.got for finding in found] == ["hung: no answer", "2 answers too late", "1 answers malformed"]
+    assert {(finding.level, finding.where) for finding in found} == {("error", "scene 0006")}
+    (other,) = gateway_findings([run(one)], [two])
+    assert (other.level, other.got, other.where) == ("warning", "answers differ in a process of its own", "scene 0001")
+
+
+def test_what_a_user_wrote_is_no_markup() -> None:
+    from rich.console import Console
+
+    finding = Finding("error", "contract", "[red]x[/red]", "[bold]", "[link=a]", "do", ("agent.py, line 1, in [x]",))
+    console = Console(width=120, record=True, file=None, quiet=True)
+    with console.capture() as captured:
+        console.quiet = False
+        console.print(finding_table(Checked("mine", "MTP-X-v0", (finding,), ())))
+    for text in ("[red]x[/red]", "expected: [bold]", "where: [link=a]", "to do: do", "in [x]"):
+        assert text in captured.get()

@@ -1,0 +1,294 @@
+"""The command line: what each command prints and writes, its exit status, and what the README says of it."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer.main
+
+from mtp_bench import card_ids, load_card
+from mtp_bench.commands.app import app
+from tests.support.command_line import CommandLine, copy_sequence, read_json, write_submission
+from tests.support.small_scenes import write_kitti
+
+COMMANDS = ["envs", "data", "run", "score", "compare", "view", "events", "video", "train", "fit-noise"]
+COMMANDS += ["new", "check", "submit", "verify", "seal", "board"]
+TABLES = ["envs", "data", "score", "compare", "events", "check", "verify", "board"]  # what prints one
+HEAVY = ["torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "pandas", "matplotlib", "jinja2"]
+
+
+@pytest.fixture(scope="module")
+def training(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A data root with a sequence outside the validation split."""
+    root = write_kitti(tmp_path_factory.mktemp("training"))
+    copy_sequence(Path(root), "0001", "0002")
+    return root
+
+
+def registered() -> dict[str, Any]:
+    command: Any = typer.main.get_command(app)
+    return dict(command.commands)
+
+
+def python(code: str, *arguments: str, **keywords: Any) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", code, *arguments]
+    return subprocess.run(command, text=True, check=False, **keywords)
+
+
+def test_the_commands_are_those_of_the_design() -> None:
+    shown = [name for name, command in registered().items() if not command.hidden]
+    assert shown == COMMANDS
+    for name in [*shown[1:10], "check", "submit", "verify"]:
+        assert "--data" in options(name)
+    for name in TABLES:
+        assert "--json" in options(name)
+
+
+def options(name: str) -> set[str]:
+    return {option for parameter in registered()[name].params for option in parameter.opts}
+
+
+@pytest.mark.parametrize("arguments", [[], *([name] for name in COMMANDS)], ids=str)
+def test_help(arguments: list[str], cli: CommandLine) -> None:
+    assert "Usage: mtp-bench" in cli.ok(*arguments, "--help")
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["envs"], ["data", "--data", "/nowhere"]], ids=str)
+def test_nothing_heavy_is_loaded_for_help_and_listings(arguments: list[str]) -> None:
+    code = f"""
+import sys
+from mtp_bench.commands.app import main
+try:
+    main()
+except SystemExit as left:
+    loaded = sorted(set({HEAVY}) & set(sys.modules))
+    print("left with", left.code, loaded)
+"""
+    done = python(code, *arguments, capture_output=True)
+    assert done.stdout.splitlines()[-1] == "left with 0 []", done.stdout + done.stderr
+
+
+def test_help_does_not_load_the_parts_of_the_commands() -> None:
+    code = "import sys, mtp_bench.commands.app; print(sorted(name for name in sys.modules if name.startswith('mtp_bench.')))"
+    done = python(code, capture_output=True)
+    for part in ("env", "runner", "scoring", "sources", "viz", "tracking", "prediction", "submission.compare"):
+        assert f"'mtp_bench.{part}'" not in done.stdout
+
+
+def test_the_program_and_the_module_are_the_same(tmp_path: Path) -> None:
+    program = Path(sys.executable).with_name("mtp-bench")
+    commands = [[str(program), "envs"], [sys.executable, "-m", "mtp_bench.commands.app", "envs"]]
+    first, second = (subprocess.run(c, capture_output=True, text=True, check=True) for c in commands)
+    assert first.stdout == second.stdout
+    assert "MTP-KITTI-v0" in first.stdout
+
+
+WRONG_USAGE = {
+    "no command": [],
+    "unknown command": ["comapre"],
+    "unknown option": ["envs", "--jsno", "a.json"],
+    "no agent": ["run", "--env", "MTP-KITTI-v0", "-o", "run"],
+    "no env": ["run", "stp", "-o", "run"],
+    "no output": ["run", "stp", "--env", "MTP-KITTI-v0"],
+    "no scene": ["run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", "--scenes", "0"],
+    "no scene to compare": ["compare", "stp", "--env", "MTP-KITTI-v0", "--scenes", "0"],
+    "scenes in words": ["compare", "stp", "--env", "MTP-KITTI-v0", "--scenes", "all"],
+    "no seed": ["compare", "stp", "--env", "MTP-KITTI-v0", "--seeds", "0"],
+    "negative seed": ["run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", "--seed", "-1"],
+    "negative jobs": ["compare", "stp", "--env", "MTP-KITTI-v0", "--jobs", "-1"],
+    "no folder": ["score"],
+    "two folders": ["score", "one", "two"],
+    "nothing known to fit": ["train", "motion-nosie", "--env", "MTP-KITTI-v0"],
+}
+
+
+@pytest.mark.parametrize("arguments", WRONG_USAGE.values(), ids=WRONG_USAGE.keys())
+def test_wrong_usage(
+    arguments: list[str], cli: CommandLine, tmp_path: Path, kitti: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MTP_BENCH_DATA", kitti)
+    output = cli(*arguments)
+    assert output.status == 2
+    assert "Usage: mtp-bench" in output.err + output.out
+    assert "Traceback" not in output.err
+    assert list(tmp_path.iterdir()) == []
+
+
+UNKNOWN = {
+    "env": (["run", "stp", "--env", "MTP-KITI-v0"], "unknown environment 'MTP-KITI-v0': did you mean 'MTP-KITTI-v0'?"),
+    "agent": (["run", "spt", "--env", "CARD"], "unknown submission 'spt': did you mean 'stp'?"),
+    "folder": (["run", "EMPTY", "--env", "CARD"], "no submission.toml in this folder"),
+    "card file": (["run", "stp", "--env", "none.toml"], "no card file at none.toml"),
+    "agent beside others": (["compare", "stp", "mpt", "--env", "CARD"], "unknown submission 'mpt': did you mean 'mtp'"),
+    "env of a comparison": (["compare", "stp", "--env", "KITTI-v0"], "did you mean 'MTP-KITTI-v0'?"),
+    "reference": (["compare", "stp", "--env", "CARD", "--reference", "spt"], "did you mean 'stp'?"),
+    "env of a fit": (["train", "motion-noise", "--env", "MTP-KITI-v0"], "did you mean 'MTP-KITTI-v0'?"),
+    "observe": (["train", "motion-noise", "--env", "CARD", "--observe", "thruth"], "did you mean 'truth'?"),
+    "env of data": (["data", "--env", "MTP-KITI-v0"], "did you mean 'MTP-KITTI-v0'?"),
+    "run": (["score", "EMPTY"], "no run.json there, expected a folder written by `mtp-bench run`"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "message"), UNKNOWN.values(), ids=UNKNOWN.keys())
+def test_unknown_names(
+    arguments: list[str], message: str, cli: CommandLine, tmp_path: Path, card: str, kitti: str
+) -> None:
+    (tmp_path / "empty").mkdir()
+    given = [{"CARD": card, "EMPTY": str(tmp_path / "empty")}.get(word, word) for word in arguments]
+    more = {"run": ["-o", str(tmp_path / "run")], "compare": ["--json", str(tmp_path / "a.json")]}
+    assert message in cli(*given, "--data", kitti, *more.get(arguments[0], [])).error
+    assert [path.name for path in tmp_path.iterdir()] == ["empty"]
+
+
+def test_envs(cli: CommandLine, tmp_path: Path) -> None:
+    printed = cli.ok("envs", "--json", tmp_path / "a.json")
+    content = read_json(tmp_path / "a.json")
+    assert list(content) == list(card_ids())
+    for env_id in card_ids():
+        assert env_id in printed
+        assert content[env_id]["digest"] == load_card(env_id).digest
+
+
+def test_data(cli: CommandLine, tmp_path: Path, kitti: str) -> None:
+    printed = cli.ok("data", "--data", kitti, "--json", tmp_path / "a.json")
+    content = read_json(tmp_path / "a.json")
+    assert list(content) == list(card_ids())
+    assert "usable, counts differ" in printed
+    assert "sequences: 3 / 21" in printed
+    assert printed.count("Licence: CC BY-NC-SA 3.0 (Geiger et al.)") == 1
+    first = content["MTP-KITTI-v0"]
+    assert (first["usable"], first["verified"], first["missing"], first["problems"]) == (True, False, [], [])
+    assert {"what": "sequences", "found": 3, "known": 21} in first["checks"]
+
+
+def test_data_that_is_not_there(cli: CommandLine, tmp_path: Path) -> None:
+    output = cli("data", "--data", tmp_path, "--env", "MTP-KITTI-v0", "--json", tmp_path / "a.json")
+    assert output.error.startswith("data is missing or broken for MTP-KITTI-v0")
+    for text in ("not found", "How to get it: register at https://", "training/label_02/%04d.txt"):
+        assert text in output.out
+    assert read_json(tmp_path / "a.json")["MTP-KITTI-v0"]["root"] is None
+
+
+def test_the_root_comes_from_the_environment_unless_it_is_given(
+    cli: CommandLine, tmp_path: Path, kitti: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MTP_BENCH_DATA", kitti)
+    assert cli("data", "--env", "MTP-KITTI-v0").status == 0
+    assert cli("data", "--env", "MTP-KITTI-v0", "--data", tmp_path).status == 1
+    assert cli("data", "--data", tmp_path).status == 0, "nobody has every dataset"
+
+
+UNWRITABLE = {
+    "no folder": ("none/a.json", "there is no folder none"),
+    "folder": ("folder", "it is a folder, expected the name of a file"),
+    "this folder": (".", "it is a folder"),
+    "below a file": ("file/a.json", "there is no folder file"),
+}
+
+
+@pytest.mark.parametrize(("path", "message"), UNWRITABLE.values(), ids=UNWRITABLE.keys())
+@pytest.mark.parametrize("command", ["envs", "compare", "train"])
+def test_a_file_that_cannot_be_written_is_refused_before_the_work(
+    command: str, path: str, message: str, cli: CommandLine, tmp_path: Path, card: str, training: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    agent = write_submission(tmp_path / "mine", body="raise RuntimeError('it ran')")
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").touch()
+    monkeypatch.chdir(tmp_path)
+    common = ("--env", card, "--data", training)
+    arguments: tuple[object, ...] = {
+        "envs": ("--json", path),
+        "compare": (agent, *common, "--json", path),
+        "train": ("motion-noise", *common, "-o", path),
+    }[command]
+    output = cli(command, *arguments)
+    assert message in output.error
+    assert output.out == ""
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder", "mine"]
+
+
+def test_train_fits_the_training_split(cli: CommandLine, tmp_path: Path, card: str, training: str) -> None:
+    common = ("train", "motion-noise", "--env", card, "--data", training)
+    printed = cli.ok(*common)
+    fitted = tomllib.loads(printed)
+    assert list(fitted) == ["Small-pointrcnn-world"]
+    assert list(fitted["Small-pointrcnn-world"]) == ["car", "pedestrian"]
+    assert set(fitted["Small-pointrcnn-world"]["car"]) == {
+        "measurement", "jerkiness", "speed", "acceleration", "turn_rate",
+    }  # fmt: skip
+    assert cli.ok(*common, "-o", tmp_path / "noise.toml") == ""
+    assert (tmp_path / "noise.toml").read_text() == printed
+    assert list(tomllib.loads(cli.ok(*common, "--observe", "truth"))) == ["Small-truth-world"]
+
+
+def test_train_without_anything_to_fit(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
+    assert "has no scene in its split 'train'" in cli("train", "motion-noise", "--env", card, "--data", kitti).error
+    root = write_kitti(tmp_path)
+    copy_sequence(Path(root), "0008", "0002")  # without objects
+    error = cli("train", "motion-noise", "--env", card, "--data", root, "-o", tmp_path / "noise.toml").error
+    assert "no track of the 1 training scenes follows an object with 3 future frames" in error
+    assert not (tmp_path / "noise.toml").exists()
+
+
+def test_the_progress_bar_keeps_to_the_error_stream_of_a_terminal(tmp_path: Path, card: str, training: str) -> None:
+    pty = pytest.importorskip("pty")
+    terminal, side = pty.openpty()
+    arguments = ["train", "motion-noise", "--env", card, "--data", training]
+    code = "from mtp_bench.commands.app import main; main()"
+    environment = {**os.environ, "TERM": "xterm"}
+    done = python(code, *arguments, stdout=subprocess.PIPE, stderr=side, env=environment)
+    os.close(side)
+    shown = os.read(terminal, 1 << 16).decode()
+    os.close(terminal)
+    assert list(tomllib.loads(done.stdout)) == ["Small-pointrcnn-world"]
+    assert "1/1" in shown
+
+
+def test_a_pipe_that_closes_early_is_no_traceback() -> None:
+    code = "from mtp_bench.commands.app import main; main()"
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = python(code, "envs", stdout=writer, stderr=subprocess.PIPE)
+    os.close(writer)
+    assert "Traceback" not in done.stderr
+
+
+def commands_of(text: str) -> list[list[str]]:
+    """Arguments of every ``mtp-bench`` call in the shell blocks of a document."""
+    blocks = re.findall(r"^```(?:sh|bash|console)\n(.*?)^```$", text, flags=re.MULTILINE | re.DOTALL)
+    lines = [part for block in blocks for line in block.splitlines() for part in line.split("&&")]
+    calls = [shlex.split(line.strip().removeprefix("$ "), comments=True) for line in lines]
+    return [words[1:] for words in calls if words and Path(words[0]).name == "mtp-bench"]
+
+
+@pytest.mark.parametrize("document", ["README.md", "CONTRIBUTING.md", "baselines/README.md", "envs/README.md"])
+def test_the_commands_of_the_documents_exist(document: str, repository: Path) -> None:
+    text = (repository / document).read_text()
+    for words in commands_of(text):
+        assert words[0] in COMMANDS, words
+        registered()[words[0]].make_context(words[0], words[1:])  # parses and checks, runs nothing
+    for name in re.findall(r"`mtp-bench (\w[\w-]*)", text):
+        assert name in COMMANDS
+
+
+def test_the_readme_shows_the_commands_of_the_comparison(repository: Path) -> None:
+    shown = {words[0] for words in commands_of((repository / "README.md").read_text())}
+    assert {"envs", "data", "run", "score", "compare"} <= shown
+
+
+def test_the_commands_of_make_exist(repository: Path) -> None:
+    calls = re.findall(r"\$\(BIN\)/mtp-bench ([^;&`\n\\]+)", (repository / "Makefile").read_text())
+    assert calls
+    for call in calls:
+        name, *words = shlex.split(call)
+        registered()[name].make_context(name, words)

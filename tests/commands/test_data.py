@@ -1,0 +1,188 @@
+"""Broken, empty and odd data through the commands: one clear error or a counted skip, and nothing half-written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.support.command_line import CommandLine, copy_sequence, read_json
+from tests.support.small_scenes import write_kitti
+
+LABELS = "training/label_02/0006.txt"
+CALIBRATION = "training/calib/0006.txt"
+OXTS = "training/oxts/0006.txt"
+CARS = "detections/pointrcnn/Car/0006.txt"
+MAP = "evaluate_tracking.seqmap.val"
+SKIPPED = "skipped 3 rows of the data that cannot be used: detection not finite (2), detection size not above 0 (1)"
+
+
+@pytest.fixture
+def kitti(tmp_path: Path) -> Path:
+    """Folder of the sequences, to be broken."""
+    return Path(write_kitti(tmp_path / "data")) / "kitti_tracking"
+
+
+def replace(name: str, old: str, new: str) -> Callable[[Path], None]:
+    """Replace the first ``old`` of a file."""
+
+    def apply(root: Path) -> None:
+        text = (root / name).read_text()
+        assert old in text
+        (root / name).write_text(text.replace(old, new, 1))
+
+    return apply
+
+
+def cut(name: str, characters: int) -> Callable[[Path], Any]:
+    return lambda root: (root / name).write_text((root / name).read_text()[:-characters])
+
+
+def drop_line(name: str) -> Callable[[Path], Any]:
+    return lambda root: (root / name).write_text("\n".join((root / name).read_text().splitlines()[:-1]))
+
+
+def remove(name: str) -> Callable[[Path], Any]:
+    return lambda root: (root / name).unlink()
+
+
+def clear(name: str) -> Callable[[Path], Any]:
+    return lambda root: (root / name).write_text("")
+
+
+BROKEN: dict[str, tuple[Callable[[Path], Any], str]] = {
+    "label cut off": (cut(LABELS, 30), "label_02/0006.txt, line 21: 14 columns, expected 17: is the file cut off?"),
+    "label not a number": (replace(LABELS, "Car 0 0", "Car 0 x"), "label_02/0006.txt, line 1, column 5: got 'x'"),
+    "label not finite": (replace(LABELS, "1.500000", "nan"), "label_02/0006.txt, line 1: a value that is not finite"),
+    "labels missing": (remove(LABELS), "label_02/0006.txt"),
+    "calibration without a line": (replace(CALIBRATION, "Tr_velo_cam", "Tr_velo"), "no line 'Tr_velo_cam'"),
+    "calibration cut off": (cut(CALIBRATION, 9), "line 'Tr_imu_velo' must hold 12 numbers, got 8"),
+    "calibration missing": (remove(CALIBRATION), "calib/0006.txt"),
+    "ego motion cut off": (cut(OXTS, 2), "oxts/0006.txt, line 7: 29 columns, expected 30: is the file cut off?"),
+    "ego motion of too few frames": (drop_line(OXTS), "0006.txt has 6 rows, expected one for each of the 7 frames"),
+    "ego motion missing": (remove(OXTS), "oxts/0006.txt"),
+    "detection cut off": (cut(CARS, 40), "Car/0006.txt, line 10: "),
+    "detection of another class": (replace(CARS, "0,2,", "0,3,"), "line 1: type 3, expected 2 (Car)"),
+    "detections missing": (remove(CARS), "Car/0006.txt"),
+    "label beyond the end": (replace(LABELS, "6 7 Car", "7 7 Car"), "frame 7, but the sequence has 7 frames"),
+    "sequence map": (replace(MAP, "0006 empty", "0006"), "line 2: got '0006 000000 000007', expected 'name empty"),
+    "no sequence": (clear(MAP), "names no sequence"),
+}
+GONE = {"another root": (lambda root: root.rename(root.with_name("kitti")), "no KITTI tracking data: ")}
+
+
+@pytest.mark.parametrize(("break_it", "message"), (BROKEN | GONE).values(), ids=(BROKEN | GONE).keys())
+def test_broken_data_is_one_clear_error(
+    break_it: Callable[[Path], Any], message: str, cli: CommandLine, tmp_path: Path, kitti: Path, card: str
+) -> None:
+    common = ("--env", card, "--data", kitti.parent)
+    run, file = tmp_path / "earlier", tmp_path / "a.json"
+    cli.ok("run", "stp", *common, "-o", run, "--jobs", 1)
+    break_it(kitti)
+    assert message in cli("run", "stp", *common, "-o", tmp_path / "run", "--jobs", 1).error
+    assert message in cli("compare", "stp", *common, "--json", file, "--jobs", 1).error
+    assert message in cli("score", run, *common, "--json", file).error
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["data", "earlier"]
+
+
+@pytest.mark.parametrize(("break_it", "message"), BROKEN.values(), ids=BROKEN.keys())
+def test_the_listing_finds_what_is_broken(
+    break_it: Callable[[Path], Any], message: str, cli: CommandLine, tmp_path: Path, kitti: Path, card: str
+) -> None:
+    break_it(kitti)
+    output = cli("data", "--env", card, "--data", kitti.parent, "--json", tmp_path / "a.json")
+    assert output.error.startswith("data is missing or broken for MTP-Small-v0")
+    assert "incomplete" in output.out
+    status = read_json(tmp_path / "a.json")["MTP-Small-v0"]
+    assert not status["usable"]
+    (found,) = [line for line in (*status["missing"], *status["problems"]) if message in line]
+    assert output.out.count(found) == 1
+
+
+def test_errors_come_from_workers_too(cli: CommandLine, tmp_path: Path, kitti: Path, card: str) -> None:
+    break_it, message = BROKEN["label cut off"]
+    break_it(kitti)
+    common = ("--env", card, "--data", kitti.parent, "--jobs", 2)
+    assert message in cli("run", "stp", *common, "-o", tmp_path / "run").error
+    assert message in cli("compare", "stp", *common, "--json", tmp_path / "a.json").error
+    assert [path.name for path in tmp_path.iterdir()] == ["data"]
+
+
+def test_broken_training_data(cli: CommandLine, tmp_path: Path, kitti: Path, card: str) -> None:
+    copy_sequence(kitti.parent, "0006", "0002")
+    cut("training/label_02/0002.txt", 30)(kitti)
+    file = tmp_path / "noise.toml"
+    error = cli("train", "motion-noise", "--env", card, "--data", kitti.parent, "-o", file).error
+    assert "label_02/0002.txt, line 21: 14 columns" in error
+    assert not file.exists()
+
+
+def test_scenes_without_objects(cli: CommandLine, tmp_path: Path, kitti: Path, card: str) -> None:
+    (kitti / MAP).write_text("0008 empty 000000 000004\n")
+    common = ("--env", card, "--data", kitti.parent)
+    cli.ok("compare", "stp", "mtp", *common, "--json", tmp_path / "a.json", "--jobs", 1, "--seeds", 1)
+    undefined = ("minADE", "minFDE", "missing_aware", "energy_score", "coverage", "gap_closed", "interval")
+    rows = read_json(tmp_path / "a.json")["rows"]
+    assert len(rows) == 55
+    for row in rows:
+        assert {row[key] for key in ("targets", "objects", "scenes")} == {0}
+        assert [row[key] for key in undefined] == [None] * len(undefined)
+    cli.ok("run", "stp", *common, "-o", tmp_path / "run", "--jobs", 1)
+    cli.ok("score", tmp_path / "run", *common, "--json", tmp_path / "b.json")
+    assert read_json(tmp_path / "b.json")["rows"][0]["targets"] == 0
+
+
+def test_a_scene_without_detections_is_missed_as_a_whole(
+    cli: CommandLine, tmp_path: Path, kitti: Path, card: str
+) -> None:
+    for kind in ("Car", "Pedestrian", "Cyclist"):
+        (kitti / f"detections/pointrcnn/{kind}/0001.txt").write_text("")
+    common = ("--env", card, "--data", kitti.parent, "--scenes", 1, "--jobs", 1)
+    cli.ok("compare", "stp", *common, "--json", tmp_path / "a.json", "--seeds", 1)
+    rows = {row["agent"]: row for row in read_json(tmp_path / "a.json")["rows"] if row["subset"] == "all"}
+    assert (rows["stp"]["targets"], rows["stp"]["coverage"], rows["stp"]["missing_aware"]) == (15, 0.0, 2.0)
+    assert rows["stp"]["minADE"] is None
+    assert rows["truth_past"]["coverage"] == 1.0
+
+
+def spoil(root: Path) -> None:
+    """Three rows in two of the three sequences that no agent can use."""
+    row = "2,2,0,0,50,50,{score},{size},1.6,4,-10,0.8,30,0.1,0\n"
+    with (root / "detections/pointrcnn/Car/0001.txt").open("a") as file:
+        file.write("\n" + row.format(score="nan", size=1.5) + row.format(score=2.0, size=0))
+    with (root / "detections/pointrcnn/Car/0006.txt").open("a") as file:
+        file.write("\n" + row.format(score="inf", size=1.5))
+
+
+def test_rows_that_are_skipped_are_counted_for_the_user(
+    cli: CommandLine, tmp_path: Path, kitti: Path, card: str
+) -> None:
+    common = ("--env", card, "--data", kitti.parent)
+    compared = ("compare", "stp", *common, "--seeds", 1, "--jobs", 1, "--json")
+    for name in ("clean", "spoilt"):
+        file, run = tmp_path / f"{name}.json", tmp_path / name
+        said = [
+            cli.ok("data", *common),
+            cli.ok("run", "stp", *common, "-o", run, "--jobs", 1),
+            cli.ok("score", run, *common),
+            cli.ok(*compared, file),
+        ]
+        assert [text.count(SKIPPED) for text in said] == [name == "spoilt"] * 4
+        assert [text.count("skipped ") for text in said] == [name == "spoilt"] * 4
+        spoil(kitti)
+    clean, spoilt = (read_json(tmp_path / f"{name}.json") for name in ("clean", "spoilt"))
+    assert clean["skipped"] == {}
+    assert spoilt["skipped"] == {"detection not finite": 2, "detection size not above 0": 1}
+    for one, other in zip(clean["rows"], spoilt["rows"], strict=True):
+        assert {**one, "ms_per_frame": 0} == {**other, "ms_per_frame": 0}
+
+
+def test_only_the_scenes_of_the_run_count(cli: CommandLine, tmp_path: Path, kitti: Path, card: str) -> None:
+    spoil(kitti)
+    common = ("--env", card, "--data", kitti.parent, "--scenes", 1)
+    cli.ok("compare", "stp", *common, "--seeds", 2, "--jobs", 1, "--json", tmp_path / "a.json")
+    skipped = {"detection not finite": 1, "detection size not above 0": 1}
+    assert read_json(tmp_path / "a.json")["skipped"] == skipped
+    assert "skipped 2 rows" in cli.ok("run", "stp", *common, "-o", tmp_path / "run", "--jobs", 1)

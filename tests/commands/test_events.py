@@ -1,0 +1,149 @@
+"""``mtp-bench events``: every event with the command that shows it, and a count that is the score's."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer.main
+
+from mtp_bench.commands.app import app
+from mtp_bench.running.stored import run_and_store, score_stored
+from mtp_bench.scoring.score import KINDS as OWN_EVENTS
+from mtp_bench.viz.terminal.event_table import LONGEST, Shown
+from tests.support.command_line import CommandLine, read_json
+from tests.support.stored_runs import write_events_run, write_ghosts
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> Path:
+    return write_events_run(tmp_path_factory.mktemp("runs") / "drawn", card, kitti)
+
+
+@pytest.fixture
+def known(card: str, kitti: str) -> list[str]:
+    """Options that every command on the run needs."""
+    return ["--env", card, "--data", kitti]
+
+
+def rows_of(printed: str) -> list[list[str]]:
+    """Cells of the table's rows."""
+    return [[cell.strip() for cell in line.split("│")[1:-1]] for line in printed.splitlines() if line.startswith("│")]
+
+
+def test_the_events_are_listed_by_scene_and_frame(cli: CommandLine, run: Path, known: list[str]) -> None:
+    printed = cli.ok("events", run, *known)
+    assert [row[:9] for row in rows_of(printed)] == [
+        ["0001", "4", "0.4 s", "ids-0", "7", "car", "7 → 8", "–", "2.00"],
+        ["0001", "5", "0.5 s", "lost-0", "7", "car", "8 → –", "–", "2.00"],
+        ["0001", "7", "0.7 s", "reacquired-0", "7", "car", "8 → 8", "–", "–"],
+        ["0006", "1–3", "0.1 s", "spurious-0", "–", "car", "90", "–", "3.00"],
+    ]
+    assert printed.splitlines()[-1] == (
+        "1 identity switch, 1 lost (0 of them with their track elsewhere), 1 reacquired; 3 forecasts of nothing in "
+        "1 run; 3 scenes"
+    )
+
+
+def test_the_command_of_a_row_can_be_pasted(cli: CommandLine, run: Path, known: list[str]) -> None:
+    first = rows_of(cli.ok("events", run, *known))[0][-1]
+    words = shlex.split(first)
+    assert words[:2] == ["mtp-bench", "view"]
+    assert words[2:] == [str(run), "--scene", "0001", "--at", "ids-0", "--data", known[3], "--env", known[1]]
+    commands: Any = typer.main.get_command(app)
+    commands.commands["view"].make_context("view", words[2:])  # parses and checks, runs nothing
+
+
+def test_names_with_spaces_are_quoted() -> None:
+    text = Shown("my runs/stp", "/data root").view("scene 1", "ids-0")
+    assert text == "mtp-bench view 'my runs/stp' --scene 'scene 1' --at ids-0 --data '/data root'"
+    assert Shown("run").view("0001", "lost-2") == "mtp-bench view run --scene 0001 --at lost-2"
+
+
+def test_only_a_scene_or_a_kind(cli: CommandLine, run: Path, known: list[str]) -> None:
+    printed = cli.ok("events", run, *known, "--scene", "0006")
+    assert [row[3] for row in rows_of(printed)] == ["spurious-0"]
+    assert printed.splitlines()[-1].endswith("; 1 scene")
+    printed = cli.ok("events", run, *known, "--kind", "ids", "--kind", "lost")
+    assert [row[3] for row in rows_of(printed)] == ["ids-0", "lost-0"]
+    printed = cli.ok("events", run, *known, "--scene", "0008")
+    assert rows_of(printed) == []
+    assert printed.startswith("0 identity switches, 0 lost")
+
+
+def test_the_file_has_what_is_listed(cli: CommandLine, run: Path, known: list[str], tmp_path: Path) -> None:
+    cli.ok("events", run, *known, "--json", tmp_path / "a.json")
+    content = read_json(tmp_path / "a.json")
+    assert (content["env"], content["agent"], content["scenes"]) == ("MTP-Small-v0", "drawn", 3)
+    assert content["counts"] == {
+        "ids": 1, "lost": 1, "reacquired": 1, "spurious": 1, "wrong": 0, "spurious_forecasts": 3,
+    }  # fmt: skip
+    switch, *_, ghost = content["events"]
+    assert [type(value) for value in switch.pop("position")] == [float] * 3
+    assert switch.pop("view").startswith("mtp-bench view ")
+    assert switch == {
+        "scene": "0001", "frame": 4, "until": 4, "time": pytest.approx(0.41, abs=0.01), "event": "ids-0", "kind": "ids",
+        "object": 7, "class": "car", "old_id": 7, "new_id": 8, "wrong": False, "minADE": None, "missing_aware": 2.0,
+    }  # fmt: skip
+    assert (ghost["frame"], ghost["until"], ghost["object"], ghost["new_id"]) == (1, 3, None, 90)
+
+
+def test_most_spurious_runs_are_only_counted(
+    cli: CommandLine, card: str, kitti: str, tmp_path: Path, known: list[str]
+) -> None:
+    """An agent that forecasts something new in every frame."""
+    run = write_ghosts(tmp_path / "run", card, kitti)
+    printed = cli.ok("events", run, *known)
+    listed = [row for row in rows_of(printed) if row[3].startswith("spurious")]
+    assert len(listed) == LONGEST
+    assert "all of them: --kind spurious" in printed.splitlines()[-1]
+    printed = cli.ok("events", run, *known, "--kind", "spurious")
+    assert len(rows_of(printed)) == 9
+    assert "all of them" not in printed
+
+
+WRONG = {
+    "scene": (["--scene", "0002"], "unknown scene of RUN '0002': did you mean '000"),
+    "data": (["--data", "none"], "no KITTI tracking data"),
+    "file": (["--json", "none/a.json"], "there is no folder none"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "message"), WRONG.values(), ids=WRONG.keys())
+def test_one_clear_error(
+    arguments: list[str], message: str, cli: CommandLine, run: Path, known: list[str], tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    output = cli("events", run, *known, *arguments)
+    assert message.replace("RUN", str(run)) in output.error
+    assert output.out == ""
+
+
+def test_no_run_and_no_kind(cli: CommandLine, tmp_path: Path, run: Path) -> None:
+    assert "no run.json there" in cli("events", tmp_path).error
+    output = cli("events", run, "--kind", "switch")
+    assert output.status == 2
+    assert "expected one of: ids, lost, reacquired, spurious" in " ".join(output.err.replace("│", " ").split())
+
+
+def test_a_run_for_another_card_is_refused(cli: CommandLine, run: Path, kitti: str, tmp_path: Path, card: str) -> None:
+    other = Path(card).read_text().replace("miss_error = 2.0", "miss_error = 3.0")
+    (tmp_path / Path(card).name).write_text(other)
+    error = cli("events", run, "--env", tmp_path / Path(card).name, "--data", kitti).error
+    assert "run the agent again" in error
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("env_id", ["MTP-KITTI-v0", "MTP-nuScenes-mini-v0", "MTP-WILDTRACK-v0"])
+def test_as_many_events_as_in_the_score(env_id: str, cli: CommandLine, data_root: Path, tmp_path: Path) -> None:
+    run_and_store("stp", env_id, tmp_path / "run", str(data_root), scenes=2)
+    cli.ok("events", tmp_path / "run", "--data", data_root, "--json", tmp_path / "a.json")
+    details = score_stored(tmp_path / "run", str(data_root)).report.details[0]
+    content = json.loads((tmp_path / "a.json").read_text())
+    assert {kind: content["counts"][kind] for kind in OWN_EVENTS} == details["own_events"]
+    for kind in ("ids", "lost", "reacquired"):
+        assert sum(event["kind"] == kind for event in content["events"]) == details["own_events"][kind]

@@ -1,0 +1,100 @@
+"""``mtp-bench fit-noise``: a card section from the detections of an env."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mtp_bench._bundle import bundled
+from mtp_bench.cards import load_card, parse_card
+from mtp_bench.env import MTPEnv
+from tests.support.command_line import CommandLine
+
+ENV = "MTP-Roundabout-v0"
+
+
+@pytest.fixture(scope="module")
+def section(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The file of a fit, made once."""
+    from mtp_bench.training.noise_profile import fit_noise
+
+    path = tmp_path_factory.mktemp("fit") / "mine.toml"
+    path.write_text(fit_noise(ENV, scenes=8, name="mine-2026"))
+    return path
+
+
+def test_the_section_makes_a_card(section: Path) -> None:
+    content: dict[str, Any] = tomllib.loads((bundled("envs") / f"{ENV}.toml").read_text())
+    content["detector"] = tomllib.loads(section.read_text())["detector"]
+    content["detector"]["noise"]["alike"] = dict.fromkeys(("truck", "bus", "motorcycle"), "car")
+    card = parse_card({**content, "id": "MTP-Mine-v0"})
+    assert card.detector is not None
+    assert card.detector_name == "mine-2026"
+    assert (card.detector.reach, card.detector.field_of_view) == (60.0, 360.0)
+    assert card.velocity
+
+
+def test_the_fit_finds_the_noise_that_made_the_detections(section: Path) -> None:
+    found = tomllib.loads(section.read_text())["detector"]["noise"]
+    detector = load_card(ENV).detector
+    assert detector is not None
+    car = detector.resolved.noise("car")
+    assert found["dt"] == 0.5
+    fitted = found["classes"]["car"]
+    assert fitted["miss"]["later"][6] == pytest.approx(car.miss.later[6], rel=0.15)
+    assert fitted["radial"]["s1"] == pytest.approx(car.radial.s1, rel=0.25)
+    assert fitted["heading"]["scale"] == pytest.approx(car.heading.scale, rel=0.15)
+    assert fitted["velocity"] == pytest.approx(0.25, rel=0.1)
+    assert car.false_positives is not None
+    assert fitted["false_positives"]["survive"] == pytest.approx(car.false_positives.survive, abs=0.1)
+
+
+def test_the_command_writes_and_prints(cli: CommandLine, tmp_path: Path) -> None:
+    path = tmp_path / "noise.toml"
+    arguments = ("fit-noise", "--env", ENV, "--scenes", "2", "--reach", "40", "--field-of-view", "180")
+    assert cli(*arguments, "-o", path).out == ""
+    printed = cli(*arguments).out
+    assert printed == path.read_text()
+    detector = tomllib.loads(printed)["detector"]
+    assert (detector["reach"], detector["field_of_view"]) == (40.0, 180.0)
+    assert detector["noise"]["name"] == "nuscenes_megvii-refit"
+    assert "too few detections to fit: " in printed
+
+
+def test_a_fitted_file_is_a_detector(cli: CommandLine, tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    similar = [option for name in ("truck", "bus", "motorcycle") for option in ("--alike", f"{name}=car")]
+    cli("fit-noise", "--env", ENV, "--scenes", "3", "--name", "mine-2026", *similar, "-o", mine)
+    assert "too few" not in mine.read_text()
+    env = MTPEnv(ENV, detector=str(mine))
+    assert env.task.detector == "mine-2026"
+    env.reset(options={"scene": env.scene_names[0]})
+    assert env.scene.detector == "mine-2026, simulated detections"
+
+
+WRONG = {
+    "score": (("--min-score", "high"), "--min-score is 'high', expected a number or class=number"),
+    "score without end": (("--min-score", "car=inf"), "--min-score is 'car=inf', expected a number or class=number"),
+    "score that is none": (("--min-score", "nan"), "--min-score is 'nan', expected a number or class=number"),
+    "class": (("--min-score", "kar=0.3"), "unknown class of --min-score 'kar': did you mean 'car'?"),
+    "alike": (("--alike", "bus=kar"), "unknown fitted class of --alike 'kar': did you mean 'car'?"),
+    "class that is alike": (("--alike", "van=car"), "unknown class of --alike 'van'"),
+    "too high a score": (("--min-score", "2.0"), "no detector profile can be fitted"),
+    "split": (("--split", "vall"), "unknown split of MTP-Roundabout-v0 'vall': did you mean 'val'?"),
+    "output": (("-o", "/no/such/folder/noise.toml"), "/no/such/folder"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_options_are_one_clear_error(name: str, cli: CommandLine) -> None:
+    options, text = WRONG[name]
+    assert text in cli("fit-noise", "--env", ENV, "--scenes", "1", *options).error
+
+
+def test_recorded_detections_can_be_fitted_only_if_there_are_enough(cli: CommandLine, card: str, kitti: str) -> None:
+    error = cli("fit-noise", "--env", card, "--data", kitti).error
+    assert "detections of true boxes" in error
+    assert "expected at least 100" in error

@@ -1,0 +1,94 @@
+"""`mtp-bench new`: a submission to start from that loads, keeps the contract and is no worse than nothing."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench import load_submission
+from mtp_bench.errors import MtpBenchError, SubmissionError
+from mtp_bench.running.run import run_scenes
+from mtp_bench.submission.starting import FILES, TEMPLATE, new_submission
+from tests.support.command_line import CommandLine
+
+
+def test_the_command_writes_a_submission_and_says_what_to_do_next(tmp_path: Path, cli: CommandLine) -> None:
+    out = cli.ok("new", "mine", "--folder", tmp_path)
+    folder = tmp_path / "mine"
+    assert sorted(path.name for path in folder.iterdir()) == sorted(FILES)
+    for line in (f"mtp-bench check {folder}", f"mtp-bench compare {folder} --env", f"mtp-bench submit {folder} --env"):
+        assert line in out
+    submission = load_submission(folder)
+    assert (submission.name, submission.authors) == ("mine", ("A. Author",))
+    assert submission.parameters == {"gate": 3.0, "patience": 1.0}
+
+
+def test_the_folder_is_made_here_by_default(tmp_path: Path, cli: CommandLine, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert "mtp-bench check mine" in cli.ok("new", "mine")
+    assert load_submission("mine").name == "mine"
+
+
+def test_its_readme_speaks_of_this_submission(tmp_path: Path) -> None:
+    text = (new_submission("my-agent.2", tmp_path) / "README.md").read_text()
+    assert text.startswith("# my-agent.2\n")
+    assert "mtp-bench check my-agent.2\n" in text
+    assert "NAME" not in text
+
+
+def test_the_test_in_its_readme_passes(tmp_path: Path) -> None:
+    folder = new_submission("mine", tmp_path)
+    code = (folder / "README.md").read_text().split("```python\n")[1].split("```")[0]
+    names: dict[str, Any] = {"__file__": str(folder / "test_agent.py")}
+    exec(code, names)
+    names["test_the_agent_keeps_the_contract"]()
+
+
+@pytest.mark.parametrize("name", ["Mine", "my agent", "../mine", "-mine", "", "mine\n", "grün", "a/b"])
+def test_a_name_that_no_manifest_may_have_is_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises(SubmissionError, match=r"is no name for a submission: .* such as '[a-z0-9]") as caught:
+        new_submission(name, tmp_path)
+    assert "'" in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_name_of_a_baseline_is_refused(tmp_path: Path, cli: CommandLine) -> None:
+    assert "'stp' is the name of a baseline" in cli("new", "stp", "--folder", tmp_path).error
+
+
+def test_a_folder_that_exists_is_left_alone(tmp_path: Path, cli: CommandLine) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "agent.py").write_text("precious")
+    assert "mine exists already, expected a new folder" in cli("new", "mine", "--folder", tmp_path).error
+    assert (tmp_path / "mine" / "agent.py").read_text() == "precious"
+
+
+def test_a_place_that_cannot_hold_it(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(MtpBenchError, match="file is a file, expected a folder"):
+        new_submission("mine", tmp_path / "file")
+
+
+def test_the_template_uses_public_names_only() -> None:
+    for path in TEMPLATE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("mtp_bench"):
+                assert node.module == "mtp_bench"
+                assert not [alias.name for alias in node.names if alias.name.startswith("_")]
+
+
+def test_the_agent_follows_and_forecasts(card: str, kitti: str, tmp_path: Path) -> None:
+    submission = load_submission(new_submission("mine", tmp_path))
+    (rollout,) = run_scenes(submission.build, card, {"data": kitti}, ["0006"])
+    assert rollout.invalid.sum() == 0
+    for frame in range(7):  # one id per object, through two frames without detections
+        assert rollout.track_id[rollout.tracks.rows(frame)].tolist() == [0, 1, 2]
+    before, now = (rollout.track_box[rollout.tracks.rows(frame)][:, :2] for frame in (5, 6))
+    straight = rollout.forecast[rollout.objects.rows(6)][:, 0] / 100.0  # the first sample
+    np.testing.assert_allclose(straight[:, 0], now - before, atol=0.06)
+    np.testing.assert_allclose(straight[:, 2], 3 * straight[:, 0], atol=0.03)
+    assert rollout.object_class[rollout.objects.rows(6)].tolist() == [0, 0, 1]

@@ -1,0 +1,130 @@
+"""`mtp-bench view`: what it writes, what it refuses, and that windows and pages open on the event."""
+
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+import sys
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+from mtp_bench.viz.rerun.sdk import ViewerClient
+from tests.support.command_line import CommandLine, plain_environment, write_submission
+from tests.support.headless_viewer import require_driver, windows_without_a_screen
+from tests.support.recordings import read
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> Path:
+    """A stored run of the small card."""
+    from mtp_bench.running.stored import run_and_store
+
+    folder = tmp_path_factory.mktemp("stored")
+    agent = write_submission(folder / "echo")
+    run_and_store(str(agent), card, folder / "run", data=kitti)
+    return folder / "run"
+
+
+@pytest.fixture
+def options(card: str, kitti: str) -> list[str]:
+    return ["--env", card, "--data", kitti]
+
+
+def test_a_recording_is_written(cli: CommandLine, folder: Path, options: list[str], tmp_path: Path) -> None:
+    file = tmp_path / "a.rrd"
+    out = cli.ok("view", folder, *options, "--save", file)
+    assert "scene 0001; open it with `rerun" in " ".join(out.split())
+    entities = read(file)
+    assert {"world/gt", "world/det", "world/forecast", "world/hyp/00/box"} <= set(entities)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.rrd"]  # nothing half written beside it
+
+
+def test_level_and_scene(cli: CommandLine, folder: Path, options: list[str], tmp_path: Path) -> None:
+    file = tmp_path / "a.rrd"
+    out = cli.ok("view", folder, *options, "--scene", "0008", "--level", "off", "--save", file)
+    assert "scene 0008" in out
+    assert not any("hyp" in path for path in read(file))
+
+
+def test_several_runs_lie_side_by_side(cli: CommandLine, folder: Path, options: list[str], tmp_path: Path) -> None:
+    cli.ok("view", folder, folder, *options, "--save", tmp_path / "a.rrd")
+    assert {"agents/echo/world/hyp/00/box", "agents/echo-2/world/hyp/00/box"} <= set(read(tmp_path / "a.rrd"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["--scene", "0009", "--save", "a.rrd"], "unknown scene of .*run '0009'"),
+        (["--at", "ids-99", "--save", "a.rrd"], "unknown event of scene 0001 'ids-99'.*`mtp-bench events` lists them"),
+        (["--save", "missing/a.rrd"], "missing"),
+        ([], "no display for the viewer: write a file with --save FILE.rrd, or serve it with --web"),
+    ],
+    ids=["scene", "event", "folder of the file", "display"],
+)
+def test_one_sentence_says_what_is_wrong(
+    arguments: list[str],
+    text: str,
+    cli: CommandLine,
+    folder: Path,
+    options: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    assert re.search(text, cli("view", folder, *options, *arguments).error)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["--level", "most"], ["--save", "a.rrd", "--web"], ["--save", "a.mp4"]],
+    ids=["level", "both", "suffix"],
+)
+def test_wrong_usage(arguments: list[str], cli: CommandLine, folder: Path, options: list[str]) -> None:
+    assert cli("view", folder, *options, *arguments).status == 2
+
+
+def test_runs_of_other_cards_share_no_picture(
+    cli: CommandLine, folder: Path, options: list[str], kitti: str, tmp_path: Path
+) -> None:
+    from mtp_bench.cards import load_card
+    from mtp_bench.env.rollouts import load_run, save_run
+
+    run = load_run(folder)
+    info = run.info.model_copy(update={"card_digest": "0" * 16})
+    save_run(tmp_path / "other", info, run.rollouts)
+    error = cli("view", folder, tmp_path / "other", *options, "--save", tmp_path / "a.rrd").error
+    assert load_card(options[1]).digest in error
+    assert "0" * 16 in error
+
+
+def test_a_window_opens_at_the_event(
+    cli: CommandLine, folder: Path, options: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    require_driver()
+    with windows_without_a_screen(monkeypatch) as address:
+        cli.ok("view", folder, *options, "--at", "lost-0")
+        (recording,) = ViewerClient.connect(address).get_state().recordings
+        assert (recording.current_timeline, recording.current_time) == ("frame", 3)
+
+
+def test_pages_are_served_on_this_machine_only(folder: Path, options: list[str]) -> None:
+    command = [sys.executable, "-u", "-m", "mtp_bench.commands.app", "view", str(folder), *options, "--web"]
+    environment = {**plain_environment(), "COLUMNS": "400"}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as served:
+        try:
+            assert served.stdout is not None
+            line = served.stdout.readline()
+            found = re.search(r"http://127\.0\.0\.1:\d+/", line)
+            assert found, line
+            with urllib.request.urlopen(found[0], timeout=20) as page:
+                assert page.status == 200
+        finally:
+            served.send_signal(signal.SIGINT)
+        assert served.wait(20) == 0

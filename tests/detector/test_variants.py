@@ -1,0 +1,199 @@
+"""Variants of a noise profile, and the profiles that ship."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+
+from mtp_bench.detector import Profile, load_profile, profile_names
+from mtp_bench.detector.chains import decayed
+from mtp_bench.detector.simulate import simulate
+from mtp_bench.detector.text import profile_text
+from mtp_bench.detector.variants import with_variant
+from mtp_bench.errors import CardError
+from mtp_bench.types import Floats
+from tests.support.detector_scenes import (
+    CLUTTER,
+    EVERYWHERE,
+    clutter,
+    cluttered,
+    crowd,
+    detect,
+    inner_gaps,
+    noisy,
+    on_grid,
+    seen_at,
+)
+
+FITTED = sorted(set(profile_names()) - {"clean", "wildtrack_mvdet"})  # of vehicles, with a view from one place
+FRAMES, OBJECTS = 150, 200
+
+
+def _withoutclutter(profile: Profile) -> Profile:
+    update = {"false_positives": None, "duplicates": 0.0}
+    return profile.model_copy(
+        update={"classes": {name: noise.model_copy(update=update) for name, noise in profile.classes.items()}}
+    )
+
+
+def _run(profile: Profile, distance: float = 30.0) -> tuple[Floats, Floats]:
+    """Hits ``[F, J]`` and errors of the boxes ``[F, J, 7]`` of a crowd of cars."""
+    truth = crowd(FRAMES, OBJECTS)
+    sight = seen_at(truth, distance)
+    found = simulate(truth, np.zeros((FRAMES, 4)), ("car",), _withoutclutter(profile), EVERYWHERE, 0, profile.dt, sight)
+    hit, box, _, _ = on_grid(found, OBJECTS)
+    return hit.astype(float), box - truth.box.reshape(FRAMES, OBJECTS, 7)
+
+
+def test_as_fitted_is_the_profile_itself() -> None:
+    profile = load_profile("kitti_pointrcnn")
+    assert with_variant(profile, "as_fitted") is profile
+
+
+@pytest.mark.parametrize("name", FITTED)
+@pytest.mark.parametrize("variant", ["iid", "hard"])
+def test_variants_are_valid_profiles_of_their_own_name(name: str, variant: Literal["iid", "hard"]) -> None:
+    changed = with_variant(load_profile(name), variant)
+    assert changed.name == f"{name}-{variant}"
+    assert Profile.model_validate(changed.model_dump()) == changed
+
+
+@pytest.mark.parametrize("name", FITTED)
+def test_without_memory_recall_and_margins_stay(name: str) -> None:
+    profile = load_profile(name)
+    (hit, error), (free_hit, free_error) = _run(profile), _run(with_variant(profile, "iid"))
+    assert free_hit.mean() == pytest.approx(hit.mean(), abs=0.025)
+    for column in (0, 1, 4):
+        spread, free_spread = (np.nanquantile(np.abs(each[..., column]), 0.5) for each in (error, free_error))
+        assert free_spread == pytest.approx(spread, rel=0.15), column
+    flips = (float(np.nanmean(np.abs(each[..., 3]) > np.pi / 2)) for each in (error, free_error))
+    assert next(flips) == pytest.approx(next(flips), abs=0.004)
+
+
+@pytest.mark.parametrize("name", FITTED)
+def test_without_memory_nothing_lasts(name: str) -> None:
+    hit, error = _run(with_variant(load_profile(name), "iid"))
+    for value in (1 - hit, *(error[..., column] for column in (0, 1, 4, 5))):
+        value = np.clip(value, *np.nanquantile(value, [0.01, 0.99])) if np.isnan(value).any() else value
+        pairs = np.isfinite(value[1:]) & np.isfinite(value[:-1])
+        assert abs(np.corrcoef(value[1:][pairs], value[:-1][pairs])[0, 1]) < 0.04
+    fitted = _run(load_profile(name))[0]
+    assert inner_gaps(hit > 0).mean() < 0.9 * inner_gaps(fitted > 0).mean()
+
+
+@pytest.mark.parametrize("name", FITTED)
+def test_hard_is_harder(name: str) -> None:
+    profile = load_profile(name)
+    (hit, error), (hard_hit, hard_error) = _run(profile), _run(with_variant(profile, "hard"))
+    odds, hard_odds = (1 / each.mean() - 1 for each in (hit, hard_hit))
+    assert np.log(hard_odds / odds) > 0.9
+    both = np.isfinite(error[..., 0]) & np.isfinite(hard_error[..., 0])
+    expected = np.clip(2 * error[both][:, :2], -2.0, 2.0)
+    inside = np.abs(expected) < 1.99
+    np.testing.assert_allclose(hard_error[both][:, :2][inside], expected[inside], atol=1e-9)
+    np.testing.assert_array_equal(hard_error[both][:, 2:], error[both][:, 2:])
+
+
+def test_hard_has_twice_the_clutter_and_the_scenes_keep_their_factor() -> None:
+    plain = cluttered(dispersion=3.0)
+    hard = with_variant(plain, "hard")
+    law = hard.classes["car"].false_positives
+    assert law is not None
+    assert (law.rate, law.dispersion) == (4.0, 5.0)
+    count, hard_count = (
+        np.array([len(clutter(each, frames=60, seed=seed).box) for seed in range(60)]) for each in (plain, hard)
+    )
+    assert hard_count.sum() / count.sum() == pytest.approx(2.0, rel=0.1)
+    assert np.corrcoef(count, hard_count)[0, 1] > 0.9
+
+
+def test_clutter_without_memory_has_the_same_rate() -> None:
+    plain = cluttered(survive=0.6)
+    free = with_variant(plain, "iid")
+    counts = [np.diff(clutter(each, frames=3000).start).astype(float) for each in (plain, free)]
+    assert counts[1].mean() == pytest.approx(counts[0].mean(), rel=0.06)
+    assert np.corrcoef(counts[0][1:], counts[0][:-1])[0, 1] == pytest.approx(0.6, abs=0.06)
+    assert abs(np.corrcoef(counts[1][1:], counts[1][:-1])[0, 1]) < 0.06
+
+
+def test_the_variants_of_no_noise_are_no_noise() -> None:
+    truth = crowd(20, 30)
+    for variant in ("iid", "hard"):
+        found = detect(truth, with_variant(load_profile("clean"), variant), seen_at(truth, 20.0))
+        np.testing.assert_allclose(found.box, truth.box)
+
+
+def test_the_shipped_profiles_are_those_of_the_documentation() -> None:
+    assert profile_names() == ["clean", "kitti_pointrcnn", "nuscenes_centerpoint", "nuscenes_megvii", "wildtrack_mvdet"]
+    for name in profile_names():
+        assert load_profile(name).name == name
+        assert load_profile(name).source
+
+
+@pytest.mark.parametrize("name", profile_names())
+def test_every_class_of_a_profile_has_noise(name: str) -> None:
+    profile = load_profile(name)
+    assert all(profile.noise(each) is profile.classes[own] for each, own in profile.alike.items())
+
+
+@pytest.mark.parametrize("name", FITTED)
+def test_hidden_and_far_objects_are_missed_more(name: str) -> None:
+    truth = crowd(40, 50)
+    profile = _withoutclutter(load_profile(name))
+    recall = [
+        len(detect(truth, profile, seen_at(truth, distance, occlusion), dt=profile.dt).box) / len(truth.box)
+        for distance, occlusion in ((5.0, 0), (30.0, 0), (60.0, 0), (30.0, 3))
+    ]
+    assert recall[0] > 0.9
+    assert recall[0] > recall[1] > recall[2]
+    assert recall[3] < recall[1] - 0.1
+
+
+def test_shares_that_do_not_sum_to_one_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"bias \+ ar \+ white is 0.9, expected 1"):
+        noisy(radial={"s0": 0.1, "s1": 0.0, "nu": 4.0, "bias": 0.1, "ar": 0.3, "phi": 0.5, "white": 0.5})
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"score": {"floor": 0.5, "ceiling": 0.4}}, "expected more than the floor, 0.5"),
+        ({"false_positives": {**CLUTTER, "distance": (5.0, 4.0, *range(6, 15))}}, "expected ascending distances"),
+        ({"false_positives": {**CLUTTER, "distance": (5.0, 6.0)}}, "at least 11 items"),
+    ],
+)
+def test_noise_that_makes_no_sense_is_refused(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        noisy(**change)
+
+
+def test_messages_of_a_wrong_profile_are_short(tmp_path: Path) -> None:
+    text = profile_text(load_profile("kitti_pointrcnn"))
+    path = tmp_path / "mine.toml"
+    for old, new, message in (
+        ("white = 0.2187", "white = 0.9", r"classes.car.score.white: got 0.9: bias \+ ar \+ white is"),
+        ('van = "car"', 'van = "auto"', "alike: got .*'auto' has no noise; expected one of 'car', 'pedestrian'"),
+    ):
+        assert old in text
+        path.write_text(text.replace(old, new, 1), encoding="utf-8")
+        with pytest.raises(CardError, match=message) as caught:
+            load_profile(str(path))
+        assert len(str(caught.value)) < 220
+
+
+def test_a_shipped_profile_is_read_once() -> None:
+    assert load_profile("nuscenes_megvii") is load_profile("nuscenes_megvii")
+
+
+@pytest.mark.parametrize(("steps", "expected"), [(1.0, -0.5), (2.0, 0.25), (0.3 / 0.1, -0.125), (1.5, -(0.5**1.5))])
+def test_a_negative_correlation_over_frames(steps: float, expected: float) -> None:
+    assert float(decayed(np.asarray(-0.5), steps)) == pytest.approx(expected)
+    assert float(decayed(np.asarray(-0.5), np.inf)) == 0.0
+
+
+def test_a_profile_that_is_not_there_is_named() -> None:
+    with pytest.raises(CardError, match="cannot be read"):
+        load_profile("no/such/profile.toml")

@@ -1,0 +1,527 @@
+"""The env on scenes in memory: what is shown, what is taken, what is never told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import gymnasium.spaces.utils as space_utils
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+
+from mtp_bench.cards import load_card
+from mtp_bench.env import MTPEnv
+from mtp_bench.env.rollouts import digest
+from mtp_bench.errors import DataError, MtpBenchError, RolloutError, UnknownNameError
+from mtp_bench.scoring.forecasts import frame_error
+from mtp_bench.scoring.targets import find_targets
+from mtp_bench.types import Rollout, Scene
+from tests.support.small_scenes import (
+    Action,
+    EchoAgent,
+    MemorySource,
+    bare_scene,
+    empty_action,
+    full_action,
+    make_scene,
+    write_card,
+)
+
+MakeEnv = Callable[..., MTPEnv]
+
+
+@pytest.fixture
+def make_env(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> MakeEnv:
+    """An env on the given scenes."""
+
+    def make(*scenes: Scene, **keywords: Any) -> MTPEnv:
+        source = MemorySource(*(scenes or (make_scene(),)))
+        monkeypatch.setattr("mtp_bench.env.open_source", lambda card, data: source)
+        return MTPEnv(write_card(tmp_path), **keywords)
+
+    return make
+
+
+def play(env: MTPEnv, answer: Callable[[dict[str, Any]], Action], **reset: Any) -> tuple[list[Any], list[float]]:
+    """All observations with their infos, and all rewards, of one episode."""
+    seen, rewards = [env.reset(**reset)], []
+    truncated = False
+    while not truncated:
+        observation, reward, _, truncated, info = env.step(answer(seen[-1][0]))
+        seen.append((observation, info))
+        rewards.append(float(reward))
+    return seen, rewards
+
+
+def echo(env: MTPEnv) -> Callable[[dict[str, Any]], Action]:
+    agent = EchoAgent()
+    agent.reset(env.task)
+    return agent.act
+
+
+def echo_rollout(env: MTPEnv, **reset: Any) -> Rollout:
+    play(env, echo(env), **reset)
+    return env.rollout()
+
+
+# ---- what is shown
+
+
+def test_the_first_ego_pose_is_the_origin_and_time_starts_at_zero(make_env: MakeEnv) -> None:
+    env = make_env(make_scene())
+    observation, info = env.reset()
+    np.testing.assert_allclose(observation["ego_pose"], 0, atol=1e-6)
+    assert float(observation["time"]) == 0.0
+    assert float(observation["dt"]) == 0.1
+    # The car is 0.1 m ahead along the scene's x axis, which runs 0.5 rad to the right of the ego heading.
+    want = [0.1 * np.cos(0.5), -0.1 * np.sin(0.5), -0.2, -0.5, 4, 1.8, 1.5]
+    np.testing.assert_allclose(observation["detection_box"][0], want, atol=1e-6)
+    assert observation["detection_score"].tolist() == [3.0, 1.0, -2.0, 0.0, 0.0, 0.0]
+    assert observation["detection_class"].tolist() == [0, 0, 1, -1, -1, -1]
+    assert observation["detection_valid"].tolist() == [1, 1, 1, 0, 0, 0]
+    assert not observation["detection_box"][3:].any()
+    assert info == {
+        "frame": 0, "dropped_detections": 0, "invalid_tracks": 0, "invalid_hypotheses": 0, "invalid_objects": 0,
+    }  # fmt: skip
+
+
+def test_later_frames_are_in_the_same_local_frame(make_env: MakeEnv) -> None:
+    env = make_env(make_scene())
+    seen, _ = play(env, lambda observation: empty_action(env.task))
+    moved = seen[3][0]["detection_box"][0, :2] - seen[0][0]["detection_box"][0, :2]
+    np.testing.assert_allclose(np.hypot(*moved), 3 * 0.8, atol=1e-5)
+    np.testing.assert_allclose(np.hypot(*seen[3][0]["ego_pose"][:2]), 3 * 0.5, atol=1e-5)
+    assert float(seen[3][0]["time"]) == pytest.approx(0.3)
+
+
+def test_every_frame_and_the_one_after_the_last_lie_in_the_space(make_env: MakeEnv) -> None:
+    for observe in ("detections", "truth"):
+        env = make_env(make_scene(empty=(0, 4, 7)), observe=observe)
+        seen, _ = play(env, echo(env))
+        assert len(seen) == 9
+        for observation, _ in seen:
+            assert env.observation_space.contains(observation)
+
+
+def test_after_the_last_frame_nothing_is_seen_and_time_stands(make_env: MakeEnv) -> None:
+    env = make_env(make_scene())
+    seen, _ = play(env, lambda observation: empty_action(env.task))
+    before, after = seen[-2][0], seen[-1][0]
+    assert not after["detection_valid"].any()
+    assert after["time"] == before["time"]
+    np.testing.assert_array_equal(after["ego_pose"], before["ego_pose"])
+
+
+def test_more_detections_than_rows_the_best_stay_in_order_and_the_rest_is_counted(make_env: MakeEnv) -> None:
+    env = make_env(make_scene(empty=(1,)), detections=2)
+    scene = env.reset()[0]
+    assert scene["detection_score"].tolist() == [3.0, 1.0]
+    seen, _ = play(env, lambda observation: empty_action(env.task))
+    assert [info["dropped_detections"] for _, info in seen] == [1, 0, 1, 1, 1, 1, 1, 1, 0]
+    assert env.rollout().dropped.tolist() == [1, 0, 1, 1, 1, 1, 1, 1]
+
+
+def test_equal_scores_the_earlier_detection_stays(make_env: MakeEnv) -> None:
+    scene = make_scene()
+    even = replace(scene, detections=replace(scene.detections, score=np.zeros(len(scene.detections.score))))
+    observation, _ = make_env(even, detections=2).reset()
+    assert observation["detection_class"].tolist() == [0, 0]
+
+
+BAD_DETECTION = {
+    "NaN": (0, 1, np.nan),
+    "infinite": (0, 0, np.inf),
+    "far away": (0, 0, 2e5),
+    "too large": (0, 4, 150.0),
+    "negative size": (0, 5, -1.0),
+    "beyond single precision": (0, 0, 1e300),
+}
+
+
+@pytest.mark.parametrize("case", BAD_DETECTION, ids=str)
+def test_a_detection_outside_of_the_space_is_left_out_and_counted(case: str, make_env: MakeEnv) -> None:
+    row, column, value = BAD_DETECTION[case]
+    scene = make_scene()
+    box = scene.detections.box.copy()
+    box[row, column] = value
+    env = make_env(replace(scene, detections=replace(scene.detections, box=box)))
+    observation, info = env.reset()
+    assert observation["detection_valid"].sum() == 2
+    assert info["dropped_detections"] == 1
+    assert env.observation_space.contains(observation)
+
+
+def test_a_detection_that_is_left_out_takes_no_one_s_place(make_env: MakeEnv) -> None:
+    scene = make_scene()
+    box = scene.detections.box.copy()
+    box[0] = np.nan  # the one with the best score
+    observation, _ = make_env(replace(scene, detections=replace(scene.detections, box=box)), detections=2).reset()
+    assert observation["detection_score"].tolist() == [1.0, -2.0]
+
+
+def test_true_boxes_come_as_detections_with_their_ids(make_env: MakeEnv) -> None:
+    scene = make_scene()
+    neutral = scene.truth.neutral.copy()
+    neutral[1::3] = True  # the second car becomes a van
+    env = make_env(replace(scene, truth=replace(scene.truth, neutral=neutral)), observe="truth")
+    observation, _ = env.reset()
+    assert env.task.observe == "truth"
+    assert observation["detection_id"].tolist() == [7, 5, -1, -1, -1, -1]
+    assert observation["detection_score"].tolist() == [1, 1, 0, 0, 0, 0]
+    np.testing.assert_allclose(np.hypot(*observation["detection_box"][0, :2]), 0, atol=1e-6)
+    assert not observation["detection_velocity"].any()  # the task says that velocity is not measured
+    assert env.task.velocity is False
+
+
+def test_observations_are_never_reused(make_env: MakeEnv) -> None:
+    env = make_env(make_scene())
+    first, _ = env.reset()
+    kept = {key: value.copy() for key, value in first.items()}
+    second, *_ = env.step(empty_action(env.task))
+    for key, value in kept.items():
+        np.testing.assert_array_equal(first[key], value)
+        second[key][...] = 1
+    again, _ = env.reset()
+    for key, value in kept.items():
+        np.testing.assert_array_equal(again[key], value)
+        assert not np.shares_memory(again[key], first[key])
+
+
+# ---- episodes
+
+
+def test_scenes_without_objects_or_detections_run_through(make_env: MakeEnv) -> None:
+    env = make_env(bare_scene())
+    seen, rewards = play(env, lambda observation: empty_action(env.task))
+    assert rewards == [0.0, 0.0, 0.0]
+    rollout = env.rollout()
+    assert rollout.frames == 3
+    assert rollout.forecast.shape == (0, 4, 3, 2)
+    assert len(seen) == 4
+
+
+def test_a_scene_without_frames_is_one_clear_error(make_env: MakeEnv) -> None:
+    env = make_env(bare_scene("nothing", frames=0))
+    with pytest.raises(DataError, match=r"scene 'nothing' of MTP-Small-v0 has no frames"):
+        env.reset()
+
+
+def test_only_the_last_answer_truncates_and_nothing_terminates(make_env: MakeEnv) -> None:
+    env = make_env(make_scene(frames=3))
+    env.reset()
+    ends = [env.step(empty_action(env.task))[2:4] for _ in range(3)]
+    assert ends == [(False, False), (False, False), (False, True)]
+    with pytest.raises(ResetNeeded, match="after the last frame of 'one'"):
+        env.step(empty_action(env.task))
+    env.reset()
+    env.step(empty_action(env.task))
+
+
+def test_nothing_can_be_asked_before_reset(make_env: MakeEnv) -> None:
+    env = make_env(make_scene())
+    with pytest.raises(ResetNeeded, match="call reset"):
+        env.step(empty_action(env.task))
+    with pytest.raises(ResetNeeded):
+        env.rollout()
+
+
+def test_no_rollout_of_half_an_episode(make_env: MakeEnv) -> None:
+    env = make_env(make_scene())
+    env.reset()
+    env.step(empty_action(env.task))
+    with pytest.raises(RolloutError, match="frame 1 of 8"):
+        env.rollout()
+
+
+def test_the_seed_chooses_the_scene_and_options_name_it(make_env: MakeEnv) -> None:
+    env = make_env(make_scene("a"), make_scene("b"), make_scene("c"))
+    chosen = []
+    for seed in range(20):
+        env.reset(seed=seed)
+        chosen.append(env.scene.name)
+        env.reset(seed=seed)
+        assert env.scene.name == chosen[-1]
+    assert set(chosen) == {"a", "b", "c"}
+    env.reset(seed=0, options={"scene": "b"})
+    assert env.scene.name == "b"
+
+
+def test_scenes_can_be_restricted(make_env: MakeEnv) -> None:
+    env = make_env(make_scene("a"), make_scene("b"), make_scene("c"), scenes=["c", "a"])
+    assert env.scene_names == ("c", "a")
+    with pytest.raises(UnknownNameError):
+        env.reset(options={"scene": "b"})
+
+
+WRONG: dict[str, tuple[dict[str, Any], str]] = {
+    "observe": ({"observe": "truht"}, "unknown value of observe 'truht': did you mean 'truth'?"),
+    "render_mode": ({"render_mode": "human"}, "unknown render mode 'human'"),
+    "samples of 0": ({"samples": 0}, r"samples is 0, expected a whole number of at least 1 \(the card has 4\)"),
+    "tracks below 0": ({"tracks": -3}, "tracks is -3"),
+    "objects as text": ({"objects": "8"}, "objects is '8'"),
+    "hypotheses as fraction": ({"hypotheses": 2.0}, "hypotheses is 2.0"),
+    "detections as flag": ({"detections": True}, "detections is True"),
+    "scene": ({"scenes": ["oen"]}, "unknown scene 'oen': did you mean 'one'?"),
+    "scenes as text": ({"scenes": "one"}, "scenes is 'one', expected a list of names"),
+    "no scene": ({"scenes": []}, "no scene to choose from"),
+    "evaluation": ({"evaluation": "yes"}, "evaluation is 'yes', expected true or false"),
+    "rigid_motion": ({"rigid_motion": 1}, "rigid_motion is 1, expected true or false"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG, ids=str)
+def test_a_wrong_keyword_is_one_clear_error(case: str, make_env: MakeEnv) -> None:
+    keywords, text = WRONG[case]
+    with pytest.raises(MtpBenchError, match=text.replace("?", r"\?")):
+        make_env(**keywords)
+
+
+def test_an_unknown_card_is_one_clear_error() -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'MTP-KITTI-v0'"):
+        MTPEnv("MTP-KITI-v0")
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [({"scene": "oen"}, "did you mean 'one'"), ({"scenes": "one"}, "unknown reset option 'scenes'")],
+)
+def test_a_wrong_reset_option_is_one_clear_error(options: dict[str, str], text: str, make_env: MakeEnv) -> None:
+    with pytest.raises(UnknownNameError, match=text):
+        make_env().reset(options=options)
+
+
+def test_sizes_come_from_the_keywords_else_from_the_card(make_env: MakeEnv) -> None:
+    env = make_env(samples=9, tracks=11)
+    assert (env.task.samples, env.task.k, env.task.tracks, env.task.objects) == (9, 4, 11, 4)
+    assert env.action_space["forecast"].shape == (4, 9, 3, 2)  # type: ignore[index]
+    assert make_env(samples=2).task.k == 2
+
+
+# ---- what is taken
+
+
+def test_the_rollout_holds_the_answer_in_the_frame_of_the_scene(make_env: MakeEnv) -> None:
+    env = make_env(make_scene())
+    rollout = echo_rollout(env)
+    detections = env.scene.detections
+    np.testing.assert_array_equal(rollout.track_start, detections.start)
+    np.testing.assert_allclose(rollout.track_box, detections.box, atol=1e-4)
+    np.testing.assert_allclose(rollout.object_box, detections.box, atol=1e-4)
+    assert rollout.track_class.tolist() == detections.class_id.tolist()
+    # The first car heads along x: its four samples run at 50, 60, 70 and 80 cm per frame.
+    assert rollout.forecast[0, :, -1].tolist() == [[150, 0], [180, 0], [210, 0], [240, 0]]
+    # The second one heads along y.
+    assert rollout.forecast[1, :, 0].tolist() == [[0, 50], [0, 60], [0, 70], [0, 80]]
+    assert rollout.member[:, :2].all()
+    assert not rollout.member[:, 2].any()
+    assert rollout.forecast.dtype == np.int16
+    assert not rollout.invalid.any()
+    assert rollout.seconds.tolist() == [0.0] * 8
+
+
+def test_a_random_turn_and_shift_changes_what_is_seen_but_not_what_is_said(make_env: MakeEnv) -> None:
+    plain = make_env(make_scene())
+    still = echo_rollout(plain)
+    moved = make_env(make_scene(), rigid_motion=True)
+    first, _ = moved.reset(seed=1)
+    assert np.abs(first["ego_pose"][:2]).min() > 1
+    other, _ = moved.reset(seed=2)
+    assert np.abs(first["ego_pose"] - other["ego_pose"]).max() > 1
+    rollout = echo_rollout(moved, seed=1)
+    for name in ("track_start", "track_id", "track_class", "member", "object_start", "object_class", "invalid"):
+        np.testing.assert_array_equal(getattr(rollout, name), getattr(still, name))
+    for name in ("track_box", "object_box", "hypothesis_log_weight", "forecast_log_weight"):
+        np.testing.assert_allclose(getattr(rollout, name), getattr(still, name), atol=1e-4)
+    assert np.abs(rollout.forecast.astype(int) - still.forecast).max() <= 1  # cm
+    assert digest(echo_rollout(moved, seed=1)) == digest(rollout)
+
+
+def test_rewards_do_not_change_under_a_rigid_motion(make_env: MakeEnv) -> None:
+    plain, moved = make_env(make_scene()), make_env(make_scene(), rigid_motion=True)
+    _, rewards = play(plain, echo(plain))
+    _, turned = play(moved, echo(moved), seed=4)
+    np.testing.assert_allclose(turned, rewards, atol=0.02)
+
+
+def test_every_action_of_the_space_is_sound(make_env: MakeEnv) -> None:
+    env = make_env(make_scene(frames=100))
+    env.action_space.seed(3)
+    env.reset(seed=3)
+    for t in range(100):
+        action = env.action_space.sample()
+        action["track_id"] = np.arange(5)  # the space cannot say that ids are unique,
+        action["forecast_log_weight"][:, 0] = 0.0  # nor that a sample is there
+        observation, reward, _, truncated, info = env.step(action)
+        assert env.observation_space.contains(observation)
+        assert np.isfinite(reward)
+        assert truncated == (t == 99)
+        assert info["invalid_tracks"] == info["invalid_hypotheses"] == info["invalid_objects"] == 0
+    rollout = env.rollout()
+    assert len(rollout.track_id) > 0
+    assert len(rollout.object_box) > 0
+
+
+def test_violations_are_counted_in_info_and_rollout(make_env: MakeEnv) -> None:
+    env = make_env(make_scene(frames=2))
+    env.reset()
+    action = full_action(env.task)
+    action["track_box"][0] = np.nan
+    action["hypothesis_log_weight"][2] = np.nan
+    action["object_class"][:2] = 9
+    *_, info = env.step(action)
+    assert (info["invalid_tracks"], info["invalid_hypotheses"], info["invalid_objects"]) == (1, 1, 2)
+    *_, info = env.step(empty_action(env.task))
+    assert (info["invalid_tracks"], info["invalid_hypotheses"], info["invalid_objects"]) == (0, 0, 0)
+    assert env.rollout().invalid.tolist() == [[1, 1, 2], [0, 0, 0]]
+
+
+# ---- what it earns, and what is never told
+
+
+def test_the_reward_is_the_error_of_what_is_recorded(make_env: MakeEnv, tmp_path: Path) -> None:
+    env = make_env(make_scene())
+    _, rewards = play(env, echo(env))
+    rollout, scene, card = env.rollout(), env.scene, load_card(write_card(tmp_path))
+    targets = find_targets(scene, card)
+    assert len(targets) == 3 * 4  # three objects, 8 frames without the first and the last three
+    for t, reward in enumerate(rewards):
+        rows = rollout.objects.rows(t)
+        center = rollout.object_box[rows, None, None, :2].astype(np.float64)
+        forecast = center + rollout.forecast[rows] / 100
+        weight = rollout.forecast_log_weight[rows]
+        error = frame_error(
+            scene, targets, card, t, rollout.object_box[rows], rollout.object_class[rows], forecast, weight
+        )
+        assert reward == -error
+    # Cars move 0.8 and 0.5 m per frame and a sample says so; all boxes are 0.1 m off. The walker stands still, his
+    # best sample moves 0.5 m per frame.
+    assert rewards[2] == pytest.approx(-(0.1 + 0.1 + 1.0) / 3, abs=0.06)
+    assert rewards[7] == 0.0
+
+
+BREAKS: dict[str, Callable[[Action], Any]] = {
+    "NaN box": lambda action: action["object_box"].__setitem__((0, 0), np.nan),
+    "unknown class": lambda action: action["object_class"].__setitem__(0, 5),
+    "NaN forecast": lambda action: action["forecast"].__setitem__((0, 0, 0, 0), np.nan),
+    "forecast out of range": lambda action: action["forecast"].__setitem__((0, 0, 0, 0), 1e4),
+    "weight +inf": lambda action: action["forecast_log_weight"].__setitem__((0, 0), np.inf),
+    "all samples absent": lambda action: action["forecast_log_weight"].__setitem__(0, -np.inf),
+    "no forecasts": lambda action: action.pop("forecast"),
+    "no objects": lambda action: action.pop("object_valid"),
+    "nothing": lambda action: action.clear(),
+}
+
+
+@pytest.mark.parametrize("case", BREAKS, ids=str)
+def test_breaking_the_contract_never_pays(case: str, make_env: MakeEnv) -> None:
+    env = make_env(make_scene())
+    _, honest = play(env, echo(env))
+    answer = echo(env)
+
+    def broken(observation: dict[str, Any]) -> Action:
+        action = answer(observation)
+        BREAKS[case](action)
+        return action
+
+    _, rewards = play(env, broken)
+    assert all(got <= best for got, best in zip(rewards, honest, strict=True))
+    assert sum(rewards) < sum(honest)
+
+
+def other_truth(scene: Scene) -> Scene:
+    """The same log with another truth in every respect."""
+    truth = scene.truth
+    changed = replace(
+        truth,
+        box=truth.box[::-1] + 3.0,
+        velocity=truth.velocity + 1,
+        class_id=1 - truth.class_id,
+        object_id=truth.object_id + 50,
+        eligible=~truth.eligible,
+        neutral=~truth.neutral,
+    )
+    return replace(scene, truth=changed, truth_complete=False)
+
+
+@pytest.mark.parametrize("rigid_motion", [False, True])
+def test_in_evaluation_nothing_that_is_returned_depends_on_the_truth(rigid_motion: bool, make_env: MakeEnv) -> None:
+    scene = make_scene(empty=(2,))
+    episodes = []
+    for version in (scene, other_truth(scene)):
+        env = make_env(version, evaluation=True, detections=2, rigid_motion=rigid_motion)
+        episodes.append((env.task, *play(env, echo(env), seed=5)))
+    (task, seen, rewards), (other_task, other_seen, other_rewards) = episodes
+    assert task == other_task
+    assert rewards == other_rewards == [0.0] * 8
+    for (observation, info), (other_observation, other_info) in zip(seen, other_seen, strict=True):
+        assert info == other_info
+        assert observation.keys() == other_observation.keys()
+        for key in observation:
+            np.testing.assert_array_equal(observation[key], other_observation[key])
+
+
+def test_outside_of_evaluation_only_the_reward_depends_on_the_truth(make_env: MakeEnv) -> None:
+    scene = make_scene()
+    episodes = []
+    for version in (scene, other_truth(scene)):
+        env = make_env(version)
+        episodes.append(play(env, echo(env)))
+    (seen, rewards), (other_seen, other_rewards) = episodes
+    assert rewards != other_rewards
+    for (observation, info), (other_observation, other_info) in zip(seen, other_seen, strict=True):
+        assert info == other_info
+        for key in observation:
+            np.testing.assert_array_equal(observation[key], other_observation[key])
+
+
+def test_a_scene_elsewhere_and_at_another_time_looks_the_same(make_env: MakeEnv) -> None:
+    scene, shift = make_scene(), np.array([500.0, -300.0, 7.0, 0, 0, 0, 0])
+    elsewhere = replace(
+        scene,
+        time=scene.time + 5e4,
+        ego=scene.ego + shift[:4],
+        truth=replace(scene.truth, box=scene.truth.box + shift),
+        detections=replace(scene.detections, box=scene.detections.box + shift),
+    )
+    seen, _ = play(here := make_env(scene), echo(here))
+    other, _ = play(there := make_env(elsewhere), echo(there))
+    for (observation, _), (moved, _) in zip(seen, other, strict=True):
+        for key in observation:
+            np.testing.assert_allclose(observation[key], moved[key], atol=1e-4)
+
+
+def test_info_always_has_the_same_whole_numbers(make_env: MakeEnv) -> None:
+    for evaluation in (False, True):
+        env = make_env(make_scene(), evaluation=evaluation)
+        seen, _ = play(env, echo(env))
+        for t, (_, info) in enumerate(seen):
+            assert list(info) == [
+                "frame",
+                "dropped_detections",
+                "invalid_tracks",
+                "invalid_hypotheses",
+                "invalid_objects",
+            ]
+            assert all(type(value) is int for value in info.values())
+            assert info["frame"] == t
+
+
+# ---- flattening
+
+
+def test_observations_and_actions_can_be_flattened(make_env: MakeEnv) -> None:
+    env = make_env(make_scene())
+    observation, _ = env.reset()
+    flat: Any = space_utils.flatten(env.observation_space, observation)
+    assert space_utils.flatten_space(env.observation_space).contains(flat)
+    back = space_utils.unflatten(env.observation_space, flat)
+    for key in observation:
+        np.testing.assert_array_equal(back[key], observation[key])
+    env.action_space.seed(0)
+    action = env.action_space.sample()
+    back = space_utils.unflatten(env.action_space, space_utils.flatten(env.action_space, action))
+    for key in action:
+        np.testing.assert_array_equal(back[key], action[key])

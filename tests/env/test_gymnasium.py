@@ -1,0 +1,157 @@
+"""The env as Gymnasium sees it: registration, checker, specs, vector envs."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
+
+import mtp_bench
+from mtp_bench.env import MTPEnv
+from tests.support.small_scenes import CARD_ID
+
+SMALL: dict[str, Any] = {"samples": 2, "tracks": 3, "objects": 2, "hypotheses": 2, "detections": 4}
+
+
+def check(env: gym.Env[Any, Any]) -> None:
+    """Gymnasium's checker, with every warning an error."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env.unwrapped)
+
+
+@pytest.mark.parametrize("keywords", [{}, {"observe": "truth"}, {"evaluation": True}, {"rigid_motion": True}], ids=str)
+def test_checker_on_a_small_card(keywords: dict[str, Any], card: str, kitti: str) -> None:
+    check(make_small(card, kitti, **keywords))
+
+
+def make_small(card: str, data: str, **keywords: Any) -> gym.Env[Any, Any]:
+    """The env as `gymnasium.make` builds it."""
+    spec = EnvSpec(id=CARD_ID, entry_point="mtp_bench.env:MTPEnv", kwargs={"card": card, "data": data, **keywords})
+    return gym.make(spec)
+
+
+def here(env_id: str) -> dict[str, Any]:
+    """The split of an env that the test data has: of nuScenes only training scenes."""
+    return {"split": "train"} if env_id == "MTP-nuScenes-v0" else {}
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("sizes", [{}, SMALL], ids=["card's sizes", "small sizes"])
+@pytest.mark.parametrize("env_id", mtp_bench.card_ids())
+def test_checker_on_every_card(env_id: str, sizes: dict[str, Any], data_root: Path) -> None:
+    check(gym.make(env_id, data=str(data_root), **here(env_id), **sizes))
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("env_id", mtp_bench.card_ids())
+def test_random_agents_are_legal_on_every_card(env_id: str, data_root: Path) -> None:
+    env = gym.make(env_id, data=str(data_root), **here(env_id))
+    env.action_space.seed(0)
+    env.reset(seed=0)
+    for _ in range(100):
+        _, reward, terminated, truncated, info = env.step(env.action_space.sample())
+        assert np.isfinite(float(reward))
+        assert not terminated
+        assert info["dropped_detections"] == 0
+        if truncated:
+            break
+
+
+def test_checker_would_notice_a_wrong_observation(card: str, kitti: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mtp_bench.env.observation.COORDINATE_LIMIT", np.inf)
+    monkeypatch.setattr("mtp_bench.env.spaces.COORDINATE_LIMIT", 0.01)
+    with pytest.raises(AssertionError, match="not within the observation space"):
+        check(make_small(card, kitti))
+
+
+NEEDS_NO_DATA = [env_id for env_id in mtp_bench.card_ids() if mtp_bench.load_card(env_id).source.name == "highway"]
+
+
+@pytest.mark.parametrize("env_id", [*NEEDS_NO_DATA, "MTP-KITTI-v0", "MTP-KITTI-noego-v0", "MTP-KITTI-5Hz-v0"])
+def test_a_spec_survives_json(env_id: str, kitti: str) -> None:
+    scene = "0006" if "KITTI" in env_id else MTPEnv(env_id).scene_names[0]
+    made = gym.make(env_id, data=kitti, observe="truth", samples=3, scenes=[scene], rigid_motion=True)
+    assert made.spec is not None
+    again = gym.make(EnvSpec.from_json(made.spec.to_json()))
+    for env in (made.unwrapped, again.unwrapped):
+        assert isinstance(env, MTPEnv)
+        assert env.task.env_id == env_id
+        assert env.task.observe == "truth"
+        assert env.task.samples == 3
+        assert env.scene_names == (scene,)
+    first, second = made.reset(seed=3)[0], again.reset(seed=3)[0]
+    for key in first:
+        np.testing.assert_array_equal(first[key], second[key])
+
+
+def test_an_env_of_a_module_prefix(kitti: str) -> None:
+    env = gym.make("mtp_bench:MTP-KITTI-v0", data=kitti)
+    assert isinstance(env.unwrapped, MTPEnv)
+
+
+@pytest.mark.parametrize("kind", ["sync", "async", "async, no shared memory"])
+def test_vector_envs(kind: str, card: str, kitti: str) -> None:
+    def make() -> gym.Env[Any, Any]:
+        return make_small(card, kitti)
+
+    envs: SyncVectorEnv[Any, Any] | AsyncVectorEnv[Any, Any]
+    if kind == "sync":
+        envs = SyncVectorEnv([make, make])
+    else:
+        envs = AsyncVectorEnv([make, make], shared_memory=kind == "async", context="spawn")
+    try:
+        envs.action_space.seed(0)
+        observation, info = envs.reset(seed=[1, 2], options={"scene": "0006"})
+        assert observation["detection_box"].shape == (2, 6, 7)
+        assert observation["time"].shape == (2,)
+        for t in range(9):  # the scene has 7 frames: the eighth step is an automatic reset
+            assert envs.observation_space.contains(observation)
+            observation, reward, terminated, truncated, info = envs.step(envs.action_space.sample())
+            assert np.isfinite(reward).all()
+            assert not terminated.any()
+            assert truncated.tolist() == [t == 6] * 2
+            assert info["dropped_detections"].tolist() == [0, 0]
+        assert info["frame"].tolist() == [1, 1]
+    finally:
+        envs.close()
+
+
+SCRIPT = """
+import sys
+from mtp_bench.env import MTPEnv
+from mtp_bench.env.rollouts import digest
+
+env = MTPEnv(sys.argv[1], sys.argv[2], rigid_motion=True)
+env.reset(seed=11)
+env.action_space.seed(11)
+truncated, rewards = False, []
+while not truncated:
+    _, reward, _, truncated, _ = env.step(env.action_space.sample())
+    rewards.append(reward)
+print(env.scene.name, digest(env.rollout()), rewards)
+"""
+
+
+def test_a_random_agent_gives_the_same_in_every_process(card: str, kitti: str, repository: Path) -> None:
+    lines = []
+    for hash_seed in ("0", "4711"):
+        done = subprocess.run(
+            [sys.executable, "-c", SCRIPT, card, kitti],
+            env={"PYTHONHASHSEED": hash_seed, "PYTHONPATH": str(repository)},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        lines.append(done.stdout)
+    assert lines[0] == lines[1]
+    assert len(lines[0].split()[1]) == 64

@@ -1,0 +1,148 @@
+"""The environments of nuScenes, WILDTRACK and 3DMOT2015 on real data, through the commands."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench import load_submission
+from mtp_bench.cards import load_card
+from mtp_bench.env import MTPEnv
+from mtp_bench.running.jobs import jobs_of
+from mtp_bench.running.run import run_jobs
+from mtp_bench.scoring import score_scene
+from mtp_bench.scoring.targets import find_targets
+from mtp_bench.sources import open_source
+from tests.support.command_line import CommandLine, read_json
+
+pytestmark = pytest.mark.data
+
+FROZEN = ("MTP-nuScenes-mini-v0", "MTP-WILDTRACK-v0", "MTP-WILDTRACK-k10-v0", "MTP-PETS-v0")
+
+
+def test_false_positives_are_not_measurable_where_only_targets_are_known(cli: CommandLine, tmp_path: Path) -> None:
+    arguments = ("compare", "stp", "--env", "MTP-nuScenes-v0", "--split", "train", "--scenes", 2, "--seeds", 1)
+    printed = cli.ok(*arguments, "--json", tmp_path / "a.json")
+    assert "not measurable" in printed
+    assert "nobody pays for spurious forecasts" in " ".join(printed.split())
+    content = read_json(tmp_path / "a.json")
+    assert content["condition"]["truth"] == "prediction targets only: false positives are not measurable"
+    assert content["condition"]["detections"] == "megvii, stored detections (2 scenes)"
+    for row in content["details"]:
+        assert (row["parts"]["false"], row["spurious_per_frame"], row["EPA"], row["AP_f"]) == (None,) * 4
+        tracking = row["tracking"]
+        assert (tracking["false_positives"], tracking["spurious_tracks"], tracking["all"]["MOTA"]) == (None,) * 3
+        assert tracking["all"]["FP"] is None
+
+
+def test_a_split_that_is_not_there_names_those_that_are(cli: CommandLine, data_root: Path) -> None:
+    output = cli("compare", "stp", "--env", "MTP-nuScenes-v0", "--data", data_root)
+    assert output.status == 1
+    assert "has no scene of split 'val'; it has train (100 scenes); choose one with --split or split=" in output.error
+    assert cli("data", "--env", "MTP-nuScenes-v0", "--data", data_root, "--split", "train").status == 0
+    assert cli("data", "--split", "train").status == 2
+
+
+def test_stored_and_simulated_detections_are_told_apart_in_the_report(cli: CommandLine, tmp_path: Path) -> None:
+    printed = cli.ok("compare", "stp", "--env", "MTP-WILDTRACK-v0", "--seeds", 1, "--json", tmp_path / "a.json")
+    label = "mvdet, stored detections (1 scene); wildtrack_mvdet, simulated detections (3 scenes)"
+    assert label in printed
+    assert read_json(tmp_path / "a.json")["condition"]["detections"] == label
+
+
+def test_a_file_of_detections_is_run_and_scored(
+    cli: CommandLine, tmp_path: Path, data_root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same detections under another name: the same scores, another digest."""
+    stored = json.loads((data_root / "nuscenes/detections/megvii_mini.json").read_text())
+    (tmp_path / "mine.json").write_text(json.dumps(stored))
+    common = ("--env", "MTP-nuScenes-mini-v0", "--split", "mini_val", "--scenes", 1)
+    for name, further in (("by_name", ()), ("by_file", ("--detections", "mine.json"))):
+        monkeypatch.chdir(tmp_path)
+        cli.ok("run", "stp", *common, *further, "-o", tmp_path / name)
+        monkeypatch.chdir("/")  # a stored run knows its file wherever it is scored
+        cli.ok("score", tmp_path / name, "--json", tmp_path / f"{name}.json")
+    by_name, by_file = (read_json(tmp_path / f"{name}.json") for name in ("by_name", "by_file"))
+    assert by_name["rows"][0]["minADE"] == by_file["rows"][0]["minADE"]
+    assert by_file["condition"]["detector"] == "megvii-mine"
+    assert by_name["condition"]["card"] != by_file["condition"]["card"]
+
+
+def test_noise_is_not_fitted_where_only_targets_are_known(cli: CommandLine) -> None:
+    error = cli("fit-noise", "--env", "MTP-nuScenes-v0", "--split", "train", "--scenes", 1).error
+    assert "detections of anything else would be fitted as false positives" in error
+
+
+def test_simulated_people_stand_where_people_were(data_root: Path) -> None:
+    card = load_card("MTP-PETS-v0").with_detector("wildtrack_mvdet")
+    source = open_source(card, data_root)
+    scene = source.load(source.names[0])
+    assert scene.simulated
+    low, high = scene.truth.box[:, :2].min(axis=0) - 1.0, scene.truth.box[:, :2].max(axis=0) + 1.0
+    assert ((scene.detections.box[:, :2] > low) & (scene.detections.box[:, :2] < high)).all()
+    assert len(np.unique(scene.detections.box[:, 3:], axis=0)) == 1, "nothing but places"
+
+
+def test_other_stored_detections_by_name(data_root: Path) -> None:
+    env = MTPEnv("MTP-nuScenes-mini-v0", data=str(data_root), split="val", detector="centerpoint")
+    assert env.task.detector == "centerpoint"
+    assert len(env.scene_names) == 4
+    env.reset(options={"scene": "scene-0103"})
+    assert env.scene.detector == "centerpoint, stored detections"
+
+
+@pytest.mark.parametrize("env_id", FROZEN)
+def test_the_frozen_subsets_are_those_of_the_reference_here(env_id: str, cli: CommandLine) -> None:
+    printed = cli.ok("compare", "stp", "--env", env_id, "--scenes", 1, "--seeds", 1)
+    assert "frozen subsets of 'stp'" in printed
+    assert "on this machine differs" not in printed
+
+
+@pytest.mark.parametrize(("env_id", "split"), [("MTP-nuScenes-v0", "train"), ("MTP-nuScenes-mini-v0", "mini_val")])
+def test_targets_of_the_official_list(env_id: str, split: str, data_root: Path) -> None:
+    card = load_card(env_id).with_split(split)
+    source = open_source(card, data_root)
+    scene = source.load(source.names[0])
+    targets = find_targets(scene, card)
+    assert scene.listed_targets == (env_id == "MTP-nuScenes-v0")
+    if scene.listed_targets:
+        assert len(targets) == scene.truth.eligible.sum() > 0
+
+
+def shifted(rows: Any, by: float) -> Any:
+    moved = rows.copy()
+    moved[:, 0] += by
+    return moved
+
+
+def test_the_clock_does_not_run_ahead(data_root: Path) -> None:
+    """The time step of a frame is that since the frame before, on nuScenes 0.4 to 0.6 s."""
+    env = MTPEnv("MTP-nuScenes-mini-v0", data=str(data_root), scenes=["scene-0103"])
+    observation, _ = env.reset()
+    action = {name: np.zeros(space.shape, space.dtype) for name, space in env.action_space.items()}  # type: ignore[attr-defined]
+    before = 0.0
+    assert observation["dt"] == 0.5
+    for _ in range(5):
+        observation = env.step(action)[0]
+        assert observation["dt"] == pytest.approx(observation["time"] - before)
+        before = float(observation["time"])
+
+
+def test_what_is_left_out_or_repeated_never_helps_without_a_false_term(data_root: Path) -> None:
+    from dataclasses import replace
+
+    card = load_card("MTP-nuScenes-v0").with_split("train")
+    keywords = {"data": str(data_root), "split": "train"}
+    names = MTPEnv(card.id, **keywords).scene_names[:1]  # type: ignore[arg-type]
+    jobs = jobs_of(load_submission("stp"), card.id, keywords, names)
+    ((scene, rollout),) = run_jobs(jobs, finish=lambda scene, rollout, card: (scene, rollout))
+    honest = score_scene(scene, rollout, card)
+    assert honest.spurious_error == 0.0
+    silent = replace(rollout, forecast_log_weight=np.full_like(rollout.forecast_log_weight, -np.inf))
+    assert score_scene(scene, silent, card).capped.sum() >= honest.capped.sum()
+    moved = replace(rollout, object_box=shifted(rollout.object_box, 3.0))
+    assert (score_scene(scene, moved, card).covered.sum()) < honest.covered.sum()

@@ -1,0 +1,258 @@
+"""Rollouts on disk: complete or not at all, and every change is noticed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench.env.decoding import decode
+from mtp_bench.env.rollouts import RunInfo, assemble, digest, load_run, save_run
+from mtp_bench.errors import RolloutError
+from mtp_bench.types import Rollout
+from tests.support.small_scenes import empty_action, full_action, task
+
+INFO = RunInfo(
+    env_id="MTP-Small-v0",
+    card_digest="0123456789abcdef",
+    observe="detections",
+    samples=4,
+    split="val",
+    keywords={"rigid_motion": False},
+    agent="echo",
+    parameters={"noise": 0.5, "classes": ["car"]},
+    submission_digest="ab",
+    seed=3,
+    definitions="1.0",
+    versions={"numpy": "2"},
+)
+
+
+def make_rollout(name: str = "one", frames: int = 3) -> Rollout:
+    full, empty = decode(full_action(task()), task()), decode(empty_action(task()), task())
+    answers = [full if t != 1 else empty for t in range(frames)]
+    answers = [replace(answer, forecast=np.rint(answer.forecast * 100)) for answer in answers]
+    rollout = assemble(name, answers, np.arange(frames))
+    return replace(rollout, seconds=np.linspace(0.1, 0.2, frames))
+
+
+def assert_equal(one: Rollout, other: Rollout) -> None:
+    assert one.scene == other.scene
+    for field in fields(Rollout):
+        if field.name != "scene":
+            np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name))
+            assert getattr(one, field.name).dtype == getattr(other, field.name).dtype
+
+
+def test_rows_are_divided_into_frames() -> None:
+    rollout = make_rollout()
+    assert rollout.track_start.tolist() == [0, 4, 4, 8]
+    assert rollout.object_start.tolist() == [0, 2, 2, 4]
+    assert rollout.track_id.tolist() == [10, 11, 12, 12] * 2
+    assert rollout.forecast[0, 0].tolist() == [[100, 0], [200, 0], [300, 0]]
+    assert np.isneginf(rollout.hypothesis_log_weight[1]).all()
+
+
+def test_what_was_saved_is_loaded(tmp_path: Path) -> None:
+    rollouts = [make_rollout("one"), make_rollout("two/part 1", frames=1), make_rollout("..", frames=2)]
+    save_run(tmp_path / "runs" / "echo", INFO, rollouts)
+    run = load_run(tmp_path / "runs" / "echo")
+    assert run.info == INFO
+    assert [rollout.scene for rollout in run.rollouts] == ["one", "two/part 1", ".."]
+    for got, want in zip(run.rollouts, rollouts, strict=True):
+        assert_equal(got, want)
+    assert [path.name for path in (tmp_path / "runs").iterdir()] == ["echo"]
+    assert sorted(path.name for path in (tmp_path / "runs/echo").iterdir()) == [
+        "...npz", "one.npz", "run.json", "two%2Fpart%201.npz",
+    ]  # fmt: skip
+
+
+def test_a_run_without_a_scene_is_a_run(tmp_path: Path) -> None:
+    save_run(tmp_path / "run", INFO, [])
+    assert load_run(tmp_path / "run").rollouts == ()
+
+
+def test_a_run_takes_the_place_of_an_earlier_one(tmp_path: Path) -> None:
+    save_run(tmp_path / "run", INFO, [make_rollout("one"), make_rollout("two")])
+    save_run(tmp_path / "run", INFO, [make_rollout("three")])
+    assert [rollout.scene for rollout in load_run(tmp_path / "run").rollouts] == ["three"]
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["run.json", "three.npz"]
+
+
+def test_an_empty_folder_is_filled(tmp_path: Path) -> None:
+    (tmp_path / "run").mkdir()
+    save_run(tmp_path / "run", INFO, [make_rollout()])
+    assert len(load_run(tmp_path / "run").rollouts) == 1
+
+
+@pytest.mark.parametrize("names", [["thesis.tex"], ["run.json", "notes.txt"], ["one.npz"]], ids=str)
+def test_a_folder_that_is_no_run_is_left_alone(names: list[str], tmp_path: Path) -> None:
+    for name in names:
+        (tmp_path / name).write_text("precious")
+    with pytest.raises(RolloutError, match="it is no run: choose another folder"):
+        save_run(tmp_path, INFO, [make_rollout()])
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
+    assert all((tmp_path / name).read_text() == "precious" for name in names)
+
+
+def test_a_file_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "run").write_text("precious")
+    with pytest.raises(RolloutError, match="is a file"):
+        save_run(tmp_path / "run", INFO, [make_rollout()])
+
+
+def test_an_earlier_run_survives_when_writing_fails(tmp_path: Path) -> None:
+    save_run(tmp_path / "run", INFO, [make_rollout("one")])
+
+    def failing() -> Any:
+        yield make_rollout("two")
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(RolloutError, match="No space left on device"):
+        save_run(tmp_path / "run", INFO, failing())
+    assert [rollout.scene for rollout in load_run(tmp_path / "run").rollouts] == ["one"]
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+def test_an_interrupted_first_run_leaves_nothing(tmp_path: Path) -> None:
+    def interrupted() -> Any:
+        yield make_rollout("two")
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        save_run(tmp_path / "run", INFO, interrupted())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_scene_twice_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(RolloutError, match="'one' occurs twice"):
+        save_run(tmp_path / "run", INFO, [make_rollout(), make_rollout()])
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("value", [float("nan"), np.zeros(2), {1, 2}], ids=["NaN", "array", "set"])
+def test_parameters_that_are_no_json_are_an_error(value: Any, tmp_path: Path) -> None:
+    with pytest.raises(RolloutError, match="parameters of 'echo' cannot be stored as JSON"):
+        save_run(tmp_path / "run", INFO.model_copy(update={"parameters": {"noise": value}}), [])
+    assert list(tmp_path.iterdir()) == []
+
+
+def edit_json(change: Callable[[Any], Any]) -> Callable[[Path], None]:
+    def apply(folder: Path) -> None:
+        content = json.loads((folder / "run.json").read_text())
+        change(content)
+        (folder / "run.json").write_text(json.dumps(content))
+
+    return apply
+
+
+def edit_array(name: str, change: Callable[[Any], Any]) -> Callable[[Path], None]:
+    def apply(folder: Path) -> None:
+        arrays = dict(np.load(folder / "one.npz"))
+        arrays[name] = change(arrays[name])
+        np.savez_compressed(folder / "one.npz", allow_pickle=False, **arrays)
+
+    return apply
+
+
+def cut(name: str) -> Callable[[Path], None]:
+    def apply(folder: Path) -> None:
+        content = (folder / name).read_bytes()
+        (folder / name).write_bytes(content[: len(content) // 2])
+
+    return apply
+
+
+def flip_byte(folder: Path) -> None:
+    content = bytearray((folder / "one.npz").read_bytes())
+    content[len(content) // 3] ^= 0xFF
+    (folder / "one.npz").write_bytes(bytes(content))
+
+
+def drop_array(folder: Path) -> None:
+    arrays = dict(np.load(folder / "one.npz"))
+    del arrays["member"]
+    np.savez_compressed(folder / "one.npz", allow_pickle=False, **arrays)
+
+
+def one_array(folder: Path) -> None:
+    with (folder / "one.npz").open("wb") as file:
+        np.save(file, np.zeros(3))
+
+
+def pickled(folder: Path) -> None:
+    arrays = dict(np.load(folder / "one.npz"))
+    arrays["track_id"] = np.array([{}], dtype=object)
+    np.savez_compressed(folder / "one.npz", **arrays)
+
+
+SPOILED: dict[str, tuple[Callable[[Path], Any], str]] = {
+    "no run.json": (lambda folder: (folder / "run.json").unlink(), "no run.json there"),
+    "no scene": (lambda folder: (folder / "one.npz").unlink(), r"one\.npz is missing"),
+    "run.json cut": (cut("run.json"), r"run\.json: cannot be read"),
+    "run.json is a list": (lambda folder: (folder / "run.json").write_text("[]"), "holds list, expected a table"),
+    "run.json not text": (lambda folder: (folder / "run.json").write_bytes(b"\xff\xfe"), "cannot be read"),
+    "unknown key": (edit_json(lambda content: content.update(scene=1)), "unknown key 'scene': did you mean 'scenes'"),
+    "key missing": (edit_json(lambda content: content["info"].pop("seed")), r"key 'info\.seed' is missing"),
+    "later format": (edit_json(lambda content: content.update(format=2)), "format: got 2"),
+    "frames changed": (edit_json(lambda content: content["scenes"][0].update(frames=4)), "track_start has shape"),
+    "scene cut": (cut("one.npz"), "truncated or not a rollout"),
+    "scene empty": (lambda folder: (folder / "one.npz").write_bytes(b""), "truncated or not a rollout"),
+    "scene is text": (lambda folder: (folder / "one.npz").write_text("hello"), "truncated or not a rollout"),
+    "scene is one array": (one_array, "truncated or not a rollout"),
+    "byte flipped": (flip_byte, r"one\.npz"),
+    "array missing": (drop_array, "member"),
+    "pickle inside": (pickled, "truncated or not a rollout"),
+    "box changed": (edit_array("track_box", lambda array: array + np.float32(0.01)), "it was changed after the run"),
+    "forecast changed": (edit_array("forecast", lambda array: array + np.int16(1)), "it was changed after the run"),
+    "dtype changed": (edit_array("forecast", lambda array: array.astype(float)), "forecast has dtype float64"),
+    "rows gone": (edit_array("track_id", lambda array: array[1:]), "track_id has shape"),
+    "frames out of order": (edit_array("object_start", lambda array: array[::-1]), "object_start does not divide"),
+    "starts beyond": (edit_array("track_start", lambda array: array + 1), "track_start does not divide"),
+}
+
+
+@pytest.mark.parametrize("case", SPOILED, ids=str)
+def test_a_spoiled_run_is_one_clear_error(case: str, tmp_path: Path) -> None:
+    spoil, text = SPOILED[case]
+    save_run(tmp_path / "run", INFO, [make_rollout("one")])
+    spoil(tmp_path / "run")
+    with pytest.raises(RolloutError, match=text):
+        load_run(tmp_path / "run")
+
+
+def test_a_missing_folder_is_one_clear_error(tmp_path: Path) -> None:
+    with pytest.raises(RolloutError, match=r"no run\.json there, expected a folder written by `mtp-bench run`"):
+        load_run(tmp_path / "nowhere")
+
+
+def test_times_do_not_enter_the_digest_and_everything_else_does() -> None:
+    rollout = make_rollout()
+    assert digest(replace(rollout, seconds=rollout.seconds + 1)) == digest(rollout)
+    assert digest(replace(rollout, scene="other")) != digest(rollout)
+    for field in fields(Rollout):
+        if field.name not in ("scene", "seconds"):
+            array = getattr(rollout, field.name)
+            changed = ~array if array.dtype == bool else np.where(np.isfinite(array), array + 1, array)
+            assert digest(replace(rollout, **{field.name: changed})) != digest(rollout), field.name
+
+
+def test_the_digest_is_of_values() -> None:
+    rollout = make_rollout()
+    strided = replace(
+        rollout, track_box=np.asfortranarray(rollout.track_box), track_id=rollout.track_id.astype(np.int32)
+    )
+    assert digest(strided) == digest(rollout)
+    negative_zero = np.where(rollout.track_box == 0, np.float32(-0.0), rollout.track_box)
+    zero = np.where(rollout.track_box == 0, np.float32(0.0), rollout.track_box)
+    assert digest(replace(rollout, track_box=negative_zero)) == digest(replace(rollout, track_box=zero))
+
+
+def test_the_digest_stays() -> None:
+    assert digest(make_rollout()) == "42151699c399f8f31d0045c2f19a225ea5ad9026f68bc4e91233d37ff3133877"

@@ -1,0 +1,189 @@
+"""Environments of simulated traffic, as a user meets them."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from mtp_bench import load_submission
+from mtp_bench._bundle import baseline_names, bundled
+from mtp_bench.env import MTPEnv
+from mtp_bench.errors import MtpBenchError, UnknownNameError
+from mtp_bench.running.run import run_scenes
+from mtp_bench.scoring import SceneScore, score_scene
+from mtp_bench.submission.loader import SubmissionFactory
+from tests.support.command_line import CommandLine
+
+SIMULATED = ("MTP-Intersection-v0", "MTP-Roundabout-v0", "MTP-Merge-v0", "MTP-Highway-v0")
+
+
+def first_scene(env_id: str, **keywords: Any) -> MTPEnv:
+    """The env with nothing but its first scene, the same in all tests: it is generated once."""
+    known = MTPEnv(env_id).scene_names
+    return MTPEnv(env_id, scenes=known[:1], **keywords)
+
+
+@pytest.mark.parametrize("env_id", SIMULATED)
+def test_checker(env_id: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gym.make(env_id, scenes=first_scene(env_id).scene_names).unwrapped)
+
+
+@pytest.mark.parametrize("env_id", SIMULATED)
+def test_the_scene_is_what_the_card_says(env_id: str) -> None:
+    env = first_scene(env_id)
+    observation, _ = env.reset()
+    scene, rate = env.scene, env.card.task.rate
+    assert scene.frames == 20 * rate
+    assert scene.truth_complete
+    assert "simulated" in scene.detector
+    assert len(scene.lanes) >= 4
+    assert len(env.scene_names) == 1
+    # Nothing overflows, and there is something to follow.
+    assert 3 < len(scene.detections.score) / scene.frames < 0.8 * env.task.detections
+    assert np.isnan(scene.detections.velocity).all() != env.task.velocity
+    moved = np.linalg.norm(scene.ego[-1, :2] - scene.ego[0, :2])
+    assert (moved > 5) == (env_id != "MTP-Roundabout-v0"), "a roadside sensor stays, an ego drives"
+    assert observation["detection_valid"].any()
+
+
+def shown(env: MTPEnv, seed: int) -> np.ndarray[Any, Any]:
+    observation, _ = env.reset(seed=seed)
+    return observation["detection_box"]
+
+
+def test_a_scene_has_the_same_detections_in_every_episode_unless_noise_is_fresh() -> None:
+    env = first_scene("MTP-Intersection-v0")
+    np.testing.assert_array_equal(shown(env, 0), shown(env, 1))
+    fresh = first_scene("MTP-Intersection-v0", fresh_noise=True)
+    assert not np.array_equal(shown(fresh, 0), shown(fresh, 1))
+    np.testing.assert_array_equal(shown(fresh, 1), shown(fresh, 1))
+
+
+def test_fresh_noise_needs_a_simulated_detector(card: str, kitti: str) -> None:
+    with pytest.raises(MtpBenchError, match="fresh_noise needs a simulated detector"):
+        MTPEnv(card, data=kitti, fresh_noise=True)
+    with pytest.raises(MtpBenchError, match="fresh_noise is for training"):
+        MTPEnv("MTP-Merge-v0", fresh_noise=True, evaluation=True)
+
+
+def test_another_detector_sees_the_same_world() -> None:
+    usual, clean = (first_scene("MTP-Intersection-v0", **k) for k in ({}, {"detector": "clean"}))
+    for env in (usual, clean):
+        env.reset()
+    np.testing.assert_array_equal(usual.scene.truth.box, clean.scene.truth.box)
+    assert clean.task.detector == "clean"
+    assert len(clean.scene.detections.box) == len(clean.scene.truth.box)
+    order = np.lexsort(clean.scene.detections.box.T), np.lexsort(clean.scene.truth.box.T)
+    np.testing.assert_allclose(clean.scene.detections.box[order[0]], clean.scene.truth.box[order[1]], atol=1e-6)
+    assert len(usual.scene.detections.box) != len(usual.scene.truth.box)
+
+
+def test_another_split_has_other_scenes() -> None:
+    names = [set(MTPEnv("MTP-Merge-v0", split=split).scene_names) for split in ("train", "val", "test")]
+    assert [len(part) for part in names] == [500, 50, 50]
+    assert not (names[0] & names[1] | names[1] & names[2] | names[0] & names[2])
+
+
+def test_unknown_splits_and_detectors_are_errors() -> None:
+    with pytest.raises(UnknownNameError, match="unknown split of MTP-Merge-v0 'valid'"):
+        MTPEnv("MTP-Merge-v0", split="valid")
+    with pytest.raises(UnknownNameError, match="unknown detector profile 'lidar'"):
+        MTPEnv("MTP-Merge-v0", detector="lidar")
+
+
+def test_a_simulated_detector_on_recorded_truth(card: str, kitti: str) -> None:
+    env = MTPEnv(card, data=kitti, detector="clean")
+    env.reset(options={"scene": env.scene_names[0]})
+    assert 0 < len(env.scene.detections.box) <= len(env.scene.truth.box)
+    assert env.scene.detector == "clean, simulated detections"
+
+
+def scores(env_id: str, scenes: int, agent: str = "stp", **keywords: Any) -> list[SceneScore]:
+    submission = load_submission(agent)
+    make = SubmissionFactory(str(submission.path), submission.parameters)
+    names = MTPEnv(env_id, split=keywords.get("split")).scene_names[:scenes]
+    return run_scenes(make, env_id, keywords, names, finish=score_scene)
+
+
+@pytest.mark.parametrize("env_id", ["MTP-Intersection-v0", "MTP-Merge-v0"])
+def test_errors_rise_with_the_noise_and_events_come_from_it(env_id: str) -> None:
+    error, events = [], []
+    for detector in ("clean", None, "hard"):
+        keywords = {} if detector is None else {"detector": detector}
+        found = scores(env_id, 2, **keywords)
+        events.append(sum(len(kind) for score in found for kind in score.events.values()))
+        error.append(sum(score.capped.sum() for score in found) / sum(len(score.capped) for score in found))
+    assert error[0] < error[1] < error[2]
+    assert events[0] < 0.15 * events[1]
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Cards with scenes of a few seconds."""
+    folder = tmp_path_factory.mktemp("cards")
+    cards = {}
+    for env_id, seconds in (("MTP-Intersection-v0", 10.0), ("MTP-Merge-v0", 4.0)):
+        path = folder / f"{env_id}.toml"
+        text = (bundled("envs") / path.name).read_text()
+        path.write_text(text.replace("seconds = 20.0", f"seconds = {seconds}"))
+        cards[env_id] = str(path)
+    return cards
+
+
+@pytest.mark.parametrize("env_id", ["MTP-Intersection-v0", "MTP-Merge-v0"])
+@pytest.mark.parametrize("name", baseline_names())
+def test_every_baseline_runs(name: str, env_id: str, short: dict[str, str]) -> None:
+    observe = load_submission(name).compare.observe
+    (score,) = scores(short[env_id], 1, name, observe=observe)
+    assert len(score) > 10
+    assert score.invalid.sum() == 0
+    assert score.covered.mean() > 0.5
+
+
+RUN = ("run", "mtp", "--env", "MTP-Roundabout-v0", "--scenes", "1", "-o")
+
+
+def digest_in_another_process(folder: Path, hash_seed: int) -> str:
+    """Digest of a run whose scene is generated there too."""
+    environment = {**os.environ, "PYTHONHASHSEED": str(hash_seed), "MTP_BENCH_CACHE": str(folder / "cache")}
+    command = [sys.executable, "-m", "mtp_bench.commands.app", *RUN, str(folder / "run")]
+    subprocess.run(command, check=True, capture_output=True, env=environment)
+    (entry,) = json.loads((folder / "run" / "run.json").read_text())["scenes"]
+    return str(entry["digest"])
+
+
+def test_runs_have_the_same_digest_in_processes_with_different_hash_seeds(tmp_path: Path) -> None:
+    assert digest_in_another_process(tmp_path / "a", 1) == digest_in_another_process(tmp_path / "b", 2)
+
+
+def test_a_run_of_another_split_and_detector_is_scored_as_such(cli: CommandLine, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    options = ("--split", "test", "--detector", "hard", "--scenes", "1")
+    cli("run", "stp", "--env", "MTP-Roundabout-v0", "-o", folder, *options)
+    (entry,) = json.loads((folder / "run.json").read_text())["scenes"]
+    assert entry["scene"] == "roundabout-020000"
+    scored = tmp_path / "score.json"
+    assert cli("score", folder, "--json", scored).status == 0
+    whole = next(row for row in json.loads(scored.read_text())["rows"] if row["subset"] == "all")
+    (direct,) = scores("MTP-Roundabout-v0", 1, split="test", detector="hard")
+    assert whole["targets"] == len(direct)
+
+
+def test_data_says_how_much_is_generated(cli: CommandLine, tmp_path: Path) -> None:
+    cli("run", "stp", "--env", "MTP-Roundabout-v0", "--scenes", "1", "-o", tmp_path / "run")
+    output = " ".join(cli("data", "--env", "MTP-Roundabout-v0").out.split())
+    assert "simulated scenes are generated when they are first used" in output
+    assert "attempts rejected" in output
+    assert "made when used" in output

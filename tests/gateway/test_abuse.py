@@ -1,0 +1,199 @@
+"""Agents that crash, hang, allocate, fork, flood and fill."""
+
+from __future__ import annotations
+
+import importlib.util
+import py_compile
+import re
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mtp_bench.env.rollouts import digest
+from mtp_bench.gateway import SceneRun, run_isolated, run_isolated_scenes
+from mtp_bench.parallel import Workers
+from tests.support.hostile import FRAMES, HONEST, HURRIED, QUICK, SCENE, Court, submission
+
+
+def at_frame_two(what: str) -> str:
+    return f"""
+def act(self, observation):
+    if self.frame == 2:
+        {what}
+    return self.honest(observation)
+"""
+
+
+CRASHES = {
+    "exit": ("os._exit(3)", "exit code 3"),
+    "segmentation fault": ("ctypes.string_at(0)", "SIGSEGV"),
+    "exception": ("1 / 0", "frame 2 failed: ZeroDivisionError"),
+    "SystemExit": ("sys.exit('enough')", "SystemExit: enough"),
+    "allocates": ("hoard = [np.zeros(1 << 28, np.uint8) for _ in range(100)]", "MemoryError"),
+    "closes its connection": ("[os.close(int(n)) for n in sys.argv[1:3]]", "frame 2|closed|process"),
+}
+
+
+@pytest.mark.parametrize(("what", "text"), CRASHES.values(), ids=CRASHES)
+def test_a_crash_ends_the_scene_and_keeps_what_was_answered(court: Court, what: str, text: str) -> None:
+    run = court.run(at_frame_two(what), replace(QUICK, memory=2 << 30))
+    assert run.status == "crashed"
+    assert any(part in run.reason for part in text.split("|")), run.reason
+    assert np.diff(run.rollout.object_start).tolist() == [3, 3, 0, 0, 0, 0, 0]
+    assert court.error(run.rollout) > court.error(court.honest())
+
+
+def test_the_last_words_are_in_the_reason(court: Court) -> None:
+    run = court.run(at_frame_two("print('no more weights', flush=True); os._exit(1)"))
+    assert "no more weights" in run.reason
+
+
+SILENT = {
+    "act": (at_frame_two("time.sleep(1000)"), replace(HURRIED, scene=6.0)),
+    "import": ("time.sleep(1000)", replace(QUICK, start=1.0)),
+    "build": ("__init__ = lambda self: time.sleep(1000)", replace(QUICK, start=1.0)),
+}
+
+
+@pytest.mark.parametrize(("trick", "limits"), SILENT.values(), ids=SILENT)
+def test_an_agent_that_hangs_is_ended(court: Court, trick: str, limits: object) -> None:
+    run = court.run(trick, limits)  # type: ignore[arg-type]  # pyright: ignore[reportArgumentType]
+    assert run.late >= FRAMES - 2 or run.status == "hung"
+    assert np.diff(run.rollout.object_start)[2:].sum() == 0
+
+
+REACHES = {"its group": "os.kill(0, 9)", "everybody": "os.kill(-1 if os.getpid() == 1 else 0, 9)"}
+
+
+@pytest.mark.parametrize("what", REACHES.values(), ids=REACHES)
+def test_an_agent_that_kills_reaches_at_most_itself(court: Court, what: str) -> None:
+    undying = "ctypes.CDLL(None).prctl(1, 0, 0, 0, 0)"
+    run = court.run(at_frame_two(f"{undying}; {what}"))
+    assert run.status in ("finished", "crashed")
+    assert court.error(run.rollout) >= court.error(court.honest())
+    assert left_over(str(court.folder)) == []
+
+
+FORKS = {
+    "fork": "os.fork() or time.sleep(4711)",
+    "double fork": "os.fork() or (os.setsid(), os.fork() or time.sleep(4711), os._exit(0))",
+    "many": "any(os.fork() == 0 and not time.sleep(4711) for _ in range(30))",
+}
+
+
+@pytest.mark.parametrize("what", FORKS.values(), ids=FORKS)
+def test_processes_that_an_agent_starts_end_with_it(court: Court, what: str) -> None:
+    run = court.run(at_frame_two(what))
+    assert run.status == "rejected"
+    assert "other processes" in run.reason
+    assert left_over(str(court.folder)) == []
+
+
+HOARDS = {
+    "processes": ("[os.fork() or time.sleep(4711) for _ in range(100)]", "other processes"),
+    "memory": (
+        "[os.fork() or (np.ones(50_000_000), time.sleep(4711)) for _ in range(6)]",
+        r"its \d processes held .* MiB, of 2048 MiB",
+    ),
+}
+
+
+@pytest.mark.parametrize(("what", "text"), HOARDS.values(), ids=HOARDS)
+def test_processes_that_take_the_machine_end_before_the_answer_is_due(court: Court, what: str, text: str) -> None:
+    run = court.run(at_frame_two(f"{what}; time.sleep(4711)"), replace(QUICK, frame=50.0, memory=2 << 30))
+    assert (run.status, run.late) == ("rejected", 0)
+    assert re.search(text, run.reason), run.reason
+    assert left_over(str(court.folder)) == []
+
+
+def left_over(folder: str) -> list[str]:
+    """Processes of agents of this court that are still there: they know its folder as their temporary one."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        try:
+            if entry.name.isdigit() and f"{folder}/agents".encode() in (entry / "environ").read_bytes():
+                found.append(entry.name)
+        except OSError:
+            continue
+    return found
+
+
+def test_floods_are_read_away(court: Court) -> None:
+    run = court.run("def act(self, observation):\n    print('x' * 4_000_000)\n    return self.honest(observation)")
+    assert run.status == "finished"
+    assert digest(run.rollout) == digest(court.honest())
+
+
+FILLS = """
+def act(self, observation):
+    written = 0
+    try:
+        for i in range(100):
+            with open(f"junk{i}", "wb") as file:
+                for _ in range(16):
+                    file.write(bytes(1 << 20))
+                    file.flush()
+                    written += 1 << 20
+    except OSError:
+        pass
+    assert written <= self.given["disk"], f"wrote {written} bytes"
+    return self.honest(observation)
+"""
+
+
+@pytest.fixture(autouse=True)
+def agents(court: Court, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where the processes of this test have their folders."""
+    folder = court.folder / "agents"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    return folder
+
+
+def test_the_disk_does_not_fill(court: Court, agents: Path) -> None:
+    run = court.run(FILLS, disk=QUICK.disk)
+    assert run.status == "finished", run.reason
+    assert list(agents.iterdir()) == []
+
+
+def test_nothing_is_unpickled(court: Court) -> None:
+    folder, marker = submission(court.folder / "hostile"), court.folder / "opened"
+    pickled = f"cbuiltins\nexec\n(Vopen({str(marker)!r}, 'w')\ntR.".encode()
+    for name in ("weights.pkl", "agent.pkl", "weights.safetensors", "weights.npz"):
+        (folder / name).write_bytes(pickled)
+    run = court.run(HONEST)
+    assert run.status == "finished"
+    assert not marker.exists()
+
+
+def test_compiled_code_that_the_digest_does_not_cover_is_not_run(court: Court) -> None:
+    folder, other = submission(court.folder / "hostile"), court.folder / "other.py"
+    other.write_text("raise RuntimeError('not in the digest')")
+    compiled = importlib.util.cache_from_source(str(folder / "agent.py"))
+    py_compile.compile(str(other), compiled, invalidation_mode=py_compile.PycInvalidationMode.UNCHECKED_HASH)
+    run = run_isolated(folder, court.card, {"data": court.data}, SCENE, limits=QUICK)
+    if not run.files_hidden:
+        pytest.skip("this system allows no file system of one's own")
+    assert run.status == "finished", run.reason
+
+
+def test_one_scene_that_crashes_does_not_end_the_run(court: Court) -> None:
+    trick = """
+def act(self, observation):
+    if not observation["detection_valid"].any():
+        os._exit(1)
+    return self.honest(observation)
+"""
+    folder, done = submission(court.folder / "hostile", trick), list[str]()
+    runs: list[SceneRun] = run_isolated_scenes(
+        folder, court.card, {"data": court.data}, limits=QUICK, scenes=["0006", "0008", "0001"], workers=Workers(2),
+        progress=done.append,
+    )  # fmt: skip
+    assert [run.rollout.scene for run in runs] == ["0006", "0008", "0001"]
+    assert sorted(done) == ["0001", "0006", "0008"]
+    assert [run.rollout.frames for run in runs] == [7, 4, 9]
+    assert {run.status for run in runs} == {"crashed"}
+    assert np.diff(runs[0].rollout.object_start).tolist() == [3, 3, 3, 0, 0, 0, 0]

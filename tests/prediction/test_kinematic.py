@@ -1,0 +1,257 @@
+"""Kinematic predictors: the filter against a textbook one, the samples against the distribution they come from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench.errors import ShapeError
+from mtp_bench.geometry import transform_boxes
+from mtp_bench.prediction import KinematicPredictor, NoiseTable
+from mtp_bench.prediction.kalman import filtered, heading_frame
+from mtp_bench.prediction.kinematic import turn_rate
+from mtp_bench.tracking import HypothesisTracker
+from mtp_bench.tracks import Tracks
+from mtp_bench.types import Bools, Floats
+from tests.support.tracking_scenes import SIZE, kitti_task, random_frames, run, tracks_with_past
+
+DT = 0.1
+TASK = kitti_task(dt=DT, seed=5)
+NOISE = NoiseTable(
+    measurement=np.array([0.1, 0.05, 0.2]),
+    jerkiness=np.array([[0.5, 0.2], [0.3, 0.4], [1.0, 0.1]]),
+    speed=np.array([[5.0, 0.5], [1.0, 1.0], [3.0, 0.2]]),
+    acceleration=np.array([[0.4, 0.1], [0.2, 0.2], [0.5, 0.3]]),
+    turn_rate=np.array([1.0, 0.5, 0.2]),
+)
+QUIET = NoiseTable(
+    measurement=np.full(3, 1e-6),
+    jerkiness=np.full((3, 2), 1e-6),
+    speed=NOISE.speed,
+    acceleration=np.full((3, 2), 1e-6),
+    turn_rate=np.full(3, 1e-9),
+)
+
+
+def arc(speed: float, rate: float, heading: float = 0.3, frames: int = 10, first: int = -9) -> Floats:
+    """Boxes [frames, 7] of a car that moves at ``speed`` m/s and turns at ``rate`` rad/s; frame 0 is at (30, -20)."""
+    t = DT * np.arange(first, first + frames)
+    box = np.zeros((frames, 7))
+    box[:, 4:] = SIZE[0]
+    box[:, 3] = heading + rate * t
+    # sin(a) / a keeps the straight line in: np.sinc is sin(pi x) / (pi x).
+    chord = speed * t * np.sinc(rate * t / (2 * np.pi))
+    box[:, 0] = 30 + chord * np.cos(heading + rate * t / 2)
+    box[:, 1] = -20 + chord * np.sin(heading + rate * t / 2)
+    return box
+
+
+def predict(tracks: Tracks, samples: int = 20, draw: Any = None, leaf: Any = None, **settings: Any) -> Floats:
+    """Futures [Q, samples, T, 2] of a new predictor."""
+    predictor = KinematicPredictor(**{"noise": NOISE, **settings})
+    predictor.reset(TASK)
+    leaf = np.arange(len(tracks.box)) if leaf is None else np.array(leaf)
+    draw = np.zeros(len(leaf), dtype=np.int64) if draw is None else np.array(draw)
+    return predictor.sample(tracks, leaf, draw, samples)
+
+
+def textbook(position: Floats, valid: Bools, class_id: int, noise: NoiseTable) -> tuple[Floats, Floats]:
+    """State x y vx vy and covariance [4, 4] of one track by full matrices."""
+    move = np.block([[np.eye(2), DT * np.eye(2)], [np.zeros((2, 2)), np.eye(2)]])
+    q = np.diag(noise.jerkiness[class_id] ** 2)
+    process = np.block([[q * DT**3 / 3, q * DT**2 / 2], [q * DT**2 / 2, q * DT]])
+    see = np.eye(2, 4)
+    r = noise.measurement[class_id] ** 2 * np.eye(2)
+    first = int(np.argmax(valid))
+    state: Floats = np.array([*position[first], 0.0, 0.0])
+    cov: Floats = np.diag([r[0, 0], r[1, 1], *noise.speed[class_id] ** 2])
+    for z, seen in zip(position[first + 1 :], valid[first + 1 :], strict=True):
+        state, cov = move @ state, move @ cov @ move.T + process
+        if seen:
+            gain = cov @ see.T @ np.linalg.inv(see @ cov @ see.T + r)
+            state, cov = state + gain @ (z - see @ state), (np.eye(4) - gain @ see) @ cov
+    return state, cov
+
+
+def test_the_filter_is_the_textbook_filter() -> None:
+    rng = np.random.default_rng(0)
+    position = np.cumsum(rng.normal(size=(60, 10, 2)), axis=1)
+    valid = rng.random((60, 10)) < rng.uniform(0.1, 1.0, 60)[:, None]
+    valid[np.arange(60), rng.integers(0, 10, 60)] = True  # each is seen at least once
+    position[~valid] = 1e6  # where nothing was seen nothing may be read
+    class_id = rng.integers(0, 3, 60)
+    found = filtered(position, valid, class_id, NOISE, DT)
+    for i in range(60):
+        state, cov = textbook(position[i], valid[i], int(class_id[i]), NOISE)
+        np.testing.assert_allclose(np.concatenate([found.position[i], found.velocity[i]]), state, rtol=1e-9, atol=1e-9)
+        for axis in range(2):
+            np.testing.assert_allclose(found.covariance[i, axis], cov[axis::2, axis::2], rtol=1e-9)
+        np.testing.assert_allclose(cov[0::2, 1::2], 0, atol=1e-12)  # along and across the heading are independent
+
+
+def test_the_heading_frame_has_the_heading_as_its_first_axis() -> None:
+    past = arc(speed=4.0, rate=0.0, heading=2.0)[None]
+    np.testing.assert_allclose(heading_frame(past, np.array([2.0])), [[[0.4 * i, 0] for i in range(-9, 1)]], atol=1e-12)
+
+
+@pytest.mark.parametrize("class_id", range(3))
+def test_samples_have_the_mean_and_covariance_of_the_model(class_id: int) -> None:
+    rng = np.random.default_rng(class_id)
+    past = arc(speed=3.0, rate=0.4)[None]
+    past[..., :2] += rng.normal(0, 0.1, (1, 10, 2))
+    valid = np.array([[True, True, False, True, True, True, False, True, True, False]])
+    tracks = tracks_with_past(past, valid, np.array([class_id]))
+    samples = predict(tracks, samples=40_000)[0]
+    heading = past[0, -1, 3]
+    axes = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
+    state, cov = textbook(heading_frame(past, np.array([heading]))[0], valid[0], class_id, NOISE)
+    for step, tau in enumerate(DT * np.arange(1, 11)):
+        ahead = np.hstack([np.eye(2), tau * np.eye(2)])
+        expected = ahead @ cov @ ahead.T + np.diag((NOISE.acceleration[class_id] * tau**2 / 2) ** 2)
+        local = (samples[:, step] - past[0, -1, :2]) @ axes
+        deviation = np.sqrt(np.diag(expected))
+        np.testing.assert_array_less(np.abs(local.mean(axis=0) - ahead @ state), 5 * deviation / np.sqrt(40_000))
+        got = np.cov(local.T)
+        np.testing.assert_allclose(np.diag(got), np.diag(expected), rtol=0.04)
+        assert abs(got[0, 1]) < 0.03 * deviation.prod()
+    # A sample is one motion: its error persists from step to step.
+    first, last = samples[:, 4] - samples[:, 4].mean(axis=0), samples[:, 9] - samples[:, 9].mean(axis=0)
+    assert np.corrcoef((first @ axes)[:, 0], (last @ axes)[:, 0])[0, 1] > 0.8
+
+
+@pytest.mark.parametrize("turning", [False, True])
+def test_a_single_sample_is_the_mean(turning: bool) -> None:
+    tracks = tracks_with_past(arc(speed=3.0, rate=0.2)[None])
+    single, many = predict(tracks, samples=1, turning=turning), predict(tracks, samples=20_000, turning=turning)
+    np.testing.assert_array_equal(single, predict(tracks, samples=1, turning=turning, draw=[7]))
+    spread = many.std(axis=1).max()
+    np.testing.assert_allclose(single[:, 0], many.mean(axis=1), atol=0.05 * spread)
+
+
+def test_equal_windows_and_draws_give_equal_samples() -> None:
+    past = np.stack([arc(3.0, 0.2), arc(3.0, 0.2), arc(2.0, 0.0)])
+    futures = predict(tracks_with_past(past), leaf=[0, 1, 2, 0, 1], draw=[0, 0, 0, 1, 1])
+    np.testing.assert_array_equal(futures[0], futures[1])
+    np.testing.assert_array_equal(futures[3], futures[4])
+    assert not np.isclose(futures[0], futures[3]).any()
+    # The same numbers are behind the samples of another window, too.
+    np.testing.assert_allclose(futures[0] - futures[0].mean(0), futures[2] - futures[2].mean(0), atol=1e-9)
+
+
+def test_more_draws_keep_the_first_ones() -> None:
+    tracks = tracks_with_past(arc(3.0, 0.2)[None])
+    many = predict(tracks, leaf=[0] * 7, draw=range(7))
+    np.testing.assert_array_equal(many[:3], predict(tracks, leaf=[0] * 3, draw=range(3)))
+    np.testing.assert_array_equal(many[5:6], predict(tracks, leaf=[0], draw=[5]))
+
+
+def test_draws_differ_from_frame_to_frame_and_return_after_reset() -> None:
+    tracks, predictor = tracks_with_past(arc(3.0, 0.2)[None]), KinematicPredictor(noise=NOISE)
+    leaf = np.zeros(1, dtype=np.int64)
+    predictor.reset(TASK)
+    first, same = (predictor.sample(tracks, leaf, leaf, 4) for _ in range(2))
+    np.testing.assert_array_equal(first, same)  # one frame may come in parts
+    second = predictor.sample(replace(tracks), leaf, leaf, 4)
+    predictor.reset(TASK)
+    again = predictor.sample(tracks, leaf, leaf, 4)
+    np.testing.assert_array_equal(first, again)
+    assert not np.isclose(first, second).any()
+    predictor.reset(kitti_task(dt=DT, seed=6))
+    assert not np.isclose(first, predictor.sample(tracks, leaf, leaf, 4)).any()
+
+
+@pytest.mark.parametrize("turning", [False, True])
+def test_a_straight_line_goes_on(turning: bool) -> None:
+    futures = predict(tracks_with_past(arc(6.0, 0.0)[None]), noise=QUIET, turning=turning)
+    truth = arc(6.0, 0.0, first=1)[:, :2]
+    np.testing.assert_allclose(futures[0], np.broadcast_to(truth, (20, 10, 2)), atol=1e-3)
+
+
+def test_the_turn_rate_model_follows_a_circle() -> None:
+    tracks, truth = tracks_with_past(arc(6.0, 0.8)[None]), arc(6.0, 0.8, first=1)[:, :2]
+    end = {
+        turning: np.linalg.norm(predict(tracks, 4000, turning=turning)[0].mean(axis=0)[-1] - truth[-1])
+        for turning in (False, True)
+    }
+    assert end[False] > 1.5  # 6 m/s x 0.8 rad/s / 2 = 2.4 m off the tangent after a second
+    assert end[True] < 0.5 * end[False]
+
+
+def test_turn_rate() -> None:
+    prior = np.full(4, 100.0)  # hardly any
+    heading = np.array([[0.0, 0.1, 0.2, 0.3]] * 4) - np.pi + 0.05
+    heading[1, 3] += np.pi  # a flipped detection
+    heading[2, 0] = 77.0
+    valid = np.ones((4, 4), dtype=bool)
+    valid[2, 0] = False
+    valid[3, 1:] = False
+    mean, deviation = turn_rate(heading, valid, prior, DT)
+    np.testing.assert_allclose(mean, [1.0, 1.0, 1.0, 0.0], atol=1e-3)
+    assert deviation[3] == 100.0  # nothing seen: the prior
+    assert (deviation[:3] < 2.0).all()
+    tight, _ = turn_rate(heading, valid, np.full(4, 1e-3), DT)
+    np.testing.assert_allclose(tight, 0.0, atol=1e-4)
+
+
+def test_a_track_of_one_detection_does_not_explode() -> None:
+    past, valid = np.zeros((1, 10, 7)), np.zeros((1, 10), dtype=bool)
+    past[0, -1], valid[0, -1] = arc(0.0, 0.0)[0], True
+    for turning in (False, True):
+        futures = predict(tracks_with_past(past, valid), 5000, turning=turning)
+        spread = np.linalg.norm(futures[0, :, -1] - [30, -20], axis=1)
+        assert np.quantile(spread, 0.5) < 5.0  # the prior speed of a car: 5 m/s, for one second
+        assert spread.max() < 30.0
+
+
+def test_a_window_without_any_detection_stays_around_the_box() -> None:
+    # A pedestrian unseen for three frames, read with a past of two.
+    valid = np.array([[True] * 7 + [False] * 3])
+    tracks = tracks_with_past(arc(1.0, 0.0)[None], valid, np.array([1]))
+    futures = predict(tracks, 2000, past=2)
+    assert np.isfinite(futures).all()
+    np.testing.assert_allclose(futures[0].mean(axis=0), np.tile([30.0, -20.0], (10, 1)), atol=0.1)
+
+
+def test_a_shorter_past_is_the_past_cut_off() -> None:
+    rng = np.random.default_rng(2)
+    past = arc(3.0, 0.3)[None] + rng.normal(0, 0.05, (1, 10, 7))
+    valid = np.ones((1, 10), dtype=bool)
+    valid[0, :7] = False
+    np.testing.assert_array_equal(predict(tracks_with_past(past), past=3), predict(tracks_with_past(past, valid)))
+    np.testing.assert_array_equal(predict(tracks_with_past(past), past=10), predict(tracks_with_past(past)))
+    with pytest.raises(ShapeError, match="past is 0"):
+        KinematicPredictor(past=0)
+
+
+@pytest.mark.parametrize("turning", [False, True])
+def test_everything_a_tracker_says_gets_finite_samples(turning: bool) -> None:
+    predictor = KinematicPredictor(turning)
+    task = kitti_task()
+    predictor.reset(task)
+    frames = random_frames(np.random.default_rng(9), 25, objects=12, area=6.0)
+    total = 0
+    for tracks in run(HypothesisTracker(6), frames, task):
+        leaf = np.arange(len(tracks.box))
+        futures = predictor.sample(tracks, leaf, leaf, 5)
+        assert futures.shape == (len(leaf), 5, 10, 2)
+        assert np.isfinite(futures).all()
+        total += len(leaf)
+    assert total > 100
+
+
+@pytest.mark.parametrize("turning", [False, True])
+def test_turning_the_world_turns_the_samples(turning: bool) -> None:
+    rng = np.random.default_rng(4)
+    past = np.stack([arc(4.0, 0.5), arc(1.0, -0.3, heading=-3.0)]) + rng.normal(0, 0.05, (2, 10, 7))
+    yaw, shift = 2.5, np.array([100.0, -7.0, 1.0])
+    moved = tracks_with_past(transform_boxes(past, yaw, shift))
+    futures, other = (predict(tracks, turning=turning) for tracks in (tracks_with_past(past), moved))
+    c, s = np.cos(yaw), np.sin(yaw)
+    np.testing.assert_allclose(other, futures @ np.array([[c, s], [-s, c]]) + shift[:2], atol=1e-9)
+
+
+def test_no_tracks_no_samples() -> None:
+    assert predict(tracks_with_past(np.zeros((0, 10, 7)))).shape == (0, 20, 10, 2)

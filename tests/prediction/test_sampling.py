@@ -1,0 +1,230 @@
+"""The k-means++ sampler: scikit-learn as an oracle, and pools that are small, absent, equal or far away."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from sklearn.cluster import KMeans
+
+from mtp_bench.prediction import KMeansSampler
+from mtp_bench.prediction.k_means import k_means as k_means_of_one
+from mtp_bench.types import Floats
+from tests.support.plain_k_means import k_means as plain_k_means
+
+
+def make_pool(rng: np.random.Generator, objects: int, size: int) -> Floats:
+    """Samples [O, S, 5, 2] of futures that go three ways."""
+    tau = np.arange(1.0, 6.0)
+    way = rng.integers(0, 3, (objects, size)) * 0.4 - 0.4 + rng.normal(0, 0.08, (objects, size))
+    speed = rng.normal(1.0, 0.2, (objects, size))
+    direction = np.stack([np.cos(way), np.sin(way)], axis=-1)
+    return np.asarray(speed[..., None, None] * tau[:, None] * direction[:, :, None, :])
+
+
+def inertia(points: Floats, weight: Floats, centre: Floats) -> float:
+    """Weighted sum of the squared distances [S, d] to the nearest of the centres [k, d]."""
+    square = ((points[:, None] - centre[None]) ** 2).sum(axis=-1)
+    return float((weight * square.min(axis=1)).sum())
+
+
+def scikit_learn(points: Floats, weight: Floats, **settings: Any) -> Any:
+    """A fitted KMeans of one set of points [S, d]; its own type information is wrong."""
+    return KMeans(**settings).fit(points, sample_weight=weight)
+
+
+def reduce(pool: Floats, log_weight: Floats, k: int, seed: int = 0, iterations: int = 5) -> tuple[Floats, Floats]:
+    return KMeansSampler(iterations).reduce(pool, log_weight, k, np.random.default_rng(seed))
+
+
+def k_means(points: Floats, weight: Floats, k: int, iterations: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """Centres [O, k, d] and shares [O, k] of points [O, S, d] weighted [O, S]."""
+    uniform = rng.random((len(points), k))
+    found = [k_means_of_one(*row, iterations) for row in zip(points, weight, uniform, strict=True)]
+    return np.stack([centre for centre, _ in found]), np.stack([share for _, share in found])
+
+
+@pytest.mark.parametrize(("size", "k", "iterations"), [(400, 20, 3), (60, 20, 0), (100, 3, 10), (21, 20, 3), (5, 1, 2)])
+def test_compiled_and_plain_code_agree(size: int, k: int, iterations: int) -> None:
+    rng = np.random.default_rng([size, k])
+    points = make_pool(rng, 6, size).reshape(6, size, 10)
+    points[3] = points[3, 0]  # all at one place
+    weight = rng.random((6, size))
+    weight[4, : size - k - 1] = 0.0
+    weight /= weight.sum(axis=1, keepdims=True)
+    uniform = rng.random((6, k))
+    centre, share = plain_k_means(points, weight, k, iterations, uniform)
+    for o in range(6):
+        for run in (k_means_of_one, k_means_of_one.python):
+            ours, held = run(points[o], weight[o], uniform[o], iterations)
+            np.testing.assert_allclose(ours, centre[o], atol=1e-9)
+            if o != 3:  # equal centres share their points in any way
+                np.testing.assert_allclose(held, share[o], atol=1e-12)
+
+
+def test_objects_may_come_in_parts() -> None:
+    pool, rng = make_pool(np.random.default_rng(0), 6, 60), np.random.default_rng(1)
+    whole, _ = KMeansSampler().reduce(pool, np.zeros((6, 60)), 7, np.random.default_rng(1))
+    parts = [KMeansSampler().reduce(part, np.zeros((len(part), 60)), 7, rng)[0] for part in np.split(pool, [1, 4])]
+    np.testing.assert_array_equal(np.concatenate(parts), whole)
+
+
+@pytest.mark.parametrize(("size", "k"), [(400, 20), (60, 20), (100, 3), (21, 20)])
+def test_lloyds_iterations_end_where_scikit_learn_ends(size: int, k: int) -> None:
+    rng = np.random.default_rng([size, k])
+    points = make_pool(rng, 6, size).reshape(6, size, 10)
+    weight = rng.random((6, size))
+    weight /= weight.sum(axis=1, keepdims=True)
+    seeds, _ = k_means(points, weight, k, 0, np.random.default_rng(1))
+    centre, share = k_means(points, weight, k, 300, np.random.default_rng(1))
+    for o in range(6):
+        oracle = scikit_learn(points[o], weight[o], n_clusters=k, init=seeds[o], n_init=1, max_iter=300, tol=0.0)
+        assert inertia(points[o], weight[o], centre[o]) == pytest.approx(oracle.inertia_, rel=1e-9)
+        np.testing.assert_allclose(share[o], np.bincount(oracle.labels_, weight[o], minlength=k), atol=1e-9)
+
+
+def test_a_few_iterations_are_nearly_as_good_as_scikit_learn() -> None:
+    # Measured: 1.05 after 5 iterations; scikit-learn tries several candidates per seed and iterates to the end.
+    rng = np.random.default_rng(0)
+    points = make_pool(rng, 20, 400).reshape(20, 400, 10)
+    weight = np.full((20, 400), 1 / 400)
+    ratio = {}
+    for iterations in (0, 5):
+        centre, _ = k_means(points, weight, 20, iterations, np.random.default_rng(1))
+        ours = [inertia(points[o], weight[o], centre[o]) for o in range(20)]
+        theirs = [
+            scikit_learn(points[o], weight[o], n_clusters=20, n_init=1, random_state=o).inertia_ for o in range(20)
+        ]
+        ratio[iterations] = np.mean(np.array(ours) / np.array(theirs))
+    assert 0.95 < ratio[5] < 1.1
+    assert 1.2 < ratio[0] < 2.5
+
+
+def test_seeds_spread_over_the_pool() -> None:
+    # 97 samples at one place, three far off in different directions: no seed may be wasted on the crowd.
+    pool = np.zeros((30, 100, 1, 2))
+    pool[:, :3, 0] = [[50.0, 0.0], [0.0, 50.0], [-50.0, -50.0]]
+    centre, log_weight = reduce(pool, np.zeros((30, 100)), 4, iterations=0)
+    for o in range(30):
+        assert {tuple(c) for c in centre[o, :, 0].tolist()} == {(0, 0), (50, 0), (0, 50), (-50, -50)}
+    np.testing.assert_allclose(np.sort(np.exp(log_weight)), np.tile([0.01, 0.01, 0.01, 0.97], (30, 1)))
+
+
+def test_seeds_are_drawn_by_weight_and_squared_distance() -> None:
+    # The first seed is nearly always the heavy sample; then 3 m away against 1 m away is 9 to 1.
+    pool = np.zeros((8000, 3, 1, 2))
+    pool[:, 1, 0, 0], pool[:, 2, 0, 0] = 1.0, 3.0
+    log_weight = np.tile(np.log([1.0, 1e-4, 1e-4]), (8000, 1))
+    centre, _ = reduce(pool, log_weight, 2, iterations=0)
+    far = (centre[:, :, 0, 0] == 3.0).any(axis=1).mean()
+    assert far == pytest.approx(0.9, abs=0.015)
+
+
+def test_without_iterations_the_samples_are_of_the_pool() -> None:
+    pool = make_pool(np.random.default_rng(0), 4, 60)
+    centre, _ = reduce(pool, np.zeros((4, 60)), 7, iterations=0)
+    for o in range(4):
+        distance = np.abs(pool[o, :, None] - centre[o, None]).max(axis=(2, 3)).min(axis=0)
+        np.testing.assert_allclose(distance, 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("iterations", [0, 5])
+def test_absent_samples_are_never_chosen(iterations: int) -> None:
+    rng = np.random.default_rng(1)
+    pool, log_weight = make_pool(rng, 40, 30), rng.normal(size=(40, 30))
+    absent = rng.random((40, 30)) < 0.5
+    absent[:, [0, -1]] = True  # the ends are where rounding would pick them
+    pool[absent] = 1e6
+    log_weight[absent] = -np.inf
+    centre, weight = reduce(pool, log_weight, 6, iterations=iterations)
+    assert (np.abs(centre) < 100).all()
+    np.testing.assert_allclose(np.exp(weight).sum(axis=1), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("present", "k"), [([1, 1, 1], 3), ([1, 1, 1], 5), ([0, 1, 0, 1, 1], 3), ([0, 0, 1], 2), ([0, 0, 0], 2), ([1], 1)]
+)
+def test_a_pool_that_fits_is_passed_on(present: list[int], k: int) -> None:
+    rng = np.random.default_rng(2)
+    pool, log_weight = make_pool(rng, 1, len(present)), rng.normal(size=(1, len(present)))
+    log_weight[0, np.array(present) == 0] = -np.inf
+    centre, weight = reduce(pool, log_weight, k)
+    rows = np.flatnonzero(present)
+    assert centre.shape == (1, k, 5, 2)
+    np.testing.assert_array_equal(centre[0, : len(rows)], pool[0, rows])
+    np.testing.assert_array_equal(weight[0, : len(rows)], log_weight[0, rows])
+    assert (weight[0, len(rows) :] == -np.inf).all()
+
+
+def test_crowded_and_passed_on_objects_beside_each_other() -> None:
+    pool, log_weight = make_pool(np.random.default_rng(3), 3, 30), np.zeros((3, 30))
+    log_weight[1, 4:] = -np.inf
+    centre, weight = reduce(pool, log_weight, 4)
+    np.testing.assert_array_equal(centre[1], pool[1, :4])
+    assert np.isfinite(weight).all()
+    np.testing.assert_allclose(np.exp(weight[[0, 2]]).sum(axis=1), 1.0)
+
+
+def test_the_same_generator_gives_the_same_samples() -> None:
+    pool, log_weight = make_pool(np.random.default_rng(4), 5, 80), np.zeros((5, 80))
+    first, second, other = (reduce(pool, log_weight, 6, seed) for seed in (7, 7, 8))
+    np.testing.assert_array_equal(first[0], second[0])
+    np.testing.assert_array_equal(first[1], second[1])
+    assert not np.array_equal(first[0], other[0])
+
+
+def test_equal_samples_are_one_cluster() -> None:
+    # Three distinct futures, 10, 20 and 30 times; of the five that are asked for two stay absent.
+    distinct = make_pool(np.random.default_rng(5), 1, 3)[0]
+    pool = np.repeat(distinct, [10, 20, 30], axis=0)[None]
+    for iterations in (0, 5):
+        centre, weight = reduce(pool, np.zeros((1, 60)), 5, iterations=iterations)
+        assert np.isfinite(centre).all()
+        there = np.isfinite(weight[0])
+        np.testing.assert_allclose(np.sort(np.exp(weight[0, there])), [1 / 6, 2 / 6, 3 / 6])
+        for sample, mass in zip(centre[0, there], np.exp(weight[0, there]), strict=True):
+            np.testing.assert_allclose(sample, distinct[round(mass * 6) - 1], atol=1e-9)
+        for absent in centre[0, ~there]:  # a repeated seed stays where it is
+            assert np.abs(absent - distinct).max(axis=(1, 2)).min() < 1e-9
+
+
+def test_one_sample_many_times() -> None:
+    pool = np.repeat(make_pool(np.random.default_rng(6), 1, 1), 40, axis=1)
+    centre, weight = reduce(pool, np.zeros((1, 40)), 3)
+    assert np.exp(weight).sum() == pytest.approx(1.0)
+    np.testing.assert_allclose(centre[0], np.broadcast_to(pool[0, 0], (3, 5, 2)), atol=1e-12)
+
+
+def test_weights_are_those_of_the_clusters() -> None:
+    # Two groups of ten; the left one is held by a hypothesis that is three times as likely.
+    pool = np.zeros((1, 20, 1, 2))
+    pool[0, :, 0, 0] = [-5.0] * 10 + [5.0] * 10
+    pool[0, :, 0, 1] = np.tile(np.linspace(-0.1, 0.1, 10), 2)
+    log_weight = np.log([[3.0] * 10 + [1.0] * 10])
+    centre, weight = reduce(pool, log_weight, 2)
+    order = np.argsort(centre[0, :, 0, 0])
+    np.testing.assert_allclose(centre[0, order, 0], [[-5, 0], [5, 0]], atol=1e-9)
+    np.testing.assert_allclose(np.exp(weight[0, order]), [0.75, 0.25])
+
+
+def test_only_the_ratios_of_the_weights_count() -> None:
+    pool, log_weight = make_pool(np.random.default_rng(7), 2, 50), np.random.default_rng(8).normal(size=(2, 50))
+    centre, weight = reduce(pool, log_weight, 6)
+    for shift in (-2000.0, 2000.0):
+        other_centre, other_weight = reduce(pool, log_weight + shift, 6)
+        np.testing.assert_allclose(other_centre, centre, atol=1e-9)
+        np.testing.assert_allclose(other_weight, weight, atol=1e-9)
+
+
+def test_far_from_the_origin_nothing_is_lost() -> None:
+    pool = make_pool(np.random.default_rng(9), 3, 100)
+    near, far = (reduce(pool + shift, np.zeros((3, 100)), 8) for shift in (0.0, 1e5))
+    np.testing.assert_allclose(far[0] - 1e5, near[0], atol=1e-6)
+    np.testing.assert_allclose(far[1], near[1], atol=1e-9)
+
+
+def test_no_objects() -> None:
+    centre, weight = reduce(np.zeros((0, 40, 5, 2)), np.zeros((0, 40)), 3)
+    assert centre.shape == (0, 3, 5, 2)
+    assert weight.shape == (0, 3)

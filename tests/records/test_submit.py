@@ -1,0 +1,321 @@
+"""Records made behind the gateway and checked again: nothing that was changed holds."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench.env.rollouts import load_run, save_run
+from mtp_bench.errors import RecordError, RolloutError, UnknownNameError
+from mtp_bench.records import Record, load_record, save_record, submit, verify
+from mtp_bench.records.ranking import why_unranked
+from mtp_bench.records.verifying import confirm
+from mtp_bench.running.opened import open_run
+from tests.support.command_line import CommandLine, read_json
+from tests.support.small_scenes import CARD, CARD_ID, write_card
+from tests.support.stored_records import write_isolated
+
+TIMES = ("made", "hardware", "latency", "peak_memory_mib", "digest", "isolation")
+
+
+@pytest.fixture(scope="module")
+def submission(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_isolated(
+        tmp_path_factory.mktemp("submissions") / "echo",
+        tables='training_data = ["drives"]\n[parameters]\nnoise = 0.1\n',
+    )
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory, submission: Path, card: str, kitti: str) -> Path:
+    """A record with two seeds of all three scenes."""
+    folder = tmp_path_factory.mktemp("records") / "echo"
+    submit(submission, card, kitti, seeds=2, output=folder, training_data=["KITTI"])
+    return folder / f"{CARD_ID}.json"
+
+
+@pytest.fixture
+def path(made: Path, tmp_path: Path) -> Path:
+    """A copy of the record and its rollouts, to be changed."""
+    return Path(shutil.copytree(made.parent, tmp_path / "echo")) / made.name
+
+
+def without_times(record: Record) -> dict[str, Any]:
+    content = {name: value for name, value in record.model_dump().items() if name not in TIMES}
+    for row in content["rows"]:
+        row.pop("ms_per_frame")
+    return content
+
+
+def resign(path: Path, change: Callable[[dict[str, Any]], None]) -> None:
+    """Change a record and give it the digest of its new content, as a forger would."""
+    content = json.loads(path.read_text())
+    change(content)
+    save_record(Record.model_validate(content), path)
+
+
+def test_what_a_record_says(made: Path, submission: Path, card: str) -> None:
+    record = load_record(made)
+    assert (record.submission.name, record.submission.parameters) == ("echo", {"noise": 0.1})
+    assert (record.status, record.verification, record.division) == ("finished", "scored", "closed")
+    assert (record.seeds, record.samples, record.env.scenes, record.training_data) == (
+        [0, 1],
+        4,
+        3,
+        ["drives", "KITTI"],
+    )
+    assert [row.subset for row in record.rows] == ["all", "ids", "lost", "reacquired", "frag"]
+    assert sorted(record.seals) == sorted(record.rollout_digests) == [
+        f"{scene}|{seed}" for scene in ("0001", "0006", "0008") for seed in (0, 1)
+    ]  # fmt: skip
+    assert record.latency.p50_ms is not None
+    assert record.peak_memory_mib > 1
+    assert record.missed.model_dump() == {"late": 0, "malformed": 0, "crashed_scenes": 0, "reasons": {}}
+    assert str(submission.parent) not in made.read_text()
+    assert str(Path(card).parent) not in made.read_text()
+
+
+def test_errors_per_scene_add_up_to_the_row(made: Path) -> None:
+    record = load_record(made)
+    total = sum(np.mean(scene.errors["all"]) for scene in record.per_scene)
+    assert record.row.missing_aware == pytest.approx(total / sum(scene.targets for scene in record.per_scene))
+    assert record.row.targets == sum(scene.counts["all"] for scene in record.per_scene)
+    assert [scene.missing_aware for scene in record.per_scene][2] is None  # nothing in it
+
+
+def test_the_same_submission_and_seeds_give_the_same_record(
+    made: Path, submission: Path, card: str, kitti: str, tmp_path: Path
+) -> None:
+    again = submit(submission, card, kitti, seeds=2, workers=2, output=tmp_path / "a", training_data=["KITTI"])
+    assert without_times(again) == without_times(load_record(made))
+
+
+def test_a_record_holds(made: Path, card: str, kitti: str) -> None:
+    checked = verify(made, kitti, card)
+    assert (checked.level, checked.differences, checked.notes, checked.updated) == ("re-scored", (), (), None)
+
+
+def test_a_submission_runs_again(cli: CommandLine, path: Path, submission: Path, card: str, kitti: str) -> None:
+    said = cli.ok(
+        "verify", path, "--env", card, "--data", kitti, "--rerun", "--submission", submission, "--jobs", 1, "--write"
+    )
+    assert f"{path}: echo on {CARD_ID}: holds, re-run" in said
+    assert load_record(path).verification == "re-run"
+    assert confirm(verify(path, kitti, card)).verification == "re-run"  # never less than it was
+
+
+def test_running_again_counts_what_was_missed(path: Path, submission: Path, card: str, kitti: str) -> None:
+    resign(path, lambda content: content["missed"].update(malformed=1))
+    checked = verify(path, kitti, card, submission=submission, rerun=True)
+    assert [difference.what for difference in checked.differences] == ["missed.malformed"]
+
+
+def test_another_submission_is_not_run_in_its_place(path: Path, card: str, kitti: str) -> None:
+    with pytest.raises(RecordError, match="name the right folder with --submission"):
+        verify(path, kitti, card, submission="stp", rerun=True)
+    with pytest.raises(UnknownNameError, match="unknown submission 'echo'"):
+        verify(path, kitti, card, rerun=True)
+
+
+def lower(content: dict[str, Any]) -> None:
+    content["rows"][0]["missing_aware"] -= 1e-6
+
+
+def lower_scene(content: dict[str, Any]) -> None:
+    content["per_scene"][0]["errors"]["all"][0] = 0.0
+
+
+def other_data(content: dict[str, Any]) -> None:
+    content["env"]["data_manifest"] = "00"
+
+
+def faster(content: dict[str, Any]) -> None:
+    content["latency"]["p95_ms"] /= 10
+
+
+def other_split(content: dict[str, Any]) -> None:
+    content["env"]["split"] = "train"
+
+
+def other_card(content: dict[str, Any]) -> None:
+    content["env"]["card_digest"] = "00"
+
+
+def other_answers(content: dict[str, Any]) -> None:
+    content["rollout_digests"]["0001|0"] = "00"
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        (lower, "rows[0].missing_aware"),
+        (lower_scene, "per_scene[0].errors.all[0]"),
+        (other_data, "env.data_manifest"),
+        (other_split, "env.split"),
+        (faster, "latency.p95_ms"),
+        (other_answers, "rollout_digests.0001|0"),
+    ],
+)
+def test_a_forged_record_does_not_hold(
+    change: Callable[[dict[str, Any]], None], what: str, path: Path, card: str, kitti: str
+) -> None:
+    resign(path, change)
+    checked = verify(path, kitti, card)
+    assert what in [difference.what for difference in checked.differences]
+    assert checked.level == "scored"
+    with pytest.raises(RecordError, match="make the record again"):
+        confirm(checked)
+
+
+def test_the_command_says_what_differs(cli: CommandLine, path: Path, card: str, kitti: str) -> None:
+    resign(path, lower)
+    found = path.parent / "found.txt"
+    output = cli("verify", path, "--env", card, "--data", kitti, "--jobs", 1, "--json", found)
+    assert output.error == f"{path}: 1 difference to what was found here"
+    assert "rows[0].missing_aware" in output.out
+    assert "does not hold" in output.out
+    verdict = read_json(found)["records"][0]
+    assert (verdict["holds"], verdict["level"]) == (False, "scored")
+    assert verdict["differences"][0]["what"] == "rows[0].missing_aware"
+
+
+def test_a_changed_rollout_does_not_hold(path: Path, card: str, kitti: str) -> None:
+    folder = path.with_suffix(".rollouts") / "seed-0"
+    run = load_run(folder)
+    first = run.rollouts[0]
+    first.forecast[0] = 0
+    save_run(folder, run.info, run.rollouts)  # with a digest that fits
+    checked = verify(path, kitti, card)
+    assert [difference.what for difference in checked.differences] == ["rollout_digests.0001|0"]
+    stored = folder / "0001.npz"
+    stored.write_bytes(stored.read_bytes()[:-40])
+    with pytest.raises(RolloutError, match=r"0001\.npz"):
+        verify(path, kitti, card)
+
+
+def test_a_record_without_its_rollouts_cannot_be_scored_again(path: Path, card: str, kitti: str) -> None:
+    shutil.rmtree(path.with_suffix(".rollouts") / "seed-1")
+    with pytest.raises(RecordError, match=r"rollouts of seed 1 are not stored .* --rerun"):
+        verify(path, kitti, card)
+
+
+def test_rollouts_of_another_seed_are_refused(path: Path, card: str, kitti: str) -> None:
+    rollouts = path.with_suffix(".rollouts")
+    shutil.rmtree(rollouts / "seed-1")
+    shutil.copytree(rollouts / "seed-0", rollouts / "seed-1")
+    with pytest.raises(RecordError, match=r"made with seed 0, the record .* says 1"):
+        verify(path, kitti, card)
+
+
+def test_another_card_is_told(path: Path, kitti: str, tmp_path: Path) -> None:
+    other = write_card(tmp_path, CARD.replace("miss_error = 2.0", "miss_error = 1.0"))
+    assert [difference.what for difference in verify(path, kitti, other).differences] == ["env.card_digest"]
+
+
+def test_records_follow_a_changed_scorer(cli: CommandLine, path: Path, card: str, kitti: str) -> None:
+    true = load_record(path)
+
+    def older(content: dict[str, Any]) -> None:
+        content["scorer"]["source_digest"] = "00"
+        lower(content)
+
+    resign(path, older)
+    arguments = ("verify", path.parent, "--env", card, "--data", kitti, "--jobs", 1)
+    output = cli(*arguments)
+    assert "1 difference" in output.error
+    assert "the source of the scorer changed since" in output.out
+    assert "written as re-scored" in cli.ok(*arguments, "--write")
+    assert load_record(path) == true.model_copy(update={"verification": "re-scored"})
+
+
+def test_one_bad_record_of_a_folder_does_not_hide_the_others(
+    cli: CommandLine, path: Path, card: str, kitti: str
+) -> None:
+    (path.parent / "zz.json").write_text("{")
+    output = cli("verify", path.parent, "--env", card, "--data", kitti, "--jobs", 1)
+    assert "zz.json: not valid JSON" in output.error
+    assert f"{path}: echo on {CARD_ID}: holds, re-scored" in output.out
+
+
+def test_the_command_writes_a_partial_record(
+    cli: CommandLine, submission: Path, card: str, kitti: str, tmp_path: Path
+) -> None:
+    arguments = ("submit", submission, "--env", card, "--data", kitti, "--jobs", 1, "--seeds", 1)
+    said = cli.ok(*arguments, "--scenes", 1, "-o", tmp_path / "out", "--division", "open", "--training-data", "x")
+    assert f"{tmp_path / 'out' / CARD_ID}.json: partial (1 of 3 scenes); " in said
+    record = load_record(tmp_path / "out" / f"{CARD_ID}.json")
+    assert (record.status, record.division, record.training_data) == ("partial", "open", ["drives", "x"])
+    assert verify(tmp_path / "out" / f"{CARD_ID}.json", kitti, card).holds
+
+
+def test_another_split_is_run_and_never_ranked(cli: CommandLine, submission: Path, kitti: str, tmp_path: Path) -> None:
+    card = write_card(tmp_path, CARD.replace('name = "kitti"', 'name = "kitti"\nsplit = "train"'))
+    arguments = ("submit", submission, "--env", card, "--data", kitti, "--jobs", 1, "--seeds", 1, "-o", tmp_path)
+    path = tmp_path / f"{CARD_ID}-val.json"
+    said = cli.ok(*arguments, "--split", "val")
+    assert f"{path}: partial (3 of 3 scenes of split 'val', not the env's); " in said
+    record = load_record(path)
+    assert (record.env.split, record.env.keywords["split"], record.reference.hash) == ("val", "val", "")
+    assert why_unranked(record) == "partial: 3 of 3 scenes of split 'val', not the env's"
+    for how in ((), ("--rerun", "--submission", submission)):
+        assert "holds" in cli.ok("verify", path, "--env", card, "--data", kitti, "--jobs", 1, *how)
+    assert open_run(path.with_suffix(".rollouts") / "seed-0", kitti, card).card.source.split == "val"
+    assert "unknown split of MTP-Small-v0 'vall'" in cli(*arguments, "--split", "vall").error
+
+
+def test_a_split_that_is_not_the_records_own_does_not_hold(path: Path, card: str, kitti: str) -> None:
+    resign(path, lambda content: content["env"]["keywords"].update(split="train"))
+    assert "env.card_digest" in [difference.what for difference in verify(path, kitti, card).differences]
+    resign(path, lambda content: content["env"]["keywords"].update(split=3))
+    with pytest.raises(RecordError, match="split is 3, expected a name"):
+        verify(path, kitti, card)
+
+
+def test_a_crash_is_a_record_and_an_error(cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:
+    folder = write_isolated(tmp_path / "bad", "bad", body="raise ValueError('tired')")
+    output = cli("submit", folder, "--env", card, "--data", kitti, "--seeds", 1, "--jobs", 1, "-o", tmp_path / "out")
+    assert output.error.startswith(f"{CARD_ID}: crashed: no scene was finished: ")
+    assert "tired" in output.error
+    record = load_record(tmp_path / "out" / f"{CARD_ID}.json")
+    assert (record.status, record.missed.crashed_scenes) == ("crashed", 3)
+    assert record.row.coverage == 0
+    assert verify(tmp_path / "out" / f"{CARD_ID}.json", kitti, card).holds
+
+
+def test_a_lookup_table_of_coordinates_is_of_no_use(card: str, kitti: str, tmp_path: Path) -> None:
+    """It answers only where it recognises the coordinates of the first frame: nowhere."""
+    lookup = write_isolated(tmp_path / "lookup", "lookup", body="if self.moved: return empty_action(self._task)")
+    silent = write_isolated(tmp_path / "silent", "silent", body="return empty_action(self._task)")
+    records = [submit(folder, card, kitti, seeds=2, output=tmp_path / folder.name) for folder in (lookup, silent)]
+    assert records[0].row.missing_aware == records[1].row.missing_aware
+    assert records[0].row.coverage == 0
+
+
+def test_a_later_record_replaces_an_earlier_one(path: Path, submission: Path, card: str, kitti: str) -> None:
+    submit(submission, card, kitti, seeds=1, scenes=1, output=path.parent)
+    assert [folder.name for folder in path.with_suffix(".rollouts").iterdir()] == ["seed-0"]
+    assert verify(path, kitti, card).holds
+
+
+def test_wrong_usage(cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:
+    assert cli("submit", "stp").status == 2
+    assert cli("submit", "stp", "--env", card, "--division", "middle").status == 2
+    assert cli("submit", "stp", "--env", card, "--seeds", 0).status == 2
+    assert cli("verify", tmp_path / "a.json", "--submission", tmp_path).status == 2
+    assert "unknown environment 'MTP-Kitti-v0'" in cli("submit", "stp", "--env", "MTP-Kitti-v0").error
+    assert "unknown submission 'none'" in cli("submit", "none", "--env", card).error
+    assert "no such record" in cli("verify", tmp_path / "a.json").error
+    (tmp_path / "file").touch()
+    arguments = ("submit", "stp", "--env", card, "--data", kitti, "-o")
+    assert "is a file, expected a folder" in cli(*arguments, tmp_path / "file").error
+    odd = tmp_path / "odd" / f"{CARD_ID}.rollouts" / "seed-0"
+    odd.mkdir(parents=True)
+    (odd / "thesis.tex").touch()
+    assert "so it is no run" in cli(*arguments, tmp_path / "odd").error
+    assert (odd / "thesis.tex").is_file()

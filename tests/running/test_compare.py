@@ -1,0 +1,263 @@
+"""Agents side by side: what is run, what is written, and that it stays the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mtp_bench.cards import Card, load_card
+from mtp_bench.errors import MtpBenchError, SubmissionError, UnknownNameError
+from mtp_bench.running.compare import compare, expand
+from mtp_bench.scoring import SUBSETS
+from mtp_bench.submission import load_submission
+from tests.support.command_line import CommandLine, read_json, write_submission
+from tests.support.small_scenes import CARD, write_card
+
+KEYS = [
+    "agent", "hypotheses", "samples", "budget", "subset", "minADE", "minFDE", "missing_aware", "energy_score",
+    "coverage", "gap_closed", "targets", "events", "objects", "scenes", "interval", "ms_per_frame",
+]  # fmt: skip
+CONTROLS = [
+    ("truth_past", 1, 4, "equal"),
+    ("truth_past draws=20", 1, 4, "equal"),
+    ("stp", 1, 4, "equal"),
+    ("stp_same_budget", 1, 4, "equal"),
+    ("stp_hedged", 1, 4, "equal"),
+]
+MTP = [("mtp", h, 4, "equal") for h in (5, 10, 20)] + [("mtp", h, 4 * h, "free") for h in (5, 10, 20)]
+
+
+@pytest.fixture(scope="module")
+def card_path(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return write_card(tmp_path_factory.mktemp("card"))
+
+
+@pytest.fixture(scope="module")
+def card(card_path: str) -> Card:
+    return load_card(card_path)
+
+
+def settings_of(rows: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
+    """Agent and setting of each block of rows."""
+    return [(r["agent"], r["hypotheses"], r["samples"], r["budget"]) for r in rows if r["subset"] == "all"]
+
+
+def without_times(content: dict[str, Any]) -> dict[str, Any]:
+    return {**content, "rows": [{k: v for k, v in row.items() if k != "ms_per_frame"} for row in content["rows"]]}
+
+
+def numbers(rows: list[dict[str, Any]], agent: str) -> list[dict[str, Any]]:
+    return [{k: v for k, v in row.items() if k != "ms_per_frame"} for row in rows if row["agent"] == agent]
+
+
+def written(cli: CommandLine, file: Path, card: str, kitti: str, *arguments: object) -> Any:
+    cli.ok("compare", *arguments, "--env", card, "--data", kitti, "--seeds", 1, "--json", file)
+    return read_json(file)
+
+
+def test_the_file_has_the_keys_that_others_script_against(
+    cli: CommandLine, tmp_path: Path, card_path: str, kitti: str
+) -> None:
+    content = written(cli, tmp_path / "a.json", card_path, kitti, "stp", "mtp", "--jobs", 1)
+    assert list(content) == ["env", "definitions", "rows", "condition", "ranks", "paired", "details", "skipped"]
+    assert (content["condition"]["split"], content["condition"]["detector"]) == ("val", "pointrcnn")
+    assert (content["env"], content["definitions"], content["skipped"]) == ("MTP-Small-v0", "1.0", {})
+    rows = content["rows"]
+    assert all(list(row) == KEYS for row in rows)
+    assert settings_of(rows) == CONTROLS + MTP
+    assert [row["subset"] for row in rows] == list(SUBSETS) * len(CONTROLS + MTP)
+    everything = rows[0]
+    assert (everything["targets"], everything["objects"], everything["scenes"]) == (24, 6, 2)
+    assert everything["events"] is None
+    assert len(everything["interval"]) == 2
+    assert everything["ms_per_frame"] > 0
+
+
+def test_what_is_undefined_is_null(cli: CommandLine, tmp_path: Path, card_path: str, kitti: str) -> None:
+    rows = written(cli, tmp_path / "a.json", card_path, kitti, "stp", "--jobs", 1)["rows"]
+    stp = {row["subset"]: row for row in rows if row["agent"] == "stp"}
+    nothing = ["minADE", "minFDE", "missing_aware", "energy_score", "coverage", "gap_closed", "interval"]
+    assert {key: stp["ids"][key] for key in nothing} == dict.fromkeys(nothing)
+    assert [stp["ids"][key] for key in ("targets", "events", "objects", "scenes")] == [0, 0, 0, 0]
+    # the tracker loses both cars where the detections have a gap: targets that nobody covers
+    assert [stp["lost"][key] for key in ("targets", "events", "objects", "scenes")] == [2, 4, 2, 1]
+    assert (stp["lost"]["minADE"], stp["lost"]["coverage"], stp["lost"]["missing_aware"]) == (None, 0.0, 2.0)
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_second_run_writes_the_same_but_for_the_time(
+    jobs: int, cli: CommandLine, tmp_path: Path, card_path: str, kitti: str
+) -> None:
+    first = written(cli, tmp_path / "first.json", card_path, kitti, "stp", "mtp", "--jobs", 1)
+    again = written(cli, tmp_path / "again.json", card_path, kitti, "stp", "mtp", "--jobs", jobs)
+    assert without_times(again) == without_times(first)
+
+
+def test_a_folder_stands_beside_the_baselines_and_does_not_change_them(
+    cli: CommandLine, tmp_path: Path, card_path: str, kitti: str
+) -> None:
+    folder = write_submission(tmp_path / "mine")
+    alone = written(cli, tmp_path / "alone.json", card_path, kitti, "stp", "--jobs", 1)["rows"]
+    beside = written(cli, tmp_path / "beside.json", card_path, kitti, folder, "stp", folder, "--jobs", 1)["rows"]
+    assert settings_of(alone) == CONTROLS
+    assert settings_of(beside) == [*CONTROLS, ("echo", 2, 4, "equal")]  # it declares none and states two
+    assert without_times({"rows": beside})["rows"][: len(alone)] == without_times({"rows": alone})["rows"]
+    (echo,) = [row for row in beside if row["agent"] == "echo" and row["subset"] == "all"]
+    assert 0 < echo["coverage"] < 1
+    assert echo["minADE"] > 0
+
+
+def test_more_seeds_are_more_draws_of_the_same_targets(card_path: str, kitti: str) -> None:
+    keywords = {"data": kitti}
+    one, other, both = (compare([], card_path, keywords, seeds=seeds).report.rows for seeds in ((0,), (1,), (0, 1)))
+    pair = [numbers(rows, "stp")[0] for rows in (one, other, both)]
+    assert [row["targets"] for row in pair] == [24, 24, 24]
+    assert pair[0]["missing_aware"] != pair[1]["missing_aware"]
+    mean = (pair[0]["missing_aware"] + pair[1]["missing_aware"]) / 2
+    assert pair[2]["missing_aware"] == pytest.approx(mean)
+
+
+def test_fewer_scenes_are_the_first_ones(card_path: str, kitti: str) -> None:
+    done: list[str] = []
+    total: list[int] = []
+    result = compare([], card_path, {"data": kitti}, scenes=1, started=total.append, progress=done.append)
+    assert set(done) == {"0001"}
+    assert total == [len(CONTROLS)] == [len(done)]
+    row = result.report.rows[0]
+    assert (row["scenes"], row["targets"], row["interval"]) == (1, 15, None)
+    with pytest.raises(MtpBenchError, match="scenes is 0, expected at least 1"):
+        compare([], card_path, {"data": kitti}, scenes=0)
+
+
+def test_a_control_is_not_run_twice(card_path: str, kitti: str) -> None:
+    rows = compare(["stp", "stp_hedged", "stp"], card_path, {"data": kitti}, scenes=1).report.rows
+    assert settings_of(rows) == CONTROLS
+
+
+@pytest.mark.parametrize("names", [["echo", "echo"], ["stp"]], ids=["each other", "a baseline"])
+def test_two_submissions_of_one_name_are_refused(names: list[str], tmp_path: Path, card_path: str, kitti: str) -> None:
+    folders = [str(write_submission(tmp_path / str(i), name, body="1 / 0")) for i, name in enumerate(names)]
+    with pytest.raises(MtpBenchError, match=f"two submissions are called '{names[0]}': .*give them different names"):
+        compare(folders, card_path, {"data": kitti})
+
+
+def test_the_events_of_another_agent_define_the_subsets_on_demand(tmp_path: Path, card_path: str, kitti: str) -> None:
+    # its tracks are the detections: identities change with every row
+    folder = str(write_submission(tmp_path / "mine"))
+    own = compare([], card_path, {"data": kitti})
+    other = compare([], card_path, {"data": kitti}, reference=folder)
+    assert settings_of(other.report.rows) == [*CONTROLS, ("echo", 2, 4, "equal")]  # it declares none and states two
+    assert (own.reference.subsets.reference, other.reference.subsets.reference) == ("stp", "echo")
+    assert not other.reference.frozen
+    assert "'echo' in this run" in other.reference.origin
+    events = [{row["subset"]: row["events"] for row in result.report.rows[:5]} for result in (own, other)]
+    assert events[0] != events[1]
+
+
+def test_the_reference_is_taken_with_its_own_parameters(card_path: str, kitti: str) -> None:
+    result = compare([], card_path, {"data": kitti}, reference="mtp")
+    alone = compare([], card_path, {"data": kitti}, reference="stp")
+    assert result.reference.subsets.reference == "mtp"
+    details = {(d["agent"], d["hypotheses"], d["budget"]): d["own_events"] for d in result.report.details}
+    row = next(row for row in result.report.rows if row["subset"] == "lost")
+    assert row["events"] == details["mtp", 20, "equal"]["lost"]
+    assert alone.reference.subsets.reference == "stp"
+
+
+def test_a_card_may_name_another_reference(tmp_path: Path, kitti: str) -> None:
+    path = write_card(tmp_path, 'reference = "stp_hedged"' + CARD)
+    result = compare([], path, {"data": kitti}, scenes=1)
+    assert (result.reference.subsets.reference, result.reference.frozen) == ("stp_hedged", False)
+    wrong = write_card(tmp_path, 'reference = "spt"' + CARD)
+    with pytest.raises(UnknownNameError, match="unknown submission 'spt': did you mean 'stp'"):
+        compare([], wrong, {"data": kitti}, scenes=1)
+
+
+def test_an_ideal_agent_is_fed_the_truth_and_never_ranked(card: Card) -> None:
+    (first, *_) = expand(load_submission("truth_past"), card)
+    assert first.ideal
+    assert not expand(load_submission("stp"), card)[0].ideal
+
+
+SWEEPS: dict[str, tuple[str, list[tuple[Any, ...]]]] = {
+    "nothing said": ("", [("echo", None, 4, "equal")]),
+    "hypotheses without a sweep": ("[parameters]\nhypotheses = 7", [("echo", 7, 4, "equal")]),
+    "a sweep of hypotheses": (
+        "[compare]\nsweep = {hypotheses = [2, 3]}",
+        [("echo", 2, 4, "equal"), ("echo", 3, 4, "equal")],
+    ),
+    "sweep times budgets": (
+        '[compare]\nsweep = {hypotheses = [2, 3]}\nbudgets = ["equal", "free"]',
+        [("echo", 2, 4, "equal"), ("echo", 3, 4, "equal"), ("echo", 2, 8, "free"), ("echo", 3, 12, "free")],
+    ),
+    "a free row needs more samples than k": (
+        '[compare]\nsweep = {hypotheses = [1, 2]}\nbudgets = ["free", "equal"]',
+        [("echo", 2, 8, "free"), ("echo", 1, 4, "equal"), ("echo", 2, 4, "equal")],
+    ),
+    "nothing is free with one draw": ('[compare]\nbudgets = ["free", "equal"]', [("echo", None, 4, "equal")]),
+    "draws count among the free samples": (
+        '[parameters]\nhypotheses = 2\n[compare]\nsweep = {draws = [1, 5]}\nbudgets = ["free"]',
+        [("echo draws=1", 2, 8, "free"), ("echo draws=5", 2, 40, "free")],
+    ),
+    "only what is not the default shows": (
+        "[parameters]\nnoise = 0.5\n[compare]\nsweep = {noise = [0.5, 1.0]}",
+        [("echo", None, 4, "equal"), ("echo noise=1.0", None, 4, "equal")],
+    ),
+    "two parameters, the last one first": (
+        "[compare]\nsweep = {noise = [1, 2], hypotheses = [2, 3]}",
+        [
+            ("echo noise=1", 2, 4, "equal"),
+            ("echo noise=1", 3, 4, "equal"),
+            ("echo noise=2", 2, 4, "equal"),
+            ("echo noise=2", 3, 4, "equal"),
+        ],
+    ),
+    "what is named twice runs once": (
+        '[compare]\nsweep = {hypotheses = [2, 2]}\nbudgets = ["equal", "equal"]',
+        [("echo", 2, 4, "equal")],
+    ),
+}
+
+
+@pytest.mark.parametrize(("tables", "expected"), SWEEPS.values(), ids=SWEEPS.keys())
+def test_the_settings_of_a_submission(tables: str, expected: list[Any], tmp_path: Path, card: Card) -> None:
+    settings = expand(load_submission(write_submission(tmp_path / "mine", tables=tables)), card)
+    assert [(s.label, s.hypotheses, s.samples, s.budget) for s in settings] == expected
+
+
+def test_swept_values_reach_the_agent_and_its_env(tmp_path: Path, card: Card) -> None:
+    tables = '[parameters]\nnoise = 0.5\n[compare]\nsweep = {hypotheses = [2, 9]}\nbudgets = ["free"]'
+    small, large = expand(load_submission(write_submission(tmp_path / "mine", tables=tables)), card)
+    assert small.parameters == {"noise": 0.5, "hypotheses": 2}
+    assert small.env_keywords(card) == {"samples": 8}
+    assert large.env_keywords(card) == {"samples": 36, "hypotheses": 9}  # the card has 3
+    assert replace(large, hypotheses=3).env_keywords(card) == {"samples": 36}
+
+
+@pytest.mark.parametrize("value", ['"many"', "2.0", "true", "0", "-1"])
+@pytest.mark.parametrize("name", ["hypotheses", "draws"])
+def test_counts_that_are_none_are_refused(name: str, value: str, tmp_path: Path, card: Card) -> None:
+    tables = f'[compare]\nsweep = {{{name} = [{value}]}}\nbudgets = ["equal", "free"]'
+    with pytest.raises(SubmissionError, match=f"echo: parameter '{name}' is .*, expected a whole number of at least 1"):
+        expand(load_submission(write_submission(tmp_path / "mine", tables=tables)), card)
+
+
+@pytest.mark.data
+def test_two_real_sequences(cli: CommandLine, tmp_path: Path, data_root: Path) -> None:
+    root = tmp_path / "kitti_tracking"
+    root.mkdir()
+    for name in ("training", "detections", "poses_orbslam3"):
+        (root / name).symlink_to(data_root / "kitti_tracking" / name)
+    lines = (data_root / "kitti_tracking/evaluate_tracking.seqmap.val").read_text().splitlines()
+    (root / "evaluate_tracking.seqmap.val").write_text("\n".join(x for x in lines if x[:4] in ("0012", "0014")))
+    content = written(cli, tmp_path / "a.json", "MTP-KITTI-noego-v0", str(tmp_path), "stp", "--jobs", 2)
+    rows = {(row["agent"], row["subset"]): row for row in content["rows"]}
+    assert content["skipped"] == {}
+    assert rows["stp", "all"]["scenes"] == 2
+    assert 0.5 < rows["stp", "all"]["coverage"] <= 1.0
+    assert rows["truth_past", "all"]["coverage"] == 1.0
+    assert rows["truth_past", "all"]["missing_aware"] < rows["stp", "all"]["missing_aware"]
+    assert rows["stp_same_budget", "all"]["minADE"] < rows["stp", "all"]["minADE"]

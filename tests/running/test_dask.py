@@ -1,0 +1,191 @@
+"""Scenes spread over a Dask cluster of processes: the same results, and nothing is lost with a worker."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import distributed
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mtp_bench import parallel as _cluster
+from mtp_bench.env.rollouts import digest, load_run
+from mtp_bench.errors import MtpBenchError, SubmissionError
+from mtp_bench.parallel import Workers, _cluster_map, _require_backend
+from mtp_bench.records import submit
+from mtp_bench.running.run import Job, run_jobs
+from mtp_bench.types import Task
+from tests.running.test_runner import make_failing
+from tests.support.command_line import CommandLine, read_json, write_submission
+from tests.support.small_scenes import Action, EchoAgent, make_noisy
+from tests.support.stored_records import write_isolated
+
+NAMES = ["0006", "0001", "0008"]
+distributed_untyped: Any = distributed
+
+
+class SlowAgent(EchoAgent):
+    """Leaves time to kill a worker in the middle of a scene."""
+
+    def act(self, observation: dict[str, NDArray[Any]]) -> Action:
+        time.sleep(0.05)
+        return super().act(observation)
+
+
+def make_slow(task: Task) -> SlowAgent:
+    return SlowAgent(noise=0.1)
+
+
+def make_deadly(task: Task) -> SlowAgent:
+    os._exit(1)
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    """A scheduler with two worker processes of one thread each."""
+    with distributed_untyped.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0", host="127.0.0.1"
+    ) as running:
+        yield running
+
+
+def jobs(card: str, kitti: str, make: Any, seeds: int = 1) -> list[Job]:
+    keywords = {"data": kitti, "evaluation": True}
+    return [Job(make, card, keywords, name, seed, "mine") for seed in range(seeds) for name in NAMES]
+
+
+def test_results_are_those_of_this_process_in_the_order_of_the_jobs(cluster: Any, card: str, kitti: str) -> None:
+    given = jobs(card, kitti, make_noisy, seeds=3)
+    done: list[str] = []
+    alone = run_jobs(given)
+    spread = run_jobs(given, progress=done.append, workers=Workers(1, "dask", cluster.scheduler_address))
+    assert [digest(rollout) for rollout in alone] == [digest(rollout) for rollout in spread]
+    assert len({digest(rollout) for rollout in alone}) > 3
+    assert sorted(done) == sorted(job.scene for job in given)
+
+
+def test_a_killed_worker_loses_nothing(cluster: Any, card: str, kitti: str) -> None:
+    given = jobs(card, kitti, make_slow, seeds=4)
+    with distributed_untyped.Client(cluster, set_as_default=False) as client:
+        processes = list(client.run(os.getpid).values())
+    assert len(set(processes)) == 2
+    assert os.getpid() not in processes
+    killed: list[int] = []
+
+    def kill_once(scene: str) -> None:
+        if not killed:
+            killed.append(processes[0])
+            os.kill(processes[0], signal.SIGKILL)
+
+    spread = run_jobs(given, progress=kill_once, workers=Workers(1, "dask", cluster.scheduler_address))
+    assert killed
+    assert [digest(rollout) for rollout in run_jobs(given)] == [digest(rollout) for rollout in spread]
+
+
+def test_a_submission_loses_nothing_with_a_worker(cluster: Any, card: str, kitti: str, tmp_path: Path) -> None:
+    folder = write_isolated(tmp_path / "echo", body="__import__('time').sleep(0.02)")
+    with distributed_untyped.Client(cluster, set_as_default=False) as client:
+        client.wait_for_workers(2)
+        first = next(iter(client.run(os.getpid).values()))
+    killed: list[str] = []
+
+    def kill_once(scene: str) -> None:
+        if not killed:
+            os.kill(first, signal.SIGKILL)
+        killed.append(scene)
+
+    address = cluster.scheduler_address
+    spread = submit(folder, card, kitti, 2, output=tmp_path / "there", progress=kill_once, scheduler=address)
+    here = submit(folder, card, kitti, 2, output=tmp_path / "here")
+    assert killed
+    assert (spread.status, spread.missed.crashed_scenes) == ("finished", 0)
+    assert spread.rollout_digests == here.rollout_digests
+    assert spread.seals == here.seals
+
+
+def test_an_agent_that_kills_every_worker_is_given_up(cluster: Any, card: str, kitti: str) -> None:
+    text = f"several workers of {cluster.scheduler_address} died in the same call"
+    with pytest.raises(MtpBenchError, match=text):
+        run_jobs(jobs(card, kitti, make_deadly)[:1], workers=Workers(1, "dask", cluster.scheduler_address))
+
+
+def test_an_agent_that_fails_is_named_as_in_this_process(cluster: Any, card: str, kitti: str) -> None:
+    text = "agent 'mine' failed on scene '0001' at frame 2: ZeroDivisionError: by zero"
+    with pytest.raises(SubmissionError, match=text):
+        run_jobs(jobs(card, kitti, make_failing)[1:2], workers=Workers(1, "dask", cluster.scheduler_address))
+
+
+def test_runs_and_comparisons_from_the_command_line(
+    cluster: Any, card: str, kitti: str, tmp_path: Path, cli: CommandLine
+) -> None:
+    agent = write_submission(tmp_path / "echo", tables="[parameters]\nnoise = 0.1\n")
+    spread = "--backend", "dask", "--scheduler", cluster.scheduler_address
+    common = "--env", card, "--data", kitti, "--jobs", "1"
+    cli.ok("run", agent, *common, "-o", tmp_path / "here")
+    cli.ok("run", agent, *common, "-o", tmp_path / "there", *spread)
+    here, there = (load_run(tmp_path / name) for name in ("here", "there"))
+    assert [digest(rollout) for rollout in here.rollouts] == [digest(rollout) for rollout in there.rollouts]
+    cli.ok("compare", agent, *common, "--seeds", "1", "--json", tmp_path / "here.json")
+    cli.ok("compare", agent, *common, "--seeds", "1", "--json", tmp_path / "there.json", *spread)
+    rows = [read_json(tmp_path / name)["rows"] for name in ("here.json", "there.json")]
+    for row in rows[0] + rows[1]:
+        row.pop("ms_per_frame")
+    assert rows[0] == rows[1]
+
+
+def test_a_worker_runs_one_scene_at_a_time() -> None:
+    assert not _cluster._one_at_a_time.locked()
+    assert _cluster._alone(lambda number: (_cluster._one_at_a_time.locked(), number), (7,)) == (True, 7)
+
+
+WRONG: dict[str, tuple[str, str | None, str]] = {
+    "another backend": ("ray", None, "backend is 'ray', expected one of: loky, dask"),
+    "no address": ("dask", None, "needs the address of a scheduler"),
+    "an address for nothing": ("loky", "tcp://127.0.0.1:1", "is for backend 'dask', got backend 'loky'"),
+}
+
+
+@pytest.mark.parametrize(("backend", "scheduler", "text"), WRONG.values(), ids=WRONG)
+def test_a_backend_that_cannot_work_is_refused(backend: str, scheduler: str | None, text: str) -> None:
+    with pytest.raises(MtpBenchError, match=text):
+        Workers(1, backend, scheduler)
+
+
+def test_without_dask_one_sentence_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(MtpBenchError, match=r"needs Dask: pip install 'mtp-bench\[dask\]'"):
+        _require_backend("dask", "tcp://127.0.0.1:8786")
+
+
+def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_cluster, "_CONNECT", 0.2)
+    with pytest.raises(MtpBenchError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'"):
+        list(_cluster_map(np.add, [(1, 2)], "tcp://127.0.0.1:9"))
+    with pytest.raises(MtpBenchError, match=r"no Dask scheduler answers at 'nowhere'"):
+        list(_cluster_map(np.add, [(1, 2)], "nowhere"))
+
+
+def test_a_scheduler_without_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_cluster, "_WORKERS", 0.2)
+    untyped = distributed_untyped
+    with (
+        untyped.LocalCluster(n_workers=0, processes=True, dashboard_address=":0", host="127.0.0.1") as cluster,
+        pytest.raises(MtpBenchError, match="has no workers: start some with `dask worker tcp://"),
+    ):
+        list(_cluster_map(np.add, [(1, 2)], cluster.scheduler_address))
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--backend", "ray"], ["--backend", "dask"], ["--scheduler", "tcp://a:1"]], ids=str
+)
+def test_wrong_usage(arguments: list[str], cli: CommandLine) -> None:
+    output = cli("run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", *arguments)
+    assert output.status == 2
+    assert "Usage: mtp-bench run" in output.err

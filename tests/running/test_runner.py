@@ -1,0 +1,215 @@
+"""The runner: agents through scenes, in one process or several, with the same result."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mtp_bench.agent import Agent
+from mtp_bench.cards import Card
+from mtp_bench.env import MTPEnv
+from mtp_bench.env.rollouts import digest
+from mtp_bench.errors import MtpBenchError, SubmissionError, UnknownNameError
+from mtp_bench.running.run import derived_seed, run_info, run_scene, run_scenes
+from mtp_bench.types import Rollout, Scene, Task
+from tests.support.small_scenes import Action, EchoAgent, make_echo, make_noisy
+
+NAMES = ["0006", "0001", "0008"]
+
+
+@dataclass
+class FailingAgent:
+    """Fails at one frame, or at reset with -1."""
+
+    at: int
+    frame: int = 0
+
+    def reset(self, task: Task) -> None:
+        self.frame = 0
+        if self.at < 0:
+            raise RuntimeError("no weights")
+
+    def act(self, observation: dict[str, NDArray[Any]]) -> Action:
+        self.frame += 1
+        if self.frame > self.at:
+            raise ZeroDivisionError("by zero")
+        return {}
+
+
+@dataclass
+class WatchingAgent:
+    """Keeps the tasks it was told."""
+
+    tasks: list[Task]
+
+    def reset(self, task: Task) -> None:
+        self.tasks.append(task)
+
+    def act(self, observation: dict[str, NDArray[Any]]) -> Action:
+        for array in observation.values():
+            array[...] = 0  # an agent may write into what it gets
+        return {}
+
+
+def make_failing(task: Task) -> FailingAgent:
+    return FailingAgent(at=2)
+
+
+def make_nothing(task: Task) -> Agent:
+    raise ImportError("no module named 'nothing'")
+
+
+def make_misspelt(task: Task) -> Agent:
+    raise UnknownNameError("parameter", "nosie", ["noise"])
+
+
+def summary(scene: Scene, rollout: Rollout, card: Card) -> tuple[str, int, str]:
+    return scene.name, len(scene.truth.box), card.id
+
+
+def test_a_scene_is_run_from_the_first_to_the_last_frame(card: str, kitti: str) -> None:
+    env = MTPEnv(card, kitti, evaluation=True)
+    rollout = run_scene(EchoAgent(), env, "0006", seed=0)
+    assert rollout.scene == "0006"
+    assert rollout.frames == 7
+    assert np.diff(rollout.track_start).tolist() == [3, 3, 3, 0, 0, 3, 3]
+    np.testing.assert_allclose(rollout.track_box, env.scene.detections.box, atol=1e-4)
+    assert (rollout.seconds > 0).all()
+    assert rollout.seconds.sum() < 60
+
+
+def test_results_come_in_the_order_of_the_names_whatever_the_number_of_jobs(card: str, kitti: str) -> None:
+    alone = run_scenes(make_noisy, card, {"data": kitti}, NAMES, seed=5, jobs=1)
+    together = run_scenes(make_noisy, card, {"data": kitti}, NAMES, seed=5, jobs=2)
+    assert [rollout.scene for rollout in alone] == NAMES
+    assert [digest(rollout) for rollout in alone] == [digest(rollout) for rollout in together]
+    assert len({digest(rollout) for rollout in alone}) == 3
+
+
+def test_a_scene_does_not_depend_on_its_companions(card: str, kitti: str) -> None:
+    everything = run_scenes(make_noisy, card, {"data": kitti}, NAMES, seed=5)
+    one = run_scenes(make_noisy, card, {"data": kitti}, ["0001"], seed=5)
+    assert digest(one[0]) == digest(everything[1])
+    other = run_scenes(make_noisy, card, {"data": kitti}, ["0001"], seed=6)
+    assert digest(one[0]) != digest(other[0])
+
+
+def test_all_scenes_of_the_env_unless_named(card: str, kitti: str) -> None:
+    names = [rollout.scene for rollout in run_scenes(make_echo, card, {"data": kitti})]
+    assert names == ["0001", "0006", "0008"]
+    assert run_scenes(make_echo, card, {"data": kitti}, []) == []
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_finish_sees_scene_rollout_and_card_and_progress_every_name(jobs: int, card: str, kitti: str) -> None:
+    done: list[str] = []
+    results = run_scenes(make_echo, card, {"data": kitti}, NAMES, jobs=jobs, finish=summary, progress=done.append)
+    assert results == [("0006", 21, "MTP-Small-v0"), ("0001", 27, "MTP-Small-v0"), ("0008", 0, "MTP-Small-v0")]
+    assert sorted(done) == sorted(NAMES)
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_failing_agent_is_named_with_scene_and_frame(jobs: int, card: str, kitti: str) -> None:
+    text = "agent 'my agent' failed on scene '0001' at frame 2: ZeroDivisionError: by zero"
+    with pytest.raises(SubmissionError, match=text):
+        run_scenes(make_failing, card, {"data": kitti}, ["0001"] * jobs, jobs=jobs, name="my agent")
+
+
+def test_an_agent_that_fails_at_reset_is_named(card: str, kitti: str) -> None:
+    text = "agent 'FailingAgent' failed on scene '0001' at reset: RuntimeError: no weights"
+    with pytest.raises(SubmissionError, match=text) as caught:
+        run_scene(FailingAgent(at=-1), MTPEnv(card, kitti), "0001", seed=0)
+    assert isinstance(caught.value.__cause__, RuntimeError)
+
+
+def test_an_agent_that_cannot_be_built_is_one_clear_error(card: str, kitti: str) -> None:
+    with pytest.raises(SubmissionError, match="agent 'mine' cannot be built: ImportError: no module named 'nothing'"):
+        run_scenes(make_nothing, card, {"data": kitti}, ["0001"], name="mine")
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_misspelt_parameter_is_one_clear_error(jobs: int, card: str, kitti: str) -> None:
+    with pytest.raises(SubmissionError, match="cannot be built: unknown parameter 'nosie': did you mean 'noise'"):
+        run_scenes(make_misspelt, card, {"data": kitti}, ["0001", "0006"], jobs=jobs)
+
+
+@pytest.mark.data
+def test_a_rigid_motion_does_not_change_what_an_honest_agent_says_of_a_real_log(data_root: Path) -> None:
+    keywords = {"data": str(data_root)}
+    (still,) = run_scenes(make_echo, "MTP-KITTI-v0", keywords, ["0012"])
+    (moved,) = run_scenes(make_echo, "MTP-KITTI-v0", {**keywords, "rigid_motion": True}, ["0012"])
+    assert len(still.object_box) > 0
+    np.testing.assert_array_equal(moved.member, still.member)
+    np.testing.assert_allclose(moved.track_box[:, :3], still.track_box[:, :3], atol=1e-3)
+    np.testing.assert_allclose(np.cos(moved.track_box[:, 3] - still.track_box[:, 3]), 1, atol=1e-6)
+    assert np.abs(moved.forecast.astype(int) - still.forecast).max() <= 1  # cm
+
+
+@pytest.mark.parametrize(
+    ("keywords", "text"),
+    [
+        ({"jobs": 0}, "jobs is 0, expected at least 1"),
+        ({"scene_names": ["001"]}, "unknown scene '001': did you mean '0001'"),
+        ({"env_kwargs": {"observe": "all"}}, "unknown value of observe 'all'"),
+    ],
+    ids=str,
+)
+def test_wrong_arguments_show_before_anything_runs(keywords: dict[str, Any], text: str, card: str, kitti: str) -> None:
+    keywords["env_kwargs"] = {"data": kitti, **keywords.get("env_kwargs", {})}
+    with pytest.raises(MtpBenchError, match=text):
+        run_scenes(make_nothing, card, **keywords)
+
+
+def test_an_unknown_scene_is_one_clear_error(card: str, kitti: str) -> None:
+    with pytest.raises(UnknownNameError, match="did you mean '0001'"):
+        run_scene(EchoAgent(), MTPEnv(card, kitti), "001", seed=0)
+
+
+def test_the_task_says_nothing_of_the_scene(card: str, kitti: str) -> None:
+    agent, env = WatchingAgent([]), MTPEnv(card, kitti)
+    for name in NAMES:
+        run_scene(agent, env, name, seed=1)
+    first = agent.tasks[0]
+    assert agent.tasks == [first] * len(NAMES)
+    assert repr(first).replace(str(first.seed), "0") == repr(env.task)
+
+
+def test_seeds_stay() -> None:
+    assert derived_seed(0, "0001", "agent") == 2043270001
+
+
+def test_the_run_is_in_evaluation_mode_unless_told_otherwise(
+    card: str, kitti: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def reward(keywords: dict[str, Any]) -> float:
+        made: list[MTPEnv] = []
+
+        class Spy:
+            """Stands for the class and keeps what it makes."""
+
+            def __new__(cls, *args: Any, **given: Any) -> Any:
+                made.append(MTPEnv(*args, **given))
+                return made[-1]
+
+        monkeypatch.setattr("mtp_bench.running.run.MTPEnv", Spy)
+        run_scenes(make_echo, card, {"data": kitti, **keywords}, ["0001"])
+        made[-1].reset(options={"scene": "0001"})
+        return sum(float(made[-1].step({})[1]) for _ in range(9))
+
+    assert reward({}) == 0.0
+    assert reward({"evaluation": False}) < 0.0
+
+
+def test_run_info_says_where_a_run_comes_from(card: str, kitti: str) -> None:
+    env = MTPEnv(card, kitti, observe="truth", samples=7, rigid_motion=True)
+    info = run_info(env, "echo", 3, {"noise": 0.1}, "abcd", {"rigid_motion": True})
+    assert (info.env_id, info.observe, info.samples, info.split) == ("MTP-Small-v0", "truth", 7, "val")
+    assert info.card_digest == env.card.digest
+    assert info.keywords == {"rigid_motion": True}
+    assert {"python", "mtp-bench", "numpy"} <= info.versions.keys()
+    assert kitti not in info.model_dump_json()

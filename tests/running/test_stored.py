@@ -1,0 +1,284 @@
+"""Runs on disk: the same numbers as a comparison, complete or not there at all, and no word of a changed one taken."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mtp_bench.env.rollouts import load_run
+from mtp_bench.running.compare import compare
+from mtp_bench.running.stored import run_and_store, score_stored
+from tests.support.command_line import CommandLine, plain_environment, read_json, ship, write_submission
+from tests.support.small_scenes import CARD, write_card, write_kitti
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> Path:
+    """A run of stp."""
+    folder = tmp_path_factory.mktemp("runs") / "stp"
+    run_and_store("stp", card, folder, kitti)
+    return folder
+
+
+@pytest.fixture
+def folder(finished: Path, tmp_path: Path) -> Path:
+    """A copy of the run, to be changed."""
+    return Path(shutil.copytree(finished, tmp_path / "run"))
+
+
+@pytest.fixture
+def shipped(tmp_path: Path, repository: Path, card: str) -> Iterator[str]:
+    """Id of the small card, which ships with a bundle of its own."""
+    patch = ship(tmp_path / "bundle", repository, card)
+    yield Path(card).stem
+    patch.undo()
+
+
+def without_times(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [{k: v for k, v in row.items() if k not in ("ms_per_frame", "gap_closed")} for row in rows]
+
+
+def digests(folder: Path) -> dict[str, str]:
+    return {entry["scene"]: entry["digest"] for entry in json.loads((folder / "run.json").read_text())["scenes"]}
+
+
+def test_a_run_is_stored_and_scored(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
+    run, file = tmp_path / "runs" / "stp", tmp_path / "a.json"
+    said = cli.ok("run", "stp", "--env", card, "--data", kitti, "-o", run, "--jobs", 1)
+    assert said == f"3 scenes of {card} by stp in {run}; score with `mtp-bench score {run}`\n"
+    assert sorted(path.name for path in run.iterdir()) == ["0001.npz", "0006.npz", "0008.npz", "run.json"]
+    assert [path.name for path in run.parent.iterdir()] == ["stp"]
+    printed = cli.ok("score", run, "--data", kitti, "--env", card, "--json", file)
+    content = read_json(file)
+    assert list(content) == ["env", "definitions", "rows", "condition", "details", "skipped"]
+    assert [row["subset"] for row in content["rows"]] == ["all", "ids", "lost", "reacquired", "frag"]
+    assert f"{content['rows'][0]['missing_aware']:.3f}" in printed
+    assert "no frozen subsets for this env and split" in printed
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("agent", ["stp", "stp_same_budget", "mtp", "truth_past"])
+def test_a_stored_run_scores_as_in_a_comparison(
+    agent: str, seed: int, cli: CommandLine, tmp_path: Path, shipped: str, kitti: str
+) -> None:
+    cli.ok("freeze", "--env", shipped, "--data", kitti, "--jobs", 1)
+    cli.ok("run", agent, "--env", shipped, "--data", kitti, "-o", tmp_path / "run", "--jobs", 1, "--seed", seed)
+    scored = score_stored(tmp_path / "run", kitti).report.rows
+    rows = compare([agent], shipped, {"data": kitti}, seeds=[seed]).report.rows
+    hypotheses = 20 if agent == "mtp" else 1  # more than the 3 of the card
+    same = [r for r in rows if (r["agent"], r["hypotheses"], r["budget"]) == (agent, hypotheses, "equal")]
+    assert len(same) == 5
+    assert without_times(scored) == without_times(same)
+    lost = next(row for row in scored if row["subset"] == "lost")
+    assert (lost["events"], lost["targets"]) == (4, 2)
+
+
+def test_another_seed_is_another_draw(tmp_path: Path, card: str, kitti: str) -> None:
+    for seed in (0, 1):
+        run_and_store("stp", card, tmp_path / str(seed), kitti, scenes=1, seed=seed)
+    assert digests(tmp_path / "0").keys() == digests(tmp_path / "1").keys() == {"0001"}
+    assert digests(tmp_path / "0") != digests(tmp_path / "1")
+
+
+def test_answers_are_the_same_in_every_process(tmp_path: Path, card: str, kitti: str) -> None:
+    for jobs, hash_seed in ((1, "1"), (2, "2")):
+        command = [sys.executable, "-m", "mtp_bench.commands.app", "run", "mtp", "--env", card, "--data", kitti]
+        command += ["-o", str(tmp_path / hash_seed), "--jobs", str(jobs)]
+        done = subprocess.run(
+            command,
+            env=plain_environment() | {"PYTHONHASHSEED": hash_seed},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert (done.returncode, done.stderr) == (0, "")
+    run_and_store("mtp", card, tmp_path / "here", kitti)
+    assert digests(tmp_path / "1") == digests(tmp_path / "2") == digests(tmp_path / "here")
+    assert len(set(digests(tmp_path / "here").values())) == 3
+
+
+def test_more_hypotheses_than_the_card_has_are_on_record(tmp_path: Path, card: str, kitti: str) -> None:
+    run_and_store("mtp", card, tmp_path / "run", kitti, scenes=1)
+    run = load_run(tmp_path / "run")
+    assert run.info.keywords == {"hypotheses": 20}
+    assert (run.info.parameters, run.info.samples) == ({"hypotheses": 20}, 4)
+    assert run.rollouts[0].hypothesis_log_weight.shape[1] == 20
+
+
+def test_a_folder_of_the_user_is_run_like_a_baseline(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
+    agent = write_submission(tmp_path / "mine")
+    cli.ok("run", agent, "--env", card, "--data", kitti, "-o", tmp_path / "run", "--scenes", 2, "--jobs", 1)
+    run = load_run(tmp_path / "run")
+    assert (run.info.agent, [rollout.scene for rollout in run.rollouts]) == ("echo", ["0001", "0006"])
+
+
+def edit(change: Callable[[Any], Any]) -> Callable[[Path], None]:
+    """Change the content of run.json."""
+
+    def apply(folder: Path) -> None:
+        content = json.loads((folder / "run.json").read_text())
+        content = change(content) or content
+        (folder / "run.json").write_text(json.dumps(content))
+
+    return apply
+
+
+def cut(name: str) -> Callable[[Path], None]:
+    def apply(folder: Path) -> None:
+        whole = (folder / name).read_bytes()
+        (folder / name).write_bytes(whole[: len(whole) // 2])
+
+    return apply
+
+
+CHANGES: dict[str, tuple[Callable[[Path], Any], str]] = {
+    "truncated npz": (cut("0001.npz"), "0001.npz: truncated or not a rollout"),
+    "empty npz": (lambda folder: (folder / "0001.npz").write_bytes(b""), "0001.npz: truncated or not a rollout"),
+    "npz missing": (lambda folder: (folder / "0006.npz").unlink(), "0006.npz is missing"),
+    "npz of another scene": (
+        lambda folder: shutil.copy(folder / "0006.npz", folder / "0001.npz"),
+        "0001.npz: track_start has shape",
+    ),
+    "truncated run.json": (cut("run.json"), "run.json: cannot be read"),
+    "run.json missing": (lambda folder: (folder / "run.json").unlink(), "no run.json there"),
+    "no table": (edit(lambda content: [content]), "run.json: holds list, expected a table"),
+    "unknown key": (edit(lambda content: content["info"].update(sede=1)), "unknown key 'info.sede'"),
+    "digest": (edit(lambda content: content["scenes"][0].update(digest="0" * 64)), "0001.npz: digest .* expected 0000"),
+    "fewer samples than stored": (
+        edit(lambda content: content["info"].update(samples=3)),
+        "says 3 samples per object, scene '0001' has 4",
+    ),
+    "a scene twice": (
+        edit(lambda content: content["scenes"].append(content["scenes"][0])),
+        "names scene '0001' 2 times, expected once",
+    ),
+    "no scene": (edit(lambda content: content["scenes"].clear()), "has no scored scene"),
+    "hypotheses in words": (
+        edit(lambda content: content["info"]["parameters"].update(hypotheses="many")),
+        "parameter 'hypotheses' is 'many', expected a whole number",
+    ),
+    "another card": (
+        edit(lambda content: content["info"].update(card_digest="0" * 16)),
+        "made for MTP-Small-v0 with card digest 0000000000000000, .*run the agent again",
+    ),
+}
+
+
+@pytest.mark.parametrize(("change", "message"), CHANGES.values(), ids=CHANGES.keys())
+def test_a_changed_run_is_one_clear_error(
+    change: Callable[[Path], Any], message: str, cli: CommandLine, folder: Path, tmp_path: Path, card: str, kitti: str
+) -> None:
+    file = tmp_path / "a.json"
+    cli.ok("score", folder, "--data", kitti, "--env", card)
+    change(folder)
+    assert_matches(message, cli("score", folder, "--data", kitti, "--env", card, "--json", file).error)
+    assert not file.exists()
+
+
+def assert_matches(pattern: str, text: str) -> None:
+    with pytest.raises(ValueError, match=pattern):
+        raise ValueError(text)
+
+
+def test_a_run_for_another_version_of_the_card(
+    cli: CommandLine, folder: Path, tmp_path: Path, shipped: str, kitti: str
+) -> None:
+    cli.ok("score", folder, "--data", kitti)
+    write_card(tmp_path / "bundle" / "envs", CARD.replace("miss_error = 2.0", "miss_error = 3.0"))
+    error = cli("score", folder, "--data", kitti).error
+    assert "made for MTP-Small-v0 with card digest" in error
+    assert error.endswith("run the agent again")
+
+
+def test_a_run_of_a_card_that_does_not_ship(cli: CommandLine, folder: Path, kitti: str) -> None:
+    error = cli("score", folder, "--data", kitti).error
+    assert error.endswith("made for 'MTP-Small-v0', which does not ship here; name its card with --env")
+    assert "with card digest" in cli("score", folder, "--data", kitti, "--env", "MTP-KITTI-v0").error
+
+
+def test_a_run_of_scenes_that_are_not_there(cli: CommandLine, folder: Path, tmp_path: Path, card: str) -> None:
+    other = Path(write_kitti(tmp_path / "other"))
+    (other / "kitti_tracking/evaluate_tracking.seqmap.val").write_text("0006 empty 000000 000007\n")
+    error = cli("score", folder, "--data", other, "--env", card).error
+    assert "unknown scene of" in error
+    assert "'0001': did you mean '0006'?" in error
+
+
+def test_a_folder_that_is_no_run_is_refused_before_anything_runs(
+    cli: CommandLine, tmp_path: Path, card: str, kitti: str
+) -> None:
+    agent = write_submission(tmp_path / "mine", body="raise RuntimeError('it ran')")
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "one.jpg").touch()
+    (tmp_path / "file").touch()
+    common = ("run", agent, "--env", card, "--data", kitti, "-o")
+    assert "holds 'one.jpg', so it is no run: choose another folder" in cli(*common, tmp_path / "photos").error
+    assert "is a file, expected a new folder" in cli(*common, tmp_path / "file").error
+    assert "file is a file, expected a folder" in cli(*common, tmp_path / "file" / "deep" / "run").error
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "mine", "photos"]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("body", ["1 / 0", "import nothing_at_all"])
+def test_a_failing_agent_leaves_the_earlier_run(
+    body: str, jobs: int, cli: CommandLine, folder: Path, tmp_path: Path, card: str, kitti: str
+) -> None:
+    before = digests(folder)
+    agent = write_submission(tmp_path / "mine", body=f"if len(observation): {body}")
+    error = cli("run", agent, "--env", card, "--data", kitti, "-o", folder, "--jobs", jobs).error
+    assert "agent 'echo' failed on scene '000" in error
+    assert "at frame 0: " in error
+    assert digests(folder) == before
+    assert load_run(folder).info.agent == "stp"
+    new = tmp_path / "new"
+    assert "failed" in cli("run", agent, "--env", card, "--data", kitti, "-o", new, "--jobs", jobs).error
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine", "run"]
+
+
+def test_an_error_of_several_lines_becomes_one(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
+    agent = write_submission(tmp_path / "mine", body="raise ValueError('shapes do not fit:\\n  (3,) [red](4,)[/red]')")
+    error = cli("run", agent, "--env", card, "--data", kitti, "-o", tmp_path / "run", "--jobs", 1).error
+    assert error.endswith("at frame 0: ValueError: shapes do not fit: (3,) [red](4,)[/red]")
+
+
+def test_an_interrupted_run_leaves_nothing(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
+    agent = write_submission(tmp_path / "mine", body="raise KeyboardInterrupt")
+    common = ("--env", card, "--data", kitti, "--jobs", 1)
+    assert cli("run", agent, *common, "-o", tmp_path / "runs" / "a").error == "interrupted; nothing was written"
+    assert cli("compare", agent, *common, "--json", tmp_path / "a.json").error == "interrupted; nothing was written"
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+
+
+def test_a_signal_ends_the_workers_too(tmp_path: Path, card: str, kitti: str) -> None:
+    mark = tmp_path / "running"
+    body = f"import time, pathlib; pathlib.Path({str(mark)!r}).touch(); time.sleep(600)"
+    agent = write_submission(tmp_path / "mine", body=body)
+    command = [sys.executable, "-c", "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"]
+    command[-1] += "; from mtp_bench.commands.app import main; main()"
+    command += ["run", str(agent), "--env", card, "--data", kitti, "-o", str(tmp_path / "run"), "--jobs", "2"]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        env=plain_environment(),
+    )  # fmt: skip
+    try:
+        while not mark.exists():
+            assert process.poll() is None, process.communicate()
+            time.sleep(0.05)
+        os.killpg(process.pid, signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+    assert (process.returncode, out) == (1, "")
+    assert err == "error: interrupted; nothing was written\n"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine", "running"]

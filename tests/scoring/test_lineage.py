@@ -1,0 +1,194 @@
+"""Lineages: parents of hypotheses, and events along them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mtp_bench.scoring import find_events, history
+from mtp_bench.scoring.lineage import hypotheses, lineage_events, match_hypotheses
+from tests.support.scoring_scenes import (
+    CAR,
+    WALKER,
+    Thing,
+    make_card,
+    make_rollout,
+    make_scene,
+    moved,
+    random_case,
+    take_tracks,
+)
+
+CARD = make_card()
+NEVER = -np.inf
+
+
+def held(id: int, x: float, *by: int, class_id: int = CAR) -> Thing:
+    return Thing(id, x, 0.0, class_id=class_id, hypotheses=by)
+
+
+PARENTS: dict[str, tuple[list[list[Thing]], Any, list[int]]] = {
+    # tracks of two frames, log-weights of the first frame, parents of hypotheses 0 and 1 in the second
+    "by ids": ([[held(1, 0, 0), held(2, 0, 1)], [held(2, 0.1, 0), held(1, 0.1, 1)]], [-1, -2], [1, 0]),
+    "by distance of equal ids": (
+        [[held(1, 0, 0), held(1, 3, 1)], [held(1, 2.9, 0), held(1, 0.1, 1)]],
+        [-1, -2],
+        [1, 0],
+    ),
+    "most ids in common": (
+        [[held(1, 0, 0, 1), held(2, 9, 0), held(3, 9, 1)], [held(1, 0, 0, 1), held(3, 9.1, 0), held(2, 9.1, 1)]],
+        [-1, -2],
+        [1, 0],
+    ),
+    "fewest tracks that ended": ([[held(1, 0, 0, 1), held(2, 9, 0)], [held(1, 0, 0, 1)]], [-1, -2], [1, 1]),
+    "both from one": ([[held(1, 0, 0), held(2, 0, 1)], [held(2, 0, 0, 1), held(3, 5, 1)]], [-1, -2], [1, 1]),
+    "tie: the heavier": ([[held(1, 0, 0, 1)], [held(1, 0, 0, 1)]], [-2, -1], [1, 1]),
+    "tie of weights: the lower index": ([[held(1, 0, 0, 1)], [held(1, 0, 0, 1)]], [-1, -1], [0, 0]),
+    "an absent hypothesis is nobody's parent": (
+        [[held(1, 0, 0), held(2, 0, 1)], [held(2, 0, 0, 1)]],
+        [0, NEVER],
+        [0, 0],
+    ),
+    "an id of another class is another track": (
+        [[held(1, 0, 0), held(1, 0.5, 1, class_id=WALKER)], [held(1, 0.5, 0), held(1, 0.0, 1, class_id=WALKER)]],
+        [-2, -1],
+        [0, 1],
+    ),
+    "a far jump of a shared id beats a stranger": (
+        [[held(1, 0, 0), held(2, 90, 1)], [held(1, 90, 0, 1)]],
+        [-2, -1],
+        [0, 0],
+    ),
+    "tie up to rounding": (
+        [
+            [held(1, 0.1, 0), held(2, 0.2, 0), held(3, 0.3, 0), held(1, 0.3, 1), held(2, 0.2, 1), held(3, 0.1, 1)],
+            [held(1, 0, 0, 1), held(2, 0, 0, 1), held(3, 0, 0, 1)],
+        ],
+        [-2, -1],
+        [1, 1],
+    ),
+    "tie up to rounding, the other way": (
+        [
+            [held(1, 0.3, 0), held(2, 0.2, 0), held(3, 0.1, 0), held(1, 0.1, 1), held(2, 0.2, 1), held(3, 0.3, 1)],
+            [held(1, 0, 0, 1), held(2, 0, 0, 1), held(3, 0, 0, 1)],
+        ],
+        [-2, -1],
+        [1, 1],
+    ),
+    "no track at all": ([[], []], [-2, -1], [1, 1]),
+}
+
+
+@pytest.mark.parametrize(("tracks", "weight", "want"), PARENTS.values(), ids=PARENTS.keys())
+def test_parents(tracks: list[list[Thing]], weight: Any, want: list[int]) -> None:
+    rollout = make_rollout(tracks, log_weight=[weight, [-1, -1]], hypotheses=2)
+    assert hypotheses(rollout, CARD).parent[1].tolist() == want
+
+
+def test_best_is_the_heaviest_then_the_first() -> None:
+    weight = [[-2, -1, -3], [-1, -1, -3], [NEVER, NEVER, -1], [NEVER, NEVER, NEVER]]
+    found = hypotheses(make_rollout([[held(1, 0, 0, 1, 2)]] * 4, log_weight=weight, hypotheses=3), CARD)
+    assert found.best.tolist() == [1, 0, 2, 0]
+    assert found.alive.sum(axis=1).tolist() == [3, 3, 1, 1]
+    assert not found.member[3].any()  # a frame without hypotheses is one without tracks
+
+
+def events(tracks: list[list[Thing]], weight: Any, h: int, truth: list[list[Thing]] | None = None) -> Any:
+    """Events of one true object at the origin, along the lineage of the best hypothesis and of all."""
+    scene = make_scene(truth or [[Thing(5, 0, 0)]] * len(tracks))
+    rollout = make_rollout(tracks, log_weight=weight, hypotheses=h)
+    found = hypotheses(rollout, CARD)
+    matched = match_hypotheses(scene.truth, rollout, found.member, CARD)
+    return lineage_events(scene.truth, rollout, found, matched), found
+
+
+def test_a_change_of_rank_is_no_switch() -> None:
+    # two hypotheses with different ids exchange their ranks and their weights every frame
+    tracks = [[held(1, 0, t % 2), held(2, 0, 1 - t % 2)] for t in range(5)]
+    weight = [[-1, -2] if t % 2 else [-2, -1] for t in range(5)]
+    got, found = events(tracks, weight, 2)
+    assert found.parent[1:].tolist() == [[1, 0]] * 4
+    assert not got.ids.any()
+    assert not got.lost.any()
+
+
+def test_a_switch_inside_a_lineage_is_one() -> None:
+    # hypothesis 1 keeps id 1, hypothesis 0 gives the object to id 2; both hold track 9 far away
+    tracks = [[held(1, 0, 0, 1), held(9, 50, 0, 1)], [held(2, 0, 0), held(1, 0, 1), held(9, 50, 0, 1)]]
+    got, _ = events(tracks, [[-1, -1], [-1, -2]], 2)
+    assert got.ids[1].tolist() == [True, False]
+
+
+def test_a_fragment_is_remembered_along_the_lineage() -> None:
+    tracks = [
+        [held(1, 0, 0, 1), held(8, 50, 0), held(9, 50, 1)],
+        [held(1, 0, 0), held(8, 50, 0), held(9, 50, 1)],  # hypothesis 1 loses the object
+        [held(1, 0, 1), held(8, 50, 1), held(7, 0, 0), held(9, 50, 0)],  # ranks change, 0 has found it again
+    ]
+    got, found = events(tracks, [[-1, -1]] * 3, 2)
+    assert found.parent[2].tolist() == [1, 0]
+    assert got.lost.tolist() == [[False, False], [False, True], [False, False]]
+    assert got.reacquired.tolist() == [[False, False], [False, False], [True, False]]
+    assert not got.ids.any()
+
+
+def test_wrong_losses_are_told_from_missing_ones() -> None:
+    tracks = [[held(1, 0, 0, 1)], [held(1, 9, 0)]]
+    got, _ = events(tracks, [[-1, -1]] * 2, 2)
+    assert got.lost[1].tolist() == [True, True]
+    assert got.wrong[1].tolist() == [True, False]
+
+
+def test_absent_hypotheses_have_no_events() -> None:
+    tracks = [[held(1, 0, 0, 1)], [held(2, 0, 0, 1)]]
+    got, _ = events(tracks, [[-1, -1], [0, NEVER]], 2)
+    assert got.ids[1].tolist() == [True, False]
+    assert not got.lost.any()
+
+
+def test_a_neutral_object_has_no_events() -> None:
+    tracks = [[held(1, 0, 0)], [held(2, 0, 0)]]
+    got, _ = events(tracks, [[0], [0]], 1, [[Thing(5, 0, 0, neutral=True)]] * 2)
+    assert not got.ids.any()
+
+
+@settings(derandomize=True, deadline=None, max_examples=40)
+@given(st.integers(0, 10_000))
+def test_one_hypothesis_is_one_stream(seed: int) -> None:
+    scene, rollout = random_case(seed, hypotheses=1)
+    found = hypotheses(rollout, CARD)
+    matched = match_hypotheses(scene.truth, rollout, found.member, CARD)
+    got = lineage_events(scene.truth, rollout, found, matched)
+    frame = np.repeat(np.arange(scene.frames), np.diff(scene.truth.start))
+    track_frame = np.repeat(np.arange(scene.frames), np.diff(rollout.track_start))
+    want = find_events(
+        history(frame, scene.truth.object_id), matched[:, 0], history(track_frame, rollout.track_id), rollout.track_id
+    )
+    for name in ("ids", "lost", "reacquired"):
+        assert np.flatnonzero(getattr(got, name)[:, 0]).tolist() == getattr(want, name).row.tolist()
+    assert np.flatnonzero(got.wrong[:, 0]).tolist() == want.lost.row[want.wrong].tolist()
+
+
+@settings(derandomize=True, deadline=None, max_examples=40)
+@given(st.integers(0, 10_000))
+def test_order_of_tracks_and_of_hypotheses_and_the_place_do_not_matter(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    scene, rollout = random_case(seed)
+    found = hypotheses(rollout, CARD)
+    want = lineage_events(scene.truth, rollout, found, match_hypotheses(scene.truth, rollout, found.member, CARD))
+    frame = np.repeat(np.arange(scene.frames), np.diff(rollout.track_start))
+    rows = np.lexsort((rng.random(len(frame)), frame))
+    other_scene, other = moved(scene, take_tracks(rollout, rows), np.pi / 2, (100.0, -50.0, 3.0))
+    rank = rng.permutation(3)
+    other = type(other)(**{**other.__dict__, "member": other.member[:, rank],
+                           "hypothesis_log_weight": other.hypothesis_log_weight[:, rank]})  # fmt: skip
+    found = hypotheses(other, CARD)
+    got = lineage_events(
+        other_scene.truth, other, found, match_hypotheses(other_scene.truth, other, found.member, CARD)
+    )
+    for name in ("ids", "lost", "wrong", "reacquired"):
+        assert np.array_equal(getattr(got, name), getattr(want, name)[:, rank])

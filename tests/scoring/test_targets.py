@@ -1,0 +1,101 @@
+"""Which true objects are to be forecast, and what is known about them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mtp_bench.errors import DataError
+from mtp_bench.scoring import find_targets
+from tests.support.scoring_scenes import Thing, make_card, make_scene
+
+CARD = make_card(past=2, future=3)
+
+
+def line(present: str, **changes: object) -> list[list[Thing]]:
+    """One object at 1 m per frame along x, 2 m left of the ego; "." absent, "i" not eligible, "n" neutral."""
+    return [
+        []
+        if c == "."
+        else [Thing(7, float(t), 2.0, eligible=c != "i", neutral=c == "n")]
+        for t, c in enumerate(present)
+    ]  # fmt: skip
+
+
+WINDOWS = {
+    # presence: frames of targets (2 past, 3 future)
+    "xxxxx": [1],
+    "xxxx": [],
+    "xxxxxxx": [1, 2, 3],
+    ".xxxxx.": [2],
+    "xx.xxxxx": [4],
+    "xxxxx.xxxxx": [1, 7],
+    "ixxxxx": [1, 2],
+    "xixxxx": [2],
+    "xnxxxx": [2],
+    "": [],
+    "......": [],
+}
+
+
+@pytest.mark.parametrize(("present", "want"), WINDOWS.items(), ids=[name or "no frame" for name in WINDOWS])
+def test_windows(present: str, want: Sequence[int]) -> None:
+    targets = find_targets(make_scene(line(present)), CARD)
+    assert targets.frame.tolist() == list(want)
+    assert targets.future[:, :, 0].tolist() == [[t + 1.0, t + 2.0, t + 3.0] for t in want]
+    for t in range(len(present)):
+        assert targets.frame[targets.rows(t)].tolist() == [t] * (t in want)
+
+
+LISTED = {
+    # presence: frames of targets of an official list (3 future, no past)
+    "xxxxx": [0, 1],
+    ".xxxx": [1],
+    "ixxxx": [1],
+    "nxxxx": [1],
+    "xxx.x": [],
+}
+
+
+@pytest.mark.parametrize(("present", "want"), LISTED.items(), ids=list(LISTED))
+def test_an_official_list_needs_no_past(present: str, want: Sequence[int]) -> None:
+    targets = find_targets(replace(make_scene(line(present)), listed_targets=True), CARD)
+    assert targets.frame.tolist() == list(want)
+    assert targets.future[:, :, 0].tolist() == [[t + 1.0, t + 2.0, t + 3.0] for t in want]
+
+
+def test_order_is_that_of_the_truth() -> None:
+    scene = make_scene([[Thing(9, 0, t), Thing(3, 5, t), Thing(5, 9, t)] for t in range(6)])
+    targets = find_targets(scene, CARD)
+    assert targets.object_id.tolist() == [9, 3, 5] * 2
+    assert targets.row.tolist() == [3, 4, 5, 6, 7, 8]
+    assert targets.start.tolist() == [0, 0, 3, 6, 6, 6, 6]
+
+
+def test_distance_and_approach_are_those_to_the_ego_of_each_frame() -> None:
+    scene = make_scene(line("xxxxx"))
+    ego = np.zeros((5, 4))
+    ego[:, 0] = [0, 1, 0, 3.2, 0]  # passes at x = 3.2 beside the object at (3, 2)
+    targets = find_targets(replace(scene, ego=ego), CARD)
+    assert targets.distance.tolist() == [2.0]
+    assert targets.approach[0] == pytest.approx(np.hypot(0.2, 2.0))
+
+
+@pytest.mark.parametrize(("step", "moving"), [(0.04, False), (0.049, False), (0.051, True)])
+def test_moving_is_faster_than_half_a_metre_per_second(step: float, moving: bool) -> None:
+    scene = make_scene([[Thing(1, step * t, 0.0)] for t in range(5)])
+    assert find_targets(scene, CARD).moving.tolist() == [moving]
+
+
+def test_going_there_and_back_is_static() -> None:
+    scene = make_scene([[Thing(1, x, 0.0)] for x in (0.0, 1.0, 2.0, 1.0, 0.0)])
+    assert find_targets(scene, CARD).moving.tolist() == [False]
+
+
+def test_an_object_twice_in_a_frame_is_an_error() -> None:
+    scene = make_scene([[Thing(1, 0, 0)], [Thing(1, 0, 0), Thing(1, 5, 5)]], name="0001")
+    with pytest.raises(DataError, match="scene '0001': object 1 occurs twice in frame 1"):
+        find_targets(scene, CARD)

@@ -1,0 +1,219 @@
+"""Worlds of simulated traffic: what a detector and a task may rely on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from mtp_bench.errors import DataError
+from mtp_bench.geometry import wrap_angle
+from mtp_bench.sources.highway import simulate
+from mtp_bench.sources.highway.overlap import overlapping
+from mtp_bench.sources.highway.simulate import simulate_world
+from mtp_bench.sources.highway.world import CLASSES, RATE, Traffic, World
+from mtp_bench.types import Floats
+from tests.support.highway_worlds import digest, digests_elsewhere, touching
+
+CASES = {
+    "intersection": Traffic("intersection", "roadside", 6.0, 20, 8),
+    "roundabout": Traffic("roundabout", "roadside", 5.0, 16, 0),
+    "merge": Traffic("merge", "ego", 5.0, 20, 0),
+    "highway": Traffic("highway", "ego", 5.0, 24, 0),
+}
+PEDESTRIAN = CLASSES.index("pedestrian")
+
+
+@pytest.fixture(scope="module")
+def worlds() -> dict[str, World]:
+    return {name: simulate_world(traffic, 3) for name, traffic in CASES.items()}
+
+
+def tracks(world: World) -> Iterator[tuple[int, Floats, Floats]]:
+    """Class, boxes and velocities of everybody."""
+    truth = world.truth
+    for number in np.unique(truth.object_id):
+        own = truth.object_id == number
+        yield int(truth.class_id[own][0]), truth.box[own], truth.velocity[own]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_shape_of_a_world(worlds: dict[str, World], name: str) -> None:
+    world, traffic = worlds[name], CASES[name]
+    frames = round(traffic.seconds * RATE)
+    truth = world.truth
+    np.testing.assert_allclose(world.time, np.arange(frames) / RATE)
+    assert world.ego.shape == (frames, 4)
+    assert truth.start.shape == (frames + 1,)
+    assert truth.start[0] == 0
+    assert truth.start[-1] == len(truth.box) == len(truth.velocity) == len(truth.class_id) == len(truth.object_id)
+    assert truth.eligible.all()
+    assert not truth.neutral.any()
+    for t in range(frames):
+        numbers = truth.object_id[truth.rows(t)]
+        assert (np.diff(numbers) > 0).all()
+    assert np.unique(truth.object_id).tolist() == list(range(truth.object_id.max() + 1))
+    present = len(truth.box) / frames
+    assert present > 0.8 * (traffic.vehicles + traffic.pedestrians)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_nobody_touches_anybody(worlds: dict[str, World], name: str) -> None:
+    truth = worlds[name].truth
+    assert touching(truth, 3) == 0
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_ids_belong_to_one_object_without_a_gap(worlds: dict[str, World], name: str) -> None:
+    truth = worlds[name].truth
+    frame = np.repeat(np.arange(len(truth.start) - 1), np.diff(truth.start))
+    for number in np.unique(truth.object_id):
+        own = truth.object_id == number
+        assert (np.diff(frame[own]) == 1).all()
+        assert len(np.unique(truth.class_id[own])) == 1
+        assert np.ptp(truth.box[own][:, 4:], axis=0).max() == 0
+
+
+def check_vehicle(box: Floats, velocity: Floats) -> None:
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    assert speed.max() < 35.0
+    gained = np.diff(speed) * RATE
+    assert gained.max(initial=0.0) < 3.0
+    assert gained.min(initial=0.0) > -8.1
+    moved = np.diff(box[:, :2], axis=0) * RATE
+    assert np.hypot(*(moved - velocity[:-1]).T).max(initial=0.0) < 0.5
+    assert np.abs(wrap_angle(np.diff(box[:, 3]))).max(initial=0.0) < 0.09
+    course = np.arctan2(velocity[:, 1], velocity[:, 0])
+    moving = np.minimum(speed[1:], speed[:-1]) > 1.0
+    assert np.abs(wrap_angle(np.diff(course)))[moving].max(initial=0.0) < np.radians(6.5)
+    assert np.abs(wrap_angle(course - box[:, 3]))[speed > 1.0].max(initial=0.0) < 0.5
+
+
+def check_person(box: Floats, velocity: Floats) -> None:
+    assert np.hypot(velocity[:, 0], velocity[:, 1]).max() < 2.1
+    moved = np.diff(box[:, :2], axis=0) * RATE
+    np.testing.assert_allclose(moved, velocity[1:], atol=1e-4)
+    gained = np.hypot(*np.diff(velocity, axis=0).T) * RATE
+    assert gained.max(initial=0.0) < 5.0
+    assert np.mean(gained > 4.0) < 0.05
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_motion_is_plausible(worlds: dict[str, World], name: str) -> None:
+    for kind, box, velocity in tracks(worlds[name]):
+        (check_person if kind == PEDESTRIAN else check_vehicle)(box, velocity)
+
+
+@pytest.mark.parametrize("seed", [10001, 10004, 10009])
+def test_motion_on_a_full_roundabout_is_plausible(seed: int) -> None:
+    """Long vehicles on its way in, around and out: the steering turns over."""
+    for _, box, velocity in tracks(simulate_world(Traffic("roundabout", "roadside", 10.0, 28, 0), seed)):
+        check_vehicle(box, velocity)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_states_are_rounded_and_angles_wrapped(worlds: dict[str, World], name: str) -> None:
+    truth = worlds[name].truth
+    for array in (truth.box[:, :4], truth.velocity, worlds[name].ego):
+        np.testing.assert_array_equal(array, np.round(array, 6))
+    assert truth.box[:, 3].min() >= -np.pi
+    assert truth.box[:, 3].max() < np.pi
+    np.testing.assert_allclose(truth.box[:, 2], truth.box[:, 6] / 2, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_vehicles_drive_on_the_lanes_and_along_them(worlds: dict[str, World], name: str) -> None:
+    world = worlds[name]
+    points = np.concatenate([lane.center[:-1] for lane in world.lanes])
+    along = np.concatenate([np.diff(lane.center, axis=0) for lane in world.lanes])
+    course = np.arctan2(along[:, 1], along[:, 0])
+    for kind, box, _ in tracks(world):
+        if kind == PEDESTRIAN:
+            continue
+        for x, y, yaw in box[::10, [0, 1, 3]]:
+            near = np.hypot(points[:, 0] - x, points[:, 1] - y) < 3.0
+            assert near.any()
+            assert np.abs(wrap_angle(course[near] - yaw)).min() < 0.5
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_lane_map(worlds: dict[str, World], name: str) -> None:
+    lanes = worlds[name].lanes
+    assert 4 <= len(lanes) <= 40
+    assert any(not lane.following for lane in lanes)
+    for lane in lanes:
+        step = np.diff(lane.center, axis=0)
+        assert np.hypot(step[:, 0], step[:, 1]).max() < 2.2
+        assert lane.center.shape == lane.left.shape == lane.right.shape
+        aside = lane.left - lane.right
+        across = step[:, 0] * aside[:-1, 1] - step[:, 1] * aside[:-1, 0]
+        assert (across > 0).all()  # left is on the left in a right-handed frame
+        for after in lane.following:
+            np.testing.assert_allclose(lanes[after].center[0], lane.center[-1], atol=0.01)
+
+
+def test_the_ego_moves_and_is_not_in_the_truth(worlds: dict[str, World]) -> None:
+    for name in ("merge", "highway"):
+        world = worlds[name]
+        step = np.diff(world.ego[:, :2], axis=0)
+        assert np.hypot(step[:, 0], step[:, 1]).max() < 4.0
+        assert np.hypot(*(world.ego[-1, :2] - world.ego[0, :2])) > 20.0
+        assert (world.ego[:, 2] == 1.7).all()
+        frame = np.repeat(np.arange(len(world.time)), np.diff(world.truth.start))
+        away = np.hypot(*(world.truth.box[:, :2] - world.ego[frame, :2]).T)
+        assert away.min() > 0.8
+
+
+def test_a_roadside_sensor_stays_where_it_is(worlds: dict[str, World]) -> None:
+    ego = worlds["roundabout"].ego
+    assert (ego == ego[0]).all()
+    assert ego[0, 2] == 4.0
+
+
+def test_traffic_flows_at_the_intersection(worlds: dict[str, World]) -> None:
+    truth = worlds["intersection"].truth
+    speed = np.hypot(truth.velocity[:, 0], truth.velocity[:, 1])[truth.class_id != PEDESTRIAN]
+    assert speed.mean() > 1.5
+    assert np.mean(speed < 0.3) > 0.02  # and somebody waits
+
+
+def test_seeds_differ() -> None:
+    traffic = Traffic("highway", "roadside", 0.5, 5, 0)
+    assert digest(simulate_world(traffic, 0)) != digest(simulate_world(traffic, 1))
+
+
+def test_same_world_in_another_process(worlds: dict[str, World]) -> None:
+    names = ["intersection", "merge"]
+    assert digests_elsewhere("test_highway_traffic", names, 3) == [digest(worlds[name]) for name in names]
+
+
+def test_rejected_attempts_are_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[int] = []
+
+    def crash_at_first(box: Floats) -> object:
+        calls.append(1)
+        return np.zeros((1, 2), dtype=np.int64) if len(calls) == 1 else overlapping(box)
+
+    monkeypatch.setattr(simulate, "overlapping", crash_at_first)
+    assert simulate_world(Traffic("roundabout", "roadside", 0.5, 4, 0), 0).rejected == ("crash",)
+
+
+def test_giving_up_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(simulate, "ATTEMPTS", 2)
+    with pytest.raises(DataError, match=r"all 2 attempts were rejected \(2 x no_ego\)"):
+        simulate_world(Traffic("intersection", "ego", 40.0, 1, 0), 0)
+
+
+@pytest.mark.parametrize(
+    ("traffic", "text"),
+    [
+        (Traffic("merge", "ego", 5.0, 10, 3), "pedestrians = 3"),
+        (Traffic("merge", "ego", 5.0, 0, 0), "vehicles = 0"),
+        (Traffic("merge", "ego", 0.0, 10, 0), "seconds = 0"),
+        (Traffic("intersection", "ego", 5.0, 10, -1), "pedestrians = -1"),
+    ],
+)
+def test_nonsense_is_refused(traffic: Traffic, text: str) -> None:
+    with pytest.raises(DataError, match=text):
+        simulate_world(traffic, 0)

@@ -1,0 +1,406 @@
+"""KITTI source on a folder of a few lines: axes, poses, bad input, what is found and missing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench.cards import Card, load_card, parse_card
+from mtp_bench.errors import CardError, DataError, UnknownNameError
+from mtp_bench.sources import describe, open_source
+from mtp_bench.sources.kitti.files import read_detections, read_imu_to_camera, read_labels
+from mtp_bench.sources.kitti.layout import VALIDATION
+from mtp_bench.sources.kitti.poses import FRAME_PERIOD
+from mtp_bench.types import Scene
+
+QUARTER = np.pi / 2
+SIX = 6  # frames of the small sequence
+CAMERA_AHEAD = 1.5  # m, camera before the GPS/IMU unit
+
+
+def kitti_card(classes: tuple[str, ...] = ("car", "pedestrian", "cyclist"), **source: Any) -> Card:
+    content = load_card("MTP-KITTI-v0").model_dump(mode="json")
+    content["source"].update(source)
+    same = dict.fromkeys(classes, 1.0)
+    content["task"].update(
+        rate=10 / content["source"]["stride"],
+        classes=list(classes),
+        forecast_gate=same,
+        miss_error=same,
+        event_gate={"measure": "center_distance", "threshold": same},
+    )
+    return parse_card(content)
+
+
+def label(
+    frame: int, object_id: int, kind: str, x: float, y: float, z: float, ry: float, size: str = "1.5 2 4"
+) -> str:  # size: height width length
+    return f"{frame} {object_id} {kind} 0 1 -1.5 10 20 30 40 {size} {x} {y} {z} {ry}"
+
+
+def detection(frame: int, code: int, x: float, y: float, z: float, ry: float, size: str = "1.5,2,4") -> str:
+    return f"{frame},{code},10,20,30,40,-0.5,{size},{x},{y},{z},{ry},-1.5"
+
+
+def oxts(yaw: float = 0.0, east: float = 0.0, north: float = 0.0, up: float = 0.0) -> str:
+    values = [49.0, 8.4, 110.0, 0.0, 0.0, yaw, north, east, 0.0, 0.0, up, *[0.0] * 19]
+    return " ".join(str(value) for value in values)
+
+
+CALIBRATION = f"""\
+P0: 7 0 6 0 0 7 1 0 0 0 1 0
+R_rect 1 0 0 0 1 0 0 0 1
+Tr_velo_cam 0 -1 0 0 0 0 -1 0 1 0 0 0
+Tr_imu_velo 1 0 0 {-CAMERA_AHEAD} 0 1 0 0 0 0 1 0
+"""
+PARKED = label(0, 7, "Car", 0, 1.65, 10, -QUARTER)
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """One sequence of six frames: the car stands, one parked car straight ahead."""
+    folder = tmp_path / "kitti_tracking"
+    write(folder / "evaluate_tracking.seqmap.val", f"0000 empty 000000 {SIX:06d}")
+    write(folder / "training/label_02/0000.txt", PARKED)
+    write(folder / "training/calib/0000.txt", CALIBRATION)
+    write(folder / "training/oxts/0000.txt", *[oxts()] * SIX)
+    for kind in ("Car", "Pedestrian", "Cyclist"):
+        write(folder / f"detections/pointrcnn/{kind}/0000.txt")
+    return folder
+
+
+def write(path: Path, *lines: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+
+
+def load(root: Path, **source: Any) -> Scene:
+    return open_source(kitti_card(**source), root).load("0000")
+
+
+@pytest.mark.parametrize("ego_motion", [True, False])
+@pytest.mark.parametrize(
+    ("camera", "ry", "centre", "yaw"),
+    [
+        pytest.param((0, 1.65, 10), -QUARTER, (10, 0, -0.9), 0.0, id="ahead, driving away"),
+        pytest.param((0, 1.65, 10), QUARTER, (10, 0, -0.9), -np.pi, id="ahead, coming towards us"),
+        pytest.param((5, 1.65, 10), 0.0, (10, -5, -0.9), -QUARTER, id="right of us, heading to the right"),
+        pytest.param((-5, 1.65, 10), np.pi, (10, 5, -0.9), QUARTER, id="left of us, heading to the left"),
+        pytest.param((0, 0, 20), -QUARTER - 0.1, (20, 0, 0.75), 0.1, id="at camera height, turned slightly left"),
+    ],
+)
+def test_axes(
+    root: Path, ego_motion: bool, camera: tuple[float, ...], ry: float, centre: tuple[float, ...], yaw: float
+) -> None:
+    """The first frame of the world is the sensor frame: x forward, y left, z up; z is the centre of the box."""
+    x, y, z = camera
+    write(root / "training/label_02/0000.txt", label(0, 7, "Car", x, y, z, ry))
+    write(root / "detections/pointrcnn/Car/0000.txt", detection(0, 2, x, y, z, ry))
+    scene = load(root, ego_motion=ego_motion)
+    for box in (scene.truth.box, scene.detections.box):
+        np.testing.assert_allclose(box[0, :3], centre, atol=1e-12)
+        assert np.exp(1j * box[0, 3]) == pytest.approx(np.exp(1j * yaw))
+        np.testing.assert_array_equal(box[0, 4:], [4, 2, 1.5])
+
+
+def test_driving_straight_leaves_a_parked_car_in_its_place(root: Path) -> None:
+    """10 m/s to the north east for six frames: the parked car comes nearer, in the world it stays."""
+    speed, heading = 10.0, 0.8
+    write(
+        root / "training/oxts/0000.txt",
+        *[oxts(heading, speed * np.cos(heading), speed * np.sin(heading), up=0.5)] * SIX,
+    )
+    travelled = speed * FRAME_PERIOD * np.arange(SIX)
+    rise = 0.5 * FRAME_PERIOD * np.arange(SIX)
+    write(
+        root / "training/label_02/0000.txt",
+        *[label(t, 7, "Car", 2, 1.65 + rise[t], 20 - travelled[t], -QUARTER) for t in range(SIX)],
+    )
+    scene = load(root)
+    np.testing.assert_allclose(scene.time, FRAME_PERIOD * np.arange(SIX))
+    np.testing.assert_allclose(scene.ego, np.column_stack([travelled, np.zeros(SIX), rise, np.zeros(SIX)]), atol=1e-9)
+    np.testing.assert_allclose(scene.truth.box, np.tile([20, -2, -0.9, 0, 4, 2, 1.5], (SIX, 1)), atol=1e-9)
+    np.testing.assert_allclose(scene.truth.velocity[1:-1], 0, atol=1e-9)
+    assert np.isnan(scene.truth.velocity[[0, -1]]).all()
+
+    relative = load(root, ego_motion=False)
+    np.testing.assert_array_equal(relative.ego, 0)
+    np.testing.assert_allclose(relative.truth.box[:, 0], 20 - travelled, atol=1e-9)
+    np.testing.assert_allclose(relative.truth.velocity[1:-1], np.tile([-speed, 0], (SIX - 2, 1)), atol=1e-9)
+
+
+def test_turning_left_in_place(root: Path) -> None:
+    """The unit turns left by 0.2 rad per frame about itself; the camera sits 1.5 m ahead and swings along."""
+    turn = 0.2 * np.arange(SIX)
+    write(root / "training/oxts/0000.txt", *[oxts(1.0 + angle) for angle in turn])
+    # A parked car 10 m ahead of the first camera, seen from the turned one.
+    ahead = (CAMERA_AHEAD + 10) * np.cos(turn) - CAMERA_AHEAD
+    right = (CAMERA_AHEAD + 10) * np.sin(turn)
+    labels = [label(t, 7, "Car", right[t], 1.65, ahead[t], -QUARTER + turn[t]) for t in range(SIX)]
+    write(root / "training/label_02/0000.txt", *labels)
+    scene = load(root)
+    np.testing.assert_allclose(scene.ego[:, 3], turn, atol=1e-9)
+    swing = [CAMERA_AHEAD * (np.cos(turn) - 1), CAMERA_AHEAD * np.sin(turn)]
+    np.testing.assert_allclose(scene.ego[:, :2].T, swing, atol=1e-9)
+    np.testing.assert_allclose(scene.truth.box, np.tile([10, 0, -0.9, 0, 4, 2, 1.5], (SIX, 1)), atol=1e-9)
+    np.testing.assert_allclose(load(root, ego_motion=False).truth.box[:, 3], -turn, atol=1e-9)
+
+
+def test_a_tilted_unit_still_gives_a_level_world(root: Path) -> None:
+    """Nose up by 0.1 rad (pitch is positive downwards): what lies on the camera axis is higher up."""
+    row = oxts().split()
+    row[4] = "-0.1"
+    write(root / "training/oxts/0000.txt", *[" ".join(row)] * SIX)
+    write(root / "training/label_02/0000.txt", label(0, 7, "Car", 0, 0.75, 10, -QUARTER))
+    np.testing.assert_allclose(load(root).truth.box[0, :4], [10 * np.cos(0.1), 0, 10 * np.sin(0.1), 0], atol=1e-9)
+
+
+def test_odometry_replaces_the_gps_unit_where_it_is_given(root: Path) -> None:
+    """Camera poses: one metre forward per frame; the GPS/IMU unit says that we stand."""
+    rows = [f"1 0 0 0 0 1 0 0 0 0 1 {t}" for t in range(SIX)]
+    write(root / "poses_orbslam3/0000.txt", *rows)
+    scene = load(root)
+    np.testing.assert_allclose(scene.ego, [[t, 0, 0, 0] for t in range(SIX)], atol=1e-12)
+    write(root / "poses_orbslam3/0000.txt", *rows[:-1])
+    with pytest.raises(DataError, match=r"poses_orbslam3.0000\.txt has 5 rows, expected one for each of the 6 frames"):
+        load(root)
+
+
+def test_classes_neighbours_and_other_types(root: Path) -> None:
+    kinds = ["Car", "Van", "Truck", "Pedestrian", "Person", "Person_sitting", "Cyclist", "Tram", "Misc"]
+    rows = [label(2, i, kind, 0, 1, 10 + i, 0) for i, kind in enumerate(kinds)]
+    ignored = "2 -1 DontCare -1 -1 -10 1 2 3 4 -1000 -1000 -1000 -10 -1 -1 -1"
+    write(root / "training/label_02/0000.txt", *rows, ignored)
+    truth = load(root).truth
+    expected = [(0, 0, False), (1, 0, True), (3, 1, False), (4, 1, True), (5, 1, True), (6, 2, False)]
+    got = list(zip(truth.object_id.tolist(), truth.class_id.tolist(), truth.neutral.tolist(), strict=True))
+    assert got == expected
+    np.testing.assert_array_equal(truth.eligible, ~truth.neutral)
+    np.testing.assert_array_equal(truth.start, [0, 0, 0, 6, 6, 6, 6])
+
+    only = open_source(kitti_card(classes=("cyclist", "car")), root).load("0000").truth
+    assert only.object_id.tolist() == [0, 1, 6]
+    assert only.class_id.tolist() == [1, 1, 0]
+
+    labels = read_labels(root / "training/label_02/0000.txt")  # all of it, for KITTI's own ignore rules
+    assert labels.type.tolist() == [*kinds, "DontCare"]
+    assert labels.occluded.tolist() == [1] * 9 + [-1]
+    np.testing.assert_array_equal(labels.image_box[0], [10, 20, 30, 40])
+    assert np.isnan(labels.box[-1]).all()
+
+
+def test_detections_are_sorted_by_frame_and_class(root: Path) -> None:
+    write(root / "detections/pointrcnn/Car/0000.txt", detection(4, 2, 0, 1, 10, 0), detection(0, 2, 0, 1, 11, 0))
+    write(root / "detections/pointrcnn/Pedestrian/0000.txt", detection(0, 1, 0, 1, 12, 0))
+    detections = load(root).detections
+    np.testing.assert_array_equal(detections.start, [0, 2, 2, 2, 2, 3, 3])
+    assert detections.class_id.tolist() == [0, 1, 0]
+    np.testing.assert_allclose(detections.box[:, 0], [11, 12, 10])
+    np.testing.assert_array_equal(detections.score, -0.5)
+    assert np.isnan(detections.velocity).all()
+    stored = read_detections(root / "detections/pointrcnn/Pedestrian/0000.txt")
+    np.testing.assert_array_equal(stored.image_box, [[10, 20, 30, 40]])
+
+
+@pytest.mark.parametrize(("stride", "kept"), [(2, [0, 2, 4]), (3, [0, 3]), (4, [0, 4]), (5, [0, 5])])
+def test_stride_keeps_every_nth_frame(root: Path, stride: int, kept: list[int]) -> None:
+    write(root / "training/oxts/0000.txt", *[oxts(0, 10, 0)] * SIX)
+    write(root / "training/label_02/0000.txt", *[label(t, 7, "Car", 0, 1, 30, -QUARTER) for t in range(SIX)])
+    rows = [detection(t, 2, 0, 1, 30, 0) for t in range(SIX)]
+    write(root / "detections/pointrcnn/Car/0000.txt", *rows, detection(1, 2, 0, 1, 30, 0, size="nan,1,1"))
+    whole, scene = load(root), load(root, stride=stride)
+    assert scene.frames == len(kept)
+    np.testing.assert_array_equal(scene.time, whole.time[kept])
+    np.testing.assert_array_equal(scene.ego, whole.ego[kept])
+    np.testing.assert_array_equal(scene.truth.box, whole.truth.box[kept])
+    np.testing.assert_array_equal(scene.truth.start, range(len(kept) + 1))
+    np.testing.assert_array_equal(scene.detections.start, range(len(kept) + 1))
+    np.testing.assert_allclose(scene.truth.velocity[1:-1], np.tile([10, 0], (max(len(kept) - 2, 0), 1)))
+    assert scene.skipped == {}  # the bad row is in a frame that is left out
+
+
+def test_velocity_needs_both_neighbours(root: Path) -> None:
+    """Object 7 in frames 0 1 2 and 4, object 8 in frame 3: only (7, 1) has a frame before and after."""
+    rows = [(0, 7, 10), (1, 7, 11), (2, 7, 13), (3, 8, 12), (4, 7, 17)]
+    write(root / "training/label_02/0000.txt", *[label(t, i, "Car", 0, 1, z, 0) for t, i, z in rows])
+    velocity = load(root).truth.velocity
+    np.testing.assert_allclose(velocity[1], [3 / (2 * FRAME_PERIOD), 0], atol=1e-9)
+    assert np.isnan(velocity[[0, 2, 3, 4]]).all()
+
+
+def test_empty_scene(root: Path) -> None:
+    write(root / "training/label_02/0000.txt")
+    scene = load(root)
+    assert scene.frames == SIX
+    assert scene.truth.box.shape == (0, 7)
+    assert scene.detections.box.shape == (0, 7)
+    assert scene.truth.velocity.shape == (0, 2)
+    np.testing.assert_array_equal(scene.truth.start, [0] * (SIX + 1))
+
+
+@pytest.mark.parametrize(
+    ("size", "z", "reason"),
+    [
+        ("nan,2,4", 10, "detection not finite"),
+        ("1.5,2,4", np.inf, "detection not finite"),
+        ("1.5,0,4", 10, "detection size not above 0"),
+        ("1.5,2,-4", 10, "detection size not above 0"),
+    ],
+)
+def test_detections_that_cannot_be_used_are_skipped_and_counted(root: Path, size: str, z: float, reason: str) -> None:
+    good, bad = detection(1, 2, 0, 1, 10, 0), detection(1, 2, 0, 1, z, 0, size=size)
+    write(root / "detections/pointrcnn/Car/0000.txt", good, bad, bad)
+    scene = load(root)
+    assert scene.skipped == {reason: 2}
+    assert len(scene.detections.box) == 1
+
+
+LABELS, OXTS, CALIB = "training/label_02/0000.txt", "training/oxts/0000.txt", "training/calib/0000.txt"
+DETECTED, SEQMAP = "detections/pointrcnn/Car/0000.txt", "evaluate_tracking.seqmap.val"
+BROKEN: dict[str, tuple[str, list[str] | None, str]] = {  # file, its lines (None: removed), what the error says
+    "label row cut off": (LABELS, [PARKED, PARKED[:25]], "line 2: 9 columns, expected 17"),
+    "label row too long": (LABELS, [PARKED + " 1"], "line 1: 18 columns, expected 17"),
+    "label without a number": (LABELS, [PARKED, "", PARKED.replace(" 10 ", " ten ")], "line 3, column 7: got 'ten'"),
+    "label not finite": (LABELS, [label(0, 1, "Car", np.nan, 1, 2, 3)], "line 1: a value that is not finite"),
+    "label without size": (LABELS, [label(0, 1, "Car", 0, 1, 2, 3, size="1 0 1")], "line 1: a box with a size"),
+    "label in half a frame": (LABELS, [PARKED.replace("0", "0.5", 1)], "line 1: frame is 0.5, expected a whole"),
+    "label after the end": (LABELS, [PARKED, label(SIX, 7, "Car", 0, 1, 2, 3)], "line 2: frame 6, but .* 6 frames"),
+    "object twice in a frame": (LABELS, [PARKED, "", PARKED], "line 3: a second box of object 7 in frame 0"),
+    "no labels": (LABELS, None, "no file"),
+    "labels are no text": (LABELS, ["\udcff"], "cannot be read as text"),
+    "detection cut off": (DETECTED, [detection(0, 2, 0, 1, 2, 3)[:20]], "line 1: 7 columns, expected 15"),
+    "detection not numeric": (DETECTED, [detection(0, 2, 0, 1, 2, 3, size="a,1,1")], "line 1, column 8: got 'a'"),
+    "detection of another type": (DETECTED, [detection(0, 1, 0, 1, 2, 3)], r"line 1: type 1, expected 2 \(Car\)"),
+    "detection before the start": (DETECTED, [detection(-1, 2, 0, 1, 2, 3)], "line 1: frame -1, but"),
+    "no detections of a sequence": (DETECTED, None, "no file"),
+    "GPS/IMU too short": (OXTS, [oxts()] * 5, "has 5 rows, expected one for each of the 6 frames"),
+    "GPS/IMU row cut off": (OXTS, [oxts()] * 5 + ["1 2 3"], "line 6: 3 columns, expected 30"),
+    "GPS/IMU not finite": (OXTS, [oxts(yaw=np.nan)] * SIX, "line 1: a value that is not finite"),
+    "no GPS/IMU": (OXTS, None, "no file"),
+    "no calibration": (CALIB, None, "no file"),
+    "calibration lacks a line": (CALIB, CALIBRATION.splitlines()[:-1], "no line 'Tr_imu_velo'; found P0, R_rect"),
+    "calibration line cut off": (CALIB, [*CALIBRATION.splitlines()[:-1], "Tr_imu_velo 1 2"], "must hold 12 numbers"),
+    "sequence map broken": (SEQMAP, ["0000 empty 0"], "line 1: got '0000 empty 0', expected"),
+    "sequence map empty": (SEQMAP, [], "names no sequence"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_broken_files_give_one_clear_error(root: Path, case: str) -> None:
+    file, lines, text = BROKEN[case]
+    path = root / file
+    if lines is None:
+        path.unlink()
+    else:
+        path.write_bytes("".join(f"{line}\n" for line in lines).encode("utf-8", "surrogateescape"))
+    with pytest.raises(DataError, match=text) as caught:
+        load(root)
+    assert str(path) in str(caught.value)
+
+
+def test_calibration_with_colons_and_long_names(root: Path) -> None:
+    names = [("R_rect", "R0_rect:"), ("Tr_velo_cam", "Tr_velo_to_cam:"), ("Tr_imu_velo", "Tr_imu_to_velo:")]
+    plain = read_imu_to_camera(root / CALIB)
+    text = CALIBRATION
+    for short, long in names:
+        text = text.replace(short, long)
+    (root / CALIB).write_text(text, encoding="utf-8")
+    np.testing.assert_array_equal(read_imu_to_camera(root / CALIB), plain)
+
+
+def test_without_ego_motion_neither_calibration_nor_gps_is_needed(root: Path) -> None:
+    (root / CALIB).unlink()
+    (root / OXTS).unlink()
+    assert load(root, ego_motion=False).frames == SIX
+
+
+def test_train_is_every_other_sequence(root: Path) -> None:
+    for name in ("0003", "0002"):
+        for file in (LABELS, OXTS, CALIB):
+            copy = root / file.replace("0000", name)
+            copy.write_text((root / file).read_text(encoding="utf-8"), encoding="utf-8")
+        for kind in ("Car", "Pedestrian", "Cyclist"):
+            write(root / f"detections/pointrcnn/{kind}/{name}.txt")
+    source = open_source(kitti_card(split="train"), root)
+    assert source.names == ("0002", "0003")
+    assert source.load("0003").frames == SIX  # by the rows of the GPS/IMU file
+    with pytest.raises(UnknownNameError, match="unknown scene '0000'"):
+        source.load("0000")
+    (root / SEQMAP).unlink()
+    assert open_source(kitti_card(), root).names == VALIDATION
+    assert open_source(kitti_card(split="train"), root).names == ("0000", "0002", "0003")
+
+
+def test_the_root_is_the_parent_or_the_folder_itself(root: Path) -> None:
+    for data in (root, root.parent, str(root.parent)):
+        assert open_source(kitti_card(), data).names == ("0000",)
+
+
+def test_root_from_the_environment(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MTP_BENCH_DATA", str(root.parent))
+    assert open_source(kitti_card()).names == ("0000",)
+    monkeypatch.setenv("MTP_BENCH_DATA", str(root / "nothing"))
+    with pytest.raises(DataError, match=r"nothing.*from MTP_BENCH_DATA"):
+        open_source(kitti_card())
+
+
+def test_without_any_root_the_user_folder_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("MTP_BENCH_DATA", raising=False)
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    monkeypatch.setenv("HOME", str(tmp_path))
+    with pytest.raises(DataError, match=r"mtp_bench.*user data folder.*cvlibs\.net.*AB3DMOT"):
+        open_source(kitti_card())
+
+
+@pytest.mark.parametrize(
+    ("source", "error", "text"),
+    [
+        ({"detector": "pointrnn"}, DataError, "has no detector 'pointrnn'; found: pointrcnn"),
+        ({"classes": ("car", "cyclists")}, CardError, "KITTI has no class 'cyclists': did you mean 'cyclist'"),
+    ],
+)
+def test_unknown_names(root: Path, source: dict[str, Any], error: type[Exception], text: str) -> None:
+    with pytest.raises(error, match=text):
+        open_source(kitti_card(**source), root)
+
+
+def test_missing_detection_folders(root: Path) -> None:
+    (root / "detections/pointrcnn/Cyclist/0000.txt").unlink()
+    (root / "detections/pointrcnn/Cyclist").rmdir()
+    with pytest.raises(DataError, match="Cyclist, expected for class 'cyclist'"):
+        open_source(kitti_card(), root)
+    (root / "detections").rename(root / "elsewhere")
+    with pytest.raises(DataError, match=r"no folder .*detections; .*AB3DMOT"):
+        open_source(kitti_card(), root)
+
+
+def test_rate_and_stride_must_agree(root: Path) -> None:
+    content = kitti_card().model_dump(mode="json")
+    content["source"]["stride"] = 2
+    with pytest.raises(CardError, match=r"task\.rate is 10\.0 Hz, but every 2\. frame of KITTI's 10 Hz is 5 Hz"):
+        open_source(parse_card(content), root)
+
+
+def test_status_of_a_missing_root(tmp_path: Path) -> None:
+    status = describe(kitti_card(), tmp_path)
+    assert status.root is None
+    assert status.searched == (tmp_path / "kitti_tracking", tmp_path)
+    assert not status.usable
+    for text in (status.layout, status.licence, status.citation, status.how_to_get):
+        assert text
+
+
+def test_status_lists_what_is_missing_and_what_is_wrong(root: Path) -> None:
+    assert describe(kitti_card(), root).usable
+    assert not describe(kitti_card(), root).verified  # one sequence of 21
+    (root / OXTS).unlink()
+    write(root / LABELS, "0 1 Car")
+    status = describe(kitti_card(), root)
+    assert status.missing == ("training/oxts/",)
+    assert "line 1: 3 columns" in status.problems[0]
+    assert not status.usable
+    assert describe(kitti_card(detector="other"), root).missing[-1] == "detections/other/Cyclist/"
+    assert describe(kitti_card(ego_motion=False), root).missing == ()

@@ -1,0 +1,187 @@
+"""KITTI source on the real recordings: known counts, and evidence for the poses and the frame period."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench.cards import Card, load_card
+from mtp_bench.sources import describe, open_source
+from mtp_bench.sources.kitti.files import read_imu_to_camera, read_labels, read_oxts
+from mtp_bench.sources.kitti.layout import VALIDATION
+from mtp_bench.sources.kitti.poses import FRAME_PERIOD, Poses, integrated_poses, poses_from_imu
+from mtp_bench.sources.kitti.source import read_poses
+from mtp_bench.types import Floats, Ints, Scene
+
+pytestmark = pytest.mark.data
+
+
+def kitti_card(**source: Any) -> Card:
+    card = load_card("MTP-KITTI-v0")
+    return card.model_copy(update={"source": card.source.model_copy(update=source)})
+
+
+@pytest.fixture(scope="module")
+def scenes(data_root: Path) -> dict[str, Scene]:
+    source = open_source(kitti_card(), data_root)
+    return {name: source.load(name) for name in source.names}
+
+
+def test_counts_of_the_benchmark(data_root: Path, scenes: dict[str, Scene]) -> None:
+    status = describe(kitti_card(), data_root)
+    assert {check.what: check.found for check in status.checks} == {
+        check.what: check.expected for check in status.checks
+    }
+    assert status.verified
+    assert tuple(scenes) == VALIDATION
+    assert sum(scene.frames for scene in scenes.values()) == 3908
+    for class_id, (boxes, tracks) in enumerate([(9550, 190), (10124, 142), (1409, 28)]):
+        own = [s.truth.object_id[(s.truth.class_id == class_id) & s.truth.eligible] for s in scenes.values()]
+        assert sum(len(ids) for ids in own) == boxes
+        assert sum(len(np.unique(ids)) for ids in own) == tracks
+    assert all(scene.skipped == {} for scene in scenes.values())
+    train = open_source(kitti_card(split="train"), data_root)
+    assert len(train.names) == 10
+    assert sum(train.load(name).frames for name in train.names) == 8008 - 3908
+
+
+def test_both_frames_of_reference_hold_the_same_rows(data_root: Path, scenes: dict[str, Scene]) -> None:
+    source = open_source(kitti_card(ego_motion=False), data_root)
+    for name, scene in scenes.items():
+        own = source.load(name)
+        np.testing.assert_array_equal(own.truth.object_id, scene.truth.object_id)
+        np.testing.assert_array_equal(own.detections.start, scene.detections.start)
+        np.testing.assert_array_equal(own.detections.box[:, 4:], scene.detections.box[:, 4:])
+        frame = np.repeat(np.arange(scene.frames), np.diff(scene.truth.start))
+        far = np.linalg.norm(scene.truth.box[:, :3] - scene.ego[frame, :3], axis=1)
+        np.testing.assert_allclose(far, np.linalg.norm(own.truth.box[:, :3], axis=1), atol=1e-9)
+
+
+class Sequence:
+    """Labels of the cars and vans of one real sequence, and its poses by several ways."""
+
+    def __init__(self, root: Path, name: str) -> None:
+        labels = read_labels(root / f"training/label_02/{name}.txt")
+        self.oxts = read_oxts(root / f"training/oxts/{name}.txt")
+        self.imu_to_camera = read_imu_to_camera(root / f"training/calib/{name}.txt")
+        self.used = read_poses(root, name, len(self.oxts.attitude))
+        cars = np.isin(labels.type, ["Car", "Van"])
+        self.box, self.frame, self.object_id = labels.box[cars], labels.frame[cars], labels.object_id[cars]
+
+    def integrated(self, period: float) -> Poses:
+        return integrated_poses(self.oxts, self.imu_to_camera, period)
+
+    def differenced(self) -> Poses:
+        """Positions straight from latitude and longitude (Mercator)."""
+        latitude, longitude, altitude = self.oxts.geodetic.T
+        scale = 6378137.0 * np.cos(np.deg2rad(latitude[0]))
+        north = scale * np.log(np.tan(np.pi / 4 + np.deg2rad(latitude) / 2))
+        path = np.column_stack([scale * np.deg2rad(longitude), north, altitude])
+        return poses_from_imu(path - path[0], self.oxts.attitude, self.imu_to_camera)
+
+    def tracks(self, poses: Poses) -> list[tuple[Ints, Floats]]:
+        """Frames and world positions of every car seen in at least 20 frames."""
+        position = poses.to_world(self.box, self.frame)[:, :2]
+        rows = [np.flatnonzero(self.object_id == i) for i in np.unique(self.object_id)]
+        return [(self.frame[row], position[row]) for row in rows if len(row) >= 20]
+
+    def wander(self, poses: Poses) -> list[float]:
+        """Median distance of each parked car from its median place; parked: never 1 m from it by the poses in use."""
+        distances = []
+        for (_, used), (_, other) in zip(self.tracks(self.used), self.tracks(poses), strict=True):
+            if np.linalg.norm(used - np.median(used, axis=0), axis=1).max() < 1.0:
+                distances.append(float(np.median(np.linalg.norm(other - np.median(other, axis=0), axis=1))))
+        return distances
+
+    def constant_velocity_errors(self, poses: Poses) -> list[float]:
+        """Mean error over ten frames of going on as in the last step."""
+        errors: list[float] = []
+        for frame, x in self.tracks(poses):
+            n = len(x) - 11
+            if frame[-1] - frame[0] != len(frame) - 1:
+                continue
+            now, step = x[1 : 1 + n], x[1 : 1 + n] - x[:n]
+            miss = [np.linalg.norm(now + h * step - x[1 + h : 1 + h + n], axis=1) for h in range(1, 11)]
+            errors += np.mean(miss, axis=0).tolist()
+        return errors
+
+
+@pytest.fixture(scope="module")
+def sequences(data_root: Path) -> dict[str, Sequence]:
+    return {name: Sequence(data_root / "kitti_tracking", name) for name in VALIDATION}
+
+
+def test_parked_cars_stay_in_their_place(sequences: dict[str, Sequence]) -> None:
+    rest = [sequence for name, sequence in sequences.items() if name != "0019"]
+
+    def median(poses: Callable[[Sequence], Poses]) -> float:
+        return float(np.median([distance for s in rest for distance in s.wander(poses(s))]))
+
+    assert len([distance for s in rest for distance in s.wander(s.used)]) > 60
+    assert median(lambda s: s.used) < 0.09
+    assert median(lambda s: s.differenced()) == pytest.approx(0.083, abs=0.006)  # the drift costs next to nothing
+    # The period of the frames: a tenth of a second is wrong, and the one in use is the best within a percent.
+    assert median(lambda s: s.integrated(0.1)) > 0.2
+    assert median(lambda s: s.integrated(0.1026)) > median(lambda s: s.used)
+    assert median(lambda s: s.integrated(0.1046)) > median(lambda s: s.used)
+
+
+def test_sequence_0019_needs_odometry(sequences: dict[str, Sequence]) -> None:
+    sequence = sequences["0019"]
+    assert np.median(sequence.wander(sequence.used)) < 0.065
+    assert np.median(sequence.wander(sequence.integrated(FRAME_PERIOD))) > 0.15
+    assert np.median(sequence.wander(sequence.differenced())) > 0.2
+
+
+def test_frame_period_is_that_of_the_gps(sequences: dict[str, Sequence]) -> None:
+    """Where the car moves, the integrated path is as long as the one between GPS positions."""
+
+    def length(poses: Poses) -> float:
+        steps = poses.position[10::10, :2] - poses.position[:-10:10, :2]
+        return float(np.linalg.norm(steps, axis=1).sum())
+
+    moving = [sequences[name] for name in ("0001", "0008", "0010", "0015", "0018")]
+    ratios = [length(s.differenced()) / length(s.integrated(FRAME_PERIOD)) for s in moving]
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.003)
+
+
+def test_integrated_velocities_beat_differenced_positions(sequences: dict[str, Sequence]) -> None:
+    def error(poses: Callable[[Sequence], Poses]) -> float:
+        rest = (sequence for name, sequence in sequences.items() if name != "0019")
+        return float(np.mean([e for s in rest for e in s.constant_velocity_errors(poses(s))]))
+
+    assert error(lambda s: s.used) < 0.75 * error(lambda s: s.differenced())
+
+
+def test_moving_cars_head_where_they_go(scenes: dict[str, Scene]) -> None:
+    angles = []
+    for scene in scenes.values():
+        truth = scene.truth
+        speed = np.linalg.norm(truth.velocity, axis=1)
+        moving = (truth.class_id == 0) & truth.eligible & (np.nan_to_num(speed) > 5.0)
+        course = np.arctan2(truth.velocity[moving, 1], truth.velocity[moving, 0])
+        angles.append(np.abs(np.angle(np.exp(1j * (truth.box[moving, 3] - course)))))
+    angle = np.concatenate(angles)
+    assert len(angle) > 1000
+    assert np.median(angle) < np.deg2rad(2)
+    assert np.quantile(angle, 0.95) < np.deg2rad(10)
+
+
+@pytest.mark.parametrize(("class_id", "radius", "recall"), [(0, 1.0, 0.9), (1, 0.5, 0.7), (2, 0.5, 0.7)])
+def test_detections_lie_on_the_truth(scenes: dict[str, Scene], class_id: int, radius: float, recall: float) -> None:
+    """Recall within 40 m of the car, any score: the boxes of both files are in the same frame of reference."""
+    hits: list[bool] = []
+    for scene in scenes.values():
+        for t in range(scene.frames):
+            rows, found = scene.truth.rows(t), scene.detections.rows(t)
+            truth = scene.truth.box[rows][(scene.truth.class_id[rows] == class_id) & scene.truth.eligible[rows], :2]
+            truth = truth[np.linalg.norm(truth - scene.ego[t, :2], axis=1) < 40]
+            detected = scene.detections.box[found][scene.detections.class_id[found] == class_id, :2]
+            distance = np.linalg.norm(truth[:, None] - detected[None], axis=2)
+            hits += (distance.min(axis=1, initial=np.inf) < radius).tolist()
+    assert len(hits) > 500
+    assert np.mean(hits) > recall

@@ -1,0 +1,192 @@
+"""nuScenes source on a small root: frames, truth, targets, splits, what is missing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench.cards import parse_card
+from mtp_bench.errors import CardError, DataError, UnknownNameError
+from mtp_bench.sources import describe, open_source
+from mtp_bench.sources.motion import backward_velocity
+from mtp_bench.sources.nuscenes.source import NuScenes
+from mtp_bench.types import Scene
+from tests.support.nuscenes_root import (
+    SCENES,
+    TIMES,
+    VERSION,
+    make_detections,
+    make_tables,
+    make_targets,
+    nuscenes_card,
+    write_json,
+    write_root,
+    write_tables,
+)
+
+PREDICTION = "nuscenes/maps/prediction/prediction_scenes.json"
+NAN = float("nan")
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    return write_root(tmp_path)
+
+
+def scene(data: Path, name: str = "scene-0003", **source: Any) -> Scene:
+    return open_source(nuscenes_card(**source), data).load(name)
+
+
+def test_frames_and_ego(data: Path) -> None:
+    found = scene(data)
+    np.testing.assert_allclose(found.time, TIMES)
+    np.testing.assert_allclose(found.ego, [[0, 4 * t, 0.5, np.pi / 2] for t in TIMES])
+    assert (found.truth_complete, found.listed_targets, found.skipped) == (True, False, {})
+
+
+def test_every_box(data: Path) -> None:
+    truth = scene(data).truth
+    assert truth.start.tolist() == [0, 3, 6, 7, 9]
+    assert truth.object_id.tolist() == [0, 2, 1, 0, 2, 1, 0, 0, 2]  # car, walker, police by token; the dog is not used
+    assert truth.class_id.tolist() == [0, 1, 0, 0, 1, 0, 0, 0, 1]
+    assert truth.neutral.tolist() == [False, False, True, False, False, True, False, False, False]
+    assert truth.eligible.all()
+    np.testing.assert_allclose(truth.box[0], [10, 0, 1, np.pi / 2, 4, 2, 1.5])  # size was width, length, height
+    np.testing.assert_allclose(truth.box[1], [5, 5, 1, 0, 0.6, 0.5, 1.8])
+
+
+def test_velocity_is_that_since_the_frame_before(data: Path) -> None:
+    truth = scene(data).truth
+    car, walker = truth.object_id == 0, truth.object_id == 2
+    np.testing.assert_allclose(truth.velocity[car][1:], [[0, 4], [0, 5], [0, 5]])  # irregular steps
+    np.testing.assert_allclose(truth.velocity[walker][1], [0, 0])
+    assert np.isnan(truth.velocity[[0, 1, 2, 8]]).all()  # the first of each; the last of the walker, after a gap
+
+
+def test_velocity_in_any_order_of_rows() -> None:
+    frame, object_id = np.array([2, 0, 1, 0, 2]), np.array([7, 7, 7, 3, 3])
+    position = np.array([[4.0, 0], [0, 0], [1, 0], [9, 9], [0, 0]])
+    velocity = backward_velocity(frame, object_id, position, np.array([0.0, 0.5, 1.5]))
+    np.testing.assert_array_equal(velocity, [[3, 0], [NAN, NAN], [2, 0], [NAN, NAN], [NAN, NAN]])
+
+
+def test_classes_of_the_card(data: Path) -> None:
+    card = nuscenes_card(("bicycle", "pedestrian"))
+    truth = open_source(card, data).load("scene-0003").truth
+    assert truth.object_id.tolist() == [2, 2, 2]
+    assert truth.class_id.tolist() == [1, 1, 1]
+    with pytest.raises(CardError, match=r"nuScenes has no class 'cars': did you mean 'car'"):
+        open_source(nuscenes_card(("cars",)), data)
+    with pytest.raises(CardError, match="nuScenes has no class 'xyz': known are barrier, bicycle"):
+        open_source(nuscenes_card(("xyz",)), data)
+    with pytest.raises(CardError, match=r"task\.rate is 10 Hz, but nuScenes has keyframes at 2 Hz"):
+        open_source(nuscenes_card(rate=10.0), data)
+
+
+def test_targets_only(data: Path) -> None:
+    found = scene(data, truth="targets")
+    assert (found.truth_complete, found.listed_targets) == (False, True)
+    truth = found.truth
+    assert truth.object_id.tolist() == [0, 1, 0, 1, 0, 0]  # the walker is no target, all boxes of the others stay
+    assert truth.eligible.tolist() == [False, True, True, False, True, False]
+    assert not truth.neutral.any()  # a police car that is listed is a target
+
+
+def test_scenes_without_targets_are_left_out(data: Path) -> None:
+    write_json(data / PREDICTION, {**make_targets(SCENES[:1]), "scene-0003": []})
+    assert open_source(nuscenes_card(truth="targets"), data).names == ("scene-0301",)
+    assert open_source(nuscenes_card(), data).names == ("scene-0001", "scene-0003", "scene-0301")
+    expected = r"has no scene of split 'val'; it has train \(1 scene\); choose one with --split or split="
+    with pytest.raises(DataError, match=expected):
+        open_source(nuscenes_card(truth="targets", split="val"), data)
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("x_scene-0003-t0", "no such instance"),
+        ("scene-0003-car_x", "no such sample"),
+        ("scene-0003-car_scene-0001-t0", "no such sample in this scene"),
+        ("scene-0003-walker_scene-0003-t2", "the instance has no box in this sample"),
+        ("scene-0003-car", "no such sample"),
+    ],
+)
+def test_targets_that_the_tables_do_not_have(data: Path, entry: str, message: str) -> None:
+    write_json(data / PREDICTION, {**make_targets(), "scene-0003": [entry]})
+    with pytest.raises(DataError, match=rf"prediction_scenes\.json.* entry '{entry}': .*{message}"):
+        open_source(nuscenes_card(truth="targets"), data)
+
+
+def test_the_list_of_targets_is_needed_for_targets_only(data: Path) -> None:
+    (data / PREDICTION).unlink()
+    assert len(open_source(nuscenes_card(), data).names) == 3
+    with pytest.raises(DataError, match=r"no file .*prediction_scenes\.json: .* needs the targets"):
+        open_source(nuscenes_card(truth="targets"), data)
+    for content, message in ((["scene"], "expected an object"), ({"scene-0003": "x"}, "expected a list of targets")):
+        write_json(data / PREDICTION, content)
+        with pytest.raises(DataError, match=rf"prediction_scenes\.json.*{message}"):
+            open_source(nuscenes_card(truth="targets"), data)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        pytest.param("[" * 100_000, "cannot be read as JSON: nested too deeply", id="nested"),
+        pytest.param('{"scene-0003": [' + "9" * 5000 + "]}", "cannot be read as JSON: ", id="digits"),
+        pytest.param('{"scene', "cannot be read as JSON: Unterminated", id="cut off"),
+        pytest.param('{"scene-0003": [3]}', "entry 3: the tables have no such instance", id="a number"),
+        pytest.param('{"scene-0003": [' + "[" * 500 + "]" * 500 + "]}", "the tables have no such instance", id="deep"),
+    ],
+)
+def test_a_broken_list_of_targets(data: Path, text: str, message: str) -> None:
+    (data / PREDICTION).write_text(text)
+    with pytest.raises(DataError, match=rf"prediction_scenes\.json.*{message}"):
+        open_source(nuscenes_card(truth="targets"), data)
+
+
+def test_a_byte_order_mark_is_not_read(data: Path) -> None:
+    for path in (data / "nuscenes").rglob("*.json"):
+        path.write_text(path.read_text(encoding="utf-8"), encoding="utf-8-sig")
+    assert scene(data, truth="targets").truth.object_id.tolist() == [0, 1, 0, 1, 0, 0]
+
+
+def test_splits(data: Path) -> None:
+    for split, name in (("train", "scene-0301"), ("train_val", "scene-0001"), ("val", "scene-0003")):
+        assert open_source(nuscenes_card(split=split), data).names == (name,)
+    listed = r"train \(1 scene\), train_val \(1 scene\), val \(1 scene\)"
+    with pytest.raises(DataError, match=f"v1.0-mini has no scene of split 'mini_val'; it has {listed}; choose"):
+        open_source(nuscenes_card(split="mini_val"), data)
+    with pytest.raises(UnknownNameError, match="unknown scene 'scene-0301'"):
+        open_source(nuscenes_card(split="val"), data).load("scene-0301")
+
+
+def test_a_root_of_unofficial_scenes(data: Path) -> None:
+    write_tables(data, make_tables(("scene-9001",)))
+    write_json(data / "nuscenes/detections/megvii_all.json", make_detections(("scene-9001",)))
+    assert open_source(nuscenes_card(), data).names == ("scene-9001",)
+    with pytest.raises(DataError, match=r"no scene of split 'val'; it has all \(1 scene\)"):
+        open_source(nuscenes_card(split="val"), data)
+
+
+def test_missing_root_version_and_table(data: Path, tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"no nuScenes data: .* \(given as data root\); .*register at"):
+        open_source(nuscenes_card(), tmp_path / "elsewhere")
+    with pytest.raises(DataError, match=r"has no folder 'v1\.0-trainval'; found: v1\.0-mini"):
+        open_source(nuscenes_card(version="v1.0-trainval"), data)
+    assert open_source(nuscenes_card(), data / "nuscenes").names  # the folder itself
+    (data / "nuscenes" / VERSION / "ego_pose.json").unlink()
+    with pytest.raises(DataError, match=r"no file .*ego_pose\.json: this table of v1\.0-mini is missing"):
+        open_source(nuscenes_card(), data)
+
+
+def test_a_simulated_detector_needs_no_detections(data: Path) -> None:
+    (data / "nuscenes/detections/megvii_all.json").unlink()
+    content = nuscenes_card().model_dump(mode="json", exclude_none=True)
+    card = parse_card({**content, "detector": {"profile": "clean"}})
+    bare = NuScenes(card, data).load("scene-0003")
+    assert (len(bare.detections.box), bare.detector) == (0, "")
+    assert "simulated" in open_source(card, data).load("scene-0003").detector
+    assert describe(card, data).usable

@@ -1,0 +1,246 @@
+"""nuScenes detections: submission files, the scenes that they cover, one clear error for everything that is wrong."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench.errors import DataError
+from mtp_bench.sources import open_source
+from mtp_bench.types import Detections
+from tests.support.nuscenes_root import (
+    AHEAD,
+    SCENES,
+    Record,
+    detection,
+    make_detections,
+    make_targets,
+    nuscenes_card,
+    sample,
+    write_json,
+    write_root,
+)
+
+T = sample("scene-0003", 1)
+NAN = float("nan")
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    return write_root(tmp_path)
+
+
+def stored(data: Path, name: str = "megvii_all.json") -> Path:
+    return data / "nuscenes/detections" / name
+
+
+def load(data: Path, classes: tuple[str, ...] = ("car", "pedestrian"), **source: Any) -> Detections:
+    return open_source(nuscenes_card(classes, **source), data).load("scene-0003").detections
+
+
+def test_boxes_by_frame_and_class(data: Path) -> None:
+    scene = open_source(nuscenes_card(), data).load("scene-0003")
+    found = scene.detections
+    assert found.start.tolist() == [0, 2, 4, 6, 6]  # no cones, and nothing in the last frame
+    assert found.class_id.tolist() == [1, 0] * 3
+    np.testing.assert_allclose(found.box[0], [10, 1, 1, np.pi / 2, 4, 2, 1.5])  # size was width, length, height
+    assert np.isnan(found.velocity).all()
+    assert found.score.tolist() == [0.5] * 6
+    assert (scene.detector, scene.simulated) == ("megvii, stored detections", False)
+    assert load(data, ("traffic_cone",)).class_id.tolist() == [0] * 3
+
+
+def test_velocity_and_score(data: Path) -> None:
+    content = make_detections()
+    content["results"][T] = [
+        detection(T, velocity=[3.0, -1.0]), detection(T, velocity=[0, 0]), detection(T, velocity=[NAN, NAN]),
+        detection(T, velocity=[0.0, 2.0], rotation=[2 ** -0.5 * 1.005, 0, 0, 2 ** -0.5 * 1.005], detection_score=1),
+    ]  # fmt: skip
+    write_json(stored(data), content)
+    found = load(data)
+    rows = found.rows(1)
+    np.testing.assert_array_equal(found.velocity[rows], [[3, -1], [NAN, NAN], [NAN, NAN], [0, 2]])
+    np.testing.assert_allclose(found.box[rows, 3], np.pi / 2)  # half a percent off a unit quaternion is rounding
+    assert found.score[rows].tolist() == [0.5, 0.5, 0.5, 1.0]
+
+
+def test_all_files_of_a_detector_are_used_and_other_samples_ignored(data: Path) -> None:
+    write_json(stored(data), make_detections(SCENES[:2]))
+    write_json(stored(data, "megvii_val.json"), make_detections(("scene-0003", "scene-0555")))
+    write_json(stored(data, "other.json"), {"results": {T: "broken"}})
+    source = open_source(nuscenes_card(), data)
+    assert [len(source.load(name).detections.box) for name in source.names] == [6, 6, 6]
+
+
+def test_a_scene_may_be_spread_over_files(data: Path) -> None:
+    content = make_detections()
+    rest = {token: content["results"].pop(token) for token in (T, sample("scene-0003", 3))}
+    write_json(stored(data, "megvii_a.json"), {"results": rest})
+    write_json(stored(data), content)
+    assert load(data).start.tolist() == [0, 2, 4, 6, 6]
+
+
+def test_a_named_file_is_used_alone(data: Path, tmp_path: Path) -> None:
+    path = tmp_path / "mine.json"
+    content = make_detections()
+    content["results"][T] = [detection(T, x=11.0, rotation=AHEAD)]
+    write_json(path, content)
+    card = nuscenes_card(detections_file=str(path), detector="mine")
+    np.testing.assert_array_equal(open_source(card, data).load("scene-0003").detections.rows(1), slice(2, 3))
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    same = nuscenes_card(detections_file=str(path), detector="mine", detections_sha256=digest)
+    assert open_source(same, data).load("scene-0003").detector == "mine, stored detections"
+    other = nuscenes_card(detections_file=str(path), detector="mine", detections_sha256="0" * 64)
+    with pytest.raises(DataError, match=rf"mine\.json has the sha256 {digest}, expected 0000"):
+        open_source(other, data)
+    with pytest.raises(DataError, match=r"sha256 0000.*: name it with --detections"):
+        open_source(nuscenes_card(detections_sha256="0" * 64), data)
+    with pytest.raises(DataError, match=r"no file .*none\.json, expected detections"):
+        open_source(nuscenes_card(detections_file="none.json"), data)
+
+
+def test_unknown_detector(data: Path) -> None:
+    write_json(stored(data, "centerpoint_mini.json"), {})
+    with pytest.raises(DataError, match=r"no file pointrcnn\*\.json; found: centerpoint_mini\.json, megvii_all\.json"):
+        open_source(nuscenes_card(detector="pointrcnn"), data)
+    stored(data).unlink()
+    stored(data, "centerpoint_mini.json").unlink()
+    stored(data).parent.rmdir()
+    with pytest.raises(DataError, match=r"no folder .*detections; register at"):
+        open_source(nuscenes_card(), data)
+
+
+def test_a_link_that_leads_nowhere_is_not_there(data: Path) -> None:
+    stored(data, "megvii_gone.json").symlink_to("nowhere.json")
+    assert len(load(data).box) == 6
+    stored(data).unlink()
+    with pytest.raises(
+        DataError, match=r"no file megvii\*\.json; found: megvii_gone\.json \(a link that leads nowhere\)"
+    ):
+        load(data)
+    stored(data).mkdir()
+    with pytest.raises(DataError, match=r"found: megvii_all\.json \(no file\), megvii_gone"):
+        load(data)
+
+
+def test_a_submission_to_the_tracking_task(data: Path) -> None:
+    content = make_detections()
+    for boxes in content["results"].values():
+        for box in boxes:
+            box |= {"tracking_name": box.pop("detection_name"), "tracking_score": box.pop("detection_score")}
+            box["tracking_id"] = "1"
+    write_json(stored(data), content)
+    with pytest.raises(DataError, match=r"sample 'scene-0301-t0', box 0: .* tracking task; expected .* detection task"):
+        load(data)
+
+
+def test_a_file_of_other_tables(data: Path) -> None:
+    write_json(stored(data), make_detections(("scene-0555",)))
+    text = r"all\.json: none of its 4 sample tokens \(for example 'scene-0555-t0'\) is in sample\.json of v1\.0-mini"
+    with pytest.raises(DataError, match=text):
+        open_source(nuscenes_card(), data)
+    write_json(stored(data), {"results": {}})
+    with pytest.raises(DataError, match="none of its 0 sample tokens is in"):
+        open_source(nuscenes_card(), data)
+
+
+def test_scenes_that_are_not_covered(data: Path) -> None:
+    content = make_detections(SCENES[1:])
+    write_json(stored(data), content)
+    expected = (
+        r"megvii_all\.json: no entry for sample 'scene-0301-t0' of scene-0301: detections cover 2 of the 3 scenes of "
+        r"split 'all'; wholly covered: train_val \(1 scene\), val \(1 scene\); choose one"
+    )
+    with pytest.raises(DataError, match=expected):
+        open_source(nuscenes_card(), data)
+    assert open_source(nuscenes_card(split="val"), data).names == ("scene-0003",)
+    write_json(stored(data), make_detections(frames=3))
+    with pytest.raises(DataError, match=r"sample 'scene-0001-t3' of scene-0001: .* no split is wholly covered"):
+        open_source(nuscenes_card(), data)
+
+
+def test_only_scenes_with_targets_need_detections(data: Path) -> None:
+    write_json(data / "nuscenes/maps/prediction/prediction_scenes.json", make_targets(("scene-0003",)))
+    write_json(stored(data), make_detections(("scene-0003",)))
+    assert open_source(nuscenes_card(truth="targets"), data).names == ("scene-0003",)
+
+
+def test_two_files_with_the_same_sample(data: Path) -> None:
+    write_json(stored(data, "megvii_val.json"), make_detections(("scene-0003",)))
+    with pytest.raises(DataError, match=r"megvii_val\.json and .*megvii_all\.json both have sample 'scene-0003-t0'"):
+        open_source(nuscenes_card(), data)
+    assert open_source(nuscenes_card(split="train"), data).names == ("scene-0301",)
+
+
+def results(change: Callable[[Record], object]) -> Callable[[Record], object]:
+    return lambda content: change(content["results"])
+
+
+def second_box(**changes: object) -> Callable[[Record], object]:
+    return lambda content: content["results"][T][1].update(changes)
+
+
+BROKEN: dict[str, tuple[Callable[[Record], object], str]] = {  # change, what the error says after file and sample
+    "box not finite": (
+        second_box(translation=[NAN, 0, 0]),
+        r"box 1: translation is \[nan, 0\.0, 0\.0\], expected finite",
+    ),
+    "size not finite": (second_box(size=[NAN, 1, 1]), "box 1: size is .* expected finite"),
+    "no size": (second_box(size=[1, 0, 1]), "box 1: size is .* expected sizes above 0"),
+    "score not finite": (second_box(detection_score=NAN), "box 1: detection_score is nan, expected a finite"),
+    "no score": (second_box(detection_score=None), "box 1: detection_score is None, expected a number"),
+    "quaternion of norm 2": (second_box(rotation=[2, 0, 0, 0]), "box 1: rotation is .* expected a unit quaternion"),
+    "quaternion not finite": (second_box(rotation=[NAN, 0, 0, 1]), "box 1: rotation is .* expected finite"),
+    "three numbers for a quaternion": (second_box(rotation=[1, 0, 0]), "box 1: rotation is .* expected 4 numbers"),
+    "text for a number": (second_box(translation=["1", 2, 3]), "box 1: translation is .* expected 3 numbers"),
+    "box at no place": (second_box(translation=[1e300, 0, 0]), r"box 1: translation is \[1e\+300.*up to 1e\+09"),
+    "box too far for a number": (second_box(translation=[10**400, 0, 0]), "box 1: translation is .* expected 3 number"),
+    "truth value for a number": (second_box(translation=[True, 0, 0]), r"box 1: translation is \[True, 0, 0\], expect"),
+    "box too large": (second_box(size=[101, 1, 1]), r"box 1: size is .* expected sizes above 0 and up to 100 m"),
+    "too fast": (second_box(velocity=[1e308, 0]), r"box 1: velocity is \[1e\+308, 0.0\], expected .* up to 1e\+09"),
+    "score too large": (second_box(detection_score=1e30), r"box 1: detection_score is 1e\+30, expected a finite"),
+    "score too large for a number": (second_box(detection_score=10**400), r"box 1: detection_score is 1000.* up to"),
+    "truth value for a score": (second_box(detection_score=True), "box 1: detection_score is True, expected a number"),
+    "quaternion of norm 1e308": (second_box(rotation=[1e308, 0, 0, 0]), "box 1: rotation is .* expected finite"),
+    "unknown name": (second_box(detection_name="tram"), "box 1: detection_name is 'tram', expected one of car, truck"),
+    "no name": (second_box(detection_name=[1]), r"box 1: detection_name is \[1\], expected one of"),
+    "box of another sample": (second_box(sample_token="x"), f"box 1: sample_token is 'x', expected '{T}'"),
+    "no box": (results(lambda boxes: boxes[T].append(3)), "box 3: got '3', expected a box"),
+    "no list": (results(lambda boxes: boxes.update({T: {}})), "got '{}', expected a list of boxes"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_broken_detections(data: Path, case: str) -> None:
+    change, message = BROKEN[case]
+    content = make_detections()
+    change(content)
+    write_json(stored(data), content)
+    with pytest.raises(DataError, match=f"megvii_all.json, sample '{T}'(, |: ){message}"):
+        open_source(nuscenes_card(), data)
+
+
+def test_a_sample_twice_in_a_file(data: Path) -> None:
+    text = stored(data).read_text()
+    stored(data).write_text(text.replace('"results": {', f'"results": {{"{T}": [],', 1))
+    with pytest.raises(DataError, match=f"sample '{T}': a second list of boxes"):
+        open_source(nuscenes_card(), data)
+
+
+def test_results_twice_in_a_file(data: Path) -> None:
+    text = stored(data).read_text().rstrip()
+    stored(data).write_text(text.removesuffix("}") + ', "results": {}}')
+    with pytest.raises(DataError, match=r"megvii_all\.json, character \d+: a second 'results', expected one"):
+        load(data)
+
+
+def test_a_file_that_is_cut_off(data: Path) -> None:
+    text = stored(data).read_text()
+    stored(data).write_text(text[: len(text) // 2])
+    with pytest.raises(DataError, match=r"megvii_all\.json, character \d+: .* the file ends here: is it cut off"):
+        open_source(nuscenes_card(), data)

@@ -1,0 +1,142 @@
+"""WILDTRACK source on the real recording: known counts, detections, cameras, and the noise profile fitted to them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import linear_sum_assignment
+
+from mtp_bench.cards import Card, load_card
+from mtp_bench.detector import load_profile
+from mtp_bench.detector.fit_clutter import fit_clutter
+from mtp_bench.detector.fit_errors import fit_position
+from mtp_bench.detector.fit_misses import fit_misses
+from mtp_bench.detector.samples import RADIAL, TANGENTIAL, collect
+from mtp_bench.detector.sight import Sensor, sight
+from mtp_bench.detector.simulate import simulate
+from mtp_bench.sources.wildtrack.files import read_annotations, read_cameras
+from mtp_bench.sources.wildtrack.source import ANNOTATIONS, SCENES, STORED, Wildtrack
+from mtp_bench.sources.wildtrack.status import wildtrack_status
+from mtp_bench.types import Detections, Ints, Scene, Truth
+
+pytestmark = pytest.mark.data
+
+PEOPLE = ("pedestrian",)
+SENSOR = Sensor(reach=25.0, field_of_view=2 * np.pi)
+RADIUS = 0.5  # m
+
+
+def wildtrack_card(**source: Any) -> Card:
+    card = load_card("MTP-WILDTRACK-v0")
+    return card.model_copy(update={"source": card.source.model_copy(update=source)})
+
+
+@pytest.fixture(scope="module")
+def scenes(data_root: Path) -> dict[str, Scene]:
+    sources = [Wildtrack(wildtrack_card(split=split), data_root) for split in ("train", "val")]
+    return {name: source.load(name) for source in sources for name in source.names}
+
+
+def hits(truth: Truth, detections: Detections) -> int:
+    """Pairs within half a metre, one to one, as many as possible."""
+    count = 0
+    for t in range(len(truth.start) - 1):
+        off = truth.box[truth.rows(t), None, :2] - detections.box[None, detections.rows(t), :2]
+        near = np.hypot(off[..., 0], off[..., 1]) <= RADIUS
+        count += int(near[linear_sum_assignment(near, maximize=True)].sum())
+    return count
+
+
+def test_counts_of_the_dataset(data_root: Path, scenes: dict[str, Scene]) -> None:
+    status = wildtrack_status(wildtrack_card(), data_root)
+    assert {check.what: check.found for check in status.checks} == {
+        "frames": 400,
+        "annotations": 9518,
+        "people": 313,
+        "detections": 966,
+    }
+    assert status.verified
+    assert tuple(scenes) == tuple(SCENES)
+    assert sum(scene.frames for scene in scenes.values()) == 400
+    assert sum(len(scene.truth.box) for scene in scenes.values()) == 9518
+    frame = np.concatenate([40 * i + frames_of(scene.truth) for i, scene in enumerate(scenes.values())])
+    ids = np.concatenate([scene.truth.object_id for scene in scenes.values()])
+    tracks = [np.sort(frame[ids == i]) for i in np.unique(ids)]
+    assert len(tracks) == 313
+    assert sum(bool((np.diff(track) > 1).any()) for track in tracks) == 27
+
+
+def frames_of(truth: Truth) -> Ints:
+    return np.asarray(np.repeat(np.arange(len(truth.start) - 1), np.diff(truth.start)))
+
+
+def test_people_walk(scenes: dict[str, Scene]) -> None:
+    """Backward differences are known for nine in ten rows; the middle speed is that of people who walk or stand."""
+    speed = np.concatenate([np.hypot(*scene.truth.velocity.T) for scene in scenes.values()])
+    assert np.isfinite(speed).mean() > 0.9
+    assert 0.2 < np.nanmedian(speed) < 1.5
+    assert np.nanquantile(speed, 0.99) < 3.5
+
+
+def test_stored_detections_lie_on_the_truth(scenes: dict[str, Scene]) -> None:
+    truth, detections = scenes[STORED].truth, scenes[STORED].detections
+    assert (len(truth.box), len(detections.box)) == (952, 966)
+    assert hits(truth, detections) / len(truth.box) == pytest.approx(0.950, abs=5e-4)
+    assert hits(truth, detections) / len(detections.box) == pytest.approx(0.936, abs=5e-4)
+    assert all(scene.detector == "" for name, scene in scenes.items() if name != STORED)
+
+
+def test_feet_and_heads_project_to_the_edges_of_the_pixel_boxes(data_root: Path) -> None:
+    """By ``intrinsic_zero``, within two pixels at the lower edge; with the distortion of the videos it is far more."""
+    root = data_root / "wildtrack"
+    frames = [read_annotations(path) for path in sorted((root / ANNOTATIONS).glob("*.json"))[::20]]
+    place = np.concatenate([frame.place for frame in frames])
+    box = np.concatenate([frame.image_box for frame in frames])
+    ground = np.column_stack([place, np.zeros(len(place))])
+    for view, (straight, bent) in enumerate(
+        zip(read_cameras(root), read_cameras(root, "intrinsic_original"), strict=True)
+    ):
+        left, top, right, bottom = box[:, view].T
+        whole = (left > 0) & (right < 1919) & (top > 0) & (bottom < 1079)
+        assert whole.sum() >= 30
+        feet = straight.project(ground)[whole]
+        width = (right - left)[whole]
+        assert np.abs(feet[:, 1] - bottom[whole]).max() < 2.0
+        assert (np.abs(feet[:, 0] - (left + right)[whole] / 2) < width / 2 + 1).mean() > 0.99
+        assert np.quantile(np.abs(bent.project(ground)[whole, 1] - bottom[whole]), 0.9) > 4.0
+
+
+def test_the_profile_is_what_the_last_frames_give(scenes: dict[str, Scene]) -> None:
+    """The library's own fit, with neither distance nor occlusion."""
+    noise = load_profile("wildtrack_mvdet").noise("pedestrian")
+    people, clutter = collect([scenes[STORED]], PEOPLE, SENSOR)["pedestrian"]
+    assert (len(people.hit), int(people.hit.sum()), len(clutter.score)) == (952, 911, 55)
+    people = replace(people, feature=people.feature * [1, 0, 0, 0, 0, 0])
+    np.testing.assert_allclose(fit_misses(people).first, noise.miss.first, atol=2e-3)
+    np.testing.assert_allclose(fit_misses(people).later, noise.miss.later, atol=2e-3)
+    for column, law in ((RADIAL, noise.radial), (TANGENTIAL, noise.tangential)):
+        fitted = fit_position(people, column).model_copy(update={"s1": 0.0})
+        got, expected = fitted.model_dump(), law.model_dump()
+        assert got == pytest.approx(expected, abs=0.02, rel=0.05)
+    assert clutter.duplicate.sum() / people.hit.sum() == pytest.approx(noise.duplicates, abs=1e-4)
+    assert fit_clutter(clutter, noise.score) == noise.false_positives
+
+
+def test_simulated_detections_are_as_good_as_stored_ones(scenes: dict[str, Scene]) -> None:
+    """On the frames without stored detections: recall .950 and precision .936 within two points."""
+    profile = load_profile("wildtrack_mvdet")
+    found = true = pairs = 0
+    for seed, (name, scene) in enumerate(scenes.items()):
+        if name == STORED:
+            continue
+        look = sight(scene.truth, scene.ego, SENSOR, scene.visible)
+        seen = simulate(scene.truth, scene.ego, PEOPLE, profile, SENSOR, seed, 0.5, sight=look)
+        assert (seen.score == 1.0).all()
+        found, true = found + len(seen.box), true + len(scene.truth.box)
+        pairs += hits(scene.truth, seen)
+    assert pairs / true == pytest.approx(0.950, abs=0.02)
+    assert pairs / found == pytest.approx(0.936, abs=0.02)

@@ -1,0 +1,248 @@
+"""Submissions: read, built and kept apart."""
+
+from __future__ import annotations
+
+import pickle
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mtp_bench._bundle import baseline_names
+from mtp_bench.errors import SubmissionError, UnknownNameError
+from mtp_bench.submission import SubmissionFactory, load_submission
+from tests.support.small_scenes import task
+
+TASK = task(classes=("car",), detections=5, objects=5)
+
+MANIFEST = """
+name = "silent"
+authors = ["A. Author"]
+agent = "agent:build"
+
+[parameters]
+gate = 1.5
+"""
+
+AGENT = """
+class Silent:
+    def __init__(self, task, gate, hypotheses):
+        self.task, self.gate, self.hypotheses = task, gate, hypotheses
+
+    def reset(self, task):
+        pass
+
+    def act(self, observation):
+        return {}
+
+
+def build(task, gate, hypotheses=1):
+    return Silent(task, gate, hypotheses)
+"""
+
+
+def write(folder: Path, manifest: str = MANIFEST, **modules: str) -> Path:
+    folder.mkdir(parents=True)
+    (folder / "submission.toml").write_text(manifest)
+    for name, code in ({"agent": AGENT} | modules).items():
+        (folder / f"{name}.py").write_text(code)
+    return folder
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return write(tmp_path / "silent")
+
+
+def built(folder: Path, **overrides: Any) -> Any:
+    """The agent, free of its type: tests look at its attributes."""
+    return load_submission(folder).build(TASK, **overrides)
+
+
+def test_a_submission_is_read(folder: Path) -> None:
+    submission = load_submission(folder)
+    assert (submission.name, submission.authors, submission.agent) == ("silent", ("A. Author",), "agent:build")
+    assert submission.parameters == {"gate": 1.5}
+    assert submission.path == folder
+    assert submission.compare.sweep == {}
+    assert submission.compare.budgets == ("equal",)
+
+
+def test_reading_does_not_run_its_code(tmp_path: Path) -> None:
+    assert load_submission(write(tmp_path / "loud", agent="raise SystemExit")).name == "silent"
+
+
+def test_the_path_of_the_manifest_is_the_path_of_the_folder(folder: Path) -> None:
+    assert load_submission(folder / "submission.toml") == load_submission(folder)
+
+
+def test_a_relative_path_stays_valid_elsewhere(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder.parent)
+    submission = load_submission("silent")
+    monkeypatch.chdir("/")
+    assert submission.build(TASK).act({}) == {}
+
+
+def test_the_compare_table(tmp_path: Path) -> None:
+    table = '[compare]\nsweep = {hypotheses = [5, 10, 20]}\nbudgets = ["equal", "free"]\n'
+    compare = load_submission(write(tmp_path / "sweep", MANIFEST + table)).compare
+    assert compare.sweep == {"hypotheses": (5, 10, 20)}
+    assert compare.budgets == ("equal", "free")
+
+
+def test_parameters_reach_the_agent_and_overrides_win(folder: Path) -> None:
+    agent = built(folder, hypotheses=20)
+    assert (agent.task, agent.gate, agent.hypotheses) == (TASK, 1.5, 20)
+    assert built(folder, gate=3.0).gate == 3.0
+
+
+def test_modules_of_a_folder_import_each_other(tmp_path: Path) -> None:
+    agent = AGENT.replace("def build", "from .model import GATE\n\ndef build").replace(
+        "gate, hypotheses)\n", "GATE, 1)\n"
+    )
+    one = write(tmp_path / "one", agent=agent, model="GATE = 'one'")
+    two = write(tmp_path / "two", agent=agent, model="GATE = 'two'")
+    assert [built(one).gate, built(two).gate, built(one).gate] == ["one", "two", "one"]
+
+
+def test_edited_code_is_imported_anew(folder: Path) -> None:
+    before = built(folder)
+    (folder / "agent.py").write_text(AGENT.replace("= task, gate", "= task, gate + 1"))
+    assert built(folder).gate == before.gate + 1
+
+
+def test_the_digest_covers_names_and_contents(folder: Path) -> None:
+    digests = [load_submission(folder).digest]
+    (folder / "weights.safetensors").write_bytes(b"12")
+    digests.append(load_submission(folder).digest)
+    (folder / "weights.safetensors").write_bytes(b"21")
+    digests.append(load_submission(folder).digest)
+    (folder / "weights.safetensors").rename(folder / "other.safetensors")
+    digests.append(load_submission(folder).digest)
+    (folder / "nested").mkdir()
+    (folder / "other.safetensors").rename(folder / "nested" / "other.safetensors")
+    digests.append(load_submission(folder).digest)
+    assert len(set(digests)) == len(digests)
+
+
+def test_the_digest_does_not_depend_on_place_or_use(tmp_path: Path, folder: Path) -> None:
+    before = load_submission(folder).digest
+    built(folder)
+    (folder / "__pycache__").mkdir(exist_ok=True)
+    (folder / "__pycache__" / "left.pyc").write_bytes(b"behind")
+    assert load_submission(folder).digest == before
+    assert load_submission(write(tmp_path / "copy")).digest == before
+
+
+def test_a_linked_folder_would_escape_the_digest(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (folder / "weights").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(SubmissionError, match="is a link to a folder"):
+        _ = load_submission(folder).digest
+
+
+def test_a_factory_works_in_another_process(folder: Path) -> None:
+    factory = SubmissionFactory(str(folder), {"hypotheses": 7})
+    assert len(pickle.dumps(factory)) < 1000, "workers get the path, not the agent"
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        assert pool.submit(hypotheses_of, factory).result() == 7
+
+
+def hypotheses_of(factory: SubmissionFactory) -> int:
+    agent: Any = factory(TASK)
+    return int(agent.hypotheses)
+
+
+def test_agents_of_one_factory_share_nothing(folder: Path) -> None:
+    factory = SubmissionFactory(str(folder))
+    assert factory(TASK) is not factory(TASK)
+
+
+WRONG_MANIFEST = {
+    "typo": (MANIFEST.replace("authors", "author"), "unknown key 'author': did you mean 'authors'?"),
+    "typo in compare": (
+        MANIFEST + "[compare]\nbudget = ['equal']",
+        "unknown key 'compare.budget': did you mean 'budgets'?",
+    ),
+    "missing key": (MANIFEST.replace("authors", "#"), "key 'authors' is missing"),
+    "no authors": (MANIFEST.replace('["A. Author"]', "[]"), "authors: got []"),
+    "no list of authors": (MANIFEST.replace('["A. Author"]', '"A. Author"'), "authors: got 'A. Author'"),
+    "a name that is no folder name": (MANIFEST.replace('"silent"', '"../silent"'), "name: got '../silent'"),
+    "an agent without function": (MANIFEST.replace("agent:build", "agent"), "agent: got 'agent'"),
+    "an agent outside": (MANIFEST.replace("agent:build", "../agent:build"), "agent: got '../agent:build'"),
+    "an agent that is not there": (MANIFEST.replace("agent:build", "agnet:build"), "there is no "),
+    "unknown budget": (MANIFEST + "[compare]\nbudgets = ['fair']", "'equal' or 'free'"),
+    "no toml": ("name = ", "not valid TOML"),
+}
+
+
+@pytest.mark.parametrize(("manifest", "text"), WRONG_MANIFEST.values(), ids=WRONG_MANIFEST)
+def test_a_wrong_manifest_is_one_clear_error(tmp_path: Path, manifest: str, text: str) -> None:
+    folder = write(tmp_path / "wrong", manifest)
+    with pytest.raises(SubmissionError) as caught:
+        load_submission(folder)
+    assert "wrong/submission.toml" in str(caught.value)
+    assert text in str(caught.value)
+
+
+WRONG_CODE = {
+    "syntax": ("def build(:", "importing agent.py failed: SyntaxError"),
+    "import": ("import nowhere_to_be_found", "importing agent.py failed: ModuleNotFoundError"),
+    "sibling by absolute import": ("import model", "write `from .model import ...`"),
+    "exception": ("1 / 0", "importing agent.py failed: ZeroDivisionError"),
+    "no agent": ("def build(task, gate):\n    return 3", "returned 'int' without reset and act"),
+    "half an agent": (AGENT.replace("def act", "def akt"), "returned 'Silent' without act"),
+    "a parameter without value": (AGENT.replace("hypotheses=1", "hypotheses"), "parameter 'hypotheses' has no value"),
+}
+
+
+@pytest.mark.parametrize(("code", "text"), WRONG_CODE.values(), ids=WRONG_CODE)
+def test_wrong_code_is_one_clear_error(tmp_path: Path, code: str, text: str) -> None:
+    folder = write(tmp_path / "wrong", agent=code, model="")
+    with pytest.raises(SubmissionError) as caught:
+        load_submission(folder).build(TASK)
+    assert text in str(caught.value)
+
+
+def test_an_unknown_parameter_names_the_nearest(folder: Path) -> None:
+    with pytest.raises(UnknownNameError, match=r"parameter of silent 'hypothesis': did you mean 'hypotheses'\?"):
+        built(folder, hypothesis=5)
+
+
+def test_a_build_function_may_take_any_parameter(tmp_path: Path) -> None:
+    agent = AGENT.replace("hypotheses=1", "**rest").replace("gate, hypotheses)\n", "gate, rest)\n")
+    assert built(write(tmp_path / "any", agent=agent), free=1).hypotheses == {"free": 1}
+
+
+def test_an_unknown_function_names_the_nearest(tmp_path: Path) -> None:
+    folder = write(tmp_path / "wrong", MANIFEST.replace(":build", ":built"))
+    with pytest.raises(UnknownNameError, match=r"'built': did you mean 'build'\?"):
+        built(folder)
+
+
+def test_a_failure_inside_build_keeps_its_own_error(tmp_path: Path) -> None:
+    folder = write(tmp_path / "wrong", agent="def build(task, gate):\n    raise FileNotFoundError('weights')")
+    with pytest.raises(FileNotFoundError, match="weights"):
+        built(folder)
+
+
+def test_an_unknown_name_lists_the_baselines(tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match="unknown submission") as caught:
+        load_submission(str(tmp_path / "nowhere"))
+    assert all(name in str(caught.value) for name in baseline_names())
+
+
+def test_a_folder_without_manifest(tmp_path: Path) -> None:
+    with pytest.raises(SubmissionError, match=r"no submission\.toml in this folder"):
+        load_submission(tmp_path)
+
+
+@pytest.mark.parametrize("name", baseline_names())
+def test_every_baseline_is_a_submission(name: str) -> None:
+    submission = load_submission(name)
+    assert submission.name == name
+    task = replace(TASK, detector="pointrcnn", observe=submission.compare.observe)
+    submission.build(task).reset(task)

@@ -1,0 +1,114 @@
+"""The command line called in this process, and submissions to call it with."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+import pytest
+
+from mtp_bench.commands.app import main
+
+AGENT = """
+from tests.support.small_scenes import EchoAgent
+
+class Agent(EchoAgent):
+    def act(self, observation):
+        {body}
+        return super().act(observation)
+
+def build(task, noise=0.0, **parameters):
+    return Agent(noise=noise)
+"""
+
+TERMINAL = ("FORCE_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE")  # make a pipe look like a terminal
+
+
+def plain_environment() -> dict[str, str]:
+    """The environment of this process for programs whose output is not shown on a terminal."""
+    return {name: value for name, value in os.environ.items() if name not in TERMINAL}
+
+
+@dataclass(frozen=True)
+class Output:
+    """What a command left behind."""
+
+    status: int
+    out: str
+    err: str
+
+    @property
+    def error(self) -> str:
+        """The text of the only error line; fails the test if the command did anything else on the error stream."""
+        assert self.status == 1, (self.status, self.err)
+        assert self.err.startswith("error: "), self.err
+        assert self.err.endswith("\n")
+        assert len(self.err.splitlines()) == 1, self.err
+        return self.err.removeprefix("error: ").strip()
+
+
+class CommandLine:
+    """Calls ``mtp-bench`` with arguments."""
+
+    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+        self._capsys = capsys
+
+    def __call__(self, *arguments: object) -> Output:
+        self._capsys.readouterr()
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(sys, "argv", ["mtp-bench", *map(str, arguments)])
+            for name in TERMINAL:
+                patch.delenv(name, raising=False)
+            with pytest.raises(SystemExit) as left:
+                main()
+        status = left.value.code
+        assert status is None or isinstance(status, int)
+        captured = self._capsys.readouterr()
+        return Output(status or 0, captured.out, captured.err)
+
+    def ok(self, *arguments: object) -> str:
+        """Output of a command that must succeed and keep the error stream clean."""
+        output = self(*arguments)
+        assert output.status == 0, output.err
+        assert output.err == ""
+        return output.out
+
+
+def read_json(path: Path) -> Any:
+    """Content of a JSON file; NaN and infinity, which JSON does not have, fail the test."""
+
+    def refuse(text: str) -> NoReturn:
+        raise AssertionError(f"{path} holds {text}")
+
+    return json.loads(path.read_text(), parse_constant=refuse)
+
+
+def write_submission(folder: Path, name: str = "echo", tables: str = "", body: str = "pass") -> Path:
+    """A submission that answers with the detections themselves; ``body`` runs in every frame before."""
+    folder.mkdir(parents=True)
+    manifest = f'name = "{name}"\nauthors = ["A. Author"]\nagent = "agent:build"\n{tables}'
+    (folder / "submission.toml").write_text(manifest)
+    (folder / "agent.py").write_text(AGENT.format(body=body))
+    return folder
+
+
+def ship(folder: Path, repository: Path, card: str) -> pytest.MonkeyPatch:
+    """Make the small card one that ships, in a bundle of its own in ``folder``; undo the patch that is returned."""
+    (folder / "envs" / "reference").mkdir(parents=True)
+    (folder / "pyproject.toml").touch()
+    (folder / "envs" / Path(card).name).write_text(Path(card).read_text())
+    (folder / "baselines").symlink_to(repository / "baselines")
+    patch = pytest.MonkeyPatch()
+    patch.setattr("mtp_bench._bundle._PACKAGE", folder / "mtp_bench")
+    return patch
+
+
+def copy_sequence(root: Path, name: str, to: str) -> None:
+    """Copy a sequence of a KITTI root under another name, which the sequence map does not list."""
+    for path in list((root / "kitti_tracking").rglob(f"{name}.txt")):
+        shutil.copy(path, path.with_stem(to))

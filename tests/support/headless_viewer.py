@@ -1,0 +1,117 @@
+"""The viewer without a screen: pictures of recordings, drawn in software."""
+
+from __future__ import annotations
+
+import ctypes.util
+import os
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from mtp_bench.viz.drawing.palette import Color
+from mtp_bench.viz.rerun import viewer as rerun_viewer
+from mtp_bench.viz.rerun.sdk import ViewerClient
+from mtp_bench.viz.rerun.viewer import free_port, viewer_program
+
+T = TypeVar("T")
+
+DRIVERS = ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d", "/usr/local/share/vulkan/icd.d")
+WAIT = 40.0  # s
+
+
+def require_driver() -> None:
+    """Skip where there is nothing that draws, and say what to install."""
+    named = os.environ.get("VK_DRIVER_FILES") or os.environ.get("VK_ICD_FILENAMES")
+    driver = named or any(list(Path(folder).glob("*.json")) for folder in DRIVERS)
+    if not driver or ctypes.util.find_library("vulkan") is None:
+        pytest.skip("no Vulkan driver: apt-get install libvulkan1 mesa-vulkan-drivers")
+
+
+@contextmanager
+def headless_viewer(size: str = "1600x900") -> Iterator[ViewerClient]:
+    """A viewer of its own, that listens on this machine only."""
+    port = free_port()
+    command = [viewer_program(), "--headless", "--bind", "127.0.0.1", "--port", str(port)]
+    command += ["--window-size", size, "--hide-welcome-screen", "--threads", "2"]
+    quiet = subprocess.DEVNULL
+    with subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet) as viewer:
+        try:
+            client = until(lambda: _connected(viewer, f"rerun+http://127.0.0.1:{port}/proxy"))
+            yield client
+        finally:
+            viewer.terminate()
+
+
+@contextmanager
+def windows_without_a_screen(patch: pytest.MonkeyPatch) -> Iterator[str]:
+    """What would open a window opens a headless viewer; its address, and it is gone afterwards."""
+    port, started, popen = free_port(), [], subprocess.Popen
+
+    def start(command: list[str], **keywords: Any) -> subprocess.Popen[bytes]:
+        started.append(popen([*command, "--headless", "--window-size", "640x480"], **keywords))
+        return started[-1]
+
+    patch.setenv("DISPLAY", ":0")
+    patch.setattr(rerun_viewer, "free_port", lambda: port)
+    patch.setattr(subprocess, "Popen", start)
+    try:
+        yield f"rerun+http://127.0.0.1:{port}/proxy"
+    finally:
+        for viewer in started:
+            viewer.terminate()
+            viewer.wait()
+
+
+def _connected(viewer: subprocess.Popen[bytes], url: str) -> ViewerClient:
+    assert viewer.poll() is None, f"the viewer ended with status {viewer.returncode}"
+    client = ViewerClient.connect(url)
+    client.get_state()
+    return client
+
+
+def open_at(viewer: ViewerClient, recording: Path, frame: int) -> None:
+    """Open a file at a frame, in place of what was open before."""
+    viewer.close("all")
+    (store,) = viewer.open(str(recording)).store_ids
+
+    def there() -> None:
+        viewer.set_time("frame", sequence=frame, play_state="paused", recording=store)
+        state = viewer.get_state()
+        times = {one.store_id: one.current_time for one in state.recordings}
+        if state.loading or state.active_recording != store or times.get(store) != frame:
+            raise RuntimeError(f"{recording}: {state.loading}, at {times}, expected frame {frame}")
+
+    until(there)
+
+
+def picture(viewer: ViewerClient, path: Path, view_id: str | None = None) -> NDArray[np.uint8]:
+    """A picture [height, width, 3] of one view or of the whole window; also written to ``path``."""
+    viewer.save_screenshot(str(path), view_id)
+    with Image.open(path) as image:
+        return np.asarray(image.convert("RGB"))
+
+
+def near(image: NDArray[np.uint8], color: Color, tolerance: int = 12) -> int:
+    """Number of pixels of a colour."""
+    gap = np.abs(image.astype(np.int64) - np.array(color)).max(axis=-1)
+    return int((gap <= tolerance).sum())
+
+
+def until(action: Callable[[], T]) -> T:
+    """The result of an action as soon as it does not fail for want of a listener or of data."""
+    end = time.monotonic() + WAIT
+    while True:
+        try:
+            return action()
+        except (OSError, RuntimeError):
+            if time.monotonic() > end:
+                raise
+            time.sleep(0.1)

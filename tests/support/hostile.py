@@ -1,0 +1,96 @@
+"""Hostile submissions of a few lines: an honest agent, and one trick."""
+
+from __future__ import annotations
+
+import inspect
+import textwrap
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from mtp_bench.cards import load_card
+from mtp_bench.env import MTPEnv
+from mtp_bench.gateway import Limits, SceneRun, run_isolated
+from mtp_bench.running.run import run_scene
+from mtp_bench.scoring import score_scene
+from mtp_bench.types import Rollout
+from tests.support import small_scenes
+
+SCENE, FRAMES = "0006", 7
+QUICK = Limits(start=30.0, reset=10.0, first_frame=10.0, frame=5.0, scene=60.0, disk=8 << 20)
+HURRIED = replace(QUICK, frame=0.4)  # for agents that are late on purpose
+SLOW = 5 * HURRIED.frame  # s, far beyond the limit
+
+MANIFEST = 'name = "hostile"\nauthors = ["N. N."]\nagent = "agent:build"\n'
+HEAD = """
+import ctypes, gc, os, pickle, socket, sys, time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+import numpy as np
+from mtp_bench import Task
+
+NDArray = dict  # for annotations
+Action = dict
+"""
+TAIL = """
+class Hostile(EchoAgent):
+    def reset(self, task):
+        super().reset(task)
+        self.frame = 0
+
+    def honest(self, observation):
+        self.frame += 1
+        return super().act(observation)
+
+{trick}
+
+def build(task, **parameters):
+    Hostile.given = parameters
+    return Hostile()
+"""
+HONEST = """
+def act(self, observation):
+    return self.honest(observation)
+"""
+
+
+def submission(folder: Path, trick: str = HONEST) -> Path:
+    """Folder of an agent whose method ``act`` is ``trick``; there, ``self.honest`` gives the honest answer."""
+    folder.mkdir(exist_ok=True)
+    parts = (inspect.getsource(small_scenes.empty_action), "@dataclass\n" + inspect.getsource(small_scenes.EchoAgent))
+    body = textwrap.indent(textwrap.dedent(trick), "    ")
+    code = (
+        "from __future__ import annotations\n"
+        + HEAD
+        + "\n\n".join(parts).replace("@dataclass\n@dataclass", "@dataclass")
+    )
+    (folder / "agent.py").write_text(code + TAIL.replace("{trick}", body))
+    (folder / "submission.toml").write_text(MANIFEST)
+    return folder
+
+
+@dataclass(frozen=True)
+class Court:
+    """The small card with its data, and where submissions are written."""
+
+    card: str
+    data: str
+    folder: Path
+
+    def run(self, trick: str, limits: Limits = QUICK, scene: str = SCENE, **parameters: Any) -> SceneRun:
+        """A scene answered by a hostile agent."""
+        path = submission(self.folder / "hostile", trick)
+        return run_isolated(path, self.card, {"data": self.data}, scene, parameters=parameters, limits=limits)
+
+    def honest(self, scene: str = SCENE) -> Rollout:
+        """What the agent says without any trick, in this process."""
+        return run_scene(small_scenes.EchoAgent(), MTPEnv(self.card, self.data, evaluation=True), scene, 0)
+
+    def error(self, rollout: Rollout) -> float:
+        """The ranked error of one scene, summed: what is missed costs, what is spurious too."""
+        env = MTPEnv(self.card, self.data, evaluation=True)
+        env.reset(options={"scene": rollout.scene})
+        score = score_scene(env.scene, rollout, load_card(self.card))
+        assert len(score), "a scene without targets shows nothing"
+        return float(score.capped.sum()) + score.spurious_error

@@ -1,0 +1,162 @@
+"""3D multi-object tracking scores of KITTI, as AB3DMOT's evaluation defines them (Weng et al. 2020).
+
+Per frame and class: Hungarian matching of 3D boxes with an IoU of at least 0.25. Not counted, neither for nor against a
+tracker: truth that is truncated, heavily occluded or of a neighbour class; unmatched tracks that are at most 25 pixels
+high in the image or lie in a DontCare region.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from mtp_bench.geometry import iou_3d, pairwise
+from mtp_bench.sources.kitti.files import Labels, read_detections, read_labels
+from mtp_bench.sources.kitti.layout import TYPES
+from mtp_bench.sources.kitti.source import NEIGHBOURS, read_poses
+from mtp_bench.types import Bools, Floats, Ints, Scene
+
+LEAST_IOU = 0.25
+MAX_OCCLUSION = 2
+LEAST_HEIGHT = 25.0  # px
+SCORE_THRESHOLD = {"car": 3.240738, "pedestrian": 2.683133, "cyclist": 3.645319}  # AB3DMOT's, of a track's mean
+
+
+@dataclass(frozen=True, eq=False)
+class TrackRows:
+    """What a tracker put out over a scene, one row per track and frame."""
+
+    frame: Ints  # [R]
+    track_id: Ints  # [R]
+    class_id: Ints  # [R]
+    box: Floats  # [R, 7]
+    score: Floats  # [R] of the detection taken last
+    image_box: Floats  # [R, 4] of the detection taken last, px
+
+    def keep(self, mask: Bools) -> TrackRows:
+        """The rows where ``mask`` holds."""
+        return TrackRows(
+            frame=self.frame[mask], track_id=self.track_id[mask], class_id=self.class_id[mask], box=self.box[mask],
+            score=self.score[mask], image_box=self.image_box[mask],
+        )  # fmt: skip
+
+    def above(self, threshold: float) -> TrackRows:
+        """The tracks whose mean score reaches ``threshold``."""
+        ids, row = np.unique(self.track_id, return_inverse=True)
+        mean = np.bincount(row, self.score) / np.bincount(row) if len(ids) else np.zeros(0)
+        return self.keep(mean[row] >= threshold)
+
+
+@dataclass(frozen=True, eq=False)
+class Annotations:
+    """Labels of a scene in its frame of reference."""
+
+    labels: Labels
+    box: Floats  # [R, 7]; NaN for DontCare
+
+    def ignored(self, class_name: str) -> Bools:
+        """Rows that count neither as found nor as missed."""
+        beside = np.isin(self.labels.type, NEIGHBOURS[class_name])
+        return np.asarray(beside | (self.labels.truncated > 0) | (self.labels.occluded > MAX_OCCLUSION))
+
+
+@dataclass
+class Counts:
+    """Sums over frames and scenes."""
+
+    truth: int = 0
+    hits: int = 0
+    misses: int = 0
+    false: int = 0
+    switches: int = 0
+    fragments: int = 0
+    matched: dict[tuple[str, int], list[tuple[int, bool]]] = field(default_factory=dict, repr=False)
+    """Per object the track id (-1: none) and whether it is ignored, frame by frame."""
+
+    @property
+    def mota(self) -> float:
+        """Multiple object tracking accuracy, in percent."""
+        return 100 * (1 - (self.misses + self.false + self.switches) / self.truth)
+
+
+def read_annotations(root: Path, scene: Scene, ego_motion: bool) -> Annotations:
+    """Labels of ``scene``, whose boxes are in the world if ``ego_motion``, else in each frame's own sensor frame."""
+    labels = read_labels(root / f"training/label_02/{scene.name}.txt")
+    box = labels.box
+    if ego_motion:
+        box = read_poses(root, scene.name, scene.frames).to_world(box, labels.frame)
+    return Annotations(labels, box)
+
+
+def detection_image_boxes(root: Path, scene: Scene, classes: tuple[str, ...]) -> Floats:
+    """Image boxes [R, 4] of the detections of ``scene``, in their order."""
+    parts = [read_detections(root / f"detections/pointrcnn/{TYPES[name][0]}/{scene.name}.txt") for name in classes]
+    order = np.argsort(np.concatenate([part.frame for part in parts]), kind="stable")
+    image_box = np.concatenate([part.image_box for part in parts])[order]
+    np.testing.assert_array_equal(np.concatenate([part.score for part in parts])[order], scene.detections.score)
+    return image_box
+
+
+def count_scene(name: str, frames: int, truth: Annotations, tracks: TrackRows, class_name: str, counts: Counts) -> None:
+    """Add one scene's rows of one class to ``counts``."""
+    kind, ignored = truth.labels.type, truth.ignored(class_name)
+    evaluated = np.isin(kind, (TYPES[class_name][0], *NEIGHBOURS[class_name]))
+    for t in range(frames):
+        now = np.flatnonzero(evaluated & (truth.labels.frame == t))
+        here = tracks.keep(tracks.frame == t)
+        column = matched_columns(truth.box[now], here.box)
+        hit = column >= 0
+        free = np.ones(len(here.frame), dtype=bool)
+        free[column[hit]] = False
+        areas = truth.labels.image_box[(kind == "DontCare") & (truth.labels.frame == t)]
+        counts.false += int((free & ~excused(here.image_box, areas)).sum())
+        counts.truth += int((~ignored[now]).sum())
+        counts.hits += int((hit & ~ignored[now]).sum())
+        counts.misses += int((~hit & ~ignored[now]).sum())
+        ids = np.where(hit, np.append(here.track_id, -1)[column], -1)
+        for row, track_id in zip(now, ids.tolist(), strict=True):
+            story = counts.matched.setdefault((name, int(truth.labels.object_id[row])), [])
+            story.append((track_id, bool(ignored[row])))
+
+
+def matched_columns(truth: Floats, tracks: Floats) -> Ints:
+    """Track [M] matched to each true box, -1 for none: as many pairs as possible, of the largest total IoU."""
+    column = np.full(len(truth), -1, dtype=np.int64)
+    overlap = pairwise(iou_3d, truth, tracks)
+    cost = np.where(overlap >= LEAST_IOU, 1.0 - overlap, 1e4)
+    for i, j in zip(*linear_sum_assignment(cost), strict=True):
+        if overlap[i, j] >= LEAST_IOU:
+            column[i] = j
+    return column
+
+
+def excused(image_box: Floats, areas: Floats) -> Bools:
+    """Rows whose image box [R, 4] is low, or more than half of it in one of the DontCare areas [A, 4]."""
+    low = image_box[:, 3] - image_box[:, 1] <= LEAST_HEIGHT
+    corner = np.maximum(image_box[:, None, :2], areas[None, :, :2])
+    other = np.minimum(image_box[:, None, 2:], areas[None, :, 2:])
+    common = np.maximum(other - corner, 0.0).prod(axis=2)
+    size = (image_box[:, 2:] - image_box[:, :2]).prod(axis=1)
+    return np.asarray(low | (common > 0.5 * size[:, None]).any(axis=1))
+
+
+def finish(counts: Counts) -> Counts:
+    """Count switches and fragments along the stories of the objects."""
+    for story in counts.matched.values():
+        ids = [track_id for track_id, _ in story]
+        if all(ignored for _, ignored in story) or all(i == -1 for i in ids):
+            continue
+        last = ids[0]
+        for f in range(1, len(story)):
+            if story[f][1]:
+                last = -1
+                continue
+            counts.switches += last != ids[f] and -1 not in (last, ids[f], ids[f - 1])
+            again = ids[f] != ids[f - 1] and last != -1 and ids[f] != -1
+            # A match of a single frame does not count, except as the last one of the object's life.
+            counts.fragments += again and (f == len(story) - 1 or ids[f + 1] != -1)
+            last = ids[f] if ids[f] != -1 else last
+    return counts

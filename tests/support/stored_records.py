@@ -1,0 +1,108 @@
+"""Records written by hand, and a submission that runs in a process of its own."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from mtp_bench.records.record import Record, ScenePart
+from mtp_bench.records.storage import sealed
+from mtp_bench.scoring import SUBSETS
+from tests.support.small_scenes import EchoAgent, empty_action
+
+IMPORTS = """from __future__ import annotations
+from dataclasses import dataclass
+from typing import Any
+import numpy as np
+"""
+BUILD = '''
+class Agent(EchoAgent):
+    def reset(self, task):
+        super().reset(task)
+        self.moved = None
+
+    def act(self, observation):
+        if self.moved is None:
+            self.moved = bool(np.abs(observation["ego_pose"][[0, 1, 3]]).max() > 1e-6)
+        {body}
+        return super().act(observation)
+
+def build(task, **parameters):
+    return Agent(**parameters)
+'''  # fmt: skip
+
+
+def write_isolated(folder: Path, name: str = "echo", tables: str = "", body: str = "pass") -> Path:
+    """A submission that needs nothing of the tests; ``body`` runs in every frame before the answer."""
+    folder.mkdir(parents=True)
+    manifest = f'name = "{name}"\nauthors = ["A. Author"]\nagent = "agent:build"\n{tables}'
+    (folder / "submission.toml").write_text(manifest)
+    source = [inspect.getsource(part) for part in (empty_action, EchoAgent)]
+    (folder / "agent.py").write_text("\n\n".join([IMPORTS, *source, BUILD.format(body=body)]))
+    return folder
+
+
+def scene_part(name: str, targets: int, errors: Sequence[float]) -> ScenePart:
+    """A scene with these mean errors, one per seed."""
+    sums = [targets * error for error in errors]
+    return ScenePart(
+        scene=name,
+        targets=targets,
+        missing_aware=sum(errors) / len(errors) if targets else None,
+        seeds=[error if targets else None for error in errors],
+        counts={"all": targets, "ids": 0, "lost": 2, "reacquired": 0, "frag": 2},
+        errors={subset: [2 * e for e in errors] if subset in ("lost", "frag") else sums for subset in SUBSETS},
+    )
+
+
+def write_record(
+    errors: Mapping[str, Sequence[float]],
+    name: str = "echo",
+    objects: int = 40,
+    interval: list[float] | None = None,
+    budget: str = "equal",
+    **changes: Any,
+) -> Record:
+    """A record on ten targets per scene; ``errors``: scene -> mean error per seed. ``changes`` replace fields."""
+    scenes = [scene_part(scene, 10, values) for scene, values in errors.items()]
+    seeds = len(next(iter(errors.values())))
+    mean = sum(part.missing_aware or 0.0 for part in scenes) / len(scenes)
+    row = {
+        "agent": name, "hypotheses": 1, "samples": 4, "budget": budget, "minADE": mean, "minFDE": mean,
+        "missing_aware": mean, "energy_score": mean, "coverage": 1.0, "gap_closed": None, "targets": 10 * len(scenes),
+        "events": None, "scenes": len(scenes), "interval": interval, "ms_per_frame": 1.0,
+    }  # fmt: skip
+    content: dict[str, Any] = {
+        "format": 1,
+        "submission": {"name": name, "authors": ["A"], "description": "", "digest": "aa", "parameters": {}},
+        "division": "closed",
+        "training_data": [],
+        "env": {
+            "id": "MTP-Small-v0", "card_digest": "cc", "split": "val", "data_manifest": "dd", "scenes": len(scenes),
+            "scenes_of_split": len(scenes), "observe": "detections", "truth_complete": True, "keywords": {},
+        },
+        "scorer": {"definitions": "1.0", "source_digest": "ee"},
+        "reference": {"name": "stp", "hash": "ff", "origin": "frozen"},
+        "seeds": list(range(seeds)),
+        "status": "finished",
+        "status_reason": "",
+        "verification": "scored",
+        "versions": {"numpy": "2.1"},
+        "hardware": {"cpu": "x", "cores": 2, "memory_gib": 8.0, "gpu": None},
+        "latency": {"p50_ms": 1.0, "p95_ms": 2.0, "max_ms": 3.0, "limit_ms": 5000.0},
+        "peak_memory_mib": 100.0,
+        "missed": {"late": 0, "malformed": 0, "crashed_scenes": 0, "reasons": {}},
+        "isolation": {"network_cut": True, "files_hidden": True},
+        "hypotheses": 1,
+        "samples": 4,
+        "rows": [{**row, "subset": s, "objects": objects if s == "all" else 5} for s in SUBSETS],
+        "details": {"forecasts_per_frame": 3.0},
+        "per_scene": [part.model_dump() for part in scenes],
+        "seals": {},
+        "rollout_digests": {},
+        "made": "2030-01-01",
+        **changes,
+    }  # fmt: skip
+    return sealed(Record.model_validate(content))

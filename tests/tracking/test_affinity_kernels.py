@@ -1,0 +1,254 @@
+"""The compiled sparse gains against the plain ones, and the affinities that only they have against scipy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from mtp_bench.errors import ShapeError, UnknownNameError
+from mtp_bench.geometry import bev_hull_area, giou_3d, giou_reach, iou_3d, transform_boxes
+from mtp_bench.tracking.kernels.affinity_kernels import GIOU_3D, IOU_3D, hull_area, sparse_pairs
+from mtp_bench.tracking.parameters import Affinity, ClassParameters, LikelihoodTerms
+from mtp_bench.tracking.sparse_gains import innovation_variance, pair_rules, sparse_gains
+from mtp_bench.types import Floats, Ints
+from tests.support import plain_motion as motion
+from tests.support.plain_affinity import gains
+
+NONE = np.zeros(0)
+
+
+def random_boxes(rng: np.random.Generator, n: int, spread: float = 3.0) -> Floats:
+    return rng.uniform([-spread, -spread, -1, -7, 0.2, 0.2, 0.3], [spread, spread, 1, 7, 6, 3, 3], size=(n, 7))
+
+
+def edge_boxes(rng: np.random.Generator, n: int) -> Floats:
+    """Boxes on a grid: most pairs touch, contain each other, share edges or corners, are equal or have no area."""
+    place = [rng.choice(v, n) for v in ([-4.0, -2, -1, 0, 1, 2, 4], [-2.0, -1, -0.5, 0, 0.5, 1, 2], [0, 0.5, 1, 2])]
+    size = [rng.choice(v, n) for v in ([0, 1e-4, 1, 2, 4.0], [0, 1, 2, 4.0], [0, 1, 2.0])]
+    return np.column_stack([*place, rng.integers(-4, 5, n) * np.pi / 4, *size])
+
+
+def by_row(a: Floats, b: Floats, kind: int, gate: float) -> Floats:
+    """Affinity of each row of a with the same row of b, NaN where it is below the gate: every row is a class."""
+    n = len(a)
+    class_id = np.arange(n)
+    indptr, column, gain = sparse_pairs(
+        *(a, class_id, NONE, b, class_id, np.full(n, kind), np.full(n, gate), np.zeros(n))
+    )
+    row = np.repeat(class_id, np.diff(indptr))
+    np.testing.assert_array_equal(row, column)
+    value = np.full(n, np.nan)
+    value[row] = gain + gate
+    return value
+
+
+def assert_same_overlap(a: Floats, b: Floats) -> None:
+    """IoU of all rows equal to 1e-9, and GIoU where the hull has a volume: else it is 0 / 0."""
+    np.testing.assert_allclose(by_row(a, b, IOU_3D, 0.0), iou_3d(a, b), atol=1e-9, rtol=0)
+    expected, value = giou_3d(a, b), by_row(a, b, GIOU_3D, -1.0)
+    height = np.maximum(a[:, 2] + a[:, 6] / 2, b[:, 2] + b[:, 6] / 2) - np.minimum(
+        a[:, 2] - a[:, 6] / 2, b[:, 2] - b[:, 6] / 2
+    )
+    flat = bev_hull_area(a, b) <= 1e-12 * np.maximum(a[:, 4:6].max(1), b[:, 4:6].max(1)) ** 2
+    flat |= height == 0
+    at_gate = np.isnan(value) & (expected < -1 + 1e-9)
+    assert (flat | at_gate).mean() < 0.7
+    kept = ~flat & ~at_gate
+    np.testing.assert_allclose(value[kept], expected[kept], atol=1e-9, rtol=0)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("offset", [0.0, 1e5])
+def test_random_pairs(scale: float, offset: float) -> None:
+    rng = np.random.default_rng(0)
+    shift = [offset, -offset, 0, 0, 0, 0, 0]
+    size = [scale, scale, scale, 1, scale, scale, scale]
+    for spread in (3.0, 20.0):
+        assert_same_overlap(*(random_boxes(rng, 4000, spread) * size + shift for _ in range(2)))
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.1, np.pi / 2, -2.2])
+@pytest.mark.parametrize("offset", [0.0, 1e5])
+def test_degenerate_pairs(turn: float, offset: float) -> None:
+    rng = np.random.default_rng(1)
+    a, b = (transform_boxes(edge_boxes(rng, 5000), turn, [offset, offset / 3, 0]) for _ in range(2))
+    assert_same_overlap(a, b)
+    assert_same_overlap(a, a.copy())
+
+
+@pytest.mark.parametrize("exponent", range(-17, 0, 2))
+def test_nearly_equal_boxes(exponent: int) -> None:
+    rng = np.random.default_rng(-exponent)
+    a = random_boxes(rng, 2000)
+    b = a + rng.normal(0, 10.0**exponent, a.shape) * [1, 1, 0, 1, 1, 1, 0]
+    b[:, 3] += rng.integers(-2, 3, len(a)) * np.pi / 2
+    b[:, 4:6] = np.abs(b[:, 4:6])
+    assert_same_overlap(a, b)
+
+
+RULES: list[tuple[Affinity, float]] = [
+    ("giou_3d", -0.2),
+    ("giou_3d", -0.8),
+    ("giou_3d", -1.0),
+    ("giou_3d", 0.3),
+    ("iou_3d", 0.1),
+    ("iou_3d", 0.0),
+    ("iou_3d", -0.5),
+    ("center_distance", 2.0),
+    ("center_distance", 0.0),
+    ("center_distance", -1.0),
+    ("center_distance", np.inf),
+]
+PARAMETERS = tuple(ClassParameters("hungarian", affinity, gate, 1, 2) for affinity, gate in RULES)
+
+
+def dense(rows: tuple[Ints, Ints, Floats], shape: tuple[int, int]) -> Floats:
+    """The matrix of `affinity.gains`; columns must ascend and gains must not be negative."""
+    indptr, column, gain = rows
+    assert len(indptr) == shape[0] + 1
+    assert (gain >= 0).all()
+    matrix = np.full(shape, -np.inf)
+    for i in range(shape[0]):
+        mine = slice(int(indptr[i]), int(indptr[i + 1]))
+        assert (np.diff(column[mine]) > 0).all()
+        matrix[i, column[mine]] = gain[mine]
+    return matrix
+
+
+def assert_same_gains(a: Floats, a_class: Ints, b: Floats, b_class: Ints, rules: tuple[ClassParameters, ...]) -> None:
+    expected = gains(a, a_class, b, b_class, rules)
+    np.testing.assert_allclose(
+        dense(sparse_gains(a, a_class, b, b_class, rules), expected.shape), expected, atol=1e-9, rtol=0
+    )
+
+
+@pytest.mark.parametrize("rule", range(len(RULES)))
+@pytest.mark.parametrize("spread", [5.0, 60.0])
+def test_the_allowed_pairs_of_each_rule(rule: int, spread: float) -> None:
+    rng = np.random.default_rng(rule)
+    a, b = random_boxes(rng, 60, spread), random_boxes(rng, 70, spread)
+    a_class, b_class = np.zeros(60, dtype=np.int64), np.zeros(70, dtype=np.int64)
+    assert_same_gains(a, a_class, b, b_class, PARAMETERS[rule : rule + 1])
+
+
+def test_classes_do_not_cross_and_unknown_ones_match_nothing() -> None:
+    rng = np.random.default_rng(3)
+    a, b = random_boxes(rng, 150, 8), random_boxes(rng, 120, 8)
+    a_class, b_class = rng.integers(-1, len(RULES) + 2, 150), rng.integers(-1, len(RULES) + 2, 120)
+    assert_same_gains(a, a_class, b, b_class, PARAMETERS)
+
+
+def test_pairs_beyond_the_reach_are_not_allowed() -> None:
+    """Just outside of the distance that geometry.py computes up to, and where the two bounds differ."""
+    rng = np.random.default_rng(5)
+    a, b = random_boxes(rng, 1000), random_boxes(rng, 1000)
+    reach = np.array([giou_reach(a[i : i + 1], b[i : i + 1], -0.5)[0, 0] for i in range(1000)])
+    for share in (0.4, 0.6, 0.8, 0.999, 1.001):
+        far = b.copy()
+        far[:, 0], far[:, 1] = a[:, 0] + reach * share, a[:, 1]
+        value, expected = by_row(a, far, GIOU_3D, -0.5), giou_3d(a, far)
+        np.testing.assert_array_equal(np.isfinite(value), expected >= -0.5)
+
+
+@pytest.mark.parametrize(("n", "d"), [(0, 0), (0, 3), (3, 0)])
+def test_nothing_to_match(n: int, d: int) -> None:
+    a, b = np.zeros((n, 7)), np.zeros((d, 7))
+    indptr, column, gain = sparse_gains(a, np.zeros(n, dtype=int), b, np.zeros(d, dtype=int), PARAMETERS)
+    assert indptr.tolist() == [0] * (n + 1)
+    assert column.shape == gain.shape == (0,)
+
+
+def test_nan_matches_nothing() -> None:
+    a = random_boxes(np.random.default_rng(0), 3, 0.5)
+    zero = np.zeros(3, dtype=np.int64)
+    for rule in (0, 4, 7):
+        for k in range(3):
+            b = a.copy()
+            b[1, k] = np.nan
+            assert_same_gains(a, zero, b, zero, PARAMETERS[rule : rule + 1])
+
+
+def test_other_layouts_and_types() -> None:
+    rng = np.random.default_rng(6)
+    mean, b = np.hstack([random_boxes(rng, 9), np.ones((9, 3))]), random_boxes(rng, 8)
+    a_class, b_class = np.zeros(18, dtype=np.int64)[::2], np.zeros(8, dtype=np.int64)
+    expected = sparse_gains(mean[:, :7].copy(), a_class.copy(), b, b_class, PARAMETERS)
+    b.flags.writeable = False
+    for given in (b, b.copy("F")):
+        result = sparse_gains(mean[:, :7], a_class, given, b_class.astype(np.int32), PARAMETERS)
+        for value, other in zip(result, expected, strict=True):
+            np.testing.assert_array_equal(value, other)
+
+
+def test_plain_python_gives_the_same() -> None:
+    rng = np.random.default_rng(8)
+    a, b = random_boxes(rng, 25), random_boxes(rng, 20)
+    names = ("giou_3d", "iou_3d", "center_distance", "mahalanobis", "likelihood_ratio")
+    rules = pair_rules(names, [-0.5, 0.05, 2.0, 2.0, 3.0])
+    given = (a, rng.integers(0, 5, 25), rng.uniform(0.5, 2, 25), b, rng.integers(0, 5, 20))
+    compiled = sparse_pairs(*given, rules.kind, rules.gate, rules.offset)
+    plain = sparse_pairs.python(*given, rules.kind, rules.gate, rules.offset)
+    for value, other in zip(compiled, plain, strict=True):
+        np.testing.assert_allclose(value, other, rtol=0, atol=1e-13)
+    assert hull_area(3.0, 0.0, 1.0, 0.0, 2.0, 1.0, 2.0, 1.0) == hull_area.python(3.0, 0.0, 1.0, 0.0, 2.0, 1.0, 2.0, 1.0)
+
+
+def tracked_scene(rng: np.random.Generator) -> tuple[motion.MotionState, Floats]:
+    """Tracks after two frames, of which half were seen twice, and detections near to them."""
+    box = random_boxes(rng, 40, 30.0)
+    state = motion.predicted(motion.born(box))
+    seen = motion.updated(state.take(np.arange(20)), box[:20])
+    state = motion.predicted(motion.joined(seen, state.take(np.arange(20, 40))))
+    return state, box + rng.normal(0, 1.0, box.shape)
+
+
+def test_mahalanobis_distance_and_likelihood_ratio() -> None:
+    state, detection = tracked_scene(np.random.default_rng(9))
+    variance, zero = innovation_variance(state.covariance), np.zeros(40, dtype=np.int64)
+    terms = LikelihoodTerms(detection_probability=0.8, clutter_density=1e-9, birth_density=2e-9)
+    distance, ratio = np.empty((40, 40)), np.empty((40, 40))
+    for i in range(40):
+        covariance = np.eye(3) * (state.covariance[i, 0, 0] + motion.MEASUREMENT_VARIANCE)
+        apart = detection[:, :3] - state.mean[i, :3]
+        distance[i] = np.sqrt(np.einsum("ni,ij,nj->n", apart, np.linalg.inv(covariance), apart))
+        likelihood = multivariate_normal(state.mean[i, :3], covariance).logpdf(detection[:, :3])
+        ratio[i] = likelihood - math.log(3e-9) + math.log(0.8) - math.log(0.2)
+    for name, value in (("mahalanobis", 2.0 - distance), ("likelihood_ratio", ratio)):
+        rules = pair_rules([name], [2.0], [terms])
+        expected = np.where((distance <= 2.0) & (value >= 0), value, -np.inf)
+        assert 40 <= np.isfinite(expected).sum() < 1600
+        rows = sparse_gains(state.box, zero, detection, zero, rules, variance)
+        np.testing.assert_allclose(dense(rows, (40, 40)), expected, atol=1e-9, rtol=0)
+    assert rules.miss.tolist() == pytest.approx([-math.log(0.2)])
+
+
+def test_the_cost_of_a_hypothesis_is_its_probability() -> None:
+    """Two tracks, two detections: costs of misses less gains order hypotheses as their probabilities do."""
+    p, clutter = 0.7, 0.05
+    state = motion.born(np.array([[0, 0, 0, 0, 4, 2, 1.5], [2, 0, 0, 0, 4, 2, 1.5]], dtype=np.float64))
+    detection = np.array([[0.5, 0, 0, 0, 4, 2, 1.5], [1.8, 1, 0, 0, 4, 2, 1.5]])
+    terms = LikelihoodTerms(p, clutter, 0.0)
+    zero, variance = np.zeros(2, dtype=np.int64), innovation_variance(state.covariance)
+    rules = pair_rules(["likelihood_ratio"], [np.inf], [LikelihoodTerms(p, 1e-9, 0.0)])
+    gain = dense(sparse_gains(state.box, zero, detection, zero, rules, variance), (2, 2)) + math.log(1e-9 / clutter)
+    for matches in ([], [(0, 0)], [(0, 1)], [(0, 0), (1, 1)], [(0, 1), (1, 0)]):
+        cost = 2 * terms.miss - sum(gain[i, j] for i, j in matches)
+        probability = (1 - p) ** (2 - len(matches)) * p ** len(matches) * clutter ** (2 - len(matches))
+        for i, j in matches:
+            probability *= multivariate_normal(state.mean[i, :3], variance[i] * np.eye(3)).pdf(detection[j, :3])
+        assert cost - 2 * math.log(clutter) == pytest.approx(-math.log(probability))
+
+
+def test_wrong_settings_are_errors() -> None:
+    one, zero = np.zeros((1, 7)), np.zeros(1, dtype=np.int64)
+    with pytest.raises(UnknownNameError, match="affinity 'mahalanobi': did you mean 'mahalanobis'"):
+        pair_rules(["mahalanobi"], [1.0])
+    with pytest.raises(ShapeError, match="no variance of the tracks"):
+        sparse_gains(one, zero, one, zero, pair_rules(["mahalanobis"], [1.0]))
+    with pytest.raises(ShapeError, match="detection_probability is 1"):
+        LikelihoodTerms(detection_probability=1)
+    with pytest.raises(ShapeError, match=r"clutter_density is 0\.0 and birth_density 0\.0"):
+        LikelihoodTerms(clutter_density=0.0, birth_density=0.0)

@@ -1,0 +1,335 @@
+"""The joint k-best kernels against enumeration, against the textbook solver and against themselves in plain Python."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench.errors import ShapeError
+from mtp_bench.tracking.joint import cluster_k_best, joint_k_best
+from mtp_bench.tracking.kernels import association
+from mtp_bench.tracking.kernels.association import search
+from mtp_bench.types import Bools, Floats, Ints
+from tests.support.textbook_k_best import k_best as textbook
+
+INF = np.inf
+Problem = tuple[Floats, Bools, Floats, int]  # dense cost, member, base_cost, k
+
+
+def sparse(cost: Floats) -> tuple[Ints, Ints, Floats, int]:
+    """Compressed rows of a dense cost matrix."""
+    row, column = np.nonzero(cost < INF)
+    indptr = np.searchsorted(row, np.arange(len(cost) + 1))
+    return indptr.astype(np.int64), column.astype(np.int64), cost[row, column], cost.shape[1]
+
+
+def solved(problem: Problem) -> tuple[Floats, Ints, Ints]:
+    cost, member, base, k = problem
+    return joint_k_best(*sparse(cost), member, base, k)
+
+
+def random_problem(rng: np.random.Generator, most_rows: int, most_parents: int, style: str) -> Problem:
+    """Rectangular, gated by 0 to 95 %; "ties" has small integers, "huge" costs of 1e300; some parents are equal."""
+    n, m = rng.integers(0, most_rows + 1, 2).tolist()
+    cost = rng.integers(-4, 2, (n, m)).astype(float) if style == "ties" else rng.normal(-0.3, 1.0, (n, m))
+    if style == "huge":
+        cost *= 1e300
+    cost[rng.random((n, m)) < rng.uniform(0.0 if n < 9 else 0.5, 0.95)] = INF
+    H = int(rng.integers(1, most_parents + 1))
+    member = rng.random((H, n)) < rng.choice([0.5, 0.8, 1.0])
+    if H > 1:
+        member[-1] = member[0]
+    base = np.round(rng.normal(size=H), 1) * (1e300 if style == "huge" else 1.0)
+    return cost, member, base, int(rng.choice([1, 2, 7, 40, 500]))
+
+
+def matching_costs(cost: Floats, rows: list[int], columns: int) -> dict[int, Floats]:
+    """Costs of all partial matchings of the rows, by the columns they use (as bits)."""
+    by_columns: dict[int, Floats] = {0: np.zeros(1)}
+    for row in rows:
+        grown = {used: [costs] for used, costs in by_columns.items()}
+        for column in range(columns):
+            if cost[row, column] < INF:
+                for used, costs in by_columns.items():
+                    if not used >> column & 1:
+                        grown.setdefault(used | 1 << column, []).append(costs + cost[row, column])
+        by_columns = {used: np.concatenate(parts) for used, parts in grown.items()}
+    return by_columns
+
+
+def enumerated(problem: Problem) -> Floats:
+    """The k least costs over all matchings of all distinct parents."""
+    cost, member, base, k = problem
+    cheapest: dict[tuple[int, ...], float] = {}
+    for mask, extra in zip(member, base.tolist(), strict=True):
+        rows = tuple(np.flatnonzero(mask).tolist())
+        cheapest[rows] = min(cheapest.get(rows, INF), extra)
+    costs = [
+        extra + part
+        for rows, extra in cheapest.items()
+        for part in matching_costs(cost, list(rows), cost.shape[1]).values()
+    ]
+    return np.sort(np.concatenate(costs))[:k]
+
+
+def check(problem: Problem, found: tuple[Floats, Ints, Ints]) -> None:
+    """Every solution is legal, of a parent that stands for its equals, costs exactly what it says and comes once."""
+    cost, member, base, k = problem
+    costs, row_to_column, parent = found
+    assert len(costs) <= k
+    assert (np.diff(costs) >= 0).all()
+    for total, choice, p in zip(costs.tolist(), row_to_column.tolist(), parent.tolist(), strict=True):
+        expected = float(base[p])
+        for row, column in enumerate(choice):
+            if column >= 0:
+                expected += float(cost[row, column])
+        assert total == expected  # to the last bit: summed in the order of the rows
+        taken = [column for column in choice if column >= 0]
+        assert len(set(taken)) == len(taken)
+        assert member[p][[column >= 0 for column in choice]].all()
+        equal = np.flatnonzero((member == member[p]).all(axis=1))
+        assert p == equal[np.argmin(base[equal])]
+    seen = {(p, *choice) for p, choice in zip(parent.tolist(), row_to_column.tolist(), strict=True)}
+    assert len(seen) == len(costs)
+
+
+def scale_of(problem: Problem) -> float:
+    return 1e300 if np.abs(problem[2]).max(initial=0) > 1e100 else 1.0
+
+
+@pytest.fixture(params=[10**7, 0], ids=["enumerating", "murty"])
+def most_choices(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> int:
+    """Small pieces by enumeration as usual, and all of them by Murty's search."""
+    monkeypatch.setattr(association, "MOST_CHOICES", request.param)
+    return int(request.param)
+
+
+@pytest.mark.parametrize("style", ["ties", "gated", "huge"])
+def test_equals_enumeration(style: str, most_choices: int) -> None:
+    rng = np.random.default_rng([len(style), most_choices])
+    for i in range(5000):
+        problem = random_problem(rng, 4 if i % 10 else 6, 5, style)
+        found, expected = solved(problem), enumerated(problem)
+        assert len(found[0]) == len(expected), i
+        np.testing.assert_allclose(found[0], expected, rtol=0, atol=1e-12 * scale_of(problem), err_msg=str(i))
+        if i % 20 == 0:
+            check(problem, found)
+
+
+def tracking_problem(rng: np.random.Generator, rows: int, parents: int, gate: float) -> Problem:
+    """Tracks and detections on a square, pairs within the gate; hypotheses that share most of their tracks."""
+    side = 3.0 * np.sqrt(rows)
+    tracks = rng.uniform(0, side, (rows, 2))
+    detections = (tracks + rng.normal(0, 0.5, (rows, 2)))[rng.random(rows) < 0.9]
+    distance = np.linalg.norm(tracks[:, None] - detections, axis=-1)
+    member = np.ones((parents, rows), dtype=bool)
+    doubtful = rng.permutation(rows)[: 4 + rows // 8]
+    member[:, doubtful] = rng.random((parents, len(doubtful))) < 0.5
+    return np.where(distance < gate, distance - gate, INF), member, np.sort(rng.exponential(size=parents)), 30
+
+
+@pytest.mark.parametrize(("rows", "parents", "gate"), [(60, 1, 3.0), (40, 20, 3.0), (25, 20, 5.0), (12, 6, 99.0)])
+def test_equals_the_textbook_solver(rows: int, parents: int, gate: float, most_choices: int) -> None:
+    rng = np.random.default_rng([rows, parents])
+    for _ in range(2):
+        problem = tracking_problem(rng, rows, parents, gate)
+        found, expected = solved(problem), textbook(problem[0], 30, problem[1], problem[2])
+        check(problem, found)
+        # Costs are not tied here: equal to the last bit, and the same solutions.
+        for ours, theirs in zip(found, expected, strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+
+
+def test_plain_python_equals_the_compiled_kernels(most_choices: int) -> None:
+    rng = np.random.default_rng(most_choices)
+    for i in range(200):
+        cost, member, base, k = random_problem(rng, 8, 4, ("ties", "gated", "huge")[i % 3])
+        arguments = (*sparse(cost), member, base, min(k, 40), i % 4 > 0, most_choices)
+        for compiled, plain in zip(search(*arguments), search.python(*arguments), strict=True):
+            np.testing.assert_array_equal(compiled, plain)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_first_j_of_k_are_the_j_best(seed: int, most_choices: int) -> None:
+    cost, member, base, _ = tracking_problem(np.random.default_rng(seed), 15, 6, 5.0)
+    whole = solved((cost, member, base, 60))
+    for j in (1, 2, 5, 17, 59):
+        for more, fewer in zip(whole, solved((cost, member, base, j)), strict=True):
+            np.testing.assert_array_equal(more[:j], fewer)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_order_of_rows_columns_and_pairs_does_not_matter(seed: int, most_choices: int) -> None:
+    rng = np.random.default_rng(seed)
+    cost, member, base, k = tracking_problem(rng, 20, 5, 4.0)
+    rows, columns = rng.permutation(cost.shape[0]), rng.permutation(cost.shape[1])
+    costs, row_to_column, parent = solved((cost, member, base, k))
+    other = solved((cost[np.ix_(rows, columns)], member[:, rows], base, k))
+    np.testing.assert_allclose(other[0], costs, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(np.append(columns, -1)[other[1]], row_to_column[:, rows])
+    np.testing.assert_array_equal(other[2], parent)
+    indptr, column, value, m = sparse(cost)
+    for r in range(len(cost)):
+        shuffled = indptr[r] + rng.permutation(indptr[r + 1] - indptr[r])
+        part = slice(indptr[r], indptr[r + 1])
+        column[part], value[part] = column[shuffled], value[shuffled]
+    for ours, theirs in zip(joint_k_best(indptr, column, value, m, member, base, k),
+                            (costs, row_to_column, parent), strict=True):  # fmt: skip
+        np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_joint_over_parents_is_the_sort_of_all_separate(seed: int) -> None:
+    cost, member, base, k = tracking_problem(np.random.default_rng(seed), 18, 8, 4.0)
+    kept = np.sort(np.unique(member, axis=0, return_index=True)[1]).tolist()  # the cheapest come first
+    apart = [(c, p) for p in kept for c in solved((cost, member[p : p + 1], base[p : p + 1], k))[0].tolist()]
+    costs, _, parent = solved((cost, member, base, k))
+    assert list(zip(costs.tolist(), parent.tolist(), strict=True)) == sorted(apart)[:k]
+
+
+def test_ties_come_by_parent_then_columns() -> None:
+    cost = np.full((2, 2), -1.0)
+    costs, row_to_column, parent = solved((cost, np.array([[True, True], [True, False]]), np.array([0.0, -1.0]), 99))
+    assert costs.tolist() == [-2, -2, -2, -2, -1, -1, -1, -1, -1, 0]
+    assert parent.tolist() == [0, 0, 1, 1, 0, 0, 0, 0, 1, 0]
+    assert row_to_column[:6].tolist() == [[0, 1], [1, 0], [0, -1], [1, -1], [-1, 0], [-1, 1]]
+
+
+def test_a_pair_of_infinite_cost_is_no_pair() -> None:
+    dense = np.array([[-1.0, INF, 2.0], [INF, INF, INF], [INF, -3.0, INF]])
+    everything = (np.arange(0, 10, 3), np.tile(np.arange(3), 3), dense.ravel(), 3)
+    member, base = np.ones((1, 3), dtype=bool), np.zeros(1)
+    for ours, theirs in zip(joint_k_best(*everything, member, base, 9), solved((dense, member, base, 9)), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+# rows, columns, parents, k -> how many solutions: nothing may be matched, so one per distinct parent
+EMPTY = {
+    "no rows": (0, 3, 2, 5, 1),
+    "no columns": (3, 0, 1, 5, 1),
+    "nothing at all": (0, 0, 1, 5, 1),
+    "all forbidden": (3, 3, 1, 5, 1),
+    "no parents": (3, 3, 0, 5, 0),
+    "k = 0": (3, 3, 1, 0, 0),
+}
+
+
+@pytest.mark.parametrize("case", EMPTY)
+def test_empty(case: str) -> None:
+    rows, columns, parents, k, count = EMPTY[case]
+    problem = np.full((rows, columns), INF), np.ones((parents, rows), dtype=bool), np.full(parents, 2.5), k
+    costs, row_to_column, parent = solved(problem)
+    assert costs.tolist() == [2.5] * count
+    assert row_to_column.tolist() == [[-1] * rows] * count
+    assert row_to_column.shape == (count, rows)
+    assert parent.tolist() == [0] * count
+    clusters = cluster_k_best(*sparse(problem[0]), *problem[1:])
+    assert clusters.row_to_column.shape == (parents, k, rows)
+    assert (clusters.cluster == -1).all()
+
+
+def test_an_idle_k_needs_no_memory() -> None:
+    cost = np.array([[-2.0, -1.0], [INF, 3.0]])
+    costs, _, _ = solved((cost, np.ones((3, 2), dtype=bool), np.zeros(3), 10**12))
+    assert costs.tolist() == [-2, -1, 0, 1, 3]
+
+
+def test_duplicates_and_empty_parents() -> None:
+    member = np.array([[True], [False], [True], [False]])
+    costs, row_to_column, parent = solved((np.array([[-2.0]]), member, np.array([1.0, 0.5, 0.0, 0.5]), 9))
+    assert costs.tolist() == [-2, 0, 0.5]
+    assert row_to_column.tolist() == [[0], [-1], [-1]]
+    assert parent.tolist() == [2, 2, 1]
+
+
+def test_other_types_and_layouts() -> None:
+    cost, member, base, k = tracking_problem(np.random.default_rng(3), 9, 3, 5.0)
+    indptr, column, value, m = sparse(np.round(cost))
+    expected = joint_k_best(indptr, column, value, m, member, base, k)
+    frozen = value.copy()
+    frozen.flags.writeable = False
+    variants: list[tuple[Any, Any, Any, Any]] = [
+        (indptr.astype(np.int32), column.astype(np.uint8), value.astype(np.float32), member),
+        (indptr.tolist(), column.tolist(), value.astype(np.int64), member.tolist()),
+        (np.repeat(indptr, 2)[::2], np.repeat(column, 2)[::2], np.repeat(value, 2)[::2], np.asfortranarray(member)),
+        (indptr, column, frozen, np.repeat(member, 2, axis=1)[:, ::2]),
+    ]
+    for variant in variants:
+        for ours, theirs in zip(joint_k_best(*variant[:3], m, variant[3], base, k), expected, strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+
+
+# what is changed of the problem: indptr [0, 1, 2], column [0, 1], cost [-1, -1], columns 2, one parent, base 0, k 3
+ERRORS: dict[str, tuple[dict[str, Any], str]] = {
+    "NaN": ({"cost": [-1.0, np.nan]}, r"cost\[1, 1\] is nan"),
+    "-inf": ({"cost": [-INF, 1.0]}, r"cost\[0, 0\] is -inf"),
+    "NaN where no parent looks": ({"cost": [-1.0, np.nan], "member": [[True, False]]}, r"cost\[1, 1\]"),
+    "base NaN": ({"base_cost": [np.nan]}, "base_cost has nan"),
+    "base infinite": ({"base_cost": [INF]}, "base_cost has inf"),
+    "negative k": ({"k": -1}, "k is -1"),
+    "negative columns": ({"columns": -2}, "columns is -2"),
+    "column too large": ({"column": [0, 2]}, r"column\[1\] \(row 1\) is 2, expected 0 to 1"),
+    "column negative": ({"column": [-1, 0]}, r"column\[0\] \(row 0\) is -1"),
+    "a column twice": ({"indptr": [0, 0, 2], "column": [1, 1]}, "row 1 has column 1 twice"),
+    "columns not whole": ({"column": [0.0, 1.0]}, "column has type float64"),
+    "rows that shrink": ({"indptr": [0, 2, 1]}, "indptr does not fit"),
+    "rows beyond the pairs": ({"indptr": [0, 3, 2]}, "indptr does not fit"),
+    "indptr too short": ({"indptr": [0, 1], "member": [[True]]}, "indptr does not fit"),
+    "no indptr": ({"indptr": np.zeros(0, int)}, r"member has shape \(1, 2\), expected \(1, -1\)"),
+    "fewer costs than columns": ({"cost": [1.0]}, "indptr does not fit"),
+    "member too wide": ({"member": [[True, True, True]]}, r"member has shape \(1, 3\), expected \(1, 2\)"),
+    "member of numbers": ({"member": [[0, 1]]}, "member has type int64, expected bool"),
+    "base too long": ({"base_cost": [0.0, 1.0]}, r"member has shape \(1, 2\), expected \(2, 2\)"),
+    "cost of two dimensions": ({"cost": [[-1.0, -1.0]]}, r"cost has shape \(1, 2\), expected 1 dimension$"),
+    "costs that overflow": ({"cost": [1.5e308, 1.5e308]}, "too large to be summed"),
+}
+
+
+@pytest.mark.parametrize("case", ERRORS)
+@pytest.mark.parametrize("function", [joint_k_best, cluster_k_best])
+def test_error(function: Any, case: str) -> None:
+    change, message = ERRORS[case]
+    given: dict[str, Any] = {"indptr": [0, 1, 2], "column": [0, 1], "cost": [-1.0, -1.0], "columns": 2,
+                             "member": [[True, True]], "base_cost": [0.0], "k": 3}  # fmt: skip
+    with pytest.raises(ShapeError, match=message):
+        function(**(given | change))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_clusters_have_their_own_best_solutions(seed: int, most_choices: int) -> None:
+    cost, member, base, k = tracking_problem(np.random.default_rng(seed), 20, 4, 3.0)
+    clusters = cluster_k_best(*sparse(cost), member, base, k)
+    for p in range(len(member)):
+        own = solved((cost, member[p : p + 1], base[p : p + 1], 1))
+        np.testing.assert_array_equal(clusters.row_to_column[p, 0], own[1][0])
+        assert base[p] + clusters.cost[p, :, 0].sum() == pytest.approx(own[0][0], abs=1e-12)
+        for c in range(clusters.cost.shape[1]):
+            rows = (clusters.cluster == c) & member[p]
+            alone = solved((cost, rows[None], np.zeros(1), k))
+            count = len(alone[0])
+            np.testing.assert_allclose(clusters.cost[p, c, :count], alone[0], rtol=0, atol=1e-12)
+            assert (clusters.cost[p, c, count:] == INF).all()
+            np.testing.assert_array_equal(clusters.row_to_column[p, :count][:, rows], alone[1][:, rows])
+            assert (clusters.row_to_column[p, count:][:, rows] == alone[1][0, rows]).all()
+    assert (clusters.row_to_column.swapaxes(1, 2)[~member] == -1).all()
+
+
+def test_enumeration_gives_up_where_everything_is_tied() -> None:
+    costs = solved((np.full((5, 15), -1.0), np.ones((1, 5), dtype=bool), np.zeros(1), 30))[0]
+    assert costs.tolist() == [-5.0] * 30
+    mixed = np.full((9, 9), INF)  # with a second piece, whose solutions must count once
+    mixed[:6, :6], mixed[6:, 6:] = -1.0, np.diag([-0.5, -0.25, -0.125])
+    mixed[mixed == 0.0] = INF
+    found = solved((mixed, np.ones((1, 9), dtype=bool), np.zeros(1), 2000))
+    np.testing.assert_array_equal(found[0], enumerated((mixed, np.ones((1, 9), dtype=bool), np.zeros(1), 2000)))
+
+
+def test_the_pool_of_nodes_grows() -> None:
+    rng = np.random.default_rng(0)
+    cost = rng.random((9, 9)) - 1.0
+    problem = cost, np.ones((1, 9), dtype=bool), np.zeros(1), 400
+    found = solved(problem)
+    check(problem, found)
+    np.testing.assert_array_equal(found[0], textbook(cost, 400)[0])

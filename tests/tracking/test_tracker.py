@@ -1,0 +1,175 @@
+"""The hypothesis tracker with one hypothesis: AB3DMOT's filter and life cycle with Hungarian or greedy assignment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mtp_bench.cards import load_card
+from mtp_bench.errors import ShapeError, SubmissionError, UnknownNameError
+from mtp_bench.sources import open_source
+from mtp_bench.tracking import AB3DMOT, ClassParameters, HypothesisTracker, TruthTracker
+from tests.support.hungarian_tracker import HungarianTracker
+from tests.support.tracking_scenes import (
+    CAR,
+    CYCLIST,
+    PEDESTRIAN,
+    Frame,
+    frame,
+    kitti_task,
+    observation,
+    random_frames,
+    run,
+)
+
+PARAMETERS = tuple(AB3DMOT["pointrcnn"].values())
+NOTHING = frame()
+
+
+def assert_single_hypothesis(frames: Sequence[Frame], assignment: str) -> None:
+    """One hypothesis equals the plain tracker: ids, classes, detections and pasts exactly, states up to rounding."""
+    plain = HungarianTracker(PARAMETERS, greedy=assignment == "as_parameters")
+    for t, tracks in enumerate(run(HypothesisTracker(1, assignment=assignment), frames)):
+        expected = plain.step(*frames[t])
+        assert tracks.track_id.tolist() == [track["id"] for track in expected]
+        assert tracks.class_id.tolist() == [track["class"] for track in expected]
+        assert tracks.detection.tolist() == [track["detection"] for track in expected]
+        np.testing.assert_array_equal(tracks.member, np.ones((1, len(expected)), dtype=bool))
+        np.testing.assert_array_equal(tracks.log_weight, [0.0])
+        for i, track in enumerate(expected):
+            np.testing.assert_allclose(tracks.box[i], track["x"][:7], atol=1e-9, rtol=0)
+            # The tree of detections against the record along the id.
+            taken = {9 + when - t - 1: box for when, box in track["past"].items() if when > t + 1 - 10}
+            assert np.flatnonzero(tracks.past_valid[i]).tolist() == sorted(taken)
+            np.testing.assert_array_equal(tracks.past[i, sorted(taken)], [taken[p] for p in sorted(taken)])
+            if track["detection"] < 0:
+                np.testing.assert_array_equal(tracks.past[i, -1], tracks.box[i])
+
+
+@pytest.mark.parametrize("assignment", ["hungarian", "as_parameters"])
+@pytest.mark.parametrize("seed", range(6))
+def test_one_hypothesis_is_the_single_hypothesis_tracker(seed: int, assignment: str) -> None:
+    assert_single_hypothesis(random_frames(np.random.default_rng(seed), 40), assignment)
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("scene_name", ["0012", "0014"])
+@pytest.mark.parametrize("assignment", ["hungarian", "as_parameters"])
+def test_one_hypothesis_is_the_single_hypothesis_tracker_on_kitti(
+    data_root: Path, scene_name: str, assignment: str
+) -> None:
+    scene = open_source(load_card("MTP-KITTI-noego-v0"), data_root).load(scene_name)
+    rows = [scene.detections.rows(t) for t in range(scene.frames)]
+    frames = [(scene.detections.box[r], scene.detections.class_id[r]) for r in rows]
+    assert_single_hypothesis(frames, assignment)
+
+
+# Of one object, X a detection and . none; below, the track that is output: its id, lower case where it took no
+# detection, and . for no output. Car: min_hits 3, max_age 2. Pedestrian: 1 and 4.
+LIVES = {
+    "first frame": (CAR, "X", "A"),
+    "a recording does not wait for its first tracks": (CAR, "XXXX", "AAAA"),
+    "later births wait for three detections": (CAR, "...XXXX", ".....AA"),
+    "one miss is bridged": (CAR, "XXXX.XX", "AAAAaAA"),
+    "two misses end a track": (CAR, "XXXX..XXXX", "AAAAa...BB"),
+    "a miss does not count as a detection": (CAR, "....XX.XX", ".......AA"),
+    "unconfirmed and missed twice: never output": (CAR, "....XX..XX", ".........."),
+    "no detection ever": (CAR, ".....", "....."),
+    "pedestrians are output at once": (PEDESTRIAN, "..X", "..A"),
+    "pedestrians survive three misses": (PEDESTRIAN, "X...X", "AaaaA"),
+    "but not four": (PEDESTRIAN, "X....X", "Aaaa.B"),
+    "cyclists": (CYCLIST, "...XXX...X....", ".....AaaaAaaa."),
+}
+
+
+@pytest.mark.parametrize("case", LIVES)
+def test_life_of_a_track(case: str) -> None:
+    class_id, seen, expected = LIVES[case]
+    frames = [frame((5.0, 5.0, class_id)) if mark == "X" else NOTHING for mark in seen]
+    story = ""
+    for tracks in run(HypothesisTracker(), frames):
+        assert len(tracks.track_id) <= 1
+        letter = "".join("ABCDE"[i] for i in tracks.track_id)
+        story += (letter if (tracks.detection >= 0).all() else letter.lower()) or "."
+    assert story == expected
+
+
+@pytest.mark.parametrize("hypotheses", [1, 20])
+def test_without_any_detection_there_is_one_empty_hypothesis(hypotheses: int) -> None:
+    for tracks in run(HypothesisTracker(hypotheses), [NOTHING] * 4):
+        assert tracks.member.shape == (1, 0)
+        assert tracks.past.shape == (0, 10, 7)
+        np.testing.assert_array_equal(tracks.log_weight, [0.0])
+
+
+def test_classes_do_not_mix() -> None:
+    *_, tracks = run(HypothesisTracker(), [frame((0.0, 0.0, CAR)), frame((0.0, 0.0, PEDESTRIAN))])
+    assert tracks.class_id.tolist() == [CAR, PEDESTRIAN]
+    assert tracks.detection.tolist() == [-1, 0]
+
+
+def test_an_observation_is_padded() -> None:
+    box, class_id = frame((0.0, 0.0, CAR), (9.0, 0.0, CYCLIST))
+    padded = observation((np.vstack([box, np.full((3, 7), np.nan)]), np.append(class_id, [0, 0, 0])))
+    padded["detection_valid"] = np.array([1, 1, 0, 0, 0], dtype=np.int8)
+    tracker = HypothesisTracker()
+    tracker.reset(kitti_task())
+    np.testing.assert_array_equal(tracker.step(padded).box, box)
+
+
+def test_the_score_of_a_track_is_the_mean_of_its_detections() -> None:
+    # A car seen alone, then missed, then seen as the second detection: scores count from 1 in each frame.
+    frames = [frame((0, 0, CAR)), NOTHING, frame((50, 0, CAR), (0, 0, CAR))]
+    scores = [dict(zip(t.track_id.tolist(), t.score.tolist(), strict=True)) for t in run(HypothesisTracker(), frames)]
+    assert scores == [{0: 1.0}, {0: 1.0}, {0: 1.5, 1: 1.0}]
+
+
+def test_reset_forgets() -> None:
+    tracker, frames = HypothesisTracker(5), random_frames(np.random.default_rng(1), 12)
+    first, second = ([t.track_id.tolist() for t in run(tracker, frames)] for _ in range(2))
+    assert first == second
+    assert first[-1]
+
+
+CAR_RULE = ClassParameters("hungarian", "iou_3d", 0.1, 1, 2)
+
+
+def test_iou_as_affinity() -> None:
+    # A step of 3 m leaves an IoU of 1/7 (4 m long): matched; one of 3.5 m leaves 1/15: not.
+    for step, ids in ((3.0, [0]), (3.5, [0, 1])):
+        frames = [frame((0.0, 0.0, CAR)), frame((step, 0.0, CAR))]
+        *_, tracks = run(HypothesisTracker(1, (CAR_RULE,)), frames, kitti_task(classes=("car",)))
+        assert tracks.track_id.tolist() == ids
+
+
+def test_wrong_settings_are_errors() -> None:
+    with pytest.raises(ShapeError, match="hypotheses is 0"):
+        HypothesisTracker(0)
+    with pytest.raises(ShapeError, match="temperature is 0"):
+        HypothesisTracker(temperature=0)
+    with pytest.raises(ShapeError, match="assignment is 'auction'"):
+        HypothesisTracker(assignment="auction")
+    with pytest.raises(ShapeError, match="works with 1 hypothesis, got 2"):
+        HypothesisTracker(2, assignment="as_parameters")
+    with pytest.raises(ShapeError, match="parameters of 1 classes, the task has 3"):
+        HypothesisTracker(1, (CAR_RULE,)).reset(kitti_task())
+    with pytest.raises(UnknownNameError, match="detector 'pointrcn': did you mean 'pointrcnn'"):
+        HypothesisTracker().reset(kitti_task(detector="pointrcn"))
+    with pytest.raises(UnknownNameError, match="class for detector 'pointrcnn' 'bicycle'"):
+        HypothesisTracker().reset(kitti_task(classes=("bicycle",)))
+    with pytest.raises(SubmissionError, match='observe="truth"'):
+        TruthTracker().reset(kitti_task())
+
+
+def test_the_truth_tracker_follows_true_ids() -> None:
+    tracker = TruthTracker()
+    tracker.reset(kitti_task(observe="truth", past=3))
+    for x, ids in ((0.0, [4]), (1.0, [9, 4]), (2.0, [9]), (3.0, [9, 4])):
+        seen = observation(frame(*((x + i, float(i), CAR) for i in ids)))
+        tracks = tracker.step({**seen, "detection_id": np.array(ids)})
+    assert tracks.track_id.tolist() == [9, 4]
+    assert tracks.past_valid.tolist() == [[True, True, True], [True, False, True]]
+    assert tracks.past[:, :, 0].tolist() == [[10.0, 11.0, 12.0], [5.0, 0.0, 7.0]]

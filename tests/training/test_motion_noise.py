@@ -1,0 +1,180 @@
+"""Motion noise: what is stored, and that a fit finds what made the windows."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench.errors import UnknownNameError
+from mtp_bench.prediction import NoiseTable, motion_noise, stored_noise
+from mtp_bench.prediction.motion_noise import condition, table
+from mtp_bench.tracking import HypothesisTracker, TruthTracker
+from mtp_bench.training.motion_noise import as_toml, fit_motion_noise, fit_scenes, forecast_score
+from mtp_bench.training.windows import collect, frame_observation
+from mtp_bench.types import Bools, Floats
+from tests.support.small_scenes import bare_scene, make_scene
+from tests.support.tracking_scenes import kitti_task
+
+DT = 0.1
+TRUE: dict[str, Any] = {
+    "measurement": 0.1,
+    "jerkiness": [1.2, 0.4],
+    "speed": [4.0, 0.5],
+    "acceleration": [0.8, 0.3],
+    "turn_rate": 0.1,
+}
+
+
+def simulated(rng: np.random.Generator, n: int) -> tuple[Floats, Bools, Floats]:
+    """Past [n, 10, 2] and future [n, 10, 2] of motions with exactly the noise of TRUE, and the mask of the past."""
+    fine = 20  # steps of the simulation per frame
+    jerk, speed, acceleration = (np.array(TRUE[name]) for name in ("jerkiness", "speed", "acceleration"))
+    velocity = rng.normal(size=(n, 2)) * speed
+    position, past = np.zeros((n, 2)), []
+    for _ in range(10):
+        past.append(position)
+        for _ in range(fine):
+            position = position + velocity * DT / fine
+            velocity = velocity + rng.normal(size=(n, 2)) * jerk * np.sqrt(DT / fine)
+    # Now is the frame after the last of the loop.
+    past = [*past[1:], position]
+    tau = DT * np.arange(1, 11)[:, None]
+    push = rng.normal(size=(n, 1, 2)) * acceleration
+    future = position[:, None] + velocity[:, None] * tau + push * tau**2 / 2
+    seen = np.stack(past, axis=1) + rng.normal(size=(n, 10, 2)) * TRUE["measurement"]
+    valid = rng.random((n, 10)) < 0.9
+    origin = seen[:, -1:]
+    return seen - origin, valid, future - origin
+
+
+def test_a_fit_finds_the_noise_that_made_the_windows() -> None:
+    position, valid, future = simulated(np.random.default_rng(0), 1500)
+    found = {**fit_motion_noise(position, valid, future, DT), "turn_rate": 0.1}
+    assert found["measurement"] == pytest.approx(TRUE["measurement"], rel=0.25)
+    for name, tolerance in (("jerkiness", 0.35), ("acceleration", 0.35)):
+        np.testing.assert_allclose(found[name], TRUE[name], rtol=tolerance)
+    fresh = simulated(np.random.default_rng(1), 1500)
+    reached, best = (forecast_score(*fresh, table([row]), DT) for row in (found, TRUE))
+    assert reached < 1.01 * best
+
+
+def test_the_score_is_least_at_the_true_noise() -> None:
+    windows = simulated(np.random.default_rng(2), 3000)
+    best = forecast_score(*windows, table([TRUE]), DT)
+    for name in ("measurement", "jerkiness", "acceleration"):
+        for factor in (0.3, 3.0):
+            other = {**TRUE, name: (np.array(TRUE[name]) * factor).tolist()}
+            assert forecast_score(*windows, table([other]), DT) > 1.002 * best
+
+
+CONDITIONS: dict[str, dict[str, Any]] = {
+    "KITTI-pointrcnn-world": {},
+    "KITTI-pointrcnn-ego": {"ego_motion": False},
+    "KITTI-truth-world": {"observe": "truth"},
+    "KITTI-truth-ego": {"observe": "truth", "ego_motion": False},
+}
+
+
+@pytest.mark.parametrize("name", CONDITIONS)
+def test_stored_noise(name: str) -> None:
+    task = kitti_task(env_id="MTP-KITTI-5Hz-v0", **CONDITIONS[name])
+    assert condition(task) == name
+    noise = stored_noise(task)
+    for field in fields(NoiseTable):
+        value = getattr(noise, field.name)
+        assert value.shape == ((3,) if field.name in ("measurement", "turn_rate") else (3, 2))
+        assert (value > 0).all()
+    # Classes come in the order of the task.
+    swapped = stored_noise(replace(task, classes=("cyclist", "car")))
+    np.testing.assert_array_equal(swapped.jerkiness, noise.jerkiness[[2, 0]])
+
+
+def test_unknown_classes_are_errors() -> None:
+    with pytest.raises(UnknownNameError, match="class of motion noise 'KITTI-pointrcnn-world' 'pedestrain': did you"):
+        stored_noise(kitti_task(env_id="MTP-KITTI-v0", classes=("car", "pedestrain")))
+
+
+STORE: dict[str, dict[str, Any]] = {
+    "KITTI-pointrcnn-world": {"car": {**TRUE, "measurement": 1.0}, "cyclist": {**TRUE, "measurement": 1.5}},
+    "KITTI-truth-world": {"car": {**TRUE, "measurement": 2.0}},
+    "Merge-kitti_pointrcnn-world": {"car": {**TRUE, "measurement": 3.0}},
+    "Merge-clean-world": {"car": {**TRUE, "measurement": 4.0}},
+}
+LIKE: dict[str, tuple[dict[str, Any], float]] = {
+    "own": ({"env_id": "MTP-Merge-v0", "detector": "clean"}, 4.0),
+    "another variant": ({"env_id": "MTP-Merge-v0", "detector": "kitti_pointrcnn-hard"}, 3.0),
+    "the same detector under another name": ({"env_id": "MTP-Merge-v0", "detector": "pointrcnn"}, 3.0),
+    "another detector of the domain": ({"env_id": "MTP-Merge-v0", "detector": "lidar"}, 3.0),
+    "another domain": ({"env_id": "mine", "detector": "pointrcnn"}, 1.0),
+    "another domain that knows the class": ({"env_id": "MTP-Merge-v0", "classes": ("cyclist",)}, 1.5),
+    "truth of another domain": ({"env_id": "MTP-Merge-v0", "observe": "truth"}, 2.0),
+}
+
+
+@pytest.mark.parametrize("name", LIKE)
+def test_the_most_similar_condition_stands_in(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(motion_noise, "_read_store", lambda: STORE)
+    changes, measurement = LIKE[name]
+    assert stored_noise(kitti_task(**{"classes": ("car",), **changes})).measurement[0] == measurement
+
+
+def test_a_moving_frame_has_no_substitute(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(motion_noise, "_read_store", lambda: STORE)
+    with pytest.raises(UnknownNameError, match="motion noise 'test-pointrcnn-ego'"):
+        stored_noise(kitti_task(classes=("car",), ego_motion=False))
+
+
+def test_the_text_of_a_condition_can_be_read_back() -> None:
+    rows = {"car": TRUE, "pedestrian": {**TRUE, "measurement": 0.03}}
+    assert tomllib.loads(as_toml("lidar-world", rows)) == {"lidar-world": rows}
+
+
+# make_scene: a car along x at 8 m/s, one along y at 5 m/s, a pedestrian at rest; 0.1 s a frame, 8 frames.
+RULES = kitti_task(classes=("car", "pedestrian"), past=3, future=2)
+
+
+def test_windows_of_the_truth() -> None:
+    windows = collect([make_scene()], replace(RULES, observe="truth"), TruthTracker())
+    assert len(windows.class_id) == 3 * 6  # the last two frames have no future
+    assert windows.class_id.tolist() == [0, 0, 1] * 6
+    # In the heading frame of the last box both cars drive along the first axis.
+    for row, step in ((0, 0.8), (1, 0.5)):
+        np.testing.assert_allclose(windows.future[row::3], np.tile([[step, 0], [2 * step, 0]], (6, 1, 1)), atol=1e-12)
+        np.testing.assert_allclose(windows.position[6 + row, :, 0], [-2 * step, -step, 0], atol=1e-12)
+    np.testing.assert_allclose(windows.future[2::3], 0, atol=1e-12)
+    assert windows.valid[:9:3].tolist() == [[False, False, True], [False, True, True], [True, True, True]]
+
+
+def test_windows_of_a_tracker() -> None:
+    scene = make_scene(empty=(4,))
+    windows = collect([scene, bare_scene()], RULES, HypothesisTracker())
+    # In frame 4 all three coast; the pasts show it, the futures are the truth as ever.
+    assert windows.valid[12:15].tolist() == [[True, True, False]] * 3
+    # The origin is the last detection, 0.1 m ahead of the object, not the filtered box.
+    np.testing.assert_allclose(windows.future[:12:3], np.tile([[0.7, 0], [1.5, 0]], (4, 1, 1)), atol=1e-12)
+    assert len(collect([bare_scene()], RULES, HypothesisTracker()).class_id) == 0
+    far = replace(scene, truth=replace(scene.truth, box=scene.truth.box + 5.0))
+    assert len(collect([far], RULES, HypothesisTracker()).class_id) == 0
+
+
+def test_frame_observations() -> None:
+    scene = make_scene()
+    neutral = scene.truth.neutral.copy()
+    neutral[1::3] = True
+    scene = replace(scene, truth=replace(scene.truth, neutral=neutral))
+    truth = frame_observation(scene, 2, "truth")
+    assert truth["detection_id"].tolist() == [7, 5]
+    np.testing.assert_array_equal(truth["detection_box"], scene.truth.box[[6, 8]])
+    detections = frame_observation(scene, 2, "detections")
+    np.testing.assert_array_equal(detections["detection_box"], scene.detections.box[6:9])
+    assert "detection_id" not in detections
+
+
+def test_a_fit_to_scenes_leaves_out_classes_without_windows() -> None:
+    rows = fit_scenes([make_scene(frames=12)], replace(RULES, classes=("car", "pedestrian", "cyclist")))
+    assert list(rows) == ["car", "pedestrian"]
+    assert list(rows["car"]) == [field.name for field in fields(NoiseTable)]

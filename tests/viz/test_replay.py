@@ -1,0 +1,242 @@
+"""The record that drawings read: incidents of scenes small enough to draw, and the judge's numbers on any scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mtp_bench.errors import RolloutError, UnknownNameError
+from mtp_bench.running.opened import open_run
+from mtp_bench.running.stored import run_and_store, score_stored
+from mtp_bench.scoring import score_scene
+from mtp_bench.scoring.score import KINDS
+from mtp_bench.types import Detections, Rollout, Scene
+from mtp_bench.viz.replay import Incident, replay
+from tests.support.scoring_scenes import CAR, WALKER, Thing, make_card, make_rollout, make_scene, random_case
+
+CARD = make_card()  # gates 2 m and 1 m; miss errors 10 m and 4 m; 2 past and 3 future frames
+
+
+def told(incidents: tuple[Incident, ...]) -> list[tuple[str, int, int, int, int]]:
+    """Name, frame, object, old and new track."""
+    return [(i.name, i.frame, i.object_id, i.old_id, i.new_id) for i in incidents]
+
+
+def line(ids: Sequence[int | None], y: float = 0.0, **more: Any) -> list[list[Thing]]:
+    """A thing that moves 1 m per frame along x, under another id in every frame; None: it is not there."""
+    return [[] if i is None else [Thing(i, float(t), y, **more)] for t, i in enumerate(ids)]
+
+
+def together(*lines: list[list[Thing]]) -> list[list[Thing]]:
+    return [[thing for one in frame for thing in one] for frame in zip(*lines, strict=True)]
+
+
+CASES: dict[str, tuple[list[list[Thing]], list[list[Thing]], list[tuple[str, int, int, int, int]]]] = {
+    # truth, tracks, incidents
+    "nothing happens": (line([5] * 4), line([1] * 4), []),
+    "a switch": (line([5] * 4), line([1, 1, 2, 2]), [("ids-0", 2, 5, 1, 2)]),
+    "lost and found again": (
+        line([5] * 5),
+        line([1, 1, None, None, 1]),
+        [("lost-0", 2, 5, 1, -1), ("reacquired-0", 4, 5, 1, 1)],
+    ),
+    "found by another": (
+        line([5] * 4),
+        line([1, None, 2, 2]),
+        [("lost-0", 1, 5, 1, -1), ("reacquired-0", 2, 5, 1, 2)],
+    ),
+    "a swap": (
+        together(line([5] * 3), line([6] * 3, y=9.0)),
+        together(line([1, 1, 2]), line([2, 2, 1], y=9.0)),
+        [("ids-0", 2, 5, 1, 2), ("ids-1", 2, 6, 2, 1)],
+    ),
+    "there and back": (line([5] * 4), line([1, 2, 1, 1]), [("ids-0", 1, 5, 1, 2), ("ids-1", 2, 5, 2, 1)]),
+    "found late is no event": (line([5] * 3), line([None, 1, 1]), []),
+    "an object that leaves is not lost": (line([5, 5, None]), line([1, 1, None]), []),
+    "neutral objects have no events": (line([5] * 3, neutral=True), line([1, 2, None]), []),
+}
+
+
+@pytest.mark.parametrize(("truth", "tracks", "expected"), CASES.values(), ids=CASES.keys())
+def test_incidents(truth: list[list[Thing]], tracks: list[list[Thing]], expected: list[Any]) -> None:
+    assert told(replay(make_scene(truth), make_rollout(tracks), CARD).incidents) == expected
+
+
+def test_a_loss_says_whether_the_track_is_elsewhere() -> None:
+    tracks = [[Thing(1, 0, 0)], [Thing(1, 1, 2.5)]]
+    (lost,) = replay(make_scene(line([5] * 2)), make_rollout(tracks), CARD).incidents
+    assert (lost.name, lost.wrong) == ("lost-0", True)
+    (lost,) = replay(make_scene(line([5] * 2)), make_rollout(line([1, None])), CARD).incidents
+    assert (lost.name, lost.wrong) == ("lost-0", False)
+
+
+def test_incidents_are_those_of_the_best_hypothesis_along_its_lineage() -> None:
+    # hypothesis 0 keeps track 1, hypothesis 1 switches to track 2; ranks change in the last frame
+    tracks = together(line([1] * 4, hypotheses=(0,)), line([1, 1, 2, 2], hypotheses=(1,)))
+    scene = make_scene(line([5] * 4))
+    calm = make_rollout(tracks, log_weight=np.log([[0.6, 0.4]] * 4), hypotheses=2)
+    assert replay(scene, calm, CARD).incidents == ()
+    worse = make_rollout(tracks, log_weight=np.log([[0.4, 0.6]] * 4), hypotheses=2)
+    assert told(replay(scene, worse, CARD).incidents) == [("ids-0", 2, 5, 1, 2)]
+    late = make_rollout(tracks, log_weight=np.log([[0.6, 0.4]] * 3 + [[0.4, 0.6]]), hypotheses=2)
+    played = replay(scene, late, CARD)
+    assert played.incidents == (), "no track of either lineage changed then, and a change of rank is no switch"
+    assert played.best.tolist() == [0, 0, 0, 1]
+    assert played.matched[:, 0].tolist() == [0, 2, 4, 6]
+    assert played.matched[:, 1].tolist() == [1, 3, 5, 7]
+    assert played.truth_track.tolist() == [0, 2, 4, 7]
+
+
+def spoken(things: list[list[Thing]], off: float = 0.0) -> list[list[Thing]]:
+    """The same things with one forecast: 1 m per frame along x, ``off`` metres aside."""
+    return [
+        [replace(i, forecast=[[[i.x + s, i.y + off] for s in (1, 2, 3)]], log_weight=[0.0]) for i in frame]
+        for frame in things
+    ]
+
+
+def test_the_error_is_that_of_the_forecast_made_then() -> None:
+    tracks, said = line([1] * 3 + [2] * 5), spoken(line([1] * 3 + [2] * 5), off=0.5)
+    played = replay(make_scene(line([5] * 8)), make_rollout(tracks, said), CARD)
+    (switch,) = played.incidents
+    assert (switch.name, switch.error, switch.capped) == ("ids-0", 0.5, 0.5)
+    (switch,) = replay(make_scene(line([5] * 8)), make_rollout(tracks), CARD).incidents
+    assert (switch.error, switch.capped) == (None, 10.0), "a target without a forecast costs c"
+    (switch,) = replay(make_scene(line([5] * 5)), make_rollout(tracks[:5], said[:5]), CARD).incidents
+    assert (switch.error, switch.capped) == (None, None), "too near the end to be a target"
+    far = replay(make_scene(line([5] * 8)), make_rollout(tracks, spoken(tracks, off=30.0)), CARD)
+    assert (far.incidents[0].error, far.incidents[0].capped) == (30.0, 10.0)
+
+
+def test_forecasts_of_nothing_are_listed_as_runs_of_their_track() -> None:
+    ghost = line([8, 8, None, 8, 9], y=50.0)
+    walker = [[Thing(0, 70.0, 70.0, class_id=WALKER)], [], [], [], []]
+    tracks, said = together(line([1] * 5), ghost), spoken(together(line([1] * 5), ghost, walker))
+    scene = make_scene(line([5] * 5))
+    played = replay(scene, make_rollout(tracks, said), CARD)
+    runs = [(i.name, i.frame, i.until, i.new_id, i.class_id, i.capped) for i in played.incidents]
+    assert runs == [
+        ("spurious-0", 0, 1, 8, CAR, 10.0),
+        ("spurious-1", 0, 0, -1, WALKER, 2.0),  # without a track
+        ("spurious-2", 3, 3, 8, CAR, 5.0),
+        ("spurious-3", 4, 4, 9, CAR, 5.0),
+    ]
+    assert played.spurious.sum() == 5
+    assert (played.object_track >= 0).sum() == 9
+    assert played.false_positives.tolist() == [1, 1, 0, 1, 1]
+    unknown = replay(replace(scene, truth_complete=False), make_rollout(tracks, said), CARD)
+    assert unknown.incidents == ()
+    assert not unknown.spurious.any()
+    assert not unknown.track_false.any()
+    assert unknown.false_positives.sum() == 0
+
+
+def seen(scene: Scene, things: list[list[Thing]]) -> Scene:
+    """The scene with these things as detections."""
+    truth = make_scene(things).truth
+    score = np.ones(len(truth.box))
+    return replace(scene, detections=Detections(truth.start, truth.box, truth.velocity, truth.class_id, score))
+
+
+def test_what_is_matched_false_or_beside_the_matter() -> None:
+    # car 5 and a neutral car 6; detections and tracks of both, and one of nothing
+    truth = together(line([5] * 2), line([6] * 2, y=9.0, neutral=True))
+    things = together(line([1] * 2), line([2] * 2, y=9.5), line([3] * 2, y=30.0))
+    played = replay(seen(make_scene(truth), things), make_rollout(things), CARD)
+    assert played.truth_track.tolist() == [0, 1, 3, 4]
+    assert played.track_truth.tolist() == [0, 1, -1, 2, 3, -1]
+    assert played.track_false.tolist() == [False, False, True] * 2
+    assert played.detection_truth.tolist() == [0, 1, -1, 2, 3, -1]
+    assert played.detection_false.tolist() == [False, False, True] * 2
+    assert played.matched[:, 0].tolist() == [0, -1, 3, -1], "the judge's matching knows evaluated truth only"
+    assert played.true_positives.tolist() == played.false_positives.tolist() == [1, 1]
+    assert played.false_negatives.tolist() == [0, 0]
+
+
+def assert_same_as_the_score(scene: Scene, rollout: Rollout, card: Any) -> None:
+    played, score = replay(scene, rollout, card), score_scene(scene, rollout, card)
+    found = {kind: [i for i in played.incidents if i.kind == kind] for kind in ("ids", "lost", "reacquired")}
+    frame = np.repeat(np.arange(scene.frames), np.diff(scene.truth.start))
+    for kind, incidents in found.items():
+        assert len(incidents) == len(score.events[kind])
+        assert all((frame[i.row], scene.truth.object_id[i.row]) == (i.frame, i.object_id) for i in incidents)
+    assert sum(i.wrong for i in played.incidents) == len(score.events["wrong"])
+    runs = [i for i in played.incidents if i.kind == "spurious"]
+    assert sum(i.until - i.frame + 1 for i in runs) == (score.spurious.sum() if scene.truth_complete else 0)
+    assert sum(i.capped or 0.0 for i in runs) == pytest.approx(score.spurious_error)
+    if scene.truth_complete:
+        assert played.false_positives.sum() == score.counts.false_positives
+    assert played.true_positives.sum() + played.false_negatives.sum() == (~scene.truth.neutral).sum()
+    target = {(int(t), int(g)): i for i, (t, g) in enumerate(zip(score.frame, score.object_id, strict=True))}
+    for incident in (*found["ids"], *found["lost"], *found["reacquired"]):
+        row = target.get((incident.frame, incident.object_id))
+        assert (incident.capped is None) == (row is None)
+        if row is not None:
+            assert incident.capped == score.capped[row]
+            assert incident.error == (score.min_ade[row] if score.covered[row] else None)
+    best = played.matched[np.arange(len(frame)), played.best[frame]]
+    np.testing.assert_array_equal(best, np.where(scene.truth.neutral, -1, played.truth_track))
+
+
+@settings(derandomize=True, deadline=None, max_examples=40)
+@given(st.integers(0, 10_000))
+def test_the_record_says_what_the_score_counts(seed: int) -> None:
+    scene, rollout = random_case(seed)
+    assert_same_as_the_score(scene, rollout, CARD)
+
+
+def test_order_and_names() -> None:
+    incidents = replay(*random_case(3), CARD).incidents
+    assert [i.frame for i in incidents] == sorted(i.frame for i in incidents)
+    for kind in ("ids", "lost", "reacquired", "spurious"):
+        names = [i.name for i in incidents if i.kind == kind]
+        assert names == [f"{kind}-{n}" for n in range(len(names))]
+        assert names
+
+
+def test_an_incident_is_found_by_its_name() -> None:
+    played = replay(make_scene(line([5] * 4)), make_rollout(line([1, 1, 2, 2])), CARD)
+    assert played.incident("ids-0").frame == 2
+    with pytest.raises(UnknownNameError, match=r"unknown event of scene s 'ids-1': did you mean 'ids-0'\?.*events"):
+        played.incident("ids-1")
+
+
+def test_a_rollout_of_another_scene_is_refused() -> None:
+    with pytest.raises(RolloutError, match="has 2 frames, the scene 4"):
+        replay(make_scene(line([5] * 4)), make_rollout(line([1] * 2)), CARD)
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("env_id", ["MTP-KITTI-v0", "MTP-nuScenes-mini-v0"])
+def test_a_run_on_real_logs_has_the_events_of_its_score(env_id: str, data_root: Path, tmp_path: Path) -> None:
+    run_and_store("mtp", env_id, tmp_path / "run", str(data_root), scenes=2)
+    opened = open_run(tmp_path / "run", str(data_root))
+    own: dict[str, int] = dict.fromkeys(KINDS, 0)
+    for rollout in opened.rollouts():
+        scene = opened.scene(rollout.scene)
+        assert_same_as_the_score(scene, rollout, opened.card)
+        for incident in replay(scene, rollout, opened.card).incidents:
+            if incident.kind != "spurious":
+                own[incident.kind] += 1
+                own["wrong"] += incident.wrong
+    assert own == score_stored(tmp_path / "run", str(data_root)).report.details[0]["own_events"]
+    assert own["lost"] > 0
+
+
+@pytest.mark.parametrize(("agent", "off"), [("stp", 0.1), ("truth_past", 0.0)])
+def test_an_opened_run_has_the_detections_that_its_agent_saw(
+    agent: str, off: float, tmp_path: Path, card: str, kitti: str
+) -> None:
+    run_and_store(agent, card, tmp_path / "run", kitti, scenes=1)
+    opened = open_run(tmp_path / "run", kitti, card)
+    scene = opened.scene(opened.first().scene)
+    far = np.hypot(*(scene.detections.box[:3] - scene.truth.box[:3])[:, :2].T)
+    assert far == pytest.approx([off] * 3, abs=1e-3)
+    np.testing.assert_array_equal(replay(scene, opened.first(), opened.card).detection_truth[:3], [0, 1, 2])

@@ -1,0 +1,118 @@
+"""An episode in rerun while it is played: what is logged equals what was answered, and evaluations show no truth."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+
+from mtp_bench.env import MTPEnv
+from mtp_bench.viz.rerun.sdk import ViewerClient, rr
+from tests.support.headless_viewer import require_driver, windows_without_a_screen
+from tests.support.recordings import boxes, read
+from tests.support.small_scenes import CARD_ID, full_action
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Iterator[Path]:
+    """The file of the user's active recording."""
+    before = rr.get_global_data_recording()
+    rr.set_strict_mode(True)
+    stream = rr.RecordingStream("user", make_default=True)
+    stream.save(tmp_path / "live.rrd")
+    yield tmp_path / "live.rrd"
+    rr.set_strict_mode(False)
+    if before is not None:
+        rr.set_global_data_recording(before)
+
+
+def play(card: str, data: str, episodes: int = 1, **keywords: Any) -> MTPEnv:
+    """Episodes of an agent that always says the same."""
+    spec = EnvSpec(id=CARD_ID, entry_point="mtp_bench.env:MTPEnv", kwargs={"card": card, "data": data, **keywords})
+    env = gym.make(spec, render_mode="rerun").unwrapped
+    assert isinstance(env, MTPEnv)
+    for episode in range(episodes):
+        env.reset(seed=episode)
+        over = False
+        while not over:
+            over = env.step(full_action(env.task))[3]
+    env.close()
+    stream = rr.get_global_data_recording()
+    assert stream is not None
+    stream.disconnect()  # completes the file
+    return env
+
+
+def test_what_is_logged_is_what_was_answered(card: str, kitti: str, recording: Path) -> None:
+    env = play(card, kitti)
+    found, rollout = read(recording), env.rollout()
+    for t in range(rollout.frames):
+        rows = rollout.tracks.rows(t)
+        for h in range(2):
+            mine = rollout.member[rows, h]
+            logged = found[f"world/hyp/{h:02d}/box"][t]
+            np.testing.assert_array_equal(np.array(logged["centers"]), rollout.track_box[rows][mine, :3])
+            assert [int(label) for label in logged["labels"]] == rollout.track_id[rows][mine].tolist()
+        truth = env.scene.truth.box[env.scene.truth.rows(t)].astype(np.float32)
+        np.testing.assert_allclose(boxes(found["world/gt"], t), truth, rtol=1e-6, atol=1e-6)
+        strips = np.array(found["world/forecast"][t]["strips"])
+        objects = rollout.objects.rows(t)
+        forecast = rollout.object_box[objects, None, None, :2] + rollout.forecast[objects] / 100
+        np.testing.assert_allclose(strips[:, 1:, :2], forecast[:, :2].reshape(4, 3, 2), rtol=1e-5)
+    assert sorted(t for t in found["world/det"] if t >= 0) == list(range(rollout.frames))
+
+
+def test_an_evaluation_shows_nothing_of_the_truth(card: str, kitti: str, recording: Path) -> None:
+    play(card, kitti, evaluation=True)
+    found = read(recording)
+    assert {"world/det", "world/ego", "world/forecast", "world/hyp/00/box"} <= set(found)
+    assert not any("gt" in path or "metrics" in path or "events" in path or "identity" in path for path in found)
+
+
+def test_a_second_episode_has_its_own_place(card: str, kitti: str, recording: Path) -> None:
+    play(card, kitti, episodes=2)
+    found = read(recording)
+    assert {"world/det", "episode-2/world/det", "episode-2/world/hyp/00/box"} <= set(found)
+
+
+def test_a_viewer_of_its_own_gets_a_recording_per_episode(
+    card: str, kitti: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    require_driver()
+    monkeypatch.setattr(rr, "get_data_recording", lambda: None)
+    with windows_without_a_screen(monkeypatch) as address:
+        env = MTPEnv(card, data=kitti, render_mode="rerun")
+        for episode in range(2):
+            env.reset(seed=episode)
+            for _ in range(3):
+                env.step(full_action(env.task))
+        env.close()
+        viewer = ViewerClient.connect(address)
+        viewer.take_screenshot()  # every visible view has been drawn
+        state = viewer.get_state()
+        assert len(state.recordings) == 2
+        assert not any(view.reports for view in state.views)
+
+
+def test_without_a_screen_a_sentence_says_what_to_do(card: str, kitti: str) -> None:
+    code = f"""
+import gymnasium as gym
+from mtp_bench.env import MTPEnv
+env = MTPEnv({card!r}, data={kitti!r}, render_mode="rerun")
+env.reset()
+env.step(env.action_space.sample())
+env.close()
+"""
+    environment = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env=environment)
+    assert done.returncode == 0, done.stderr
+    if sys.platform.startswith("linux"):
+        assert done.stderr.count("nothing is shown: no display for the viewer") == 1

@@ -1,0 +1,180 @@
+"""``mtp-bench video``: files that hold every frame, cut around an event, complete or not there at all."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from mtp_bench.running.opened import open_run
+from mtp_bench.running.stored import run_and_store
+from mtp_bench.viz.drawing import palette
+from mtp_bench.viz.drawing.birds_eye import SIZE, picture
+from mtp_bench.viz.drawing.video import AROUND, frames_around, pictures, write_video
+from mtp_bench.viz.replay import replay
+from tests.support.command_line import CommandLine
+from tests.support.stored_runs import write_events_run
+
+NO_PYAV = pytest.mark.skipif(find_spec("av") is None, reason="PyAV is not installed: pip install av")
+ENCODERS = [".gif", pytest.param(".mp4", marks=NO_PYAV)]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> Path:
+    return write_events_run(tmp_path_factory.mktemp("runs") / "drawn", card, kitti)
+
+
+@pytest.fixture
+def known(card: str, kitti: str) -> list[str]:
+    """Options that every command on the run needs."""
+    return ["--env", card, "--data", kitti]
+
+
+def frames_of(path: Path) -> tuple[list[NDArray[Any]], float]:
+    """Pictures [height, width, 3] of a video, and how many there are per second."""
+    if path.suffix == ".gif":
+        with Image.open(path) as image:
+            pictures = []
+            for i in range(getattr(image, "n_frames", 1)):
+                image.seek(i)
+                pictures.append(np.asarray(image.convert("RGB")))
+            return pictures, 1000 / image.info["duration"]
+    import av
+
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        pictures = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
+        assert stream.average_rate is not None
+        return pictures, float(stream.average_rate)
+
+
+@pytest.mark.parametrize("suffix", ENCODERS)
+def test_a_video_holds_every_frame_of_the_first_scene(
+    suffix: str, cli: CommandLine, run: Path, known: list[str], tmp_path: Path, card: str, kitti: str
+) -> None:
+    path = tmp_path / f"a{suffix}"
+    printed = cli.ok("video", run, "-o", path, *known)
+    assert printed == f"{path}: scene 0001, frames 0 to 8, 10 per second\n"
+    shown, rate = frames_of(path)
+    assert (len(shown), rate) == (9, 10.0)
+    opened = open_run(run, kitti, card)
+    rollout = opened.first()
+    expected = picture(replay(opened.scene(rollout.scene), rollout, opened.card, "drawn"), 4)
+    assert shown[4].shape == (SIZE[1], SIZE[0], 3) == expected.shape
+    assert np.abs(shown[4].astype(int) - expected).mean() < 4
+    assert [path.name for path in tmp_path.iterdir()] == [f"a{suffix}"]
+
+
+@pytest.mark.parametrize("suffix", ENCODERS)
+def test_pictures_per_second_and_scene(
+    suffix: str, cli: CommandLine, run: Path, known: list[str], tmp_path: Path
+) -> None:
+    path = tmp_path / f"A{suffix.upper()}"
+    cli.ok("video", run, "-o", path, *known, "--scene", "0006", "--fps", 4)
+    path = path.rename(tmp_path / f"a{suffix}")
+    shown, rate = frames_of(path)
+    assert (len(shown), rate) == (7, 4.0)
+
+
+def test_a_video_replaces_an_earlier_one(cli: CommandLine, run: Path, known: list[str], tmp_path: Path) -> None:
+    path = tmp_path / "a.gif"
+    path.write_text("earlier")
+    cli.ok("video", run, "-o", path, *known)
+    assert len(frames_of(path)[0]) == 9
+
+
+def test_an_event_is_shown_with_what_is_around_it(card: str, kitti: str, run: Path) -> None:
+    opened = open_run(run, kitti, card)
+    rollout = opened.first()
+    played = replay(opened.scene(rollout.scene), rollout, opened.card)
+    assert frames_around(played, None) == range(9)
+    assert frames_around(played, "ids-0") == range(9), "the scene is shorter than what would be shown"
+    time = played.scene.time
+    stretched = replace(played, scene=replace(played.scene, time=10 * time))
+    cut = frames_around(stretched, "ids-0")
+    assert cut == range(3, 6)
+    assert (10 * time[5] - 10 * time[4]) < AROUND < (10 * time[6] - 10 * time[4])
+
+
+def test_a_spurious_run_is_marked_while_it_lasts(card: str, kitti: str, run: Path) -> None:
+    opened = open_run(run, kitti, card)
+    rollout = opened.first("0006")
+    played = replay(opened.scene(rollout.scene), rollout, opened.card)
+    marked = [
+        (np.abs(image.astype(int) - palette.EVENT).max(axis=-1) < 12).sum() > 600  # the legend has some, too
+        for image in pictures(played, range(6), "spurious-0")
+    ]
+    assert marked == [False, True, True, True, False, False]
+
+
+def test_what_broke_leaves_no_file(tmp_path: Path) -> None:
+    def broken() -> Any:
+        yield np.zeros((4, 4, 3), dtype=np.uint8)
+        raise RuntimeError("no more")
+
+    with pytest.raises(RuntimeError, match="no more"):
+        write_video(tmp_path / "a.gif", broken(), 10.0)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("suffix", ENCODERS)
+def test_odd_sizes(suffix: str, tmp_path: Path) -> None:
+    frames = [np.full((65, 33, 3), 40 * i, dtype=np.uint8) for i in range(5)]
+    told: list[int] = []
+    write_video(tmp_path / f"a{suffix}", frames, 2.0, lambda: told.append(1))
+    shown, _ = frames_of(tmp_path / f"a{suffix}")
+    assert len(shown) == len(told) == 5
+    assert abs(int(shown[4].mean()) - 160) < 4
+
+
+WRONG = {
+    "scene": (["--scene", "0002"], "unknown scene of"),
+    "event": (["--at", "ids-7"], "unknown event of scene 0001 'ids-7': did you mean 'ids-0'? (`mtp-bench events`"),
+    "event of an empty scene": (["--scene", "0008", "--at", "ids-0"], "unknown event of scene 0008 'ids-0': none"),
+    "data": (["--data", "none"], "no KITTI tracking data"),
+    "folder": (["-o", "none/a.gif"], "there is no folder none"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "message"), WRONG.values(), ids=WRONG.keys())
+def test_one_clear_error(
+    arguments: list[str], message: str, cli: CommandLine, run: Path, known: list[str], tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    assert message in cli("video", run, "-o", "a.gif", *known, *arguments).error
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["a.avi", "a", "gif"])
+def test_an_unknown_suffix_is_wrong_usage(name: str, cli: CommandLine, run: Path, tmp_path: Path) -> None:
+    output = cli("video", run, "-o", tmp_path / name)
+    assert output.status == 2
+    assert "ends in .mp4 or .gif" in " ".join(output.err.replace("│", " ").split())
+
+
+def test_without_pyav_one_sentence_says_what_to_install(
+    cli: CommandLine, run: Path, known: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "av", None)
+    error = cli("video", run, "-o", tmp_path / "a.mp4", *known).error
+    assert error == "mp4 files need PyAV: `pip install av` (or 'mtp-bench[video]'), or write a .gif"
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.data
+def test_a_video_of_a_real_log_around_a_loss(cli: CommandLine, data_root: Path, tmp_path: Path) -> None:
+    run_and_store("stp", "MTP-KITTI-v0", tmp_path / "run", str(data_root), scenes=1)
+    cli.ok("video", tmp_path / "run", "-o", tmp_path / "a.gif", "--data", data_root, "--at", "lost-3")
+    shown, rate = frames_of(tmp_path / "a.gif")
+    assert rate == 10.0
+    assert 20 <= len(shown) <= 42  # 2 s before and after at 10 Hz, where the scene has them
+    middle = shown[len(shown) // 2].astype(int)
+    assert (np.abs(middle - palette.EVENT).max(axis=-1) < 30).sum() > 20
