@@ -23,6 +23,20 @@ def _silent(_: object) -> None:
     """Say nothing."""
 
 
+def _require_backend(backend: str, scheduler: str | None) -> None:
+    if backend not in BACKENDS:
+        raise MtpBenchError(f"backend is {backend!r}, expected one of: {', '.join(BACKENDS)}")
+    if backend == "dask" and not scheduler:
+        raise MtpBenchError("backend 'dask' needs the address of a scheduler, such as tcp://127.0.0.1:8786")
+    if backend != "dask" and scheduler is not None:
+        raise MtpBenchError(f"scheduler {scheduler!r} is for backend 'dask', got backend {backend!r}")
+    if backend == "dask":
+        try:
+            import distributed  # noqa: F401
+        except ImportError:
+            raise MtpBenchError("backend 'dask' needs Dask: pip install 'mtp-bench[dask]'") from None
+
+
 @dataclass(frozen=True)
 class Progress:
     """Who is told how the work goes on."""
@@ -88,20 +102,6 @@ def unordered_map(
 
 def _placed(place: int, function: Callable[..., Any], call: tuple[Any, ...]) -> tuple[int, Any]:
     return place, function(*call)
-
-
-def _require_backend(backend: str, scheduler: str | None) -> None:
-    if backend not in BACKENDS:
-        raise MtpBenchError(f"backend is {backend!r}, expected one of: {', '.join(BACKENDS)}")
-    if backend == "dask" and not scheduler:
-        raise MtpBenchError("backend 'dask' needs the address of a scheduler, such as tcp://127.0.0.1:8786")
-    if backend != "dask" and scheduler is not None:
-        raise MtpBenchError(f"scheduler {scheduler!r} is for backend 'dask', got backend {backend!r}")
-    if backend == "dask":
-        try:
-            import distributed  # noqa: F401
-        except ImportError:
-            raise MtpBenchError("backend 'dask' needs Dask: pip install 'mtp-bench[dask]'") from None
 
 
 def _cluster_map(function: Callable[..., Any], calls: Sequence[tuple[Any, ...]], scheduler: str) -> Iterator[Any]:
