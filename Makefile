@@ -1,12 +1,13 @@
 # make demo   the comparison of the paper on ten scenes of simulated traffic: no data needed, a minute or two
 # make test   lint, types, import rules and tests; DATA=folder or MTP_BENCH_DATA adds those on real recordings
-# Both create .venv and install what they need the first time.
+# Both create .venv and install what they need the first time; PYTHON=python3.13 chooses another interpreter for it.
 
 DATA ?= $(MTP_BENCH_DATA)
 ifneq ($(DATA),)
 export MTP_BENCH_DATA := $(DATA)
 endif
 BIN := .venv/bin
+PYTHON ?= python3.11
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
 .PHONY: demo test lint clean
@@ -16,7 +17,7 @@ demo: .venv/installed
 
 test: lint
 	@echo '== pytest'
-	@$(BIN)/python -m pytest -q
+	@$(BIN)/python -m pytest -q --numprocesses auto --dist loadgroup
 
 lint: .venv/installed-dev
 	@echo '== ruff'
@@ -29,10 +30,9 @@ lint: .venv/installed-dev
 	@echo '== import-linter'
 	@$(BIN)/lint-imports --no-logo --no-cache
 
-# Python 3.11 first: the version that the tests are run with.
 # pip is the last thing that `python -m venv` writes
 .venv/bin/pip:
-	@for python in python3.11 python3 python3.12 python3.13 python; do \
+	@for python in $(PYTHON) python3.11 python3 python3.12 python3.13 python; do \
 		if $$python -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then \
 			echo "== creating .venv with $$($$python --version)"; \
 			exec $$python -m venv .venv; \
