@@ -17,7 +17,7 @@ demo: .venv/installed
 
 test: lint
 	@echo '== pytest'
-	@$(BIN)/python -m pytest -q --numprocesses auto --dist loadgroup
+	@$(BIN)/python -m pytest -q --numprocesses auto --dist loadfile
 
 lint: .venv/installed-dev
 	@echo '== ruff'

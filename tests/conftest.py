@@ -79,9 +79,20 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         yield folder
 
 
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """With several test processes (pytest-xdist) kernels are compiled before these start, else by each of them."""
+    if getattr(session.config.option, "numprocesses", None):
+        compile_kernels()
+
+
 @pytest.fixture(scope="session", autouse=True)
 def compiled() -> None:
     """Kernels are compiled once, here: the line that says so is in nobody's output."""
+    compile_kernels()
+
+
+def compile_kernels() -> None:
+    """Let the tracker compile what it uses."""
     from mtp_bench import load_submission
     from tests.support.tracking_scenes import frame, kitti_task, observation
 

@@ -50,6 +50,10 @@ def first_column(path: Path, prefix: str = "") -> set[str]:
     return {name for name in names if name.startswith(prefix)}
 
 
+def headings(path: Path) -> list[str]:
+    return re.findall(r"^#+ (.+)$", path.read_text(), flags=re.MULTILINE)
+
+
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_python_blocks_compile(repository: Path, document: str) -> None:
     for text in blocks(repository / document, "python"):
@@ -60,8 +64,11 @@ def test_python_blocks_compile(repository: Path, document: str) -> None:
 def test_links_lead_somewhere(repository: Path, document: str) -> None:
     path = repository / document
     for target in re.findall(r"\]\(([^)]+)\)", path.read_text()):
+        file, _, heading = target.partition("#")
         if "://" not in target:
-            assert (path.parent / target).exists(), target
+            assert (path.parent / file).exists(), target
+        if heading and not file:
+            assert heading in {title.lower().replace(" ", "-") for title in headings(path)}, target
 
 
 def test_the_example_runs(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
