@@ -56,6 +56,20 @@ class Ragged:
         return slice(int(self.start[t]), int(self.start[t + 1]))
 
 
+CENTIMETRES = 100.0  # per metre: forecasts are recorded in whole centimetres
+
+
+def to_centimetres(metres: Floats) -> Ints:
+    """Forecasts as they are recorded: whole centimetres, int16."""
+    return np.rint(metres * CENTIMETRES).astype(np.int16)
+
+
+def to_metres(centimetres: Ints) -> Floats:
+    """Recorded forecasts in metres."""
+    metres: Floats = centimetres / CENTIMETRES
+    return metres
+
+
 def starts_of(count: Sequence[int] | Ints) -> Ints:
     """Where the rows of each frame start [F + 1], of ``count`` [F] rows per frame."""
     start: Ints = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)

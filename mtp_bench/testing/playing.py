@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..agent import Agent
-from ..env.decoding import Answer, decode
+from ..env.checks import Problem, examine
+from ..env.decoding import Answer, answer_of
 from ..env.environment import MTPEnv
+from ..env.observation import Observation
 from ..running.run import agent_task, derived_seed
 from ..types import Task
-from .answers import Problem, answer_problems
 from .findings import Finding, failure
 
-Observation = dict[str, NDArray[Any]]
 Steps = Generator[tuple[str, Observation], Any, None]  # yields (what, observation), is sent the answer
 
 
@@ -148,8 +148,9 @@ def _note(
     played: Played, action: object, task: Task, before: Observation, observation: Observation, place: str
 ) -> None:
     """Keep the sound part of the answer, the problems of the rest, and whether the observation was written into."""
-    played.answers.append(decode(action, task))
-    for problem in answer_problems(action, task):
+    examined = examine(action, task)
+    played.answers.append(answer_of(examined))
+    for problem in examined.problems:
         where = f"{place}, {problem.example}" if problem.example else place
         seen = played.problems.setdefault((problem.field, problem.reason), Seen(problem, where))
         seen.rows += problem.rows

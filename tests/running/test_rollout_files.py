@@ -37,7 +37,6 @@ INFO = RunInfo(
 def make_rollout(name: str = "one", frames: int = 3) -> Rollout:
     full, empty = decode(full_action(task()), task()), decode(empty_action(task()), task())
     answers = [full if t != 1 else empty for t in range(frames)]
-    answers = [replace(answer, forecast=np.rint(answer.forecast * 100)) for answer in answers]
     rollout = assemble(name, answers, np.arange(frames))
     return replace(rollout, seconds=np.linspace(0.1, 0.2, frames))
 
