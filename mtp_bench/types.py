@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.floating[Any]]
 Ints = NDArray[np.integer[Any]]
 Bools = NDArray[np.bool_]
+Observation = dict[str, NDArray[Any]]  # what an agent is shown in a frame, by the names of the observation space
+Action = dict[str, NDArray[Any]]  # what it answers, by the names of the action space
 
 
 @dataclass(frozen=True, eq=False)

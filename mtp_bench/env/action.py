@@ -95,7 +95,7 @@ FIELDS = (
     Field("object_box", "objects", "O 7", BOX, "Box now of an object that is forecast: x y z yaw l w h."),
     Field("object_class", "objects", "O", CLASS, "Class of the object."),
     Field("object_valid", "objects", "O", MASK, "Which rows hold an object; the others say nothing."),
-    Field("forecast", "objects", "O K T 2", OFFSET, "Samples of the object's future: x y in each of the next T frames."),
+    Field("forecast", "objects", "O K T 2", OFFSET, "Samples of the future: x y in each of the next T frames."),
     Field(
         "forecast_log_weight", "objects", "O K", LOG_WEIGHT,
         "Logarithm of each sample's weight, not necessarily normalised; a valid object has at least one sample.",

@@ -20,12 +20,12 @@ from ..errors import DataError, MtpBenchError, RolloutError, UnknownNameError
 from ..scoring.forecasts import frame_error
 from ..scoring.targets import Targets, find_targets
 from ..sources import detected, open_source
-from ..types import Rollout, Scene, Task, to_metres
+from ..types import Action, Observation, Rollout, Scene, Task, to_metres
 from .arguments import choose, flag, size, text, wanted
 from .decoding import Answer, decode
 from .live import LiveEpisode, live_episode
 from .local_frame import LocalFrame
-from .observation import Feed, Observation, make_feed
+from .observation import Feed, make_feed
 from .rollouts import assemble
 from .spaces import action_space, observation_space
 
@@ -58,7 +58,7 @@ class _Episode:
 
 
 @final
-class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
+class MTPEnv(gymnasium.Env[Observation, Action]):
     """Tracking and prediction of one log: detections in, hypotheses and forecasts out.
 
     ``card``: env id, path of a card (.toml), or a card. ``data``: data root. ``observe``: "detections", or "truth" for
@@ -121,7 +121,7 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
         self._source = open_source(self.card, data)
         self.scene_names = choose(tuple(self._source.names), scenes)
         self.observation_space = cast("gymnasium.Space[Observation]", observation_space(self.task))
-        self.action_space = cast("gymnasium.Space[dict[str, Any]]", action_space(self.task))
+        self.action_space = cast("gymnasium.Space[Action]", action_space(self.task))
         self._episode: _Episode | None = None
         self.metadata = {**type(self).metadata, "render_fps": max(1, round(self.card.task.rate))}
         self._live: LiveEpisode | None = None
@@ -146,7 +146,7 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
         self._follow()
         return self._episode.feed.observe(0), _info(self._episode)
 
-    def step(self, action: dict[str, Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Take the answer to the last observation and show the next frame; ``truncated`` after the last frame.
 
         Whatever breaks the contract is taken out of the answer and counted in ``info``, never raised.

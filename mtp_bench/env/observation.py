@@ -7,17 +7,13 @@ not say which scene it is.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..types import Bools, Detections, Floats, Ints, Ragged, Scene, Task, starts_of
+from ..types import Bools, Detections, Floats, Ints, Observation, Ragged, Scene, Task, starts_of
 from .action import COORDINATE_LIMIT, SIZE_LIMIT, padded
 from .local_frame import LocalFrame, rotate
 from .spaces import SCORE_LIMIT, VELOCITY_LIMIT
-
-Observation = dict[str, NDArray[Any]]
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..env.observation import Feed, Observation
-from ..types import Task, starts_of
+from ..env.observation import Feed
+from ..types import Observation, Task, starts_of
 
 _APART = 6.0  # m between detections
 _SPEED = 2.0  # m/s along x

@@ -15,9 +15,8 @@ from ..agent import Agent
 from ..env.checks import Problem, examine
 from ..env.decoding import Answer, answer_of
 from ..env.environment import MTPEnv
-from ..env.observation import Observation
 from ..running.run import agent_task, derived_seed
-from ..types import Task
+from ..types import Observation, Task
 from .findings import Finding, failure
 
 Steps = Generator[tuple[str, Observation], Any, None]  # yields (what, observation), is sent the answer
