@@ -5,7 +5,7 @@
     import gymnasium as gym, mtp_bench
     env = gym.make("MTP-KITTI-v0", data="/path/to/data")
 
-``mtp_bench.scoring``, ``mtp_bench.tracking`` and ``mtp_bench.prediction`` are imported when they are first used.
+What takes time to import is imported when it is first used, such as ``mtp_bench.tracking`` or ``mtp_bench.MTPEnv``.
 """
 
 import importlib as _importlib
@@ -15,39 +15,56 @@ import gymnasium as _gymnasium
 
 from ._bundle import card_ids as card_ids
 from ._version import __version__ as __version__
-from .agent import Action as Action
 from .agent import Agent as Agent
-from .agent import Observation as Observation
 from .agent import Pipeline as Pipeline
+from .agent import Predictor as Predictor
+from .agent import Sampler as Sampler
+from .agent import Tracker as Tracker
 from .cards import Card as Card
 from .cards import load_card as load_card
+from .env.building import answer as answer
 from .errors import CardError as CardError
 from .errors import DataError as DataError
 from .errors import MtpBenchError as MtpBenchError
+from .errors import RecordError as RecordError
 from .errors import RolloutError as RolloutError
 from .errors import ShapeError as ShapeError
 from .errors import SubmissionError as SubmissionError
 from .errors import UnknownNameError as UnknownNameError
 from .submission.loader import Submission as Submission
 from .submission.loader import load_submission as load_submission
+from .tracks import Objects as Objects
+from .tracks import Tracks as Tracks
+from .types import Action as Action
 from .types import Detections as Detections
+from .types import Observation as Observation
 from .types import Rollout as Rollout
 from .types import Scene as Scene
 from .types import Task as Task
 from .types import Truth as Truth
 
-_LAZY = ("prediction", "scoring", "tracking")
-
 if _typing.TYPE_CHECKING:
     from . import prediction as prediction
     from . import scoring as scoring
     from . import tracking as tracking
+    from .env import MTPEnv as MTPEnv
+    from .env.scenes import load_scenes as load_scenes
+    from .scoring import Report as Report
 else:  # hidden from type checkers, for which it would make every misspelt attribute legal
+    _LAZY = {  # modules that are imported when they are first used, alone or for the sake of a name
+        "prediction": "prediction",
+        "scoring": "scoring",
+        "tracking": "tracking",
+        "MTPEnv": "env",
+        "Report": "scoring",
+        "load_scenes": "env.scenes",
+    }
 
     def __getattr__(name: str) -> _typing.Any:
-        if name in _LAZY:
-            return _importlib.import_module(f".{name}", __name__)
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        if name not in _LAZY:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        module = _importlib.import_module(f".{_LAZY[name]}", __name__)
+        return module if name == _LAZY[name] else getattr(module, name)
 
     def __dir__() -> list[str]:
         return sorted({*globals(), *_LAZY})

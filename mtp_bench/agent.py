@@ -7,16 +7,15 @@ from collections.abc import Mapping
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .env.building import answer
 from .errors import ShapeError, UnknownNameError
 from .tracks import Objects as Objects
 from .tracks import Tracks as Tracks
 from .tracks import group
+from .types import Action as Action
 from .types import Floats, Ints, Task
-
-Observation = dict[str, NDArray[np.generic]]
-Action = dict[str, NDArray[np.generic]]
+from .types import Observation as Observation
 
 
 @runtime_checkable
@@ -122,7 +121,8 @@ class Pipeline:
             for first in range(0, max(len(objects.leaf), 1), at_once)
         ]
         samples, log_weight = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return pack(self._task, tracks, objects, samples, log_weight)
+        offset = samples - objects.box[:, None, None, :2]
+        return answer(self._task, objects.box, objects.class_id, offset, log_weight, tracks=tracks, checked=False)
 
     def _forecast(self, tracks: Tracks, leaf: Ints, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """Samples [O, K, T, 2] and log-weights [O, K] of objects that hypotheses hold as the tracks ``leaf`` [O, H]."""
@@ -158,38 +158,3 @@ def _per_class(min_score: float | Mapping[str, float], task: Task) -> Floats:
         if name not in task.classes:
             raise UnknownNameError("class in min_score", name, task.classes)
     return np.array([float(min_score.get(name, -math.inf)) for name in task.classes])
-
-
-def pack(task: Task, tracks: Tracks, objects: Objects, samples: Floats, log_weight: Floats) -> Action:
-    """The action that says all this: ``samples`` [O, k, T, 2] in absolute x y with log-weights [O, k].
-
-    Tracks and hypotheses beyond the task's sizes are left out, the least likely first.
-    """
-    action: Action = {
-        "track_id": np.zeros(task.tracks, dtype=np.int64),
-        "track_box": np.zeros((task.tracks, 7), dtype=np.float32),
-        "track_class": np.full(task.tracks, -1, dtype=np.int64),
-        "track_valid": np.zeros(task.tracks, dtype=np.int8),
-        "hypothesis_member": np.zeros((task.hypotheses, task.tracks), dtype=np.int8),
-        "hypothesis_log_weight": np.full(task.hypotheses, -np.inf, dtype=np.float32),
-        "object_box": np.zeros((task.objects, 7), dtype=np.float32),
-        "object_class": np.zeros(task.objects, dtype=np.int64),
-        "object_valid": np.zeros(task.objects, dtype=np.int8),
-        "forecast": np.zeros((task.objects, task.samples, task.future, 2), dtype=np.float32),
-        "forecast_log_weight": np.full((task.objects, task.samples), -np.inf, dtype=np.float32),
-    }
-    h = min(task.hypotheses, len(tracks.log_weight))
-    kept = np.sort(np.argsort(tracks.member.argmax(axis=0), kind="stable")[: task.tracks])
-    n, o, k = len(kept), min(len(objects.box), task.objects), samples.shape[1]
-    action["track_id"][:n] = tracks.track_id[kept]
-    action["track_box"][:n] = tracks.box[kept]
-    action["track_class"][:n] = tracks.class_id[kept]
-    action["track_valid"][:n] = 1
-    action["hypothesis_member"][:h, :n] = tracks.member[:h, kept]
-    action["hypothesis_log_weight"][:h] = tracks.log_weight[:h]
-    action["object_box"][:o] = objects.box[:o]
-    action["object_class"][:o] = objects.class_id[:o]
-    action["object_valid"][:o] = 1
-    action["forecast"][:o, :k] = samples[:o] - objects.box[:o, None, None, :2]
-    action["forecast_log_weight"][:o, :k] = log_weight[:o]
-    return action

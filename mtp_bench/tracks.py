@@ -25,6 +25,22 @@ class Tracks:
     member: Bools  # [H, N]
     log_weight: Floats  # [H] normalised, heaviest first
 
+    @classmethod
+    def of_one_hypothesis(cls, track_id: Ints, box: Floats, class_id: Ints) -> Tracks:
+        """Tracks of these identities [N], boxes [N, 7] and classes [N], all in one hypothesis; they have no past."""
+        n = len(box)
+        return cls(
+            track_id=track_id,
+            box=box,
+            class_id=class_id,
+            score=np.ones(n),
+            detection=np.full(n, -1),
+            past=box[:, None],
+            past_valid=np.zeros((n, 1), dtype=bool),
+            member=np.ones((1, n), dtype=bool),
+            log_weight=np.zeros(1),
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Objects:

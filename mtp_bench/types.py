@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.floating[Any]]
 Ints = NDArray[np.integer[Any]]
 Bools = NDArray[np.bool_]
+Observation = dict[str, NDArray[Any]]  # what an agent is shown in a frame, by the names of the observation space
+Action = dict[str, NDArray[Any]]  # what it answers, by the names of the action space
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +56,20 @@ class Ragged:
     def rows(self, t: int) -> slice:
         """Rows of frame ``t``."""
         return slice(int(self.start[t]), int(self.start[t + 1]))
+
+
+CENTIMETRES = 100.0  # per metre: forecasts are recorded in whole centimetres
+
+
+def to_centimetres(metres: Floats) -> Ints:
+    """Forecasts as they are recorded: whole centimetres, int16."""
+    return np.rint(metres * CENTIMETRES).astype(np.int16)
+
+
+def to_metres(centimetres: Ints) -> Floats:
+    """Recorded forecasts in metres."""
+    metres: Floats = centimetres / CENTIMETRES
+    return metres
 
 
 def starts_of(count: Sequence[int] | Ints) -> Ints:

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from mtp_bench import load_submission
-from mtp_bench.agent import Action, Agent, Pipeline, pack
+from mtp_bench.agent import Action, Agent, Pipeline
 from mtp_bench.errors import ShapeError
 from mtp_bench.prediction import KinematicPredictor, KMeansSampler, StandingStill
 from mtp_bench.tracking import HypothesisTracker
-from mtp_bench.tracks import Objects, Tracks, group
 from mtp_bench.types import Task
 from tests.support.tracking_scenes import CYCLIST, Frame, at_once, frame, kitti_task, observation, random_frames
 
@@ -115,31 +114,6 @@ def test_objects_of_small_mass_are_left_out() -> None:
 def test_an_unknown_weighting_is_an_error() -> None:
     with pytest.raises(ShapeError, match="weighting is 'equal'"):
         pipeline(1, weighting="equal")
-
-
-def test_what_does_not_fit_is_left_out_the_least_likely_first() -> None:
-    # Leaves 0 and 3 in the best hypothesis, 2 in the second, 1 in the third; room for two hypotheses, three tracks.
-    tracks = Tracks(
-        track_id=np.array([10, 11, 12, 13]),
-        box=np.arange(28.0).reshape(4, 7),
-        class_id=np.array([0, 1, 2, 0]),
-        score=np.ones(4),
-        detection=np.arange(4),
-        past=np.zeros((4, 10, 7)),
-        past_valid=np.ones((4, 10), dtype=bool),
-        member=np.array([[1, 0, 0, 1], [0, 0, 1, 1], [0, 1, 0, 0]], dtype=bool),
-        log_weight=np.log([0.5, 0.3, 0.2]),
-    )
-    small = replace(TASK, tracks=3, hypotheses=2, objects=2, samples=1)
-    objects: Objects = group(tracks, 10)
-    samples = np.broadcast_to(objects.box[:, None, None, :2] + 1.0, (4, 1, 10, 2))
-    action: Any = pack(small, tracks, objects, samples, np.zeros((4, 1)))
-    assert action["track_id"].tolist() == [10, 12, 13]
-    assert action["track_class"].tolist() == [0, 2, 0]
-    assert action["hypothesis_member"].tolist() == [[1, 0, 1], [0, 1, 1]]
-    np.testing.assert_allclose(np.exp(action["hypothesis_log_weight"]), [0.5, 0.3])
-    np.testing.assert_allclose(action["object_box"], tracks.box[[3, 0]])
-    np.testing.assert_allclose(action["forecast"], 1.0)
 
 
 def test_frames_without_detections() -> None:

@@ -7,7 +7,7 @@ forecasts of objects as of frame t. ``step`` gives the reward of that answer and
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, cast, final
 
 import gymnasium
@@ -20,11 +20,12 @@ from ..errors import DataError, MtpBenchError, RolloutError, UnknownNameError
 from ..scoring.forecasts import frame_error
 from ..scoring.targets import Targets, find_targets
 from ..sources import detected, open_source
-from ..types import Rollout, Scene, Task
+from ..types import Action, Observation, Rollout, Scene, Task, to_metres
 from .arguments import choose, flag, size, text, wanted
 from .decoding import Answer, decode
 from .live import LiveEpisode, live_episode
-from .observation import Feed, LocalFrame, Observation, make_feed, rotate
+from .local_frame import LocalFrame
+from .observation import Feed, make_feed
 from .rollouts import assemble
 from .spaces import action_space, observation_space
 
@@ -57,7 +58,7 @@ class _Episode:
 
 
 @final
-class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
+class MTPEnv(gymnasium.Env[Observation, Action]):
     """Tracking and prediction of one log: detections in, hypotheses and forecasts out.
 
     ``card``: env id, path of a card (.toml), or a card. ``data``: data root. ``observe``: "detections", or "truth" for
@@ -120,7 +121,7 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
         self._source = open_source(self.card, data)
         self.scene_names = choose(tuple(self._source.names), scenes)
         self.observation_space = cast("gymnasium.Space[Observation]", observation_space(self.task))
-        self.action_space = cast("gymnasium.Space[dict[str, Any]]", action_space(self.task))
+        self.action_space = cast("gymnasium.Space[Action]", action_space(self.task))
         self._episode: _Episode | None = None
         self.metadata = {**type(self).metadata, "render_fps": max(1, round(self.card.task.rate))}
         self._live: LiveEpisode | None = None
@@ -145,7 +146,7 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
         self._follow()
         return self._episode.feed.observe(0), _info(self._episode)
 
-    def step(self, action: dict[str, Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Take the answer to the last observation and show the next frame; ``truncated`` after the last frame.
 
         Whatever breaks the contract is taken out of the answer and counted in ``info``, never raised.
@@ -153,7 +154,7 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
         episode = self._started()
         if episode.over:
             raise ResetNeeded(f"step() after the last frame of {episode.scene.name!r}: call reset() first")
-        answer = _in_scene(decode(action, self.task), episode.frame)
+        answer = decode(action, self.task, episode.frame)
         reward = 0.0 if episode.targets is None else self._reward(episode, episode.targets, answer)
         episode.answers.append(answer)
         self._follow()
@@ -225,23 +226,10 @@ class MTPEnv(gymnasium.Env[Observation, dict[str, Any]]):
             episode.t,
             answer.object_box,
             answer.object_class,
-            center + answer.forecast / 100.0,
+            center + to_metres(answer.forecast),
             answer.forecast_log_weight,
         )
         return 0.0 - error  # not -error: no -0.0
-
-
-def _in_scene(answer: Answer, frame: LocalFrame) -> Answer:
-    """The answer as it is recorded and scored: in the scene's frame of reference, forecasts in whole centimetres."""
-    forecast = np.rint(rotate(answer.forecast, -frame.yaw) * 100.0)
-    return replace(
-        answer,
-        track_box=frame.to_scene(answer.track_box).astype(np.float32),
-        object_box=frame.to_scene(answer.object_box).astype(np.float32),
-        hypothesis_log_weight=answer.hypothesis_log_weight.astype(np.float32),
-        forecast=forecast.astype(np.int16),
-        forecast_log_weight=answer.forecast_log_weight.astype(np.float32),
-    )
 
 
 def _info(episode: _Episode) -> dict[str, Any]:

@@ -10,7 +10,8 @@ import numpy as np
 from ..cards import Card
 from ..types import Detections, Ints, Rollout, Scene, Truth
 from .decoding import Answer
-from .observation import Feed, LocalFrame
+from .local_frame import LocalFrame
+from .observation import Feed
 from .rollouts import assemble
 
 

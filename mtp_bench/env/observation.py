@@ -7,60 +7,20 @@ not say which scene it is.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..geometry import transform_boxes
-from ..types import Bools, Detections, Floats, Ints, Scene, Task
-from .spaces import COORDINATE_LIMIT, SCORE_LIMIT, SIZE_LIMIT, VELOCITY_LIMIT
-
-Observation = dict[str, NDArray[Any]]
+from ..types import Bools, Detections, Floats, Ints, Observation, Ragged, Scene, Task, starts_of
+from .action import COORDINATE_LIMIT, SIZE_LIMIT, padded
+from .local_frame import LocalFrame, rotate
+from .spaces import SCORE_LIMIT, VELOCITY_LIMIT
 
 
 @dataclass(frozen=True, eq=False)
-class LocalFrame:
-    """Planar rigid motion that takes the scene's frame of reference to the frame of the observations."""
-
-    yaw: float
-    translation: Floats  # [3] m, applied after the rotation
-
-    @classmethod
-    def of(cls, scene: Scene, rng: np.random.Generator | None = None) -> LocalFrame:
-        """The frame in which the first ego pose is the origin, moved at random if ``rng`` is given."""
-        x, y, z, ego_yaw = (float(value) for value in scene.ego[0])
-        turn, shift = 0.0, np.zeros(3)
-        if rng is not None:
-            turn = float(rng.uniform(-np.pi, np.pi))
-            shift = rng.uniform(-1.0, 1.0, 3) * np.array([100.0, 100.0, 1.0])
-        yaw = turn - ego_yaw
-        return cls(yaw, shift - rotate(np.array([x, y, z]), yaw))
-
-    def to_local(self, box: Floats) -> Floats:
-        """Boxes [R, 7] of the scene in the local frame."""
-        return transform_boxes(box, self.yaw, self.translation)
-
-    def to_scene(self, box: Floats) -> Floats:
-        """Boxes [R, 7] of the local frame in the scene's."""
-        return transform_boxes(box, -self.yaw, -rotate(self.translation, -self.yaw))
-
-
-def rotate(vector: Floats, yaw: float) -> Floats:
-    """Vectors [..., 2 or more] turned about z; components after x and y stay."""
-    turned = np.array(vector, dtype=np.float64)
-    c, s = np.cos(yaw), np.sin(yaw)
-    turned[..., 0] = c * vector[..., 0] - s * vector[..., 1]
-    turned[..., 1] = s * vector[..., 0] + c * vector[..., 1]
-    return turned
-
-
-@dataclass(frozen=True, eq=False)
-class Feed:
-    """All observations of a scene; rows of frame t are ``start[t]:start[t + 1]``."""
+class Feed(Ragged):
+    """All observations of a scene."""
 
     size: int  # D
-    start: Ints  # [F + 1]
     box: Floats  # [R, 7]
     velocity: Floats  # [R, 2]
     score: Floats  # [R]
@@ -73,21 +33,20 @@ class Feed:
 
     def observe(self, t: int) -> Observation:
         """Fresh arrays of frame ``t``; after the last frame, no detections at the last frame's time and pose."""
-        frames = len(self.time)
-        rows = slice(int(self.start[t]), int(self.start[t + 1])) if t < frames else slice(0, 0)
-        now = min(t, frames - 1)
+        rows = self.rows(t) if t < self.frames else slice(0, 0)
+        now = min(t, self.frames - 1)
         seen: Observation = {
-            "detection_box": _padded(self.box[rows], self.size, np.float32, 0),
-            "detection_velocity": _padded(self.velocity[rows], self.size, np.float32, 0),
-            "detection_score": _padded(self.score[rows], self.size, np.float32, 0),
-            "detection_class": _padded(self.class_id[rows], self.size, np.int32, -1),
+            "detection_box": padded(self.box[rows], self.size, np.float32, 0),
+            "detection_velocity": padded(self.velocity[rows], self.size, np.float32, 0),
+            "detection_score": padded(self.score[rows], self.size, np.float32, 0),
+            "detection_class": padded(self.class_id[rows], self.size, np.int32, -1),
             "detection_valid": (np.arange(self.size) < rows.stop - rows.start).astype(np.int8),
             "ego_pose": self.ego[now].astype(np.float32),
             "time": np.array(self.time[now], dtype=np.float64),
             "dt": np.array(self.dt[now], dtype=np.float64),
         }
         if self.object_id is not None:
-            seen["detection_id"] = _padded(self.object_id[rows], self.size, np.int64, -1)
+            seen["detection_id"] = padded(self.object_id[rows], self.size, np.int64, -1)
         return seen
 
 
@@ -99,15 +58,15 @@ def make_feed(scene: Scene, frame: LocalFrame, task: Task) -> Feed:
         velocity = rotate(shown.velocity, frame.yaw).astype(np.float32)
         score = shown.score.astype(np.float32)
     known = np.asarray(task.velocity & (np.abs(velocity) <= VELOCITY_LIMIT).all(axis=1))
-    in_frame = np.repeat(np.arange(scene.frames), np.diff(shown.start))
+    in_frame = shown.frame_of_rows
     sound = _in_range(box, score, shown.class_id, len(task.classes))
     kept = sound & (_rank(in_frame, np.where(sound, score, -np.inf)) < task.detections)
     count = np.bincount(in_frame[kept], minlength=scene.frames)
     pose = np.concatenate([scene.ego, np.zeros((scene.frames, 3))], axis=1)
     time = scene.time - scene.time[0]
     return Feed(
+        start=starts_of(count),
         size=task.detections,
-        start=np.concatenate([[0], np.cumsum(count)]),
         box=box[kept],
         velocity=np.where(known[:, None], velocity, np.float32(0))[kept],
         score=score[kept],
@@ -116,7 +75,7 @@ def make_feed(scene: Scene, frame: LocalFrame, task: Task) -> Feed:
         ego=frame.to_local(pose)[:, :4].astype(np.float32),
         time=time,
         dt=np.diff(time, prepend=-task.dt),
-        dropped=np.diff(shown.start) - count,
+        dropped=shown.counts - count,
     )
 
 
@@ -124,10 +83,8 @@ def true_detections(scene: Scene) -> tuple[Detections, Ints]:
     """True boxes of the evaluated classes in the form of detections, and their ids."""
     truth = scene.truth
     shown = ~truth.neutral
-    in_frame = np.repeat(np.arange(scene.frames), np.diff(truth.start))
-    start = np.concatenate([[0], np.cumsum(np.bincount(in_frame[shown], minlength=scene.frames))])
     boxes = Detections(
-        start=start,
+        start=starts_of(np.bincount(truth.frame_of_rows[shown], minlength=truth.frames)),
         box=truth.box[shown],
         velocity=truth.velocity[shown],
         class_id=truth.class_id[shown],
@@ -150,9 +107,3 @@ def _rank(in_frame: Ints, score: Floats) -> Ints:
     place[order] = np.arange(len(order))
     first = np.searchsorted(in_frame, in_frame, side="left")  # rows are sorted by frame
     return place - first
-
-
-def _padded(rows: NDArray[Any], size: int, dtype: type[np.generic], fill: int) -> NDArray[Any]:
-    array = np.full((size, *rows.shape[1:]), fill, dtype=dtype)
-    array[: len(rows)] = rows
-    return array

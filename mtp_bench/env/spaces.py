@@ -9,17 +9,25 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..types import Task
+from .action import (
+    ABSENT,
+    BOX,
+    COORDINATE_LIMIT,
+    FIELDS,
+    FORECAST_LIMIT,
+    ID,
+    ID_LIMIT,
+    LOG_WEIGHT,
+    MASK,
+    OFFSET,
+    SIZE_LIMIT,
+    Field,
+)
 from .numbers import Numbers
 
-COORDINATE_LIMIT = 1e5  # m, of a centre in the frame of the observations
-SIZE_LIMIT = 100.0  # m, of a box
 SCORE_LIMIT = 1e6
 VELOCITY_LIMIT = 1e3  # m/s
 TIME_LIMIT = 1e6  # s
-FORECAST_LIMIT = 327.0  # m, length of an offset: within int16 centimetres whichever way the frame is turned
-ID_LIMIT = 2**31 - 1
-ABSENT = -2e30  # a log-weight that says "no such sample", "no such hypothesis" and lies inside the space
-ABSENT_BELOW = -1e30  # where such log-weights begin; -inf says the same
 
 Box = spaces.Box
 AnySpaces = dict[str, spaces.Space[Any]]
@@ -54,22 +62,24 @@ def action_space(task: Task) -> spaces.Dict:
     sound, unless an id occurs twice in a hypothesis or all samples of an object are absent. A little more is: any
     finite angle, and forecasts up to 327 m in length, of which the space is the inscribed square.
     """
-    reach = np.floor(FORECAST_LIMIT / np.sqrt(2.0))
-    n, o, h, k = task.tracks, task.objects, task.hypotheses, task.samples
-    fields: AnySpaces = {
-        "track_id": Numbers(0, ID_LIMIT, (n,), np.int64),
-        "track_box": _boxes(n, smallest=0.01),
-        "track_class": spaces.MultiDiscrete(np.full(n, len(task.classes) + 1), start=np.full(n, -1)),
-        "track_valid": spaces.MultiBinary(n),
-        "hypothesis_member": spaces.MultiBinary((h, n)),
-        "hypothesis_log_weight": Numbers(ABSENT, 0.0, (h,), np.float32),
-        "object_box": _boxes(o, smallest=0.01),
-        "object_class": spaces.MultiDiscrete(np.full(o, len(task.classes))),
-        "object_valid": spaces.MultiBinary(o),
-        "forecast": Box(-reach, reach, (o, k, task.future, 2), np.float32),
-        "forecast_log_weight": Box(ABSENT, 0.0, (o, k), np.float32),
-    }
-    return spaces.Dict(fields)
+    return spaces.Dict({field.name: _space_of(field, task) for field in FIELDS})
+
+
+def _space_of(field: Field, task: Task) -> spaces.Space[Any]:
+    shape, content = field.shape_in(task), field.content
+    reach = float(np.floor(FORECAST_LIMIT / np.sqrt(2.0)))
+    if content is ID:
+        return Numbers(0, ID_LIMIT, shape, content.dtype)
+    if content is LOG_WEIGHT:
+        return Numbers(ABSENT, 0.0, shape, content.dtype)
+    if content is MASK:
+        return spaces.MultiBinary(shape)
+    if content is BOX:
+        return _boxes(shape[0], smallest=0.01)
+    if content is OFFSET:
+        return Box(-reach, reach, shape, np.float32)
+    least = content.least
+    return spaces.MultiDiscrete(np.full(shape, len(task.classes) - least), start=np.full(shape, least))
 
 
 def _pose_bounds() -> tuple[NDArray[np.float32], NDArray[np.float32]]:

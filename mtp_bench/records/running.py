@@ -10,10 +10,11 @@ import numpy as np
 
 from ..cards import Card, load_card
 from ..env.environment import MTPEnv
-from ..env.rollouts import RunInfo, digest
+from ..env.rollouts import digest
 from ..gateway import Limits, SceneRun, run_isolated_scenes
 from ..parallel import Workers
 from ..running.compare import setting_of
+from ..running.rollout_files import RunInfo
 from ..running.run import run_info
 from ..submission.loader import Submission
 from ..types import Rollout

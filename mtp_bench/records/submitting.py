@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Literal
 
 from ..cards import Card, load_card
-from ..env.rollouts import require_run_folder, save_run
 from ..errors import MtpBenchError
 from ..files import require_file, require_folder
 from ..gateway import Limits, SceneRun
 from ..parallel import Workers, parallel_map
 from ..running.reference import frozen_reference
+from ..running.rollout_files import require_run_folder, save_run
 from ..running.run import library_versions
 from ..scoring import DEFINITIONS
 from ..submission.loader import Submission, load_submission

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from ..cards import Card, changed_card, load_card
-from ..env.rollouts import load_run
 from ..errors import RecordError
 from ..gateway import Limits, SceneRun
+from ..running.rollout_files import load_run
 from ..scoring import DEFINITIONS
 from ..sources import open_source
 from ..submission.loader import load_submission

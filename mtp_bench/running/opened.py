@@ -10,10 +10,10 @@ from pathlib import Path
 from .._bundle import card_ids
 from ..cards import Card, changed_card, load_card
 from ..env.observation import true_detections
-from ..env.rollouts import Run, RunInfo, load_run
 from ..errors import RolloutError, UnknownNameError
 from ..sources import SceneSource, open_source
 from ..types import Rollout, Scene
+from .rollout_files import Run, RunInfo, load_run
 
 CHANGES = ("split", "detector", "detection_file")  # of the card, as `changed_card` takes them
 

@@ -16,11 +16,11 @@ from .._version import __version__
 from ..agent import Agent
 from ..cards import Card
 from ..env.environment import MTPEnv
-from ..env.rollouts import RunInfo
 from ..errors import MtpBenchError, SubmissionError, UnknownNameError
 from ..parallel import ALONE, Workers, parallel_map
 from ..scoring.definitions import DEFINITIONS
 from ..types import Rollout, Scene, Task
+from .rollout_files import RunInfo
 
 MakeAgent = Callable[[Task], Agent]
 Finish = Callable[[Scene, Rollout, Card], Any]

@@ -9,7 +9,6 @@ from typing import Any
 
 from ..cards import Card
 from ..env.environment import MTPEnv
-from ..env.rollouts import Run, require_run_folder, save_run
 from ..errors import RolloutError
 from ..files import require_folder
 from ..parallel import Workers
@@ -21,6 +20,7 @@ from .jobs import jobs_of
 from .opened import open_run
 from .reading import total_skipped
 from .reference import Reference, frozen_reference
+from .rollout_files import Run, require_run_folder, save_run
 from .run import run_info, run_jobs
 
 Started = Callable[[int], object]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from ..types import Bools, Floats, Ints, Rollout, Scene, Truth
+from ..types import Bools, Floats, Ints, Rollout, Scene, Truth, to_metres
 from .definitions import CURVE_KS, SPURIOUS_SHARE
 from .displacement import displacement, k_curve, sample_errors
 from .matching import Matched, columns_to_rows, match
@@ -66,7 +66,7 @@ def forecast_errors(targets: Targets, found: ObjectMatch, rollout: Rollout) -> F
         part = matched[low : low + size]
         row = column[part]
         center = np.asarray(rollout.object_box[row, :2], dtype=np.float64)
-        guess = center[:, None, None] + rollout.forecast[row] / 100.0
+        guess = center[:, None, None] + to_metres(rollout.forecast[row])
         result = displacement(guess, targets.future[part], sample_weights(rollout.forecast_log_weight[row]))
         covered[part], miss[part] = result.valid, result.miss
         table[part, :3] = np.stack([result.min_ade, result.min_fde, result.energy_score], axis=1)

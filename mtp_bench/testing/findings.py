@@ -34,13 +34,21 @@ class Finding:
         return f"{self.check}: {self.got}{wanted}{place}" + (f"; {self.advice}" if self.advice else "")
 
 
-def failure(check: str, error: BaseException, where: str, expected: str = "an answer", advice: str = "") -> Finding:
-    """The finding that the agent raised ``error``, with the lines of its code that led there."""
+class AgentError(Exception):
+    """The agent could not be built or raised; ``finding`` says where, its check has no name yet."""
+
+    def __init__(self, finding: Finding) -> None:
+        self.finding = finding
+        super().__init__(str(finding))
+
+
+def failure(error: BaseException, where: str, expected: str) -> AgentError:
+    """What the agent raised, with the lines of its code that led there."""
     root = error
     while isinstance(root, MtpBenchError) and root.__cause__ is not None:
         root = root.__cause__
     text = str(error) if isinstance(error, MtpBenchError) else f"{type(error).__name__}: {error}"
-    return Finding("error", check, text, expected, where, advice or "see its traceback", _calls(root))
+    return AgentError(Finding("error", "", text, expected, where, "see its traceback", _calls(root)))
 
 
 def _calls(error: BaseException) -> tuple[str, ...]:

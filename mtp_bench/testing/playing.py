@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..agent import Agent
-from ..env.decoding import Answer, decode
+from ..env.checks import Problem, examine
+from ..env.decoding import Answer, answer_of
 from ..env.environment import MTPEnv
 from ..running.run import agent_task, derived_seed
-from ..types import Task
-from .answers import Problem, answer_problems
+from ..types import Observation, Task
 from .findings import Finding, failure
 
-Observation = dict[str, NDArray[Any]]
-Steps = Generator[tuple[str, Observation], Any, None]  # yields (what, observation), is sent the answer
+Steps = Generator[tuple[str, Observation] | None, Any, None]  # yields (what, observation), is sent the answer
 
 
 @dataclass
@@ -32,6 +31,17 @@ class Seen:
     rows: int = 0
     frames: int = 0
 
+    def finding(self, check: str) -> Finding:
+        """The problem with the place of its first row."""
+        problem = self.problem
+        rows = f", {self.rows} rows" if problem.kind and self.rows > 1 else ""
+        got = f"{problem.field}: {problem.reason} in {self.frames} frame{'s' * (self.frames > 1)}{rows}"
+        advice = f"the judge takes such {problem.kind} out: they count as missing" if problem.kind else ""
+        return Finding(problem.level, check, got, problem.expected, self.where, advice)
+
+
+Problems = dict[tuple[str, str], Seen]  # by field and reason
+
 
 @dataclass
 class Played:
@@ -40,33 +50,26 @@ class Played:
     where: str
     answers: list[Answer] = field(default_factory=list)  # in the frame of the observations
     seconds: list[float] = field(default_factory=list)
-    problems: dict[tuple[str, str], Seen] = field(default_factory=dict)
+    problems: Problems = field(default_factory=dict)
     written: str = ""  # where it wrote into an observation first; empty: nowhere
-    failure: Finding | None = None
-
-    def findings(self, check: str) -> list[Finding]:
-        """The failure, else every kind of problem with the place of its first row."""
-        if self.failure is not None:
-            return [replace(self.failure, check=check)]
-        return [_finding(check, seen) for seen in self.problems.values()]
 
 
 def play(
     agent: Agent, env: MTPEnv, scene: str, seed: int, frames: int | None = None, scribble: bool = False, turn: int = 0
 ) -> Played:
-    """Play the first ``frames`` frames of a scene (None: all of them).
+    """Play the first ``frames`` frames of a ``scene`` of ``env`` (None: all of them); raises AgentError.
 
-    ``scribble``: every observation is overwritten when the answer to it is there, as an env with buffers would do.
-    ``turn`` chooses the rigid motion of an env that has one.
+    ``seed``: of the run, from which those of env and agent are derived. ``scribble``: every observation is overwritten
+    when the answer to it is there, as an env with buffers would do. ``turn``: which rigid motion an env with such has.
     """
     place = "" if turn == 0 else f"|{turn}"
     first, _ = env.reset(seed=derived_seed(seed, scene + place, "env"), options={"scene": scene})
     return _play(agent, agent_task(env, seed), _episode(env, first, frames), f"scene {scene}", scribble)
 
 
-def play_made_up(agent: Agent, task: Task, frames: Sequence[tuple[str, Observation]]) -> Played:
-    """Play observations that no scene holds, each with a word for what it is."""
-    return _play(agent, task, _listed(frames), "made-up scene", False)
+def play_made_up(agent: Agent, task: Task, frames: Iterable[tuple[str, Observation]]) -> Played:
+    """Play observations that no scene holds, each with a word for what it is; raises AgentError."""
+    return _play(agent, task, _listed(frames), "made-up scene", scribble=False)
 
 
 @contextmanager
@@ -102,11 +105,13 @@ def _episode(env: MTPEnv, observation: Observation, frames: int | None) -> Steps
         action = yield f"frame {number}", observation
         observation, _, _, over, _ = env.step(action)
         number += 1
+    yield None
 
 
-def _listed(frames: Sequence[tuple[str, Observation]]) -> Steps:
-    for number in range(len(frames)):
-        yield frames[number]
+def _listed(frames: Iterable[tuple[str, Observation]]) -> Steps:
+    left = iter(frames)
+    while True:
+        yield next(left, None)
 
 
 def _play(agent: Agent, task: Task, steps: Steps, where: str, scribble: bool) -> Played:
@@ -114,9 +119,8 @@ def _play(agent: Agent, task: Task, steps: Steps, where: str, scribble: bool) ->
     try:
         agent.reset(task)
     except (Exception, SystemExit) as error:
-        played.failure = failure("", error, f"{where}, reset", "a reset")
-        return played
-    step = next(steps, None)
+        raise failure(error, f"{where}, reset", "a reset") from error
+    step = next(steps)
     while step is not None:
         what, observation = step
         place = f"{where}, {what}"
@@ -127,36 +131,28 @@ def _play(agent: Agent, task: Task, steps: Steps, where: str, scribble: bool) ->
             action = agent.act(observation)
             played.seconds.append(time.perf_counter() - start)
         except (Exception, SystemExit) as error:
-            played.failure = failure("", error, place)
-            return played
-        _note(played, action, task, before, observation, place)
+            raise failure(error, place, "an answer") from error
+        _note_answer(played, action, task, place)
+        changed = [name for name, array in before.items() if not _same(array, observation.get(name))]
+        if changed and not played.written:
+            played.written = f"{place}, {changed[0]}"
         if scribble:
             action = _copied(action)
-            _overwrite(shown)
-        step = _next(steps, action)
+            for array in shown.values():
+                array[...] = 1
+        step = steps.send(action)
     return played
 
 
-def _next(steps: Steps, action: object) -> tuple[str, Observation] | None:
-    try:
-        return steps.send(action)
-    except StopIteration:
-        return None
-
-
-def _note(
-    played: Played, action: object, task: Task, before: Observation, observation: Observation, place: str
-) -> None:
-    """Keep the sound part of the answer, the problems of the rest, and whether the observation was written into."""
-    played.answers.append(decode(action, task))
-    for problem in answer_problems(action, task):
+def _note_answer(played: Played, action: object, task: Task, place: str) -> None:
+    """Keep the sound part of the answer and the problems of the rest."""
+    examined = examine(action, task)
+    played.answers.append(answer_of(examined))
+    for problem in examined.problems:
         where = f"{place}, {problem.example}" if problem.example else place
         seen = played.problems.setdefault((problem.field, problem.reason), Seen(problem, where))
         seen.rows += problem.rows
         seen.frames += 1
-    changed = [name for name, array in before.items() if not _same(array, observation.get(name))]
-    if changed and not played.written:
-        played.written = f"{place}, {changed[0]}"
 
 
 def _same(array: NDArray[Any], other: object) -> bool:
@@ -165,24 +161,6 @@ def _same(array: NDArray[Any], other: object) -> bool:
 
 def _copied(action: Any) -> Any:
     """The answer without the arrays of the observation, which an agent may hand back."""
-    if not isinstance(action, dict):
+    if not isinstance(action, Mapping):
         return action
     return {key: value.copy() if isinstance(value, np.ndarray) else value for key, value in action.items()}
-
-
-def _overwrite(observation: Observation) -> None:
-    for array in observation.values():
-        array[...] = 1
-
-
-def _finding(check: str, seen: Seen) -> Finding:
-    problem = seen.problem
-    rows = f", {seen.rows} rows" if problem.kind and seen.rows > 1 else ""
-    return Finding(
-        problem.level,
-        check,
-        f"{problem.field}: {problem.reason} in {seen.frames} frame{'s' * (seen.frames > 1)}{rows}",
-        problem.expected,
-        seen.where,
-        f"the judge takes such {problem.kind} out: they count as missing" if problem.kind else "",
-    )

@@ -11,7 +11,7 @@ from ..cards import Card
 from ..scoring.forecasts import sample_weights
 from ..scoring.lineage import Hypotheses
 from ..scoring.targets import frame_of_rows
-from ..types import Bools, Floats, Ints, Lane, Rollout
+from ..types import Bools, Floats, Ints, Lane, Rollout, to_metres
 from .drawing.camera import Camera, camera
 from .drawing.canvas import Viewport
 from .replay import Incident, Replay
@@ -154,7 +154,7 @@ def said(rollout: Rollout, found: Hypotheses, t: int, card: Card) -> Said:
         trails=_trails(rollout, found, t, max(1, round(TRAIL_SECONDS * card.task.rate))),
         other_box=rollout.track_box[rows][member.any(axis=1) & ~held].astype(np.float64),
         object_box=rollout.object_box[objects].astype(np.float64),
-        forecast=center + rollout.forecast[objects] / 100.0,
+        forecast=center + to_metres(rollout.forecast[objects]),
         forecast_weight=sample_weights(rollout.forecast_log_weight[objects]),
     )
 

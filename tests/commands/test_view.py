@@ -94,7 +94,7 @@ def test_runs_of_other_cards_share_no_picture(
     cli: CommandLine, folder: Path, options: list[str], kitti: str, tmp_path: Path
 ) -> None:
     from mtp_bench.cards import load_card
-    from mtp_bench.env.rollouts import load_run, save_run
+    from mtp_bench.running.rollout_files import load_run, save_run
 
     run = load_run(folder)
     info = run.info.model_copy(update={"card_digest": "0" * 16})

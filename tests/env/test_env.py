@@ -39,7 +39,7 @@ def make_env(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> MakeEnv:
 
     def make(*scenes: Scene, **keywords: Any) -> MTPEnv:
         source = MemorySource(*(scenes or (make_scene(),)))
-        monkeypatch.setattr("mtp_bench.env.open_source", lambda card, data: source)
+        monkeypatch.setattr("mtp_bench.env.environment.open_source", lambda card, data: source)
         return MTPEnv(write_card(tmp_path), **keywords)
 
     return make

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.env.rollouts import load_run, save_run
 from mtp_bench.errors import RecordError, RolloutError, UnknownNameError
 from mtp_bench.records import Record, load_record, save_record, submit, verify
 from mtp_bench.records.ranking import why_unranked
 from mtp_bench.records.verifying import confirm
 from mtp_bench.running.opened import open_run
+from mtp_bench.running.rollout_files import load_run, save_run
 from tests.support.command_line import CommandLine, read_json
 from tests.support.small_scenes import CARD, CARD_ID, write_card
 from tests.support.stored_records import write_isolated

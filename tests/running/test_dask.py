@@ -16,10 +16,11 @@ import pytest
 from numpy.typing import NDArray
 
 from mtp_bench import parallel as _cluster
-from mtp_bench.env.rollouts import digest, load_run
+from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import MtpBenchError, SubmissionError
 from mtp_bench.parallel import Workers, _cluster_map, _require_backend
 from mtp_bench.records import submit
+from mtp_bench.running.rollout_files import load_run
 from mtp_bench.running.run import Job, run_jobs
 from mtp_bench.types import Task
 from tests.running.test_runner import make_failing

@@ -15,8 +15,8 @@ from typing import Any
 
 import pytest
 
-from mtp_bench.env.rollouts import load_run
 from mtp_bench.running.compare import compare
+from mtp_bench.running.rollout_files import load_run
 from mtp_bench.running.stored import run_and_store, score_stored
 from tests.support.command_line import CommandLine, plain_environment, read_json, ship, write_submission
 from tests.support.small_scenes import CARD, write_card, write_kitti

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from mtp_bench.cards import load_card
-from mtp_bench.env.rollouts import RunInfo, save_run
+from mtp_bench.running.rollout_files import RunInfo, save_run
 from mtp_bench.scoring.targets import frame_of_rows
 from mtp_bench.sources import open_source
 from mtp_bench.types import Floats, Ints, Rollout, Scene

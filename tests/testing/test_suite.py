@@ -13,12 +13,12 @@ import pytest
 from numpy.typing import NDArray
 
 from mtp_bench import load_submission
+from mtp_bench.env.checks import examine
 from mtp_bench.env.decoding import decode
 from mtp_bench.errors import MtpBenchError, UnknownNameError
 from mtp_bench.submission import SubmissionFactory
 from mtp_bench.submission.starting import new_submission
 from mtp_bench.testing import Finding, check_agent, check_card
-from mtp_bench.testing.answers import answer_problems
 from mtp_bench.types import Task
 from tests.support.small_scenes import CARD, Action, EchoAgent, bare_scene, full_action, make_echo, task, write_card
 
@@ -246,7 +246,7 @@ def test_an_agent_that_raises_shows_its_own_lines(card: str, kitti: str) -> None
     assert error.got == "ValueError: no more"
     assert error.where == "scene 0006, frame 3"
     assert len(error.traceback) == 1
-    assert error.traceback[0].startswith("test_testing.py, line ")
+    assert error.traceback[0].startswith("test_suite.py, line ")
     assert error.traceback[0].endswith('in act: raise ValueError("no more")')
 
 
@@ -335,19 +335,19 @@ def test_every_refused_row_has_a_reason_and_the_count_of_the_judge(
     fields: dict[str, tuple[Any, Any]], field: str, reason: str, rows: int
 ) -> None:
     action = changed(**fields)
-    errors = [problem for problem in answer_problems(action, task()) if problem.level == "error"]
+    errors = [problem for problem in examine(action, task()).problems if problem.level == "error"]
     assert [(error.field, error.reason, error.rows) for error in errors] == [(field, reason, rows)]
     assert decode(action, task()).invalid.sum() == rows
 
 
 def test_a_sound_answer_has_no_problem() -> None:
-    assert answer_problems(full_action(task()), task()) == []
+    assert examine(full_action(task()), task()).problems == []
 
 
 def test_garbage_is_named() -> None:
-    (problem,) = answer_problems([1, 2], task())
+    (problem,) = examine([1, 2], task()).problems
     assert (problem.field, problem.reason) == ("action", "is a list")
-    problems = answer_problems({"track_id": [[1], [1, 2]]}, task())
+    problems = examine({"track_id": [[1], [1, 2]]}, task()).problems
     assert problems[0].reason.startswith("is no array (ValueError")
     assert {problem.reason for problem in problems[1:]} == {"is missing"}
 
@@ -360,7 +360,7 @@ def test_random_answers_are_explained_whenever_the_judge_refuses_them() -> None:
         flat = action[name].reshape(-1)
         value = rng.choice([-5, 0, 1, 7, 100]) if flat.dtype.kind == "i" else rng.choice([np.nan, np.inf, -3.0, 1e9])
         flat[rng.integers(len(flat))] = value
-        problems = [problem for problem in answer_problems(action, task()) if problem.level == "error"]
+        problems = [problem for problem in examine(action, task()).problems if problem.level == "error"]
         assert bool(problems) == bool(decode(action, task()).invalid.sum()), (name, value)
         assert not [problem for problem in problems if problem.reason == "refused by the judge"], (name, value)
 

@@ -1,7 +1,7 @@
 """Nearest-neighbour tracking with constant-velocity forecasts: a whole agent to start from.
 
 The contract: ``build(task)`` makes an agent, ``reset(task)`` begins a scene, ``act(observation)`` answers one frame.
-Metres, seconds, radians; a box is ``x y z yaw l w h``. All arrays are padded to the sizes that ``task`` gives.
+Metres, seconds, radians; a box is ``x y z yaw l w h``. ``mtp_bench.answer`` makes the action from plain arrays.
 """
 
 from typing import Any
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mtp_bench import Action, Agent, Observation, Task
+from mtp_bench import Action, Agent, Observation, Task, Tracks, answer
 
 Array = NDArray[Any]
 
@@ -50,7 +50,9 @@ class NearestAgent:
         self._unseen[track] = 0.0
         new = np.setdiff1d(np.arange(len(box)), detection)
         self._begin(box[new], observation["detection_velocity"][valid][new], observation["detection_class"][valid][new])
-        return self._answer()
+        sure = np.flatnonzero(self._hits > 1)  # a forecast of what is not there costs
+        tracks = Tracks.of_one_hypothesis(self._id, self._box, self._class)
+        return answer(self._task, self._box[sure], self._class[sure], self._forecasts(sure), tracks=tracks)
 
     def _pairs(self, box: Array, class_id: Array) -> tuple[Array, Array]:
         """Tracks and the detections they take, the nearest pair first."""
@@ -75,28 +77,6 @@ class NearestAgent:
         self._hits = np.concatenate([self._hits[kept], np.ones(len(box), dtype=np.int64)])
         self._unseen = np.concatenate([self._unseen[kept], np.zeros(len(box))])
 
-    def _answer(self) -> Action:
-        """The action: padded arrays, in which rows that are not valid say nothing."""
-        task = self._task
-        n = min(len(self._id), task.tracks)  # what does not fit is left out
-        held = np.arange(task.tracks)[None] < n  # [1, N]: one hypothesis, which holds all tracks
-        confirmed = np.flatnonzero(self._hits > 1)[: task.objects]  # a forecast of nothing costs
-        o = len(confirmed)
-        return {
-            "track_id": _padded(self._id[:n], task.tracks, np.int64),
-            "track_box": _padded(self._box[:n], task.tracks, np.float32),
-            "track_class": _padded(self._class[:n], task.tracks, np.int64),  # -1 would say: not stated
-            "track_valid": _padded(np.ones(n), task.tracks, np.int8),
-            "hypothesis_member": _padded(held, task.hypotheses, np.int8),
-            # -inf says that there is no such hypothesis
-            "hypothesis_log_weight": np.where(np.arange(task.hypotheses) == 0, 0.0, -np.inf).astype(np.float32),
-            "object_box": _padded(self._box[confirmed], task.objects, np.float32),
-            "object_class": _padded(self._class[confirmed], task.objects, np.int64),
-            "object_valid": _padded(np.ones(o), task.objects, np.int8),
-            "forecast": _padded(self._forecasts(confirmed), task.objects, np.float32),
-            "forecast_log_weight": _padded(np.zeros((o, task.samples)), task.objects, np.float32),  # all alike
-        }
-
     def _forecasts(self, tracks: Array) -> Array:
         """Samples [O, K, T, 2] in metres from each object's centre: somewhat slower to faster, straight or turning."""
         sample = np.arange(self._task.samples)
@@ -107,10 +87,3 @@ class NearestAgent:
         along, across = np.cumsum(step, axis=-1)  # [K, T] each, for a velocity of 1 m/s along x
         vx, vy = self._velocity[tracks].T[:, :, None, None]
         return np.stack([vx * along - vy * across, vy * along + vx * across], axis=-1)
-
-
-def _padded(rows: Array, size: int, dtype: Any) -> Array:
-    """The rows, with zeros below up to ``size`` rows."""
-    padded = np.zeros((size, *rows.shape[1:]), dtype=dtype)
-    padded[: len(rows)] = rows
-    return padded

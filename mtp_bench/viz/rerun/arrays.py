@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...cards import Card
 from ...scoring.events import history
 from ...scoring.targets import frame_of_rows
-from ...types import Bools, Detections, Floats, Ints, Rollout, Scene, Truth
+from ...types import Bools, Detections, Floats, Ints, Rollout, Scene, Truth, to_metres
 from ..drawing.palette import FALSE
 from .colors import DETECTION, EGO, NEUTRAL, TRUTH, Colors, track_colors
 
@@ -163,7 +163,7 @@ def forecasts(said: Said, level: str) -> Strips:
     center = rollout.object_box[row, :3].astype(np.float64)
     future = rollout.forecast.shape[2]
     point = np.repeat(center[:, None], future + 1, axis=1)
-    point[:, 1:, :2] += rollout.forecast[row, sample] / 100.0
+    point[:, 1:, :2] += to_metres(rollout.forecast[row, sample])
     color = track_colors(np.append(rollout.track_id, -1)[said.object_track[row]])
     return Strips(per_frame(rollout.object_start, row), _single(point), color)
 

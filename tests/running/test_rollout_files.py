@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from mtp_bench.env.decoding import decode
-from mtp_bench.env.rollouts import RunInfo, assemble, digest, load_run, save_run
+from mtp_bench.env.rollouts import assemble, digest
 from mtp_bench.errors import RolloutError
+from mtp_bench.running.rollout_files import RunInfo, load_run, save_run
 from mtp_bench.types import Rollout
 from tests.support.small_scenes import empty_action, full_action, task
 
@@ -36,7 +37,6 @@ INFO = RunInfo(
 def make_rollout(name: str = "one", frames: int = 3) -> Rollout:
     full, empty = decode(full_action(task()), task()), decode(empty_action(task()), task())
     answers = [full if t != 1 else empty for t in range(frames)]
-    answers = [replace(answer, forecast=np.rint(answer.forecast * 100)) for answer in answers]
     rollout = assemble(name, answers, np.arange(frames))
     return replace(rollout, seconds=np.linspace(0.1, 0.2, frames))
 
@@ -212,7 +212,7 @@ SPOILED: dict[str, tuple[Callable[[Path], Any], str]] = {
     "box changed": (edit_array("track_box", lambda array: array + np.float32(0.01)), "it was changed after the run"),
     "forecast changed": (edit_array("forecast", lambda array: array + np.int16(1)), "it was changed after the run"),
     "dtype changed": (edit_array("forecast", lambda array: array.astype(float)), "forecast has dtype float64"),
-    "rows gone": (edit_array("track_id", lambda array: array[1:]), "track_id has shape"),
+    "rows gone": (edit_array("track_id", lambda array: array[1:]), "track_box has shape"),
     "frames out of order": (edit_array("object_start", lambda array: array[::-1]), "object_start does not divide"),
     "starts beyond": (edit_array("track_start", lambda array: array + 1), "track_start does not divide"),
 }

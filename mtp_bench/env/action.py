@@ -1,0 +1,122 @@
+"""What an agent may answer: the one table of the action's fields.
+
+The action space, the decoding and its checks, the conformance suite, `mtp_bench.answer` and the table of
+``envs/README.md`` come from it. Shapes are in the letters of `mtp_bench.types`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..types import Task
+
+COORDINATE_LIMIT = 1e5  # m, of a centre in the frame of the observations
+SIZE_LIMIT = 100.0  # m, of a box
+FORECAST_LIMIT = 327.0  # m, length of an offset: within int16 centimetres whichever way the frame is turned
+ID_LIMIT = 2**31 - 1
+ABSENT = -2e30  # a log-weight that says "no such sample", "no such hypothesis" and lies inside the space
+ABSENT_BELOW = -1e30  # where such log-weights begin; -inf says the same
+
+Rows = Literal["tracks", "hypotheses", "objects"]
+ROWS: tuple[Rows, ...] = ("tracks", "hypotheses", "objects")  # in the order of `Rollout.invalid`
+
+_KIND_NAMES = {"f": "floating", "i": "integer", "u": "integer", "b": "bool"}
+
+
+@dataclass(frozen=True)
+class Content:
+    """What the entries of a field are."""
+
+    kinds: str  # of dtype that are accepted, in numpy's letters
+    dtype: type[np.generic]  # of the action space
+    expected: str  # of the entries of a row that is there
+    least: int = 0  # of classes
+
+
+ID = Content("iu", np.int64, f"0 to {ID_LIMIT}")
+BOX = Content("fiu", np.float32, f"finite x y z yaw up to {COORDINATE_LIMIT:g}, l w h above 0 up to {SIZE_LIMIT:g} m")
+CLASS = Content("iu", np.int64, "0 to C - 1")
+CLASS_OR_NONE = Content("iu", np.int64, "-1 (not stated) to C - 1", least=-1)
+MASK = Content("biu", np.int8, "0 or 1")
+LOG_WEIGHT = Content("fiu", np.float32, "finite numbers, or -inf for what is not there")
+OFFSET = Content("fiu", np.float32, f"metres from the object's own centre, at most {FORECAST_LIMIT:g}")
+
+
+@dataclass(frozen=True)
+class Field:
+    """One array of an action; its first axis are rows of tracks, hypotheses or objects."""
+
+    name: str
+    rows: Rows
+    shape: str  # letters and numbers, as in "O K T 2"
+    content: Content
+    meaning: str  # one sentence
+    fill: float = 0.0  # of rows that are not there
+    optional: bool = False  # a missing field is full of ``fill``
+
+    def shape_in(self, task: Task) -> tuple[int, ...]:
+        """The shape under ``task``."""
+        size = {
+            "N": task.tracks, "H": task.hypotheses, "O": task.objects, "K": task.samples, "T": task.future
+        }  # fmt: skip
+        return tuple(size[letter] if letter in size else int(letter) for letter in self.shape.split())
+
+    def array_in(self, task: Task) -> str:
+        """In words, which array is expected under ``task``."""
+        kinds = dict.fromkeys(_KIND_NAMES[kind] for kind in self.content.kinds)
+        return f"an array of shape {self.shape_in(task)} and {' or '.join(kinds)} dtype"
+
+    def expected_in(self, task: Task) -> str:
+        """In words, which entries are expected under ``task``."""
+        return self.content.expected.replace("C - 1", str(len(task.classes) - 1))
+
+    def filled(self, task: Task, rows: NDArray[Any] | None = None) -> NDArray[Any]:
+        """The array under ``task`` that holds ``rows`` [R, ...], filled up; what is missing of any axis is filled."""
+        array = np.full(self.shape_in(task), self.fill, dtype=self.content.dtype)
+        if rows is not None:
+            array[tuple(slice(size) for size in rows.shape)] = rows
+        return array
+
+
+FIELDS = (
+    Field("track_id", "tracks", "N", ID, "Identity of a track, the same in every frame and once per hypothesis."),
+    Field("track_box", "tracks", "N 7", BOX, "Box of the track now: x y z yaw l w h."),
+    Field("track_class", "tracks", "N", CLASS_OR_NONE, "Class of the track.", fill=-1, optional=True),
+    Field("track_valid", "tracks", "N", MASK, "Which rows hold a track; the others say nothing."),
+    Field("hypothesis_member", "hypotheses", "H N", MASK, "Which tracks a hypothesis holds; they may share tracks."),
+    Field(
+        "hypothesis_log_weight", "hypotheses", "H", LOG_WEIGHT,
+        "Logarithm of the hypothesis's weight, not necessarily normalised.", fill=-np.inf,
+    ),
+    Field("object_box", "objects", "O 7", BOX, "Box now of an object that is forecast: x y z yaw l w h."),
+    Field("object_class", "objects", "O", CLASS, "Class of the object."),
+    Field("object_valid", "objects", "O", MASK, "Which rows hold an object; the others say nothing."),
+    Field("forecast", "objects", "O K T 2", OFFSET, "Samples of the future: x y in each of the next T frames."),
+    Field(
+        "forecast_log_weight", "objects", "O K", LOG_WEIGHT,
+        "Logarithm of each sample's weight, not necessarily normalised; a valid object has at least one sample.",
+        fill=-np.inf,
+    ),
+)  # fmt: skip
+FIELD = {field.name: field for field in FIELDS}
+
+
+def action_table() -> str:
+    """The fields as a table in Markdown."""
+    lines = ["| field | shape | dtype | entries | meaning |", "|---|---|---|---|---|"]
+    for field in FIELDS:
+        shape, dtype = field.shape.replace(" ", ", "), np.dtype(field.content.dtype)
+        meaning = field.meaning + (" Optional." if field.optional else "")
+        lines.append(f"| `{field.name}` | ({shape}) | {dtype} | {field.content.expected} | {meaning} |")
+    return "\n".join(lines) + "\n"
+
+
+def padded(rows: NDArray[Any], size: int, dtype: type[np.generic], fill: float = 0) -> NDArray[Any]:
+    """The rows [R, ...] with ``fill`` below, up to ``size`` rows."""
+    array = np.full((size, *rows.shape[1:]), fill, dtype=dtype)
+    array[: len(rows)] = rows
+    return array

@@ -1,0 +1,136 @@
+"""`answer`: an action made of plain arrays."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import ShapeError
+from ..tracks import Tracks
+from ..types import Action, Task
+from .action import FIELD
+from .checks import Problem, examine
+
+_ARGUMENT = {  # what fills a field
+    "object_box": "boxes",
+    "object_class": "classes",
+    "forecast": "forecasts",
+    "forecast_log_weight": "log_weights",
+    "track_id": "ids or tracks.track_id",
+    "track_box": "tracks.box",
+    "track_class": "tracks.class_id",
+    "hypothesis_log_weight": "tracks.log_weight",
+}
+
+
+def answer(
+    task: Task,
+    boxes: ArrayLike,
+    classes: ArrayLike,
+    forecasts: ArrayLike,
+    log_weights: ArrayLike | None = None,
+    *,
+    ids: ArrayLike | None = None,
+    tracks: Tracks | None = None,
+    checked: bool = True,
+) -> Action:
+    """The action that says where O objects are now and where they go.
+
+    ``boxes`` [O, 7]: x y z yaw l w h of each object now, in the frame of the observation.
+    ``classes`` [O]: index of each object's class in ``task.classes``.
+    ``forecasts`` [O, T, 2], or [O, k, T, 2] with up to ``task.samples`` samples: x y in metres from the centre of the
+    object's box, in each of the next T = ``task.future`` frames.
+    ``log_weights`` [O, k]: logarithms of the samples' weights, -inf for a sample that is not there; without them all
+    samples weigh alike.
+    ``ids`` [O]: identities, the same number in every frame. They make the objects the tracks of one hypothesis.
+    ``tracks``: tracks and hypotheses, where they are more than that. Without ``ids`` and ``tracks`` nothing is said of
+    tracks: the ranked error does not change, but every object counts as untracked.
+    ``checked``: raise for numbers that the env would take out, such as NaN; False leaves that to the env.
+
+    Objects beyond ``task.objects`` are left out, the last first, and so are tracks and hypotheses that do not fit, the
+    least likely first. Raises ShapeError, a ValueError, that names the argument and what was expected.
+    """
+    box = _array("boxes", boxes, "fiu", ("O", 7))
+    objects = len(box)
+    class_id = _array("classes", classes, "iu", (objects,))
+    future = _array("forecasts", forecasts, "fiu", (objects, "k", task.future, 2), (objects, task.future, 2))
+    future = future[:, None] if future.ndim == 3 else future
+    if future.shape[1] > task.samples:
+        raise ShapeError(f"forecasts holds {future.shape[1]} samples per object, expected at most {task.samples}")
+    weight = np.zeros(future.shape[:2])
+    if log_weights is not None:
+        weight = _array("log_weights", log_weights, "fiu", future.shape[:2])
+    if ids is not None:
+        if tracks is not None:
+            raise ShapeError("ids and tracks are both given, expected one of them: tracks has ids of its own")
+        tracks = Tracks.of_one_hypothesis(_array("ids", ids, "iu", (objects,)), box, class_id)
+    values = _object_fields(task, box, class_id, future, weight)
+    if tracks is not None:
+        values |= _track_fields(task, tracks)
+    action = {name: field.filled(task, values.get(name)) for name, field in FIELD.items()}
+    if checked:
+        _check(action, task)
+    return action
+
+
+def _object_fields(
+    task: Task, box: NDArray[Any], class_id: NDArray[Any], future: NDArray[Any], weight: NDArray[Any]
+) -> dict[str, NDArray[Any]]:
+    fit = min(len(box), task.objects)
+    return {
+        "object_box": box[:fit],
+        "object_class": class_id[:fit],
+        "object_valid": np.ones(fit),
+        "forecast": future[:fit],
+        "forecast_log_weight": weight[:fit],
+    }
+
+
+def _track_fields(task: Task, tracks: Tracks) -> dict[str, NDArray[Any]]:
+    best = tracks.member.argmax(axis=0)  # the heaviest hypothesis that holds each track
+    kept = np.sort(np.argsort(best, kind="stable")[: task.tracks])
+    return {
+        "track_id": tracks.track_id[kept],
+        "track_box": tracks.box[kept],
+        "track_class": tracks.class_id[kept],
+        "track_valid": np.ones(len(kept)),
+        "hypothesis_member": tracks.member[: task.hypotheses, kept],
+        "hypothesis_log_weight": tracks.log_weight[: task.hypotheses],
+    }
+
+
+def _array(name: str, value: ArrayLike, kinds: str, *shapes: tuple[int | str, ...]) -> NDArray[Any]:
+    """The argument as an array of one of the shapes; a letter stands for any size."""
+    try:
+        array = np.asarray(value)
+    except ValueError as error:
+        raise ShapeError(f"{name} is no array: {error}") from None
+    wanted = " or ".join(str(shape).replace("'", "") for shape in shapes)
+    if not any(_fits(array.shape, shape) for shape in shapes):
+        raise ShapeError(f"{name} has shape {array.shape}, expected {wanted}")
+    if array.dtype.kind not in kinds and array.size:
+        raise ShapeError(f"{name} has dtype {array.dtype}, expected {'numbers' if 'f' in kinds else 'whole numbers'}")
+    return array
+
+
+def _fits(shape: tuple[int, ...], wanted: tuple[int | str, ...]) -> bool:
+    sizes = zip(shape, wanted, strict=False)
+    return len(shape) == len(wanted) and all(isinstance(size, str) or got == size for got, size in sizes)
+
+
+def _check(action: Action, task: Task) -> None:
+    """Raise ShapeError for the first thing that the env would take out; objects come before tracks."""
+    problems = [problem for problem in examine(action, task).problems if problem.level == "error"]
+    if problems:
+        raise ShapeError(_text(min(problems, key=lambda problem: problem.kind != "objects")))
+
+
+def _text(problem: Problem) -> str:
+    rows = "1 row" if problem.rows == 1 else f"{problem.rows} rows"
+    advice = ": subtract the centre of the box from positions" if problem.reason == "too far" else ""
+    return (
+        f"{_ARGUMENT[problem.field]}: {problem.reason} in {rows}, the first is {problem.example};"
+        f" expected {problem.expected}{advice}"
+    )

@@ -1,0 +1,240 @@
+"""The checks of an answer, each once and with its reason in words.
+
+The env takes out the rows that they find (`decoding`), and the conformance suite shows why.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..types import Bools, Floats, Ints, Task
+from .action import (
+    ABSENT_BELOW,
+    COORDINATE_LIMIT,
+    FIELD,
+    FIELDS,
+    FORECAST_LIMIT,
+    ID_LIMIT,
+    ROWS,
+    SIZE_LIMIT,
+    Field,
+    Rows,
+)
+
+Arrays = dict[str, NDArray[Any]]
+_MOST_NUMBERS = 8  # of one row that are shown
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong with an answer."""
+
+    field: str
+    reason: str
+    expected: str
+    rows: int = 1
+    example: str = ""  # the first such row
+    kind: str = ""  # of ROWS, where rows of it are taken out
+    level: Literal["warning", "error"] = "error"
+
+
+@dataclass(frozen=True, eq=False)
+class Examined:
+    """What of an action can be used, and why the rest cannot."""
+
+    arrays: Arrays  # all fields, numbers in single precision; one that cannot be used is as if nothing was said
+    claimed: dict[Rows, Bools]  # [N], [H], [O] the rows that the action says are there
+    sound: dict[Rows, Bools]  # [N], [H], [O] those of them that keep the contract; the others are invalid
+    problems: list[Problem]
+
+
+def examine(action: object, task: Task) -> Examined:
+    """What is sound in ``action`` and what is not. Never raises."""
+    arrays, problems = _read_all(action, task)
+    claimed = {rows: _claimed(rows, arrays, task) for rows in ROWS}
+    sound = {rows: np.zeros_like(claimed[rows]) for rows in ROWS}
+    for rows in ROWS:
+        names = [field.name for field in FIELDS if field.rows == rows]
+        if all(name in arrays for name in names):
+            place = np.flatnonzero(claimed[rows])
+            values = {name: arrays[name][place] for name in names}
+            bad = np.zeros(len(place), dtype=bool)
+            for check in _CHECKS:
+                if FIELD[check.field].rows == rows:
+                    found = check.bad(values, check.field, task)
+                    bad |= found
+                    problems += _problem(check, place[found], arrays, task)
+            sound[rows][place[~bad]] = True
+    if {"hypothesis_member", "hypothesis_log_weight"} <= set(arrays):
+        problems += _check_membership(arrays, sound, task)
+    whole = {field.name: arrays[field.name] if field.name in arrays else field.filled(task) for field in FIELDS}
+    return Examined(whole, claimed, sound, problems)
+
+
+def present(log_weight: Floats) -> Bools:
+    """Which log-weights say that a sample or a hypothesis is there; NaN does not."""
+    return np.asarray(log_weight >= ABSENT_BELOW)
+
+
+def _read_all(action: object, task: Task) -> tuple[Arrays, list[Problem]]:
+    """The fields that can be used, and what is wrong with the others."""
+    if not isinstance(action, Mapping):
+        expected = f"a dict with {', '.join(FIELD)}"
+        return {}, [Problem("action", f"is a {type(action).__name__}", expected, kind="objects")]
+    arrays: Arrays = {}
+    problems: list[Problem] = []
+    for field in FIELDS:
+        got = _read(action, field, task)
+        if isinstance(got, str):
+            problems.append(Problem(field.name, got, field.array_in(task), kind=field.rows))
+        else:
+            arrays[field.name] = got
+    unknown = sorted(str(key) for key in action if key not in FIELD)
+    if unknown:
+        reason, known = "has keys that nobody reads", ", ".join(FIELD)
+        problems.append(Problem("action", reason, known, len(unknown), unknown[0], level="warning"))
+    return arrays, problems
+
+
+def _read(action: Mapping[Any, Any], field: Field, task: Task) -> NDArray[Any] | str:
+    """The field as an array, or why there is none."""
+    if field.name not in action:
+        return field.filled(task) if field.optional else "is missing"
+    try:
+        array = np.asarray(action[field.name])
+    except Exception as error:  # whatever an agent hands over: ragged lists, tensors of another device, ...
+        return f"is no array ({type(error).__name__}: {error})"
+    if array.dtype.kind not in field.content.kinds:
+        return f"has dtype {array.dtype}"
+    if array.shape != field.shape_in(task):
+        return f"has shape {array.shape}"
+    if field.content.dtype is not np.float32:
+        return array
+    with np.errstate(over="ignore", invalid="ignore"):  # too large becomes inf, which is refused afterwards
+        return array.astype(np.float32)
+
+
+def _claimed(rows: Rows, arrays: Arrays, task: Task) -> Bools:
+    """The rows that the action says are there; all of them where it does not say."""
+    says = {"tracks": "track_valid", "hypotheses": "hypothesis_log_weight", "objects": "object_valid"}[rows]
+    if says not in arrays:
+        return np.ones(FIELD[says].shape_in(task)[0], dtype=bool)
+    return ~(arrays[says] < ABSENT_BELOW) if rows == "hypotheses" else arrays[says] != 0
+
+
+def _not_finite(values: Arrays, name: str, task: Task) -> Bools:
+    return np.asarray(~np.isfinite(values[name]).all(axis=1))
+
+
+def _out_of_range(values: Arrays, name: str, task: Task) -> Bools:
+    box = values[name]
+    near = (np.abs(box[:, :4]) <= COORDINATE_LIMIT).all(axis=1)
+    sized = ((box[:, 4:] > 0) & (box[:, 4:] <= SIZE_LIMIT)).all(axis=1)
+    return np.asarray(np.isfinite(box).all(axis=1) & ~(near & sized))
+
+
+def _no_id(values: Arrays, name: str, task: Task) -> Bools:
+    return np.asarray((values[name] < 0) | (values[name] > ID_LIMIT))
+
+
+def _no_class(values: Arrays, name: str, task: Task) -> Bools:
+    return np.asarray((values[name] < FIELD[name].content.least) | (values[name] >= len(task.classes)))
+
+
+def _no_log_weight(values: Arrays, name: str, task: Task) -> Bools:
+    broken = np.isnan(values[name]) | np.isposinf(values[name])
+    return np.asarray(broken.any(axis=tuple(range(1, broken.ndim))))
+
+
+def _no_sample(values: Arrays, name: str, task: Task) -> Bools:
+    return np.asarray(~present(values[name]).any(axis=1))
+
+
+def _sample_not_finite(values: Arrays, name: str, task: Task) -> Bools:
+    finite = np.isfinite(values[name]).all(axis=(2, 3))
+    return np.asarray((~finite & present(values["forecast_log_weight"])).any(axis=1))
+
+
+def _sample_too_far(values: Arrays, name: str, task: Task) -> Bools:
+    offset = values[name].astype(np.float64)
+    far = np.hypot(offset[..., 0], offset[..., 1]).max(axis=-1) > FORECAST_LIMIT  # NaN is not far
+    far &= present(values["forecast_log_weight"])
+    return np.asarray(far.any(axis=1) & ~_sample_not_finite(values, name, task))
+
+
+class _Check(NamedTuple):
+    field: str
+    reason: str
+    bad: Callable[[Arrays, str, Task], Bools]  # of the claimed rows of all fields of a kind, and the field's name
+    expected: str = ""  # empty: what the table of fields says of its entries
+
+
+_CHECKS = (
+    _Check("track_box", "not finite", _not_finite),
+    _Check("track_box", "out of range", _out_of_range),
+    _Check("track_id", "out of range", _no_id),
+    _Check("track_class", "unknown", _no_class),
+    _Check("hypothesis_log_weight", "NaN or +inf", _no_log_weight),
+    _Check("object_box", "not finite", _not_finite),
+    _Check("object_box", "out of range", _out_of_range),
+    _Check("object_class", "unknown", _no_class),
+    _Check("forecast_log_weight", "NaN or +inf", _no_log_weight),
+    _Check("forecast_log_weight", "no sample present", _no_sample, "at least one per valid object"),
+    _Check("forecast", "not finite", _sample_not_finite),
+    _Check("forecast", "too far", _sample_too_far),
+)
+
+
+def _check_membership(arrays: Arrays, sound: dict[Rows, Bools], task: Task) -> list[Problem]:
+    """Take out of ``sound`` the tracks whose id occurs twice in a hypothesis; tracks in none are only warned of."""
+    track_id = arrays.get("track_id", np.zeros(task.tracks, dtype=np.int64))
+    member = (arrays["hypothesis_member"] != 0) & sound["hypotheses"][:, None] & sound["tracks"]
+    loose = np.flatnonzero(sound["tracks"] & ~member.any(axis=0))
+    twice = np.flatnonzero(_repeated(track_id, member))
+    sound["tracks"][twice] = False
+    expected = "every valid track in a hypothesis whose log-weight is present"
+    return [
+        *_rows_problem("track_id", "twice in one hypothesis", "an id once per hypothesis", twice, track_id, "tracks"),
+        *_rows_problem("track_valid", "in no hypothesis, so unused", expected, loose, track_id),
+    ]
+
+
+def _repeated(track_id: Ints, member: Bools) -> Bools:
+    """Which tracks [N] share their id with another track of one hypothesis; ``member`` is [H, N]."""
+    repeated = np.zeros(len(track_id), dtype=bool)
+    rows = np.flatnonzero(member.any(axis=0))
+    ids, group = np.unique(track_id[rows], return_inverse=True)
+    if len(ids) < len(rows):
+        count = np.zeros((len(ids), len(member)), dtype=np.int64)
+        np.add.at(count, group, member[:, rows].T)
+        repeated[rows] = (member[:, rows].T & (count[group] > 1)).any(axis=1)
+    return repeated
+
+
+def _problem(check: _Check, rows: Ints, arrays: Arrays, task: Task) -> list[Problem]:
+    """The problem of the bad ``rows``, with the first of them as example; none without any."""
+    field = FIELD[check.field]
+    expected = check.expected or field.expected_in(task)
+    return _rows_problem(field.name, check.reason, expected, rows, arrays[field.name], field.rows)
+
+
+def _rows_problem(
+    field: str, reason: str, expected: str, rows: Ints, values: NDArray[Any], kind: str = ""
+) -> list[Problem]:
+    if not len(rows):
+        return []
+    example = f"{field}[{rows[0]}]{_shown(np.asarray(values[rows[0]]))}"
+    level: Literal["warning", "error"] = "error" if kind else "warning"
+    return [Problem(field, reason, expected, len(rows), example, kind, level)]
+
+
+def _shown(value: NDArray[Any]) -> str:
+    """The entries of a row, as far as they say something at a glance."""
+    numbers = [f"{number:.4g}" for number in value.ravel()[:_MOST_NUMBERS]]
+    more = ", ..." if value.size > _MOST_NUMBERS else ""
+    return "" if value.ndim > 1 else f" = [{', '.join(numbers)}{more}]" if value.ndim else f" = {numbers[0]}"

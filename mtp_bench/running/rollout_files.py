@@ -1,0 +1,163 @@
+"""Runs on disk: a folder with ``run.json`` and one ``.npz`` per scene, each with its digest."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+import zlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+from urllib.parse import quote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..env.rollouts import ARRAYS, digest
+from ..errors import RolloutError
+from ..files import whole_folder
+from ..strict import Section, validate
+from ..types import Rollout
+
+RUN_FILE = "run.json"
+
+
+class RunInfo(Section):
+    """Where the rollouts of a run come from: enough to check them and to make them again."""
+
+    env_id: str
+    card_digest: str
+    observe: str
+    samples: int  # K
+    split: str
+    keywords: dict[str, Any]  # further settings of the env
+    agent: str
+    parameters: dict[str, Any]
+    submission_digest: str
+    seed: int
+    definitions: str  # version of the definitions that the run was made under
+    versions: dict[str, str]  # of the libraries
+
+
+@dataclass(frozen=True)
+class Run:
+    """One agent on the scenes of one env."""
+
+    info: RunInfo
+    rollouts: tuple[Rollout, ...]
+
+
+class _Entry(Section):
+    scene: str
+    frames: int
+    digest: str
+
+
+class _RunFile(Section):
+    format: Literal[1]
+    info: RunInfo
+    scenes: list[_Entry]
+
+
+def save_run(folder: str | Path, info: RunInfo, rollouts: Iterable[Rollout]) -> None:
+    """Write a run: complete or not at all. An earlier run in ``folder`` is replaced.
+
+    Raises RolloutError if ``folder`` holds anything but a run, or cannot be written.
+    """
+    folder = Path(folder).absolute()
+    require_run_folder(folder)
+    try:
+        with whole_folder(folder) as part:
+            _write(part, info, rollouts)
+    except OSError as error:
+        raise RolloutError(f"{folder}: the run cannot be written: {error.strerror or error}") from error
+
+
+def load_run(folder: str | Path) -> Run:
+    """Read a run and check every scene against its digest.
+
+    Raises RolloutError if a file is missing, truncated or was changed.
+    """
+    path = Path(folder) / RUN_FILE
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise RolloutError(f"{folder}: no {RUN_FILE} there, expected a folder written by `mtp-bench run`") from None
+    except (OSError, ValueError) as error:
+        raise RolloutError(f"{path}: cannot be read: {error}; run the agent again") from None
+    if not isinstance(content, dict):
+        raise RolloutError(f"{path}: holds {type(content).__name__}, expected a table; run the agent again")
+    run = validate(_RunFile, content, str(path), RolloutError)
+    return Run(run.info, tuple(_read_scene(Path(folder), entry) for entry in run.scenes))
+
+
+def require_run_folder(folder: Path) -> None:
+    """Raise RolloutError if writing a run to ``folder`` would delete something that is not a run."""
+    if not folder.exists():
+        return
+    if not folder.is_dir():
+        raise RolloutError(f"{folder} is a file, expected a new folder or that of an earlier run")
+    names = {path.name for path in folder.iterdir()}
+    foreign = sorted(name for name in names if name != RUN_FILE and not name.endswith(".npz"))
+    if names and (RUN_FILE not in names or foreign):
+        what = f"holds {foreign[0]!r}" if foreign else f"has no {RUN_FILE}"
+        raise RolloutError(f"{folder} is not empty and {what}, so it is no run: choose another folder")
+
+
+def _scene_file(scene: str) -> str:
+    return quote(scene, safe="") + ".npz"  # names of scenes may have a slash
+
+
+def _write(folder: Path, info: RunInfo, rollouts: Iterable[Rollout]) -> None:
+    entries: list[_Entry] = []
+    for rollout in rollouts:
+        if any(entry.scene == rollout.scene for entry in entries):
+            raise RolloutError(f"scene {rollout.scene!r} occurs twice among the rollouts of a run, expected once")
+        arrays = {name: np.asarray(getattr(rollout, name), dtype=dtype) for name, (dtype, _) in ARRAYS.items()}
+        np.savez_compressed(folder / _scene_file(rollout.scene), allow_pickle=False, **arrays)
+        entries.append(_Entry(scene=rollout.scene, frames=rollout.frames, digest=digest(rollout)))
+    content = _RunFile(format=1, info=info, scenes=entries).model_dump()
+    try:
+        text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
+    except (TypeError, ValueError) as error:
+        raise RolloutError(f"the parameters of {info.agent!r} cannot be stored as JSON: {error}") from None
+    (folder / RUN_FILE).write_text(text + "\n", encoding="utf-8")
+
+
+def _read_scene(folder: Path, entry: _Entry) -> Rollout:
+    path = folder / _scene_file(entry.scene)
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in ARRAYS}
+    except FileNotFoundError:
+        raise RolloutError(f"{path} is missing, {RUN_FILE} names it; run the agent again") from None
+    except KeyError as error:
+        raise RolloutError(f"{path}: {error.args[0]}; run the agent again") from None
+    except (OSError, TypeError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise RolloutError(f"{path}: truncated or not a rollout ({error}); run the agent again") from None
+    _check_arrays(path, arrays, entry.frames)
+    rollout = Rollout(scene=entry.scene, **arrays)
+    got = digest(rollout)
+    if got != entry.digest:
+        raise RolloutError(f"{path}: digest {got[:12]}, expected {entry.digest[:12]}: it was changed after the run")
+    return rollout
+
+
+def _check_arrays(path: Path, arrays: dict[str, NDArray[Any]], frames: int) -> None:
+    """Raise RolloutError unless all arrays have the dtypes and the shapes of one rollout."""
+    sizes: dict[str | int, int] = {"F": frames, "F1": frames + 1}  # a letter's first array says what it stands for
+    for name, (dtype, letters) in ARRAYS.items():
+        array = arrays[name]
+        if array.dtype != np.dtype(dtype):
+            raise RolloutError(f"{path}: {name} has dtype {array.dtype}, expected {np.dtype(dtype)}")
+        if array.ndim == len(letters):
+            for letter, size in zip(letters, array.shape, strict=True):
+                sizes.setdefault(letter, letter if isinstance(letter, int) else size)
+        expected = tuple(sizes.get(letter, letter) for letter in letters)
+        if array.shape != expected:
+            raise RolloutError(f"{path}: {name} has shape {array.shape}, expected {expected}")
+    for kind, rows in (("track", sizes["R"]), ("object", sizes["S"])):
+        start = arrays[f"{kind}_start"]
+        if start[0] != 0 or start[-1] != rows or (np.diff(start) < 0).any():
+            raise RolloutError(f"{path}: {kind}_start does not divide the {rows} rows into frames")

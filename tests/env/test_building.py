@@ -1,0 +1,136 @@
+"""An action made from plain arrays: what is filled in, what is left out, and which errors there are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench import ShapeError, Tracks, answer
+from mtp_bench.env.action import FIELDS, action_table
+from mtp_bench.env.decoding import decode
+from mtp_bench.env.spaces import action_space
+from tests.support.small_scenes import task
+
+TASK = task()  # N 5, O 4, H 3, K 4, T 3
+BOX = np.array([[1.0, 2, 0, 0.5, 4, 2, 1.5], [5, 6, 0, 0, 1, 1, 2]])
+CLASS = np.array([0, 1])
+FUTURE = np.arange(12.0).reshape(2, 3, 2)
+
+
+def said(**changes: Any) -> dict[str, Any]:
+    """Two objects with one sample each, and what is to be different."""
+    return {"boxes": BOX, "classes": CLASS, "forecasts": FUTURE, **changes}
+
+
+def test_the_table_is_in_the_documentation(repository: Path) -> None:
+    assert action_table() in (repository / "envs/README.md").read_text()
+
+
+def test_every_action_lies_in_the_space_up_to_absent_weights() -> None:
+    action = answer(TASK, BOX, CLASS, FUTURE, ids=[3, 4])
+    space: Any = action_space(TASK)
+    assert list(action) == [field.name for field in FIELDS]
+    assert {name: (part.shape, part.dtype) for name, part in space.spaces.items()} == {
+        name: (array.shape, array.dtype) for name, array in action.items()
+    }
+
+
+def test_objects_alone_say_nothing_of_tracks() -> None:
+    got = decode(answer(TASK, BOX, CLASS, FUTURE), TASK)
+    np.testing.assert_array_equal(got.object_box, BOX)
+    assert got.object_class.tolist() == [0, 1]
+    np.testing.assert_array_equal(got.forecast[:, 0], 100 * FUTURE)
+    assert got.forecast_log_weight.tolist() == [[0, -np.inf, -np.inf, -np.inf]] * 2
+    assert len(got.track_id) == 0
+    assert np.isneginf(got.hypothesis_log_weight).all()
+    assert not got.invalid.any()
+
+
+def test_ids_make_them_the_tracks_of_one_hypothesis() -> None:
+    got = decode(answer(TASK, BOX, CLASS, FUTURE, ids=[8, 9]), TASK)
+    assert (got.track_id.tolist(), got.track_class.tolist()) == ([8, 9], [0, 1])
+    np.testing.assert_array_equal(got.track_box, BOX)
+    assert got.hypothesis_log_weight.tolist() == [0, -np.inf, -np.inf]
+    assert got.member[:, 0].all()
+
+
+def test_samples_and_their_weights() -> None:
+    samples = np.stack([FUTURE, 2 * FUTURE], axis=1)
+    got = decode(answer(TASK, BOX, CLASS, samples, [[0.0, 0.0], [1.0, -np.inf]]), TASK)
+    np.testing.assert_array_equal(got.forecast[0, :2], 100 * samples[0])
+    np.testing.assert_allclose(np.exp(got.forecast_log_weight), [[0.5, 0.5, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]])
+
+
+def test_an_empty_frame() -> None:
+    got = decode(answer(TASK, np.zeros((0, 7)), [], np.zeros((0, 3, 2)), ids=[]), TASK)
+    assert len(got.track_id) == len(got.object_box) == got.invalid.sum() == 0
+
+
+def test_what_does_not_fit_is_left_out_the_least_likely_first() -> None:
+    # Leaves 0 and 3 in the best hypothesis, 2 in the second, 1 in the third; room for two hypotheses, three tracks.
+    tracks = Tracks(
+        track_id=np.array([10, 11, 12, 13]),
+        box=np.arange(1.0, 29.0).reshape(4, 7),
+        class_id=np.array([0, 1, 1, 0]),
+        score=np.ones(4),
+        detection=np.arange(4),
+        past=np.zeros((4, 10, 7)),
+        past_valid=np.ones((4, 10), dtype=bool),
+        member=np.array([[1, 0, 0, 1], [0, 0, 1, 1], [0, 1, 0, 0]], dtype=bool),
+        log_weight=np.log([0.5, 0.3, 0.2]),
+    )
+    small = task(tracks=3, hypotheses=2, objects=1)
+    action = answer(small, BOX, CLASS, FUTURE, tracks=tracks)
+    assert action["track_id"].tolist() == [10, 12, 13]
+    assert action["track_class"].tolist() == [0, 1, 0]
+    assert action["hypothesis_member"].tolist() == [[1, 0, 1], [0, 1, 1]]
+    np.testing.assert_allclose(np.exp(action["hypothesis_log_weight"]), [0.5, 0.3])
+    np.testing.assert_array_equal(action["object_box"], BOX[:1])
+
+
+WRONG: dict[str, tuple[dict[str, Any], str]] = {
+    "boxes of 6": ({"boxes": BOX[:, :6]}, "boxes has shape (2, 6), expected (O, 7)"),
+    "ragged boxes": ({"boxes": [[1.0], [1.0, 2.0]]}, "boxes is no array: "),
+    "a class too few": ({"classes": [0]}, "classes has shape (1,), expected (2,)"),
+    "classes by name": ({"classes": ["car", "car"]}, "classes has dtype <U3, expected whole numbers"),
+    "another horizon": (
+        {"forecasts": FUTURE[:, :2]},
+        "forecasts has shape (2, 2, 2), expected (2, k, 3, 2) or (2, 3, 2)",
+    ),
+    "too many samples": (
+        {"forecasts": np.zeros((2, 5, 3, 2))},
+        "forecasts holds 5 samples per object, expected at most 4",
+    ),
+    "weights per object": ({"log_weights": [0.0, 0.0]}, "log_weights has shape (2,), expected (2, 1)"),
+    "ids as numbers": ({"ids": [0.5, 1.0]}, "ids has dtype float64, expected whole numbers"),
+    "ids and tracks": (
+        {"ids": CLASS, "tracks": Tracks.of_one_hypothesis(CLASS, BOX, CLASS)},
+        "ids and tracks are both given",
+    ),
+    "NaN": (
+        {"boxes": BOX * np.array([[1.0], [np.nan]])},
+        "boxes: not finite in 1 row, the first is object_box[1] = [nan",
+    ),
+    "absolute positions": (
+        {"forecasts": FUTURE + 400},
+        "forecasts: too far in 2 rows, the first is forecast[0]; expected metres from the object's own centre",
+    ),
+    "an unknown class": ({"classes": [0, 2]}, "the first is object_class[1] = 2; expected 0 to 1"),
+    "an id twice": ({"ids": [7, 7]}, "ids or tracks.track_id: twice in one hypothesis in 2 rows"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG, ids=str)
+def test_a_wrong_argument_is_one_clear_error(case: str) -> None:
+    changes, text = WRONG[case]
+    with pytest.raises(ShapeError) as caught:
+        answer(TASK, **said(**changes))
+    assert text in str(caught.value)
+
+
+def test_numbers_can_be_left_to_the_env() -> None:
+    got = decode(answer(TASK, BOX, CLASS, FUTURE + 400, checked=False), TASK)
+    assert got.invalid.tolist() == [0, 0, 2]
