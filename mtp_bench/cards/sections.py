@@ -66,7 +66,7 @@ class HighwaySource(Section):
     seconds: Annotated[float, Field(gt=0, le=600)] = 20.0
     vehicles: Annotated[int, Field(ge=2, le=200)]  # aimed at on the road
     pedestrians: Annotated[int, Field(ge=0, le=200)] = 0  # aimed at; only the intersection has crossings
-    drivers: Literal["cooperative", "idm"] = "cooperative"  # "idm": highway-env's own, on merge and highway only
+    drivers: Literal["cooperative"] = "cooperative"  # the only kind: they give way; part of every card's digest
     seeds: SeedRanges
 
     @field_validator("pedestrians")
@@ -75,13 +75,6 @@ class HighwaySource(Section):
         if pedestrians and info.data.get("scenario") != "intersection":
             raise ValueError("expected 0: only the intersection has crossings")
         return pedestrians
-
-    @field_validator("drivers")
-    @classmethod
-    def _where_they_drive(cls, drivers: str, info: ValidationInfo) -> str:
-        if drivers == "idm" and info.data.get("scenario") in ("intersection", "roundabout"):
-            raise ValueError("expected 'cooperative': IDM knows no right of way, which junctions need")
-        return drivers
 
 
 class NuScenesSource(Section):

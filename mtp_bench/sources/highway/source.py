@@ -95,9 +95,7 @@ def section_of(card: Card) -> HighwaySource:
 
 def traffic_of(section: HighwaySource) -> Traffic:
     """The part of the section that the simulation depends on."""
-    return Traffic(
-        section.scenario, section.sensor, section.seconds, section.vehicles, section.pedestrians, section.drivers
-    )
+    return Traffic(section.scenario, section.sensor, section.seconds, section.vehicles, section.pedestrians)
 
 
 def scene_name(scenario: str, seed: int) -> str:

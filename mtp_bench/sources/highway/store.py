@@ -35,7 +35,12 @@ class WorldStore:
         """Where the worlds of this traffic are; its name is a digest of all that their content depends on."""
         from importlib.metadata import version
 
-        described = {**asdict(self.traffic), "generator": GENERATOR, "highway-env": version("highway-env")}
+        described = {
+            **asdict(self.traffic),
+            "drivers": "cooperative",  # the only kind; it stays in the name, so that worlds made earlier are found
+            "generator": GENERATOR,
+            "highway-env": version("highway-env"),
+        }
         digest = hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()[:16]
         return cache_root() / "worlds" / f"{self.traffic.scenario}-{digest}"
 
