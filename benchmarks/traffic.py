@@ -14,9 +14,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from mtp_bench.cards import load_card
+from mtp_bench.cards import HighwaySource, load_card
+from mtp_bench.sources.base import section_of
 from mtp_bench.sources.highway.simulate import WARM_UP, simulate_world
-from mtp_bench.sources.highway.source import section_of, traffic_of
+from mtp_bench.sources.highway.source import traffic_of
 from mtp_bench.sources.highway.world import RATE, Traffic
 
 CARDS = ("MTP-Intersection-v0", "MTP-Roundabout-v0", "MTP-Merge-v0", "MTP-Highway-v0")
@@ -58,7 +59,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, default=None)
     given = parser.parse_args()
     simulate_world(Traffic("merge", "roadside", 1.0, 4, 0), 0)  # first calls take longer
-    scenes = [generate(traffic_of(section_of(load_card(name))), given.scenes) for name in CARDS]
+    scenes = [generate(traffic_of(section_of(load_card(name), HighwaySource)), given.scenes) for name in CARDS]
     release = version("highway-env")
     show(
         scenes,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...geometry import wrap_angle
-from ...types import Floats, Ints, Lane, Truth
+from ...types import Floats, Ints, Lane, Truth, starts_of_sorted
 from .driver import Driver
 from .pedestrians import Crowd
 from .world import CLASSES, RATE, World
@@ -81,10 +81,9 @@ def _velocity(vehicles: Sequence[Driver], crowd: Crowd) -> Floats:
 
 
 def _truth(rows: Floats, frames: int) -> Truth:
-    start: Ints = np.searchsorted(rows[:, 11], np.arange(frames + 1))
     object_id: Ints = np.unique(rows[:, 10], return_inverse=True)[1].reshape(-1)
     return Truth(
-        start=start,
+        start=starts_of_sorted(rows[:, 11].astype(np.int64), frames),
         box=rows[:, :7].copy(),
         velocity=rows[:, 7:9].copy(),
         class_id=rows[:, 9].astype(np.int64),
