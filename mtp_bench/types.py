@@ -78,6 +78,11 @@ def starts_of(count: Sequence[int] | Ints) -> Ints:
     return start
 
 
+def starts_of_sorted(frame: Ints, frames: int) -> Ints:
+    """Where the rows of each frame start [F + 1], of the frames of all rows ``frame`` [R], sorted."""
+    return np.searchsorted(frame, np.arange(frames + 1))
+
+
 @dataclass(frozen=True, eq=False)
 class Truth(Ragged):
     """True boxes of a scene, in its frame of reference."""
@@ -119,7 +124,7 @@ class Scene:
     ego: Floats  # [F, 4] x y z yaw of the sensor platform
     truth: Truth
     detections: Detections
-    truth_complete: bool = True  # False: objects outside the truth exist, so an unmatched forecast is not spurious
+    truth_complete: bool = True  # False: objects outside the truth exist, so an unmatched forecast is not false
     listed_targets: bool = False  # True: ``truth.eligible`` is an official list, whose targets need no P past frames
     detector: str = ""  # what made the detections, in words; simulated ones say so; empty: there are none
     simulated: bool = False  # True: the detections are simulated

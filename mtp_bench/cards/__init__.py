@@ -1,11 +1,11 @@
 """Cards: what an environment replays, its task and its sizes, as strict TOML."""
 
-from .card import VARIANTS as VARIANTS
 from .card import Card as Card
 from .card import TaskSection as TaskSection
 from .card import changed_card as changed_card
 from .card import load_card as load_card
 from .card import parse_card as parse_card
+from .changes import VARIANTS as VARIANTS
 from .sections import DetectorSection as DetectorSection
 from .sections import HighwaySource as HighwaySource
 from .sections import KittiSource as KittiSource

@@ -7,28 +7,19 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
-from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from .._bundle import bundled, card_ids
-from ..detector import load_profile, profile_names
 from ..detector.profile import MODEL
-from ..errors import CardError, DataError, MtpBenchError, UnknownNameError, nearest
+from ..errors import CardError, UnknownNameError
 from ..strict import Section, read_toml, validate
-from .sections import STORED_DETECTOR
-from .sections import DetectorSection as DetectorSection
-from .sections import HighwaySource as HighwaySource
-from .sections import KittiSource as KittiSource
-from .sections import Mot3dSource as Mot3dSource
-from .sections import NuScenesSource as NuScenesSource
-from .sections import Source as Source
-from .sections import WildtrackSource as WildtrackSource
+from . import changes
+from .checks import check_card, check_detector
+from .sections import DetectorSection, Source
 
-VARIANTS = ("iid", "hard")  # of a card's own simulated detector
 PerClass = dict[str, float]  # a single number in the TOML stands for every class
 
 
@@ -87,34 +78,29 @@ class Card(Section):
         """What agents choose their parameters by: the stored detector, or the profile of the simulated one."""
         if self.detector is not None:
             return self.detector.name
-        return "" if isinstance(self.source, HighwaySource) else self.source.detector or ""
+        return self.source.traits.stored_detector
 
     @property
     def ego_motion(self) -> bool:
         """False: every frame is given in its own sensor frame."""
-        return self.source.ego_motion if isinstance(self.source, KittiSource) else True
+        return self.source.traits.common_frame
 
     @property
     def has_ego(self) -> bool:
         """Whether a vehicle carries the sensors; else the ego pose is a fixed place, and distances to it say little."""
-        if isinstance(self.source, HighwaySource):
-            return self.source.sensor == "ego"
-        return not isinstance(self.source, WildtrackSource | Mot3dSource)
+        return self.source.traits.has_ego
 
     @property
     def velocity(self) -> bool:
         """Whether detections carry a measured velocity."""
         if self.detector is None:
-            return isinstance(self.source, NuScenesSource) and self.source.velocity
+            return self.source.traits.measured_velocity
         noise = self.detector.resolved
         return all(noise.noise(name).velocity is not None for name in self.task.classes)
 
     def with_split(self, split: str) -> Card:
         """The same card on another split of its source; raises UnknownNameError for one that it has not."""
-        known = get_args(type(self.source).model_fields["split"].annotation)
-        if split not in known:
-            raise UnknownNameError(f"split of {self.id}", split, known)
-        return self.model_copy(update={"source": self.source.model_copy(update={"split": split})})
+        return self.model_copy(update={"source": changes.with_split(self, split)})
 
     def with_detector(self, name: str) -> Card:
         """The card with another simulated detector, of the same reach; on nuScenes also with other stored detections.
@@ -123,28 +109,9 @@ class Card(Section):
         own profile; on nuScenes any other name stands for ``detections/<name>*.json``. Raises UnknownNameError or
         CardError.
         """
-        ahead = isinstance(self.source, KittiSource)  # its labels are those of a camera; others look all around
-        own = self.detector or DetectorSection(field_of_view=90.0 if ahead else 360.0)
-        if name in VARIANTS:
-            if self.detector is None:
-                raise CardError(f"detector {name!r} is a variant of a simulated detector, and {self.id} has none")
-            changed = own.model_copy(update={"variant": name})
-        elif name.endswith(".toml"):
-            changed = own.model_copy(update={"profile": None, "noise": load_profile(name), "variant": "as_fitted"})
-        elif name in profile_names():
-            changed = own.model_copy(update={"profile": name, "noise": None, "variant": "as_fitted"})
-        elif isinstance(self.source, NuScenesSource) and self.detector is None:
-            if not re.fullmatch(STORED_DETECTOR, name):
-                raise CardError(f"detector is {name!r}, expected the first part of the names of its files")
-            return self.model_copy(update={"source": self.source.model_copy(update={"detector": name})})
-        else:
-            known = [*profile_names(), *VARIANTS]
-            raise UnknownNameError("detector profile", name, known, "or give the path of a .toml file")
-        source = self.source
-        if isinstance(source, WildtrackSource):  # else its stored detections would stay
-            source = source.model_copy(update={"detector": None})
-        card = self.model_copy(update={"detector": changed, "source": source})
-        _check_detector(card, self.id)
+        source, detector = changes.with_detector(self, name)
+        card = self.model_copy(update={"source": source, "detector": detector})
+        check_detector(card, self.id)
         return card
 
     def with_detections(self, file: str | Path) -> Card:
@@ -154,30 +121,11 @@ class Card(Section):
         "megvii-<file>". The digest holds the content of the file, not its place. Raises CardError where the card's
         source has no such files, and DataError where the file cannot be read.
         """
-        if not isinstance(self.source, NuScenesSource) or self.detector is not None:
-            raise CardError(
-                f"{self.id} takes no file of detections: only stored detections of nuScenes can be replaced"
-            )
-        path = Path(file).expanduser().absolute()
-        try:
-            state = path.stat()
-            digest = _file_digest(path, state.st_size, state.st_mtime_ns, state.st_ctime_ns)
-        except OSError as error:
-            raise DataError(f"detections {path}: {error.strerror}") from None
-        name = f"{self.source.detector}-{path.stem}"
-        changed = {"detector": name, "detections_sha256": digest, "detections_file": str(path)}
-        return self.model_copy(update={"source": self.source.model_copy(update=changed)})
+        return self.model_copy(update={"source": changes.with_detections(self, file)})
 
     def per_class(self, table: PerClass) -> tuple[float, ...]:
         """Values of a per-class table in the order of ``task.classes``."""
         return tuple(table[name] for name in self.task.classes)
-
-
-@cache
-def _file_digest(path: Path, *state: int) -> str:
-    """Sha256 of a file in this state: read once per process, for it may hold a gigabyte."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def load_card(name: str | Path) -> Card:
@@ -202,9 +150,7 @@ def parse_card(content: dict[str, Any], where: str = "card", stem: str | None = 
     card = validate(Card, _spread_scalars(content), where, CardError)
     if stem is not None and card.id != stem:
         raise CardError(f"{where}: id is {card.id!r}, expected the file's stem {stem!r}")
-    _check_classes(card, where)
-    _check_detector(card, where)
-    _check_length(card, where)
+    check_card(card, where)
     return card
 
 
@@ -238,55 +184,3 @@ def _spread_scalars(content: dict[str, Any]) -> dict[str, Any]:
     if isinstance(task.get("event_gate"), dict) and "threshold" in task["event_gate"]:
         task["event_gate"] = {**task["event_gate"], "threshold": spread(task["event_gate"]["threshold"])}
     return {**content, "task": task}
-
-
-def _check_classes(card: Card, where: str) -> None:
-    classes = set(card.task.classes)
-    if len(classes) != len(card.task.classes):
-        raise CardError(f"{where}: task.classes is {list(card.task.classes)}, expected each class once")
-    tables = {
-        "task.event_gate.threshold": card.task.event_gate.threshold,
-        "task.forecast_gate": card.task.forecast_gate,
-        "task.miss_error": card.task.miss_error,
-    }
-    for key, table in tables.items():
-        for name in table:
-            if name not in classes:
-                raise CardError(f"{where}: {key} has an unknown class {name!r}{nearest(name, classes)}")
-        for name in card.task.classes:
-            if name not in table:
-                raise CardError(f"{where}: {key} has no value for class {name!r}")
-            if table[name] <= 0:
-                raise CardError(f"{where}: {key}.{name} is {table[name]}, expected a number above 0")
-
-
-def _check_detector(card: Card, where: str) -> None:
-    """A simulated source needs a simulated detector, which must know every class."""
-    if isinstance(card.source, NuScenesSource) and card.source.truth == "targets" and card.detector is not None:
-        raise CardError(
-            f"{where}: a simulated detector would see nothing but the prediction targets, the only known objects; "
-            'take stored detections, or a card with truth = "all"'
-        )
-    if card.detector is None:
-        if isinstance(card.source, HighwaySource | WildtrackSource):
-            what = "simulated traffic" if isinstance(card.source, HighwaySource) else "most of WILDTRACK"
-            raise CardError(f"{where}: {what} has no detections: a [detector] section is missing")
-        return
-    try:
-        noise = card.detector.resolved
-        for name in card.task.classes:
-            noise.noise(name)
-    except MtpBenchError as error:
-        raise CardError(f"{where}: {error}") from None
-
-
-def _check_length(card: Card, where: str) -> None:
-    """Simulated scenes must be long enough for a target."""
-    if not isinstance(card.source, HighwaySource):
-        return
-    frames, needed = card.source.seconds * card.task.rate, card.task.past + card.task.future
-    if frames < needed:
-        raise CardError(
-            f"{where}: scenes of {card.source.seconds:g} s at {card.task.rate:g} Hz have {frames:g} frames, expected "
-            f"at least {needed}: task.past and task.future"
-        )

@@ -1,8 +1,13 @@
-"""Sections of a card: where its scenes come from, and the simulated detector."""
+"""Sections of a card: where its scenes come from, and the simulated detector.
+
+What a source can do is stated here, as traits of its section. The package ``mtp_bench.sources.<name>`` reads the scenes
+of the section ``name``.
+"""
 
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
@@ -30,6 +35,24 @@ Generator = Annotated[int, AfterValidator(_current)]
 SeedRange = Annotated[tuple[int, int], Field(strict=False), AfterValidator(_rising)]
 
 
+@dataclass(frozen=True)
+class Traits:
+    """What a source can do, and what is special about it; they are no keys of a card and no part of its digest."""
+
+    stored_detector: str = ""  # name of the detector with stored detections; empty where there is none
+    without_detections: str = ""  # what of it has no stored detections, so that the card needs a [detector]
+    mixed_detections: bool = False  # stored detections of some scenes stand beside the simulated ones of the others
+    other_detections: bool = False  # other stored detections can be named, or given as a file
+    measured_velocity: bool = False  # stored detections carry a velocity
+    places_only: bool = False  # sizes and headings are nominal, detected ones too
+    bounded_by_truth: bool = False  # nobody stands beyond the area of the true boxes: it is all that the camera shows
+    common_frame: bool = True  # all frames of a scene share one frame of reference; else each has its sensor's own
+    has_ego: bool = True  # a vehicle carries the sensors; else the ego pose is a fixed place
+    truth_complete: bool = True  # every object is known; else a simulated detector would not see the others
+    view: float = 360.0  # degrees that a simulated detector sees where the card does not say it
+    scene_seconds: float | None = None  # length of every scene, where it is the card that decides it
+
+
 class KittiSource(Section):
     """KITTI tracking logs with stored detections."""
 
@@ -38,6 +61,11 @@ class KittiSource(Section):
     split: Literal["train", "val"] = "val"
     ego_motion: bool = True  # False: every frame in its own camera frame, as without ego-motion compensation
     stride: Annotated[int, Field(ge=1)] = 1  # keep every n-th frame
+
+    @property
+    def traits(self) -> Traits:
+        """What the source can do."""
+        return Traits(stored_detector=self.detector, common_frame=self.ego_motion, view=90.0)  # of the labels' camera
 
 
 class SeedRanges(Section):
@@ -66,7 +94,7 @@ class HighwaySource(Section):
     seconds: Annotated[float, Field(gt=0, le=600)] = 20.0
     vehicles: Annotated[int, Field(ge=2, le=200)]  # aimed at on the road
     pedestrians: Annotated[int, Field(ge=0, le=200)] = 0  # aimed at; only the intersection has crossings
-    drivers: Literal["cooperative", "idm"] = "cooperative"  # "idm": highway-env's own, on merge and highway only
+    drivers: Literal["cooperative"] = "cooperative"  # the only kind: they give way; part of every card's digest
     seeds: SeedRanges
 
     @field_validator("pedestrians")
@@ -76,12 +104,10 @@ class HighwaySource(Section):
             raise ValueError("expected 0: only the intersection has crossings")
         return pedestrians
 
-    @field_validator("drivers")
-    @classmethod
-    def _where_they_drive(cls, drivers: str, info: ValidationInfo) -> str:
-        if drivers == "idm" and info.data.get("scenario") in ("intersection", "roundabout"):
-            raise ValueError("expected 'cooperative': IDM knows no right of way, which junctions need")
-        return drivers
+    @property
+    def traits(self) -> Traits:
+        """What the source can do."""
+        return Traits(without_detections="simulated traffic", has_ego=self.sensor == "ego", scene_seconds=self.seconds)
 
 
 class NuScenesSource(Section):
@@ -97,6 +123,16 @@ class NuScenesSource(Section):
     truth: Literal["targets", "all"] = "all"
     # "targets": the official prediction split names the targets, and only those objects are known; "all": every box
 
+    @property
+    def traits(self) -> Traits:
+        """What the source can do."""
+        return Traits(
+            stored_detector=self.detector,
+            other_detections=True,
+            measured_velocity=self.velocity,
+            truth_complete=self.truth == "all",
+        )
+
 
 class WildtrackSource(Section):
     """WILDTRACK: people on a square, seen by seven fixed cameras; real detections of the last 40 frames.
@@ -107,6 +143,17 @@ class WildtrackSource(Section):
     name: Literal["wildtrack"]
     detector: Literal["mvdet"] | None = "mvdet"  # None: simulated detections everywhere
     split: Literal["train", "val", "test"] = "val"
+
+    @property
+    def traits(self) -> Traits:
+        """What the source can do."""
+        return Traits(
+            stored_detector=self.detector or "",
+            without_detections="most of WILDTRACK",
+            mixed_detections=True,
+            places_only=True,
+            has_ego=False,
+        )
 
 
 class Mot3dSource(Section):
@@ -119,6 +166,11 @@ class Mot3dSource(Section):
     stride: Annotated[int, Field(ge=1)] = 1  # keep every n-th frame
     scene_frames: Annotated[int, Field(ge=2)] = 140  # kept frames per scene, the last scene may have fewer
     train_scenes: Annotated[int, Field(ge=0)] = 2  # the first ones are for training, the others are "val"
+
+    @property
+    def traits(self) -> Traits:
+        """What the source can do."""
+        return Traits(stored_detector=self.detector, places_only=True, bounded_by_truth=True, has_ego=False)
 
 
 Source = Annotated[

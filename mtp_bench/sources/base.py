@@ -1,14 +1,21 @@
-"""What every source of scenes offers, and the record of what was found of a dataset."""
+"""What every source of scenes offers, and what all of them ask of a card."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 
+from ..cards import Card, HighwaySource, KittiSource, Mot3dSource, NuScenesSource, WildtrackSource
+from ..errors import CardError, nearest
 from ..types import Detections, Scene
+from .dataset import DataStatus
+
+DataRoot = str | Path | None  # None: from MTP_BENCH_DATA, else the user data folder
+SectionT = TypeVar("SectionT", HighwaySource, KittiSource, Mot3dSource, NuScenesSource, WildtrackSource)
 
 
 class SceneSource(Protocol):
@@ -24,50 +31,49 @@ class SceneSource(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class Preparation:
+    """How to do what is done once per machine."""
+
+    scenes: int | None = None  # the first ones; None: all
+    workers: int = 1
+    started: Callable[[int], object] | None = None  # is told how many pieces of work there are
+    progress: Callable[[str], object] | None = None  # is told the name of each that is done
+
+
+@dataclass(frozen=True)
+class SourcePackage:
+    """What the package of a source offers, as its ``PACKAGE``; `mtp_bench.sources` finds it by the card's section."""
+
+    open: Callable[[Card, DataRoot], SceneSource]
+    describe: Callable[[Card, DataRoot], DataStatus]
+    prepare: Callable[[Card, DataRoot, Preparation], None] = lambda card, data, how: None
+    discard: Callable[[Card], None] = lambda card: None
+
+
+def section_of(card: Card, kind: type[SectionT]) -> SectionT:
+    """The card's source section, which must be of ``kind``; raises CardError where it is another source's."""
+    if not isinstance(card.source, kind):
+        raise CardError(f"{card.id}: source is {card.source.name!r}, expected the section of {kind.__name__}")
+    return card.source
+
+
+def require_classes(card: Card, dataset: str, known: Collection[str]) -> None:
+    """Raise CardError for a class of the task that the dataset has not."""
+    for name in card.task.classes:
+        if name not in known:
+            raise CardError(f"{card.id}: {dataset} has no class {name!r}{nearest(name, known)}")
+
+
+def require_rate(card: Card, dataset: str, rate: float, stride: int = 1) -> None:
+    """Raise CardError unless every ``stride``-th frame of a dataset with ``rate`` Hz gives the rate of the task."""
+    if not np.isclose(card.task.rate * stride, rate):
+        thinned = f", which with stride {stride} gives {rate / stride:g} Hz" if stride > 1 else ""
+        raise CardError(f"{card.id}: task.rate is {card.task.rate:g} Hz, but {dataset} has {rate:g} Hz{thinned}")
+
+
 def no_detections(frames: int) -> Detections:
     """The record of a scene of ``frames`` frames in which nothing is detected."""
     none = np.zeros(0, dtype=np.int64)
     start = np.zeros(frames + 1, dtype=np.int64)
     return Detections(start, np.zeros((0, 7)), np.zeros((0, 2)), none, np.zeros(0))
-
-
-@dataclass(frozen=True)
-class DataCheck:
-    """A count over the files beside the total that the dataset is known to have."""
-
-    what: str
-    found: int
-    expected: int
-
-    @property
-    def ok(self) -> bool:
-        """True if the count is the known total."""
-        return self.found == self.expected
-
-
-@dataclass(frozen=True)
-class DataStatus:
-    """What a card needs of a dataset and what of it was found."""
-
-    dataset: str
-    root: Path | None  # None: not found
-    searched: tuple[Path, ...]  # folders that were looked at for the root
-    layout: str  # the expected tree, to be shown as it is
-    missing: tuple[str, ...]  # files and folders that the card needs, relative to the root
-    notes: tuple[str, ...]  # what is absent but optional
-    problems: tuple[str, ...]  # files that cannot be read, one sentence each
-    checks: tuple[DataCheck, ...]
-    licence: str
-    citation: str
-    how_to_get: str
-    generated: bool = False  # made by the library: there are no files to read and check
-
-    @property
-    def usable(self) -> bool:
-        """True if the card's scenes can be read: everything needed is there and sound."""
-        return self.root is not None and not self.missing and not self.problems
-
-    @property
-    def verified(self) -> bool:
-        """True if the data is usable and every count is the known total."""
-        return self.usable and all(check.ok for check in self.checks)

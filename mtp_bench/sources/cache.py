@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..files import whole_file
+
 Arrays = dict[str, NDArray[Any]]
 
 VARIABLE = "MTP_BENCH_CACHE"
@@ -49,6 +51,6 @@ def read_arrays(path: Path) -> Arrays | None:
 
 
 def write_arrays(path: Path, arrays: Arrays) -> None:
-    """Store arrays with a hash of their content."""
-    with path.open("wb") as file:
+    """Store arrays with a hash of their content, as a whole or not at all. Raises OSError."""
+    with whole_file(path) as part, part.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, digest=np.array(content_hash(arrays)), **arrays)

@@ -1,4 +1,4 @@
-"""Velocities from positions, with nothing of the future in them."""
+"""Velocities from positions."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from ..types import Floats, Ints
 def backward_velocity(frame: Ints, object_id: Ints, position: Floats, time: Floats) -> Floats:
     """Velocities ``[R, 2]`` m/s since the object's position in the frame before; NaN where it was not there.
 
+    They hold nothing of the future.
+
     ``frame`` and ``object_id`` ``[R]``, ``position`` ``[R, 2]`` m, ``time`` ``[F]`` s.
     """
     velocity = np.full(position.shape, np.nan)
@@ -18,4 +20,15 @@ def backward_velocity(frame: Ints, object_id: Ints, position: Floats, time: Floa
     follows = (object_id[before] == object_id[now]) & (frame[now] - frame[before] == 1)
     before, now = before[follows], now[follows]
     velocity[now] = (position[now] - position[before]) / (time[frame[now]] - time[frame[before]])[:, None]
+    return velocity
+
+
+def central_velocity(frame: Ints, object_id: Ints, position: Floats, period: float) -> Floats:
+    """Velocities ``[R, 2]`` m/s from the object's positions ``[R, 2]`` one frame before and after; NaN without both."""
+    velocity = np.full(position.shape, np.nan)
+    order = np.lexsort((frame, object_id))
+    before, here, after = order[:-2], order[1:-1], order[2:]
+    follows = (object_id[before] == object_id[after]) & (frame[after] - frame[before] == 2)
+    before, here, after = before[follows], here[follows], after[follows]
+    velocity[here] = (position[after] - position[before]) / (2 * period)
     return velocity

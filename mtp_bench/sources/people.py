@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..types import Detections, Floats
+from ..types import Bools, Detections, Floats, Ints, Truth, starts_of_sorted
+from .motion import backward_velocity
 
 PERSON = 0.6, 0.6, 1.75  # m, length, width, height: nominal, the same for everybody
 
@@ -18,6 +19,31 @@ def person_boxes(place: Floats) -> Floats:
     box[:, 2] = PERSON[2] / 2
     box[:, 4:] = PERSON
     return box
+
+
+def people_truth(frame: Ints, place: Floats, person: Ints, time: Floats, neutral: Bools | None = None) -> Truth:
+    """Truth of people; velocities are backward differences.
+
+    ``frame`` ``[R]`` sorted, ``place`` ``[R, 2]`` m, ``person`` ``[R]``, ``time`` ``[F]`` s, ``neutral`` ``[R]``.
+    """
+    box = person_boxes(place)
+    neutral = np.zeros(len(box), dtype=bool) if neutral is None else neutral
+    return Truth(
+        start=starts_of_sorted(frame, len(time)),
+        box=box,
+        velocity=backward_velocity(frame, person, box[:, :2], time),
+        class_id=np.zeros(len(box), dtype=np.int64),
+        object_id=person,
+        eligible=~neutral,
+        neutral=neutral,
+    )
+
+
+def people_detections(frame: Ints, place: Floats, score: Floats, frames: int) -> Detections:
+    """Detections of people without velocities: ``frame`` ``[R]`` sorted, ``place`` ``[R, 2]`` m, ``score`` ``[R]``."""
+    unknown = np.full((len(frame), 2), np.nan)
+    class_id = np.zeros(len(frame), dtype=np.int64)
+    return Detections(starts_of_sorted(frame, frames), person_boxes(place), unknown, class_id, score)
 
 
 def extent(box: Floats) -> tuple[float, float, float, float] | None:

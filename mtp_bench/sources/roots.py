@@ -17,9 +17,3 @@ def data_root(data: str | Path | None) -> tuple[Path, str]:
     from platformdirs import user_data_path
 
     return user_data_path("mtp_bench", appauthor=False), "the user data folder"
-
-
-def candidates(data: str | Path | None, folder: str) -> tuple[tuple[Path, ...], str]:
-    """Folders in which a dataset may lie: ``folder`` inside the root or the root itself, best first; and the origin."""
-    root, origin = data_root(data)
-    return (root / folder, root), origin

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..cards import Card, Mot3dSource, WildtrackSource
+from ..cards import Card
 from ..detector import Profile
 from ..types import Scene
 from .base import SceneSource
@@ -35,7 +35,7 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
     """``scene`` with the detections of the card's simulated detector; with its own where it has stored ones.
 
     The noise depends on the scene's name and the detector's seed, or on ``seed`` alone where it is given. All profiles
-    share their random numbers: a box that is missed by one is likely missed by another.
+    share their random numbers: a box that is undetected with one is likely undetected with another.
     """
     from ..detector.sight import Sensor, sight, visible_fractions
     from ..detector.simulate import simulate
@@ -44,7 +44,7 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
         return scene
     section, noise = card.detector, card.detector.resolved
     area = section.area
-    if area is None and isinstance(card.source, Mot3dSource):  # nobody stands beyond what its camera shows
+    if area is None and card.source.traits.bounded_by_truth:
         area = extent(scene.truth.box)
     sensor = Sensor(section.reach, float(np.deg2rad(section.field_of_view)), area)
     visible = scene.visible if scene.visible is not None else visible_fractions(scene.truth, scene.ego)
@@ -58,7 +58,7 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
         dt=1.0 / card.task.rate,
         sight=sight(scene.truth, scene.ego, sensor, visible),
     )
-    if isinstance(card.source, WildtrackSource | Mot3dSource):
+    if card.source.traits.places_only:
         seen = as_places(seen)
     return replace(scene, detections=seen, detector=_label(noise), simulated=True, skipped={}, visible=visible)
 

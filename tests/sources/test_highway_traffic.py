@@ -185,7 +185,7 @@ def test_seeds_differ() -> None:
 
 def test_same_world_in_another_process(worlds: dict[str, World]) -> None:
     names = ["intersection", "merge"]
-    assert digests_elsewhere("test_highway_traffic", names, 3) == [digest(worlds[name]) for name in names]
+    assert digests_elsewhere("sources.test_highway_traffic", names, 3) == [digest(worlds[name]) for name in names]
 
 
 def test_rejected_attempts_are_recorded(monkeypatch: pytest.MonkeyPatch) -> None:

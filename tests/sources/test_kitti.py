@@ -263,8 +263,12 @@ DETECTED, SEQMAP = "detections/pointrcnn/Car/0000.txt", "evaluate_tracking.seqma
 BROKEN: dict[str, tuple[str, list[str] | None, str]] = {  # file, its lines (None: removed), what the error says
     "label row cut off": (LABELS, [PARKED, PARKED[:25]], "line 2: 9 columns, expected 17"),
     "label row too long": (LABELS, [PARKED + " 1"], "line 1: 18 columns, expected 17"),
-    "label without a number": (LABELS, [PARKED, "", PARKED.replace(" 10 ", " ten ")], "line 3, column 7: got 'ten'"),
-    "label not finite": (LABELS, [label(0, 1, "Car", np.nan, 1, 2, 3)], "line 1: a value that is not finite"),
+    "label without a number": (
+        LABELS,
+        [PARKED, "", PARKED.replace(" 10 ", " ten ")],
+        r"line 3, .* \(left\): got 'ten'",
+    ),
+    "label not finite": (LABELS, [label(0, 1, "Car", np.nan, 1, 2, 3)], "line 1: .* is nan, expected a finite number"),
     "label without size": (LABELS, [label(0, 1, "Car", 0, 1, 2, 3, size="1 0 1")], "line 1: a box with a size"),
     "label in half a frame": (LABELS, [PARKED.replace("0", "0.5", 1)], "line 1: frame is 0.5, expected a whole"),
     "label after the end": (LABELS, [PARKED, label(SIX, 7, "Car", 0, 1, 2, 3)], "line 2: frame 6, but .* 6 frames"),
@@ -272,13 +276,13 @@ BROKEN: dict[str, tuple[str, list[str] | None, str]] = {  # file, its lines (Non
     "no labels": (LABELS, None, "no file"),
     "labels are no text": (LABELS, ["\udcff"], "cannot be read as text"),
     "detection cut off": (DETECTED, [detection(0, 2, 0, 1, 2, 3)[:20]], "line 1: 7 columns, expected 15"),
-    "detection not numeric": (DETECTED, [detection(0, 2, 0, 1, 2, 3, size="a,1,1")], "line 1, column 8: got 'a'"),
+    "detection not numeric": (DETECTED, [detection(0, 2, 0, 1, 2, 3, size="a,1,1")], r"column 8 \(height\): got 'a'"),
     "detection of another type": (DETECTED, [detection(0, 1, 0, 1, 2, 3)], r"line 1: type 1, expected 2 \(Car\)"),
     "detection before the start": (DETECTED, [detection(-1, 2, 0, 1, 2, 3)], "line 1: frame -1, but"),
     "no detections of a sequence": (DETECTED, None, "no file"),
     "GPS/IMU too short": (OXTS, [oxts()] * 5, "has 5 rows, expected one for each of the 6 frames"),
     "GPS/IMU row cut off": (OXTS, [oxts()] * 5 + ["1 2 3"], "line 6: 3 columns, expected 30"),
-    "GPS/IMU not finite": (OXTS, [oxts(yaw=np.nan)] * SIX, "line 1: a value that is not finite"),
+    "GPS/IMU not finite": (OXTS, [oxts(yaw=np.nan)] * SIX, "line 1: yaw is nan, expected a finite number"),
     "no GPS/IMU": (OXTS, None, "no file"),
     "no calibration": (CALIB, None, "no file"),
     "calibration lacks a line": (CALIB, CALIBRATION.splitlines()[:-1], "no line 'Tr_imu_velo'; found P0, R_rect"),
@@ -380,7 +384,7 @@ def test_missing_detection_folders(root: Path) -> None:
 def test_rate_and_stride_must_agree(root: Path) -> None:
     content = kitti_card().model_dump(mode="json")
     content["source"]["stride"] = 2
-    with pytest.raises(CardError, match=r"task\.rate is 10\.0 Hz, but every 2\. frame of KITTI's 10 Hz is 5 Hz"):
+    with pytest.raises(CardError, match=r"task\.rate is 10 Hz, but KITTI has 10 Hz, which with stride 2 gives 5 Hz"):
         open_source(parse_card(content), root)
 
 

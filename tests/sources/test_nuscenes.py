@@ -82,7 +82,7 @@ def test_classes_of_the_card(data: Path) -> None:
         open_source(nuscenes_card(("cars",)), data)
     with pytest.raises(CardError, match="nuScenes has no class 'xyz': known are barrier, bicycle"):
         open_source(nuscenes_card(("xyz",)), data)
-    with pytest.raises(CardError, match=r"task\.rate is 10 Hz, but nuScenes has keyframes at 2 Hz"):
+    with pytest.raises(CardError, match=r"task\.rate is 10 Hz, but nuScenes has 2 Hz"):
         open_source(nuscenes_card(rate=10.0), data)
 
 

@@ -159,7 +159,7 @@ def test_a_velocity_knows_nothing_of_the_future() -> None:
     ("change", "message"),
     [
         ({"classes": ("pedestrian", "car")}, "no class 'car'"),
-        ({"rate": 10.0}, r"task.rate is 10.0 Hz, but WILDTRACK is annotated at 2.0 Hz"),
+        ({"rate": 10.0}, r"task.rate is 10 Hz, but WILDTRACK has 2 Hz"),
     ],
 )
 def test_cards_that_do_not_fit(root: Path, change: dict[str, Any], message: str) -> None:

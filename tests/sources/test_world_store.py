@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtp_bench.cards import Card, load_card, parse_card
+from mtp_bench.cards import Card, HighwaySource, load_card, parse_card
 from mtp_bench.errors import CardError, DataError, UnknownNameError
 from mtp_bench.sources import describe, open_source, prepare
+from mtp_bench.sources.base import section_of
 from mtp_bench.sources.cache import VARIABLE, cache_root, content_hash
 from mtp_bench.sources.highway.packing import pack, unpack
-from mtp_bench.sources.highway.source import ever_seen
+from mtp_bench.sources.highway.source import ever_seen, traffic_of
 from mtp_bench.sources.highway.store import WorldStore
 from mtp_bench.sources.highway.world import CLASSES, Traffic, World
 from mtp_bench.types import Floats, Lane, Truth
@@ -247,9 +248,7 @@ def test_preparing_makes_what_is_missing(made: list[int]) -> None:
 
 
 def open_source_traffic(of: Card) -> Traffic:
-    from mtp_bench.sources.highway.source import section_of, traffic_of
-
-    return traffic_of(section_of(of))
+    return traffic_of(section_of(of, HighwaySource))
 
 
 def notes(of: Card) -> Sequence[str]:

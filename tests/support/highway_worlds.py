@@ -41,5 +41,5 @@ def digests_elsewhere(module: str, names: list[str], seed: int) -> list[str]:
     )
     command = [sys.executable, "-c", code]
     environment = {**os.environ, "PYTHONHASHSEED": "77"}
-    root = Path(__file__).parents[1]
+    root = Path(__file__).parents[2]
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=True, cwd=root).stdout.split()

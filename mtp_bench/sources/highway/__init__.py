@@ -1,1 +1,12 @@
-"""Synthetic traffic: highway-env roads and vehicles with populations, rules and pedestrians of our own."""
+"""Traffic simulated on highway-env's roads, one scene per seed."""
+
+from ..base import SourcePackage
+from .source import HighwayTraffic, generate
+from .status import highway_status
+
+PACKAGE = SourcePackage(
+    open=HighwayTraffic,
+    describe=highway_status,
+    prepare=generate,
+    discard=lambda card: HighwayTraffic(card).discard(),
+)

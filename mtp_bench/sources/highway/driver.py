@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from highway_env.vehicle.kinematics import Vehicle
@@ -41,17 +41,6 @@ class Entry:
     position: Floats  # [2] m
     heading: float
     speed: float
-
-
-class RoadVehicle(Protocol):
-    """A vehicle of highway-env as its entry and the recording see it, whoever drives."""
-
-    position: Any  # [2] m
-    heading: Any
-    speed: Any
-    action: Any  # steering in rad, acceleration in m/s2 of the last step
-    profile: Profile
-    number: int
 
 
 class Driver(Vehicle):  # type: ignore[misc]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...types import Floats
-from .driver import Entry, Profile, RoadVehicle
+from .driver import Driver, Entry, Profile
 from .networks import RoadMap
 from .routes import Route
 from .world import CLASSES
@@ -56,9 +56,7 @@ def draw_profile(fast: bool, rng: np.random.Generator) -> Profile:
 class Gate:
     """Where vehicles come in: keeps the road at the number of vehicles that is aimed at."""
 
-    def __init__(
-        self, town: RoadMap, vehicles: int, make: Callable[[Entry], RoadVehicle], rng: np.random.Generator
-    ) -> None:
+    def __init__(self, town: RoadMap, vehicles: int, make: Callable[[Entry], Driver], rng: np.random.Generator) -> None:
         self._map, self._aim, self._make, self._rng = town, vehicles, make, rng
         self._made = 0
         self._next: tuple[Profile, int] | None = None  # waits until there is room
@@ -74,7 +72,7 @@ class Gate:
             at = float(self._rng.uniform(profile.length / 2, reach * self._map.geometry.length[lane]))
             self._enter(road, profile, route, lane, at, _FIRST_ROOM)
 
-    def admit(self, road: Any, finished: Sequence[RoadVehicle]) -> None:
+    def admit(self, road: Any, finished: Sequence[Driver]) -> None:
         """Takes out those who are ``finished`` and lets at most one other in, where there is room."""
         for vehicle in finished:
             road.vehicles.remove(vehicle)
@@ -129,7 +127,7 @@ class Gate:
         return speed
 
 
-def boxes(vehicles: Sequence[RoadVehicle]) -> Floats:
+def boxes(vehicles: Sequence[Driver]) -> Floats:
     """Boxes ``[n, 7]`` of vehicles in highway-env's frame (y down)."""
     sizes = [(v.profile.length, v.profile.width, v.profile.height) for v in vehicles]
     rows = [(*v.position.tolist(), h / 2, v.heading, l, w, h) for v, (l, w, h) in zip(vehicles, sizes, strict=True)]

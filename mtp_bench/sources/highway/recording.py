@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...geometry import wrap_angle
-from ...types import Floats, Ints, Lane, Truth
-from .driver import RoadVehicle
+from ...types import Floats, Ints, Lane, Truth, starts_of_sorted
+from .driver import Driver
 from .pedestrians import Crowd
 from .world import CLASSES, RATE, World
 
@@ -28,7 +28,7 @@ class Recording:
         self._frames = frames
         self._rows: list[Floats] = []
 
-    def add(self, vehicles: Sequence[RoadVehicle], vehicle_boxes: Floats, crowd: Crowd, people: Floats) -> None:
+    def add(self, vehicles: Sequence[Driver], vehicle_boxes: Floats, crowd: Crowd, people: Floats) -> None:
         """Appends a frame: boxes ``[N, 7]`` and ``[M, 7]`` in highway-env's frame."""
         box = np.concatenate([vehicle_boxes, people])
         classes = [v.profile.class_id for v in vehicles] + [CLASSES.index("pedestrian")] * len(people)
@@ -71,7 +71,7 @@ class Recording:
         return int(numbers[count == self._frames][int(best[int(rng.integers(len(best)))])])
 
 
-def _velocity(vehicles: Sequence[RoadVehicle], crowd: Crowd) -> Floats:
+def _velocity(vehicles: Sequence[Driver], crowd: Crowd) -> Floats:
     """Velocity of the boxes' centres ``[N + M, 2]``: of vehicles along heading and slip angle of the last step."""
     motion = [(v.heading, v.speed, v.action["steering"]) for v in vehicles]
     heading, speed, steering = np.array(motion, dtype=np.float64).reshape(-1, 3).T
@@ -81,10 +81,9 @@ def _velocity(vehicles: Sequence[RoadVehicle], crowd: Crowd) -> Floats:
 
 
 def _truth(rows: Floats, frames: int) -> Truth:
-    start: Ints = np.searchsorted(rows[:, 11], np.arange(frames + 1))
     object_id: Ints = np.unique(rows[:, 10], return_inverse=True)[1].reshape(-1)
     return Truth(
-        start=start,
+        start=starts_of_sorted(rows[:, 11].astype(np.int64), frames),
         box=rows[:, :7].copy(),
         velocity=rows[:, 7:9].copy(),
         class_id=rows[:, 9].astype(np.int64),

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from highway_env.road.road import Road
@@ -12,9 +11,8 @@ from highway_env.road.road import Road
 from ...errors import DataError
 from ...types import Floats
 from .conflicts import Passage, passages
-from .driver import Driver, Entry, RoadVehicle
+from .driver import Driver, Entry
 from .following import HARDEST, braking, desired_speed, free_acceleration, leaders, steering
-from .idm import IDMTraffic
 from .lane_change import LaneChanges
 from .lane_map import lane_map
 from .networks import RoadMap, build
@@ -39,7 +37,7 @@ def simulate_world(traffic: Traffic, seed: int) -> World:
 
     Sub-seeds are tried in turn; what was wrong with those before the first good one is in ``World.rejected``: "crash"
     (two true boxes overlapped, in the warm-up or later) or "no_ego" (nobody was there all the time). Raises DataError
-    when none of `ATTEMPTS` is good, for numbers that make no sense, and for IDM drivers at a junction.
+    when none of `ATTEMPTS` is good, and for numbers that make no sense.
     """
     _check(traffic)
     rejected: list[str] = []
@@ -64,10 +62,6 @@ def _check(traffic: Traffic) -> None:
             traffic.pedestrians > 0 and traffic.scenario != "intersection",
             f"pedestrians = {traffic.pedestrians}: only the intersection has crossings; expected 0",
         ),
-        (
-            traffic.drivers == "idm" and traffic.scenario in ("intersection", "roundabout"),
-            "drivers = 'idm': IDM knows no right of way; expected 'cooperative' at a junction",
-        ),
     ]
     for is_wrong, text in wrong:
         if is_wrong:
@@ -81,31 +75,16 @@ def _town(scenario: ScenarioName, seconds: float) -> tuple[RoadMap, RouteTable, 
     return town, routes, passages(town, routes) if town.regulated else ()
 
 
-class _Drivers(Protocol):
-    """Those who move the vehicles of an attempt."""
-
-    road: Any
-
-    def make(self, entry: Entry) -> RoadVehicle:
-        """A vehicle for ``road``, which does not have it yet; its state is rounded."""
-        ...
-
-    def step(self, step: int, vehicle_boxes: Floats) -> Sequence[RoadVehicle]:
-        """Moves everybody by 1 / `RATE` seconds; gives those who are at the end of their route."""
-        ...
-
-
 class _Attempt:
     """One run of the traffic."""
 
     def __init__(self, traffic: Traffic, seed: int, attempt: int) -> None:
         self._traffic = traffic
-        self._map, routes, _ = places = _town(traffic.scenario, traffic.seconds)
-        entries, people, self._rng, drivers = (np.random.default_rng([seed, attempt, kind]) for kind in range(4))
+        places = _town(traffic.scenario, traffic.seconds)
+        self._map = places[0]
+        entries, people, self._rng = (np.random.default_rng([seed, attempt, kind]) for kind in range(3))
         self._crowd = Crowd(self._map.crossings, self._map.pavement, traffic.pedestrians, people)
-        self._drivers: _Drivers = (
-            IDMTraffic(self._map, routes, drivers) if traffic.drivers == "idm" else _Cooperative(*places, self._crowd)
-        )
+        self._drivers = _Drivers(*places, self._crowd)
         self._gate = Gate(self._map, traffic.vehicles, self._drivers.make, entries)
 
     def run(self, rejected: tuple[str, ...]) -> World | str:
@@ -125,7 +104,7 @@ class _Attempt:
         return recording.world(sensor, lane_map(self._map), rejected, self._rng)
 
 
-class _Cooperative:
+class _Drivers:
     """Drivers who give way, make room for each other and wait for people on foot."""
 
     def __init__(self, town: RoadMap, routes: RouteTable, conflicts: tuple[Passage, ...], crowd: Crowd) -> None:
@@ -136,12 +115,14 @@ class _Cooperative:
         self._changes = LaneChanges(town, routes) if town.overtaking else None
 
     def make(self, entry: Entry) -> Driver:
+        """A vehicle for ``road``, which does not have it yet; its state is rounded."""
         vehicle = Driver(self.road, entry.position, entry.heading, entry.speed, entry.profile, entry.number)
         vehicle.route, vehicle.lane_number = entry.route, entry.lane
         vehicle.snap()
         return vehicle
 
     def step(self, step: int, vehicle_boxes: Floats) -> list[Driver]:
+        """Move everybody by 1 / `RATE` seconds; returns those who are at the end of their route."""
         state = observe(self.road.vehicles, self._map, self._routes, *self._crowd.xy())
         acceleration = self._acceleration(state, step)
         before = np.array([vehicle.command[0] for vehicle in state.vehicles])

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ...cards import Card, HighwaySource
 from ...errors import CardError, UnknownNameError
-from ...types import Bools, Floats, Ints, Scene, Truth
-from ..base import no_detections
+from ...types import Bools, Floats, Ints, Scene, Truth, starts_of
+from ..base import Preparation, no_detections, require_classes, section_of
 from .store import WorldStore
 from .world import CLASSES, RATE, Traffic, World
 
@@ -24,13 +24,12 @@ class HighwayTraffic:
     or field of view is not in the truth. An object is a prediction target once it has been in view.
     """
 
-    def __init__(self, card: Card) -> None:
+    def __init__(self, card: Card, data: object = None) -> None:
+        """``data``: no data root is needed. Raises CardError for a rate or class that the simulation has not."""
         self.card = card
-        self.section = section_of(card)
+        self.section = section_of(card, HighwaySource)
         self.stride = _stride(card)
-        for name in card.task.classes:
-            if name not in CLASSES:
-                raise UnknownNameError("class of simulated traffic", name, CLASSES)
+        require_classes(card, "simulated traffic", CLASSES)
         first, end = getattr(self.section.seeds, self.section.split)
         self.names = tuple(scene_name(self.section.scenario, seed) for seed in range(first, end))
         self.store = WorldStore(traffic_of(self.section))
@@ -40,23 +39,6 @@ class HighwayTraffic:
         if name not in self.names:
             raise UnknownNameError("scene", name, self.names)
         return self._cut(name, self.store.get(seed_of(name)))
-
-    def generate(
-        self,
-        names: Sequence[str],
-        workers: int = 1,
-        started: Callable[[int], object] | None = None,
-        progress: Callable[[str], object] | None = None,
-    ) -> None:
-        """Make those of the scenes ``names`` that are not in the cache, over ``workers`` processes."""
-        seeds = [seed for seed in map(seed_of, names) if not self.store.has(seed)]
-        if seeds:
-            self.store.require_writable()  # else all of them would be made again and again
-        if started is not None:
-            started(len(seeds))
-        for seed in self.store.make(seeds, workers):
-            if progress is not None:
-                progress(scene_name(self.section.scenario, seed))
 
     def discard(self) -> None:
         """Take all scenes of the split out of the cache."""
@@ -86,18 +68,23 @@ class HighwayTraffic:
         )
 
 
-def section_of(card: Card) -> HighwaySource:
-    """The card's source section; raises CardError where it is another source's."""
-    if not isinstance(card.source, HighwaySource):
-        raise CardError(f"{card.id}: source is {card.source.name!r}, expected 'highway'")
-    return card.source
+def generate(card: Card, data: object, how: Preparation) -> None:
+    """Make those of the first scenes of the card that are not in the cache."""
+    source = HighwayTraffic(card)
+    store = source.store
+    seeds = [seed for seed in map(seed_of, source.names[: how.scenes]) if not store.has(seed)]
+    if seeds:
+        store.require_writable()  # else all of them would be made again and again
+    if how.started is not None:
+        how.started(len(seeds))
+    for seed in store.make(seeds, how.workers):
+        if how.progress is not None:
+            how.progress(scene_name(source.section.scenario, seed))
 
 
 def traffic_of(section: HighwaySource) -> Traffic:
     """The part of the section that the simulation depends on."""
-    return Traffic(
-        section.scenario, section.sensor, section.seconds, section.vehicles, section.pedestrians, section.drivers
-    )
+    return Traffic(section.scenario, section.sensor, section.seconds, section.vehicles, section.pedestrians)
 
 
 def scene_name(scenario: str, seed: int) -> str:
@@ -115,7 +102,7 @@ def ever_seen(truth: Truth, visible: Floats) -> Bools:
     order = np.argsort(truth.object_id, kind="stable")  # rows come by frame
     object_id, in_view = truth.object_id[order], visible[order] >= IN_VIEW
     first = np.searchsorted(object_id, object_id)
-    views = np.concatenate([[0], np.cumsum(in_view)])
+    views = starts_of(in_view.astype(np.int64))
     seen = np.empty(len(order), dtype=bool)
     seen[order] = views[1:] > views[first]
     return seen
@@ -135,11 +122,10 @@ def _class_ids(classes: Sequence[str]) -> Ints:
 
 def _select(truth: Truth, visible: Floats, frames: Ints, keep: Bools, class_id: Ints) -> tuple[Truth, Floats]:
     """The rows to keep of the frames to keep."""
-    start = truth.start.tolist()
-    rows = [start[t] + np.flatnonzero(keep[start[t] : start[t + 1]]) for t in frames.tolist()]
+    rows = [truth.start[t] + np.flatnonzero(keep[truth.rows(t)]) for t in frames.tolist()]
     row = np.concatenate(rows) if rows else np.zeros(0, dtype=np.int64)
     selected = Truth(
-        start=np.concatenate([[0], np.cumsum([len(part) for part in rows])]).astype(np.int64),
+        start=starts_of([len(part) for part in rows]),
         box=truth.box[row],
         velocity=truth.velocity[row],
         class_id=class_id[row],

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import tempfile
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -35,7 +33,12 @@ class WorldStore:
         """Where the worlds of this traffic are; its name is a digest of all that their content depends on."""
         from importlib.metadata import version
 
-        described = {**asdict(self.traffic), "generator": GENERATOR, "highway-env": version("highway-env")}
+        described = {
+            **asdict(self.traffic),
+            "drivers": "cooperative",  # the only kind; it stays in the name, so that worlds made earlier are found
+            "generator": GENERATOR,
+            "highway-env": version("highway-env"),
+        }
         digest = hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()[:16]
         return cache_root() / "worlds" / f"{self.traffic.scenario}-{digest}"
 
@@ -88,12 +91,9 @@ class WorldStore:
 
     def _write(self, seed: int, world: World) -> None:
         """Store a world as a whole or not at all; a cache that cannot be written is no reason to stop."""
-        arrays = pack(world)
-        part = self.path(seed).with_suffix(f".{os.getpid()}.part")
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            write_arrays(part, arrays)
-            part.replace(self.path(seed))
+            write_arrays(self.path(seed), pack(world))
         except OSError as error:
             warnings.warn(
                 f"a generated scene cannot be kept in {self.folder} ({error.strerror}) and is made anew each time; "
@@ -101,9 +101,6 @@ class WorldStore:
                 RuntimeWarning,
                 stacklevel=2,
             )
-        finally:
-            with suppress(OSError):
-                part.unlink()
 
 
 def _make_one(store: WorldStore, seed: int) -> None:

@@ -11,7 +11,6 @@ from ...types import Floats, Lane, Truth
 
 ScenarioName = Literal["intersection", "roundabout", "merge", "highway"]
 SensorName = Literal["ego", "roadside"]
-DriversName = Literal["cooperative", "idm"]
 
 CLASSES = ("car", "truck", "bus", "motorcycle", "pedestrian")  # class_id of a world is an index into these
 RATE = 10.0  # Hz of the simulation
@@ -26,7 +25,6 @@ class Traffic:
     seconds: float  # recorded time, after the warm-up
     vehicles: int  # aimed at on the road at any time, the ego among them
     pedestrians: int  # aimed at on the map at any time
-    drivers: DriversName = "cooperative"  # "idm": highway-env's own IDM and MOBIL, which know no right of way
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,7 @@
+"""KITTI tracking: the official folders, read into scenes."""
+
+from ..base import SourcePackage
+from .source import KittiTracking
+from .status import kitti_status
+
+PACKAGE = SourcePackage(open=KittiTracking, describe=kitti_status)

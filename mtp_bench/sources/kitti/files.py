@@ -8,14 +8,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import DataError
 from ...geometry import wrap_angle
-from ...types import Bools, Floats, Ints
+from ...types import Floats, Ints
+from ..text import numbered_lines, read_table
+
+_BOX = "height width length x y z rotation_y"  # in camera axes
+LABEL = f"frame id type truncated occluded alpha left top right bottom {_BOX}"
+DETECTION = f"frame type left top right bottom score {_BOX} alpha"
+OXTS = (
+    "lat lon alt roll pitch yaw vn ve vf vl vu ax ay az af al au wx wy wz wf wl wu "
+    "pos_accuracy vel_accuracy navstat numsats posmode velmode orimode"
+)
+ODOMETRY = " ".join(f"{row}{column}" for row in "xyz" for column in "123t")
 
 SENSOR_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
@@ -59,16 +68,17 @@ class Oxts:
 
 def read_labels(path: Path) -> Labels:
     """Labels of one sequence; an empty file gives no rows. DataError names the line that is wrong."""
-    line, value, kind = _read_table(path, columns=17, text_column=2)
-    boxed = kind != "DontCare"
-    _refuse(path, line, _not_finite(value), "a value that is not finite")
-    _refuse(path, line, boxed & (value[:, 10:13] <= 0).any(axis=1), "a box with a size that is not above 0")
-    frame, object_id = _whole(path, line, value[:, 0], "frame"), _whole(path, line, value[:, 1], "object id")
+    table = read_table(path, LABEL, text="type")
+    value, boxed = table.value, table.text != "DontCare"
+    table.refuse_not_finite()
+    table.refuse(boxed & (value[:, 10:13] <= 0).any(axis=1), "a box with a size that is not above 0")
+    frame, object_id = table.whole("frame"), table.whole("id")
+    table.refuse_second_box(frame, object_id, np.flatnonzero(boxed))
     box = sensor_boxes(value[:, 10:13], value[:, 13:16], value[:, 16])
     box[~boxed] = np.nan
     return Labels(
-        line=line, frame=frame, object_id=object_id, type=kind, truncated=value[:, 3],
-        occluded=_whole(path, line, value[:, 4], "occlusion"), alpha=value[:, 5], image_box=value[:, 6:10], box=box,
+        line=table.line, frame=frame, object_id=object_id, type=table.text, truncated=value[:, 3],
+        occluded=table.whole("occluded"), alpha=value[:, 5], image_box=value[:, 6:10], box=box,
     )  # fmt: skip
 
 
@@ -77,25 +87,25 @@ def read_detections(path: Path) -> StoredDetections:
 
     NaN and sizes that are not positive are kept: what to do with such rows is the caller's decision.
     """
-    line, value, _ = _read_table(path, columns=15, delimiter=",")
+    table = read_table(path, DETECTION, ",")
+    value = table.value
     return StoredDetections(
-        line=line, frame=_whole(path, line, value[:, 0], "frame"), type_code=_whole(path, line, value[:, 1], "type"),
-        image_box=value[:, 2:6], score=value[:, 6], box=sensor_boxes(value[:, 7:10], value[:, 10:13], value[:, 13]),
-        alpha=value[:, 14],
+        line=table.line, frame=table.whole("frame"), type_code=table.whole("type"), image_box=value[:, 2:6],
+        score=value[:, 6], box=sensor_boxes(value[:, 7:10], value[:, 10:13], value[:, 13]), alpha=value[:, 14],
     )  # fmt: skip
 
 
 def read_oxts(path: Path) -> Oxts:
     """GPS/IMU rows of one sequence."""
-    line, value, _ = _read_table(path, columns=30)
-    _refuse(path, line, _not_finite(value[:, :11]), "a value that is not finite")
+    table = read_table(path, OXTS)
+    table.refuse_not_finite(11)
     # The file gives the northern velocity before the eastern one.
-    return Oxts(geodetic=value[:, :3], attitude=value[:, 3:6], velocity=value[:, [7, 6, 10]])
+    return Oxts(geodetic=table.value[:, :3], attitude=table.value[:, 3:6], velocity=table.value[:, [7, 6, 10]])
 
 
 def read_imu_to_camera(path: Path) -> Floats:
     """Transform ``[4, 4]`` from the GPS/IMU unit to the rectified camera 0: R_rect x Tr_velo_cam x Tr_imu_velo."""
-    rows = {words[0].rstrip(":"): words[1:] for words in (line.split() for line in _lines(path)[1]) if words}
+    rows = {words[0].rstrip(":"): words[1:] for words in (line.split() for line in numbered_lines(path)[1]) if words}
 
     def matrix(names: tuple[str, ...], columns: int) -> Floats:
         words = next((rows[name] for name in names if name in rows), None)
@@ -117,15 +127,15 @@ def read_imu_to_camera(path: Path) -> Floats:
 
 def read_odometry(path: Path) -> Floats:
     """Poses ``[F, 3, 4]`` camera to world (world = camera axes of frame 0), one row of 12 numbers per frame."""
-    line, value, _ = _read_table(path, columns=12)
-    _refuse(path, line, _not_finite(value), "a value that is not finite")
-    return value.reshape(-1, 3, 4)
+    table = read_table(path, ODOMETRY)
+    table.refuse_not_finite()
+    return table.value.reshape(-1, 3, 4)
 
 
 def read_sequence_map(path: Path) -> dict[str, int]:
     """Frames of each sequence of a split, in the order of the file (``0001 empty 000000 000447``)."""
     lengths: dict[str, int] = {}
-    for number, line in zip(*_lines(path), strict=True):
+    for number, line in zip(*numbered_lines(path), strict=True):
         words = line.split()
         if len(words) != 4 or not words[2].isdigit() or not words[3].isdigit() or int(words[3]) <= int(words[2]):
             raise DataError(f"{path}, line {number}: got {line!r}, expected 'name empty first end'")
@@ -148,71 +158,3 @@ def sensor_boxes(size: Floats, bottom: Floats, rotation_y: Floats) -> Floats:
     return np.column_stack(
         [bottom[:, 2], -bottom[:, 0], -bottom[:, 1] + height / 2, yaw, size[:, 2], size[:, 1], height]
     )
-
-
-def _lines(path: Path) -> tuple[Ints, list[str]]:
-    """Lines that are not blank, and their numbers from 1."""
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except FileNotFoundError:
-        raise DataError(f"no file {path}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"{path} cannot be read as text: {error}") from None
-    kept = [number for number, line in enumerate(lines, 1) if line.strip()]
-    return np.array(kept, dtype=np.int64), [lines[number - 1] for number in kept]
-
-
-def _read_table(
-    path: Path, columns: int, delimiter: str | None = None, text_column: int = -1
-) -> tuple[Ints, Floats, NDArray[np.str_]]:
-    """Line numbers ``[R]``, values ``[R, columns]`` (NaN in the text column) and the texts ``[R]`` of that column."""
-    number, lines = _lines(path)
-    fields: list[Any] = [(f"c{i}", "U16" if i == text_column else "f8") for i in range(columns)]
-    if not lines:
-        return number, np.empty((0, columns)), np.empty(0, dtype="U16")
-    try:
-        table = np.loadtxt(lines, dtype=fields, delimiter=delimiter, comments=None, ndmin=1)
-    except ValueError as error:
-        _explain(path, number, lines, columns, delimiter, text_column)
-        raise DataError(f"{path}: {error}") from None
-    # The text column leaves a 0 among the values: no reader uses it as a number.
-    numeric = [table[f"c{i}"] if i != text_column else np.zeros(len(table)) for i in range(columns)]
-    kind = table[f"c{text_column}"] if text_column >= 0 else np.empty(0, dtype="U16")
-    return number, np.column_stack(numeric), kind
-
-
-def _explain(path: Path, number: Ints, lines: list[str], columns: int, delimiter: str | None, text_column: int) -> None:
-    """Raise DataError for the first row that is no row of the table."""
-    for at, line in zip(number, lines, strict=True):
-        cells = line.split(delimiter)
-        if len(cells) != columns:
-            raise DataError(f"{path}, line {at}: {len(cells)} columns, expected {columns}: is the file cut off?")
-        for column, cell in enumerate(cells):
-            if column != text_column and not _is_number(cell):
-                raise DataError(f"{path}, line {at}, column {column + 1}: got {cell!r}, expected a number")
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
-
-
-def _not_finite(value: Floats) -> Bools:
-    return np.asarray(~np.isfinite(value).all(axis=1))
-
-
-def _refuse(path: Path, line: Ints, bad: Bools, what: str) -> None:
-    if bad.any():
-        raise DataError(f"{path}, line {line[np.argmax(bad)]}: {what}")
-
-
-def _whole(path: Path, line: Ints, value: Floats, what: str) -> Ints:
-    """Values as integers; DataError where one is not whole."""
-    bad = ~(np.isfinite(value) & (value == np.round(value)))
-    if bad.any():
-        at = int(np.argmax(bad))
-        raise DataError(f"{path}, line {line[at]}: {what} is {value[at]}, expected a whole number")
-    return value.astype(np.int64)

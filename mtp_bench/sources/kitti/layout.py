@@ -5,42 +5,43 @@ from __future__ import annotations
 from pathlib import Path
 
 from ...cards import Card, KittiSource
-from ...errors import CardError, DataError
-from ..roots import candidates
+from ...errors import DataError
+from ..base import section_of
+from ..dataset import Dataset
 from .files import read_sequence_map
 
 FOLDER = "kitti_tracking"
-HOW_TO_GET = (
-    "register at https://www.cvlibs.net/datasets/kitti/eval_tracking.php, download the tracking labels "
-    "(data_tracking_label_2.zip), camera calibration (data_tracking_calib.zip) and GPS/IMU data "
-    f"(data_tracking_oxts.zip), and unpack them into {FOLDER}/ of the data root; the PointRCNN detections come with "
-    "https://github.com/xinshuoweng/AB3DMOT: put its data/KITTI/detection/pointrcnn_Car_val into "
-    f"{FOLDER}/detections/pointrcnn/Car, likewise Pedestrian and Cyclist"
-)
 SEQUENCE_MAP = "evaluate_tracking.seqmap.val"
 # The paper's validation sequences (AB3DMOT's split), for a root without the sequence map.
 VALIDATION = ("0001", "0006", "0008", "0010", "0012", "0013", "0014", "0015", "0016", "0018", "0019")
 TYPES = {"car": ("Car", 2), "pedestrian": ("Pedestrian", 1), "cyclist": ("Cyclist", 3)}  # label type, detection code
-
-
-def section_of(card: Card) -> KittiSource:
-    """The card's source section; raises CardError where it is another source's."""
-    if not isinstance(card.source, KittiSource):
-        raise CardError(f"{card.id}: source is {card.source.name!r}, expected 'kitti'")
-    return card.source
-
-
-def find_root(data: str | Path | None) -> Path:
-    """The folder that holds ``training/label_02``: the data root itself or ``kitti_tracking`` inside it."""
-    folders, origin = candidates(data, FOLDER)
-    for folder in folders:
-        if (folder / "training/label_02").is_dir():
-            return folder
-    looked = " and ".join(str(folder) for folder in folders)
-    raise DataError(
-        f"no KITTI tracking data: training/label_02 is neither in {looked} ({origin}); "
-        f"name another root with --data or MTP_BENCH_DATA, or get the data: {HOW_TO_GET}"
-    )
+LABELS = "training/label_02"
+DATASET = Dataset(
+    name="KITTI tracking",
+    folders=(FOLDER,),
+    layout=f"""\
+{FOLDER}/
+  training/label_02/%04d.txt        labels
+  training/calib/%04d.txt           calibration (with ego motion)
+  training/oxts/%04d.txt            GPS/IMU (with ego motion)
+  detections/<detector>/{{Car,Pedestrian,Cyclist}}/%04d.txt
+  {SEQUENCE_MAP}      sequences and frames of the validation split (optional)
+  poses_orbslam3/0019.txt           stereo odometry where the GPS is bad (optional)""",
+    licence=(
+        "CC BY-NC-SA 3.0 (Geiger et al.); labels and detections as distributed with AB3DMOT: academic, non-commercial"
+    ),
+    citation=(
+        "A. Geiger, P. Lenz, R. Urtasun: Are we ready for autonomous driving? The KITTI vision benchmark suite. "
+        "CVPR 2012"
+    ),
+    how_to_get=(
+        "register at https://www.cvlibs.net/datasets/kitti/eval_tracking.php, download the tracking labels "
+        "(data_tracking_label_2.zip), camera calibration (data_tracking_calib.zip) and GPS/IMU data "
+        f"(data_tracking_oxts.zip), and unpack them into {FOLDER}/ of the data root; the PointRCNN detections come "
+        "with https://github.com/xinshuoweng/AB3DMOT: put its data/KITTI/detection/pointrcnn_Car_val into "
+        f"{FOLDER}/detections/pointrcnn/Car, likewise Pedestrian and Cyclist"
+    ),
+)
 
 
 def validation_lengths(root: Path) -> dict[str, int]:
@@ -54,7 +55,7 @@ def split_names(root: Path, split: str, lengths: dict[str, int]) -> tuple[str, .
     validation = tuple(lengths) or VALIDATION
     if split == "val":
         return validation
-    labelled = sorted(path.stem for path in (root / "training/label_02").glob("*.txt"))
+    labelled = sorted(path.stem for path in (root / LABELS).glob("*.txt"))
     return tuple(name for name in labelled if name not in validation)
 
 
@@ -62,9 +63,9 @@ def require_detector(root: Path, card: Card) -> None:
     """Raise DataError unless the card's detector is there with all of its classes."""
     folder = root / "detections"
     if not folder.is_dir():
-        raise DataError(f"no folder {folder}; {HOW_TO_GET}")
+        raise DataError(f"no folder {folder}; {DATASET.how_to_get}")
     found = sorted(path.name for path in folder.iterdir() if path.is_dir())
-    detector = section_of(card).detector
+    detector = section_of(card, KittiSource).detector
     if detector not in found:
         listed = ", ".join(found) or "none"
         raise DataError(f"{folder} has no detector {detector!r}; found: {listed}")

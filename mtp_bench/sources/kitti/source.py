@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ...cards import Card
-from ...errors import CardError, DataError, UnknownNameError, nearest
-from ...types import Bools, Detections, Floats, Ints, Scene, Truth
-from ..base import no_detections
+from ...cards import Card, KittiSource
+from ...errors import DataError, UnknownNameError
+from ...types import Bools, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
+from ..base import no_detections, require_classes, require_rate, section_of
+from ..motion import central_velocity
 from .files import Labels, StoredDetections, read_detections, read_imu_to_camera, read_labels, read_odometry, read_oxts
-from .layout import TYPES, find_root, require_detector, section_of, split_names, validation_lengths
+from .layout import DATASET, LABELS, TYPES, require_detector, split_names, validation_lengths
 from .poses import FRAME_PERIOD, Poses, integrated_poses, odometry_poses
 
 # Types that KITTI's own evaluation neither rewards nor punishes: their annotation overlaps with the class.
@@ -22,23 +23,16 @@ NEIGHBOURS = {"car": ("Van",), "pedestrian": ("Person", "Person_sitting"), "cycl
 class KittiTracking:
     """Scenes of one split of the KITTI tracking benchmark, with or without ego-motion compensation.
 
-    Frames of reference: with compensation the world of `kitti_poses`; without it every frame is given in its own
+    Frames of reference: with compensation the world of `kitti.poses`; without it every frame is given in its own
     sensor frame (x forward, y left, z up) and the ego state is all zeros. Time is frame index x 0.1036 s.
     """
 
     def __init__(self, card: Card, data: str | Path | None = None) -> None:
         self.card = card
-        self.section = section_of(card)
-        self.root = find_root(data)
-        for name in card.task.classes:
-            if name not in TYPES:
-                raise CardError(f"{card.id}: KITTI has no class {name!r}{nearest(name, TYPES)}")
-        stride = self.section.stride
-        if not np.isclose(card.task.rate * stride, 10.0):
-            raise CardError(
-                f"{card.id}: task.rate is {card.task.rate} Hz, but every {stride}. frame of KITTI's 10 Hz is "
-                f"{10 / stride:g} Hz"
-            )
+        self.section = section_of(card, KittiSource)
+        self.root = DATASET.find(data, LABELS)
+        require_classes(card, "KITTI", TYPES)
+        require_rate(card, "KITTI", 10.0, self.section.stride)
         self._lengths = validation_lengths(self.root)
         self.names = split_names(self.root, self.section.split, self._lengths)
         if card.detector is None:
@@ -61,7 +55,7 @@ class KittiTracking:
             name=name,
             time=kept * FRAME_PERIOD,
             ego=poses.ego()[kept] if poses else np.zeros((len(kept), 4)),
-            truth=_truth(self.root / f"training/label_02/{name}.txt", self.card.task.classes, frames),
+            truth=_truth(self.root / LABELS / f"{name}.txt", self.card.task.classes, frames),
             detections=detections,
             detector=label,
             skipped=skipped,
@@ -110,7 +104,7 @@ class _Frames:
 
     def starts(self, frame: Ints) -> Ints:
         """First row of each frame of the scene, and the number of rows."""
-        return np.searchsorted(frame, np.arange(0, self.length + self.stride, self.stride))
+        return starts_of_sorted(frame // self.stride, -(-self.length // self.stride))
 
     def place(self, box: Floats, frame: Ints) -> Floats:
         """Boxes in the frame of reference of the scene."""
@@ -135,7 +129,6 @@ def _truth(path: Path, classes: tuple[str, ...], frames: _Frames) -> Truth:
         beside = np.isin(labels.type, NEIGHBOURS[name])
         class_id[beside | (labels.type == TYPES[name][0])] = index
         neutral |= beside
-    _require_single(path, labels, class_id >= 0)
     row = frames.select(labels.frame, class_id >= 0)
     frame, object_id = labels.frame[row], labels.object_id[row]
     box = frames.place(labels.box[row], frame)
@@ -189,27 +182,3 @@ def _sound(box: Floats, score: Floats, skipped: dict[str, int]) -> Bools:
         if bad.any():
             skipped[reason] = skipped.get(reason, 0) + int(bad.sum())
     return np.asarray(finite & ~empty)
-
-
-def central_velocity(frame: Ints, object_id: Ints, position: Floats, period: float) -> Floats:
-    """Velocities ``[R, 2]`` m/s from the object's positions ``[R, 2]`` one frame before and after; NaN without both."""
-    velocity = np.full(position.shape, np.nan)
-    order = np.lexsort((frame, object_id))
-    before, here, after = order[:-2], order[1:-1], order[2:]
-    follows = (object_id[before] == object_id[after]) & (frame[after] - frame[before] == 2)
-    before, here, after = before[follows], here[follows], after[follows]
-    velocity[here] = (position[after] - position[before]) / (2 * period)
-    return velocity
-
-
-def _require_single(path: Path, labels: Labels, used: Bools) -> None:
-    """An object has one box per frame."""
-    row = np.flatnonzero(used)
-    order = row[np.lexsort((labels.frame[row], labels.object_id[row]))]
-    first, second = order[:-1], order[1:]
-    twice = (labels.frame[first] == labels.frame[second]) & (labels.object_id[first] == labels.object_id[second])
-    if twice.any():
-        at = second[np.argmax(twice)]
-        raise DataError(
-            f"{path}, line {labels.line[at]}: a second box of object {labels.object_id[at]} in frame {labels.frame[at]}"
-        )

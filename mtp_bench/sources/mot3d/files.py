@@ -4,24 +4,36 @@ from __future__ import annotations
 
 import configparser
 import math
-import reprlib
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from ...errors import DataError
-from ...types import Bools, Floats, Ints
-from ..roots import candidates
+from ...types import Floats, Ints
+from ..dataset import Dataset
+from ..text import Table, read_table, read_text
 
-FOLDERS = ("mot3d2015", "3DMOT2015")  # the second is the folder of the official archive
 SEQINFO, TRUTH, DETECTIONS = "seqinfo.ini", "gt/gt.txt", "det/det.txt"  # inside train/<sequence>
-COLUMNS = ("frame", "id", "left", "top", "width", "height", "confidence", "X", "Y", "Z")
-LIMIT = 1e9  # of any number in a row: far beyond metres, pixels and identities
+COLUMNS = "frame id left top width height confidence X Y Z"
 LONGEST = 1e6  # frames of a sequence, and its frame rate in Hz
-HOW_TO_GET = (
-    f"download 3D MOT 2015 from https://motchallenge.net/data/3D_MOT_2015 and unpack it into {FOLDERS[0]}/ or "
-    f"{FOLDERS[1]}/ of the data root; the images are not needed"
+DATASET = Dataset(
+    name="3DMOT2015",
+    folders=("mot3d2015", "3DMOT2015"),  # the second is the folder of the official archive
+    layout="""\
+mot3d2015/ (or 3DMOT2015/)
+  train/<sequence>/gt/gt.txt        true positions
+  train/<sequence>/det/det.txt      ACF detections (not needed with a simulated detector)
+  train/<sequence>/seqinfo.ini      frame rate and number of frames""",
+    licence="CC BY-NC-SA 3.0 (MOTChallenge): non-commercial",
+    citation=(
+        "L. Leal-Taixé, A. Milan, I. Reid, S. Roth, K. Schindler: MOTChallenge 2015: towards a benchmark for "
+        "multi-target tracking. arXiv 1504.01942, 2015"
+    ),
+    how_to_get=(
+        "download 3D MOT 2015 from https://motchallenge.net/data/3D_MOT_2015 and unpack it into mot3d2015/ or "
+        "3DMOT2015/ of the data root; the images are not needed"
+    ),
 )
 
 
@@ -50,27 +62,8 @@ class Rows:
 
 
 def find_root(data: str | Path | None, sequence: str) -> Path:
-    """The folder that holds ``train/<sequence>``: ``mot3d2015`` or ``3DMOT2015`` inside the data root, or the root.
-
-    Raises DataError that names the folders looked at and the sequences that are there instead.
-    """
-    folders, origin = searched(data)
-    for folder in folders:
-        if (folder / "train" / sequence).is_dir():
-            return folder
-    found = sorted({name for folder in folders for name in KNOWN if (folder / "train" / name).is_dir()})
-    raise DataError(
-        f"no 3DMOT2015 data: train/{sequence} is in none of {', '.join(str(folder) for folder in folders)} ({origin})"
-        + (f"; found there: {', '.join(found)}" if found else "")
-        + f"; name another root with --data or MTP_BENCH_DATA, or get the data: {HOW_TO_GET}"
-    )
-
-
-def searched(data: str | Path | None) -> tuple[tuple[Path, ...], str]:
-    """Folders in which the dataset may lie, best first; and where the data root's name comes from."""
-    inside = [candidates(data, folder)[0][0] for folder in FOLDERS]
-    (_, root), origin = candidates(data, FOLDERS[0])
-    return (*inside, root), origin
+    """The folder that holds ``train/<sequence>``; DataError names the sequences that are there instead."""
+    return DATASET.find(data, f"train/{sequence}", others=[f"train/{name}" for name in KNOWN])
 
 
 def read_sequence_info(path: Path) -> SequenceInfo:
@@ -84,7 +77,7 @@ def read_sequence_info(path: Path) -> SequenceInfo:
         )
     parser = configparser.ConfigParser(interpolation=None)
     try:
-        parser.read_string(_text(path), source=str(path))
+        parser.read_string(read_text(path), source=str(path))
     except configparser.Error as error:
         raise DataError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
     rate, length = _number(path, parser, "frameRate"), _number(path, parser, "seqLength")
@@ -95,15 +88,9 @@ def read_sequence_info(path: Path) -> SequenceInfo:
 
 def read_truth(path: Path, length: int) -> Rows:
     """True rows of a sequence of ``length`` frames; DataError names the line that is wrong."""
-    rows = _read_rows(path, length)
-    order = np.lexsort((rows.frame, rows.object_id))
-    frame, object_id = rows.frame[order], rows.object_id[order]
-    twice = np.flatnonzero((frame[1:] == frame[:-1]) & (object_id[1:] == object_id[:-1]))
-    if len(twice):
-        at = order[twice + 1].min()
-        raise DataError(
-            f"{path}, line {rows.line[at]}: a second box of object {rows.object_id[at]} in frame {rows.frame[at]}"
-        )
+    table = _read_table(path, length)
+    rows = _rows(table)
+    table.refuse_second_box(rows.frame, rows.object_id, np.arange(len(rows.frame)))
     return rows
 
 
@@ -112,57 +99,28 @@ def read_detections(path: Path, length: int) -> Rows:
 
     Detections of the 2D benchmark have sequences of the same names, but X = Y = Z = -1 everywhere: DataError says so.
     """
-    rows = _read_rows(path, length)
+    rows = _rows(_read_table(path, length))
     if len(rows.frame) and (rows.ground == -1).all():
-        raise DataError(f"{path}: X, Y and Z are -1 in every row, as in the 2D benchmark (2DMOT2015); {HOW_TO_GET}")
+        raise DataError(
+            f"{path}: X, Y and Z are -1 in every row, as in the 2D benchmark (2DMOT2015); {DATASET.how_to_get}"
+        )
     return rows
 
 
-def _read_rows(path: Path, length: int) -> Rows:
-    """Rows of either file; an empty file gives none."""
-    lines = _text(path).splitlines()
-    number = [n for n, line in enumerate(lines, 1) if line.strip()]
-    value = np.array([_values(path, n, lines[n - 1]) for n in number]).reshape(-1, len(COLUMNS))
-    line = np.array(number, dtype=np.int64)
-    _refuse_fractions(path, line, value[:, 0], "frame")
-    _refuse_fractions(path, line, value[:, 1], "id")
-    outside = (value[:, 0] < 1) | (value[:, 0] > length)
-    if outside.any():
-        at = int(np.argmax(outside))
-        raise DataError(
-            f"{path}, line {line[at]}: frame {value[at, 0]:g}, expected 1 to {length}, the seqLength of {SEQINFO}"
-        )
-    frame, object_id = value[:, 0].astype(np.int64), value[:, 1].astype(np.int64)
-    return Rows(line, frame, object_id, value[:, 2:6], value[:, 6], value[:, 7:])
+def _read_table(path: Path, length: int) -> Table:
+    """The table of either file, whose frames lie in the sequence; an empty file gives no rows."""
+    table = read_table(path, COLUMNS, ",")
+    table.refuse_not_finite()
+    frame = table.whole("frame")
+    outside = (frame < 1) | (frame > length)
+    table.refuse(outside, lambda at: f"frame {frame[at]}, expected 1 to {length}, the seqLength of {SEQINFO}")
+    return table
 
 
-def _values(path: Path, number: int, line: str) -> list[float]:
-    """Numbers of one row, all finite."""
-    cells = line.split(",")
-    if len(cells) != len(COLUMNS):
-        raise DataError(
-            f"{path}, line {number}: {len(cells)} columns, expected {len(COLUMNS)} ({', '.join(COLUMNS)}): "
-            "is the file cut off?"
-        )
-    return [_finite(path, number, name, cell) for name, cell in zip(COLUMNS, cells, strict=True)]
-
-
-def _finite(path: Path, number: int, name: str, cell: str) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        value = math.nan
-    if not abs(value) <= LIMIT:  # NaN is not, either
-        got = reprlib.repr(cell.strip())
-        raise DataError(f"{path}, line {number}: {name} is {got}, expected a finite number up to {LIMIT:g}")
-    return value
-
-
-def _refuse_fractions(path: Path, line: Ints, value: Floats, what: str) -> None:
-    bad: Bools = np.asarray(value != np.round(value))
-    if bad.any():
-        at = int(np.argmax(bad))
-        raise DataError(f"{path}, line {line[at]}: {what} is {value[at]:g}, expected a whole number")
+def _rows(table: Table) -> Rows:
+    value = table.value
+    frame, object_id = table.whole("frame"), table.whole("id")
+    return Rows(table.line, frame, object_id, value[:, 2:6], value[:, 6], value[:, 7:])
 
 
 def _number(path: Path, parser: configparser.ConfigParser, key: str) -> float:
@@ -177,12 +135,3 @@ def _number(path: Path, parser: configparser.ConfigParser, key: str) -> float:
     if not 0 < value <= LONGEST:
         raise DataError(f"{path}: {key} is {text!r}, expected a number above 0 and up to {LONGEST:g}")
     return value
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")  # some copies start with a byte order mark
-    except FileNotFoundError:
-        raise DataError(f"no file {path}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"{path} cannot be read as text: {error}") from None

@@ -8,16 +8,15 @@ import numpy as np
 
 from ...cards import Card, Mot3dSource
 from ...errors import CardError, DataError, UnknownNameError
-from ...types import Bools, Detections, Floats, Ints, Scene, Truth
-from ..base import no_detections
-from ..motion import backward_velocity
-from ..people import person_boxes
+from ...types import Floats, Ints, Scene
+from ..base import no_detections, require_classes, require_rate, section_of
+from ..people import people_detections, people_truth
 from .files import (
+    DATASET,
     DETECTIONS,
     SEQINFO,
     TRUTH,
     Rows,
-    SequenceInfo,
     find_root,
     read_detections,
     read_sequence_info,
@@ -44,12 +43,11 @@ class Mot3d:
 
     def __init__(self, card: Card, data: str | Path | None = None) -> None:
         self.card = card
-        self.section = section_of(card)
-        if card.task.classes != ("pedestrian",):
-            raise CardError(f"{card.id}: task.classes is {list(card.task.classes)}, but 3DMOT2015 has only pedestrian")
+        self.section = section_of(card, Mot3dSource)
+        require_classes(card, DATASET.name, ("pedestrian",))
         self.folder = find_root(data, self.section.sequence) / "train" / self.section.sequence
         self._info = read_sequence_info(self.folder / SEQINFO)
-        _check_rate(card, self.section, self._info)
+        require_rate(card, self.section.sequence, self._info.rate, self.section.stride)
         for name in needed(card):
             if not (self.folder / name).is_file():
                 raise DataError(f"no file {self.folder / name}")
@@ -67,25 +65,24 @@ class Mot3d:
         kept, section = self._kept[name], self.section
         people = read_truth(self.folder / TRUTH, self._info.length)
         stored = section.detector if self.card.detector is None else None
-        found = read_detections(self.folder / DETECTIONS, self._info.length) if stored else None
+        detections = no_detections(len(kept))
+        if stored:
+            found = read_detections(self.folder / DETECTIONS, self._info.length)
+            row, frame = _select(found, kept)
+            detections = people_detections(frame, found.ground[row, :2], found.confidence[row], len(kept))
         time = (kept - 1) / self._info.rate
-        truth = _truth(people, kept, time)
+        row, frame = _select(people, kept)
+        neutral = people.confidence[row] == 0
+        truth = people_truth(frame, people.ground[row, :2], people.object_id[row], time, neutral)
         return Scene(
             name=name,
             time=time,
             ego=np.tile(_reference_point(people.ground), (len(kept), 1)),
             truth=truth,
-            detections=_detections(found, kept) if found else no_detections(len(kept)),
+            detections=detections,
             detector=f"{stored}, stored detections" if stored else "",
             visible=np.ones(len(truth.box)),
         )
-
-
-def section_of(card: Card) -> Mot3dSource:
-    """The card's source section; raises CardError where it is another source's."""
-    if not isinstance(card.source, Mot3dSource):
-        raise CardError(f"{card.id}: source is {card.source.name!r}, expected 'mot3d'")
-    return card.source
 
 
 def needed(card: Card) -> tuple[str, ...]:
@@ -98,7 +95,7 @@ def split_frames(card: Card, length: int) -> dict[str, Ints]:
 
     The first ``train_scenes`` scenes are "train", the others "val". Raises CardError for a split without scenes.
     """
-    section, shortest = section_of(card), card.task.past + card.task.future
+    section, shortest = section_of(card, Mot3dSource), card.task.past + card.task.future
     if section.scene_frames < shortest:
         raise CardError(
             f"{card.id}: source.scene_frames is {section.scene_frames}, expected at least {shortest}: "
@@ -116,14 +113,6 @@ def split_frames(card: Card, length: int) -> dict[str, Ints]:
     return {f"{section.sequence}-{frames[0]:04d}": frames for frames in chosen}
 
 
-def _check_rate(card: Card, section: Mot3dSource, info: SequenceInfo) -> None:
-    if not np.isclose(card.task.rate * section.stride, info.rate):
-        raise CardError(
-            f"{card.id}: task.rate is {card.task.rate:g} Hz, but {section.sequence} with {info.rate:g} Hz and stride "
-            f"{section.stride} gives {info.rate / section.stride:g} Hz"
-        )
-
-
 def _reference_point(ground: Floats) -> Floats:
     """State ``x y z yaw`` of the fixed reference point: the middle of the true positions, in whole metres."""
     if not len(ground):
@@ -132,31 +121,8 @@ def _reference_point(ground: Floats) -> Floats:
     return np.array([x, y, 0.0, 0.0])
 
 
-def _truth(rows: Rows, kept: Ints, time: Floats) -> Truth:
-    row, start, frame = _select(rows, kept)
-    box, object_id = person_boxes(rows.ground[row, :2]), rows.object_id[row]
-    neutral: Bools = rows.confidence[row] == 0
-    return Truth(
-        start=start,
-        box=box,
-        velocity=backward_velocity(frame, object_id, box[:, :2], time),
-        class_id=np.zeros(len(row), dtype=np.int64),
-        object_id=object_id,
-        eligible=~neutral,
-        neutral=neutral,
-    )
-
-
-def _detections(rows: Rows, kept: Ints) -> Detections:
-    row, start, _ = _select(rows, kept)
-    unknown = np.full((len(row), 2), np.nan)
-    class_id = np.zeros(len(row), dtype=np.int64)
-    return Detections(start, person_boxes(rows.ground[row, :2]), unknown, class_id, rows.confidence[row])
-
-
-def _select(rows: Rows, kept: Ints) -> tuple[Ints, Ints, Ints]:
-    """Rows ``[n]`` of the kept frames, sorted by frame; first rows ``[F + 1]``; index of each row's frame ``[n]``."""
+def _select(rows: Rows, kept: Ints) -> tuple[Ints, Ints]:
+    """Rows ``[n]`` of the kept frames, sorted by frame, and the index of each row's frame ``[n]``."""
     row = np.flatnonzero(np.isin(rows.frame, kept))
     row = row[np.argsort(rows.frame[row], kind="stable")]
-    frame = np.searchsorted(kept, rows.frame[row])
-    return row, np.searchsorted(frame, np.arange(len(kept) + 1)), frame
+    return row, np.searchsorted(kept, rows.frame[row])

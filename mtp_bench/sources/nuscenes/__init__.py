@@ -1,1 +1,7 @@
-"""nuScenes: the official v1.0 tables and detection files, read into a compact cache."""
+"""nuScenes: the official tables and detections in the official submission form, read into scenes."""
+
+from ..base import SourcePackage
+from .source import NuScenes, prepare_nuscenes
+from .status import nuscenes_status
+
+PACKAGE = SourcePackage(open=NuScenes, describe=nuscenes_status, prepare=prepare_nuscenes)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ import numpy as np
 
 from ...errors import DataError
 from ...types import Bools, Floats, Ints
+from ..text import read_json
 from .chains import Chains, Rows, Tokens
 from .classes import NEUTRAL_OF, class_index
 from .fields import add_numbers, check_numbers, check_rotations, check_sizes, floats, ints, text, upright_boxes, whole
@@ -165,12 +165,7 @@ def _check_chains(
 
 def _read_targets(path: Path, instances: list[str], keyframes: Keyframes, known: Ints) -> Ints:
     """Keys (instance x samples + sample) of the targets in scenes of these tables; ``known``: keys of all boxes."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8-sig"))
-    except RecursionError:
-        raise DataError(f"{path} cannot be read as JSON: nested too deeply") from None
-    except (OSError, ValueError) as error:
-        raise DataError(f"{path} cannot be read as JSON: {error}") from None
+    content = read_json(path)
     if not isinstance(content, dict):
         raise DataError(f"{path}: expected an object with a list of targets for each scene")
     instance_row = {token: at for at, token in enumerate(instances)}

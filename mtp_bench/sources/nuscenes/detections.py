@@ -10,15 +10,17 @@ from typing import Any
 import numpy as np
 
 from ...errors import DataError
-from ...types import Detections, Ints
-from ..cache import Arrays, read_arrays, write_arrays
+from ...types import Detections, Ints, starts_of_sorted
+from ..cache import Arrays, write_arrays
 from .classes import CLASSES
 from .detection_file import DetectedBoxes, read_detections
 from .folders import (
+    arrays_of,
     build,
     cache_folder,
     file_hash,
     file_size,
+    index_of,
     joint_digest,
     read_index,
     refuse_changed,
@@ -49,15 +51,13 @@ class DetectionStore:
     def arrays(self, name: str) -> Arrays:
         """Arrays of a scene that the file has; a broken file of the cache is built again, if this one is the same."""
         path = self.folder / f"{name}.npz"
-        arrays = read_arrays(path)
-        if arrays is None:
+
+        def build_again() -> None:
             digest = file_hash(self.path, no_work().on(self.path.name))
             refuse_changed(path, _folder(self.tables.folder, digest), str(self.path))
             _build(self.path, self.folder, self.tables, no_work())
-            arrays = read_arrays(path)
-        if arrays is None:
-            raise DataError(f"{path} cannot be read back after writing it")
-        return arrays
+
+        return arrays_of(path, build_again)
 
 
 def bytes_left(paths: Sequence[Path], tables: Path | None) -> int:
@@ -121,7 +121,7 @@ def scene_detections(stores: Sequence[DetectionStore], name: str, frames: int, c
     class_id = class_ids(classes)[kind]
     used = np.flatnonzero(class_id >= 0)
     row = used[np.argsort(frame[used], kind="stable")]
-    start = np.searchsorted(frame[row], np.arange(frames + 1))
+    start = starts_of_sorted(frame[row], frames)
     return Detections(start, box[row], velocity[row], class_id[row], score[row])
 
 
@@ -133,11 +133,7 @@ def class_ids(classes: Sequence[str]) -> Ints:
 def _open(path: Path, tables: TableStore, work: Work) -> DetectionStore:
     digest = file_hash(path, work.on(path.name))
     folder = _folder(tables.folder, digest)
-    if (index := read_index(folder)) is None:
-        _build(path, folder, tables, work)
-        index = read_index(folder)
-    if index is None:
-        raise DataError(f"{folder} cannot be read back after writing it")
+    index = index_of(folder, lambda: _build(path, folder, tables, work))
     return DetectionStore(path, digest, tables, folder, index)
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import secrets
-import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -14,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import DataError
-from ..cache import VARIABLE, cache_root
+from ...files import whole_file, whole_folder
+from ..cache import VARIABLE, Arrays, cache_root, read_arrays
 from .json_stream import Read
 
 FORMAT = 1  # of the arrays in the cache: a change gets a new number
@@ -77,39 +76,40 @@ def write_index(folder: Path, content: dict[str, Any]) -> None:
 
 
 def build(folder: Path, fill: Callable[[Path], None]) -> None:
-    """Let ``fill`` write a folder beside and put it in place; several processes may do so at once.
+    """Let ``fill`` write a folder, which is put in place as a whole; several processes may do so at once.
 
     Raises DataError where the cache cannot be written.
     """
     try:
-        with _beside(folder) as part:
+        with whole_folder(folder) as part:
             fill(part)
-            _install(part, folder)
     except OSError as error:
+        if read_index(folder) is not None:  # another process put the same content in place
+            return
         raise DataError(
             f"the compact copy of nuScenes cannot be kept in {folder.parent}: {error.strerror or error}; "
             f"{VARIABLE} names another folder"
         ) from None
 
 
-@contextmanager
-def _beside(folder: Path) -> Iterator[Path]:
-    part = folder.with_name(f".{folder.name}.{os.getpid()}.{secrets.token_hex(4)}.part")
-    part.mkdir(parents=True)
-    try:
-        yield part
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
+def index_of(folder: Path, make: Callable[[], None]) -> dict[str, Any]:
+    """The index of a folder of the cache, which ``make`` builds first where it is not there."""
+    if (index := read_index(folder)) is None:
+        make()
+        index = read_index(folder)
+    if index is None:
+        raise DataError(f"{folder} cannot be read back after writing it")
+    return index
 
 
-def _install(part: Path, folder: Path) -> None:
-    """A folder that is there has the same content, of another process, or is broken: replaced file by file."""
-    if not folder.exists():
-        with suppress(OSError):
-            part.rename(folder)
-            return
-    for path in sorted(part.iterdir(), key=lambda path: path.name == INDEX):  # the index last
-        path.replace(folder / path.name)
+def arrays_of(path: Path, make: Callable[[], None]) -> Arrays:
+    """The arrays of a file of the cache, which ``make`` builds again where it is broken."""
+    if (arrays := read_arrays(path)) is None:
+        make()
+        arrays = read_arrays(path)
+    if arrays is None:
+        raise DataError(f"{path} cannot be read back after writing it")
+    return arrays
 
 
 def refuse_changed(path: Path, folder: Path, what: str) -> None:
@@ -155,9 +155,5 @@ def _read_json(path: Path) -> dict[str, Any] | None:
 
 def _write_text(path: Path, text: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.part")
-    try:
+    with whole_file(path) as part:
         part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)

@@ -1,4 +1,8 @@
-"""Large JSON files, read record by record: only the record at hand is in memory, not the file."""
+"""Large JSON files, read record by record: only the record at hand is in memory, not the file.
+
+Values are those of Python's ``json``, which writes and reads NaN: detection files have it for unknown velocities, and
+parsers of strict JSON refuse it.
+"""
 
 from __future__ import annotations
 

@@ -6,8 +6,9 @@ import glob
 from pathlib import Path
 
 from ...cards import Card, NuScenesSource
-from ...errors import CardError, DataError
-from ..roots import candidates
+from ...errors import DataError
+from ..base import section_of
+from ..dataset import Dataset
 
 FOLDER = "nuscenes"
 TABLES = (
@@ -21,39 +22,41 @@ TABLES = (
     "instance",
     "sample_annotation",
 )  # in the order of reading
+VERSIONS = "v1.0-*"  # folders of the root
 PREDICTION = "maps/prediction/prediction_scenes.json"
-HOW_TO_GET = (
-    "register at https://www.nuscenes.org/nuscenes#download, download the metadata of v1.0-trainval (or the mini "
-    "split, whose archive has its own) and, for prediction targets, the map expansion pack, and unpack them into "
-    f"{FOLDER}/ of the data root; Megvii detections in the official submission form are on the tracking page of "
-    "https://www.nuscenes.org and come with https://github.com/xinshuoweng/AB3DMOT: put them into "
-    f"{FOLDER}/detections/ as megvii*.json; neither images nor point clouds are needed"
+DATASET = Dataset(
+    name="nuScenes",
+    folders=(FOLDER,),
+    layout=f"""\
+{FOLDER}/
+  v1.0-trainval/, v1.0-mini/        a version: the official tables
+    {", ".join(f"{name}.json" for name in TABLES[:5])},
+    {", ".join(f"{name}.json" for name in TABLES[5:])}
+  {PREDICTION}
+                                    targets of the prediction challenge, for all versions
+  detections/<detector>*.json       detections in the official submission form""",
+    licence=(
+        "CC BY-NC-SA 4.0 and the nuScenes terms of use: non-commercial; "
+        "detections as distributed with AB3DMOT: academic, non-commercial"
+    ),
+    citation=(
+        "H. Caesar et al.: nuScenes: A multimodal dataset for autonomous driving. CVPR 2020; Megvii detections: "
+        "B. Zhu et al.: Class-balanced grouping and sampling for point cloud 3D object detection. arXiv 2019; "
+        "CenterPoint: T. Yin et al.: Center-based 3D object detection and tracking. CVPR 2021"
+    ),
+    how_to_get=(
+        "register at https://www.nuscenes.org/nuscenes#download, download the metadata of v1.0-trainval (or the mini "
+        "split, whose archive has its own) and, for prediction targets, the map expansion pack, and unpack them into "
+        f"{FOLDER}/ of the data root; Megvii detections in the official submission form are on the tracking page of "
+        "https://www.nuscenes.org and come with https://github.com/xinshuoweng/AB3DMOT: put them into "
+        f"{FOLDER}/detections/ as megvii*.json; neither images nor point clouds are needed"
+    ),
 )
-
-
-def section_of(card: Card) -> NuScenesSource:
-    """The card's source section; raises CardError where it is another source's."""
-    if not isinstance(card.source, NuScenesSource):
-        raise CardError(f"{card.id}: source is {card.source.name!r}, expected 'nuscenes'")
-    return card.source
 
 
 def versions(root: Path) -> tuple[str, ...]:
     """Names of the version folders of a root, sorted."""
-    return tuple(sorted(path.name for path in root.glob("v1.0-*") if path.is_dir()))
-
-
-def find_root(data: str | Path | None) -> Path:
-    """The folder that holds ``v1.0-*`` folders: the data root itself or ``nuscenes`` inside it."""
-    folders, origin = candidates(data, FOLDER)
-    for folder in folders:
-        if versions(folder):
-            return folder
-    looked = " and ".join(str(folder) for folder in folders)
-    raise DataError(
-        f"no nuScenes data: a folder v1.0-* is neither in {looked} ({origin}); "
-        f"name another root with --data or MTP_BENCH_DATA, or get the data: {HOW_TO_GET}"
-    )
+    return tuple(sorted(path.name for path in root.glob(VERSIONS) if path.is_dir()))
 
 
 def table_paths(root: Path, version: str) -> dict[str, Path]:
@@ -75,7 +78,7 @@ def prediction_path(root: Path) -> Path | None:
 
 def require_prediction(root: Path, card: Card) -> None:
     """Raise DataError where the card needs the list of prediction targets and it is not there."""
-    if section_of(card).truth == "targets" and prediction_path(root) is None:
+    if section_of(card, NuScenesSource).truth == "targets" and prediction_path(root) is None:
         raise DataError(
             f"no file {root / PREDICTION}: {card.id} needs the targets of the prediction challenge, which come with "
             "the map expansion pack of https://www.nuscenes.org/nuscenes#download"
@@ -84,7 +87,7 @@ def require_prediction(root: Path, card: Card) -> None:
 
 def detection_pattern(card: Card) -> str:
     """The detection files of the card's detector, relative to the root."""
-    return f"detections/{section_of(card).detector}*.json"
+    return f"detections/{section_of(card, NuScenesSource).detector}*.json"
 
 
 def detection_paths(root: Path, card: Card) -> tuple[Path, ...]:
@@ -92,7 +95,7 @@ def detection_paths(root: Path, card: Card) -> tuple[Path, ...]:
 
     Raises DataError where there is none, naming those that are there.
     """
-    section = section_of(card)
+    section = section_of(card, NuScenesSource)
     if card.detector is not None:
         return ()
     if section.detections_file is not None:
@@ -106,7 +109,7 @@ def detection_paths(root: Path, card: Card) -> tuple[Path, ...]:
         )
     folder = root / "detections"
     if not folder.is_dir():
-        raise DataError(f"no folder {folder}; {HOW_TO_GET}")
+        raise DataError(f"no folder {folder}; {DATASET.how_to_get}")
     paths = tuple(sorted(path for path in folder.glob(f"{glob.escape(section.detector)}*.json") if path.is_file()))
     if not paths:
         found = ", ".join(_labelled(path) for path in sorted(folder.glob("*.json"))) or "none"

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ...cards import Card
-from ...errors import CardError, DataError, UnknownNameError, nearest
-from ...types import Floats, Scene, Truth
-from ..base import no_detections
+from ...cards import Card, NuScenesSource
+from ...errors import DataError, UnknownNameError
+from ...types import Floats, Ragged, Scene, Truth, starts_of_sorted
+from ..base import Preparation, no_detections, require_classes, require_rate, section_of
 from ..cache import Arrays
 from ..motion import backward_velocity
 from .classes import CLASSES
 from .detections import DetectionStore, bytes_left, class_ids, open_detections, require_covered, scene_detections
-from .layout import detection_paths, find_root, require_prediction, section_of
+from .layout import DATASET, VERSIONS, detection_paths, require_prediction
 from .splits import counted, splits_of
 from .store import TableStore, find_tables
 from .tables import SECOND
@@ -39,9 +39,10 @@ class NuScenes:
         progress: Callable[[str], object] | None = None,
     ) -> None:
         self.card = card
-        self.section = section_of(card)
-        _check_task(card)
-        self.root = find_root(data)
+        self.section = section_of(card, NuScenesSource)
+        require_classes(card, DATASET.name, CLASSES)
+        require_rate(card, DATASET.name, RATE)
+        self.root = DATASET.find(data, VERSIONS)
         tables = find_tables(self.root, self.section.version)
         require_prediction(self.root, card)
         paths = detection_paths(self.root, card)
@@ -79,16 +80,15 @@ class NuScenes:
 
 def prepare_nuscenes(
     card: Card,
-    data: str | Path | None = None,
-    started: Callable[[int], object] | None = None,
-    progress: Callable[[str], object] | None = None,
+    data: str | Path | None,
+    how: Preparation,
 ) -> None:
     """Make the compact copy of the tables and detections of ``card`` where it is not there.
 
-    ``started`` is told the number of pieces of work, ``progress`` the name of the file at each piece that is done.
-    Raises DataError for everything that stops the card's scenes from being read.
+    Progress is told by hundredths of the bytes to read, with the name of the file. Raises DataError for everything that
+    stops the card's scenes from being read.
     """
-    NuScenes(card, data, started, progress)
+    NuScenes(card, data, how.started, how.progress)
 
 
 def available_splits(tables: TableStore, targets: bool) -> dict[str, tuple[str, ...]]:
@@ -105,10 +105,10 @@ def scene_truth(arrays: Arrays, time: Floats, classes: Sequence[str], listed: bo
         known = np.isin(arrays["object_id"], arrays["object_id"][arrays["listed"]])
         keep, neutral, eligible = keep & known, neutral & ~known, arrays["listed"]
     row = np.flatnonzero(keep)
-    frame = np.repeat(np.arange(len(time)), np.diff(arrays["start"]))[row]
+    frame = Ragged(arrays["start"]).frame_of_rows[row]
     box, object_id = arrays["box"][row], arrays["object_id"][row]
     return Truth(
-        start=np.searchsorted(frame, np.arange(len(time) + 1)),
+        start=starts_of_sorted(frame, len(time)),
         box=box,
         velocity=backward_velocity(frame, object_id, box[:, :2], time),
         class_id=class_id[row],
@@ -118,17 +118,9 @@ def scene_truth(arrays: Arrays, time: Floats, classes: Sequence[str], listed: bo
     )
 
 
-def _check_task(card: Card) -> None:
-    for name in card.task.classes:
-        if name not in CLASSES:
-            raise CardError(f"{card.id}: nuScenes has no class {name!r}{nearest(name, CLASSES)}")
-    if card.task.rate != RATE:
-        raise CardError(f"{card.id}: task.rate is {card.task.rate:g} Hz, but nuScenes has keyframes at {RATE:g} Hz")
-
-
 def _names(card: Card, root: Path, splits: dict[str, tuple[str, ...]]) -> tuple[str, ...]:
     """Scenes of the card's split; DataError that names the splits there are, if it has none."""
-    section = section_of(card)
+    section = section_of(card, NuScenesSource)
     names = splits.get(section.split, ())
     if names:
         return names
@@ -143,7 +135,7 @@ def _names(card: Card, root: Path, splits: dict[str, tuple[str, ...]]) -> tuple[
 
 def _check_hash(card: Card, stores: Sequence[DetectionStore]) -> None:
     """The file that the card names is the one it means."""
-    expected = section_of(card).detections_sha256
+    expected = section_of(card, NuScenesSource).detections_sha256
     for store in stores:
         if expected is not None and store.digest != expected:
             raise DataError(

@@ -9,14 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import DataError
-from ..cache import Arrays, read_arrays, write_arrays
+from ..cache import Arrays, write_arrays
 from .annotations import Annotations, read_annotations
 from .folders import (
+    arrays_of,
     build,
     cache_folder,
     file_hash,
     file_size,
+    index_of,
     joint_digest,
     read_index,
     refuse_changed,
@@ -64,12 +65,7 @@ class Tables:
     def open(self, work: Work) -> TableStore:
         """The cache, built first where it is not there; DataError names the file and token that is wrong."""
         folder = self.hashed_folder(work)
-        if (index := read_index(folder)) is None:
-            self.build(folder, work)
-            index = read_index(folder)
-        if index is None:
-            raise DataError(f"{folder} cannot be read back after writing it")
-        return TableStore(self, folder, index)
+        return TableStore(self, folder, index_of(folder, lambda: self.build(folder, work)))
 
     def hashed_folder(self, work: Work) -> Path:
         """The cache of the tables as they are now."""
@@ -103,14 +99,12 @@ class TableStore:
     def arrays(self, name: str) -> Arrays:
         """Arrays of a scene, or of `SAMPLES`; a broken file is built again, if the tables are still the same."""
         path = self.folder / f"{name}.npz"
-        arrays = read_arrays(path)
-        if arrays is None:
+
+        def build_again() -> None:
             refuse_changed(path, self.tables.hashed_folder(no_work()), f"the tables of {self.tables.version}")
             self.tables.build(self.folder, no_work())
-            arrays = read_arrays(path)
-        if arrays is None:
-            raise DataError(f"{path} cannot be read back after writing it")
-        return arrays
+
+        return arrays_of(path, build_again)
 
 
 def _fill(folder: Path, keyframes: Keyframes, boxes: Annotations, has_list: bool) -> None:

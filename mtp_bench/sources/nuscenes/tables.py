@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from ...errors import DataError
-from ...types import Floats, Ints
+from ...types import Floats, Ints, Ragged, starts_of
 from .chains import Chains, Tokens
 from .fields import add_numbers, check_numbers, check_rotations, floats, ints, named, text, time_stamp, whole, yaw_of
 from .json_stream import Read, Record, brief, read_records
@@ -38,7 +38,7 @@ class Keyframes:
     @property
     def scene_of(self) -> Ints:
         """Scene of each row [N]."""
-        return np.repeat(np.arange(len(self.scene)), np.diff(self.start))
+        return Ragged(self.start).frame_of_rows
 
 
 def read_keyframes(paths: Mapping[str, Path], read: Read) -> Keyframes:
@@ -79,7 +79,7 @@ def _read_samples(paths: Mapping[str, Path], read: Read) -> tuple[tuple[str, ...
     place = np.empty(len(names), dtype=np.int64)
     place[by_name] = np.arange(len(names))
     order = np.lexsort((time, place[chains.group]))
-    start = np.concatenate([[0], np.cumsum(chains.count[by_name])]).astype(np.int64)
+    start = starts_of(chains.count[by_name])
     scene, token = tuple(names[i] for i in by_name), [rows.token[i] for i in order]
     _check_steps(table, scene, start, token, time[order])
     return scene, start, token, time[order]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import reprlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,12 +12,12 @@ import numpy as np
 
 from ...errors import DataError
 from ...types import Floats, Ints
+from ..text import LIMIT, read_json, read_table, read_text
 
 CAMERAS = ("CVLab1", "CVLab2", "CVLab3", "CVLab4", "IDIAP1", "IDIAP2", "IDIAP3")  # in the order of ``viewNum``
 GRID = 480, 1440  # cells of the annotated area along x and y
 CELL = 0.025  # m
 CORNER = -3.0, -9.0  # m, x and y of cell (0, 0)
-LIMIT = 1e9  # of any number: far beyond pixels, frames and metres
 _SIDES = ("xmin", "ymin", "xmax", "ymax")
 
 
@@ -72,7 +71,7 @@ class Camera:
 
 def read_annotations(path: Path) -> Annotations:
     """People of one frame; DataError names the file and the person that is wrong."""
-    content = _json(path)
+    content = read_json(path)
     if not isinstance(content, list):
         raise DataError(f"{path}: got {type(content).__name__}, expected a list of people")
     person, place, image_box = [], [], []
@@ -91,16 +90,17 @@ def read_annotations(path: Path) -> Annotations:
 
 def read_detections(path: Path) -> StoredDetections:
     """Detections, rows ``frame gx gy`` on the grid of the annotations; DataError names the line that is wrong."""
-    numbers, rows = [], []
-    known: dict[tuple[float, float, float], int] = {}
-    for number, line in enumerate(_text(path).splitlines(), 1):
-        if line.strip():
-            numbers.append(number)
-            rows.append(_detection(line, f"{path}, line {number}"))
-            if known.setdefault(rows[-1], number) != number:
-                raise DataError(f"{path}, line {number}: a second detection at the place of line {known[rows[-1]]}")
-    value = np.reshape(rows, (-1, 3)).astype(np.float64)
-    return StoredDetections(np.array(numbers, dtype=np.int64), value[:, 0].astype(np.int64), metres(value[:, 1:]))
+    table = read_table(path, "frame gx gy")
+    frame, cell = table.whole("frame"), table.value[:, 1:]
+    off = np.asarray(~((cell >= 0) & (cell < GRID)).all(axis=1))  # NaN is off the grid, too
+    table.refuse(off, lambda at: f"cell {cell[at, 0]:g} {cell[at, 1]:g} is off the grid of {GRID[0]} x {GRID[1]}")
+    _, first, place = np.unique(table.value, axis=0, return_index=True, return_inverse=True)
+    original = first[place.reshape(-1)]
+    table.refuse(
+        original < np.arange(len(original)),
+        lambda at: f"a second detection at the place of line {table.line[original[at]]}",
+    )
+    return StoredDetections(table.line, frame, metres(cell))
 
 
 def read_cameras(
@@ -135,7 +135,7 @@ def _camera(folder: Path, intrinsics: str, name: str) -> Camera:
 def _values(path: Path, key: str, count: int) -> Floats:
     """Numbers ``[count]`` of one node of OpenCV's XML, which writes them plain or inside of ``data``."""
     try:
-        node = ElementTree.fromstring(_text(path)).find(key)
+        node = ElementTree.fromstring(read_text(path)).find(key)
     except ElementTree.ParseError as error:
         raise DataError(f"{path} is no XML: {error}") from None
     if node is None:
@@ -149,19 +149,6 @@ def _values(path: Path, key: str, count: int) -> Floats:
     if len(value) != count or not (np.abs(value) <= LIMIT).all():
         raise DataError(f"{path}: {key!r} must hold {count} finite numbers up to {LIMIT:g}, got {' '.join(words)!r}")
     return value
-
-
-def _detection(line: str, where: str) -> tuple[float, float, float]:
-    words = line.split()
-    try:
-        frame, x, y = map(float, words)
-    except ValueError:
-        raise DataError(f"{where}: got {line!r}, expected three numbers 'frame gx gy'") from None
-    if not (frame.is_integer() and abs(frame) <= LIMIT):
-        raise DataError(f"{where}: frame is {words[0]}, expected a whole number up to {LIMIT:g}")
-    if not (0 <= x < GRID[0] and 0 <= y < GRID[1]):  # NaN is off the grid, too
-        raise DataError(f"{where}: cell {words[1]} {words[2]} is off the grid of {GRID[0]} x {GRID[1]}")
-    return frame, x, y
 
 
 def _place(position: int, where: str) -> Floats:
@@ -193,23 +180,3 @@ def _integer(entry: Any, key: str, where: str) -> int:
     if not isinstance(value, int) or isinstance(value, bool) or abs(value) > LIMIT:
         raise DataError(f"{where}: {key!r} is {reprlib.repr(value)}, expected an integer up to {LIMIT:g}")
     return value
-
-
-def _json(path: Path) -> Any:
-    try:
-        return json.loads(_text(path))
-    except json.JSONDecodeError as error:
-        raise DataError(f"{path}, line {error.lineno}, column {error.colno}: no JSON: {error.msg}") from None
-    except RecursionError:
-        raise DataError(f"{path}: nested too deeply, expected a list of people") from None
-    except ValueError:
-        raise DataError(f"{path}: a number has too many digits, expected integers up to {LIMIT:g}") from None
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")  # some editors write a byte order mark
-    except FileNotFoundError:
-        raise DataError(f"no file {path}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"{path} cannot be read as text: {error}") from None

@@ -7,23 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from ...cards import Card, WildtrackSource
-from ...errors import CardError, DataError, UnknownNameError, nearest
-from ...types import Detections, Ints, Scene, Truth
-from ..base import no_detections
-from ..motion import backward_velocity
-from ..people import person_boxes
-from ..roots import candidates
+from ...errors import DataError, UnknownNameError
+from ...types import Detections, Ints, Ragged, Scene, Truth
+from ..base import no_detections, require_classes, require_rate, section_of
+from ..dataset import Dataset
+from ..people import people_detections, people_truth
 from .files import CELL, CORNER, GRID, read_annotations, read_detections
 
-FOLDERS = ("wildtrack", "Wildtrack_dataset")  # the second is the name in the published archive
 ANNOTATIONS = "annotations_positions"
 DETECTIONS = "detections/mvdet_test.txt"
-HOW_TO_GET = (
-    "download Wildtrack_dataset_full.zip from https://www.epfl.ch/labs/cvlab/data/data-wildtrack and unpack it into "
-    f"{FOLDERS[0]}/ of the data root (the images are not needed); detections: run the test of "
-    "https://github.com/hou-yz/MVDet on WILDTRACK and put its test.txt (rows 'frame gx gy' on the annotations' grid) "
-    f"at {FOLDERS[0]}/{DETECTIONS}"
-)
 RATE = 2.0  # Hz
 STEP = 5  # frames are numbered 0, 5, ..., 1995, as in the video at 10 Hz
 SCENE_FRAMES = 40  # 20 s, the length of a nuScenes scene
@@ -32,6 +24,28 @@ SCENES = {f"wildtrack-{first:04d}": first for first in range(0, FRAMES * STEP, S
 STORED = "wildtrack-1800"  # MVDet's test frames, the only ones with stored detections
 SPLITS = {"train": tuple(SCENES)[:6], "val": tuple(SCENES)[6:], "test": (STORED,)}
 MIDDLE = tuple(start + CELL * cells / 2 for start, cells in zip(CORNER, GRID, strict=True))  # m, of the annotated area
+DATASET = Dataset(
+    name="WILDTRACK",
+    folders=("wildtrack", "Wildtrack_dataset"),  # the second is the name in the published archive
+    layout=f"""\
+wildtrack/                         or Wildtrack_dataset/, as in the archive
+  {ANNOTATIONS}/%08d.json    frames 0, 5, ..., {STEP * (FRAMES - 1)}
+  {DETECTIONS}       MVDet on the last {SCENE_FRAMES} frames: frame gx gy
+  calibrations/extrinsic/*.xml          cameras, for drawing (optional)
+  calibrations/intrinsic_zero/*.xml     (optional)""",
+    licence="WILDTRACK and MVDet's detections: none stated; research only",
+    citation=(
+        "T. Chavdarova et al.: WILDTRACK: a multi-camera HD dataset for dense unscripted pedestrian detection. "
+        "CVPR 2018; detections: Y. Hou, L. Zheng, S. Gould: Multiview detection with feature perspective "
+        "transformation (MVDet). ECCV 2020"
+    ),
+    how_to_get=(
+        "download Wildtrack_dataset_full.zip from https://www.epfl.ch/labs/cvlab/data/data-wildtrack and unpack it "
+        "into wildtrack/ of the data root (the images are not needed); detections: run the test of "
+        "https://github.com/hou-yz/MVDet on WILDTRACK and put its test.txt (rows 'frame gx gy' on the annotations' "
+        f"grid) at wildtrack/{DETECTIONS}"
+    ),
+)
 
 
 class Wildtrack:
@@ -45,16 +59,13 @@ class Wildtrack:
     def __init__(self, card: Card, data: str | Path | None = None) -> None:
         """Raises CardError for other classes or another rate, DataError where the data is not there."""
         self.card = card
-        self.section = section_of(card)
-        for name in card.task.classes:
-            if name != "pedestrian":
-                raise CardError(f"{card.id}: WILDTRACK has no class {name!r}{nearest(name, ('pedestrian',))}")
-        if not np.isclose(card.task.rate, RATE):
-            raise CardError(f"{card.id}: task.rate is {card.task.rate} Hz, but WILDTRACK is annotated at {RATE} Hz")
-        self.root = find_root(data)
+        self.section = section_of(card, WildtrackSource)
+        require_classes(card, DATASET.name, ("pedestrian",))
+        require_rate(card, DATASET.name, RATE)
+        self.root = DATASET.find(data, ANNOTATIONS)
         self.names = SPLITS[self.section.split]
         if needs_detections(card) and not (self.root / DETECTIONS).is_file():
-            raise DataError(f"no file {self.root / DETECTIONS}, detections of {STORED}; {HOW_TO_GET}")
+            raise DataError(f"no file {self.root / DETECTIONS}, detections of {STORED}; {DATASET.how_to_get}")
 
     def load(self, name: str) -> Scene:
         """Read one scene; without stored detections it has none, and an empty ``detector``."""
@@ -73,54 +84,17 @@ class Wildtrack:
         )
 
 
-def section_of(card: Card) -> WildtrackSource:
-    """The card's source section; raises CardError where it is another source's."""
-    if not isinstance(card.source, WildtrackSource):
-        raise CardError(f"{card.id}: source is {card.source.name!r}, expected 'wildtrack'")
-    return card.source
-
-
 def needs_detections(card: Card) -> bool:
     """True if a scene of the card's split has stored detections and the card wants them."""
-    section = section_of(card)
+    section = section_of(card, WildtrackSource)
     return section.detector is not None and STORED in SPLITS[section.split]
-
-
-def searched(data: str | Path | None) -> tuple[tuple[Path, ...], str]:
-    """Folders in which WILDTRACK may lie, best first; and where the data root's name comes from."""
-    found, origin = zip(*(candidates(data, folder) for folder in FOLDERS), strict=True)
-    return tuple(dict.fromkeys([folders[0] for folders in found] + [folders[1] for folders in found])), origin[0]
-
-
-def find_root(data: str | Path | None) -> Path:
-    """The folder that holds the annotations: ``wildtrack`` or ``Wildtrack_dataset`` in the data root, or the root."""
-    folders, origin = searched(data)
-    for folder in folders:
-        if (folder / ANNOTATIONS).is_dir():
-            return folder
-    looked = ", ".join(str(folder) for folder in folders)
-    raise DataError(
-        f"no WILDTRACK data: {ANNOTATIONS} is in none of {looked} ({origin}); "
-        f"name another root with --data or MTP_BENCH_DATA, or get the data: {HOW_TO_GET}"
-    )
 
 
 def _truth(folder: Path, numbers: Ints) -> Truth:
     frames = [read_annotations(folder / f"{number:08d}.json") for number in numbers]
-    person = np.concatenate([frame.person for frame in frames])
-    box = person_boxes(np.concatenate([frame.place for frame in frames]))
-    count = [len(frame.person) for frame in frames]
-    frame, time = np.repeat(np.arange(len(frames)), count), np.arange(len(frames)) / RATE
-    everyone = np.ones(len(person), dtype=bool)
-    return Truth(
-        start=np.concatenate([[0], np.cumsum(count)]),
-        box=box,
-        velocity=backward_velocity(frame, person, box[:, :2], time),
-        class_id=np.zeros(len(person), dtype=np.int64),
-        object_id=person,
-        eligible=everyone,
-        neutral=~everyone,
-    )
+    rows = Ragged.of_counts([len(frame.person) for frame in frames])
+    place, person = (np.concatenate([getattr(frame, name) for frame in frames]) for name in ("place", "person"))
+    return people_truth(rows.frame_of_rows, place, person, np.arange(len(frames)) / RATE)
 
 
 def _detections(path: Path) -> Detections:
@@ -135,10 +109,5 @@ def _detections(path: Path) -> Detections:
             f"{first}, {first + STEP}, ..., {first + STEP * (SCENE_FRAMES - 1)}"
         )
     order = np.argsort(frame, kind="stable")
-    return Detections(
-        start=np.searchsorted(frame[order], np.arange(SCENE_FRAMES + 1)),
-        box=person_boxes(rows.place[order]),
-        velocity=np.full((len(frame), 2), np.nan),
-        class_id=np.zeros(len(frame), dtype=np.int64),
-        score=np.ones(len(frame)),  # the file has none
-    )
+    # The file has no scores.
+    return people_detections(frame[order], rows.place[order], np.ones(len(frame)), SCENE_FRAMES)

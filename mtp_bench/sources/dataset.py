@@ -1,0 +1,154 @@
+"""What is known of a dataset, where it is looked for, and the one form of what was found of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from ..errors import DataError
+from .roots import data_root
+
+Read = TypeVar("Read")
+
+
+@dataclass(frozen=True)
+class DataCheck:
+    """A count over the files beside the total that the dataset is known to have."""
+
+    what: str
+    found: int
+    expected: int
+
+    @property
+    def ok(self) -> bool:
+        """True if the count is the known total."""
+        return self.found == self.expected
+
+
+@dataclass(frozen=True)
+class DataStatus:
+    """What a card needs of a dataset and what of it was found."""
+
+    dataset: str
+    root: Path | None  # None: not found
+    searched: tuple[Path, ...]  # folders that were looked at for the root
+    layout: str  # the expected tree, to be shown as it is
+    missing: tuple[str, ...]  # files and folders that the card needs, relative to the root
+    notes: tuple[str, ...]  # what is absent but optional
+    problems: tuple[str, ...]  # files that cannot be read, one sentence each
+    checks: tuple[DataCheck, ...]
+    licence: str
+    citation: str
+    how_to_get: str
+    generated: bool = False  # made by the library: there are no files to read and check
+
+    @property
+    def usable(self) -> bool:
+        """True if the card's scenes can be read: everything needed is there and sound."""
+        return self.root is not None and not self.missing and not self.problems
+
+    @property
+    def verified(self) -> bool:
+        """True if the data is usable and every count is the known total."""
+        return self.usable and all(check.ok for check in self.checks)
+
+
+class Findings:
+    """What was found below the root of a dataset, collected step by step; names are relative to the root."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.missing: list[str] = []
+        self.notes: list[str] = []
+        self.problems: list[str] = []
+        self.checks: list[DataCheck] = []
+
+    def require(self, *names: str) -> None:
+        """Note the files that are not there as missing."""
+        self.missing += [name for name in names if not (self.root / name).is_file()]
+
+    def require_all(self, folder: str, names: Sequence[str]) -> None:
+        """The same for the files ``names`` of ``folder``; the folder stands for them if it has none of them."""
+        absent = [f"{folder}/{name}" for name in names if not (self.root / folder / name).is_file()]
+        self.missing += [f"{folder}/"] if len(absent) == len(names) else absent
+
+    def attempt(self, read: Callable[[Path], Read], name: str) -> Read | None:
+        """What ``read`` makes of a file; None if it is absent, or wrong, which is noted as a problem."""
+        path = self.root / name
+        if not path.is_file():
+            return None
+        try:
+            return read(path)
+        except DataError as error:
+            self.problems.append(str(error))
+            return None
+
+    def count(self, totals: Mapping[str, int], found: Iterable[int]) -> None:
+        """Note counts beside the known totals, in their order."""
+        pairs = zip(totals.items(), found, strict=True)
+        self.checks += [DataCheck(what, number, total) for (what, total), number in pairs]
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """What is known of a dataset, whatever of it is on this machine."""
+
+    name: str
+    folders: tuple[str, ...]  # of the data root in which it may lie, best first; the data root may be that folder, too
+    layout: str
+    licence: str
+    citation: str
+    how_to_get: str
+    generated: bool = False
+
+    def searched(self, data: str | Path | None) -> tuple[Path, ...]:
+        """Folders in which the dataset may lie, best first."""
+        root, _ = data_root(data)
+        return (*(root / folder for folder in self.folders), root)
+
+    def find(self, data: str | Path | None, holds: str, others: Sequence[str] = ()) -> Path:
+        """The folder that holds the folder ``holds``, which may be a pattern.
+
+        Raises DataError that says where it was looked for, and which of ``others`` were found there instead.
+        """
+        folders = self.searched(data)
+        for folder in folders:
+            if any(path.is_dir() for path in folder.glob(holds)):
+                return folder
+        there = [Path(other).name for other in others if any((folder / other).is_dir() for folder in folders)]
+        raise DataError(
+            f"no {self.name} data: {holds} is in none of {', '.join(map(str, folders))} ({data_root(data)[1]})"
+            + (f"; found there: {', '.join(there)}" if there else "")
+            + f"; name another root with --data or MTP_BENCH_DATA, or get the data: {self.how_to_get}"
+        )
+
+    def status(self, data: str | Path | None, holds: str, inspect: Callable[[Findings], None]) -> DataStatus:
+        """What ``inspect`` finds in the folder that holds ``holds``; a dataset that is not there is no error."""
+        try:
+            found = Findings(self.find(data, holds))
+        except DataError:
+            return self._status(None, self.searched(data), Findings(Path()))
+        inspect(found)
+        return self.report(found)
+
+    def report(self, found: Findings) -> DataStatus:
+        """The status with what was found below a root."""
+        return self._status(found.root, (found.root,), found)
+
+    def _status(self, root: Path | None, searched: tuple[Path, ...], found: Findings) -> DataStatus:
+        return DataStatus(
+            dataset=self.name,
+            root=root,
+            searched=searched,
+            layout=self.layout,
+            missing=tuple(found.missing),
+            notes=tuple(found.notes),
+            problems=tuple(found.problems),
+            checks=tuple(found.checks),
+            licence=self.licence,
+            citation=self.citation,
+            how_to_get=self.how_to_get,
+            generated=self.generated,
+        )
