@@ -128,7 +128,7 @@ def ab3dmot_parameters(detector: str, classes: Sequence[str]) -> tuple[ClassPara
     "kitti_pointrcnn".
     """
     known = {**AB3DMOT, **_GROUND_PLANE, **_SIMULATED}
-    family = detector.split("-")[0]
+    family = detector.split("-", maxsplit=1)[0]
     if family not in known:
         raise UnknownNameError("detector", detector, known, "pass `parameters` for your own")
     table = known[family]

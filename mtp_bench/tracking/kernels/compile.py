@@ -117,7 +117,8 @@ class Kernel(Generic[P, R]):
     def _makes_arrays(self) -> bool:
         """Whether it or what it calls makes or returns arrays, by the names in its code and its annotations."""
         plain = re.fullmatch(r"(tuple|int|float|bool|None|[\[\], ])+", str(self.function.__annotations__["return"]))
-        own = not plain or not _MAKERS.isdisjoint(self.function.__code__.co_names)
+        # What an inlined kernel returns stays in its caller.
+        own = not (plain or self.inline) or not _MAKERS.isdisjoint(self.function.__code__.co_names)
         return own or any(callee._makes_arrays() for callee in self._callees().values())
 
     def _callees(self) -> dict[str, Kernel[Any, Any]]:
@@ -143,7 +144,9 @@ class Kernel(Generic[P, R]):
 
     def _parts(self) -> set[str]:
         constants = {n: v for n, v in self._globals().items() if isinstance(v, (bool, int, float, str, tuple))}
-        files = {_source(self.function.__code__.co_filename), _source(__file__)}
+        records = [v for v in self._globals().values() if isinstance(v, type) and issubclass(v, tuple)]
+        files = {_source(sys.modules[record.__module__].__file__ or "") for record in records}
+        files |= {_source(self.function.__code__.co_filename), _source(__file__)}
         parts = {*files, repr((self.signature, self.inline, self.vectorize, sorted(constants.items())))}
         return parts.union(*(callee._parts() for callee in self._callees().values()))
 
