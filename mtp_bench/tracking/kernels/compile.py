@@ -45,7 +45,6 @@ P = ParamSpec("P")
 R = TypeVar("R")
 _MAKERS = {"array", "copy", "empty", "full", "ones", "zeros"}  # a maker that is not named here fails to compile
 _lock = threading.RLock()
-_told = False
 
 
 @final
@@ -100,7 +99,7 @@ class Kernel(Generic[P, R]):
         folder = None if callee else _writable(_root() / f"kernels-{self._digest(numba.__version__)}")
         known = folder is not None and any(folder.glob(f"*/*.{self.function.__name__}-*.nbi"))
         if not callee and not known:
-            _tell(folder)
+            _tell(folder is not None)
         signature = [] if self.signature is None else [self.signature]
         options = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": callee}
         if callee and self.inline:
@@ -221,11 +220,8 @@ def _writable(folder: Path) -> Path | None:
     return folder
 
 
-def _tell(folder: Path | None) -> None:
-    """Say, once, that the first call takes a while."""
-    global _told
-    if _told:
-        return
-    _told = True
-    where = "once per machine" if folder else "in every process (set NUMBA_CACHE_DIR to a folder that can be written)"
+@cache  # once
+def _tell(stored: bool) -> None:
+    """Say that the first call takes a while."""
+    where = "once per machine" if stored else "in every process (set NUMBA_CACHE_DIR to a folder that can be written)"
     print(f"mtp_bench: compiling the tracking kernels, {where}: about 15 s", file=sys.stderr, flush=True)

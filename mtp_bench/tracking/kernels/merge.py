@@ -135,7 +135,7 @@ def merge(pieces: Pieces, solutions: Solutions, total: Floats, limit: float, k: 
         return ints_of(1, 0), States(ints_of(1, best), ints_of(1, -1), ints_of(1, 0), ints_of(1, -1))
     ordered = by_first_gap(solutions.begin, solutions.count, solutions.gap, limit - total[best])
     most, changeable = P + 3 * k, ints(P * min(len(ordered), pieces.of_parent.shape[1]))
-    states, queue = States(ints(most), ints(most), ints(most), ints(most)), Queue(floats(most), ints(most), ints_of(2, 0))
-    out = ints(k)
+    states = States(ints(most), ints(most), ints(most), ints(most))
+    queue, out = Queue(floats(most), ints(most), ints_of(2, 0)), ints(k)
     found = expand(pieces, solutions, total, limit, ordered, changeable, ints(P), states, queue, out)
     return first_ints(out, found), states

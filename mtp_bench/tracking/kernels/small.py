@@ -42,7 +42,7 @@ def choices(q: int, begin: Ints, places: Ints, pair_start: Ints, most: int) -> i
 
 @kernel(inline=True)
 def keep(total: float, count: int, piece: Piece, option: Ints, kept: Kept) -> int:
-    """Enter the present choice, which costs ``total``, in the place of a new or of the dearest solution; their count."""
+    """Enter the present choice, which costs ``total``, as a new solution or for the dearest; how many there are."""
     order = kept.order
     place = count
     if count == kept.k:
@@ -63,10 +63,10 @@ def keep(total: float, count: int, piece: Piece, option: Ints, kept: Kept) -> in
 @kernel(inline=True)
 def is_root(piece: Piece, option: Ints, root: Ints) -> bool:
     """Whether the present choice is the solution ``root``."""
+    same = True
     for a in range(piece.n):
-        if root[a] != (option[a] if option[a] < piece.last[a] else -1):
-            return False
-    return True
+        same &= root[a] == (option[a] if option[a] < piece.last[a] else -1)
+    return same
 
 
 @kernel
