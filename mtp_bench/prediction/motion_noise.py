@@ -25,10 +25,10 @@ def condition(task: Task) -> str:
 def stored_noise(task: Task) -> NoiseTable:
     """The noise table for the task's condition: its own fit, else the most similar one that knows its classes.
 
-    The task's card names its domain: where objects move alike. Most similar: the same domain and another variant of the
-    detector; the same domain and another detector; another domain, the one with the same detector first, which is all
-    that counts where a card names no domain. True boxes and detections, moving and still frames never stand in for each other. Raises UnknownNameError
-    if nothing is left.
+    The task's card names its domain, where objects move alike. Most similar: the same domain and another variant of the
+    detector; the same domain and another detector; another domain. Among equals, and where a card names no domain, the
+    detector decides. True boxes and detections, moving and still frames never stand in for each other. Raises
+    UnknownNameError if nothing is left.
     """
     store = _read_store()
     similar = [name for name in store if _likeness(name, task) > 0]

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from ...types import Floats, Ints
 from .arrays import first_floats, first_ints, floats, ints, ints_of
+from .bounds import cheapest
 from .compile import kernel
 from .heap import pop, push, sorted_numbers
 from .tables import Pieces, Solutions, States
@@ -37,16 +38,6 @@ def by_first_gap(begin: Ints, count: Ints, gap: Floats, spare: float) -> Ints:
     for i in range(size):
         order[i] = names[order[i]]
     return order
-
-
-@kernel
-def cheapest(total: Floats) -> int:
-    """The parent with the cheapest solution, of equal ones the first."""
-    best = 0
-    for p in range(len(total)):
-        if total[p] < total[best]:
-            best = p
-    return best
 
 
 @kernel

@@ -16,10 +16,10 @@ import numpy as np
 
 from ...types import Bools, Floats, Ints
 from .arrays import float_table, floats, int_table, ints
+from .bounds import note
 from .compile import kernel
 from .heap import pop, push
 from .shortest_path import HUB, change_potentials, cost_of, find_path, flip_path, forget_path
-from .small import note
 from .tables import Bound, Kept, Matching, Path, Piece
 
 

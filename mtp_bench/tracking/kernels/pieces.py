@@ -2,145 +2,33 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from ...types import Bools, Floats, Ints
-from .arrays import first_floats, flags, float_table, floats, floats_of, int_table, ints, ints_of, up_to
+from ...types import Floats, Ints
+from .arrays import floats, floats_of, ints, ints_of, up_to
+from .bounds import cheapest, least_of, note, totals_of, totals_of_pieces
 from .compile import kernel
 from .heap import sorted_numbers
-from .merge import cheapest
 from .murty import best_solutions
 from .shortest_path import cost_of, finish_root, greedy_start
-from .small import choices, enumerate_all, enumerate_solutions, note, single_row_root
-from .tables import Bound, Choices, Kept, Matching, Path, Piece, Pieces, Problem, Solutions
+from .small import choices, enumerate_all, enumerate_solutions, single_row_root
+from .space import (
+    Roots,
+    Space,
+    choices_in,
+    largest,
+    load_root,
+    matching_in,
+    new_roots,
+    new_space,
+    path_in,
+    piece_in,
+)
+from .tables import Bound, Kept, Pieces, Problem, Solutions
 
 AT_ONCE = 40  # choices of a piece: up to here all its solutions are found, before a bound is known
 SURELY = 900  # choices of a piece: up to here it is enumerated in any case
 PATIENCE = 100  # partial choices to look at per solution asked for; Murty's search costs about as much
-
-
-class Space(NamedTuple):
-    """Room for one piece at a time, whichever it is; few arrays, for each takes time to hand over."""
-
-    of_row: Ints  # [4, n]
-    of_column: Ints  # [4, m]
-    sums_of_row: Floats  # [3, n + 1]
-    sums_of_column: Floats  # [2, m]
-    row_out: Bools  # [n]
-    column_out: Bools  # [m]
-    hub: Ints  # [3]
-    banned: Bools  # [E]
-    order: Ints  # [k]
-    cost: Floats  # [k]
-
-
-class Roots(NamedTuple):
-    """The cheapest solution of every piece."""
-
-    pair: Ints  # of each row, in the order of `Pieces.places`
-    u: Floats  # potential of each row, in that order
-    v: Floats  # potentials of the columns of each piece
-    v_start: Ints  # [Q + 1] where those begin
-    cost: Floats  # [Q]
-
-
-@kernel
-def totals_of(of_parent: Ints, base: Floats, root_cost: Floats) -> Floats:
-    """Cost of the cheapest solution of each parent, [P]."""
-    total = first_floats(base, len(base))
-    for p in range(of_parent.shape[0]):
-        for c in range(of_parent.shape[1]):
-            if of_parent[p, c] >= 0:
-                total[p] += root_cost[of_parent[p, c]]
-    return total
-
-
-@kernel
-def totals_of_pieces(of_parent: Ints, total: Floats, ranked: Ints, pieces: int) -> tuple[Floats, Ints]:
-    """Totals of the parents of each piece, increasing, and where those of each begin [Q + 1].
-
-    ``ranked``: the parents, cheapest first.
-    """
-    P, C = of_parent.shape
-    start = ints_of(pieces + 2, 0)
-    for p in range(P):
-        for c in range(C):
-            start[of_parent[p, c] + 2] += 1  # no piece, -1, counts at 1
-    start[1] = 0
-    for q in range(pieces):
-        start[q + 2] += start[q + 1]
-    roots = floats(start[pieces + 1])
-    for p in ranked:
-        for c in range(C):
-            q = of_parent[p, c]
-            if q >= 0:
-                roots[start[q + 1]] = total[p]
-                start[q + 1] += 1
-    return roots, start
-
-
-@kernel
-def largest(pieces: Pieces, width: Ints) -> tuple[int, int]:
-    """Rows and columns of the largest pieces, at least 1."""
-    n, m = 1, 1
-    for q in range(len(pieces.component)):
-        n, m = max(n, pieces.begin[q + 1] - pieces.begin[q]), max(m, width[pieces.component[q]])
-    return n, m
-
-
-@kernel
-def new_space(n: int, m: int, k: int, pairs: int) -> Space:
-    """Room for pieces of up to ``n`` rows and ``m`` columns."""
-    sums_of_column = float_table(2, m)
-    for y in range(m):
-        sums_of_column[1, y] = np.inf
-    return Space(
-        int_table(4, n), int_table(4, m), float_table(3, n + 1), sums_of_column, flags(n), flags(m),
-        ints_of(3, 0), flags(pairs), ints(k), floats(k),
-    )  # fmt: skip
-
-
-@kernel(inline=True)
-def piece_in(space: Space, q: int, problem: Problem, pieces: Pieces) -> Piece:
-    """Piece ``q``, with its rows and columns numbered from 0."""
-    low, high = pieces.begin[q], pieces.begin[q + 1]
-    first, last = space.of_row[0], space.of_row[1]
-    for i in range(low, high):
-        place = pieces.places[i]
-        first[i - low], last[i - low] = problem.pair_start[place], problem.pair_start[place + 1]
-    width = problem.width[pieces.component[q]]
-    return Piece(high - low, width, first, last, problem.pair_local, problem.pair_cost, space.banned)
-
-
-@kernel(inline=True)
-def matching_in(space: Space) -> Matching:
-    """Room for a matching."""
-    match, owner, u, v = space.of_row[2], space.of_column[0], space.sums_of_row[0], space.sums_of_column[0]
-    return Matching(match, owner, u, v, space.row_out, space.column_out)
-
-
-@kernel(inline=True)
-def path_in(space: Space) -> Path:
-    """Room for a path."""
-    return Path(space.sums_of_column[1], space.of_column[1], space.of_column[2], space.of_column[3], space.hub)
-
-
-@kernel(inline=True)
-def choices_in(space: Space) -> Choices:
-    """Room for a partial choice."""
-    return Choices(space.column_out, space.of_row[3], space.sums_of_row[1], space.sums_of_row[2])
-
-
-@kernel
-def new_roots(component: Ints, rows: int, width: Ints) -> Roots:
-    """Room for the cheapest solution of every piece."""
-    Q = len(component)
-    v_start = ints_of(Q + 1, 0)
-    for q in range(Q):
-        v_start[q + 1] = v_start[q] + width[component[q]]
-    return Roots(ints(rows), floats(rows), floats(v_start[Q]), v_start, floats(Q))
 
 
 @kernel
@@ -273,15 +161,6 @@ def forget_others(totals: Floats, low: int, best: Floats) -> None:
 
 
 @kernel
-def load_root(q: int, piece: Piece, begin: int, roots: Roots, matching: Matching) -> None:
-    """The cheapest solution of piece ``q`` and its potentials, as a matching."""
-    for x in range(piece.n):
-        matching.match[x], matching.u[x] = roots.pair[begin + x], roots.u[begin + x]
-    for y in range(piece.m):
-        matching.v[y] = roots.v[roots.v_start[q] + y]
-
-
-@kernel
 def try_enumeration(
     q: int, product: float, problem: Problem, pieces: Pieces, space: Space, roots: Roots, bound: Bound, saved: Floats,
     pairs: Ints, used: int,
@@ -308,15 +187,6 @@ def search_piece(
     load_root(q, piece, pieces.begin[q], roots, matching)
     kept = Kept(len(bound.best), space.order, space.cost, pairs, used)
     return best_solutions(piece, roots.cost[q], bound, matching, path, kept)
-
-
-@kernel
-def least_of(total: Floats, ranked: Ints, k: int) -> Floats:
-    """The k least totals of the parents, infinite where there are fewer parents."""
-    best = floats_of(k, np.inf)
-    for i in range(min(k, len(total))):
-        best[i] = total[ranked[i]]
-    return best
 
 
 @kernel(inline=True)

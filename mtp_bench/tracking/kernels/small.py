@@ -3,30 +3,9 @@
 from __future__ import annotations
 
 from ...types import Floats, Ints
+from .bounds import note
 from .compile import kernel
 from .tables import Bound, Choices, Kept, Matching, Piece
-
-
-@kernel
-def note(bound: Floats, roots: Floats, low: int, high: int, gap: float) -> None:
-    """Enter solutions of the whole problem, one per parent of a piece, among the cheapest known, ``bound`` [k].
-
-    The parents' cheapest solutions cost ``roots[low:high]``, the new ones ``gap`` more.
-    """
-    a, b = len(bound), low
-    while a > 0 and b < high and roots[b] + gap < bound[a - 1]:  # a new one for the dearest
-        a -= 1
-        b += 1
-    i = len(bound) - 1
-    while b > low:
-        total = roots[b - 1] + gap
-        if a > 0 and bound[a - 1] > total:
-            a -= 1
-            bound[i] = bound[a]
-        else:
-            b -= 1
-            bound[i] = total
-        i -= 1
 
 
 @kernel
