@@ -56,6 +56,14 @@ class Predictor(Protocol):
         ...
 
 
+@runtime_checkable
+class FramePredictor(Predictor, Protocol):
+    """A predictor that is told each frame, for what all samples of a frame share; others need no ``begin``."""
+
+    def begin(self, tracks: Tracks) -> None:
+        """The next frame has these tracks; called once, before samples of them are asked for."""
+
+
 class Sampler(Protocol):
     """Reduces a pool of samples to the number allowed."""
 
@@ -111,6 +119,8 @@ class Pipeline:
         """Answer one frame."""
         self._frame += 1
         tracks = self._tracker.step(observation)
+        if isinstance(self._predictor, FramePredictor):
+            self._predictor.begin(tracks)
         objects = group(tracks, self._task.objects, self._min_mass, self._least)
         self.reported = objects
         rng = np.random.default_rng([self._task.seed, self._frame, 1])

@@ -158,6 +158,7 @@ class Task:
     ego_motion: bool = True  # False: every frame is given in its own ego frame, the world moves
     velocity: bool = False  # detections carry a measured velocity
     seed: int = 0  # for the agent's own random draws
+    motion_noise: str = ""  # e.g. "KITTI": where objects move like here; agents choose their motion model by it
 
 
 @dataclass(frozen=True, eq=False)

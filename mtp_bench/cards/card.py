@@ -58,6 +58,7 @@ class Card(Section):
     id: str
     summary: str
     reference: str = "stp"  # baseline whose events define the frozen subsets
+    motion_noise: str | None = None  # where objects move like here, a hint for agents; no part of the digest
     source: Source
     detector: DetectorSection | None = None
     task: TaskSection
@@ -66,7 +67,8 @@ class Card(Section):
     @property
     def digest(self) -> str:
         """First 16 hex digits of the sha256 of the card's content, the noise of a simulated detector included."""
-        content = self.model_dump(mode="json", exclude_none=True)
+        # What agents choose their parameters by is no part of what is scored.
+        content = self.model_dump(mode="json", exclude_none=True, exclude={"motion_noise"})
         if self.detector is not None:
             content["detector"]["noise"] = self.detector.resolved.model_dump(mode="json", exclude_none=True)
             content["detector"]["model"] = MODEL

@@ -255,6 +255,7 @@ def _task(card: Card, observe: str, sizes: dict[str, int]) -> Task:
         k=min(card.task.samples, sizes["samples"]),
         detector=card.detector_name,
         observe=observe,
+        motion_noise=card.motion_noise or "",
         ego_motion=card.ego_motion,
         velocity=card.velocity,
         **sizes,

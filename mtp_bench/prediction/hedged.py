@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..agent import Predictor, Tracks
+from ..agent import FramePredictor, Predictor, Tracks
 from ..types import Floats, Ints, Task
 
 
@@ -33,6 +33,12 @@ class HedgedPredictor:
         """Forget everything."""
         for predictor in self._predictors:
             predictor.reset(task)
+
+    def begin(self, tracks: Tracks) -> None:
+        """The next frame, for the predictors that want to know."""
+        for predictor in self._predictors:
+            if isinstance(predictor, FramePredictor):
+                predictor.begin(tracks)
 
     def sample(self, tracks: Tracks, leaf: Ints, draw: Ints, samples: int) -> Floats:
         """Futures [Q, samples, T, 2] in absolute x y, in the order of the predictors."""

@@ -21,7 +21,6 @@ class NoiseTable:
     jerkiness: Floats  # [C, 2] m/s^1.5, white acceleration while the past is filtered
     speed: Floats  # [C, 2] m/s, prior standard deviation of a velocity never seen
     acceleration: Floats  # [C, 2] m/s^2, standard deviation of the acceleration over the future
-    turn_rate: Floats  # [C] rad/s, standard deviation of the turn rate over the future
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,20 +14,21 @@ from ..types import Task
 from .kalman import NoiseTable
 
 _STORE = Path(__file__).with_suffix(".toml")
-_FIELDS = ("measurement", "jerkiness", "speed", "acceleration", "turn_rate")
+_FIELDS = ("measurement", "jerkiness", "speed", "acceleration")
 
 
 def condition(task: Task) -> str:
-    """Name of the fit for a task: its domain ("KITTI" of MTP-KITTI-5Hz-v0), what is observed, and in which frame."""
-    return f"{_domain(task.env_id)}-{_observed(task)}-{_frame(task)}"
+    """Name of the fit for a task: its domain, what is observed, and in which frame."""
+    return f"{task.motion_noise or task.env_id}-{_observed(task)}-{_frame(task)}"
 
 
 def stored_noise(task: Task) -> NoiseTable:
     """The noise table for the task's condition: its own fit, else the most similar one that knows its classes.
 
-    Most similar: the same domain and another variant of the detector; the same domain and another detector; another
-    domain. True boxes and detections, moving and still frames never stand in for each other. Raises UnknownNameError
-    if nothing is left.
+    The task's card names its domain, where objects move alike. Most similar: the same domain and another variant of the
+    detector; the same domain and another detector; another domain. Among equals, and where a card names no domain, the
+    detector decides. True boxes and detections, moving and still frames never stand in for each other. Raises
+    UnknownNameError if nothing is left.
     """
     store = _read_store()
     similar = [name for name in store if _likeness(name, task) > 0]
@@ -44,25 +45,14 @@ def stored_noise(task: Task) -> NoiseTable:
 
 def _likeness(name: str, task: Task) -> int:
     """How well the stored condition suits the task; 0: not at all."""
-    domain, observed, frame = name.split("-")
+    domain, observed, frame = name.rsplit("-", 2)
     wanted = _observed(task)
     if frame != _frame(task) or (observed == "truth") != (wanted == "truth"):
         return 0
     same_family = observed.split("_")[-1] == wanted.split("_")[-1]
-    mine = _domain(task.env_id)
-    near = 4 * (domain.split("_")[0] == mine.split("_")[0]) + 2 * (domain == mine)
+    mine = task.motion_noise
+    near = 4 * (domain.split("_")[0] == mine.split("_")[0]) + 2 * (domain == mine)  # nuScenes_mini is like nuScenes
     return 1 + same_family + 2 * (observed == wanted) + near
-
-
-_CONDITIONS = ("noego", "5Hz", "k10")  # parts of an id that stand for another task, not for other objects
-
-
-def _domain(env_id: str) -> str:
-    """Domain of an env: "KITTI" of MTP-KITTI-5Hz-v0, "nuScenes_mini" of MTP-nuScenes-mini-v0 (there, cars park)."""
-    parts = env_id.split("-")
-    if parts[0] != "MTP" or len(parts) < 3:
-        return parts[0]
-    return "_".join(part for part in parts[1:-1] if part not in _CONDITIONS)
 
 
 def _observed(task: Task) -> str:

@@ -2,58 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from ..errors import ShapeError, UnknownNameError
+from ..errors import UnknownNameError
 
-Affinity = Literal["giou_3d", "iou_3d", "center_distance", "mahalanobis", "likelihood_ratio"]
+Affinity = Literal["giou_3d", "iou_3d", "center_distance"]
 Assignment = Literal["hungarian", "greedy"]
-
-
-@dataclass(frozen=True)
-class LikelihoodTerms:
-    """What a likelihood ratio is measured against (Blackman 2004; Bar-Shalom, Blackman, Fitzgerald 2007).
-
-    The costs of a hypothesis are negative logarithms. A track that takes no detection costs ``miss``. Every detection
-    is explained by a track, by clutter or by a new object; the last two cost ``-log(clutter_density + birth_density)``,
-    the same in all hypotheses of a frame, and are left out as a common offset: unmatched detections cost 0. A match
-    then costs ``miss - gain``, with the gain ``pair + log N(detection; track, innovation covariance)``.
-    """
-
-    detection_probability: float = 0.9  # that an object of the class is detected in a frame
-    clutter_density: float = 1e-9  # false alarms per cubic metre and frame
-    birth_density: float = 1e-9  # first detections of new objects per cubic metre and frame
-    # Far below what detectors do: AB3DMOT's filter knows nothing of a new track's velocity (100 m per frame), so that
-    # the density of its second detection is about 1e-7 per cubic metre.
-
-    def __post_init__(self) -> None:
-        if not 0 < self.detection_probability < 1:
-            raise ShapeError(
-                f"detection_probability is {self.detection_probability}, expected more than 0, less than 1"
-            )
-        if not (self.clutter_density >= 0 and self.birth_density >= 0 and self.unmatched > 0):
-            raise ShapeError(
-                f"clutter_density is {self.clutter_density} and birth_density {self.birth_density} per cubic metre,"
-                " expected none below 0 and one above"
-            )
-
-    @property
-    def unmatched(self) -> float:
-        """Density of detections that belong to no track."""
-        return self.clutter_density + self.birth_density
-
-    @property
-    def miss(self) -> float:
-        """Cost of a track that takes no detection."""
-        return -math.log1p(-self.detection_probability)
-
-    @property
-    def pair(self) -> float:
-        """What is added to ``log p(detection | track)``: detected rather than missed, rather than unmatched."""
-        return math.log(self.detection_probability) + self.miss - math.log(self.unmatched)
 
 
 @dataclass(frozen=True)
@@ -62,10 +18,9 @@ class ClassParameters:
 
     assignment: Assignment
     affinity: Affinity
-    gate: float  # smallest affinity that may match; else the largest distance: m, or standard deviations
+    gate: float  # smallest affinity that may match; of distances the largest, m
     min_hits: int  # a track is output from this many detections on
     max_age: int  # a track ends after this many frames without a detection
-    likelihood: LikelihoodTerms | None = None  # of "likelihood_ratio"; None: the defaults
 
 
 _KITTI = {
@@ -128,7 +83,7 @@ def ab3dmot_parameters(detector: str, classes: Sequence[str]) -> tuple[ClassPara
     "kitti_pointrcnn".
     """
     known = {**AB3DMOT, **_GROUND_PLANE, **_SIMULATED}
-    family = detector.split("-")[0]
+    family = detector.split("-", maxsplit=1)[0]
     if family not in known:
         raise UnknownNameError("detector", detector, known, "pass `parameters` for your own")
     table = known[family]

@@ -15,7 +15,7 @@ from .clusters import per_cluster
 from .greedy import greedy_where_asked
 from .joint import joint_k_best
 from .parameters import ClassParameters, ab3dmot_parameters
-from .sparse_gains import innovation_variance, rules_of, sparse_gains
+from .sparse_gains import rules_of, sparse_gains
 from .tree import HypothesisTree, Seen
 
 
@@ -77,18 +77,14 @@ class HypothesisTracker:
     def _associate(self, seen: Seen) -> tuple[Floats, Ints, Ints]:
         """Costs [K] of the new hypotheses, the detection of each leaf in them [K, N], and their parents [K]."""
         tree = self._tree
-        variance = innovation_variance(tree.covariance)
-        indptr, column, gain = sparse_gains(tree.mean, tree.class_id, seen.box, seen.class_id, self._rules, variance)
+        indptr, column, gain = sparse_gains(tree.box, tree.class_id, seen.box, seen.class_id, self._rules)
         if self._as_parameters:
             cost = np.full((len(tree.class_id), len(seen.box)), np.inf)
             cost[np.repeat(np.arange(len(cost)), np.diff(indptr)), column] = -gain
             chosen = greedy_where_asked(cost, tree.class_id, self._parameters)
             return np.zeros(1), chosen[None], np.zeros(1, dtype=np.int64)
-        base = self._cost
-        if self._rules.miss.any():  # misses cost something with likelihood ratios only
-            base = base + tree.member @ self._rules.miss[tree.class_id]
         solve = per_cluster if self._per_cluster else joint_k_best
-        return solve(indptr, column, -gain, len(seen.box), tree.member, base, self._hypotheses)
+        return solve(indptr, column, -gain, len(seen.box), tree.member, self._cost, self._hypotheses)
 
     def _output(self) -> Tracks:
         tree = self._tree
@@ -99,7 +95,7 @@ class HypothesisTracker:
         weight = -self._cost / self._temperature
         return Tracks(
             track_id=tree.track_id[out],
-            box=tree.mean[out, :7],
+            box=tree.box[out],
             class_id=tree.class_id[out],
             score=tree.score[out] / tree.hits[out],
             detection=tree.detection[out],

@@ -11,8 +11,8 @@ from typing import NamedTuple, final
 import numpy as np
 
 from ..types import Bools, Floats, Ints
-from .kernels.motion_kernels import predict, update_pairs
-from .kernels.tree_kernels import descend, distinct_rows, grow, histories
+from .kernels.motion_kernels import STATE, predict, update_pairs
+from .kernels.tree_kernels import AGE, CLASS, HITS, ID, descend, distinct_rows, grow, histories, write_boxes
 
 
 class Seen(NamedTuple):
@@ -33,14 +33,9 @@ class HypothesisTree:
 
     def __init__(self, past: int) -> None:
         """An empty tree with one hypothesis, which holds nothing."""
-        self.mean = np.zeros((0, 10))  # x y z yaw l w h vx vy vz per frame, see motion
-        self.covariance = np.zeros((0, 2, 2))
-        self.variance = np.zeros(0)
-        self.class_id = np.zeros(0, dtype=np.int64)
-        self.track_id = np.zeros(0, dtype=np.int64)
-        self.hits = np.zeros(0, dtype=np.int64)  # detections taken so far
-        self.score = np.zeros(0)  # sum of their scores
-        self.age = np.zeros(0, dtype=np.int64)  # frames since the last one
+        self.state = np.zeros((0, STATE))  # the box first, see motion_kernels
+        self.memory = np.zeros((4, 0), dtype=np.int64)  # class, identity, hits and age, see tree_kernels
+        self.score = np.zeros(0)  # [N] sum of the scores of the detections taken
         self.detection: Ints = np.zeros(0, dtype=np.int64)  # taken in the last frame, -1: none
         self.member = np.ones((1, 0), dtype=np.bool_)  # [H, N]
         self._name: Ints = np.zeros(1, dtype=np.int64)  # [H] equal for hypotheses that hold the same leaves
@@ -50,9 +45,29 @@ class HypothesisTree:
         self._detections = np.zeros((past, 0), dtype=np.int64)
         self._parents = np.zeros((past, 0), dtype=np.int64)
 
+    @property
+    def box(self) -> Floats:
+        """Boxes of the leaves, [N, 7]."""
+        return self.state[:, :7]
+
+    @property
+    def class_id(self) -> Ints:
+        """Classes of the leaves, [N]."""
+        return self.memory[CLASS]
+
+    @property
+    def track_id(self) -> Ints:
+        """Identities of the leaves, [N]."""
+        return self.memory[ID]
+
+    @property
+    def hits(self) -> Ints:
+        """Detections that the tracks of the leaves have taken, [N]."""
+        return self.memory[HITS]
+
     def predict(self) -> None:
         """Move all leaves one frame on."""
-        predict(self.mean, self.covariance, self.variance)
+        predict(self.state)
 
     def grow(self, column: Ints, parent: Ints, seen: Seen, max_age: Ints, dt: float) -> None:
         """Replace the leaves by those of the new hypotheses.
@@ -60,24 +75,18 @@ class HypothesisTree:
         ``column`` [K, N]: the detection that each leaf takes in each new hypothesis, -1 for none; ``parent`` [K]: the
         old hypothesis that it comes from; ``max_age`` [N]: a leaf that misses for so many frames dies.
         """
-        leaf, detection, self.member, self._name = grow(column, parent, self.member, self.age, max_age, len(seen.box))
-        n = len(leaf)
-        state = np.empty((n, 10)), np.empty((n, 2, 2)), np.empty(n)
-        update_pairs(
-            self.mean, self.covariance, self.variance, leaf, detection, seen.box, seen.velocity,
-            len(seen.velocity) > 0, dt, *state,
-        )  # fmt: skip
-        counts = np.empty((4, n), dtype=np.int64)
-        score, layer = np.empty(n), self._new_layer(n)
+        leaf, detection, self.member, self._name = grow(
+            column, parent, self.member, self.memory[AGE], max_age, len(seen.box)
+        )
+        n, layer = len(leaf), self._new_layer(len(leaf))
+        state, memory, score = np.empty((n, STATE)), np.empty((4, n), dtype=np.int64), np.empty(n)
+        update_pairs(self.state, leaf, detection, seen.box, seen.velocity, dt, state)
         self._next_id = descend(
-            leaf, detection, self.class_id, self.track_id, self.hits, self.score, self.age, seen.box, seen.class_id,
-            seen.score, state[0], self._next_id, counts[0], counts[1], counts[2], score, counts[3],
-            self._measured[layer],
-        )  # fmt: skip
+            leaf, detection, self.memory, self.score, seen.class_id, seen.score, self._next_id, memory, score
+        )
+        write_boxes(detection, seen.box, state, self._measured[layer])
         self._detections[layer, :n], self._parents[layer, :n] = detection, leaf
-        self.mean, self.covariance, self.variance = state
-        self.class_id, self.track_id, self.hits, self.age = counts
-        self.score, self.detection = score, detection
+        self.state, self.memory, self.score, self.detection = state, memory, score, detection
 
     def merge_equal(self) -> Ints:
         """Keep the first of the hypotheses that hold the same leaves; their numbers before."""

@@ -31,12 +31,8 @@ def fit_scenes(scenes: Sequence[Scene], task: Task) -> dict[str, dict[str, Any]]
     for class_id, name in enumerate(task.classes):
         mine = windows.class_id == class_id
         if mine.any():
-            row = fit_motion_noise(windows.position[mine], windows.valid[mine], windows.future[mine], task.dt)
-            rows[name] = {**row, "turn_rate": TURN_RATE}
+            rows[name] = fit_motion_noise(windows.position[mine], windows.valid[mine], windows.future[mine], task.dt)
     return rows
-
-
-TURN_RATE = 0.1  # rad/s, prior of the turn-rate model; not fitted
 
 
 def as_toml(name: str, rows: dict[str, dict[str, Any]]) -> str:
@@ -50,8 +46,7 @@ def as_toml(name: str, rows: dict[str, dict[str, Any]]) -> str:
 def fit_motion_noise(position: Floats, valid: Bools, future: Floats, dt: float) -> dict[str, Any]:
     """Noise of one class from windows in the heading frame of their last box.
 
-    ``position`` [n, P, 2] and ``valid`` [n, P]: the past as a predictor sees it; ``future`` [n, T, 2]: the truth. The
-    turn rate is not among the fitted values.
+    ``position`` [n, P, 2] and ``valid`` [n, P]: the past as a predictor sees it; ``future`` [n, T, 2]: the truth.
     """
     from scipy.optimize import minimize
 
@@ -59,7 +54,7 @@ def fit_motion_noise(position: Floats, valid: Bools, future: Floats, dt: float) 
     bounds = [tuple(np.log(limit)) for limit in _LIMITS]
 
     def loss(x: Floats) -> float:
-        noise = table([{**_row(np.exp(x)), "turn_rate": 0.1}])
+        noise = table([_row(np.exp(x))])
         return forecast_score(position, valid, future, noise, dt)
 
     best = minimize(loss, start, method="L-BFGS-B", bounds=bounds, options={"eps": 1e-3, "maxiter": 60})

@@ -30,6 +30,23 @@ class Counting:
         return np.full((len(leaf), samples, 10, 2), self.number)
 
 
+class Told(Counting):
+    """One that wants to know the frame."""
+
+    told = 0
+
+    def begin(self, tracks: Tracks) -> None:
+        self.told += 1
+
+
+def test_predictors_that_want_to_know_the_frame_are_told_it() -> None:
+    parts = [Told(0.0), Counting(1.0), Told(2.0)]
+    hedged = HedgedPredictor(parts)
+    for _ in range(3):
+        hedged.begin(tracks_with_past(PAST[None]))
+    assert [getattr(part, "told", None) for part in parts] == [3, None, 3]
+
+
 @pytest.mark.parametrize(
     ("samples", "shares"),
     [(20, [4, 4, 4, 4, 4]), (7, [2, 2, 1, 1, 1]), (5, [1, 1, 1, 1, 1]), (3, [1, 1, 1, 0, 0]), (1, [1, 0, 0, 0, 0])],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,6 @@ from mtp_bench.errors import ShapeError
 from mtp_bench.geometry import transform_boxes
 from mtp_bench.prediction import KinematicPredictor, NoiseTable
 from mtp_bench.prediction.kalman import filtered, heading_frame
-from mtp_bench.prediction.kinematic import turn_rate
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.tracks import Tracks
 from mtp_bench.types import Bools, Floats
@@ -25,14 +23,12 @@ NOISE = NoiseTable(
     jerkiness=np.array([[0.5, 0.2], [0.3, 0.4], [1.0, 0.1]]),
     speed=np.array([[5.0, 0.5], [1.0, 1.0], [3.0, 0.2]]),
     acceleration=np.array([[0.4, 0.1], [0.2, 0.2], [0.5, 0.3]]),
-    turn_rate=np.array([1.0, 0.5, 0.2]),
 )
 QUIET = NoiseTable(
     measurement=np.full(3, 1e-6),
     jerkiness=np.full((3, 2), 1e-6),
     speed=NOISE.speed,
     acceleration=np.full((3, 2), 1e-6),
-    turn_rate=np.full(3, 1e-9),
 )
 
 
@@ -53,6 +49,7 @@ def predict(tracks: Tracks, samples: int = 20, draw: Any = None, leaf: Any = Non
     """Futures [Q, samples, T, 2] of a new predictor."""
     predictor = KinematicPredictor(**{"noise": NOISE, **settings})
     predictor.reset(TASK)
+    predictor.begin(tracks)
     leaf = np.arange(len(tracks.box)) if leaf is None else np.array(leaf)
     draw = np.zeros(len(leaf), dtype=np.int64) if draw is None else np.array(draw)
     return predictor.sample(tracks, leaf, draw, samples)
@@ -122,11 +119,10 @@ def test_samples_have_the_mean_and_covariance_of_the_model(class_id: int) -> Non
     assert np.corrcoef((first @ axes)[:, 0], (last @ axes)[:, 0])[0, 1] > 0.8
 
 
-@pytest.mark.parametrize("turning", [False, True])
-def test_a_single_sample_is_the_mean(turning: bool) -> None:
+def test_a_single_sample_is_the_mean() -> None:
     tracks = tracks_with_past(arc(speed=3.0, rate=0.2)[None])
-    single, many = predict(tracks, samples=1, turning=turning), predict(tracks, samples=20_000, turning=turning)
-    np.testing.assert_array_equal(single, predict(tracks, samples=1, turning=turning, draw=[7]))
+    single, many = predict(tracks, samples=1), predict(tracks, samples=20_000)
+    np.testing.assert_array_equal(single, predict(tracks, samples=1, draw=[7]))
     spread = many.std(axis=1).max()
     np.testing.assert_allclose(single[:, 0], many.mean(axis=1), atol=0.05 * spread)
 
@@ -151,59 +147,34 @@ def test_more_draws_keep_the_first_ones() -> None:
 def test_draws_differ_from_frame_to_frame_and_return_after_reset() -> None:
     tracks, predictor = tracks_with_past(arc(3.0, 0.2)[None]), KinematicPredictor(noise=NOISE)
     leaf = np.zeros(1, dtype=np.int64)
+
+    def next_frame() -> Floats:
+        predictor.begin(tracks)
+        return predictor.sample(tracks, leaf, leaf, 4)
+
     predictor.reset(TASK)
-    first, same = (predictor.sample(tracks, leaf, leaf, 4) for _ in range(2))
-    np.testing.assert_array_equal(first, same)  # one frame may come in parts
-    second = predictor.sample(replace(tracks), leaf, leaf, 4)
+    first = next_frame()
+    np.testing.assert_array_equal(first, predictor.sample(tracks, leaf, leaf, 4))  # one frame may come in parts
+    assert not np.isclose(first, next_frame()).any()
     predictor.reset(TASK)
-    again = predictor.sample(tracks, leaf, leaf, 4)
-    np.testing.assert_array_equal(first, again)
-    assert not np.isclose(first, second).any()
+    np.testing.assert_array_equal(first, next_frame())
     predictor.reset(kitti_task(dt=DT, seed=6))
-    assert not np.isclose(first, predictor.sample(tracks, leaf, leaf, 4)).any()
+    assert not np.isclose(first, next_frame()).any()
 
 
-@pytest.mark.parametrize("turning", [False, True])
-def test_a_straight_line_goes_on(turning: bool) -> None:
-    futures = predict(tracks_with_past(arc(6.0, 0.0)[None]), noise=QUIET, turning=turning)
+def test_a_straight_line_goes_on() -> None:
+    futures = predict(tracks_with_past(arc(6.0, 0.0)[None]), noise=QUIET)
     truth = arc(6.0, 0.0, first=1)[:, :2]
     np.testing.assert_allclose(futures[0], np.broadcast_to(truth, (20, 10, 2)), atol=1e-3)
-
-
-def test_the_turn_rate_model_follows_a_circle() -> None:
-    tracks, truth = tracks_with_past(arc(6.0, 0.8)[None]), arc(6.0, 0.8, first=1)[:, :2]
-    end = {
-        turning: np.linalg.norm(predict(tracks, 4000, turning=turning)[0].mean(axis=0)[-1] - truth[-1])
-        for turning in (False, True)
-    }
-    assert end[False] > 1.5  # 6 m/s x 0.8 rad/s / 2 = 2.4 m off the tangent after a second
-    assert end[True] < 0.5 * end[False]
-
-
-def test_turn_rate() -> None:
-    prior = np.full(4, 100.0)  # hardly any
-    heading = np.array([[0.0, 0.1, 0.2, 0.3]] * 4) - np.pi + 0.05
-    heading[1, 3] += np.pi  # a flipped detection
-    heading[2, 0] = 77.0
-    valid = np.ones((4, 4), dtype=bool)
-    valid[2, 0] = False
-    valid[3, 1:] = False
-    mean, deviation = turn_rate(heading, valid, prior, DT)
-    np.testing.assert_allclose(mean, [1.0, 1.0, 1.0, 0.0], atol=1e-3)
-    assert deviation[3] == 100.0  # nothing seen: the prior
-    assert (deviation[:3] < 2.0).all()
-    tight, _ = turn_rate(heading, valid, np.full(4, 1e-3), DT)
-    np.testing.assert_allclose(tight, 0.0, atol=1e-4)
 
 
 def test_a_track_of_one_detection_does_not_explode() -> None:
     past, valid = np.zeros((1, 10, 7)), np.zeros((1, 10), dtype=bool)
     past[0, -1], valid[0, -1] = arc(0.0, 0.0)[0], True
-    for turning in (False, True):
-        futures = predict(tracks_with_past(past, valid), 5000, turning=turning)
-        spread = np.linalg.norm(futures[0, :, -1] - [30, -20], axis=1)
-        assert np.quantile(spread, 0.5) < 5.0  # the prior speed of a car: 5 m/s, for one second
-        assert spread.max() < 30.0
+    futures = predict(tracks_with_past(past, valid), 5000)
+    spread = np.linalg.norm(futures[0, :, -1] - [30, -20], axis=1)
+    assert np.quantile(spread, 0.5) < 5.0  # the prior speed of a car: 5 m/s, for one second
+    assert spread.max() < 30.0
 
 
 def test_a_window_without_any_detection_stays_around_the_box() -> None:
@@ -226,15 +197,15 @@ def test_a_shorter_past_is_the_past_cut_off() -> None:
         KinematicPredictor(past=0)
 
 
-@pytest.mark.parametrize("turning", [False, True])
-def test_everything_a_tracker_says_gets_finite_samples(turning: bool) -> None:
-    predictor = KinematicPredictor(turning)
+def test_everything_a_tracker_says_gets_finite_samples() -> None:
+    predictor = KinematicPredictor()
     task = kitti_task()
     predictor.reset(task)
     frames = random_frames(np.random.default_rng(9), 25, objects=12, area=6.0)
     total = 0
     for tracks in run(HypothesisTracker(6), frames, task):
         leaf = np.arange(len(tracks.box))
+        predictor.begin(tracks)
         futures = predictor.sample(tracks, leaf, leaf, 5)
         assert futures.shape == (len(leaf), 5, 10, 2)
         assert np.isfinite(futures).all()
@@ -242,13 +213,12 @@ def test_everything_a_tracker_says_gets_finite_samples(turning: bool) -> None:
     assert total > 100
 
 
-@pytest.mark.parametrize("turning", [False, True])
-def test_turning_the_world_turns_the_samples(turning: bool) -> None:
+def test_turning_the_world_turns_the_samples() -> None:
     rng = np.random.default_rng(4)
     past = np.stack([arc(4.0, 0.5), arc(1.0, -0.3, heading=-3.0)]) + rng.normal(0, 0.05, (2, 10, 7))
     yaw, shift = 2.5, np.array([100.0, -7.0, 1.0])
     moved = tracks_with_past(transform_boxes(past, yaw, shift))
-    futures, other = (predict(tracks, turning=turning) for tracks in (tracks_with_past(past), moved))
+    futures, other = (predict(tracks) for tracks in (tracks_with_past(past), moved))
     c, s = np.cos(yaw), np.sin(yaw)
     np.testing.assert_allclose(other, futures @ np.array([[c, s], [-s, c]]) + shift[:2], atol=1e-9)
 

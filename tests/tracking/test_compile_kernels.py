@@ -11,17 +11,20 @@ import numpy as np
 import pytest
 
 from mtp_bench.tracking.kernels.compile import Kernel, kernel
-from mtp_bench.tracking.kernels.small import choices
+from mtp_bench.tracking.kernels.heap import sorted_numbers
 from mtp_bench.types import Ints
 
 PROGRAM = """
 import sys
 import numpy as np
-from mtp_bench.tracking.kernels.small import choices
+from mtp_bench.tracking.kernels.heap import sorted_numbers
 assert "numba" not in sys.modules
-first, last = np.array([0, 2]), np.array([2, 5])
-print(choices(2, first, last, 99), choices.python(2, first, last, 99), "numba" in sys.modules)
+keys = np.array([3.0, 1.0, 2.0])
+print(sorted_numbers(keys), sorted_numbers.python(keys), "numba" in sys.modules)
 """
+
+
+PRINTED = "[1 2 0] [1 2 0] True"
 
 
 def run(cache: Path, **more: str) -> tuple[str, str]:
@@ -35,22 +38,22 @@ def run(cache: Path, **more: str) -> tuple[str, str]:
 
 def test_compiled_once_per_machine_and_said_so(tmp_path: Path) -> None:
     printed, said = run(tmp_path)
-    assert printed == "12 12 True"
+    assert printed == PRINTED
     assert said == "mtp_bench: compiling the tracking kernels, once per machine: about 15 s\n"
     assert list(tmp_path.rglob("*.nbi"))
-    assert run(tmp_path) == ("12 12 True", "")
+    assert run(tmp_path) == (PRINTED, "")
 
 
 def test_works_where_nothing_can_be_written(tmp_path: Path) -> None:
     nowhere = tmp_path / "file" / "cache"
     nowhere.parent.write_text("a file, not a folder", encoding="utf-8")
     printed, said = run(nowhere)
-    assert printed == "12 12 True"
+    assert printed == PRINTED
     assert "in every process (set NUMBA_CACHE_DIR" in said
 
 
 def test_runs_in_plain_python_without_numba_s_compiler(tmp_path: Path) -> None:
-    assert run(tmp_path, NUMBA_DISABLE_JIT="1") == ("12 12 True", "")
+    assert run(tmp_path, NUMBA_DISABLE_JIT="1") == (PRINTED, "")
     assert not list(tmp_path.iterdir())
 
 
@@ -73,7 +76,7 @@ def test_the_cache_knows_callees_and_constants(monkeypatch: pytest.MonkeyPatch) 
     before = more._digest("1")
     monkeypatch.setitem(more.function.__globals__, "LITTLE", 2)
     changed = more._digest("1")
-    monkeypatch.setitem(more.function.__globals__, "twice", Kernel(choices.function))
+    monkeypatch.setitem(more.function.__globals__, "twice", Kernel(sorted_numbers.function))
     assert len({before, changed, more._digest("1"), more._digest("2")}) == 4
 
 
@@ -83,4 +86,4 @@ def test_plain_python_calls_plain_python(monkeypatch: pytest.MonkeyPatch) -> Non
 
     monkeypatch.setattr(Kernel, "compiled", compiled)
     assert more.python(3) == 7
-    assert choices.python(1, np.array([0]), np.array([4]), 3) == 4
+    assert sorted_numbers.python(np.array([2.0, 1.0])).tolist() == [1, 0]

@@ -29,6 +29,15 @@ def random_detections(rng: np.random.Generator) -> tuple[Floats, Floats]:
     return box, velocity
 
 
+def packed(state: motion.MotionState) -> Floats:
+    """The states as the kernels take them: [N, 15]."""
+    return np.column_stack([state.mean, state.covariance.reshape(-1, 4), state.variance])
+
+
+def unpacked(rows: Floats) -> motion.MotionState:
+    return motion.MotionState(rows[:, :10], rows[:, 10:14].reshape(-1, 2, 2), rows[:, 14])
+
+
 def assert_same(state: motion.MotionState, expected: motion.MotionState) -> None:
     np.testing.assert_array_equal(state.mean, expected.mean)
     np.testing.assert_array_equal(state.covariance, expected.covariance)
@@ -46,14 +55,17 @@ def taken(
 ) -> motion.MotionState:
     """What the kernel writes for pairs; the arrays are longer than needed."""
     e = len(leaf)
-    out = motion.MotionState(np.full((e + 2, 10), np.nan), np.full((e + 2, 2, 2), np.nan), np.full(e + 2, np.nan))
-    given = np.zeros((0, 2)) if velocity is None else velocity
-    run(
-        *(state.mean, state.covariance, state.variance, leaf, detection, box, given, velocity is not None, dt),
-        *(out.mean, out.covariance, out.variance),
-    )
-    assert np.isnan(out.mean[e:]).all()
-    return out.take(np.arange(e))
+    out = np.full((e + 2, 15), np.nan)
+    run(packed(state), leaf, detection, box, np.zeros((0, 2)) if velocity is None else velocity, dt, out)
+    assert np.isnan(out[e:]).all()
+    return unpacked(out[:e])
+
+
+def moved(state: motion.MotionState, run: Callable[[Floats], None] = predict) -> motion.MotionState:
+    """The states a frame later."""
+    rows = packed(state)
+    run(rows)
+    return unpacked(rows)
 
 
 def test_the_constants_are_those_of_the_plain_filter() -> None:
@@ -86,9 +98,7 @@ def test_angles_are_wrapped_alike() -> None:
 @pytest.mark.parametrize("n", [0, 1, 300])
 def test_prediction(n: int) -> None:
     state = random_state(np.random.default_rng(n), n)
-    expected = motion.predicted(state)
-    predict(state.mean, state.covariance, state.variance)
-    assert_same(state, expected)
+    assert_same(moved(state), motion.predicted(state))
 
 
 @pytest.mark.parametrize("measured", [False, True])
@@ -128,8 +138,7 @@ def test_over_many_frames() -> None:
     plain = state
     for _ in range(50):
         plain = motion.updated(motion.predicted(plain), box, velocity, 0.5)
-        predict(state.mean, state.covariance, state.variance)
-        state = taken(state, leaf, leaf, box, velocity, 0.5)
+        state = taken(moved(state), leaf, leaf, box, velocity, 0.5)
         box = box + rng.normal(0, 1, box.shape)
     assert_same(state, plain)
 
@@ -141,7 +150,4 @@ def test_plain_python_gives_the_same() -> None:
     leaf, detection = np.array([0, 4, -1, 2, 2]), np.array([3, -1, 1, 7, 8])
     compiled = taken(state, leaf, detection, box, velocity, 0.5)
     assert_same(taken(state, leaf, detection, box, velocity, 0.5, update_pairs.python), compiled)
-    again = motion.MotionState(state.mean.copy(), state.covariance.copy(), state.variance.copy())
-    predict(state.mean, state.covariance, state.variance)
-    predict.python(again.mean, again.covariance, again.variance)
-    assert_same(again, state)
+    assert_same(moved(state, predict.python), moved(state))

@@ -11,9 +11,7 @@ from mtp_bench.env import MTPEnv
 from mtp_bench.tracking import ClassParameters, HypothesisTracker
 from mtp_bench.tracking.clusters import per_cluster
 from mtp_bench.tracking.joint import joint_k_best
-from mtp_bench.tracking.parameters import LikelihoodTerms
 from mtp_bench.tracks import Tracks
-from mtp_bench.types import Task
 from tests.support.plain_tracker import PlainTracker
 from tests.support.tracking_scenes import CAR, frame, kitti_task, observation, random_frames, run
 
@@ -107,7 +105,7 @@ def test_clusters_keep_more_histories() -> None:
     for t in range(15):
         y = [30.0 * pair + side + rng.normal(0, 0.3) for pair in range(6) for side in (0.0, 1.5)]
         frames.append(frame(*((1.0 * t, value, CAR) for value in y)))
-    near = rules("center_distance", 4.0)
+    near = (ClassParameters("hungarian", "center_distance", 4.0, 1, 3),) * 3
     joint, clusters = (histories(HypothesisTracker(6, near, per_cluster=on), frames) for on in (False, True))
     assert clusters > joint + 0.1
 
@@ -116,42 +114,3 @@ def test_one_hypothesis_needs_no_clusters() -> None:
     frames = random_frames(np.random.default_rng(3), 20)
     for ours, plain in zip(*(run(HypothesisTracker(1, per_cluster=on), frames) for on in (False, True)), strict=True):
         assert_same(ours, plain)
-
-
-def rules(affinity: str, gate: float, terms: LikelihoodTerms | None = None) -> tuple[ClassParameters, ...]:
-    rule = ClassParameters("hungarian", affinity, gate, 1, 3, terms)  # type: ignore[arg-type]
-    return (rule,) * 3
-
-
-CARS: Task = kitti_task()
-
-
-@pytest.mark.parametrize("parameters", [rules("mahalanobis", 3.0), rules("likelihood_ratio", 4.0)], ids=["M", "LR"])
-def test_other_affinities_follow_a_car(parameters: tuple[ClassParameters, ...]) -> None:
-    frames = [frame((1.0 * t, 0.0, CAR), (1.0 * t, 9.0, CAR)) for t in range(6)]
-    for tracks in run(HypothesisTracker(3, parameters), frames, CARS):
-        assert sorted(tracks.track_id[tracks.member[0]].tolist()) == [0, 1]
-
-
-def test_a_miss_costs_what_its_likelihood_says() -> None:
-    """Two hypotheses of one track and one far detection in its gate: match, or miss and birth."""
-    terms = LikelihoodTerms(detection_probability=0.9, clutter_density=1e-8, birth_density=0.0)
-    frames = [frame((0.0, 0.0, CAR)), frame((3.0, 0.0, CAR))]
-    *_, tracks = run(HypothesisTracker(2, rules("likelihood_ratio", 9.0, terms)), frames, CARS)
-    assert len(tracks.member) == 2
-    weight = np.exp(tracks.log_weight)
-    # x y z around the prediction with variance 10 + 10 000 + 1 + 1: P0, one step of velocity, process, measurement
-    variance = 10.0 + 10_000.0 + 1.0 + 1.0
-    density = np.exp(-9.0 / (2 * variance)) / (2 * np.pi * variance) ** 1.5
-    odds = 0.9 * density / (0.1 * 1e-8)
-    assert odds > 10
-    assert tracks.member.sum(axis=1).tolist() == [1, 2]
-    assert weight[0] / weight[1] == pytest.approx(odds, rel=1e-6)
-
-
-def test_more_misses_than_hypotheses_cost_their_sum() -> None:
-    terms = LikelihoodTerms(detection_probability=0.8)
-    frames = [frame((0.0, 0.0, CAR), (20.0, 0.0, CAR)), frame()]
-    results = list(run(HypothesisTracker(2, rules("likelihood_ratio", 3.0, terms)), frames, CARS))
-    assert [len(tracks.member) for tracks in results] == [1, 1]
-    assert results[-1].log_weight.tolist() == [0.0]

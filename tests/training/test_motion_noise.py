@@ -25,7 +25,6 @@ TRUE: dict[str, Any] = {
     "jerkiness": [1.2, 0.4],
     "speed": [4.0, 0.5],
     "acceleration": [0.8, 0.3],
-    "turn_rate": 0.1,
 }
 
 
@@ -53,7 +52,7 @@ def simulated(rng: np.random.Generator, n: int) -> tuple[Floats, Bools, Floats]:
 
 def test_a_fit_finds_the_noise_that_made_the_windows() -> None:
     position, valid, future = simulated(np.random.default_rng(0), 1500)
-    found = {**fit_motion_noise(position, valid, future, DT), "turn_rate": 0.1}
+    found = fit_motion_noise(position, valid, future, DT)
     assert found["measurement"] == pytest.approx(TRUE["measurement"], rel=0.25)
     for name, tolerance in (("jerkiness", 0.35), ("acceleration", 0.35)):
         np.testing.assert_allclose(found[name], TRUE[name], rtol=tolerance)
@@ -81,12 +80,12 @@ CONDITIONS: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("name", CONDITIONS)
 def test_stored_noise(name: str) -> None:
-    task = kitti_task(env_id="MTP-KITTI-5Hz-v0", **CONDITIONS[name])
+    task = kitti_task(motion_noise="KITTI", **CONDITIONS[name])
     assert condition(task) == name
     noise = stored_noise(task)
     for field in fields(NoiseTable):
         value = getattr(noise, field.name)
-        assert value.shape == ((3,) if field.name in ("measurement", "turn_rate") else (3, 2))
+        assert value.shape == ((3,) if field.name in ("measurement",) else (3, 2))
         assert (value > 0).all()
     # Classes come in the order of the task.
     swapped = stored_noise(replace(task, classes=("cyclist", "car")))
@@ -95,7 +94,7 @@ def test_stored_noise(name: str) -> None:
 
 def test_unknown_classes_are_errors() -> None:
     with pytest.raises(UnknownNameError, match="class of motion noise 'KITTI-pointrcnn-world' 'pedestrain': did you"):
-        stored_noise(kitti_task(env_id="MTP-KITTI-v0", classes=("car", "pedestrain")))
+        stored_noise(kitti_task(motion_noise="KITTI", classes=("car", "pedestrain")))
 
 
 STORE: dict[str, dict[str, Any]] = {
@@ -105,13 +104,15 @@ STORE: dict[str, dict[str, Any]] = {
     "Merge-clean-world": {"car": {**TRUE, "measurement": 4.0}},
 }
 LIKE: dict[str, tuple[dict[str, Any], float]] = {
-    "own": ({"env_id": "MTP-Merge-v0", "detector": "clean"}, 4.0),
-    "another variant": ({"env_id": "MTP-Merge-v0", "detector": "kitti_pointrcnn-hard"}, 3.0),
-    "the same detector under another name": ({"env_id": "MTP-Merge-v0", "detector": "pointrcnn"}, 3.0),
-    "another detector of the domain": ({"env_id": "MTP-Merge-v0", "detector": "lidar"}, 3.0),
-    "another domain": ({"env_id": "mine", "detector": "pointrcnn"}, 1.0),
-    "another domain that knows the class": ({"env_id": "MTP-Merge-v0", "classes": ("cyclist",)}, 1.5),
-    "truth of another domain": ({"env_id": "MTP-Merge-v0", "observe": "truth"}, 2.0),
+    "own": ({"motion_noise": "Merge", "detector": "clean"}, 4.0),
+    "another variant": ({"motion_noise": "Merge", "detector": "kitti_pointrcnn-hard"}, 3.0),
+    "the same detector under another name": ({"motion_noise": "Merge", "detector": "pointrcnn"}, 3.0),
+    "another detector of the domain": ({"motion_noise": "Merge", "detector": "lidar"}, 3.0),
+    "another domain": ({"motion_noise": "mine", "detector": "pointrcnn"}, 1.0),
+    "no domain: by the detector alone": ({"detector": "pointrcnn"}, 1.0),
+    "no domain and another family of it": ({"detector": "kitti_pointrcnn"}, 3.0),
+    "another domain that knows the class": ({"motion_noise": "Merge", "classes": ("cyclist",)}, 1.5),
+    "truth of another domain": ({"motion_noise": "Merge", "observe": "truth"}, 2.0),
 }
 
 

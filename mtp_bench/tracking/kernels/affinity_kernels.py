@@ -14,13 +14,13 @@ from ...types import Floats, Ints
 from .arrays import first_floats, first_ints, floats, ints, ints_of, zeros
 from .compile import kernel
 
-CENTER_DISTANCE, IOU_3D, GIOU_3D, MAHALANOBIS, LIKELIHOOD_RATIO = range(5)
+CENTER_DISTANCE, IOU_3D, GIOU_3D = range(3)
 
 _HAIR = 1e-8  # this and the next as in geometry.py
 _TINY = 1e-300
 _MORE = 1.0 + 1e-9  # a first limit must not exclude by rounding what the exact test lets in
-_X, _Y, _Z, _YAW, _L, _W, _H, _COS, _SIN, _RADIUS, _AREA, _SIDE, _VARIANCE = range(13)  # columns of a described box
-_COLUMNS = 13
+_X, _Y, _Z, _YAW, _L, _W, _H, _COS, _SIN, _RADIUS, _AREA, _SIDE = range(12)  # columns of a described box
+_COLUMNS = 12
 
 
 @kernel("f8(f8, f8, f8, f8, f8, f8)")
@@ -31,8 +31,8 @@ def _share(x: float, y: float, end_x: float, end_y: float, half_l: float, half_w
     inverse_y = 1.0 / (_TINY if abs(dy) < _TINY else dy)
     enter_x, leave_x = (-half_l - x) * inverse_x, (half_l - x) * inverse_x
     enter_y, leave_y = (-half_w - y) * inverse_y, (half_w - y) * inverse_y
-    lower = max(0.0, max(min(enter_x, leave_x), min(enter_y, leave_y)))
-    upper = min(1.0, min(max(enter_x, leave_x), max(enter_y, leave_y)))
+    lower, upper = max(min(enter_x, leave_x), min(enter_y, leave_y)), min(max(enter_x, leave_x), max(enter_y, leave_y))
+    lower, upper = max(0.0, lower), min(1.0, upper)
     return max(upper - lower, 0.0)
 
 
@@ -59,7 +59,8 @@ def intersection_area(
     """Area common to box a, around 0 along the x axis, and box b at x, y; see `geometry.bev_intersection_area`."""
     l_in, w_in = l_a, w_a
     if min(abs(cos), abs(sin)) < 1e-3:
-        hair = _HAIR * min(min(l_a, w_a), min(l_b, w_b))
+        side_a, side_b = min(l_a, w_a), min(l_b, w_b)
+        hair = _HAIR * min(side_a, side_b)
         l_in, w_in = max(l_a - hair, 0.0), max(w_a - hair, 0.0)
     left, rear, right, front = _edge_shares(x, y, cos, sin, l_b, w_b, l_in * 0.5, w_in * 0.5)
     # Twice the triangle over an edge with the centre of a: half an area of b, and what the shift of b adds to it.
@@ -68,7 +69,8 @@ def intersection_area(
     area += (left - right) * (l_b * across) + (front - rear) * (w_b * along)
     left, rear, right, front = _edge_shares(-along, -across, cos, -sin, l_in, w_in, l_b * 0.5, w_b * 0.5)
     area = area * 0.5 + (left + rear + right + front) * (l_a * w_a * 0.25)
-    return max(0.0, min(area, min(l_a * w_a, l_b * w_b)))
+    smaller = min(l_a * w_a, l_b * w_b)
+    return max(0.0, min(area, smaller))
 
 
 @kernel("f8(f8, f8, f8, f8)")
@@ -175,7 +177,8 @@ def _overlap_gain(a: Floats, i: int, b: Floats, j: int, square: float, kind: int
             turn = b[j, _YAW] - a[i, _YAW]
             cos, sin = math.cos(turn), math.sin(turn)
         common = intersection_area(x, y, cos, sin, l_a, w_a, l_b, w_b) * height
-        common = min(common, min(volume_a, volume_b))
+        smaller = min(volume_a, volume_b)
+        common = min(common, smaller)
     union = volume_a + volume_b - common
     iou = common / max(union, _TINY)
     if kind == IOU_3D:
@@ -195,8 +198,6 @@ def _farthest(a: Floats, i: int, kind: int, gate: float, slack: float, extreme: 
     """
     if kind == CENTER_DISTANCE:
         return gate * gate * _MORE
-    if kind in (MAHALANOBIS, LIKELIHOOD_RATIO):
-        return float(gate * gate * a[i, _VARIANCE] * _MORE)
     touch = a[i, _RADIUS] + extreme[2]
     if kind == IOU_3D:
         return float(touch * touch * _MORE) if gate > 0.0 else np.inf
@@ -228,20 +229,14 @@ def _near(a: Floats, i: int, b: Floats, first: int, last: int, far: float, kind:
     return found
 
 
-@kernel("f8(f8[:, ::1], i8, f8[:, ::1], i8, i8, f8, f8)")
-def _gain(a: Floats, i: int, b: Floats, j: int, kind: int, gate: float, offset: float) -> float:
-    """Gain of a pair; negative or NaN if it may not match. ``offset``: see `LikelihoodTerms.pair`."""
+@kernel("f8(f8[:, ::1], i8, f8[:, ::1], i8, i8, f8)")
+def _gain(a: Floats, i: int, b: Floats, j: int, kind: int, gate: float) -> float:
+    """Gain of a pair; negative or NaN if it may not match."""
     square = (a[i, _X] - b[j, _X]) ** 2 + (a[i, _Y] - b[j, _Y]) ** 2
     if kind in (IOU_3D, GIOU_3D):
         return _overlap_gain(a, i, b, j, square, kind, gate)
     square += (a[i, _Z] - b[j, _Z]) ** 2
-    if kind == CENTER_DISTANCE:
-        return gate - math.sqrt(square)
-    variance = a[i, _VARIANCE]
-    inside = gate - math.sqrt(square / variance)
-    if kind == MAHALANOBIS or not inside >= 0.0:
-        return inside
-    return float(offset - 1.5 * math.log(2.0 * math.pi * variance) - 0.5 * square / variance)
+    return gate - math.sqrt(square)
 
 
 @kernel("Tuple((i8[::1], i8[::1], f8[:, ::1], f8[:, ::1]))(f8[:, :], i8[::1], i8[::1])")
@@ -271,16 +266,14 @@ def _by_class(detection: Floats, class_id: Ints, kind: Ints) -> tuple[Ints, Ints
     return first_ints(start, classes + 1), order, described, extreme
 
 
-@kernel("Tuple((i8[::1], i8[::1], f8[::1]))(f8[:, :], i8[::1], f8[::1], f8[:, :], i8[::1], i8[::1], f8[::1], f8[::1])")
+@kernel("Tuple((i8[::1], i8[::1], f8[::1]))(f8[:, :], i8[::1], f8[:, :], i8[::1], i8[::1], f8[::1])")
 def sparse_pairs(
     track: Floats,  # [N, 7 or more]
     track_class: Ints,  # [N]
-    variance: Floats,  # [N] of the innovation along each axis; [0] if no rule needs it
     detection: Floats,  # [D, 7 or more]
     detection_class: Ints,  # [D]
-    kind: Ints,  # [C] CENTER_DISTANCE ... LIKELIHOOD_RATIO
+    kind: Ints,  # [C] CENTER_DISTANCE, IOU_3D or GIOU_3D
     gate: Floats,  # [C]
-    offset: Floats,  # [C] for LIKELIHOOD_RATIO
 ) -> tuple[Ints, Ints, Floats]:
     """Allowed pairs as rows: indptr [N + 1], column [E] ascending in each row, gain [E], none negative."""
     start, order, b, extreme = _by_class(detection, detection_class, kind)
@@ -295,13 +288,11 @@ def sparse_pairs(
         if 0 <= c < len(kind):
             rule, limit, first, last = int(kind[c]), float(gate[c]), int(start[c]), int(start[c + 1])
             _describe(track, i, rule, a, 0)
-            if rule >= MAHALANOBIS:
-                a[0, _VARIANCE] = variance[i]
-            term = _slack(limit) if rule == GIOU_3D else float(offset[c])
-            far = _farthest(a, 0, rule, limit, term, extreme[c])
-            for k in range(_near(a, 0, b, first, last, far, rule, term, candidate)):
+            slack = _slack(limit)
+            far = _farthest(a, 0, rule, limit, slack, extreme[c])
+            for k in range(_near(a, 0, b, first, last, far, rule, slack, candidate)):
                 j = int(candidate[k])
-                value = _gain(a, 0, b, j, rule, limit, term)
+                value = _gain(a, 0, b, j, rule, limit)
                 if value >= 0.0:
                     column[e], gain[e] = order[j], value
                     e += 1

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ...types import Bools, Floats, Ints
-from .arrays import floats, int_table, ints_of, up_to
+from .arrays import floats, floats_of, int_table, ints, ints_of, up_to
 from .checks import OK, at_most, check
 from .compile import kernel
 from .components import distinct_parents, joined_rows, local_problem, packed_rows, pieces_of, rows_held
 from .merge import merge
 from .pieces import solve_pieces
-from .write import sort_solutions, write_clusters, write_solutions
+from .write import Parents, sort_solutions, write_clusters, write_solutions
 
 MOST_CHOICES = 10**7  # of a piece that is enumerated as long as patience lasts
 
@@ -40,43 +42,25 @@ def search(
         k = at_most(indptr, member, k)
     held = rows_held(member)
     lowest = joined_rows(indptr, column, cost, columns, held)
-    rows, start, width, pair_start, pair_local, pair_cost, pair_column = local_problem(
-        indptr, column, cost, columns, lowest
-    )
-    bits, word_start = packed_rows(member, held, rows, start, lowest)
+    problem = local_problem(indptr, column, cost, columns, lowest)
+    bits, word_start = packed_rows(member, held, problem.rows, problem.start, lowest)
     parents = distinct_parents(bits, base_cost) if joint else up_to(H)
     P = len(parents)
     base = floats(P)
     for p in range(P):
         base[p] = base_cost[parents[p]]
-    component, begin, places, piece_of = pieces_of(member, parents, rows, start, bits, word_start)
-    sol_begin, sol_count, root_cost, gap, pair_at, pairs, total, limit = solve_pieces(
-        k,
-        component,
-        begin,
-        places,
-        piece_of,
-        width,
-        pair_start,
-        pair_local,
-        pair_cost,
-        base,
-        scale,
-        joint,
-        most_choices,
-    )
+    pieces = pieces_of(member, parents, problem.rows, problem.start, bits, word_start)
+    solutions, total, limit = solve_pieces(k, problem, pieces, base, scale, joint, most_choices)
     if not joint:
+        costs = floats_of(H * pieces.of_parent.shape[1] * k, np.inf)
         cluster, row_to_column = ints_of(N, -1), int_table(H * k, N)
-        costs = write_clusters(
-            k, start, pair_column, begin, places, rows, piece_of, sol_begin, sol_count, root_cost, gap, pair_at, pairs,
-            cluster, row_to_column,
-        )  # fmt: skip
+        write_clusters(k, problem, pieces, solutions, costs, cluster, row_to_column)
         return error, where, costs, row_to_column, cluster
-    parent, state, piece, rank, under = merge(piece_of, component, sol_begin, sol_count, gap, total, limit, k)
-    costs, row_to_column = floats(len(parent)), int_table(len(parent), N)
-    write_solutions(
-        parent, state, piece, rank, under, parents, base, rows, pair_cost, pair_column, begin, places, piece_of,
-        sol_begin, pair_at, pairs, costs, row_to_column,
-    )  # fmt: skip
+    chosen, states = merge(pieces, solutions, total, limit, k)
+    costs, parent, row_to_column = floats(len(chosen)), ints(len(chosen)), int_table(len(chosen), N)
+    room = Parents(int_table(P, N), int_table(P, N + 1), ints_of(P, -1))
+    write_solutions(chosen, states, problem, pieces, solutions, base, room, costs, row_to_column)
+    for i in range(len(chosen)):
+        parent[i] = parents[states.parent[chosen[i]]]
     costs, parent, row_to_column = sort_solutions(costs, parent, row_to_column)
     return error, where, costs, row_to_column, parent

@@ -45,7 +45,6 @@ P = ParamSpec("P")
 R = TypeVar("R")
 _MAKERS = {"array", "copy", "empty", "full", "ones", "zeros"}  # a maker that is not named here fails to compile
 _lock = threading.RLock()
-_told = False
 
 
 @final
@@ -100,7 +99,7 @@ class Kernel(Generic[P, R]):
         folder = None if callee else _writable(_root() / f"kernels-{self._digest(numba.__version__)}")
         known = folder is not None and any(folder.glob(f"*/*.{self.function.__name__}-*.nbi"))
         if not callee and not known:
-            _tell(folder)
+            _tell(folder is not None)
         signature = [] if self.signature is None else [self.signature]
         options = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": callee}
         if callee and self.inline:
@@ -117,7 +116,8 @@ class Kernel(Generic[P, R]):
     def _makes_arrays(self) -> bool:
         """Whether it or what it calls makes or returns arrays, by the names in its code and its annotations."""
         plain = re.fullmatch(r"(tuple|int|float|bool|None|[\[\], ])+", str(self.function.__annotations__["return"]))
-        own = not plain or not _MAKERS.isdisjoint(self.function.__code__.co_names)
+        # What an inlined kernel returns stays in its caller.
+        own = not (plain or self.inline) or not _MAKERS.isdisjoint(self.function.__code__.co_names)
         return own or any(callee._makes_arrays() for callee in self._callees().values())
 
     def _callees(self) -> dict[str, Kernel[Any, Any]]:
@@ -143,7 +143,9 @@ class Kernel(Generic[P, R]):
 
     def _parts(self) -> set[str]:
         constants = {n: v for n, v in self._globals().items() if isinstance(v, (bool, int, float, str, tuple))}
-        files = {_source(self.function.__code__.co_filename), _source(__file__)}
+        records = [v for v in self._globals().values() if isinstance(v, type) and issubclass(v, tuple)]
+        files = {_source(sys.modules[record.__module__].__file__ or "") for record in records}
+        files |= {_source(self.function.__code__.co_filename), _source(__file__)}
         parts = {*files, repr((self.signature, self.inline, self.vectorize, sorted(constants.items())))}
         return parts.union(*(callee._parts() for callee in self._callees().values()))
 
@@ -218,11 +220,8 @@ def _writable(folder: Path) -> Path | None:
     return folder
 
 
-def _tell(folder: Path | None) -> None:
-    """Say, once, that the first call takes a while."""
-    global _told
-    if _told:
-        return
-    _told = True
-    where = "once per machine" if folder else "in every process (set NUMBA_CACHE_DIR to a folder that can be written)"
+@cache  # once
+def _tell(stored: bool) -> None:
+    """Say that the first call takes a while."""
+    where = "once per machine" if stored else "in every process (set NUMBA_CACHE_DIR to a folder that can be written)"
     print(f"mtp_bench: compiling the tracking kernels, {where}: about 15 s", file=sys.stderr, flush=True)

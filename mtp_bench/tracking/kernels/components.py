@@ -11,6 +11,7 @@ import numpy as np
 from ...types import Bools, Floats, Ints
 from .arrays import first_ints, flags, floats, int_table, ints, ints_of, up_to
 from .compile import kernel
+from .tables import Pieces, Problem
 
 BITS = 30  # of a word, so that nothing overflows when words are hashed
 
@@ -144,14 +145,8 @@ def joined_rows(indptr: Ints, column: Ints, cost: Floats, columns: int, held: In
 
 
 @kernel
-def local_problem(
-    indptr: Ints, column: Ints, cost: Floats, columns: int, lowest: Ints
-) -> tuple[Ints, Ints, Ints, Ints, Ints, Floats, Ints]:
-    """The allowed pairs, component by component, with columns numbered from 0 in each.
-
-    Returns rows of the components one after the other [A], where each component's begin [C + 1], how many columns each
-    has [C], where the pairs of each of the A rows begin [A + 1], and of each pair its local column, cost and column.
-    """
+def rows_by_component(lowest: Ints) -> tuple[Ints, Ints]:
+    """The rows of the components one after the other [A], and where each component's begin [C + 1]."""
     n = len(lowest)
     number, count = ints(n), 0
     size = ints_of(n + 1, 0)
@@ -161,7 +156,7 @@ def local_problem(
             count += 1
         if lowest[row] >= 0:
             size[number[lowest[row]] + 1] += 1
-    start, place, width = ints_of(count + 1, 0), ints(count), ints_of(count, 0)
+    start, place = ints_of(count + 1, 0), ints(count)
     for c in range(count):
         place[c] = start[c]
         start[c + 1] = start[c] + size[c + 1]
@@ -171,43 +166,43 @@ def local_problem(
             c = number[lowest[row]]
             rows[place[c]] = row
             place[c] += 1
-    local = ints_of(columns, -1)
-    pair_start = ints(len(rows) + 1)
-    pair_local, pair_cost = ints(len(column)), floats(len(column))
-    pair_column = ints(len(column))
-    used = 0
-    for a in range(len(rows)):
-        pair_start[a] = used
-        c = number[lowest[rows[a]]]
-        for e in range(indptr[rows[a]], indptr[rows[a] + 1]):
-            if cost[e] == np.inf:
-                continue
-            y = column[e]
-            if local[y] < 0:
-                local[y] = width[c]
-                width[c] += 1
-            pair_local[used], pair_cost[used], pair_column[used] = local[y], cost[e], y
-            used += 1
-    pair_start[len(rows)] = used
-    return rows, start, width, pair_start, pair_local, pair_cost, pair_column
+    return rows, start
 
 
 @kernel
-def pieces_of(
-    member: Bools, parents: Ints, rows: Ints, start: Ints, bits: Ints, word_start: Ints
-) -> tuple[Ints, Ints, Ints, Ints]:
-    """The distinct pieces of all parents.
+def local_problem(indptr: Ints, column: Ints, cost: Floats, columns: int, lowest: Ints) -> Problem:
+    """The allowed pairs, component by component; ``lowest``: see `joined_rows`."""
+    rows, start = rows_by_component(lowest)
+    width, local = ints_of(len(start) - 1, 0), ints_of(columns, -1)
+    pair_start, pair_local = ints(len(rows) + 1), ints(len(column))
+    pair_cost, pair_column = floats(len(column)), ints(len(column))
+    used = 0
+    for c in range(len(width)):
+        for a in range(start[c], start[c + 1]):
+            pair_start[a] = used
+            for e in range(indptr[rows[a]], indptr[rows[a] + 1]):
+                if cost[e] == np.inf:
+                    continue
+                y = column[e]
+                if local[y] < 0:
+                    local[y] = width[c]
+                    width[c] += 1
+                pair_local[used], pair_cost[used], pair_column[used] = local[y], cost[e], y
+                used += 1
+    pair_start[len(rows)] = used
+    return Problem(rows, start, width, pair_start, pair_local, pair_cost, pair_column)
 
-    Returns the component of each piece [Q], where its rows begin [Q + 1], its rows (places in ``rows``), and the piece
-    of each parent and component [P, C], -1 where the parent has no row of it.
-    """
+
+@kernel
+def pieces_of(member: Bools, parents: Ints, rows: Ints, start: Ints, bits: Ints, word_start: Ints) -> Pieces:
+    """The distinct pieces of all parents."""
     P, C, most, longest = len(parents), len(start) - 1, 0, 0
     for c in range(C):
         groups = P if word_start[c + 1] > word_start[c] else 1
         most += groups
         longest += groups * (start[c + 1] - start[c])
     component, begin = ints(most), ints_of(most + 1, 0)
-    places, piece_of = ints(longest), int_table(P, C)
+    places, of_parent = ints(longest), int_table(P, C)
     table, named = new_table(P), ints(member.shape[0])
     count, used = 0, 0
     for c in range(C):
@@ -232,5 +227,6 @@ def pieces_of(
                     count += 1
                     begin[count] = used
             fresh = False
-            piece_of[i, c] = named[table[at]]
-    return first_ints(component, count), first_ints(begin, count + 1), first_ints(places, used), piece_of
+            of_parent[i, c] = named[table[at]]
+    component, begin, places = first_ints(component, count), first_ints(begin, count + 1), first_ints(places, used)
+    return Pieces(component, begin, places, of_parent)

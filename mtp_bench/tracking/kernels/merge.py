@@ -8,21 +8,31 @@ than its origin, and each sum is reached in one way.
 
 from __future__ import annotations
 
-import numpy as np
+from typing import NamedTuple
 
 from ...types import Floats, Ints
-from .arrays import first_floats, first_ints, floats, int_table, ints, ints_of
+from .arrays import first_floats, first_ints, floats, ints, ints_of
+from .bounds import cheapest
 from .compile import kernel
 from .heap import pop, push, sorted_numbers
+from .tables import Pieces, Solutions, States
+
+
+class Queue(NamedTuple):
+    """What waits, cheapest first."""
+
+    keys: Floats
+    names: Ints  # state of each key
+    size: Ints  # [2] of the queue; number of states
 
 
 @kernel
-def by_first_gap(sol_begin: Ints, sol_count: Ints, gap: Floats, spare: float) -> Ints:
+def by_first_gap(begin: Ints, count: Ints, gap: Floats, spare: float) -> Ints:
     """Pieces with a second solution that is dearer by at most ``spare``, by that gap."""
-    names, first, size = ints(len(sol_begin)), floats(len(sol_begin)), 0
-    for q in range(len(sol_begin)):
-        if sol_count[q] > 1 and gap[sol_begin[q] + 1] <= spare:
-            names[size], first[size] = q, gap[sol_begin[q] + 1]
+    names, first, size = ints(len(begin)), floats(len(begin)), 0
+    for q in range(len(begin)):
+        if count[q] > 1 and gap[begin[q] + 1] <= spare:
+            names[size], first[size] = q, gap[begin[q] + 1]
             size += 1
     order = sorted_numbers(first_floats(first, size))
     for i in range(size):
@@ -31,67 +41,92 @@ def by_first_gap(sol_begin: Ints, sol_count: Ints, gap: Floats, spare: float) ->
 
 
 @kernel
-def merge(
-    piece_of: Ints, component: Ints, sol_begin: Ints, sol_count: Ints, gap: Floats, total: Floats, limit: float, k: int
-) -> tuple[Ints, Ints, Ints, Ints, Ints]:
-    """The at most k cheapest solutions over all parents, best first.
+def pieces_in_order(p: int, ordered: Ints, pieces: Pieces, changeable: Ints, used: int) -> int:
+    """Write the pieces of parent ``p``, in their order, into ``changeable`` from number ``used`` on; where they end."""
+    for q in ordered:
+        if pieces.of_parent[p, pieces.component[q]] == q:
+            changeable[used] = q
+            used += 1
+    return used
 
-    ``gap``: how much dearer each solution of a piece is than its cheapest. ``total`` [P]: cost of the cheapest solution
-    of each parent. What costs more than ``limit`` may be left out. Returns parent and state of each solution [k'] and,
-    of each state, its piece, the rank of that piece's solution and the state with the other changes (-1: none).
+
+@kernel(inline=True)
+def push_successors(
+    s: int, key: float, limit: float, stop: int, changeable: Ints, solutions: Solutions, states: States, queue: Queue
+) -> None:
+    """Queue what follows state ``s``, which costs ``key``: next solution; one more piece; another piece instead.
+
+    The pieces of its parent that can change, in their order, are ``changeable`` up to number ``stop``.
     """
-    P = len(total)
-    least, best = np.inf, 0
+    begin, gap = solutions.begin, solutions.gap
+    a, rank, under = states.piece[s], states.rank[s], states.under[s]
+    for kind in range(3):
+        b, j, below = a + 1, 1, s
+        if kind == 0:
+            b, j, below = a, rank + 1, under
+        elif kind == 2:
+            below = under
+        if (kind == 0 and rank == 0) or (kind == 2 and rank != 1) or b >= stop:
+            continue
+        if j >= solutions.count[changeable[b]]:
+            continue
+        step = gap[begin[changeable[b]] + j]
+        if kind != 1:
+            step -= gap[begin[changeable[a]] + rank]
+        if key + step > limit:
+            continue
+        new = queue.size[1]
+        states.parent[new], states.piece[new], states.rank[new], states.under[new] = states.parent[s], b, j, below
+        queue.size[0] = push(queue.keys, queue.names, queue.size[0], key + step, new)
+        queue.size[1] = new + 1
+
+
+@kernel
+def expand(
+    pieces: Pieces, solutions: Solutions, total: Floats, limit: float, ordered: Ints, changeable: Ints, stop: Ints,
+    states: States, queue: Queue, out: Ints,
+) -> int:  # fmt: skip
+    """Fill in the states, and in ``out`` [k] those of the solutions; how many there are.
+
+    ``ordered``: the pieces that can change; ``changeable`` and ``stop``: room for those of each parent.
+    """
+    P, found, used = len(total), 0, 0
     for p in range(P):
-        if total[p] < least:
-            least, best = total[p], p
-    if k == 1:
-        return ints_of(1, best), ints_of(1, -1), ints(0), ints(0), ints(0)
-    ordered = by_first_gap(sol_begin, sol_count, gap, limit - least)
-    pieces, used = ints(P * min(len(ordered), piece_of.shape[1])), 0
-    stop = ints(P)
-    most = P + 3 * k
-    table = int_table(4, most)
-    parent, place, rank, under = table[0], table[1], table[2], table[3]
-    keys, names, size, states = floats(most), ints(most), 0 * P, P
-    out_parent, out_state, found = ints(k), ints(k), 0
-    for p in range(P):
-        parent[p], place[p], rank[p], under[p] = p, -1, 0, -1
+        states.parent[p], states.piece[p], states.rank[p], states.under[p] = p, -1, 0, -1
         if total[p] <= limit:
-            size = push(keys, names, size, total[p], p)
-    while size > 0 and found < k:
-        size = pop(keys, names, size)
-        s, key = names[size], keys[size]
-        p, a = parent[s], place[s]
-        if rank[s] == 0:  # the first of this parent: its pieces, in order
-            a = used - 1
-            for q in ordered:
-                if piece_of[p, component[q]] == q:
-                    pieces[used] = q
-                    used += 1
+            queue.size[0] = push(queue.keys, queue.names, queue.size[0], total[p], p)
+    queue.size[1] = P
+    while queue.size[0] > 0 and found < len(out):
+        size = pop(queue.keys, queue.names, queue.size[0])
+        queue.size[0] = size
+        s, key = queue.names[size], queue.keys[size]
+        p = states.parent[s]
+        if states.rank[s] == 0:  # the first of this parent: its pieces, in order
+            states.piece[s] = used - 1
+            used = pieces_in_order(p, ordered, pieces, changeable, used)
             stop[p] = used
-        out_parent[found], out_state[found] = p, s
+        out[found] = s
         found += 1
-        for kind in range(3):  # next solution; one more piece; another piece instead
-            b, j, below, step = a + 1, 1, s, 0.0
-            if kind == 0:
-                b, j, below = a, rank[s] + 1, under[s]
-            elif kind == 2:
-                below = under[s]
-            if (kind == 0 and rank[s] == 0) or (kind == 2 and rank[s] != 1) or b >= stop[p]:
-                continue
-            if j >= sol_count[pieces[b]]:
-                continue
-            step = gap[sol_begin[pieces[b]] + j]
-            if kind != 1:
-                step -= gap[sol_begin[pieces[a]] + rank[s]]
-            if key + step > limit:
-                continue
-            parent[states], place[states], rank[states], under[states] = p, b, j, below
-            size = push(keys, names, size, key + step, states)
-            states += 1
-    for s in range(states):
-        place[s] = pieces[place[s]] if rank[s] > 0 else -1
-        if under[s] < P:
-            under[s] = -1
-    return first_ints(out_parent, found), first_ints(out_state, found), place, rank, under
+        push_successors(s, key, limit, stop[p], changeable, solutions, states, queue)
+    for s in range(queue.size[1]):
+        states.piece[s] = changeable[states.piece[s]] if states.rank[s] > 0 else -1
+        if states.under[s] < P:
+            states.under[s] = -1
+    return found
+
+
+@kernel
+def merge(pieces: Pieces, solutions: Solutions, total: Floats, limit: float, k: int) -> tuple[Ints, States]:
+    """The at most k cheapest solutions over all parents, best first, as states [k'], and all states.
+
+    ``total`` [P]: cost of the cheapest solution of each parent. What costs more than ``limit`` may be left out.
+    """
+    P, best = len(total), cheapest(total)
+    if k == 1:
+        return ints_of(1, 0), States(ints_of(1, best), ints_of(1, -1), ints_of(1, 0), ints_of(1, -1))
+    ordered = by_first_gap(solutions.begin, solutions.count, solutions.gap, limit - total[best])
+    most, changeable = P + 3 * k, ints(P * min(len(ordered), pieces.of_parent.shape[1]))
+    states = States(ints(most), ints(most), ints(most), ints(most))
+    queue, out = Queue(floats(most), ints(most), ints_of(2, 0)), ints(k)
+    found = expand(pieces, solutions, total, limit, ordered, changeable, ints(P), states, queue, out)
+    return first_ints(out, found), states

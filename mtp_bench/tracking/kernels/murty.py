@@ -10,16 +10,40 @@ that lower bound and are solved only when nothing cheaper is left (Motro and Gho
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...types import Bools, Floats, Ints
 from .arrays import float_table, floats, int_table, ints
+from .bounds import note
 from .compile import kernel
 from .heap import pop, push
 from .shortest_path import HUB, change_potentials, cost_of, find_path, flip_path, forget_path
-from .small import note
+from .tables import Bound, Kept, Matching, Path, Piece
+
+
+class Nodes(NamedTuple):
+    """The nodes of the search, a row each."""
+
+    table: Ints  # [.., 2 n + 2] the pair of each row; the order of the rows; fixed rows; the node that it is a child of
+    potentials: Floats  # [.., n + m + 1] of rows; of columns; the cost of the solution
+
+
+class Queue(NamedTuple):
+    """What waits in the queue: entry i is the solution of ``node[i]``, or its unsolved child number ``child[i]``."""
+
+    keys: Floats  # the heap of costs and lower bounds
+    names: Ints  # entry of each key
+    node: Ints
+    child: Ints  # -1: the solution itself
+
+
+class Slacks(NamedTuple):
+    """Lower bounds of what it costs to change the solution of a node."""
+
+    leave: Floats  # [n] that a row leaves its choice
+    enter: Floats  # [m] that a row enters a column
 
 
 @kernel
@@ -50,33 +74,31 @@ def ban(nodes: Ints, q: int, t: int, n: int, banned: Bools, on: bool) -> bool:
 
 
 @kernel
-def lower_bounds(
-    q: int, n: int, m: int, first: Ints, last: Ints, pair_local: Ints, pair_cost: Floats, banned: Bools,
-    hub_banned: bool, nodes: Ints, potentials: Floats, out: Floats, enter: Floats,
-) -> None:  # fmt: skip
-    """What it costs at least that a row of node ``q`` leaves its choice, ``out`` [n].
+def lower_bounds(q: int, piece: Piece, hub_banned: bool, nodes: Nodes, slacks: Slacks) -> None:
+    """What it costs at least that a row of node ``q`` leaves its choice.
 
     The path leaves the row by one pair and enters its column by another, or either way through the hub.
     """
-    depth = nodes[q, 2 * n]
-    for y in range(m):
+    n, pair_local, table, potentials, enter = piece.n, piece.column, nodes.table, nodes.potentials, slacks.enter
+    depth = table[q, 2 * n]
+    for y in range(piece.m):
         enter[y] = -potentials[q, n + y]
     for t in range(depth, n):
-        x = nodes[q, n + t]
-        ux, own = potentials[q, x], nodes[q, x]
+        x = table[q, n + t]
+        ux, own = potentials[q, x], table[q, x]
         least = -ux if own >= 0 and not (t == depth and hub_banned) else np.inf
-        for e in range(first[x], last[x]):
+        for e in range(piece.first[x], piece.last[x]):
             if e != own:
                 y = pair_local[e]
-                slack = pair_cost[e] - ux - potentials[q, n + y]
+                slack = piece.cost[e] - ux - potentials[q, n + y]
                 enter[y] = min(enter[y], slack)
-                if slack < least and not (t == depth and banned[e]):
+                if slack < least and not (t == depth and piece.banned[e]):
                     least = slack
-        out[x] = least
+        slacks.leave[x] = least
     for t in range(depth, n):
-        x = nodes[q, n + t]
-        if nodes[q, x] >= 0:
-            out[x] += max(enter[pair_local[nodes[q, x]]], 0.0)
+        x = table[q, n + t]
+        if table[q, x] >= 0:
+            slacks.leave[x] += max(enter[pair_local[table[q, x]]], 0.0)
 
 
 @kernel
@@ -106,130 +128,132 @@ def sort_rows(q: int, n: int, nodes: Ints, out: Floats, spare: float) -> int:
 
 
 @kernel
-def load_child(
-    q: int, t: int, n: int, m: int, pair_local: Ints, nodes: Ints, potentials: Floats,
-    match: Ints, owner: Ints, u: Floats, v: Floats, row_out: Bools, column_out: Bools,
-) -> None:  # fmt: skip
+def load_child(q: int, t: int, piece: Piece, nodes: Nodes, matching: Matching) -> None:
     """Solution and potentials of node ``q``, with its first ``t`` rows and their columns out."""
-    for y in range(m):
+    match, owner, u, v, row_out, column_out = matching
+    n, pair_local, table, potentials = piece.n, piece.column, nodes.table, nodes.potentials
+    for y in range(piece.m):
         v[y], owner[y], column_out[y] = potentials[q, n + y], HUB, False
     for x in range(n):
-        match[x], u[x], row_out[x] = nodes[q, x], potentials[q, x], False
+        match[x], u[x], row_out[x] = table[q, x], potentials[q, x], False
         if match[x] >= 0:
             owner[pair_local[match[x]]] = x
     for i in range(t):
-        x = nodes[q, n + i]
+        x = table[q, n + i]
         row_out[x] = True
         if match[x] >= 0:
             column_out[pair_local[match[x]]] = True
 
 
 @kernel
-def save_child(
-    q: int, t: int, new: int, n: int, m: int, nodes: Ints, potentials: Floats,
-    match: Ints, u: Floats, v: Floats, cost: float,
-) -> None:  # fmt: skip
+def save_child(q: int, t: int, new: int, piece: Piece, nodes: Nodes, matching: Matching, cost: float) -> None:
     """Write child ``t`` of node ``q`` as node ``new``; its rows after number ``t`` in any order."""
+    n, m, table, potentials = piece.n, piece.m, nodes.table, nodes.potentials
     for x in range(n):
-        nodes[new, x], nodes[new, n + x], potentials[new, x] = match[x], nodes[q, n + x], u[x]
+        table[new, x], table[new, n + x], potentials[new, x] = matching.match[x], table[q, n + x], matching.u[x]
     for y in range(m):
-        potentials[new, n + y] = v[y]
-    nodes[new, 2 * n], nodes[new, 2 * n + 1], potentials[new, n + m] = t, q, cost
+        potentials[new, n + y] = matching.v[y]
+    table[new, 2 * n], table[new, 2 * n + 1], potentials[new, n + m] = t, q, cost
+
+
+@kernel
+def save_root(root_cost: float, piece: Piece, nodes: Nodes, matching: Matching) -> None:
+    """Write the cheapest solution as node 0, with all its rows open."""
+    n = piece.n
+    zero = 0 * n  # no literals, see compile.py
+    save_child(zero, zero, zero, piece, nodes, matching, root_cost)
+    for x in range(n):
+        nodes.table[0, n + x] = x
+    nodes.table[0, 2 * n + 1] = -1
 
 
 @kernel
 def split_node(
-    q: int, n: int, m: int, first: Ints, last: Ints, pair_local: Ints, pair_cost: Floats, banned: Bools,
-    nodes: Ints, potentials: Floats, out: Floats, enter: Floats, spare: float,
-    key: float, waiting: Ints, waiting_t: Ints, records: int, keys: Floats, names: Ints, size: int,
-) -> tuple[int, int]:  # fmt: skip
-    """Queue the children of node ``q`` that can matter, with their lower bounds; new numbers of records and entries."""
-    depth, is_root, hub_banned = nodes[q, 2 * n], nodes[q, 2 * n + 1] < 0, n < 0
+    q: int, piece: Piece, nodes: Nodes, slacks: Slacks, spare: float, key: float, queue: Queue, entries: int, size: int
+) -> tuple[int, int]:
+    """Queue the children of node ``q`` that can matter, with their lower bounds; new numbers of entries and keys."""
+    n, table = piece.n, nodes.table
+    depth, is_root, hub_banned = table[q, 2 * n], table[q, 2 * n + 1] < 0, n < 0
     if not is_root:
-        hub_banned = ban(nodes, q, depth, n, banned, not is_root)
-    lower_bounds(
-        q, n, m, first, last, pair_local, pair_cost, banned, hub_banned, nodes, potentials, out, enter
-    )  # fmt: skip
+        hub_banned = ban(table, q, depth, n, piece.banned, not is_root)
+    lower_bounds(q, piece, hub_banned, nodes, slacks)
     if not is_root:
-        ban(nodes, q, depth, n, banned, is_root)
-    split = sort_rows(q, n, nodes, out, spare)
+        ban(table, q, depth, n, piece.banned, is_root)
+    split = sort_rows(q, n, table, slacks.leave, spare)
     for t in range(depth, n):
-        lower = out[nodes[q, n + t]]
+        lower = slacks.leave[table[q, n + t]]
         if (t >= split or (t == depth and not is_root)) and lower <= spare and lower < np.inf:
-            waiting[records], waiting_t[records] = q, t
-            size = push(keys, names, size, key + max(lower, 0.0), records)
-            records += 1
-    return records, size
+            queue.node[entries], queue.child[entries] = q, t
+            size = push(queue.keys, queue.names, size, key + max(lower, 0.0), entries)
+            entries += 1
+    return entries, size
+
+
+@kernel
+def solve_child(q: int, t: int, spare: float, piece: Piece, nodes: Nodes, matching: Matching, path: Path) -> bool:
+    """Whether child ``t`` of node ``q`` has a solution that is dearer by at most ``spare``; which is then the matching."""
+    n, pair_local = piece.n, piece.column
+    load_child(q, t, piece, nodes, matching)
+    source, target = nodes.table[q, n + t], HUB + 0 * n
+    if matching.match[source] >= 0:
+        target = pair_local[matching.match[source]]
+        matching.owner[target] = HUB
+    hub_banned = ban(nodes.table, q, t, n, piece.banned, n > 0)
+    length, far = find_path(source, target, spare, hub_banned, piece, matching, path)
+    ban(nodes.table, q, t, n, piece.banned, n < 0)
+    if length < np.inf:
+        change_potentials(source, length, far, piece, matching, path)
+        flip_path(source, target, pair_local, matching, path)
+    forget_path(path)
+    return bool(length < np.inf)
+
+
+@kernel
+def all_in(piece: Piece, matching: Matching) -> None:
+    """Let all rows and columns take part again."""
+    for x in range(piece.n):
+        matching.row_out[x] = False
+    for y in range(piece.m):
+        matching.column_out[y] = False
 
 
 @kernel(inline=True)
-def best_solutions(
-    n: int, m: int, k: int, first: Ints, last: Ints, pair_local: Ints, pair_cost: Floats, banned: Bools,
-    root_cost: float, bound: Floats, roots: Floats, low: int, high: int, slack: float,
-    match: Ints, owner: Ints, u: Floats, v: Floats, row_out: Bools, column_out: Bools,
-    dist: Floats, through: Ints, by: Ints, seen: Ints, hub: Ints,
-    order: Ints, sol_cost: Floats, sol_pair: Ints, at: int,
-) -> int:  # fmt: skip
-    """As `small.enumerate_solutions`, for pieces of any size; ``match``, ``u`` and ``v`` hold the root."""
-    nodes = int_table(16, 2 * n + 2)  # pair of each row; order of the rows; depth and origin
-    potentials = float_table(16, n + m + 1)  # of rows; of columns; cost
+def best_solutions(piece: Piece, root_cost: float, bound: Bound, matching: Matching, path: Path, kept: Kept) -> int:
+    """As `small.enumerate_solutions`, for pieces of any size; ``matching`` holds the root."""
+    n, m, k = piece.n, piece.m, kept.k
+    nodes, slacks = Nodes(int_table(16, 2 * n + 2), float_table(16, n + m + 1)), Slacks(floats(n), floats(m))
     most = 2 * k * n + 2
-    waiting, waiting_t = ints(most), ints(most)
-    keys, names = floats(most), ints(most)
-    out, enter = floats(n), floats(m)
-    zero, on, off = 0 * n, n > 0, n < 0  # no literals, see compile.py
-    save_child(zero, zero, zero, n, m, nodes, potentials, match, u, v, root_cost)
-    for x in range(n):
-        nodes[0, n + x] = x
-    nodes[0, 2 * n + 1] = -1
-    waiting[0], waiting_t[0], keys[0], names[0] = 0, -1, root_cost, 0
-    used, records, size, found = zero + 1, zero + 1, zero + 1, 0
+    queue = Queue(floats(most), ints(most), ints(most), ints(most))
+    save_root(root_cost, piece, nodes, matching)
+    queue.node[0], queue.child[0], queue.keys[0], queue.names[0] = 0, -1, root_cost, 0
+    used, entries, size, found = 0 * n + 1, 0 * n + 1, 0 * n + 1, 0  # no literals, see compile.py
     while size > 0:
-        size = pop(keys, names, size)
-        key, q, t = keys[size], waiting[names[size]], waiting_t[names[size]]
-        spare = bound[k - 1] - roots[low] + slack - (key - root_cost)
+        size = pop(queue.keys, queue.names, size)
+        key, entry = queue.keys[size], queue.names[size]
+        q, t = queue.node[entry], queue.child[entry]
+        limit = bound.best[k - 1] - bound.roots[bound.low] + bound.slack
+        spare = limit - (key - root_cost)
         if spare < 0.0:
             break
         if t < 0:
-            order[found], sol_cost[found] = found, potentials[q, n + m]
+            kept.order[found], kept.cost[found] = found, nodes.potentials[q, n + m]
             for x in range(n):
-                sol_pair[at + found * n + x] = nodes[q, x]
+                kept.pairs[kept.at + found * n + x] = nodes.table[q, x]
             found += 1
             if found == k:
                 break
-            records, size = split_node(
-                q, n, m, first, last, pair_local, pair_cost, banned, nodes, potentials, out, enter, spare,
-                key, waiting, waiting_t, records, keys, names, size,
-            )  # fmt: skip
+            entries, size = split_node(q, piece, nodes, slacks, spare, key, queue, entries, size)
             continue
-        load_child(q, t, n, m, pair_local, nodes, potentials, match, owner, u, v, row_out, column_out)
-        source = nodes[q, n + t]
-        target = zero + HUB
-        if match[source] >= 0:
-            target = pair_local[match[source]]
-            owner[target] = HUB
-        spare = bound[k - 1] - roots[low] + slack - (potentials[q, n + m] - root_cost)
-        hub_banned = ban(nodes, q, t, n, banned, on)
-        length, far = find_path(
-            source, target, spare, hub_banned, n, m, first, last, pair_local, pair_cost, banned, match, owner, u, v,
-            row_out, column_out, dist, through, by, seen, hub,
-        )  # fmt: skip
-        ban(nodes, q, t, n, banned, off)
-        if length < np.inf:
-            change_potentials(source, length, far, n, m, match, owner, u, v, row_out, column_out, dist, seen, hub)
-            flip_path(source, target, pair_local, match, owner, through, by, hub)
-            if used == len(nodes):
-                nodes, potentials = twice_as_long(nodes), twice_as_long(potentials)
-            cost = cost_of(match, pair_cost, n)
-            save_child(q, t, used, n, m, nodes, potentials, match, u, v, cost)
-            note(bound, roots, low, high, cost - root_cost)
-            waiting[records], waiting_t[records] = used, -1
-            size = push(keys, names, size, max(cost, key), records)
-            used += 1
-            records += 1
-        forget_path(dist, seen, hub)
-    for x in range(n):
-        row_out[x] = False
-    for y in range(m):
-        column_out[y] = False
+        if not solve_child(q, t, limit - (nodes.potentials[q, n + m] - root_cost), piece, nodes, matching, path):
+            continue
+        if used == len(nodes.table):
+            nodes = Nodes(twice_as_long(nodes.table), twice_as_long(nodes.potentials))
+        cost = cost_of(matching.match, piece.cost, n)
+        save_child(q, t, used, piece, nodes, matching, cost)
+        note(bound.best, bound.roots, bound.low, bound.high, cost - root_cost)
+        queue.node[entries], queue.child[entries] = used, -1
+        size = push(queue.keys, queue.names, size, max(cost, key), entries)
+        used += 1
+        entries += 1
+    all_in(piece, matching)
     return found

@@ -4,13 +4,27 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...types import Bools, Floats, Ints
-from .arrays import first_floats, flags, float_table, floats, floats_of, int_table, ints, ints_of
+from ...types import Floats, Ints
+from .arrays import floats, floats_of, ints, ints_of, up_to
+from .bounds import cheapest, least_of, note, totals_of, totals_of_pieces
 from .compile import kernel
 from .heap import sorted_numbers
 from .murty import best_solutions
 from .shortest_path import cost_of, finish_root, greedy_start
-from .small import choices, enumerate_all, enumerate_solutions, note, single_row_root
+from .small import choices, enumerate_all, enumerate_solutions, single_row_root
+from .space import (
+    Roots,
+    Space,
+    choices_in,
+    largest,
+    load_root,
+    matching_in,
+    new_roots,
+    new_space,
+    path_in,
+    piece_in,
+)
+from .tables import Bound, Kept, Pieces, Problem, Solutions
 
 AT_ONCE = 40  # choices of a piece: up to here all its solutions are found, before a bound is known
 SURELY = 900  # choices of a piece: up to here it is enumerated in any case
@@ -18,48 +32,80 @@ PATIENCE = 100  # partial choices to look at per solution asked for; Murty's sea
 
 
 @kernel
-def totals_of(piece_of: Ints, base: Floats, root_cost: Floats) -> Floats:
-    """Cost of the cheapest solution of each parent, [P]."""
-    total = first_floats(base, len(base))
-    for p in range(piece_of.shape[0]):
-        for c in range(piece_of.shape[1]):
-            if piece_of[p, c] >= 0:
-                total[p] += root_cost[piece_of[p, c]]
-    return total
+def record(n: int, count: int, order: Ints, cost: Floats, sols: int, used: int, gap: Floats, pair_at: Ints) -> None:
+    """Enter the ``count`` solutions of a piece as number ``sols`` and after: their gaps and where their pairs begin."""
+    rise = 0.0
+    for r in range(count):
+        rise = max(rise, cost[order[r]] - cost[order[0]])
+        gap[sols + r], pair_at[sols + r] = rise, used + order[r] * n
 
 
 @kernel
-def totals_of_pieces(piece_of: Ints, total: Floats, ranked: Ints, pieces: int) -> tuple[Floats, Ints]:
-    """Totals of the parents of each piece, increasing, and where those of each begin [Q + 1].
-
-    ``ranked``: the parents, cheapest first.
-    """
-    P, C = piece_of.shape
-    start = ints_of(pieces + 2, 0)
-    for p in range(P):
-        for c in range(C):
-            start[piece_of[p, c] + 2] += 1  # no piece, -1, counts at 1
-    start[1] = 0
-    for q in range(pieces):
-        start[q + 2] += start[q + 1]
-    roots = floats(start[pieces + 1])
-    for p in ranked:
-        for c in range(C):
-            q = piece_of[p, c]
-            if q >= 0:
-                roots[start[q + 1]] = total[p]
-                start[q + 1] += 1
-    return roots, start
+def products_of(problem: Problem, pieces: Pieces, k: int, most_choices: int, product: Floats) -> int:
+    """Choices of every piece; 0 for those small enough to find all solutions at once, and room for these."""
+    room, at_once = 0, min(AT_ONCE, most_choices)
+    for q in range(len(product)):
+        n = pieces.begin[q + 1] - pieces.begin[q]
+        size = choices(q, pieces.begin, pieces.places, problem.pair_start, most_choices)
+        product[q] = size
+        if size <= at_once or n == 1:
+            product[q] = 0.0
+            room += (k if n == 1 else min(size, k)) * n
+    return room
 
 
 @kernel
-def in_order(product: Floats, most_choices: int, roots: Floats, roots_start: Ints) -> tuple[Ints, int]:
-    """All pieces: small ones by their size, then, from a number that is returned, large ones of the cheapest parents.
+def solve_small(
+    k: int, problem: Problem, pieces: Pieces, space: Space, product: Floats, solutions: Solutions
+) -> tuple[int, int]:
+    """All solutions, at most the k best, of the pieces without a product; how many, and how many pairs they have."""
+    choice, order, cost = choices_in(space), space.order, space.cost
+    sols, used = 0, 0
+    for q in range(len(product)):
+        if product[q] > 0.0:
+            continue
+        piece, kept = piece_in(space, q, problem, pieces), Kept(k, order, cost, solutions.pairs, used)
+        count = enumerate_all(piece, choice, kept)
+        record(piece.n, count, order, cost, sols, used, solutions.gap, solutions.pair_at)
+        solutions.least[q] = cost[order[0]]
+        solutions.begin[q], solutions.count[q] = sols, count
+        sols += count
+        used += count * piece.n
+    return sols, used
 
-    So the bound has fallen when the costly ones come.
+
+@kernel
+def solve_roots(problem: Problem, pieces: Pieces, space: Space, product: Floats, roots: Roots) -> None:
+    """The cheapest solution of every piece with a product: its pairs, its potentials and its cost."""
+    matching, path = matching_in(space), path_in(space)
+    for q in range(len(product)):
+        if product[q] == 0.0:
+            continue
+        i = pieces.begin[q]
+        if pieces.begin[q + 1] - i == 1:  # only where k is 1, and without potentials
+            place = pieces.places[i]
+            chosen = single_row_root(problem.pair_start[place], problem.pair_start[place + 1], problem.pair_cost)
+            roots.pair[i], roots.cost[q] = chosen, problem.pair_cost[chosen] if chosen >= 0 else 0.0
+            continue
+        piece = piece_in(space, q, problem, pieces)
+        if greedy_start(piece, matching) > 0:
+            finish_root(piece, matching, path)
+        roots.cost[q] = cost_of(matching.match, piece.cost, piece.n)
+        for x in range(piece.n):
+            roots.pair[i + x], roots.u[i + x] = matching.match[x], matching.u[x]
+        for y in range(piece.m):
+            roots.v[roots.v_start[q] + y] = matching.v[y]
+
+
+@kernel
+def in_order(product: Floats, most_choices: int, roots: Floats, roots_start: Ints) -> tuple[Ints, int, int]:
+    """All pieces: solved ones, small ones by their size, large ones of the cheapest parents.
+
+    So the bound has fallen when the costly ones come. Also how many of the first kind there are, and of the first two.
     """
-    Q, small, key = len(product), 0, floats(len(product))
+    Q, solved, small, key = len(product), 0, 0, floats(len(product))
     for q in range(Q):
+        solved += product[q] == 0.0
         small += product[q] <= most_choices
         key[q] = product[q] if product[q] <= most_choices else np.inf
     ordered = sorted_numbers(key)
@@ -69,51 +115,24 @@ def in_order(product: Floats, most_choices: int, roots: Floats, roots_start: Int
             ordered[j] = ordered[j - 1]
             j -= 1
         ordered[j] = q
-    return ordered, small
+    return ordered, solved, small
 
 
 @kernel
-def solve_roots(
-    component: Ints, begin: Ints, places: Ints, width: Ints, pair_start: Ints, pair_local: Ints, pair_cost: Floats,
-    banned: Bools, v_start: Ints, first: Ints, last: Ints, match: Ints, owner: Ints,
-    u: Floats, v: Floats, row_out: Bools, column_out: Bools, dist: Floats, through: Ints, by: Ints, seen: Ints,
-    hub: Ints, root: Ints, root_u: Floats, root_v: Floats, root_cost: Floats, product: Floats,
-) -> None:  # fmt: skip
-    """The cheapest solution of every piece with choices left, ``product`` > 0, its potentials and cost."""
-    for q in range(len(component)):
-        if product[q] == 0.0:
-            continue
-        n, m, i = begin[q + 1] - begin[q], width[component[q]], begin[q]
-        if n == 1:  # only where k is 1, and without potentials
-            root[i] = single_row_root(pair_start[places[i]], pair_start[places[i] + 1], pair_cost)
-            root_cost[q] = pair_cost[root[i]] if root[i] >= 0 else 0.0
-            continue
-        for x in range(n):
-            first[x], last[x] = pair_start[places[i + x]], pair_start[places[i + x] + 1]
-        if greedy_start(n, m, first, last, pair_local, pair_cost, match, owner, u, v, row_out) > 0:
-            finish_root(
-                n, m, first, last, pair_local, pair_cost, banned, match, owner, u, v, row_out, column_out,
-                dist, through, by, seen, hub,
-            )  # fmt: skip
-        root_cost[q] = cost_of(match, pair_cost, n)
-        for x in range(n):
-            root[i + x], root_u[i + x] = match[x], u[x]
-        for y in range(m):
-            root_v[v_start[q] + y] = v[y]
-
-
-@kernel
-def load_piece(
-    q: int, m: int, begin: Ints, places: Ints, pair_start: Ints, v_start: Ints, root: Ints, root_u: Floats,
-    root_v: Floats, first: Ints, last: Ints, match: Ints, u: Floats, v: Floats,
-) -> None:  # fmt: skip
-    """Where the pairs of the rows of piece ``q`` are, its cheapest solution and potentials."""
-    for i in range(begin[q], begin[q + 1]):
-        x = i - begin[q]
-        first[x], last[x] = pair_start[places[i]], pair_start[places[i] + 1]
-        match[x], u[x] = root[i], root_u[i]
-    for y in range(m):
-        v[y] = root_v[v_start[q] + y]
+def note_solved(
+    ordered: Ints, solved: int, roots: Floats, roots_start: Ints, solutions: Solutions, slack: float, bound: Floats
+) -> None:
+    """Lower the bound by the solutions of the pieces solved at once, and forget those that cannot matter."""
+    last = len(bound) - 1
+    for i in range(solved):
+        q = ordered[i]
+        low, high = roots_start[q], roots_start[q + 1]
+        for r in range(1, solutions.count[q]):
+            rise = solutions.gap[solutions.begin[q] + r]
+            if roots[low] + rise > bound[last] + slack:
+                solutions.count[q] = r
+                break
+            note(bound, roots, low, high, rise)
 
 
 @kernel
@@ -128,121 +147,95 @@ def with_room(pairs: Ints, used: int, more: int) -> Ints:
 
 
 @kernel
-def patience_for(product: int, k: int) -> int:
+def patience_for(product: float, k: int) -> int:
     """How many partial choices of a piece to look at before Murty's search takes over."""
     return 4 * SURELY if product <= SURELY else 4 * SURELY + PATIENCE * k
 
 
 @kernel
-def record(n: int, count: int, order: Ints, cost: Floats, sols: int, used: int, gap: Floats, pair_at: Ints) -> None:
-    """Enter the ``count`` solutions of a piece as number ``sols`` and after: their gaps and where their pairs begin."""
-    rise = 0.0
-    for r in range(count):
-        rise = max(rise, cost[order[r]] - cost[order[0]])
-        gap[sols + r], pair_at[sols + r] = rise, used + order[r] * n
+def forget_others(totals: Floats, low: int, best: Floats) -> None:
+    """Let the root of a piece be all that is known, at cost 0: each piece is solved for itself."""
+    for j in range(len(best)):
+        best[j] = np.inf
+    best[0], totals[low] = 0.0, 0.0
+
+
+@kernel
+def try_enumeration(
+    q: int, product: float, problem: Problem, pieces: Pieces, space: Space, roots: Roots, bound: Bound, saved: Floats,
+    pairs: Ints, used: int,
+) -> int:  # fmt: skip
+    """Solutions of piece ``q`` by enumeration; -1, and the bound is left as it was, if patience ends."""
+    k = len(saved)
+    for j in range(k):
+        saved[j] = bound.best[j]
+    piece, matching, choice = piece_in(space, q, problem, pieces), matching_in(space), choices_in(space)
+    load_root(q, piece, pieces.begin[q], roots, matching)
+    kept = Kept(k, space.order, space.cost, pairs, used)
+    count = enumerate_solutions(piece, matching, roots.cost[q], bound, choice, kept, patience_for(product, k))
+    for j in range(k if count < 0 else 0):
+        bound.best[j] = saved[j]
+    return count
+
+
+@kernel
+def search_piece(
+    q: int, problem: Problem, pieces: Pieces, space: Space, roots: Roots, bound: Bound, pairs: Ints, used: int
+) -> int:
+    """Solutions of piece ``q`` by Murty's search."""
+    piece, matching, path = piece_in(space, q, problem, pieces), matching_in(space), path_in(space)
+    load_root(q, piece, pieces.begin[q], roots, matching)
+    kept = Kept(len(bound.best), space.order, space.cost, pairs, used)
+    return best_solutions(piece, roots.cost[q], bound, matching, path, kept)
 
 
 @kernel(inline=True)
 def solve_pieces(
-    k: int, component: Ints, begin: Ints, places: Ints, piece_of: Ints, width: Ints, pair_start: Ints,
-    pair_local: Ints, pair_cost: Floats, base: Floats, scale: float, joint: bool, most_choices: int,
-) -> tuple[Ints, Ints, Floats, Floats, Ints, Ints, Floats, float]:  # fmt: skip
+    k: int, problem: Problem, pieces: Pieces, base: Floats, scale: float, joint: bool, most_choices: int
+) -> tuple[Solutions, Floats, float]:
     """The solutions of every piece that can be among the k best of all; all k best of each if not ``joint``.
 
-    Returns where the solutions of each piece begin, how many it has and its least cost [Q]; their gaps and where their
-    pairs begin; the pairs; the cost of each parent's cheapest solution [P]; a limit that the k-th best does not exceed.
+    Returns with them the cost of each parent's cheapest solution [P], and a limit that the k-th best does not exceed.
+    ``base`` [P]: cost of the parents; ``scale``: what no total exceeds; a piece of at most ``most_choices`` choices is
+    enumerated.
     """
-    Q, most_choices = len(component), max(most_choices, 1)
-    n_most, m_most, v_start = 1, 1, ints_of(Q + 1, 0)
-    for q in range(Q):
-        n_most, m_most = max(n_most, begin[q + 1] - begin[q]), max(m_most, width[component[q]])
-        v_start[q + 1] = v_start[q] + width[component[q]]
-    root, root_u, root_v = ints(len(places)), floats(len(places)), floats(v_start[Q])
-    of_row, sum_of_row = int_table(4, n_most), float_table(3, n_most + 1)  # few arrays: many arguments are slow
-    first, last, match, option = of_row[0], of_row[1], of_row[2], of_row[3]
-    u, lower, partial = sum_of_row[0], sum_of_row[1], sum_of_row[2]
-    of_column, v, dist = int_table(4, m_most), floats(m_most), floats_of(m_most, np.inf)
-    owner, through, by, seen = of_column[0], of_column[1], of_column[2], of_column[3]
-    hub, row_out, column_out = ints_of(3, 0), flags(n_most), flags(m_most)
-    banned, root_cost = flags(len(pair_local)), floats(Q)
-    product, at_once = floats_of(Q, 1.0), 0 if k == 1 else min(AT_ONCE, most_choices)
-    sol_begin, sol_count = ints(Q), ints(Q)
-    gap, pair_at, sols = floats(Q * k), ints(Q * k), 0 * Q  # no literal, see compile.py
-    pairs: Ints = ints(2 * k * n_most + 2 * len(places))
-    used = 0 * Q
-    of_solution = float_table(3, k)
-    order, cost, saved, bound = ints(k), of_solution[0], of_solution[1], of_solution[2]
-    for q in range(Q if k > 1 else 0):
-        n = begin[q + 1] - begin[q]
-        for x in range(n):
-            place = places[begin[q] + x]
-            first[x], last[x] = pair_start[place], pair_start[place + 1]
-        size = choices(n, first, last, most_choices)
-        product[q] = size
-        if size <= at_once or n == 1:
-            product[q] = 0.0
-            pairs = with_room(pairs, used, k * n)
-            count = enumerate_all(
-                n, k, first, last, pair_local, pair_cost, column_out, option, partial, order, cost, pairs, used
-            )
-            record(n, count, order, cost, sols, used, gap, pair_at)
-            root_cost[q] = cost[order[0]]
-            sol_begin[q], sol_count[q] = sols, count
-            sols += count
-            used += count * n
-    solve_roots(
-        component, begin, places, width, pair_start, pair_local, pair_cost, banned, v_start,
-        first, last, match, owner, u, v, row_out, column_out, dist, through, by, seen, hub,
-        root, root_u, root_v, root_cost, product,
-    )  # fmt: skip
-    total, slack = totals_of(piece_of, base, root_cost), 1e-12 * scale
-    for j in range(k):
-        bound[j] = np.inf
+    component, begin, of_parent = pieces.component, pieces.begin, pieces.of_parent
+    Q, most_choices, slack = len(component), max(most_choices, 1), 1e-12 * scale
+    n, m = largest(pieces, problem.width)
+    space = new_space(n, m, k, len(problem.pair_cost))
+    roots = new_roots(component, len(pieces.places), problem.width)
+    product = floats_of(Q, 1.0)
     if k == 1:
-        for q in range(Q):
-            sol_begin[q], sol_count[q], gap[q] = q, 1, 0.0
-        for cost_of_one in total:
-            bound[0] = min(bound[0], cost_of_one)
-        return sol_begin, sol_count, root_cost, gap, begin, root, total, bound[0] + slack
+        solve_roots(problem, pieces, space, product, roots)
+        total = totals_of(of_parent, base, roots.cost)
+        limit = total[cheapest(total)] + slack
+        return Solutions(up_to(Q), ints_of(Q, 1), roots.cost, floats_of(Q, 0.0), begin, roots.pair), total, limit
+    room = products_of(problem, pieces, k, most_choices, product)
+    sol_begin, sol_count, gap, pair_at, pairs = ints(Q), ints(Q), floats(Q * k), ints(Q * k), ints(room)
+    solutions = Solutions(sol_begin, sol_count, roots.cost, gap, pair_at, pairs)
+    sols, used = solve_small(k, problem, pieces, space, product, solutions)
+    solve_roots(problem, pieces, space, product, roots)
+    total = totals_of(of_parent, base, roots.cost)
     ranked = sorted_numbers(total)
-    for i in range(min(k, len(total))):
-        bound[i] = total[ranked[i]]
-    roots, roots_start = totals_of_pieces(piece_of, total, ranked, Q)
-    ordered, small = in_order(product, most_choices, roots, roots_start)
-    for i in range(Q):
+    best, saved, order, cost = least_of(total, ranked, k), floats(k), space.order, space.cost
+    totals, totals_start = totals_of_pieces(of_parent, total, ranked, Q)
+    ordered, solved, small = in_order(product, most_choices, totals, totals_start)
+    if joint:
+        note_solved(ordered, solved, totals, totals_start, solutions, slack, best)
+    for i in range(solved, Q):
         q = ordered[i]
-        n, m, low, high = begin[q + 1] - begin[q], width[component[q]], roots_start[q], roots_start[q + 1]
-        if product[q] == 0.0:
-            for r in range(1, sol_count[q] if joint else 1):
-                rise = gap[sol_begin[q] + r]
-                if roots[low] + rise > bound[k - 1] + slack:
-                    sol_count[q] = r
-                    break
-                note(bound, roots, low, high, rise)
-            continue
+        low, high, n = totals_start[q], totals_start[q + 1], begin[q + 1] - begin[q]
+        if not joint:
+            forget_others(totals, low, best)
+            high = low + 1
         pairs = with_room(pairs, used, k * n)
-        if not joint:  # each piece for itself: its root is known, and nothing else
-            for j in range(k):
-                bound[j] = np.inf
-            bound[0], roots[low], high = 0.0, 0.0, low + 1
-        load_piece(q, m, begin, places, pair_start, v_start, root, root_u, root_v, first, last, match, u, v)
-        count = -1 + 0 * k
+        bound, count = Bound(best, totals, low, high, slack), -1 + 0 * k  # no literal, see compile.py
         if i < small:
-            for j in range(k):
-                saved[j] = bound[j]
-            count = enumerate_solutions(
-                n, k, first, last, pair_local, pair_cost, match, root_cost[q], u, v, bound, roots, low, high, slack,
-                column_out, option, lower, partial, order, cost, pairs, used, patience_for(product[q], k),
-            )  # fmt: skip
-            for j in range(k if count < 0 else 0):
-                bound[j] = saved[j]
+            count = try_enumeration(q, product[q], problem, pieces, space, roots, bound, saved, pairs, used)
         if count < 0:
-            count = best_solutions(
-                n, m, k, first, last, pair_local, pair_cost, banned, root_cost[q], bound, roots, low, high, slack,
-                match, owner, u, v, row_out, column_out, dist, through, by, seen, hub, order, cost, pairs, used,
-            )  # fmt: skip
+            count = search_piece(q, problem, pieces, space, roots, bound, pairs, used)
         record(n, count, order, cost, sols, used, gap, pair_at)
         sol_begin[q], sol_count[q] = sols, count
         sols += count
         used += count * n
-    return sol_begin, sol_count, root_cost, gap, pair_at, pairs, total, bound[k - 1] + slack
+    return Solutions(sol_begin, sol_count, roots.cost, gap, pair_at, pairs), total, best[k - 1] + slack

@@ -15,45 +15,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...types import Bools, Floats, Ints
+from ...types import Floats, Ints
 from .compile import kernel
+from .tables import Matching, Path, Piece
 
 HUB = -1  # as a source or target, and what an unmatched row or column has
 
 
 @kernel
-def find_path(
-    source: int,
-    target: int,
-    limit: float,
-    hub_banned: bool,
-    n: int,
-    m: int,
-    first: Ints,
-    last: Ints,
-    pair_local: Ints,
-    pair_cost: Floats,
-    banned: Bools,
-    match: Ints,
-    owner: Ints,
-    u: Floats,
-    v: Floats,
-    row_out: Bools,
-    column_out: Bools,
-    dist: Floats,
-    through: Ints,
-    by: Ints,
-    seen: Ints,
-    hub: Ints,
+def find_path(  # noqa: C901, PLR0912, PLR0915 - the hot loop: a call per row or column costs a tenth of the search
+    source: int, target: int, limit: float, hub_banned: bool, piece: Piece, matching: Matching, path: Path
 ) -> tuple[float, float]:
     """Length of the shortest path from a row (or the hub) to a column (or the hub), and the distance of the hub.
 
     Infinite if there is no path of at most ``limit``. The source row may not use pairs that are ``banned`` nor, if
-    ``hub_banned``, the hub. Rows and columns that are out do not take part. Fills distances ``dist`` [m], which are
-    infinite at the start, the pair ``through`` which and row ``by`` which a column was reached (-1: the hub), the
-    columns ``seen``, the closed ones first, and in ``hub`` the row and the column that the hub was reached from, and
-    how many columns were seen.
+    ``hub_banned``, the hub. Rows and columns that are out do not take part. Fills ``path``, whose distances are
+    infinite at the start.
     """
+    first, last, pair_local, pair_cost, banned = piece.first, piece.last, piece.column, piece.cost, piece.banned
+    match, owner, u, v, row_out, column_out = matching
+    dist, through, by, seen, hub = path
     count, closed = 0, 0
     far, hub_open = np.inf, True
     hub[0], hub[1] = -1, -1
@@ -105,7 +86,7 @@ def find_path(
                 low, high = 0, 0
             continue
         hub_open = False
-        for y in range(m):
+        for y in range(piece.m):
             at = d + max(-v[y], 0.0)
             if not column_out[y] and at < dist[y] and at <= limit:
                 if dist[y] == np.inf:
@@ -114,128 +95,103 @@ def find_path(
                 dist[y], through[y], by[y] = at, -1, -1
                 if y == target:
                     limit = at
-        low, high = 0, n
+        low, high = 0, piece.n
 
 
 @kernel
-def forget_path(dist: Floats, seen: Ints, hub: Ints) -> None:
+def forget_path(path: Path) -> None:
     """Make the distances infinite again."""
-    for i in range(hub[2]):
-        dist[seen[i]] = np.inf
+    for i in range(path.hub[2]):
+        path.dist[path.seen[i]] = np.inf
 
 
 @kernel
-def change_potentials(
-    source: int,
-    length: float,
-    far: float,
-    n: int,
-    m: int,
-    match: Ints,
-    owner: Ints,
-    u: Floats,
-    v: Floats,
-    row_out: Bools,
-    column_out: Bools,
-    dist: Floats,
-    seen: Ints,
-    hub: Ints,
-) -> None:
+def change_potentials(source: int, length: float, far: float, piece: Piece, matching: Matching, path: Path) -> None:
     """Potentials that fit the matching after the path has been flipped; to be called before it is."""
+    match, owner, u, v, row_out, column_out = matching
     lift = max(length - far, 0.0)  # of the hub, whose potential stays 0: the others move instead
     if lift > 0.0:
-        for x in range(n):
+        for x in range(piece.n):
             if not row_out[x] and (match[x] >= 0 or x == source):
                 u[x] -= lift
-        for y in range(m):
+        for y in range(piece.m):
             if not column_out[y]:
                 v[y] += lift
-    for i in range(hub[2]):
-        y = seen[i]
-        if dist[y] < length:
-            v[y] -= length - dist[y]
+    for i in range(path.hub[2]):
+        y = path.seen[i]
+        if path.dist[y] < length:
+            v[y] -= length - path.dist[y]
             if owner[y] >= 0:
-                u[owner[y]] += length - dist[y]
+                u[owner[y]] += length - path.dist[y]
     if source != HUB:
         u[source] += length
 
 
 @kernel
-def flip_path(
-    source: int, target: int, pair_local: Ints, match: Ints, owner: Ints, through: Ints, by: Ints, hub: Ints
-) -> None:
-    """Match along the path found."""
+def flip_path(source: int, target: int, column: Ints, matching: Matching, path: Path) -> None:
+    """Match along the path found; ``column``: that of each pair."""
     y = target
     while True:
         if y == HUB:
-            if hub[0] >= 0:
-                x, e = hub[0], -1
-            elif hub[1] >= 0:
-                y = hub[1]
+            if path.hub[0] >= 0:
+                x, e = path.hub[0], -1
+            elif path.hub[1] >= 0:
+                y = path.hub[1]
                 continue
             else:
                 return  # the hub is the source
         else:
-            x, e = by[y], through[y]
-            owner[y] = x
+            x, e = path.by[y], path.through[y]
+            matching.owner[y] = x
             if e < 0:
                 y = HUB
                 continue
-        old = match[x]
-        match[x] = e
+        old = matching.match[x]
+        matching.match[x] = e
         if x == source:
             return
-        y = pair_local[old] if old >= 0 else HUB
+        y = column[old] if old >= 0 else HUB
 
 
 @kernel
-def greedy_start(
-    n: int, m: int, first: Ints, last: Ints, pair_local: Ints, pair_cost: Floats,
-    match: Ints, owner: Ints, u: Floats, v: Floats, row_out: Bools,
-) -> int:  # fmt: skip
+def greedy_start(piece: Piece, matching: Matching) -> int:
     """Give every row its cheapest choice; those whose column is taken stay out, how many is returned."""
+    match, owner, u, v, row_out, _ = matching
     waiting = 0
-    for y in range(m):
+    for y in range(piece.m):
         v[y], owner[y] = 0.0, HUB
-    for x in range(n):
+    for x in range(piece.n):
         least, chosen = 0.0, -1
-        for e in range(first[x], last[x]):
-            if pair_cost[e] < least:
-                least, chosen = pair_cost[e], e
+        for e in range(piece.first[x], piece.last[x]):
+            if piece.cost[e] < least:
+                least, chosen = piece.cost[e], e
         u[x] = least
         if chosen >= 0:
-            if owner[pair_local[chosen]] >= 0:
+            if owner[piece.column[chosen]] >= 0:
                 chosen, row_out[x] = -1, True
                 waiting += 1
             else:
-                owner[pair_local[chosen]] = x
+                owner[piece.column[chosen]] = x
         match[x] = chosen
     return waiting
 
 
 @kernel
-def finish_root(
-    n: int, m: int, first: Ints, last: Ints, pair_local: Ints, pair_cost: Floats, banned: Bools,
-    match: Ints, owner: Ints, u: Floats, v: Floats, row_out: Bools, column_out: Bools,
-    dist: Floats, through: Ints, by: Ints, seen: Ints, hub: Ints,
-) -> None:  # fmt: skip
+def finish_root(piece: Piece, matching: Matching, path: Path) -> None:
     """Let the rows that are out in, one shortest path each."""
-    hub_node, allowed = HUB + 0 * n, n < 0  # no literals, see compile.py
-    for x in range(n):
-        if not row_out[x]:
+    hub_node, banned = HUB + 0 * piece.n, piece.n < 0  # no literals, see compile.py
+    for x in range(piece.n):
+        if not matching.row_out[x]:
             continue
-        row_out[x] = False
+        matching.row_out[x] = False
         least = 0.0
-        for e in range(first[x], last[x]):
-            least = min(least, pair_cost[e] - v[pair_local[e]])
-        u[x] = least
-        length, far = find_path(
-            x, hub_node, np.inf, allowed, n, m, first, last, pair_local, pair_cost, banned, match, owner, u, v,
-            row_out, column_out, dist, through, by, seen, hub,
-        )  # fmt: skip
-        change_potentials(x, length, far, n, m, match, owner, u, v, row_out, column_out, dist, seen, hub)
-        flip_path(x, hub_node, pair_local, match, owner, through, by, hub)
-        forget_path(dist, seen, hub)
+        for e in range(piece.first[x], piece.last[x]):
+            least = min(least, piece.cost[e] - matching.v[piece.column[e]])
+        matching.u[x] = least
+        length, far = find_path(x, hub_node, np.inf, banned, piece, matching, path)
+        change_potentials(x, length, far, piece, matching, path)
+        flip_path(x, hub_node, piece.column, matching, path)
+        forget_path(path)
 
 
 @kernel

@@ -2,82 +2,68 @@
 
 from __future__ import annotations
 
-from ...types import Bools, Floats, Ints
+from ...types import Floats, Ints
+from .bounds import note
 from .compile import kernel
+from .tables import Bound, Choices, Kept, Matching, Piece
 
 
 @kernel
-def note(bound: Floats, roots: Floats, low: int, high: int, gap: float) -> None:
-    """Enter solutions of the whole problem, one per parent of a piece, among the cheapest known, ``bound`` [k].
-
-    The parents' cheapest solutions cost ``roots[low:high]``, the new ones ``gap`` more.
-    """
-    a, b = len(bound), low
-    while a > 0 and b < high and roots[b] + gap < bound[a - 1]:  # a new one for the dearest
-        a -= 1
-        b += 1
-    i = len(bound) - 1
-    while b > low:
-        total = roots[b - 1] + gap
-        if a > 0 and bound[a - 1] > total:
-            a -= 1
-            bound[i] = bound[a]
-        else:
-            b -= 1
-            bound[i] = total
-        i -= 1
-
-
-@kernel
-def choices(n: int, first: Ints, last: Ints, most: int) -> int:
-    """Product of the choices of the rows of a piece, at most ``most`` + 1."""
+def choices(q: int, begin: Ints, places: Ints, pair_start: Ints, most: int) -> int:
+    """Product of the choices of the rows of piece ``q``, at most ``most`` + 1."""
     product = 1
-    for x in range(n):
-        product *= last[x] - first[x] + 1
+    for i in range(begin[q], begin[q + 1]):
+        product *= pair_start[places[i] + 1] - pair_start[places[i]] + 1
         if product > most:
             return most + 1
     return product
 
 
+@kernel(inline=True)
+def keep(total: float, count: int, piece: Piece, option: Ints, kept: Kept) -> int:
+    """Enter the present choice, which costs ``total``, as a new solution or for the dearest; how many there are."""
+    order = kept.order
+    place = count
+    if count == kept.k:
+        place = order[kept.k - 1]
+    else:
+        count += 1
+    kept.cost[place] = total
+    for a in range(piece.n):
+        kept.pairs[kept.at + place * piece.n + a] = option[a] if option[a] < piece.last[a] else -1
+    i = count - 1
+    while i > 0 and kept.cost[order[i - 1]] > total:
+        order[i] = order[i - 1]
+        i -= 1
+    order[i] = place
+    return count
+
+
+@kernel(inline=True)
+def is_root(piece: Piece, option: Ints, root: Ints) -> bool:
+    """Whether the present choice is the solution ``root``."""
+    same = True
+    for a in range(piece.n):
+        same &= root[a] == (option[a] if option[a] < piece.last[a] else -1)
+    return same
+
+
 @kernel
 def enumerate_solutions(
-    n: int,
-    k: int,
-    first: Ints,
-    last: Ints,
-    pair_local: Ints,
-    pair_cost: Floats,
-    root: Ints,
-    root_cost: float,
-    u: Floats,
-    v: Floats,
-    bound: Floats,
-    roots: Floats,
-    low: int,
-    high: int,
-    slack: float,
-    taken: Bools,
-    option: Ints,
-    lower: Floats,
-    total: Floats,
-    order: Ints,
-    sol_cost: Floats,
-    sol_pair: Ints,
-    at: int,
-    patience: int,
+    piece: Piece, matching: Matching, root_cost: float, bound: Bound, choice: Choices, kept: Kept, patience: int
 ) -> int:
     """How many solutions of a piece were found, at most k: all that can be among the k cheapest of the whole problem.
 
-    -1, with ``bound`` spoilt, if more than ``patience`` partial choices would have to be looked at.
-
-    ``root``: the cheapest solution, with its potentials ``u`` and ``v``. ``bound``, ``roots``: see `note`; a solution
-    dearer than ``bound`` by more than ``slack`` cannot matter. Fills ``order`` [k] (numbers of the solutions, cheapest
-    first), their costs and, from number ``at`` on, their pairs ``sol_pair`` [k * n] (-1: unmatched).
+    -1, with ``bound.best`` spoilt, if more than ``patience`` partial choices would have to be looked at.
+    ``matching`` holds the cheapest solution, which costs ``root_cost``, and its potentials. The solutions are ``kept``.
     """
-    count, x = 0, 0
+    first, last, pair_local, pair_cost = piece.first, piece.last, piece.column, piece.cost
+    u, v = matching.u, matching.v
+    taken, option, lower, total = choice
+    n, count, x = piece.n, 0, 0
     lower[0], total[0] = 0.0, 0.0
     option[0] = first[0] - 1
-    limit = bound[k - 1] - roots[low] + slack
+    limit = bound.best[kept.k - 1] - bound.roots[bound.low] + bound.slack
     while x >= 0:
         e = option[x]
         if first[x] <= e < last[x]:
@@ -107,45 +93,29 @@ def enumerate_solutions(
             continue
         x -= 1
         gap = total[n] - root_cost
-        if gap > limit or (count == k and total[n] >= sol_cost[order[k - 1]]):
+        if gap > limit or (count == kept.k and total[n] >= kept.cost[kept.order[kept.k - 1]]):
             continue
-        place = count
-        if count == k:
-            place = order[k - 1]
-        else:
-            count += 1
-        sol_cost[place] = total[n]
-        is_root = True
-        for a in range(n):
-            pair = option[a] if option[a] < last[a] else -1
-            sol_pair[at + place * n + a] = pair
-            is_root = is_root and pair == root[a]
-        i = count - 1
-        while i > 0 and sol_cost[order[i - 1]] > total[n]:
-            order[i] = order[i - 1]
-            i -= 1
-        order[i] = place
-        if not is_root:
-            note(bound, roots, low, high, gap)
-            limit = bound[k - 1] - roots[low] + slack
+        count = keep(total[n], count, piece, option, kept)
+        if not is_root(piece, option, matching.match):
+            note(bound.best, bound.roots, bound.low, bound.high, gap)
+            limit = bound.best[kept.k - 1] - bound.roots[bound.low] + bound.slack
     return count
 
 
-@kernel
-def enumerate_all(
-    n: int, k: int, first: Ints, last: Ints, pair_local: Ints, pair_cost: Floats, taken: Bools, option: Ints,
-    total: Floats, order: Ints, sol_cost: Floats, sol_pair: Ints, at: int,
-) -> int:  # fmt: skip
+@kernel(inline=True)
+def enumerate_all(piece: Piece, choice: Choices, kept: Kept) -> int:
     """As `enumerate_solutions`, for a piece so small that a bound does not pay: all solutions, at most the k best."""
-    count, x = 0, 0
+    first, last, column = piece.first, piece.last, piece.column
+    taken, option, total = choice.taken, choice.option, choice.total
+    count, x = 0 * piece.n, 0
     total[0] = 0.0
     option[0] = first[0] - 1
     while x >= 0:
         e = option[x]
         if first[x] <= e < last[x]:
-            taken[pair_local[e]] = False
+            taken[column[e]] = False
         e += 1
-        while e < last[x] and taken[pair_local[e]]:
+        while e < last[x] and taken[column[e]]:
             e += 1
         option[x] = e
         if e > last[x]:
@@ -153,28 +123,14 @@ def enumerate_all(
             continue
         cost = total[x]
         if e < last[x]:
-            cost += pair_cost[e]
-        if x < n - 1:
+            cost += piece.cost[e]
+        if x < piece.n - 1:
             if e < last[x]:
-                taken[pair_local[e]] = True
+                taken[column[e]] = True
             x += 1
             total[x], option[x] = cost, first[x] - 1
-            continue
-        place = count
-        if count < k:
-            count += 1
-        elif cost < sol_cost[order[k - 1]]:
-            place = order[k - 1]
-        else:
-            continue
-        sol_cost[place] = cost
-        for a in range(n):
-            sol_pair[at + place * n + a] = option[a] if option[a] < last[a] else -1
-        i = count - 1
-        while i > 0 and sol_cost[order[i - 1]] > cost:
-            order[i] = order[i - 1]
-            i -= 1
-        order[i] = place
+        elif count < kept.k or cost < kept.cost[kept.order[kept.k - 1]]:
+            count = keep(cost, count, piece, option, kept)
     return count
 
 

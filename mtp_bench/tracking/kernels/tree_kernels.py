@@ -5,12 +5,15 @@ A leaf is a distinct track state after a frame; it belongs to all hypotheses tha
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ...types import Bools, Floats, Ints
 from .arrays import first_ints, flag_table, int_table, ints, ints_of
 from .compile import kernel
 
+CLASS, ID, HITS, AGE = range(4)  # rows of a memory: class, identity, detections taken, frames since the last one
 _UNSEEN, _SEEN = -1, -2
 
 
@@ -32,6 +35,82 @@ def _sort(values: Ints, n: int) -> None:
         values[j + 1] = value
 
 
+class _Taken(NamedTuple):
+    """What the new hypotheses took."""
+
+    choice: (
+        Ints  # [N, K] detection of each old leaf, from 1 on; 0: none; negative: the hypothesis does not hold the leaf
+    )
+    by_any: Bools  # [K, D] whether any leaf of the hypothesis took the detection
+    takers: Ints  # [D] how many hypotheses took it
+
+
+class _Leaves(NamedTuple):
+    """The new leaves: first those of each old leaf, from ``start[i]`` to ``start[i + 1]``, then new tracks."""
+
+    leaf: Ints  # old leaf, -1: a new track
+    detection: Ints  # -1: none
+    start: Ints  # [N + 1]
+
+
+@kernel
+def _spread(column: Ints, parent: Ints, member: Bools, age: Ints, max_age: Ints, taken: _Taken, new: _Leaves) -> int:
+    """Write what is taken, and the new leaves of each old one: a leaf per choice; how many. Arguments as for `grow`."""
+    choice, by_any, takers = taken
+    leaf, detection, start = new
+    place = ints_of(len(takers) + 1, _UNSEEN)  # whether the present old leaf has had a choice before
+    choices, count = ints(len(parent)), 0
+    for i in range(len(age)):
+        n, start[i] = 0, count
+        for h in range(len(parent)):
+            if not member[parent[h], i]:
+                choice[i, h] = _UNSEEN
+                continue
+            d = column[h, i]
+            choice[i, h] = d + 1
+            if d >= 0:
+                by_any[h, d] = True
+                takers[d] += 1
+            if place[d + 1] == _UNSEEN:
+                place[d + 1] = _SEEN
+                choices[n] = d + 1
+                n += 1
+        _sort(choices, n)
+        for j in range(n):
+            place[choices[j]] = _UNSEEN
+            if choices[j] > 0 or age[i] + 1 < max_age[i]:
+                leaf[count], detection[count] = i, choices[j] - 1
+                count += 1
+    start[len(age)] = count
+    return count
+
+
+@kernel
+def _hold(taken: _Taken, new: _Leaves, member: Bools, name: Ints) -> None:
+    """Let each hypothesis hold its leaves, and name it by the sum of their numbers."""
+    choice, by_any, takers = taken
+    _, detection, start = new
+    leaves, count = len(choice), member.shape[1]
+    place, number = ints_of(len(takers) + 1, _UNSEEN), ints(count)
+    for e in range(count):
+        number[e] = _mixed(e)
+    for i in range(leaves):
+        for e in range(start[i], start[i + 1]):
+            place[detection[e] + 1] = e  # new leaf of each choice of this old one
+        for h in range(len(name)):
+            e = place[choice[i, h]] if choice[i, h] >= 0 else _UNSEEN
+            if e >= 0:
+                member[h, e] = True
+                name[h] += number[e]
+        for e in range(start[i], start[i + 1]):
+            place[detection[e] + 1] = _UNSEEN
+    for e in range(start[leaves], count):  # new tracks
+        for h in range(len(name)):
+            if not by_any[h, detection[e]]:
+                member[h, e] = True
+                name[h] += number[e]
+
+
 @kernel("Tuple((i8[::1], i8[::1], b1[:, ::1], i8[::1]))(i8[:, ::1], i8[::1], b1[:, ::1], i8[::1], i8[::1], i8)")
 def grow(
     column: Ints,  # [K, N] detection that each leaf takes in each new hypothesis, -1: none
@@ -48,58 +127,17 @@ def grow(
     is [K, E]; hypotheses that hold the same leaves have the same name [K].
     """
     hypotheses, leaves = column.shape
-    choice = int_table(leaves, hypotheses)
-    taken, takers = flag_table(hypotheses, detections), ints_of(detections, 0)
     most = min(hypotheses, detections + 1) * leaves + detections
-    leaf, detection, start = ints(most), ints(most), ints(leaves + 1)
-    place = ints_of(detections + 1, _UNSEEN)  # new leaf of each choice of the present old leaf
-    choices, count = ints(hypotheses), 0
-    for i in range(leaves):
-        n, start[i] = 0, count
-        for h in range(hypotheses):
-            if not member[parent[h], i]:
-                choice[i, h] = _UNSEEN
-                continue
-            d = column[h, i]
-            choice[i, h] = d + 1
-            if d >= 0:
-                taken[h, d] = True
-                takers[d] += 1
-            if place[d + 1] == _UNSEEN:
-                place[d + 1] = _SEEN
-                choices[n] = d + 1
-                n += 1
-        _sort(choices, n)
-        for j in range(n):
-            place[choices[j]] = _UNSEEN
-            if choices[j] > 0 or age[i] + 1 < max_age[i]:
-                leaf[count], detection[count] = i, choices[j] - 1
-                count += 1
-    born = start[leaves] = count
+    taken = _Taken(int_table(leaves, hypotheses), flag_table(hypotheses, detections), ints_of(detections, 0))
+    new = _Leaves(ints(most), ints(most), ints(leaves + 1))
+    count = _spread(column, parent, member, age, max_age, taken, new)
     for d in range(detections):
-        if takers[d] < hypotheses:
-            leaf[count], detection[count] = -1, d
+        if taken.takers[d] < hypotheses:
+            new.leaf[count], new.detection[count] = -1, d
             count += 1
     now, name = flag_table(hypotheses, count), ints_of(hypotheses, 0)
-    number = ints(count)
-    for e in range(count):
-        number[e] = _mixed(e)
-    for i in range(leaves):
-        for e in range(start[i], start[i + 1]):
-            place[detection[e] + 1] = e
-        for h in range(hypotheses):
-            e = place[choice[i, h]] if choice[i, h] >= 0 else _UNSEEN
-            if e >= 0:
-                now[h, e] = True
-                name[h] += number[e]
-        for e in range(start[i], start[i + 1]):
-            place[detection[e] + 1] = _UNSEEN
-    for e in range(born, count):
-        for h in range(hypotheses):
-            if not taken[h, detection[e]]:
-                now[h, e] = True
-                name[h] += number[e]
-    return first_ints(leaf, count), first_ints(detection, count), now, name
+    _hold(taken, new, now, name)
+    return first_ints(new.leaf, count), first_ints(new.detection, count), now, name
 
 
 @kernel("i8[::1](b1[:, ::1], i8[::1])")
@@ -121,45 +159,40 @@ def distinct_rows(member: Bools, name: Ints) -> Ints:
     return first_ints(kept, count)
 
 
-@kernel(
-    "i8(i8[::1], i8[::1], i8[::1], i8[::1], i8[::1], f8[::1], i8[::1], f8[:, ::1], i8[::1], f8[::1], f8[:, ::1], i8,"
-    " i8[::1], i8[::1], i8[::1], f8[::1], i8[::1], f8[:, ::1])"
-)
+@kernel("i8(i8[::1], i8[::1], i8[:, ::1], f8[::1], i8[::1], f8[::1], i8, i8[:, ::1], f8[::1])")
 def descend(
     leaf: Ints,  # [E] old leaf of each new one, -1: a new track
     detection: Ints,  # [E] detection that it took, -1: none
-    class_id: Ints,  # [N] of the old leaves, as the next four
-    track_id: Ints,
-    hits: Ints,
-    score: Floats,  # sum of the scores of its detections
-    age: Ints,
-    box: Floats,  # [D, 7] detected
+    memory: Ints,  # [4, N] of the old leaves, see `CLASS`
+    score: Floats,  # [N] sum of the scores of their detections
     box_class: Ints,  # [D]
     box_score: Floats,  # [D]
-    mean: Floats,  # [E, 10] state of the new leaves
     next_id: int,  # of new tracks
-    new_class: Ints,  # [E], written, as all that follow
-    new_id: Ints,
-    new_hits: Ints,
-    new_score: Floats,
-    new_age: Ints,
-    measured: Floats,  # [E, 7] the detected box, or that of the state
+    new_memory: Ints,  # [4, E], written
+    new_score: Floats,  # [E], written
 ) -> int:
     """What the new leaves remember of their tracks; gives the next free identity."""
     for e in range(len(leaf)):
         i, d = leaf[e], detection[e]
         if i < 0:
-            new_class[e], new_id[e], new_hits[e], new_score[e], new_age[e] = box_class[d], next_id, 1, 0.0, 0
+            new_memory[CLASS, e], new_memory[ID, e], new_score[e] = box_class[d], next_id, 0.0
+            new_memory[HITS, e], new_memory[AGE, e] = 1, 0
             next_id += 1
         else:
-            new_class[e], new_id[e], new_score[e] = class_id[i], track_id[i], score[i]
-            new_hits[e] = hits[i] + (1 if d >= 0 else 0)
-            new_age[e] = 0 if d >= 0 else age[i] + 1
+            new_memory[CLASS, e], new_memory[ID, e], new_score[e] = memory[CLASS, i], memory[ID, i], score[i]
+            new_memory[HITS, e] = memory[HITS, i] + (1 if d >= 0 else 0)
+            new_memory[AGE, e] = 0 if d >= 0 else memory[AGE, i] + 1
         if d >= 0:
             new_score[e] += box_score[d]
-        for k in range(7):
-            measured[e, k] = box[d, k] if d >= 0 else mean[e, k]
     return next_id
+
+
+@kernel("void(i8[::1], f8[:, ::1], f8[:, ::1], f8[:, ::1])")
+def write_boxes(detection: Ints, box: Floats, state: Floats, measured: Floats) -> None:
+    """Write the detected box that each leaf took, or that of its state, into ``measured`` [E or more, 7]."""
+    for e in range(len(detection)):
+        for k in range(7):
+            measured[e, k] = box[detection[e], k] if detection[e] >= 0 else state[e, k]
 
 
 @kernel("Tuple((f8[:, :, ::1], b1[:, ::1]))(i8[::1], f8[:, :, ::1], i8[:, ::1], i8[:, ::1], i8, i8)")

@@ -2,95 +2,118 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import NamedTuple
 
 from ...types import Floats, Ints
-from .arrays import floats, floats_of, int_table, ints, ints_of, up_to
+from .arrays import floats, int_table, ints, up_to
 from .compile import kernel
+from .tables import Pieces, Problem, Solutions, States
 
 
 @kernel
-def write_pairs(
-    piece: int, solution: int, begin: Ints, places: Ints, rows: Ints, pair_at: Ints, pairs: Ints, into: Ints, p: int
+def write_pairs(q: int, solution: int, rows: Ints, pieces: Pieces, solutions: Solutions, pair: Ints) -> None:
+    """Write the pairs of a solution of piece ``q`` into ``pair``, by the caller's rows."""
+    begin = pieces.begin[q]
+    at = solutions.pair_at[solution] - begin
+    for i in range(begin, pieces.begin[q + 1]):
+        pair[rows[pieces.places[i]]] = solutions.pairs[at + i]
+
+
+@kernel
+def write_cheapest(p: int, N: int, rows: Ints, pieces: Pieces, solutions: Solutions, pair: Ints, own: Ints) -> int:
+    """Write the cheapest solution of a parent into ``pair``, and the rows that it has into ``own``; how many."""
+    for row in range(N):
+        pair[row] = -2
+    for c in range(pieces.of_parent.shape[1]):
+        q = pieces.of_parent[p, c]
+        if q >= 0:
+            write_pairs(q, solutions.begin[q], rows, pieces, solutions, pair)
+    used = 0
+    for row in range(N):
+        own[used] = row
+        used += 1 if pair[row] > -2 else 0
+    return used
+
+
+@kernel
+def write_changes(
+    state: int, on: bool, states: States, rows: Ints, pieces: Pieces, solutions: Solutions, pair: Ints
 ) -> None:
-    """Write the pairs of a piece's solution into row ``p`` of ``into`` [.., N]."""
-    at = pair_at[solution] - begin[piece]
-    for i in range(begin[piece], begin[piece + 1]):
-        into[p, rows[places[i]]] = pairs[at + i]
+    """Write what a state changes into ``pair``; back to the cheapest solution of the parent if not ``on``."""
+    s = state
+    while s >= 0 and states.rank[s] > 0:
+        q = states.piece[s]
+        write_pairs(q, solutions.begin[q] + (states.rank[s] if on else 0), rows, pieces, solutions, pair)
+        s = states.under[s]
+
+
+class Parents(NamedTuple):
+    """What is written of each parent once: room for it."""
+
+    pair: Ints  # [P, N] pair of each of the caller's rows in the solution that is being written
+    own: Ints  # [P, N + 1] the rows that it has
+    count: Ints  # [P] how many, -1: not written yet
 
 
 @kernel
 def write_solutions(
-    parent: Ints, state: Ints, piece: Ints, rank: Ints, under: Ints, parents: Ints, base: Floats, rows: Ints,
-    pair_cost: Floats, pair_column: Ints, begin: Ints, places: Ints, piece_of: Ints, sol_begin: Ints, pair_at: Ints,
-    pairs: Ints, out_cost: Floats, row_to_column: Ints,
+    chosen: Ints, states: States, problem: Problem, pieces: Pieces, solutions: Solutions, base: Floats, room: Parents,
+    costs: Floats, row_to_column: Ints,
 ) -> None:  # fmt: skip
-    """Costs and columns of the merged solutions; ``parent`` gets the numbers of the caller."""
-    P, N = len(parents), row_to_column.shape[1]
-    chosen, own, count = int_table(P, N), int_table(P, N + 1), ints_of(P, -1)
-    for i in range(len(parent)):
-        p = parent[i]
-        if count[p] < 0:
-            for row in range(N):
-                chosen[p, row] = -2
-            for c in range(piece_of.shape[1]):
-                q = piece_of[p, c]
-                if q >= 0:
-                    write_pairs(q, sol_begin[q], begin, places, rows, pair_at, pairs, chosen, p)
-            used = 0
-            for row in range(N):
-                own[p, used] = row
-                used += 1 if chosen[p, row] > -2 else 0
-            count[p] = used
-        s = state[i]
-        while s >= 0 and rank[s] > 0:
-            write_pairs(piece[s], sol_begin[piece[s]] + rank[s], begin, places, rows, pair_at, pairs, chosen, p)
-            s = under[s]
-        total = base[p]
+    """Costs [k'] and columns [k', N] of the states ``chosen`` [k'].
+
+    A cost is summed over the rows in their order, so that it does not depend on how the solution was found.
+    """
+    N, rows = row_to_column.shape[1], problem.rows
+    off = N < 0  # no literal, see compile.py
+    for i in range(len(chosen)):
+        p = states.parent[chosen[i]]
+        pair, own = room.pair[p], room.own[p]
+        if room.count[p] < 0:
+            room.count[p] = write_cheapest(p, N, rows, pieces, solutions, pair, own)
+        write_changes(chosen[i], not off, states, rows, pieces, solutions, pair)
         for row in range(N):
             row_to_column[i, row] = -1
-        for j in range(count[p]):
-            row = own[p, j]
-            e = chosen[p, row]
-            if e >= 0:
-                total += pair_cost[e]
-                row_to_column[i, row] = pair_column[e]
-        s = state[i]
-        while s >= 0 and rank[s] > 0:  # back to the cheapest solution of the parent
-            write_pairs(piece[s], sol_begin[piece[s]] + 0 * s, begin, places, rows, pair_at, pairs, chosen, p)
-            s = under[s]
-        out_cost[i], parent[i] = total, parents[p]
+        total = base[p]
+        for j in range(room.count[p]):
+            row = own[j]
+            if pair[row] >= 0:
+                total += problem.pair_cost[pair[row]]
+                row_to_column[i, row] = problem.pair_column[pair[row]]
+        costs[i] = total
+        write_changes(chosen[i], off, states, rows, pieces, solutions, pair)
 
 
 @kernel
 def write_clusters(
-    k: int, start: Ints, pair_column: Ints, begin: Ints, places: Ints, rows: Ints, piece_of: Ints, sol_begin: Ints,
-    sol_count: Ints, root_cost: Floats, gap: Floats, pair_at: Ints, pairs: Ints, cluster: Ints, row_to_column: Ints,
-) -> Floats:  # fmt: skip
-    """Costs of the k best solutions of every cluster of every parent, flat; fills in clusters and columns."""
-    P, C = piece_of.shape
-    costs = floats_of(P * C * k, np.inf)
+    k: int, problem: Problem, pieces: Pieces, solutions: Solutions, costs: Floats, cluster: Ints, row_to_column: Ints
+) -> None:
+    """Costs, infinite at first, of the k best solutions of every cluster of every parent; their clusters and columns.
+
+    ``costs`` [P C k], ``cluster`` [N], ``row_to_column`` [P k, N].
+    """
+    rows, begin = problem.rows, pieces.begin
+    P, C = pieces.of_parent.shape
     for i in range(row_to_column.shape[0]):
         for row in range(row_to_column.shape[1]):
             row_to_column[i, row] = -1
     for c in range(C):
-        for place in range(start[c], start[c + 1]):
+        for place in range(problem.start[c], problem.start[c + 1]):
             cluster[rows[place]] = c
     for p in range(P):
         for c in range(C):
-            q = piece_of[p, c]
+            q = pieces.of_parent[p, c]
             if q < 0:
                 costs[(p * C + c) * k] = 0.0  # no rows: one solution
                 continue
             for i in range(k):
-                rank = i if i < sol_count[q] else 0
-                if i < sol_count[q]:
-                    costs[(p * C + c) * k + i] = root_cost[q] + gap[sol_begin[q] + i]
-                at = pair_at[sol_begin[q] + rank] - begin[q]
+                rank = i if i < solutions.count[q] else 0
+                if i < solutions.count[q]:
+                    costs[(p * C + c) * k + i] = solutions.least[q] + solutions.gap[solutions.begin[q] + i]
+                at = solutions.pair_at[solutions.begin[q] + rank] - begin[q]
                 for x in range(begin[q], begin[q + 1]):
-                    e = pairs[at + x]
-                    row_to_column[p * k + i, rows[places[x]]] = pair_column[e] if e >= 0 else -1
-    return costs
+                    e = solutions.pairs[at + x]
+                    row_to_column[p * k + i, rows[pieces.places[x]]] = problem.pair_column[e] if e >= 0 else -1
 
 
 @kernel

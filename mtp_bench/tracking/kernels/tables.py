@@ -1,0 +1,114 @@
+"""The records of arrays that the kernels of the association hand to each other.
+
+A record is passed to compiled code as its arrays, one by one: hand a kernel the record that it reads, not a larger one.
+Arrays are indexed by the numbers that README.md explains: rows and columns of the caller, components, pieces, pairs.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ...types import Bools, Floats, Ints
+
+
+class Problem(NamedTuple):
+    """The allowed pairs, component by component; every component numbers its columns from 0."""
+
+    rows: Ints  # [A] the caller's rows, those of one component after those of the other
+    start: Ints  # [C + 1] where those of each component begin
+    width: Ints  # [C] columns of each component
+    pair_start: Ints  # [A + 1] where the pairs of each row begin
+    pair_local: Ints  # [E] column of each pair in its component
+    pair_cost: Floats  # [E]
+    pair_column: Ints  # [E] the caller's column
+
+
+class Pieces(NamedTuple):
+    """The distinct row subsets that parents have of components."""
+
+    component: Ints  # [Q]
+    begin: Ints  # [Q + 1] where the rows of each piece begin in ``places``
+    places: Ints  # rows of the pieces, as places in `Problem.rows`
+    of_parent: Ints  # [P, C] the piece of each parent and component, -1 where the parent has no row of it
+
+
+class Solutions(NamedTuple):
+    """The solutions of all pieces, the cheapest of each piece first."""
+
+    begin: Ints  # [Q] number of the first solution of each piece
+    count: Ints  # [Q] how many it has
+    least: Floats  # [Q] cost of the first
+    gap: Floats  # by solution: how much dearer than the first of its piece
+    pair_at: Ints  # by solution: where its pairs begin in ``pairs``
+    pairs: Ints  # the pair of each row of the piece, -1: unmatched
+
+
+class Piece(NamedTuple):
+    """The problem of one piece; its rows and columns are numbered from 0."""
+
+    n: int  # rows
+    m: int  # columns
+    first: Ints  # [n] first pair of each row
+    last: Ints  # [n] the one after its last
+    column: Ints  # [E] of each pair
+    cost: Floats  # [E]
+    banned: Bools  # [E] pairs that Murty's search has forbidden for now
+
+
+class Matching(NamedTuple):
+    """A matching of a piece with its potentials; rows and columns that are out take no part."""
+
+    match: Ints  # [n] pair of each row, -1: unmatched
+    owner: Ints  # [m] row of each column, -1: unmatched
+    u: Floats  # [n] potentials of rows
+    v: Floats  # [m] of columns
+    row_out: Bools  # [n]
+    column_out: Bools  # [m]
+
+
+class Path(NamedTuple):
+    """What the search for a shortest path has reached."""
+
+    dist: Floats  # [m] infinite between searches
+    through: Ints  # [m] the pair by which a column was reached, -1: from the hub
+    by: Ints  # [m] the row, -1: the hub
+    seen: Ints  # [m] the columns reached, those that are closed first
+    hub: Ints  # [3] row and column that the hub was reached from, -1: none; how many columns were seen
+
+
+class Choices(NamedTuple):
+    """The partial choice of an enumeration."""
+
+    taken: Bools  # [m] columns
+    option: Ints  # [n] pair of each row so far; `Piece.last` stands for none
+    lower: Floats  # [n + 1] lower bound of the rise over the cheapest solution, after each row
+    total: Floats  # [n + 1] cost so far
+
+
+class Kept(NamedTuple):
+    """The at most k best solutions of a piece so far."""
+
+    k: int
+    order: Ints  # [k] their numbers, cheapest first
+    cost: Floats  # [k] by number
+    pairs: Ints  # n pairs of each, the first from number ``at`` on
+    at: int
+
+
+class Bound(NamedTuple):
+    """What is known of the k cheapest solutions of the whole problem, as a search of one piece needs it."""
+
+    best: Floats  # [k] increasing: nothing dearer than the last can matter
+    roots: Floats  # cost of the cheapest solution of each parent of each piece, increasing in each piece
+    low: int  # the parents of this piece are roots[low:high]
+    high: int
+    slack: float  # for rounding
+
+
+class States(NamedTuple):
+    """Changes of cheapest solutions: a state changes one piece more than the state under it."""
+
+    parent: Ints
+    piece: Ints  # that it changes, -1: none; during the merge its number in the order of the parent's pieces
+    rank: Ints  # of the solution that the piece takes; 0: the state changes nothing
+    under: Ints  # -1: none
