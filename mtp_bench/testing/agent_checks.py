@@ -9,11 +9,11 @@ from typing import Any
 from ..env.environment import MTPEnv
 from ..errors import MtpBenchError, UnknownNameError
 from ..running.run import MakeAgent
-from ..scoring import SceneScore, score_scene
+from ..scoring import SceneScore, mean_error, score_scene
 from .findings import Finding, failure
 from .playing import another_clock, first_difference, play
 from .stress_checks import extremes, latency, other_sizes, unmoved
-from .suite import BuildError, Suite, error_of
+from .suite import BuildError, Suite
 
 SCENES = 2  # that are checked unless named
 LARGEST_PICKLE = 1 << 20  # bytes
@@ -94,7 +94,7 @@ def _contract(suite: Suite) -> list[Finding]:
             suite.broken = True
             return played.findings("contract")
         total.append(score_scene(suite.env.scene, suite.env.rollout(), suite.env.card))
-    suite.score = error_of(total)
+    suite.score = mean_error(total)
     found = _merged([finding for played in suite.played for finding in played.findings("contract")])
     return found if any(finding.level == "error" for finding in found) else found + _silent(suite)
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from ..running.run import agent_task
-from ..scoring import SceneScore, score_scene
+from ..scoring import SceneScore, mean_error, score_scene
 from .findings import Finding
 from .made_up import extreme_frames
 from .playing import play, play_made_up
-from .suite import Suite, error_of
+from .suite import Suite
 
 MOTION_TOLERANCE = 0.05  # of the score, for the rounding of forecasts and for draws along the axes
 _FEW = 6  # frames that show whether other sizes work
@@ -59,7 +59,7 @@ def unmoved(suite: Suite) -> list[Finding]:
         if played.failure is not None:
             return played.findings("rigid motion")
         total.append(score_scene(env.scene, env.rollout(), env.card))
-    moved = error_of(total)
+    moved = mean_error(total)
     if moved is None or suite.score is None:  # no targets
         return []
     if abs(moved - suite.score) <= MOTION_TOLERANCE * max(moved, suite.score):

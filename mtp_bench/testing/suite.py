@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from ..agent import Agent
 from ..env.environment import MTPEnv
 from ..running.run import MakeAgent, agent_task
-from ..scoring import SceneScore
 from .playing import Played
 
 
@@ -47,9 +45,3 @@ class Suite:
     def other_env(self, **changes: Any) -> MTPEnv:
         """The env of the suite with other keywords."""
         return MTPEnv(self.env_id, **{**self.keywords, **changes})
-
-
-def error_of(scores: Sequence[SceneScore]) -> float | None:
-    """Missing-aware error over the targets of some scenes, m; None without targets."""
-    targets = sum(len(score) for score in scores)
-    return sum(float(score.capped.sum() + score.spurious_error) for score in scores) / targets if targets else None
