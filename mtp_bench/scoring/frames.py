@@ -31,8 +31,9 @@ class Table:
 def read_frames(frames: Iterable[Frame]) -> tuple[Table, Table]:
     """Truth and tracks of ``frames``, each (scene, t, true ids, true xy, track ids, track xy).
 
-    Scenes may be interleaved; within a scene frames follow one another in the order of t. Ids are integers or strings. Raises ShapeError, with the
-    scene and t, for lengths that do not fit, an id twice in a frame, a frame given twice, or a position not finite.
+    Scenes may be interleaved; within a scene frames follow one another in the order of t. Ids are integers or strings.
+    Raises ShapeError, with the scene and t, for lengths that do not fit, an id twice in a frame, a frame given twice,
+    or a position not finite.
     """
     ordered = list(frames)
     scenes: dict[Hashable, int] = {}

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..cards import Card
 from ..errors import CardError, DataError
-from ..files import write_text
+from ..files import whole_file
 from ..types import Bools, Ints
 from .definitions import DEFINITIONS
 
@@ -85,7 +85,9 @@ def masks(reference: ReferenceSubsets, score: SceneScore) -> dict[str, Bools]:
 def write_reference(path: str | Path, reference: ReferenceSubsets) -> None:
     """Write the subsets as JSON with their hash; the file appears complete or not at all."""
     content = {**_content(reference), "hash": reference.hash}
-    write_text(Path(path), json.dumps(content, indent=1, sort_keys=True) + "\n")
+    with whole_file(Path(path)) as part:
+        part.write_text(json.dumps(content, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+        part.chmod(0o644)  # subsets are public, whatever the user's own files are
 
 
 def read_reference(path: str | Path, card: Card) -> ReferenceSubsets:
