@@ -132,21 +132,18 @@ def _trusted(
 
 
 def _beside(own: Sequence[SceneScore], stp: Sequence[SceneScore]) -> tuple[dict[str, Any], ...]:
+    from ..scoring import mean_error
+
     return tuple(
         {
             "scene": score.scene,
             "targets": len(score),
-            "missing_aware": _error(score),
-            BESIDE: _error(other),
+            "missing_aware": mean_error([score]),
+            BESIDE: mean_error([other]),
             "coverage": float(score.covered.mean()) if len(score) else None,
         }
         for score, other in zip(own, stp, strict=True)
     )
-
-
-def _error(score: SceneScore) -> float | None:
-    """Missing-aware error of one scene, m; None without targets."""
-    return float(score.capped.sum() + score.spurious_error) / len(score) if len(score) else None
 
 
 def finding_table(checked: Checked) -> Table:

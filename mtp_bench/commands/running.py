@@ -114,8 +114,7 @@ def score(
     with progress_bar("score") as (started, done):
         scored = score_stored(folder, root, started, done, env)
     report = scored.report
-    further = {"condition": report.condition, "details": report.details, "skipped": scored.skipped}
-    write_json(json_file, {**report.to_json(), **further})
+    write_json(json_file, {**report.to_json("condition", "details"), "skipped": scored.skipped})
     show_report(report, f"{condition(report)}: {folder.name}")
     show(scored.origin)
     show_skipped(scored.skipped)
@@ -152,9 +151,8 @@ def compare(
         size = scenes, range(seeds), workers(jobs)
         result = run_comparison(agents, env, keywords, *size, started, done, reference, backend, scheduler)
     report = result.report
-    further = {"condition": report.condition, "ranks": report.ranks, "paired": report.paired}
-    further |= {"details": report.details, "skipped": result.skipped}
-    write_json(json_file, {**report.to_json(), **further})
+    content = report.to_json("condition", "ranks", "paired", "details")
+    write_json(json_file, {**content, "skipped": result.skipped})
     show_report(report, f"{condition(report)}: missing-aware error (m), {count(seeds, 'seed')} of sampling")
     show(result.reference.origin)
     show_skipped(result.skipped)

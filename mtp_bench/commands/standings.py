@@ -48,7 +48,7 @@ def read_board(
     ``page`` is the file that links start from; without one there are none. Errors as in show_board.
     """
     from ..records import load_record, ranks, record_paths, why_unranked
-    from ..viz.board import entries_of
+    from ..viz.board import Entry, standings
 
     paths = record_paths(_records_folder(folder))
     found = {record.digest: (path, record, False) for path in paths for record in [load_record(path)]}
@@ -59,12 +59,17 @@ def read_board(
     _require_known(env_id, [record for _, record, _ in found.values()])
     records = [record for _, record, _ in listed]
     places = ranks(records)
-    return entries_of(
-        [record.model_dump(mode="json") for record in records],
-        [places[record.digest]["all"] for record in records],
-        [why_unranked(record, records) or "" for record in records],
-        [None if page is None else relative_address(path, page) for path, _, _ in listed],
-        {i for i, (_, _, added) in enumerate(listed) if added},
+    return standings(
+        [
+            Entry(
+                record=record,
+                rank=places[record.digest]["all"],
+                why=why_unranked(record, records) or "",
+                link=None if page is None else relative_address(path, page),
+                added=added,
+            )
+            for path, record, added in listed
+        ]
     )
 
 

@@ -5,8 +5,6 @@ signature. What cannot be forged without being found is a record whose stored ro
 a submission that is run again.
 """
 
-from .ranking import MissingAware as MissingAware
-from .ranking import paired as paired
 from .ranking import ranks as ranks
 from .ranking import why_unranked as why_unranked
 from .record import Record as Record

@@ -6,16 +6,25 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from ..cards import Card
 from ..parallel import Workers, parallel_map
 from ..running.reference import frozen_reference
-from ..scoring import AgentScores, ReferenceSubsets, SceneScore, masks, score_scene, stated_hypotheses, summarise
+from ..scoring import (
+    AgentScores,
+    ReferenceSubsets,
+    SceneScore,
+    masks,
+    mean_error,
+    score_scene,
+    stated_hypotheses,
+    summarise,
+)
+from ..scoring.error import error_sum
+from ..scoring.rows import Row
 from ..sources import open_source
 from ..types import Rollout
 from .provenance import data_manifest, scene_digest
-from .record import ReferencePart, RowPart, ScenePart, Status
+from .record import ReferencePart, ScenePart, Status
 
 Progress = Callable[[str], object]
 
@@ -24,8 +33,8 @@ Progress = Callable[[str], object]
 class Evaluation:
     """The part of a record that follows from rollouts, card, data and scorer."""
 
-    rows: list[RowPart]
-    details: dict[str, Any]
+    rows: list[Row]
+    details: dict[str, Any]  # as JSON
     per_scene: list[ScenePart]
     reference: ReferencePart
     data_manifest: str
@@ -53,7 +62,7 @@ def evaluate(
     scored = _score(card, data, list(zip(*runs.values(), strict=True)), workers, progress)
     seeds = tuple(zip(*(scores for _, scores in scored), strict=True))
     samples = next(iter(runs.values()))[0].forecast.shape[1]
-    given = AgentScores(
+    setting = AgentScores(
         agent=agent,
         hypotheses=hypotheses or stated_hypotheses(seeds),
         samples=samples,
@@ -61,16 +70,16 @@ def evaluate(
         seeds=seeds,
         ideal=ideal,
     )
-    report = summarise([given], card, subsets)
+    report = summarise([setting], card, subsets)
     per_scene = [_scene_part(scores, subsets) for _, scores in scored]
     return Evaluation(
-        rows=[RowPart.model_validate(row) for row in report.rows],
-        details=report.details[0],
+        rows=report.rows,
+        details=report.details[0].model_dump(mode="json"),
         per_scene=per_scene,
         reference=_reference_part(card, reference.origin if reference else None, subsets),
         data_manifest=data_manifest(digest for digest, _ in scored),
         truth_complete=all(score.truth_complete for run in seeds for score in run),
-        hypotheses=given.hypotheses,
+        hypotheses=setting.hypotheses,
     )
 
 
@@ -117,22 +126,18 @@ def _score_scene(card: Card, data: str | None, rollouts: Sequence[Rollout]) -> t
 
 
 def _scene_part(scores: Sequence[SceneScore], reference: ReferenceSubsets | None) -> ScenePart:
-    """Errors of a scene, one score per seed; "all" holds the spurious forecasts, as in the report."""
+    """Errors of a scene, one score per seed."""
     first = scores[0]
-    mask = masks(reference, first) if reference else {"all": np.ones(len(first), dtype=bool)}
-    errors = {
-        name: [float(s.capped[rows].sum()) + (s.spurious_error if name == "all" else 0.0) for s in scores]
-        for name, rows in mask.items()
-    }
-    count = len(first)
-    seeds = [error / count if count else None for error in errors["all"]]
+    subsets = {name: targets for name, targets in masks(reference, first).items() if name != "all"} if reference else {}
+    of_subset = {name: [error_sum(score, targets) for score in scores] for name, targets in subsets.items()}
+    of_all = [error_sum(score) for score in scores]
     return ScenePart(
         scene=first.scene,
-        targets=count,
-        missing_aware=sum(errors["all"]) / len(scores) / count if count else None,
-        seeds=seeds,
-        counts={name: int(rows.sum()) for name, rows in mask.items()},
-        errors=errors,
+        targets=len(first),
+        missing_aware=sum(of_all) / len(scores) / len(first) if len(first) else None,
+        seeds=[mean_error([score]) for score in scores],
+        counts={"all": len(first), **{name: int(targets.sum()) for name, targets in subsets.items()}},
+        errors={"all": of_all, **of_subset},
     )
 
 

@@ -1,4 +1,4 @@
-"""What a number rests on: the source of the judge, the content of the data, the machine."""
+"""What a number rests on: the scorer, the content of the data, the machine."""
 
 from __future__ import annotations
 
@@ -11,35 +11,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..scoring.definitions import DEFINITIONS, GOLDEN
 from ..types import Detections, Scene, Truth
 from .record import HardwarePart
 
-_PACKAGE = Path(__file__).resolve().parents[1]
-_JUDGE = (  # what decides on a number once the agent has answered; relative to the package
-    "_answer.py",
-    "_card_sections.py",
-    "_observation.py",
-    "_spaces.py",
-    "cards.py",
-    "env.py",
-    "geometry.py",
-    "rollouts.py",
-    "runner.py",
-    "shapes.py",
-    "types.py",
-    "submission/records/evaluation.py",
-)
 DECIMALS = 6  # of what is hashed: machines differ in the last bits of simulated scenes
 
 
 def scorer_digest() -> str:
-    """Hex sha256 over names and contents of the files of the judge, whatever their line ends."""
-    files = [*sorted((_PACKAGE / "scoring").glob("*.py")), *(_PACKAGE / name for name in _JUDGE)]
-    total = hashlib.sha256()
-    for path in files:
-        content = hashlib.sha256(path.read_bytes().replace(b"\r\n", b"\n")).hexdigest()
-        total.update(f"{path.relative_to(_PACKAGE).as_posix()}\0{content}\n".encode())
-    return total.hexdigest()
+    """Hex sha256 of the version of the definitions and of the scorer's golden results, wherever its files are."""
+    return hashlib.sha256(f"{DEFINITIONS}\n{GOLDEN}".encode()).hexdigest()
 
 
 def scene_digest(scene: Scene) -> str:

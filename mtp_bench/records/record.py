@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field
 
+from ..scoring.rows import Count, Interval, Row
 from ..strict import Section
 
 Status = Literal["finished", "partial", "crashed", "rejected"]
 Level = Literal["scored", "re-scored", "re-run", "hidden seeds"]
-LEVELS: tuple[Level, ...] = ("scored", "re-scored", "re-run", "hidden seeds")  # from the weakest on
+LEVELS: tuple[Level, ...] = get_args(Level)  # from the weakest on, each includes those before it
 _FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]  # it becomes part of a path
-_Count = Annotated[int, Field(ge=0)]
-_Interval = Annotated[list[float], Field(min_length=2, max_length=2)]
 _Hex = Annotated[str, Field(pattern=r"^[0-9a-f]*$")]
 
 
@@ -34,8 +33,8 @@ class EnvPart(Section):
     card_digest: _Hex
     split: str
     data_manifest: _Hex  # over all that the scorer read
-    scenes: _Count
-    scenes_of_split: _Count
+    scenes: Count
+    scenes_of_split: Count
     observe: Literal["detections", "truth"]
     truth_complete: bool  # False: false forecasts cost nothing
     keywords: dict[str, Any]  # settings of the env beyond the card
@@ -60,7 +59,7 @@ class HardwarePart(Section):
     """Where it was run."""
 
     cpu: str
-    cores: _Count
+    cores: Count
     memory_gib: float
     gpu: str | None
 
@@ -77,9 +76,9 @@ class LatencyPart(Section):
 class MissedPart(Section):
     """Frames, over all scenes and seeds, that are missing for another reason than silence; and scenes cut short."""
 
-    late: _Count
-    malformed: _Count
-    crashed_scenes: _Count  # of scenes x seeds
+    late: Count
+    malformed: Count
+    crashed_scenes: Count  # of scenes x seeds
     reasons: dict[str, str]  # "scene|seed" -> why it was cut short
 
 
@@ -90,33 +89,11 @@ class IsolationPart(Section):
     files_hidden: bool  # it saw no data and wrote nowhere but into its own folder
 
 
-class RowPart(Section):
-    """Numbers of one subset: the row of `compare --json`."""
-
-    agent: str
-    hypotheses: _Count
-    samples: _Count
-    budget: Literal["equal", "free"]
-    subset: Literal["all", "ids", "lost", "reacquired", "frag"]
-    minADE: float | None  # noqa: N815  (m; a fixed name of the files)
-    minFDE: float | None  # noqa: N815
-    missing_aware: float | None
-    energy_score: float | None
-    coverage: float | None
-    gap_closed: float | None
-    targets: _Count
-    events: _Count | None
-    objects: _Count
-    scenes: _Count
-    interval: _Interval | None  # of missing_aware
-    ms_per_frame: float | None
-
-
 class ScenePart(Section):
     """Errors of one scene: enough to pair two records without their rollouts."""
 
     scene: str
-    targets: _Count
+    targets: Count
     missing_aware: float | None  # m, mean over targets and seeds; null without a target
     seeds: list[float | None]  # m, the same per seed
     counts: dict[str, int]  # targets per subset
@@ -127,10 +104,10 @@ class HiddenPart(Section):
     """Error on scenes of secret seeds, over all of them: the name of a scene tells its seed."""
 
     commitment: _Hex  # sha256 of the secret
-    scenes: _Count
-    targets: _Count
+    scenes: Count
+    targets: Count
     missing_aware: float | None
-    interval: _Interval | None
+    interval: Interval | None
 
 
 class Record(Section):
@@ -154,10 +131,10 @@ class Record(Section):
     peak_memory_mib: float
     missed: MissedPart
     isolation: IsolationPart
-    hypotheses: _Count
-    samples: _Count
-    rows: list[RowPart]  # one per subset
-    details: dict[str, Any]
+    hypotheses: Count
+    samples: Count
+    rows: list[Row]  # one per subset
+    details: dict[str, Any]  # as `Details` of the scorer are written
     per_scene: list[ScenePart]
     seals: dict[str, str]  # "scene|seed" -> hash chain over the answers as they came
     rollout_digests: dict[str, str]  # "scene|seed"
@@ -165,6 +142,21 @@ class Record(Section):
     digest: _Hex = ""
 
     @property
-    def row(self) -> RowPart:
+    def row(self) -> Row:
         """The row of the subset "all"."""
         return next(row for row in self.rows if row.subset == "all")
+
+    @property
+    def silence(self) -> float | None:
+        """What an agent that says nothing scores here, metres; None where it is not known."""
+        return self.details.get("silence")
+
+    @property
+    def parts(self) -> dict[str, float | None]:
+        """The parts that the error over all targets adds up from, metres; empty where they are not known."""
+        return self.details.get("parts") or {}
+
+    @property
+    def forecasts_per_frame(self) -> float:
+        """Objects that are forecast in a frame, mean over seeds; 0 where it is not known."""
+        return self.details.get("forecasts_per_frame") or 0.0

@@ -269,5 +269,5 @@ def _notes(record: Record) -> tuple[str, ...]:
     if record.scorer.definitions != DEFINITIONS:
         notes.append(f"scored by definitions {record.scorer.definitions}, today's are {DEFINITIONS}")
     if record.scorer.source_digest != scorer_digest():
-        notes.append("the source of the scorer changed since; --write takes over the numbers of today's")
+        notes.append("the scorer changed since; --write takes over the numbers of today's")
     return tuple(notes)

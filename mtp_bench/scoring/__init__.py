@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from .clear import identity_scores as identity_scores
 from .clear import tracking_counts as tracking_counts
 from .definitions import DEFINITIONS as DEFINITIONS
 from .displacement import Displacement as Displacement
@@ -11,6 +10,7 @@ from .displacement import k_curve as k_curve
 from .end_to_end import end_to_end_accuracy as end_to_end_accuracy
 from .end_to_end import forecast_average_precision as forecast_average_precision
 from .energy import energy_score as energy_score
+from .error import mean_error as mean_error
 from .events import EventList as EventList
 from .events import Events as Events
 from .events import find_events as find_events
@@ -19,14 +19,14 @@ from .forecasts import frame_error as frame_error
 from .matching import match as match
 from .matching import match_sticky as match_sticky
 from .pairs import Pairs as Pairs
+from .rank import shared_ranks as shared_ranks
 from .report import Report as Report
-from .report import paired_difference as paired_difference
 from .report import summarise as summarise
 from .score import SceneScore as SceneScore
 from .score import score_scene as score_scene
 from .statistics import bootstrap_interval as bootstrap_interval
+from .statistics import paired_difference as paired_difference
 from .statistics import paired_interval as paired_interval
-from .statistics import shared_ranks as shared_ranks
 from .statistics import sign_flip_test as sign_flip_test
 from .subsets import SUBSETS as SUBSETS
 from .subsets import ReferenceSubsets as ReferenceSubsets

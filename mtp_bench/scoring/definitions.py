@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 DEFINITIONS = "1.0"  # raised whenever a number of an unchanged rollout would change
+GOLDEN = "339a01d866a5486dbc2844de8898c1df045e68d8a915fb9a8ce9e485b7e82f5d"  # tests/scoring/test_golden_results.py
 
 MISS_RATE_GATE = 2.0  # m, a sample whose final point is farther away misses (MR, EPA)
 MOVING_SPEED = 0.5  # m/s, mean over past and future; slower targets are "static"
 PLANNING_SIGMA = 3.0  # m, PI-ADE weighs a target by exp(-approach^2 / (2 sigma^2))
 MOST_FORECASTS = 1.5  # times those of STP: where false ones cost nothing, agents with more are not ranked
-SPURIOUS_SHARE = 0.5  # of the miss error c, per spurious forecast
-EPA_ALPHA = 0.5  # penalty of a spurious forecast in EPA
+FALSE_FORECAST_SHARE = 0.5  # of the miss error c, per false forecast
+EPA_ALPHA = 0.5  # penalty of a false forecast in EPA
 FORECAST_AP_GATES = (2.0, 4.0)  # m, now and at the final point, of AP_f
 MAX_SPEED = 30.0  # m/s, how far a track of the same id may move in a frame when lineages are inferred
 CURVE_KS = (1, 5, 10, 20, 50, 100, 200, 400)

@@ -12,13 +12,13 @@ _RECALLS = 101  # points of the precision-recall curve
 _LEAST = 0.1  # recall and precision below do not count, as in nuScenes detection
 
 
-def end_to_end_accuracy(hits: float, spurious: float, targets: float) -> float | None:
-    """EPA (ViP3D, Gu et al. 2023): (hits - alpha x spurious forecasts) / targets; None without a target.
+def end_to_end_accuracy(hits: float, false_forecasts: float, targets: float) -> float | None:
+    """EPA (ViP3D, Gu et al. 2023): (hits - alpha x false forecasts) / targets; None without a target.
 
     A hit is a target with a matched forecast and a minFDE of at most 2 m. ViP3D matches within 2 m; the benchmark uses
     the forecast gate of its card, which is 2 m for vehicles.
     """
-    return float((hits - EPA_ALPHA * spurious) / targets) if targets > 0 else None
+    return float((hits - EPA_ALPHA * false_forecasts) / targets) if targets > 0 else None
 
 
 def forecast_average_precision(correct: ArrayLike, score: ArrayLike, targets: int) -> float | None:

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from ..cards import Card
 from ..types import Bools, Floats, Ints, Rollout, Scene, Truth, to_metres
-from .definitions import CURVE_KS, SPURIOUS_SHARE
+from .definitions import CURVE_KS
 from .displacement import displacement, k_curve, sample_errors
+from .error import capped_error, false_forecast_error
 from .matching import Matched, columns_to_rows, match
 from .pairs import Pairs, box_pairs
-from .targets import Targets, frame_of_rows
+from .targets import Targets
 
 _CHUNK = 1 << 19  # sample points held at a time
 _ABSENT = -1e30  # log-weights below stand for "no such sample"
@@ -24,7 +25,7 @@ class ObjectMatch:
     """Whose forecast object is whose; rows of the truth and rows of the objects."""
 
     object_of_truth: Matched  # [R] forecast object of each true box, -1 none
-    spurious: Bools  # [objects] belongs to no true box at all, be it evaluated or neutral
+    unmatched: Bools  # [objects] belongs to no true box at all, be it evaluated or neutral
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,20 +47,19 @@ def match_objects(truth: Truth, object_frame: Ints, object_box: Floats, object_c
     All evaluated true boxes take part, targets or not; objects left over are then offered to the neutral ones.
     """
     gates = card.per_class(card.task.forecast_gate)
-    frame = frame_of_rows(truth.start)
     pairs = box_pairs(
-        frame, truth.box, truth.class_id, object_frame, object_box, object_class, "center_distance", gates
+        truth.frame_of_rows, truth.box, truth.class_id, object_frame, object_box, object_class, "center_distance", gates
     )
     return match_neutral_last(pairs, truth.neutral, len(object_frame))
 
 
-def forecast_errors(targets: Targets, found: ObjectMatch, rollout: Rollout) -> ForecastErrors:
+def forecast_errors(targets: Targets, objects: ObjectMatch, rollout: Rollout) -> ForecastErrors:
     """Errors of a rollout's forecasts for every target of its scene."""
     _, samples, horizon, _ = rollout.forecast.shape
     ks = tuple(k for k in CURVE_KS if k <= samples)
     table = np.full((len(targets), 3 + len(ks)), np.inf)  # min_ade, min_fde, energy_score, curve
     covered, miss = np.zeros(len(targets), dtype=bool), np.ones(len(targets), dtype=bool)
-    column = found.object_of_truth[targets.row]
+    column = objects.object_of_truth[targets.row]
     matched = np.flatnonzero(column >= 0)
     size = max(1, _CHUNK // max(1, samples * horizon))
     for low in range(0, len(matched), size):
@@ -84,11 +84,11 @@ def frame_error(
     forecast_xy: Floats,
     log_weight: Floats,
 ) -> float:
-    """Missing-aware error of frame ``t``, metres: the sum over targets and spurious forecasts per target.
+    """Missing-aware error of frame ``t``, metres: the sum over targets and false forecasts per target.
 
     Objects [O, 7] and their classes [O], forecasts [O, K, T, 2] in absolute x y of the scene's frame, log-weights
-    [O, K], -inf for an absent sample. Without a target in the frame the sum is not divided; without a spurious
-    forecast either it is 0. Spurious forecasts count where the truth is complete.
+    [O, K], -inf for an absent sample. Without a target in the frame the sum is not divided; without a false
+    forecast either it is 0. False forecasts count where the truth is complete.
     """
     rows, here = scene.truth.rows(t), targets.rows(t)
     miss_error = np.asarray(card.per_class(card.task.miss_error))
@@ -96,17 +96,15 @@ def frame_error(
     gates = card.per_class(card.task.forecast_gate)
     same = np.zeros(len(box), dtype=np.intp), np.zeros(len(object_box), dtype=np.intp)
     pairs = box_pairs(same[0], box, class_id, same[1], object_box, object_class, "center_distance", gates)
-    found = match_neutral_last(pairs, scene.truth.neutral[rows], len(object_box))
-    total = 0.0
-    if scene.truth_complete:
-        total += SPURIOUS_SHARE * float(miss_error[object_class[found.spurious]].sum())
+    objects = match_neutral_last(pairs, scene.truth.neutral[rows], len(object_box))
+    false_error = false_forecast_error(miss_error[object_class[objects.unmatched]], scene.truth_complete)
     error = miss_error[targets.class_id[here]]
-    column = found.object_of_truth[targets.row[here] - rows.start]
+    column = objects.object_of_truth[targets.row[here] - rows.start]
     matched = np.flatnonzero(column >= 0)
     row = column[matched]
     ade, _, _ = sample_errors(forecast_xy[row], targets.future[here][matched], sample_weights(log_weight[row]))
-    error[matched] = np.minimum(error[matched], ade.min(axis=1, initial=np.inf))
-    return (total + float(error.sum())) / max(1, len(error))
+    error[matched] = capped_error(ade.min(axis=1, initial=np.inf), error[matched])
+    return (false_error + float(error.sum())) / max(1, len(error))
 
 
 def match_neutral_last(pairs: Pairs, neutral: Bools, objects: int) -> ObjectMatch:

@@ -28,59 +28,52 @@ class Table:
         return len(self.frame)
 
 
-@dataclass(frozen=True, eq=False)
-class Frames:
-    """Truth and tracks of any number of scenes."""
+def read_frames(frames: Iterable[Frame]) -> tuple[Table, Table]:
+    """Truth and tracks of ``frames``, each (scene, t, true ids, true xy, track ids, track xy).
 
-    truth: Table
-    tracks: Table
-
-
-def read_frames(frames: Iterable[Frame]) -> Frames:
-    """Tables of ``frames``, each (scene, t, true ids, true xy, track ids, track xy); scenes may be interleaved.
-
-    Within a scene frames follow one another in the order of t. Ids are integers or strings. Raises ShapeError, with the
-    scene and t, for lengths that do not fit, an id twice in a frame, a frame given twice, or a position not finite.
+    Scenes may be interleaved; within a scene frames follow one another in the order of t. Ids are integers or strings.
+    Raises ShapeError, with the scene and t, for lengths that do not fit, an id twice in a frame, a frame given twice,
+    or a position not finite.
     """
-    given = list(frames)
+    ordered = list(frames)
     scenes: dict[Hashable, int] = {}
-    scene = np.array([scenes.setdefault(f[0], len(scenes)) for f in given], dtype=np.intp)
-    time = np.array([f[1] for f in given], dtype=np.float64)
+    scene = np.array([scenes.setdefault(f[0], len(scenes)) for f in ordered], dtype=np.intp)
+    time = np.array([f[1] for f in ordered], dtype=np.float64)
     order = np.lexsort((time, scene))
     scene, time = scene[order], time[order]
     again = np.flatnonzero((scene[1:] == scene[:-1]) & (time[1:] == time[:-1]))
     if len(again):
-        raise ShapeError(f"frame {_where(given[order[again[0]]])} is given twice, expected once")
-    given = [given[i] for i in order]
-    return Frames(_table(given, 2, "true", scene), _table(given, 4, "track", scene))
+        raise ShapeError(f"frame {_where(ordered[order[again[0]]])} is given twice, expected once")
+    ordered = [ordered[i] for i in order]
+    return _table(ordered, 2, "true", scene), _table(ordered, 4, "track", scene)
 
 
 def _where(frame: Frame) -> str:
     return f"(scene {frame[0]!r}, t {frame[1]})"
 
 
-def _table(given: Sequence[Frame], place: int, name: str, scene: NDArray[np.intp]) -> Table:
-    ids = [np.asarray(f[place]) for f in given]
-    points = [np.asarray(f[place + 1], dtype=np.float64) for f in given]
+def _table(frames: Sequence[Frame], place: int, name: str, scene: NDArray[np.intp]) -> Table:
+    ids = [np.asarray(f[place]) for f in frames]
+    points = [np.asarray(f[place + 1], dtype=np.float64) for f in frames]
     count = np.array([len(i) if i.ndim else -1 for i in ids], dtype=np.intp)
     for i, (want, xy) in enumerate(zip(count, points, strict=True)):
         if xy.shape != (want, 2) and not (want == 0 and xy.size == 0):
             raise ShapeError(
-                f"{name} xy of {_where(given[i])} has shape {xy.shape}, expected {(max(int(want), 0), 2)}: one per id"
+                f"{name} xy of {_where(frames[i])} has shape {xy.shape}, expected {(max(int(want), 0), 2)}: one per id"
             )
-    filled = [i for i in range(len(given)) if count[i] > 0]
+    filled = [i for i in range(len(frames)) if count[i] > 0]
     xy = np.concatenate([points[i] for i in filled]) if filled else np.zeros((0, 2))
-    frame, of_scene = np.repeat(np.arange(len(given), dtype=np.intp), count), np.repeat(scene, count)
+    frame, of_scene = np.repeat(np.arange(len(frames), dtype=np.intp), count), np.repeat(scene, count)
     bad = np.flatnonzero(~np.isfinite(xy).all(axis=1))
     if len(bad):
-        at = _where(given[int(frame[bad[0]])])
+        at = _where(frames[int(frame[bad[0]])])
         raise ShapeError(f"{name} xy of {at} holds {xy[bad[0]].tolist()}, expected finite metres")
     code = _codes([ids[i] for i in filled], f"{name} ids")
     identity = of_scene * (int(code.max(initial=0)) + 1) + code
     try:
         past = history(frame, identity)
     except ShapeError:
-        raise ShapeError(_twice(given, ids, name)) from None
+        raise ShapeError(_twice(frames, ids, name)) from None
     return Table(frame, identity, xy, past)
 
 
@@ -106,9 +99,9 @@ def _codes(ids: list[NDArray[Any]], name: str) -> NDArray[np.int64]:
     return np.array([seen.setdefault(i, len(seen)) for part in ids for i in part.tolist()], dtype=np.int64)
 
 
-def _twice(given: Sequence[Frame], ids: list[NDArray[Any]], name: str) -> str:
+def _twice(frames: Sequence[Frame], ids: list[NDArray[Any]], name: str) -> str:
     """The text of the error about an id that occurs twice in a frame."""
-    for frame, part in zip(given, ids, strict=True):
+    for frame, part in zip(frames, ids, strict=True):
         known: set[Hashable] = set()
         for i in part.tolist():
             if i in known:

@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from ..types import Bools, Floats, Ints, Rollout, Truth
+from ..types import Bools, Floats, Ints, Ragged, Rollout, Truth
 from .definitions import MAX_SPEED
 from .matching import match
 from .pairs import Pairs, Rows, box_pairs
-from .targets import frame_of_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +59,7 @@ def hypotheses(rollout: Rollout, card: Card) -> Hypotheses:
         alive, weight = np.zeros((len(weight), 1), dtype=bool), np.full((len(weight), 1), -np.inf)
     member = np.zeros((len(rollout.track_id), alive.shape[1]), dtype=bool)
     member[:, : rollout.member.shape[1]] = rollout.member
-    member &= alive[frame_of_rows(rollout.track_start)]
+    member &= alive[rollout.tracks.frame_of_rows]
     best = np.argmax(weight, axis=1)
     alive = alive.copy()
     alive[~alive.any(axis=1), 0] = True
@@ -91,10 +90,10 @@ def gated_pairs(truth: Truth, start: Ints, box: Floats, class_id: Ints, card: Ca
     """Pairs of true boxes and other boxes [n, 7] inside the event gate of the card; ``start`` [F + 1] as in `Truth`."""
     gate = card.task.event_gate
     return box_pairs(
-        frame_of_rows(truth.start),
+        truth.frame_of_rows,
         truth.box,
         truth.class_id,
-        frame_of_rows(start),
+        Ragged(start).frame_of_rows,
         box,
         class_id,
         gate.measure,
@@ -102,7 +101,7 @@ def gated_pairs(truth: Truth, start: Ints, box: Floats, class_id: Ints, card: Ca
     )
 
 
-def lineage_events(truth: Truth, rollout: Rollout, found: Hypotheses, matched: NDArray[np.intp]) -> LineageEvents:
+def lineage_events(truth: Truth, rollout: Rollout, lineage: Hypotheses, matched: NDArray[np.intp]) -> LineageEvents:
     """Events [R, H] of all hypotheses; ``matched`` [R, H] as `match_hypotheses` gives it."""
     shape = matched.shape
     ids, lost, wrong, reacquired = (np.zeros(shape, dtype=bool) for _ in range(4))
@@ -113,7 +112,7 @@ def lineage_events(truth: Truth, rollout: Rollout, found: Hypotheses, matched: N
     last = before.copy()  # track row of the last match, at any time
     missed = np.zeros(before.shape, dtype=bool)  # unmatched when it last existed
     for t in range(len(truth.start) - 1):
-        parent, rows = found.parent[t], truth.rows(t)
+        parent, rows = lineage.parent[t], truth.rows(t)
         before, last, missed = before[:, parent], last[:, parent], missed[:, parent]
         who, now = number[rows], matched[rows]
         old, seen = before[who], now >= 0
@@ -122,12 +121,12 @@ def lineage_events(truth: Truth, rollout: Rollout, found: Hypotheses, matched: N
         lost[rows] = (old >= 0) & ~seen
         reacquired[rows] = seen & (last[who] >= 0) & missed[who]
         if lost[rows].any():
-            wrong[rows] = lost[rows] & _still_output(rollout, found.member, t, track_id[old])
+            wrong[rows] = lost[rows] & _still_output(rollout, lineage.member, t, track_id[old])
         before = np.full_like(before, -1)
         before[who] = now
         last[who] = np.where(seen, now, last[who])
         missed[who] = ~seen
-    alive = found.alive[frame_of_rows(truth.start)]
+    alive = lineage.alive[truth.frame_of_rows]
     return LineageEvents(ids, lost & alive, wrong & alive, reacquired, earlier)  # an absent hypothesis has lost nothing
 
 

@@ -5,37 +5,49 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from .definitions import DEFINITIONS, MOST_FORECASTS, RANKED_OBJECTS
+from .definitions import DEFINITIONS
 from .details import details
-from .statistics import bootstrap_interval, paired_interval, share_interval, shared_ranks, sign_flip_test
-from .subsets import SUBSETS, ReferenceSubsets
+from .error import scene_errors
+from .gap import Gap, gap_closed
+from .rank import Entrant, enough_objects, shared_ranks, why_unranked
+from .rows import Details, PairedRow, RankRow, Row
+from .statistics import bootstrap_interval, paired_difference, ratio
+from .subsets import SUBSETS, ReferenceSubsets, Subset
 from .table import AgentScores, AgentTable, agent_table, require_same_targets
-
-Array = NDArray[np.float64]
-Row = dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """Everything that a comparison shows; all of it can be written as JSON, None stands for undefined."""
+    """Everything that a comparison shows; None stands for undefined."""
 
     env: str
     definitions: str
     rows: list[Row]  # the keys of design.md, "compare --json"
-    ranks: list[Row]  # agent, hypotheses, samples, subset, rank (None: shown, never ranked)
-    paired: list[Row]  # differences to the controls
-    details: list[Row]  # per agent: parts of the error, bins, tracking, own events
+    ranks: list[RankRow]
+    paired: list[PairedRow]  # differences to the controls
+    details: list[Details]  # per agent
     condition: dict[str, str] = field(default_factory=dict)  # split, detector, card digest, detections, truth
 
-    def to_json(self) -> Row:
-        """The content of ``compare --json``: env, definitions and rows."""
-        return {"env": self.env, "definitions": self.definitions, "rows": self.rows}
+    def to_json(self, *further: str) -> dict[str, Any]:
+        """The content of ``compare --json``: env, definitions, rows, and the ``further`` fields that are named."""
+        content: dict[str, Any] = {"env": self.env, "definitions": self.definitions}
+        for name in ("rows", *further):
+            part = getattr(self, name)
+            content[name] = part if name == "condition" else [row.model_dump(mode="json") for row in part]
+        return content
+
+
+class _Ends(NamedTuple):
+    """The agents between which gap_closed measures; None where absent."""
+
+    stp: AgentTable | None
+    truth: AgentTable | None
 
 
 def summarise(
@@ -46,30 +58,28 @@ def summarise(
     truth: str = "truth_past",
     controls: Sequence[str] = ("stp", "stp_same_budget"),
 ) -> Report:
-    """Report of ``agents`` on the same scenes.
+    """Report of ``agents`` on the same scenes of ``card``.
 
     ``stp`` and ``truth`` name the agents between which gap_closed measures, ``controls`` those to which differences are
-    given; all of them with equal budget, and left out where absent. missing_aware of the subset "all" holds c/2 per
-    spurious forecast where the truth is complete; that of the event subsets does not, because a spurious forecast
-    belongs to no target. gap_closed has no spurious term anywhere. Without ``reference`` only "all" has targets. Raises
-    RolloutError where agents differ in scenes or targets.
+    given; all of them with equal budget, and left out where absent. Without ``reference`` only "all" has targets.
+    Raises RolloutError where agents differ in scenes or targets.
     """
-    tables = [agent_table(given, reference) for given in agents]
-    for given in agents[1:]:
-        who = f"agents {agents[0].agent!r} and {given.agent!r}"
-        require_same_targets(agents[0].seeds[0], given.seeds[0], who)
-    ends = _equal(tables, stp), _equal(tables, truth)
-    others = [table for name in controls if (table := _equal(tables, name)) is not None]
+    tables = [agent_table(setting, reference) for setting in agents]
+    for setting in agents[1:]:
+        who = f"agents {agents[0].agent!r} and {setting.agent!r}"
+        require_same_targets(agents[0].seeds[0], setting.seeds[0], who)
+    ends = _Ends(_with_equal_budget(tables, stp), _with_equal_budget(tables, truth))
+    others = [table for name in controls if (table := _with_equal_budget(tables, name)) is not None]
     return Report(
         env=card.id,
         definitions=DEFINITIONS,
         rows=[_row(table, subset, ends) for table in tables for subset in SUBSETS],
-        ranks=[rank for subset in SUBSETS for rank in _ranks(tables, subset, ends[0])],
+        ranks=[rank for subset in SUBSETS for rank in _ranks(tables, subset, ends.stp)],
         paired=[
-            {**paired_difference(table, other, subset), "gap_interval": _gap_interval(table, subset, *ends)}
+            _paired_row(table, other, subset, ends)
             for other in others
             for table in tables
-            if table is not other and table.given.samples == other.given.samples
+            if table is not other and table.setting.samples == other.setting.samples
             for subset in SUBSETS
         ],
         details=[details(table, card) for table in tables],
@@ -79,7 +89,7 @@ def summarise(
 
 def _condition(tables: Sequence[AgentTable], card: Card) -> dict[str, str]:
     """What the numbers hold for: the card, what made the detections of how many scenes, and what is known as truth."""
-    scenes = tables[0].given.seeds[0] if tables else ()
+    scenes = tables[0].setting.seeds[0] if tables else ()
     made = Counter(score.detections for score in scenes)
     complete = all(table.complete for table in tables)
     return {
@@ -91,127 +101,100 @@ def _condition(tables: Sequence[AgentTable], card: Card) -> dict[str, str]:
     }
 
 
-def paired_difference(table: AgentTable, other: AgentTable, subset: str) -> Row:
-    """Differences table - other on one subset: of the missing-aware error, and of minADE where both cover a target."""
-    mask = table.mask[subset]
-    count = table.per_scene(np.ones(len(mask)), mask)
-    gap = _missing_aware(table, subset) - _missing_aware(other, subset)
+def _paired_row(table: AgentTable, other: AgentTable, subset: Subset, ends: _Ends) -> PairedRow:
+    """Differences table - other: of the missing-aware error, and of minADE where both cover a target."""
+    setting, mask = table.setting, table.mask[subset]
+    count = table.targets(mask)
+    error = paired_difference(scene_errors(table, subset), scene_errors(other, subset), count)
     both = mask & (table.covered > 0) & (other.covered > 0)
-    ade = _over(table.min_ade, table.covered) - _over(other.min_ade, other.covered)
-    shared = table.per_scene(np.ones(len(mask)), both)
-    return {
-        **_setting(table),
-        "other": other.given.agent,
-        "subset": subset,
-        "missing_aware": _ratio(gap.sum(), count.sum()),
-        "interval": _listed(bootstrap_interval(gap, count)),
-        "p": sign_flip_test(gap) if count.sum() else None,
-        "minADE": _ratio(table.per_scene(ade, both).sum(), shared.sum()),
-        "minADE_interval": _listed(bootstrap_interval(table.per_scene(ade, both), shared)),
-        "targets": int(count.sum()),
-        "shared": int(shared.sum()),
-        "scenes": int((count > 0).sum()),
-    }
+    shared = table.targets(both)
+    ade = table.per_scene(_mean_over_seeds(table) - _mean_over_seeds(other), both)
+    gap = _gap(table, subset, ends)
+    return PairedRow(
+        agent=setting.agent,
+        hypotheses=setting.hypotheses,
+        samples=setting.samples,
+        other=other.setting.agent,
+        subset=subset,
+        missing_aware=error and error.mean,
+        interval=error and error.interval,
+        p=error and error.p,
+        minADE=ratio(ade.sum(), shared.sum()),
+        minADE_interval=bootstrap_interval(ade, shared),
+        targets=int(count.sum()),
+        shared=int(shared.sum()),
+        scenes=int((count > 0).sum()),
+        gap_interval=gap and gap.interval,
+    )
 
 
-def _row(table: AgentTable, subset: str, ends: tuple[AgentTable | None, AgentTable | None]) -> Row:
-    mask = table.mask[subset]
+def _row(table: AgentTable, subset: Subset, ends: _Ends) -> Row:
+    setting, mask = table.setting, table.mask[subset]
     targets = int(mask.sum())
     covered = float(table.covered[mask].sum())
-    error = _missing_aware(table, subset)
-    count = table.per_scene(np.ones(len(mask)), mask)
-    frames = sum(score.frames for score in table.scores)
-    return {
-        **_setting(table),
-        "budget": table.given.budget,
-        "subset": subset,
-        "minADE": _ratio(table.min_ade[mask].sum(), covered),
-        "minFDE": _ratio(table.min_fde[mask].sum(), covered),
-        "missing_aware": _ratio(error.sum(), targets),
-        "energy_score": _ratio(table.energy_score[mask].sum(), covered),
-        "coverage": _ratio(covered / len(table.given.seeds), targets),
-        "gap_closed": _gap_closed(table, subset, *ends),
-        "targets": targets,
-        "events": table.events[subset],
-        "objects": table.objects(mask),
-        "scenes": int((count > 0).sum()),
-        "interval": _listed(bootstrap_interval(error, count)),
-        "ms_per_frame": _ratio(1e3 * sum(score.seconds * score.frames for score in table.scores), frames),
-    }
+    error, count = scene_errors(table, subset), table.targets(mask)
+    gap = _gap(table, subset, ends)
+    seconds = sum(score.seconds * score.frames for score in table.scores)
+    return Row(
+        agent=setting.agent,
+        hypotheses=setting.hypotheses,
+        samples=setting.samples,
+        budget=setting.budget,
+        subset=subset,
+        minADE=ratio(table.min_ade[mask].sum(), covered),
+        minFDE=ratio(table.min_fde[mask].sum(), covered),
+        missing_aware=ratio(error.sum(), targets),
+        energy_score=ratio(table.energy_score[mask].sum(), covered),
+        coverage=ratio(covered / len(setting.seeds), targets),
+        gap_closed=gap and gap.closed,
+        targets=targets,
+        events=table.events[subset],
+        objects=table.objects(mask),
+        scenes=int((count > 0).sum()),
+        interval=bootstrap_interval(error, count),
+        ms_per_frame=ratio(1e3 * seconds, sum(score.frames for score in table.scores)),
+    )
 
 
-def _missing_aware(table: AgentTable, subset: str) -> Array:
-    """Missing-aware error summed per scene [S]."""
-    error = table.per_scene(table.capped, table.mask[subset])
-    return error + table.spurious_error if subset == "all" else error
-
-
-def _gap_closed(table: AgentTable, subset: str, stp: AgentTable | None, truth: AgentTable | None) -> float | None:
-    """(E_STP - E_agent) / (E_STP - E_GT) at equal k; None where the denominator's interval covers 0."""
-    closed, gap = _gap(table, subset, stp, truth)
-    return None if gap is None else float(closed.sum() / gap.sum())
-
-
-def _gap_interval(
-    table: AgentTable, subset: str, stp: AgentTable | None, truth: AgentTable | None
-) -> list[float] | None:
-    """Interval of gap_closed over resampled scenes."""
-    closed, gap = _gap(table, subset, stp, truth)
-    return None if gap is None else _listed(share_interval(closed, gap))
-
-
-def _gap(
-    table: AgentTable, subset: str, stp: AgentTable | None, truth: AgentTable | None
-) -> tuple[Array, Array | None]:
-    """E_STP - E_agent and E_STP - E_GT, summed per scene [S]; None for the latter where its interval covers 0."""
-    if stp is None or truth is None or len({t.given.samples for t in (table, stp, truth)}) > 1:
-        return np.zeros(0), None
+def _gap(table: AgentTable, subset: Subset, ends: _Ends) -> Gap | None:
+    """What an agent closes of the gap; None at another k than the ends have, or without them."""
+    if ends.stp is None or ends.truth is None or len({t.setting.samples for t in (table, ends.stp, ends.truth)}) > 1:
+        return None
     mask = table.mask[subset]
-    here, high, low = (t.per_scene(t.capped, mask) for t in (table, stp, truth))
-    interval = paired_interval(high, low, table.per_scene(np.ones(len(mask)), mask))
-    if interval is None or interval[0] <= 0.0 <= interval[1]:
-        return np.zeros(0), None
-    return high - here, high - low
+    error, stp, truth = (each.per_scene(each.capped, mask) for each in (table, ends.stp, ends.truth))
+    return gap_closed(error, stp, truth, table.targets(mask))
 
 
-def _ranks(tables: Sequence[AgentTable], subset: str, stp: AgentTable | None) -> list[Row]:
-    """Ranks of the agents with equal budget, ideals apart; None for all where the subset has too few objects.
-
-    Where false forecasts cost nothing because the truth is not complete, an agent that floods is not ranked either.
-    """
-    mask = tables[0].mask[subset] if tables else np.zeros(0, dtype=bool)
-    ranked = [i for i, t in enumerate(tables) if t.given.budget == "equal" and not t.given.ideal and not floods(t, stp)]
+def _ranks(tables: Sequence[AgentTable], subset: Subset, stp: AgentTable | None) -> list[RankRow]:
+    """Ranks of all agents on one subset."""
+    beside = None if stp is None else _entrant(stp)
+    ranked = [i for i, table in enumerate(tables) if why_unranked(_entrant(table), beside) is None]
     rank: dict[int, int] = {}
-    if ranked and tables[0].objects(mask) >= RANKED_OBJECTS:
-        count = tables[0].per_scene(np.ones(len(mask)), mask)
-        rank = dict(zip(ranked, shared_ranks([_missing_aware(tables[i], subset) for i in ranked], count), strict=True))
-    return [{**_setting(table), "subset": subset, "rank": rank.get(i)} for i, table in enumerate(tables)]
+    if ranked and enough_objects(tables[0].objects(tables[0].mask[subset])):
+        errors = [scene_errors(tables[i], subset) for i in ranked]
+        rank = dict(zip(ranked, shared_ranks(errors, tables[0].targets(tables[0].mask[subset])), strict=True))
+    return [
+        RankRow(
+            agent=table.setting.agent,
+            hypotheses=table.setting.hypotheses,
+            samples=table.setting.samples,
+            subset=subset,
+            rank=rank.get(i),
+        )
+        for i, table in enumerate(tables)
+    ]
 
 
-def floods(table: AgentTable, stp: AgentTable | None) -> bool:
-    """Whether an agent forecasts far more objects than STP where nobody can tell which of them are false."""
-    if table.complete or stp is None:
-        return False
-    return table.forecasts > MOST_FORECASTS * stp.forecasts
+def _entrant(table: AgentTable) -> Entrant:
+    setting = table.setting
+    return Entrant(setting.budget, setting.samples, setting.ideal, table.complete, table.forecasts)
 
 
-def _equal(tables: Sequence[AgentTable], name: str) -> AgentTable | None:
+def _with_equal_budget(tables: Sequence[AgentTable], name: str) -> AgentTable | None:
     """The first table of agent ``name`` with equal budget."""
-    return next((t for t in tables if t.given.agent == name and t.given.budget == "equal"), None)
+    return next((t for t in tables if t.setting.agent == name and t.setting.budget == "equal"), None)
 
 
-def _setting(table: AgentTable) -> Row:
-    given = table.given
-    return {"agent": given.agent, "hypotheses": given.hypotheses, "samples": given.samples}
-
-
-def _ratio(top: float, bottom: float) -> float | None:
-    return float(top / bottom) if bottom > 0 else None
-
-
-def _over(total: Array, count: Array) -> Array:
-    return np.divide(total, count, out=np.zeros_like(total), where=count > 0)
-
-
-def _listed(interval: tuple[float, float] | None) -> list[float] | None:
-    return None if interval is None else list(interval)
+def _mean_over_seeds(table: AgentTable) -> NDArray[np.float64]:
+    """MinADE [n] of each target over the seeds that cover it, 0 where none does."""
+    return np.divide(table.min_ade, table.covered, out=np.zeros_like(table.min_ade), where=table.covered > 0)

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from ..cards import Card
 from ..errors import RolloutError
 from ..types import Bools, Floats, Ints, Rollout, Scene
-from .definitions import SPURIOUS_SHARE
+from .error import capped_error, false_forecast_error
 from .forecasts import forecast_errors, match_objects
 from .lineage import hypotheses, lineage_events, match_hypotheses
 from .stream import StreamCounts, stream_counts
 from .subsets import event_keys
-from .targets import find_targets, frame_of_rows
+from .targets import find_targets
 
 KINDS = ("ids", "lost", "wrong", "reacquired")
 
@@ -54,9 +54,9 @@ class SceneScore:
     truth_key: Ints  # [rows] of all evaluated true boxes, targets or not
     events: dict[str, Ints]  # own events on all true boxes, by KINDS; "wrong" are among the "lost": keys [E]
     forecasts: int  # objects that were forecast, over all frames
-    spurious: Ints  # [F] forecasts of nothing
-    spurious_of_class: Ints  # [C]
-    spurious_error: float  # m, c/2 summed over them; 0 where the truth is not complete
+    false_forecasts: Ints  # [F] those that match no true object
+    false_of_class: Ints  # [C] the same per class
+    false_error: float  # m, c/2 summed over them; 0 where the truth is not complete
     counts: StreamCounts
     invalid: Ints  # [3] rows rejected: tracks, hypotheses, objects
     dropped: int  # detections that did not fit into the observation
@@ -74,19 +74,20 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     """
     check_rollout(scene, rollout, card)
     truth, targets = scene.truth, find_targets(scene, card)
-    object_frame = frame_of_rows(rollout.object_start)
-    found = match_objects(truth, object_frame, rollout.object_box, rollout.object_class, card)
-    errors = forecast_errors(targets, found, rollout)
-    alive = hypotheses(rollout, card)
-    happened = lineage_events(truth, rollout, alive, match_hypotheses(truth, rollout, alive.member, card))
-    frame = frame_of_rows(truth.start)
-    own = happened.of(alive.best[frame])
-    silent = ~alive.alive[frame]
-    every_ids = (happened.ids | silent).all(axis=1)
-    every_frag = (happened.frag | silent).all(axis=1)
+    object_frame = rollout.objects.frame_of_rows
+    matched = match_objects(truth, object_frame, rollout.object_box, rollout.object_class, card)
+    errors = forecast_errors(targets, matched, rollout)
+    lineage = hypotheses(rollout, card)
+    events = lineage_events(truth, rollout, lineage, match_hypotheses(truth, rollout, lineage.member, card))
+    frame = truth.frame_of_rows
+    own = events.of(lineage.best[frame])
+    absent = ~lineage.alive[frame]
+    every_ids = (events.ids | absent).all(axis=1)
+    every_frag = (events.frag | absent).all(axis=1)
     key = event_keys(card.id, scene.name, truth.object_id, frame)
-    worst = np.asarray(card.per_class(card.task.miss_error))
-    nothing = object_frame[found.spurious], rollout.object_class[found.spurious]
+    miss_error = np.asarray(card.per_class(card.task.miss_error))
+    of_targets = miss_error[targets.class_id]
+    false_class = rollout.object_class[matched.unmatched]
     return SceneScore(
         scene=scene.name,
         frames=scene.frames,
@@ -102,13 +103,13 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         distance=targets.distance,
         approach=targets.approach,
         moving=targets.moving,
-        miss_error=worst[targets.class_id],
+        miss_error=of_targets,
         covered=errors.covered,
         min_ade=errors.min_ade,
         min_fde=errors.min_fde,
         miss=errors.miss,
         energy_score=errors.energy_score,
-        capped=np.minimum(errors.min_ade, worst[targets.class_id]),
+        capped=capped_error(errors.min_ade, of_targets),
         curve=errors.curve,
         ks=errors.ks,
         own_ids=own.ids[targets.row, 0],
@@ -118,10 +119,10 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         truth_key=key[~truth.neutral],
         events={kind: key[getattr(own, kind)[:, 0]] for kind in KINDS},
         forecasts=len(rollout.object_box),
-        spurious=np.bincount(nothing[0], minlength=scene.frames),
-        spurious_of_class=np.bincount(nothing[1], minlength=len(worst)),
-        spurious_error=SPURIOUS_SHARE * float(worst[nothing[1]].sum()) if scene.truth_complete else 0.0,
-        counts=stream_counts(truth, rollout, alive, card),
+        false_forecasts=np.bincount(object_frame[matched.unmatched], minlength=scene.frames),
+        false_of_class=np.bincount(false_class, minlength=len(miss_error)),
+        false_error=false_forecast_error(miss_error[false_class], scene.truth_complete),
+        counts=stream_counts(truth, rollout, lineage, card),
         invalid=np.asarray(rollout.invalid).sum(axis=0),
         dropped=int(np.asarray(rollout.dropped).sum()),
         skipped=scene.skipped,

@@ -1,4 +1,4 @@
-"""Uncertainty with scenes as the unit: bootstrap intervals, sign-flip tests, shared ranks (protocol, "Uncertainty").
+"""Uncertainty with scenes as the unit: bootstrap intervals, sign-flip tests (protocol, "Uncertainty").
 
 A mean over targets is a ratio of sums over scenes: ``numerator`` [S] and ``denominator`` [S] (the number of targets).
 """
@@ -6,6 +6,7 @@ A mean over targets is a ratio of sums over scenes: ``numerator`` [S] and ``deno
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,14 +33,35 @@ def bootstrap_interval(numerator: ArrayLike, denominator: ArrayLike) -> tuple[fl
     if len(bottom) < 2:
         return None
     counts = _resamples(len(bottom))
-    ratio = (counts @ top) / (counts @ bottom)
-    low, high = np.quantile(ratio, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    means = (counts @ top) / (counts @ bottom)
+    low, high = np.quantile(means, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
     return float(low), float(high)
 
 
 def paired_interval(a: ArrayLike, b: ArrayLike, denominator: ArrayLike) -> tuple[float, float] | None:
     """Interval of the difference a - b of two means over the same targets: numerators [S], [S], denominator [S]."""
-    return bootstrap_interval(np.asarray(a, dtype=np.float64) - np.asarray(b, dtype=np.float64), denominator)
+    return bootstrap_interval(as_sums("a", a) - as_sums("b", b), denominator)
+
+
+class PairedDifference(NamedTuple):
+    """Difference of two means over the same targets, in the unit of their numerators."""
+
+    mean: float
+    interval: tuple[float, float] | None  # 95 %, over resampled scenes; None with fewer than two scenes
+    p: float  # of the sign-flip test over scenes
+
+
+def paired_difference(a: ArrayLike, b: ArrayLike, denominator: ArrayLike) -> PairedDifference | None:
+    """Difference a - b of two means: numerators [S], [S], denominator [S]; None where that is 0 in all scenes."""
+    gap = as_sums("a", a) - as_sums("b", b)
+    count = as_sums("denominator", denominator)
+    mean = ratio(gap.sum(), count.sum())
+    return None if mean is None else PairedDifference(mean, bootstrap_interval(gap, count), sign_flip_test(gap))
+
+
+def ratio(top: float, bottom: float) -> float | None:
+    """``top / bottom``; None unless the denominator is above 0."""
+    return float(top / bottom) if bottom > 0 else None
 
 
 def share_interval(part: ArrayLike, whole: ArrayLike) -> tuple[float, float] | None:
@@ -47,10 +69,8 @@ def share_interval(part: ArrayLike, whole: ArrayLike) -> tuple[float, float] | N
 
     None with fewer than two scenes, or where the whole is not above 0 in nearly all resamples.
     """
-    top, bottom = np.asarray(part, dtype=np.float64), np.asarray(whole, dtype=np.float64)
+    top, bottom = as_sums("part", part), as_sums("whole", whole)
     require_shape("whole", bottom, top.shape)
-    require_finite("part", top)
-    require_finite("whole", bottom)
     if len(bottom) < 2:
         return None
     counts = _resamples(len(bottom))
@@ -68,48 +88,32 @@ def sign_flip_test(difference: ArrayLike) -> float:
     All 2^S signs up to EXACT_SCENES scenes; else FLIPS random ones and the observed one. Scenes without a difference do
     not matter. 1.0 without any.
     """
-    given = np.asarray(difference, dtype=np.float64)
-    require_shape("difference", given, (None,))
-    require_finite("difference", given)
-    given = given[given != 0]
-    count = len(given)
+    gap = as_sums("difference", difference)
+    gap = gap[gap != 0]
+    count = len(gap)
     if count == 0:
         return 1.0
     # a sum of the same terms in another order is as extreme
-    limit = abs(float(given.sum())) - 1e-12 * float(np.abs(given).sum())
+    limit = abs(float(gap.sum())) - 1e-12 * float(np.abs(gap).sum())
     if count <= EXACT_SCENES:
         bits = (np.arange(1 << count)[:, None] >> np.arange(count)) & 1
-        return float((np.abs((1.0 - 2.0 * bits) @ given) >= limit).mean())
+        return float((np.abs((1.0 - 2.0 * bits) @ gap) >= limit).mean())
     signs = np.random.default_rng(_SEED).choice([-1.0, 1.0], size=(FLIPS, count))
-    extreme = int((np.abs(signs @ given) >= limit).sum())
+    extreme = int((np.abs(signs @ gap) >= limit).sum())
     return (1 + extreme) / (1 + FLIPS)
 
 
-def shared_ranks(numerators: ArrayLike, denominator: ArrayLike) -> list[int]:
-    """Ranks, 1 = least mean, of agents [A, S] over the same targets [S].
-
-    From the best on, an agent shares the rank of the leader of the group before it if their paired interval covers 0;
-    else it leads the next group. Without an interval (fewer than two scenes) all share rank 1.
-    """
-    top, bottom = np.asarray(numerators, dtype=np.float64), np.asarray(denominator, dtype=np.float64)
-    require_shape("numerators", top, (None, len(bottom)))
-    order = np.argsort(top.sum(axis=1), kind="stable")
-    ranks = [1] * len(top)
-    leader, rank = -1, 1
-    for position, agent in enumerate(order.tolist()):
-        interval = paired_interval(top[agent], top[leader], bottom) if leader >= 0 else None
-        if leader < 0 or (interval is not None and interval[0] > 0):
-            leader, rank = agent, position + 1
-        ranks[agent] = rank
-    return ranks
+def as_sums(name: str, values: ArrayLike) -> Array:
+    """Sums over the targets of each scene [S] as an array; raises ShapeError for another shape or a NaN."""
+    array = np.asarray(values, dtype=np.float64)
+    require_shape(name, array, (None,))
+    require_finite(name, array)
+    return array
 
 
 def _sums(numerator: ArrayLike, denominator: ArrayLike) -> tuple[Array, Array]:
-    top, bottom = np.asarray(numerator, dtype=np.float64), np.asarray(denominator, dtype=np.float64)
-    require_shape("denominator", bottom, (None,))
+    top, bottom = as_sums("numerator", numerator), as_sums("denominator", denominator)
     require_shape("numerator", top, bottom.shape)
-    require_finite("numerator", top)
-    require_finite("denominator", bottom)
     if (bottom < 0).any():
         raise ShapeError(f"denominator reaches down to {bottom.min()}, expected counts of 0 or more")
     return top[bottom > 0], bottom[bottom > 0]

@@ -13,7 +13,6 @@ from .events import clear_identity, history
 from .lineage import Hypotheses, event_pairs
 from .matching import columns_to_rows, match, match_sticky
 from .pairs import Pairs, Rows, of_columns
-from .targets import frame_of_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,17 +27,17 @@ class StreamCounts:
     frag: Ints  # CLEAR-FRAG
     cost: NDArray[np.float64]  # summed over matched pairs: m, or 1 - IoU, as the event gate measures
     false_positives: int  # unmatched boxes in frame mode
-    spurious_tracks: int  # ids matched in no frame of their life, in frame mode
+    false_tracks: int  # ids matched in no frame of their life, in frame mode
 
 
-def stream_counts(truth: Truth, rollout: Rollout, found: Hypotheses, card: Card) -> StreamCounts:
+def stream_counts(truth: Truth, rollout: Rollout, lineage: Hypotheses, card: Card) -> StreamCounts:
     """CLEAR counts (sticky mode) and false output (frame mode) of the best hypothesis of every frame."""
-    frame = frame_of_rows(rollout.track_start)
-    chosen = np.flatnonzero(found.member[np.arange(len(frame)), found.best[frame]])
+    frame = rollout.tracks.frame_of_rows
+    chosen = np.flatnonzero(lineage.member[np.arange(len(frame)), lineage.best[frame]])
     pairs = of_columns(event_pairs(truth, rollout, card), chosen, len(frame))
     neutral = truth.neutral[pairs.row]
     pairs, beside = pairs.keep(~neutral), pairs.keep(neutral)
-    objects = history(frame_of_rows(truth.start), truth.object_id)
+    objects = history(truth.frame_of_rows, truth.object_id)
     tracks = history(frame[chosen], rollout.track_id[chosen])
     matched = match_sticky(pairs, len(truth.box), objects.previous(), tracks.previous())
     switched, begun = clear_identity(objects, matched, rollout.track_id[chosen])
@@ -64,7 +63,7 @@ def stream_counts(truth: Truth, rollout: Rollout, found: Hypotheses, card: Card)
         frag=per_class(begun),
         cost=np.bincount(truth.class_id[row], weights=cost[row], minlength=count).astype(np.float64),
         false_positives=int(in_frame.sum()),
-        spurious_tracks=_never_matched(rollout.track_id[chosen], in_frame),
+        false_tracks=_never_matched(rollout.track_id[chosen], in_frame),
     )
 
 

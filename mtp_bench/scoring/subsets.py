@@ -8,25 +8,25 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
 from ..errors import CardError, DataError
+from ..files import whole_file
 from ..types import Bools, Ints
 from .definitions import DEFINITIONS
 
 if TYPE_CHECKING:
     from .score import SceneScore
 
-SUBSETS = ("all", "ids", "lost", "reacquired", "frag")
+Subset = Literal["all", "ids", "lost", "reacquired", "frag"]
+SUBSETS: tuple[Subset, ...] = get_args(Subset)
 _STORED = ("ids", "lost", "reacquired")  # frag is lost or reacquired
 _DIGITS = 12
 
@@ -78,24 +78,16 @@ def reference_subsets(scores: Iterable[SceneScore], card: Card) -> ReferenceSubs
 
 def masks(reference: ReferenceSubsets, score: SceneScore) -> dict[str, Bools]:
     """Mask over the targets of ``score`` for every one of SUBSETS."""
-    subsets = {name: np.isin(score.key, reference.keys(name)) for name in SUBSETS[1:]}
-    return {"all": np.ones(len(score.key), dtype=bool), **subsets}
+    events: dict[str, Bools] = {name: np.isin(score.key, reference.keys(name)) for name in SUBSETS[1:]}
+    return {"all": np.ones(len(score.key), dtype=bool), **events}
 
 
 def write_reference(path: str | Path, reference: ReferenceSubsets) -> None:
     """Write the subsets as JSON with their hash; the file appears complete or not at all."""
-    path = Path(path)
     content = {**_content(reference), "hash": reference.hash}
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            json.dump(content, file, indent=1, sort_keys=True)
-            file.write("\n")
-        Path(temporary).chmod(0o644)  # mkstemp keeps a file to its owner
-        Path(temporary).replace(path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    with whole_file(Path(path)) as part:
+        part.write_text(json.dumps(content, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+        part.chmod(0o644)  # subsets are public, whatever the user's own files are
 
 
 def read_reference(path: str | Path, card: Card) -> ReferenceSubsets:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..errors import RolloutError
 from ..types import Bools, Ints
 from .definitions import FORECAST_AP_GATES
+from .rows import Budget
 from .score import SceneScore
 from .subsets import SUBSETS, ReferenceSubsets, masks
 
@@ -25,7 +26,7 @@ class AgentScores:
     agent: str
     hypotheses: int
     samples: int  # k, per object
-    budget: Literal["equal", "free"]  # "free": another number of samples than the task's k, never ranked
+    budget: Budget  # "free": another number of samples than the task's k, never ranked
     seeds: tuple[tuple[SceneScore, ...], ...]
     ideal: bool = False  # saw the truth: shown, never ranked
 
@@ -34,7 +35,7 @@ class AgentScores:
 class AgentTable:
     """Targets [n] of all scenes; errors are summed over the seeds that cover a target, ``covered`` counts those."""
 
-    given: AgentScores
+    setting: AgentScores
     scene: Ints  # [n] index of the scene
     object_id: Ints  # [n]
     class_id: Ints  # [n]
@@ -49,25 +50,25 @@ class AgentTable:
     hit: Array  # [n] seeds with a final point within 2 m
     near: Array  # [n] seeds with a final point within 4 m
     miss_error: Array  # [n] m, c
-    capped: Array  # [n] m, mean over seeds of min(minADE, c), c where missing
-    missed: Array  # [n] m, the part of it that is missing
-    spurious_error: Array  # [S] m per scene, mean over seeds
+    capped: Array  # [n] m, mean over seeds of min(minADE, c), c where not covered
+    missed: Array  # [n] m, the part of it from seeds that do not cover the target
+    false_error: Array  # [S] m of the false forecasts of each scene, mean over seeds
     mask: dict[str, Bools]  # [n] per subset
     events: dict[str, int | None]  # events of the reference in these scenes, on targets or not, per subset
 
     @property
     def scores(self) -> list[SceneScore]:
         """Scores of all seeds and scenes."""
-        return [score for run in self.given.seeds for score in run]
+        return [score for run in self.setting.seeds for score in run]
 
     @property
     def scenes(self) -> int:
         """Number of scenes S."""
-        return len(self.spurious_error)
+        return len(self.false_error)
 
     @property
     def complete(self) -> bool:
-        """Whether the truth of every scene is complete, so that a spurious forecast is known to be one."""
+        """Whether the truth of every scene is complete, so that a false forecast is known to be one."""
         return all(score.truth_complete for score in self.scores)
 
     @property
@@ -79,6 +80,10 @@ class AgentTable:
         """Sums [S] of ``value`` [n] over the targets of ``mask``."""
         return np.bincount(self.scene[mask], weights=value[mask], minlength=self.scenes).astype(np.float64)
 
+    def targets(self, mask: Bools) -> Array:
+        """Number of targets of ``mask`` in each scene [S]."""
+        return self.per_scene(np.ones(len(mask)), mask)
+
     def objects(self, mask: Bools) -> int:
         """Number of distinct objects among the targets of ``mask``."""
         return len(np.unique(np.stack([self.scene[mask], self.object_id[mask]]), axis=1).T)
@@ -89,17 +94,17 @@ def stated_hypotheses(seeds: Sequence[Sequence[SceneScore]]) -> int:
     return max((score.hypotheses for run in seeds for score in run), default=0)
 
 
-def agent_table(given: AgentScores, reference: ReferenceSubsets | None) -> AgentTable:
+def agent_table(setting: AgentScores, reference: ReferenceSubsets | None) -> AgentTable:
     """Table of one agent; without ``reference`` only the subset "all" has targets.
 
     Raises RolloutError without a scene, or where seeds differ in scenes or targets.
     """
-    _check(given)
-    first = given.seeds[0]
-    covered = _over_seeds(given, "covered")
-    lacking = 1.0 - covered / len(given.seeds)
+    _check(setting)
+    first = setting.seeds[0]
+    covered = _over_seeds(setting, "covered")
+    uncovered = 1.0 - covered / len(setting.seeds)
     return AgentTable(
-        given=given,
+        setting=setting,
         scene=np.repeat(np.arange(len(first)), [len(score) for score in first]),
         object_id=_join(first, "object_id"),
         class_id=_join(first, "class_id"),
@@ -107,26 +112,26 @@ def agent_table(given: AgentScores, reference: ReferenceSubsets | None) -> Agent
         approach=_join(first, "approach"),
         moving=_join(first, "moving"),
         covered=covered,
-        min_ade=_over_seeds(given, "min_ade"),
-        min_fde=_over_seeds(given, "min_fde"),
-        energy_score=_over_seeds(given, "energy_score"),
-        curve=_over_seeds(given, "curve"),
-        hit=_count([~_join(run, "miss") for run in given.seeds]),
-        near=_count([_join(run, "min_fde") <= FORECAST_AP_GATES[1] for run in given.seeds]),
-        capped=np.mean([_join(run, "capped") for run in given.seeds], axis=0),
+        min_ade=_over_seeds(setting, "min_ade"),
+        min_fde=_over_seeds(setting, "min_fde"),
+        energy_score=_over_seeds(setting, "energy_score"),
+        curve=_over_seeds(setting, "curve"),
+        hit=_count([~_join(run, "miss") for run in setting.seeds]),
+        near=_count([_join(run, "min_fde") <= FORECAST_AP_GATES[1] for run in setting.seeds]),
+        capped=np.mean([_join(run, "capped") for run in setting.seeds], axis=0),
         miss_error=_join(first, "miss_error"),
-        missed=lacking * _join(first, "miss_error"),
-        spurious_error=np.mean([[score.spurious_error for score in run] for run in given.seeds], axis=0),
+        missed=uncovered * _join(first, "miss_error"),
+        false_error=np.mean([[score.false_error for score in run] for run in setting.seeds], axis=0),
         mask=_masks(first, reference),
         events=_events(first, reference),
     )
 
 
-def _check(given: AgentScores) -> None:
-    if not given.seeds or not given.seeds[0]:
-        raise RolloutError(f"agent {given.agent!r} has no scored scene, expected at least one")
-    for run in given.seeds[1:]:
-        require_same_targets(given.seeds[0], run, f"the seeds of agent {given.agent!r}")
+def _check(setting: AgentScores) -> None:
+    if not setting.seeds or not setting.seeds[0]:
+        raise RolloutError(f"agent {setting.agent!r} has no scored scene, expected at least one")
+    for run in setting.seeds[1:]:
+        require_same_targets(setting.seeds[0], run, f"the seeds of agent {setting.agent!r}")
 
 
 def require_same_targets(a: Sequence[SceneScore], b: Sequence[SceneScore], who: str) -> None:
@@ -147,10 +152,10 @@ def _count(masks_of_seeds: Sequence[Bools]) -> Array:
     return np.asarray(np.sum(masks_of_seeds, axis=0), dtype=np.float64)
 
 
-def _over_seeds(given: AgentScores, name: str) -> Array:
+def _over_seeds(setting: AgentScores, name: str) -> Array:
     """Sum over the seeds that cover a target."""
     total: Any = 0.0
-    for run in given.seeds:
+    for run in setting.seeds:
         value = _join(run, name)
         here = _join(run, "covered")
         total = total + np.where(here.reshape(-1, *[1] * (value.ndim - 1)), value, 0.0)

@@ -9,15 +9,14 @@ from numpy.typing import NDArray
 
 from ..cards import Card
 from ..errors import DataError
-from ..types import Bools, Floats, Ints, Scene, Truth
+from ..types import Bools, Floats, Ints, Ragged, Scene, Truth
 from .definitions import MOVING_SPEED
 
 
 @dataclass(frozen=True, eq=False)
-class Targets:
-    """Targets of a scene, ``n`` of them, sorted by their row in the truth; frame t holds ``start[t]:start[t + 1]``."""
+class Targets(Ragged):
+    """Targets of a scene, ``n`` of them, sorted by their row in the truth."""
 
-    start: Ints  # [F + 1]
     row: Ints  # [n] row of the truth
     frame: Ints  # [n]
     object_id: Ints  # [n]
@@ -30,10 +29,6 @@ class Targets:
     def __len__(self) -> int:
         return len(self.row)
 
-    def rows(self, t: int) -> slice:
-        """Targets of frame ``t``."""
-        return slice(int(self.start[t]), int(self.start[t + 1]))
-
 
 def find_targets(scene: Scene, card: Card) -> Targets:
     """Targets of ``scene``: eligible, not neutral, with P past frames (the current one included) and T future ones.
@@ -44,7 +39,7 @@ def find_targets(scene: Scene, card: Card) -> Targets:
     """
     truth, future = scene.truth, card.task.future
     past = 1 if scene.listed_targets else card.task.past
-    frame = frame_of_rows(truth.start)
+    frame = truth.frame_of_rows
     order = _by_object(truth, frame, scene.name)
     window = past + future
     place = _windows(truth.object_id[order], frame[order], window)
@@ -72,12 +67,7 @@ def find_targets(scene: Scene, card: Card) -> Targets:
     )
 
 
-def frame_of_rows(start: Ints) -> NDArray[np.intp]:
-    """Frame [R] of each row of a ragged table with the row starts [F + 1]."""
-    return np.repeat(np.arange(len(start) - 1, dtype=np.intp), np.diff(start))
-
-
-def _by_object(truth: Truth, frame: NDArray[np.intp], scene: str) -> NDArray[np.intp]:
+def _by_object(truth: Truth, frame: Ints, scene: str) -> NDArray[np.intp]:
     """Order of the rows by object, then frame."""
     order = np.argsort(truth.object_id, kind="stable")
     ids, frames = truth.object_id[order], frame[order]
@@ -88,7 +78,7 @@ def _by_object(truth: Truth, frame: NDArray[np.intp], scene: str) -> NDArray[np.
     return order
 
 
-def _windows(ids: Ints, frames: NDArray[np.intp], length: int) -> NDArray[np.intp]:
+def _windows(ids: Ints, frames: Ints, length: int) -> NDArray[np.intp]:
     """First places [n] of ``length`` consecutive frames of one object."""
     if len(ids) < length:
         return np.zeros(0, dtype=np.intp)

@@ -10,10 +10,11 @@ from typing import Any
 from ..env.environment import MTPEnv
 from ..errors import MtpBenchError, UnknownNameError
 from ..running.run import MakeAgent
+from ..scoring import mean_error
 from .findings import AgentError, Finding
 from .playing import another_clock, first_difference, play
 from .stress_checks import extremes, latency, other_sizes, unmoved
-from .suite import Suite, error_of, score_of
+from .suite import Suite, score_of
 
 SCENES = 2  # that are checked unless named
 LARGEST_PICKLE = 1 << 20  # bytes
@@ -96,7 +97,7 @@ def _contract(suite: Suite) -> Iterator[Finding]:
     for scene in suite.scenes:
         suite.played.append(play(agent, suite.env, scene, suite.seed))
         scores.append(score_of(suite.env))
-    suite.score = error_of(scores)
+    suite.score = mean_error(scores)
     found = [seen.finding("") for seen in suite.problems.values()]
     yield from found
     if not any(finding.level == "error" for finding in found):

@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from ..running.run import agent_task
+from ..scoring import mean_error
 from .findings import AgentError, Finding
 from .made_up import extreme_frames
 from .playing import play, play_made_up
-from .suite import Suite, error_of, score_of
+from .suite import Suite, score_of
 
 MOTION_TOLERANCE = 0.05  # of the score, for the rounding of forecasts and for draws along the axes
 _FEW = 6  # frames that show whether other sizes work
@@ -53,7 +54,7 @@ def unmoved(suite: Suite) -> Iterator[Finding]:
     for scene in suite.scenes:
         play(suite.agent(env), env, scene, suite.seed, turn=1)
         scores.append(score_of(env))
-    moved = error_of(scores)
+    moved = mean_error(scores)
     if moved is None or suite.score is None:  # no targets
         return
     if abs(moved - suite.score) > MOTION_TOLERANCE * max(moved, suite.score):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -65,9 +64,3 @@ class Suite:
 def score_of(env: MTPEnv) -> SceneScore:
     """Score of the episode that was played in ``env``."""
     return score_scene(env.scene, env.rollout(), env.card)
-
-
-def error_of(scores: Sequence[SceneScore]) -> float | None:
-    """Missing-aware error over the targets of some scenes, m; None without targets."""
-    targets = sum(len(score) for score in scores)
-    return sum(float(score.capped.sum() + score.spurious_error) for score in scores) / targets if targets else None

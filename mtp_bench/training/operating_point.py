@@ -17,9 +17,9 @@ from ..cards import Card
 from ..env.environment import MTPEnv
 from ..errors import MtpBenchError
 from ..running.run import run_scene
-from ..scoring.definitions import SPURIOUS_SHARE
+from ..scoring.definitions import FALSE_FORECAST_SHARE
 from ..scoring.forecasts import forecast_errors, match_objects
-from ..scoring.targets import find_targets, frame_of_rows
+from ..scoring.targets import find_targets
 from ..types import Floats, Ints, Rollout, Scene
 
 
@@ -44,12 +44,12 @@ def worth_of_scene(agent: Pipeline, env: MTPEnv, scene_name: str, seed: int = 0)
 def gains(scene: Scene, rollout: Rollout, card: Card) -> Floats:
     """Metres of missing-aware error [F] that every forecast object of a rollout saves; negative: costs."""
     worst = np.asarray(card.per_class(card.task.miss_error))
-    targets, frame = find_targets(scene, card), frame_of_rows(rollout.object_start)
+    targets, frame = find_targets(scene, card), rollout.objects.frame_of_rows
     found = match_objects(scene.truth, frame, rollout.object_box, rollout.object_class, card)
     error = forecast_errors(targets, found, rollout).min_ade
     gain = np.zeros(len(frame))
     if scene.truth_complete:
-        gain[found.spurious] = -SPURIOUS_SHARE * worst[rollout.object_class[found.spurious]]
+        gain[found.unmatched] = -FALSE_FORECAST_SHARE * worst[rollout.object_class[found.unmatched]]
     row = found.object_of_truth[targets.row]
     gain[row[row >= 0]] = np.maximum(worst[targets.class_id] - error, 0.0)[row >= 0]
     return gain

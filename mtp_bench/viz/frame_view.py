@@ -10,7 +10,6 @@ import numpy as np
 from ..cards import Card
 from ..scoring.forecasts import sample_weights
 from ..scoring.lineage import Hypotheses
-from ..scoring.targets import frame_of_rows
 from ..types import Bools, Floats, Ints, Lane, Rollout, to_metres
 from .drawing.camera import Camera, camera
 from .drawing.canvas import Viewport
@@ -75,8 +74,8 @@ def replay_camera(replay: Replay) -> Camera:
     scene = replay.scene
     seen = scene.detections
     if len(seen.box) == 0:  # an agent on true boxes needs no detections
-        return camera(replay.card.has_ego, scene.ego, scene.truth.box[:, :2], frame_of_rows(scene.truth.start))
-    return camera(replay.card.has_ego, scene.ego, seen.box[:, :2], frame_of_rows(seen.start))
+        return camera(replay.card.has_ego, scene.ego, scene.truth.box[:, :2], scene.truth.frame_of_rows)
+    return camera(replay.card.has_ego, scene.ego, seen.box[:, :2], seen.frame_of_rows)
 
 
 def replay_view(replay: Replay, t: int, seen_by: Camera | None = None, at: Incident | None = None) -> FrameView:

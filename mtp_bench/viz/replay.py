@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from ..cards import Card
 from ..errors import UnknownNameError
-from ..scoring.definitions import SPURIOUS_SHARE
+from ..scoring.definitions import FALSE_FORECAST_SHARE
 from ..scoring.forecasts import ForecastErrors, forecast_errors, match_neutral_last, match_objects
 from ..scoring.lineage import LineageEvents, event_pairs, gated_pairs, hypotheses, lineage_events, match_hypotheses
 from ..scoring.matching import columns_to_rows, match
 from ..scoring.pairs import Rows, box_pairs, of_columns
 from ..scoring.score import check_rollout
-from ..scoring.targets import Targets, find_targets, frame_of_rows
+from ..scoring.targets import Targets, find_targets
 from ..types import Bools, Floats, Ints, Rollout, Scene
 
 KINDS = ("ids", "lost", "reacquired", "spurious")
@@ -102,19 +102,19 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Repla
     truth = scene.truth
     found = hypotheses(rollout, card)
     matched = match_hypotheses(truth, rollout, found.member, card)
-    track_frame = frame_of_rows(rollout.track_start)
+    track_frame = rollout.tracks.frame_of_rows
     shown = found.member[np.arange(len(track_frame)), found.best[track_frame]]
     truth_track = _best_tracks(scene, rollout, card, shown)
     track_truth = columns_to_rows(truth_track, len(shown))
     detected = scene.detections
     detection_pairs = gated_pairs(truth, detected.start, detected.box, detected.class_id, card)
     of_detection = match_neutral_last(detection_pairs, truth.neutral, len(detected.box))
-    object_frame = frame_of_rows(rollout.object_start)
+    object_frame = rollout.objects.frame_of_rows
     of_object = match_objects(truth, object_frame, rollout.object_box, rollout.object_class, card)
-    spurious = of_object.spurious & scene.truth_complete
+    spurious = of_object.unmatched & scene.truth_complete
     targets = find_targets(scene, card)
     errors = forecast_errors(targets, of_object, rollout)
-    frame = frame_of_rows(truth.start)
+    frame = truth.frame_of_rows
     events = lineage_events(truth, rollout, found, matched).of(found.best[frame])
     object_track = object_tracks(rollout, card, shown)
     false_track = shown & (track_truth < 0) & scene.truth_complete
@@ -134,7 +134,7 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Repla
         track_truth=track_truth,
         track_false=false_track,
         detection_truth=columns_to_rows(of_detection.object_of_truth, len(detected.box)),
-        detection_false=of_detection.spurious & scene.truth_complete,
+        detection_false=of_detection.unmatched & scene.truth_complete,
         object_truth=columns_to_rows(of_object.object_of_truth, len(object_frame)),
         object_track=object_track,
         spurious=spurious,
@@ -167,10 +167,10 @@ def object_tracks(rollout: Rollout, card: Card, shown: Bools) -> Rows:
     """
     chosen = np.flatnonzero(shown)
     pairs = box_pairs(
-        frame_of_rows(rollout.object_start),
+        rollout.objects.frame_of_rows,
         rollout.object_box,
         rollout.object_class,
-        frame_of_rows(rollout.track_start)[chosen],
+        rollout.tracks.frame_of_rows[chosen],
         rollout.track_box[chosen],
         rollout.track_class[chosen],
         "center_distance",
@@ -197,7 +197,7 @@ def _identity_incidents(
     scene: Scene, rollout: Rollout, events: LineageEvents, truth_track: Ints, error: Floats
 ) -> list[Incident]:
     """Switches, losses and re-acquisitions; ``events`` [R, 1] of the best hypothesis, ``error`` [R, 2]."""
-    truth, frame = scene.truth, frame_of_rows(scene.truth.start)
+    truth, frame = scene.truth, scene.truth.frame_of_rows
     track_id = np.append(rollout.track_id, -1)  # row -1: no track
     return [
         Incident(
@@ -224,8 +224,8 @@ def _identity_incidents(
 
 def _spurious_incidents(rollout: Rollout, card: Card, spurious: Bools, object_track: Ints) -> list[Incident]:
     """Runs of forecasts of nothing: of one track in consecutive frames; a forecast without a track stands alone."""
-    cost = SPURIOUS_SHARE * np.asarray(card.per_class(card.task.miss_error))
-    frame, track_id = frame_of_rows(rollout.object_start), np.append(rollout.track_id, -1)[object_track]
+    cost = FALSE_FORECAST_SHARE * np.asarray(card.per_class(card.task.miss_error))
+    frame, track_id = rollout.objects.frame_of_rows, np.append(rollout.track_id, -1)[object_track]
     row = np.flatnonzero(spurious)
     row = row[np.lexsort((frame[row], track_id[row], rollout.object_class[row]))]
     kind, who, when = rollout.object_class[row], track_id[row], frame[row]

@@ -54,7 +54,10 @@ def clear(name: str) -> Callable[[Path], Any]:
 
 BROKEN: dict[str, tuple[Callable[[Path], Any], str]] = {
     "label cut off": (cut(LABELS, 30), "label_02/0006.txt, line 21: 14 columns, expected 17: is the file cut off?"),
-    "label not a number": (replace(LABELS, "Car 0 0", "Car 0 x"), "label_02/0006.txt, line 1, column 5 (occluded): got 'x'"),
+    "label not a number": (
+        replace(LABELS, "Car 0 0", "Car 0 x"),
+        "label_02/0006.txt, line 1, column 5 (occluded): got 'x'",
+    ),
     "label not finite": (replace(LABELS, "1.500000", "nan"), "is nan, expected a finite number"),
     "labels missing": (remove(LABELS), "label_02/0006.txt"),
     "calibration without a line": (replace(CALIBRATION, "Tr_velo_cam", "Tr_velo"), "no line 'Tr_velo_cam'"),

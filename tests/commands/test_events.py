@@ -144,6 +144,6 @@ def test_as_many_events_as_in_the_score(env_id: str, cli: CommandLine, data_root
     cli.ok("events", tmp_path / "run", "--data", data_root, "--json", tmp_path / "a.json")
     details = score_stored(tmp_path / "run", str(data_root)).report.details[0]
     content = json.loads((tmp_path / "a.json").read_text())
-    assert {kind: content["counts"][kind] for kind in OWN_EVENTS} == details["own_events"]
+    assert {kind: content["counts"][kind] for kind in OWN_EVENTS} == details.own_events
     for kind in ("ids", "lost", "reacquired"):
-        assert sum(event["kind"] == kind for event in content["events"]) == details["own_events"][kind]
+        assert sum(event["kind"] == kind for event in content["events"]) == details.own_events[kind]

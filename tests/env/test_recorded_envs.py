@@ -28,7 +28,7 @@ def test_false_positives_are_not_measurable_where_only_targets_are_known(cli: Co
     arguments = ("compare", "stp", "--env", "MTP-nuScenes-v0", "--split", "train", "--scenes", 2, "--seeds", 1)
     printed = cli.ok(*arguments, "--json", tmp_path / "a.json")
     assert "not measurable" in printed
-    assert "nobody pays for spurious forecasts" in " ".join(printed.split())
+    assert "nobody pays for false forecasts" in " ".join(printed.split())
     content = read_json(tmp_path / "a.json")
     assert content["condition"]["truth"] == "prediction targets only: false positives are not measurable"
     assert content["condition"]["detections"] == "megvii, stored detections (2 scenes)"
@@ -141,7 +141,7 @@ def test_what_is_left_out_or_repeated_never_helps_without_a_false_term(data_root
     jobs = jobs_of(load_submission("stp"), card.id, keywords, names)
     ((scene, rollout),) = run_jobs(jobs, finish=lambda scene, rollout, card: (scene, rollout))
     honest = score_scene(scene, rollout, card)
-    assert honest.spurious_error == 0.0
+    assert honest.false_error == 0.0
     silent = replace(rollout, forecast_log_weight=np.full_like(rollout.forecast_log_weight, -np.inf))
     assert score_scene(scene, silent, card).capped.sum() >= honest.capped.sum()
     moved = replace(rollout, object_box=shifted(rollout.object_box, 3.0))

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from mtp_bench.cards import Card
-from mtp_bench.scoring.targets import find_targets, frame_of_rows
-from mtp_bench.types import Floats, Ints, Scene
+from mtp_bench.scoring.targets import find_targets
+from mtp_bench.types import Floats, Ints, Ragged, Scene
 from tests.parity.nuscenes_export import Export, Indices, Numbers, Rows
 
 TOLERANCE = 1e-6  # m, rad, s: the files have three to six decimals, only the noise of float64 arithmetic may pass
@@ -121,7 +121,7 @@ def truth_checks(export: Export, scene: Scene) -> list[Check]:
 def rows_of(start: Ints, kind: Ints, value: Floats, row: Ints) -> Rows:
     """Some rows of a ragged table."""
     at = np.asarray(row, dtype=np.int64)
-    frame = np.asarray(frame_of_rows(np.asarray(start)), dtype=np.int64)
+    frame = np.asarray(Ragged(np.asarray(start)).frame_of_rows, dtype=np.int64)
     return Rows(frame[at], np.asarray(kind, dtype=np.int64)[at], np.asarray(value, dtype=np.float64)[at])
 
 
@@ -159,7 +159,7 @@ def gap_where_known(one: Numbers, other: Numbers) -> float:
 
 def past_positions(scene: Scene, rows: Ints, length: int) -> Numbers:
     """Positions [n, length, 2] of the objects of ``rows`` in the 2 s before, the latest first, NaN past their end."""
-    truth, frame = scene.truth, frame_of_rows(scene.truth.start)
+    truth, frame = scene.truth, scene.truth.frame_of_rows
     positions = np.full((len(rows), length, 2), np.nan)
     for n, row in enumerate(rows):
         since = scene.time[frame[row]] - scene.time[frame[:row]]

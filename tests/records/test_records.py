@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 
 from mtp_bench.errors import MtpBenchError, RecordError
-from mtp_bench.records import load_record, paired, ranks, record_paths, save_record, why_unranked
+from mtp_bench.records import load_record, ranks, record_paths, save_record, why_unranked
 from mtp_bench.records.evaluation import status_of
 from mtp_bench.records.motion import worse_when_moved
-from mtp_bench.records.provenance import hardware, scene_digest, scorer_digest
+from mtp_bench.records.provenance import hardware, scene_digest
 from mtp_bench.records.record import Record
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import make_scene
@@ -136,39 +136,6 @@ def test_rollouts_are_no_records(tmp_path: Path) -> None:
     assert record_paths(tmp_path) == [tmp_path / "echo" / "a.json"]
 
 
-def test_a_difference_is_paired_over_scenes() -> None:
-    a, b = record_of(1.0, 5.0, 2.0), record_of(1.5, 5.5, 2.6, name="b")
-    difference, low, high, p = paired(a, b)
-    assert difference == pytest.approx(-1.6 / 3)
-    assert low is not None
-    assert high is not None
-    assert low <= difference <= high < 0
-    assert p == 0.25  # the least that three scenes can say
-    assert paired(b, a).difference == -difference
-    assert paired(a, a) == (0.0, 0.0, 0.0, 1.0)
-    one = paired(record_of(1.0), record_of(2.0))
-    assert (one.low, one.high) == (None, None)
-
-
-def test_seeds_are_averaged() -> None:
-    two = write_record({"a": [1.0, 3.0], "b": [2.0, 4.0]})
-    assert paired(two, record_of(2.0, 3.0)).difference == 0.0
-
-
-def test_only_the_same_targets_are_paired() -> None:
-    env = record_of(1.0).env.model_dump()
-    cases: tuple[tuple[dict[str, Any], str], ...] = (
-        ({"env": {**env, "data_manifest": "00"}}, "data"),
-        ({"scorer": {"definitions": "0.9", "source_digest": ""}}, "definitions"),
-        ({"reference": {"name": "stp", "hash": "", "origin": ""}}, "subsets"),
-    )
-    for changes, what in cases:
-        with pytest.raises(RecordError, match=f"cannot be paired: they differ in {what}"):
-            paired(record_of(1.0), record_of(1.0, **changes))
-    with pytest.raises(RecordError, match="no target in the subset 'ids'"):
-        paired(record_of(1.0), record_of(2.0), "ids")
-
-
 def test_entries_whose_interval_covers_zero_share_a_rank() -> None:
     best = record_of(1.0, 2.0, 3.0, 4.0, name="best")
     close = record_of(1.1, 1.9, 3.1, 4.0, name="close")
@@ -261,7 +228,6 @@ def test_a_manifest_tells_of_every_number_but_not_of_rounding() -> None:
 
 
 def test_where_a_number_comes_from() -> None:
-    assert len(scorer_digest()) == 64
     machine = hardware()
     assert machine.cores >= 1
     assert machine.cpu

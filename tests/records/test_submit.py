@@ -229,7 +229,7 @@ def test_records_follow_a_changed_scorer(cli: CommandLine, path: Path, card: str
     arguments = ("verify", path.parent, "--env", card, "--data", kitti, "--jobs", 1)
     output = cli(*arguments)
     assert "1 difference" in output.error
-    assert "the source of the scorer changed since" in output.out
+    assert "the scorer changed since" in output.out
     assert "written as re-scored" in cli.ok(*arguments, "--write")
     assert load_record(path) == true.model_copy(update={"verification": "re-scored"})
 

@@ -112,7 +112,9 @@ def test_a_folder_stands_beside_the_baselines_and_does_not_change_them(
 
 def test_more_seeds_are_more_draws_of_the_same_targets(card_path: str, kitti: str) -> None:
     keywords = {"data": kitti}
-    one, other, both = (compare([], card_path, keywords, seeds=seeds).report.rows for seeds in ((0,), (1,), (0, 1)))
+    one, other, both = (
+        compare([], card_path, keywords, seeds=seeds).report.to_json()["rows"] for seeds in ((0,), (1,), (0, 1))
+    )
     pair = [numbers(rows, "stp")[0] for rows in (one, other, both)]
     assert [row["targets"] for row in pair] == [24, 24, 24]
     assert pair[0]["missing_aware"] != pair[1]["missing_aware"]
@@ -126,14 +128,14 @@ def test_fewer_scenes_are_the_first_ones(card_path: str, kitti: str) -> None:
     result = compare([], card_path, {"data": kitti}, scenes=1, started=total.append, progress=done.append)
     assert set(done) == {"0001"}
     assert total == [len(CONTROLS)] == [len(done)]
-    row = result.report.rows[0]
+    row = result.report.to_json()["rows"][0]
     assert (row["scenes"], row["targets"], row["interval"]) == (1, 15, None)
     with pytest.raises(MtpBenchError, match="scenes is 0, expected at least 1"):
         compare([], card_path, {"data": kitti}, scenes=0)
 
 
 def test_a_control_is_not_run_twice(card_path: str, kitti: str) -> None:
-    rows = compare(["stp", "stp_hedged", "stp"], card_path, {"data": kitti}, scenes=1).report.rows
+    rows = compare(["stp", "stp_hedged", "stp"], card_path, {"data": kitti}, scenes=1).report.to_json()["rows"]
     assert settings_of(rows) == CONTROLS
 
 
@@ -149,11 +151,14 @@ def test_the_events_of_another_agent_define_the_subsets_on_demand(tmp_path: Path
     folder = str(write_submission(tmp_path / "mine"))
     own = compare([], card_path, {"data": kitti})
     other = compare([], card_path, {"data": kitti}, reference=folder)
-    assert settings_of(other.report.rows) == [*CONTROLS, ("echo", 2, 4, "equal")]  # it declares none and states two
+    assert settings_of(other.report.to_json()["rows"]) == [
+        *CONTROLS,
+        ("echo", 2, 4, "equal"),
+    ]  # it declares none and states two
     assert (own.reference.subsets.reference, other.reference.subsets.reference) == ("stp", "echo")
     assert not other.reference.frozen
     assert "'echo' in this run" in other.reference.origin
-    events = [{row["subset"]: row["events"] for row in result.report.rows[:5]} for result in (own, other)]
+    events = [{row["subset"]: row["events"] for row in result.report.to_json()["rows"][:5]} for result in (own, other)]
     assert events[0] != events[1]
 
 
@@ -161,8 +166,8 @@ def test_the_reference_is_taken_with_its_own_parameters(card_path: str, kitti: s
     result = compare([], card_path, {"data": kitti}, reference="mtp")
     alone = compare([], card_path, {"data": kitti}, reference="stp")
     assert result.reference.subsets.reference == "mtp"
-    details = {(d["agent"], d["hypotheses"], d["budget"]): d["own_events"] for d in result.report.details}
-    row = next(row for row in result.report.rows if row["subset"] == "lost")
+    details = {(d.agent, d.hypotheses, d.budget): d.own_events for d in result.report.details}
+    row = next(row for row in result.report.to_json()["rows"] if row["subset"] == "lost")
     assert row["events"] == details["mtp", 20, "equal"]["lost"]
     assert alone.reference.subsets.reference == "stp"
 

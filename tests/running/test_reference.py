@@ -104,7 +104,7 @@ def test_events_that_differ_on_this_machine_are_counted(shipped: str, kitti: str
     result = compare([], shipped, {"data": kitti})
     assert result.reference.differing == 1
     assert result.reference.origin.endswith("; 'stp' on this machine differs in 1 event")
-    lost = next(row for row in result.report.rows if row["subset"] == "lost")
+    lost = next(row for row in result.report.to_json()["rows"] if row["subset"] == "lost")
     assert lost["events"] == 3  # the frozen ones count, not those of this machine
 
 
@@ -112,7 +112,7 @@ def test_frozen_events_of_scenes_that_were_not_run_do_not_differ(shipped: str, k
     freeze(shipped, kitti, 1)
     one = compare([], shipped, {"data": kitti}, scenes=1)
     assert (one.reference.frozen, one.reference.differing) == (True, 0)
-    lost = next(row for row in one.report.rows if row["subset"] == "lost")
+    lost = next(row for row in one.report.to_json()["rows"] if row["subset"] == "lost")
     assert lost["events"] == 2  # of the 4
     rewrite(shipped, [*content(shipped)["events"]["lost"], "000000000001"])  # of no true box in this data
     assert compare([], shipped, {"data": kitti}).reference.differing == 0

@@ -73,8 +73,8 @@ def test_a_stored_run_scores_as_in_a_comparison(
 ) -> None:
     cli.ok("freeze", "--env", shipped, "--data", kitti, "--jobs", 1)
     cli.ok("run", agent, "--env", shipped, "--data", kitti, "-o", tmp_path / "run", "--jobs", 1, "--seed", seed)
-    scored = score_stored(tmp_path / "run", kitti).report.rows
-    rows = compare([agent], shipped, {"data": kitti}, seeds=[seed]).report.rows
+    scored = score_stored(tmp_path / "run", kitti).report.to_json()["rows"]
+    rows = compare([agent], shipped, {"data": kitti}, seeds=[seed]).report.to_json()["rows"]
     hypotheses = 20 if agent == "mtp" else 1  # more than the 3 of the card
     same = [r for r in rows if (r["agent"], r["hypotheses"], r["budget"]) == (agent, hypotheses, "equal")]
     assert len(same) == 5

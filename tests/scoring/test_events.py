@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from mtp_bench.errors import ShapeError
 from mtp_bench.scoring import find_events, history, tracking_counts
-from mtp_bench.scoring.clear import identity_scores
 
 # One object, one character per frame: a letter is the id of the track on it, "-" no track on it, "." no object,
 # "!" the track before is output, but 9 m away.
@@ -193,13 +192,11 @@ def test_nothing_at_all() -> None:
     nothing: Any
     for nothing in ([], [("s", 0, [], [], [], [])], [("s", 0, np.zeros(0, int), np.zeros((0, 2)), (), ())]):
         assert tracking_counts(nothing) == empty
-        assert identity_scores(nothing)["HOTA"] is None
 
 
 def test_gate_zero_matches_what_coincides() -> None:
     frames: Any = [("s", 0, [1, 2], [[0, 0], [5, 5]], [1, 2], [[0, 0], [5, 5.001]])]
     assert tracking_counts(frames, gate=0.0)["TP"] == 1
-    assert identity_scores(frames, gate=0.0)["IDF1"] == 0.5
 
 
 GOOD: Any = ("s", 3, [1, 2], [[0, 0], [1, 1]], [5], [[0, 0]])

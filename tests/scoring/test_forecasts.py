@@ -28,7 +28,7 @@ def van(x: float, id: int = 2) -> Thing:
 
 
 MATCHES: dict[str, tuple[list[Thing], list[Thing], list[int], list[bool]]] = {
-    # truth, objects, object of each true box, spurious
+    # truth, objects, object of each true box, false forecasts
     "at the gate": ([car(0)], [car(2)], [0], [False]),
     "beyond the gate": ([car(0)], [car(2.01)], [-1], [True]),
     "nearest": ([car(0)], [car(1), car(-0.5)], [1], [True, False]),
@@ -45,13 +45,13 @@ MATCHES: dict[str, tuple[list[Thing], list[Thing], list[int], list[bool]]] = {
 }
 
 
-@pytest.mark.parametrize(("truth", "objects", "want", "spurious"), MATCHES.values(), ids=MATCHES.keys())
-def test_objects(truth: list[Thing], objects: list[Thing], want: list[int], spurious: list[bool]) -> None:
+@pytest.mark.parametrize(("truth", "objects", "want", "false"), MATCHES.values(), ids=MATCHES.keys())
+def test_objects(truth: list[Thing], objects: list[Thing], want: list[int], false: list[bool]) -> None:
     scene, rollout = make_scene([truth]), make_rollout([[]], [objects])
     frame = np.zeros(len(objects), dtype=int)
     found = match_objects(scene.truth, frame, rollout.object_box, rollout.object_class, CARD)
     assert found.object_of_truth.tolist() == want
-    assert found.spurious.tolist() == spurious
+    assert found.unmatched.tolist() == false
 
 
 # ---- missing-aware error of a frame: a car at rest and a walker at rest are targets in frame 1
@@ -76,13 +76,13 @@ ERRORS: dict[str, tuple[Scene, Sequence[Thing], float]] = {
     "car missing": (still(*TARGETS), SEEN[1:], (10 + 3) / 2),
     "nothing said": (still(*TARGETS), (), (10 + 4) / 2),
     "worse than missing is capped": (still(*TARGETS), (car(0, forecast=[[[99, 0]] * 3]), SEEN[1]), (10 + 3) / 2),
-    "a spurious car": (still(*TARGETS), (*SEEN, car(60)), (1 + 3 + 5) / 2),
-    "a spurious walker": (still(*TARGETS), (*SEEN, Thing(9, 60, 0, class_id=WALKER)), (1 + 3 + 2) / 2),
+    "a false car": (still(*TARGETS), (*SEEN, car(60)), (1 + 3 + 5) / 2),
+    "a false walker": (still(*TARGETS), (*SEEN, Thing(9, 60, 0, class_id=WALKER)), (1 + 3 + 2) / 2),
     "absent sample": (still(car(0)), [car(0, forecast=[[[0, 0]] * 3], log_weight=[-np.inf])], 10.0),
     "no target": (still(van(0)), [car(0.1)], 0.0),
-    "no target and a spurious car": (still(van(0)), [car(0.1), car(50)], 5.0),
+    "no target and a false car": (still(van(0)), [car(0.1), car(50)], 5.0),
     "nothing at all": (still(), [], 0.0),
-    "spurious where the truth has holes": (
+    "false forecasts where the truth has holes": (
         make_scene([list(TARGETS)] * 5, truth_complete=False),
         (*SEEN, car(60)),
         2.0,
@@ -95,7 +95,7 @@ def test_error_of_a_frame(scene: Scene, objects: Sequence[Thing], want: float) -
     assert error(scene, objects) == pytest.approx(want)
 
 
-def test_frames_without_targets_cost_their_spurious_forecasts() -> None:
+def test_frames_without_targets_cost_their_false_forecasts() -> None:
     scene = still(*TARGETS)
     assert error(scene, [car(0)], t=0) == 0.0  # the first frame has no past: nothing to forecast, nothing wrong
     assert error(scene, [car(60)], t=4) == 5.0
@@ -115,16 +115,16 @@ def test_frames_add_up_to_the_scene(seed: int) -> None:
         part = frame_error(scene, targets, card, t, rollout.object_box[rows], rollout.object_class[rows], xy,
                            rollout.forecast_log_weight[rows])  # fmt: skip
         count = int((targets.frame == t).sum())
-        assert (part == 0.0) == (count == 0 and score.spurious[t] == 0)
+        assert (part == 0.0) == (count == 0 and score.false_forecasts[t] == 0)
         total += part * max(1, count)
-    assert total == pytest.approx(score.capped.sum() + score.spurious_error)
+    assert total == pytest.approx(score.capped.sum() + score.false_error)
 
 
 def test_a_perfect_answer_costs_nothing() -> None:
     scene = still(*TARGETS)
     score = score_scene(scene, perfect(scene), CARD)
     assert score.capped.tolist() == [0.0, 0.0]
-    assert score.spurious_error == 0.0
+    assert score.false_error == 0.0
 
 
 def perfect(scene: Scene) -> Rollout:

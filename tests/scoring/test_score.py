@@ -32,7 +32,7 @@ seeds = st.integers(0, 10_000)
 
 def ranked(score: SceneScore) -> float:
     """Sum of the missing-aware error: what ranks."""
-    return float(score.capped.sum() + score.spurious_error)
+    return float(score.capped.sum() + score.false_error)
 
 
 def assert_equal(got: SceneScore, want: SceneScore, but: tuple[str, ...] = ()) -> None:
@@ -104,7 +104,7 @@ def test_any_heading_up_to_the_rounding_of_forecasts(yaw: float) -> None:
     np.testing.assert_allclose(got.distance, want.distance)
     np.testing.assert_allclose(got.approach, want.approach)
     assert np.array_equal(got.own_ids, want.own_ids)
-    assert np.array_equal(got.spurious, want.spurious)
+    assert np.array_equal(got.false_forecasts, want.false_forecasts)
 
 
 @steady
@@ -174,9 +174,9 @@ def test_saying_everything_twice_never_helps(seed: int) -> None:
     got = score_scene(scene, take_objects(rollout, np.repeat(rows, 2)), CARD)
     want = score_scene(scene, rollout, CARD)
     count = len(rollout.object_class)
-    assert got.spurious.sum() >= want.spurious.sum()
+    assert got.false_forecasts.sum() >= want.false_forecasts.sum()
     if count:
-        assert got.spurious_error > want.spurious_error
+        assert got.false_error > want.false_error
 
 
 def test_a_copy_of_one_object_costs_half_the_miss_error() -> None:
@@ -220,7 +220,7 @@ def test_without_tracks_every_matched_object_is_missed(seed: int) -> None:
     scene, rollout = random_case(seed)
     got = score_scene(scene, take_tracks(rollout, np.zeros(0, dtype=int)), CARD)
     assert got.counts.fn.sum() == got.counts.truth.sum()
-    assert got.counts.tp.sum() == got.counts.fp.sum() == got.counts.spurious_tracks == 0
+    assert got.counts.tp.sum() == got.counts.fp.sum() == got.counts.false_tracks == 0
     assert not any(len(keys) for keys in got.events.values())
 
 
@@ -254,7 +254,7 @@ def test_counts_of_the_best_hypothesis() -> None:
     assert counts.truth.tolist() == [4, 0, 0]
     assert (counts.tp[0], counts.fp[0], counts.fn[0], counts.ids[0], counts.frag[0]) == (3, 2, 1, 1, 0)
     assert counts.false_positives == 2
-    assert counts.spurious_tracks == 2  # 9 and 5; 8 belonged to something
+    assert counts.false_tracks == 2  # 9 and 5; 8 belonged to something
     assert score.own_ids.tolist() == [False, True]  # targets are frames 1 and 2
     assert score.all_h_ids.tolist() == [False, False]
     assert len(score.events["lost"]) == 1
@@ -310,7 +310,7 @@ def test_a_neutral_box_is_left_to_the_track_that_fits_nothing_else() -> None:
     truth = [[Thing(1, 0, 0), Thing(2, 1.5, 0, neutral=True)]] * 4
     tracks = [[Thing(3, 1.0, 0), Thing(4, 3.0, 0)]] * 4
     score = score_scene(make_scene(truth), make_rollout(tracks, future=1), make_card(future=1))
-    assert score.counts.fp.sum() == score.counts.false_positives == score.counts.spurious_tracks == 0
+    assert score.counts.fp.sum() == score.counts.false_positives == score.counts.false_tracks == 0
     assert len(score.truth_key) == score.counts.truth.sum() == 4
 
 
@@ -342,7 +342,7 @@ def test_iou_gate() -> None:
 def test_an_empty_scene() -> None:
     score = score_scene(make_scene([[]] * 3), make_rollout([[]] * 3, samples=4), CARD)
     assert len(score) == 0
-    assert score.spurious.tolist() == [0, 0, 0]
+    assert score.false_forecasts.tolist() == [0, 0, 0]
 
 
 def wrong(**changes: Any) -> tuple[Scene, Rollout]:

@@ -13,7 +13,7 @@ from scipy.optimize import linear_sum_assignment
 from mtp_bench.cards import Card, load_card
 from mtp_bench.errors import DataError
 from mtp_bench.geometry import center_distance, wrap_angle
-from mtp_bench.scoring.targets import find_targets, frame_of_rows
+from mtp_bench.scoring.targets import find_targets
 from mtp_bench.sources import describe, open_source
 from mtp_bench.sources.nuscenes.source import NuScenes
 from mtp_bench.types import Floats, Scene
@@ -149,11 +149,11 @@ def test_recall_and_error_of_the_detections(
 def _matched(scene: Scene, person: Any, bicycle: Any, score: float) -> tuple[Floats, int]:
     """Distances of the matched boxes of a scene, and the number of true ones."""
     truth, seen = scene.truth, scene.detections
-    frame = frame_of_rows(truth.start)
+    frame = truth.frame_of_rows
     far = np.hypot(*(truth.box[:, :2] - scene.ego[frame, :2]).T)
     true = np.flatnonzero((far < NEAR) & ~bicycle[truth.class_id] & ~truth.neutral)
     shown = np.flatnonzero((seen.score > score) & ~bicycle[seen.class_id])
-    shown_frame = frame_of_rows(seen.start)[shown]
+    shown_frame = seen.frame_of_rows[shown]
     errors = []
     for t in range(scene.frames):
         a, b = true[frame[true] == t], shown[shown_frame == t]
@@ -181,6 +181,6 @@ def test_the_copy_holds_what_the_tables_say(data_root: Path, mini: list[Scene]) 
         if record["sample_token"] in times and kinds[record["instance_token"]].split(".")[0] in ("vehicle", "human")
     )
     (scene,) = [scene for scene in mini if scene.name == "scene-0916"]
-    when = min(times.values()) + np.round(scene.time[frame_of_rows(scene.truth.start)] * 1e6)
+    when = min(times.values()) + np.round(scene.time[scene.truth.frame_of_rows] * 1e6)
     got = sorted(map(tuple, np.column_stack([when, scene.truth.box[:, [0, 1, 2, 4]]]).tolist()))
     np.testing.assert_allclose(got, expected, atol=1e-9)

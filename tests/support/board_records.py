@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import math
+from collections.abc import Collection, Sequence
 from typing import Any
 
-Row = dict[str, Any]
+from mtp_bench.records import Record, why_unranked
+from mtp_bench.viz.board import Entry, standings
+
+Table = dict[str, Any]
 
 SUBSETS = {"all": 4210, "ids": 131, "lost": 322, "reacquired": 118, "frag": 440}
 OBJECTS = {"all": 312, "ids": 41, "lost": 96, "reacquired": 17, "frag": 102}
@@ -24,9 +27,9 @@ def made_up(
     spread: float = 0.08,
     hypotheses: int = 1,
     **changed: Any,
-) -> Row:
+) -> Record:
     """A record; ``changed`` replaces fields, those of a nested section one by one."""
-    record: Row = {
+    record: Table = {
         "format": 1,
         "submission": {
             "name": name,
@@ -65,11 +68,10 @@ def made_up(
     }  # fmt: skip
     for field, value in changed.items():
         record[field] = {**record[field], **value} if isinstance(record.get(field), dict) else value
-    record["digest"] = _hex(repr(record))
-    return record
+    return Record.model_validate({**record, "digest": _hex(repr(record))})
 
 
-def _row(name: str, subset: str, error: float | None, spread: float, hypotheses: int) -> Row:
+def _row(name: str, subset: str, error: float | None, spread: float, hypotheses: int) -> Table:
     worse = None if error is None else error * HARDER[subset] / (1 + 0.03 * hypotheses * (subset != "all"))
     return {
         "agent": name, "hypotheses": hypotheses, "samples": 20, "budget": "equal", "subset": subset,
@@ -77,12 +79,12 @@ def _row(name: str, subset: str, error: float | None, spread: float, hypotheses:
         "energy_score": worse, "coverage": worse and 0.97 - 0.1 * worse,
         "gap_closed": None,
         "targets": SUBSETS[subset], "events": None, "objects": OBJECTS[subset], "scenes": SCENES,
-        "interval": worse and [worse * (1 - spread), worse * (1 + 1.2 * spread)], "ms_per_frame": 2.5,
+        "interval": None if worse is None else [worse * (1 - spread), worse * (1 + 1.2 * spread)], "ms_per_frame": 2.5,
     }  # fmt: skip
 
 
-def _scene(i: int, error: float) -> Row:
-    here = error * (1 + 0.35 * math.sin(1.7 * i + error))
+def _scene(i: int, error: float) -> Table:
+    here = error * (1.35 if i % 4 in (0, 3) else 0.65)  # their mean over all targets is the error
     counts = {subset: targets // SCENES + i for subset, targets in SUBSETS.items()}
     errors = {subset: [here * HARDER[subset] * count] * 3 for subset, count in counts.items()}
     return {
@@ -91,7 +93,7 @@ def _scene(i: int, error: float) -> Row:
     }  # fmt: skip
 
 
-def _parts(error: float) -> Row:
+def _parts(error: float) -> Table:
     return {"localisation": 0.55 * error, "missed": 0.3 * error, "false": 0.15 * error}
 
 
@@ -99,11 +101,28 @@ def _hex(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def made_up_board() -> tuple[list[Row], list[int | None], list[str]]:
+def entries_of(
+    records: Sequence[Record],
+    ranks: Sequence[int | None],
+    reasons: Sequence[str] = (),
+    links: Sequence[str | None] = (),
+    added: Collection[int] = (),
+) -> list[Entry]:
+    """Entries in the order of the leaderboard; ``added`` holds places of records that are not part of it."""
+    known = reasons or [""] * len(records)
+    why = [
+        reason or ("" if rank is not None else why_unranked(record) or "")
+        for record, rank, reason in zip(records, ranks, known, strict=True)
+    ]
+    columns = records, ranks, why, links or [None] * len(records)
+    return standings([Entry(*cells, added=i in added) for i, cells in enumerate(zip(*columns, strict=True))])
+
+
+def made_up_board() -> tuple[list[Record], list[int | None], list[str]]:
     """Records of two environments with ranks and reasons."""
     kitti = "MTP-KITTI-v0"
     truth = {"observe": "truth"}
-    listed: list[tuple[Row, int | None, str]] = [
+    listed: list[tuple[Record, int | None, str]] = [
         (made_up("braided_paths", 0.742, hypotheses=20, verification="re-run"), 1, ""),
         (made_up("forest_of_maybe", 0.761, hypotheses=10, verification="re-scored"), 1, ""),
         (made_up("calm_hedge", 0.823, hypotheses=5, spread=0.05, verification="hidden seeds", hidden=SECRET), 3, ""),

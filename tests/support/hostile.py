@@ -93,4 +93,4 @@ class Court:
         env.reset(options={"scene": rollout.scene})
         score = score_scene(env.scene, rollout, load_card(self.card))
         assert len(score), "a scene without targets shows nothing"
-        return float(score.capped.sum()) + score.spurious_error
+        return float(score.capped.sum()) + score.false_error

@@ -132,7 +132,7 @@ def make_rollout(
 def random_case(
     seed: int, frames: int = 12, objects: int = 6, hypotheses: int = 3, name: str = "s"
 ) -> tuple[Scene, Rollout]:
-    """A crowd with gaps, and a rollout with misses, switches, spurious forecasts and absent samples (4, 3 frames)."""
+    """A crowd with gaps, and a rollout with misses, switches, false forecasts and absent samples (4, 3 frames)."""
     rng = np.random.default_rng(seed)
     where = rng.uniform(-8, 8, (objects, 2)) + rng.normal(0, 0.4, (objects, 2)) * np.arange(frames)[:, None, None]
     kind = rng.integers(0, 2, objects)

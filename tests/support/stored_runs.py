@@ -8,7 +8,6 @@ import numpy as np
 
 from mtp_bench.cards import load_card
 from mtp_bench.running.rollout_files import RunInfo, save_run
-from mtp_bench.scoring.targets import frame_of_rows
 from mtp_bench.sources import open_source
 from mtp_bench.types import Floats, Ints, Rollout, Scene
 
@@ -46,7 +45,7 @@ def _info(card: str) -> RunInfo:
 
 
 def _rollout(scene: Scene) -> Rollout:
-    truth, frame = scene.truth, frame_of_rows(scene.truth.start)
+    truth, frame = scene.truth, scene.truth.frame_of_rows
     track_id = np.asarray(truth.object_id).copy()
     kept = np.ones(len(frame), dtype=bool)
     if scene.name == "0001":

@@ -47,7 +47,7 @@ def agent(**settings: Any) -> Pipeline:
 def error(scene: Scene, rollout: Rollout, env: MTPEnv) -> float:
     """The ranked error, summed."""
     score = score_scene(scene, rollout, env.card)
-    return float(score.capped.sum()) + score.spurious_error
+    return float(score.capped.sum()) + score.false_error
 
 
 def silent(rollout: Rollout) -> Rollout:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from mtp_bench.viz.board import board_page, entries_of
-from tests.support.board_records import HOSTILE, made_up, made_up_board
+from mtp_bench.viz.board import board_page
+from tests.support.board_records import HOSTILE, entries_of, made_up, made_up_board
 from tests.support.browser import CHROMIUM, DRIVER, ENTER, MISSING, Browser, chromium
 
 pytestmark = pytest.mark.skipif(not (CHROMIUM and DRIVER), reason=MISSING)
@@ -179,17 +179,17 @@ def luminance(color: str) -> float:
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
-def test_hostile_names_do_not_run(browser: Browser, tmp_path: Path) -> None:
+def test_hostile_texts_do_not_run(browser: Browser, tmp_path: Path) -> None:
     texts = [HOSTILE, "<script>window.hacked=1</script>", "<!-- <script>", '" autofocus onfocus="window.hacked=1']
     records = [
-        made_up(text, 1.0 + i, submission={"authors": [text], "description": text}, status_reason=text)
+        made_up(f"hostile_{i}", 1.0 + i, submission={"authors": [text], "description": text}, status_reason=text)
         for i, text in enumerate(texts)
     ]
     path = tmp_path / "hostile.html"
     path.write_text(board_page(entries_of(records, [None] * 4, texts, ["javascript:window.hacked=1"] * 4)))
     browser.forget()
     browser.open(path)
-    assert names(browser) == texts
+    assert names(browser) == [record.submission.name for record in records]
     browser.click(f"{FIRST} tbody.entry .open")
     assert browser.script("return [...document.querySelectorAll('.detail a')].every((a) => a.protocol === 'file:')")
     assert browser.script("return typeof window.hacked") == "undefined"

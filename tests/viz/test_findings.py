@@ -13,6 +13,7 @@ from rich.console import Console
 
 from mtp_bench.running.reading import skipped_line, total_skipped
 from mtp_bench.scoring import SUBSETS, Report
+from mtp_bench.scoring.rows import Clear, Details, Errors, PairedRow, Parts, RankRow, Row, Tracking
 from mtp_bench.viz.terminal.findings import findings
 from mtp_bench.viz.terminal.output import show, show_numbers
 from mtp_bench.viz.terminal.tables import (
@@ -29,7 +30,7 @@ STP, TRUTH, CONTROL = ("stp", 1, 20, "equal"), ("truth_past", 1, 20, "equal"), (
 MTP = ("mtp", 20, 20, "equal")
 
 
-def row(setting: Setting, subset: str, **values: Any) -> dict[str, Any]:
+def row(setting: Setting, subset: str, **values: Any) -> Row:
     agent, hypotheses, samples, budget = setting
     base: dict[str, Any] = {
         "agent": agent, "hypotheses": hypotheses, "samples": samples, "budget": budget, "subset": subset,
@@ -37,36 +38,39 @@ def row(setting: Setting, subset: str, **values: Any) -> dict[str, Any]:
         "gap_closed": None, "targets": 40, "events": None if subset == "all" else 34, "objects": 25, "scenes": 11,
         "interval": [0.31, 0.38], "ms_per_frame": 1.5,
     }  # fmt: skip
-    return {**base, **values}
+    return Row.model_validate({**base, **values})
 
 
-def rows(*settings: Setting, **values: Any) -> list[dict[str, Any]]:
+def rows(*settings: Setting, **values: Any) -> list[Row]:
     return [row(setting, subset, **values) for setting in settings for subset in SUBSETS]
 
 
-def pair(setting: Setting, other: str, subset: str = "all", **values: Any) -> dict[str, Any]:
+def changed(old: Row, **values: Any) -> Row:
+    return old.model_copy(update=values)
+
+
+def pair(setting: Setting, other: str, subset: str = "all", **values: Any) -> PairedRow:
     base: dict[str, Any] = {
         "agent": setting[0], "hypotheses": setting[1], "samples": setting[2], "other": other, "subset": subset,
         "missing_aware": None, "interval": None, "p": 0.5, "minADE": None, "minADE_interval": None, "targets": 40,
         "shared": 30, "scenes": 11, "gap_interval": None,
     }  # fmt: skip
-    return {**base, **values}
+    return PairedRow.model_validate({**base, **values})
 
 
-def detail(setting: Setting) -> dict[str, Any]:
-    return {
-        "agent": setting[0], "hypotheses": setting[1], "samples": setting[2], "budget": setting[3],
-        "parts": {"localisation": 0.567, "missed": 0.678, "false": None}, "spurious_per_frame": None, "EPA": 0.78,
-        "forecasts_per_frame": 12.3,
-        "silence": 20.0, "tracking": {"all": {"MOTA": 0.89}}, "own_events": {"ids": 34, "lost": 462},
-        "own": {"all_h_ids": {"targets": 17}},
-    }  # fmt: skip
+def detail(setting: Setting) -> Details:
+    """Details of which only those have a value that are shown."""
+    tracking = Clear.model_construct(MOTA=0.89)
+    return Details.model_construct(
+        agent=setting[0], hypotheses=setting[1], samples=setting[2], budget=setting[3],
+        parts=Parts(localisation=0.567, missed=0.678, false=None), spurious_per_frame=None, EPA=0.78,
+        forecasts_per_frame=12.3, silence=20.0, tracking=Tracking.model_construct(all=tracking),
+        own_events={"ids": 34, "lost": 462}, own={"all_h_ids": Errors.model_construct(targets=17)},
+    )  # fmt: skip
 
 
-def report(
-    table: list[dict[str, Any]], paired: list[dict[str, Any]] | None = None, ranks: list[dict[str, Any]] | None = None
-) -> Report:
-    settings = dict.fromkeys((r["agent"], r["hypotheses"], r["samples"], r["budget"]) for r in table)
+def report(table: list[Row], paired: list[PairedRow] | None = None, ranks: list[RankRow] | None = None) -> Report:
+    settings = dict.fromkeys((r.agent, r.hypotheses, r.samples, r.budget) for r in table)
     return Report("MTP-KITTI-v0", "1.0", table, ranks or [], paired or [], [detail(setting) for setting in settings])
 
 
@@ -191,10 +195,9 @@ def test_what_hypotheses_add_to_the_control(values: dict[str, Any], text: str) -
 
 def test_small_subsets_are_named() -> None:
     table = rows(STP)
-    table[1]["objects"] = 8
-    table[3]["objects"] = 19
+    table[1], table[3] = changed(table[1], objects=8), changed(table[3], objects=19)
     assert findings(report(table)) == ["Shown but not ranked, with fewer than 20 objects: ids, reacquired."]
-    table[0]["objects"] = 3  # "all" is no event subset
+    table[0] = changed(table[0], objects=3)  # "all" is no event subset
     assert len(findings(report(table))) == 1
 
 
@@ -220,7 +223,7 @@ LARGE = [
     *rows(("a_submission_with_quite_a_long_name noise=0.5", 100, 2000, "free")),
 ]
 RANKS = [
-    {"agent": s[0], "hypotheses": s[1], "samples": s[2], "subset": subset, "rank": rank}
+    RankRow(agent=s[0], hypotheses=s[1], samples=s[2], subset=subset, rank=rank)
     for s, rank in ((STP, 2), (MTP, 1), (TRUTH, None))
     for subset in SUBSETS
 ]
@@ -243,7 +246,7 @@ def render(content: Any, width: int) -> str:
              "2000", "34 events, 40 targets on 25 objects in 11 scenes", "Definitions 1.0"],
         ),
         (
-            lambda r: displacement_table(r),
+            displacement_table,
             ["0.100 / 0.171", "0.123 / 0.234", "0.747 / 1.173", "2.820 / 4.514", "1.621 / 2.155", "– / –", "0.146 / "],
         ),
         (parts_table, ["0.567", "0.678", "0.78", "0.89", "34", "462", "17", "–"]),
@@ -263,7 +266,7 @@ def test_what_cannot_be_measured_is_said_in_words() -> None:
     assert "not measurable" not in render(parts_table(known), 180)
     row_of = lines_of(render(parts_table(partly), 250), "stp")[0]
     assert row_of[3:10] == ["0.567", "0.678", "not measurable", "12.3", "not measurable", "0.78", "0.89"]
-    assert "nobody pays for spurious forecasts" in render(error_table(partly, "title"), 250)
+    assert "nobody pays for false forecasts" in render(error_table(partly, "title"), 250)
 
 
 def test_a_wide_terminal_is_not_filled() -> None:
@@ -298,7 +301,7 @@ def test_the_figures_of_the_paper() -> None:
 
 def test_the_counts_of_subsets_in_words() -> None:
     table = rows(STP)
-    table[1].update(events=1, targets=1, objects=1, scenes=1)
+    table[1] = changed(table[1], events=1, targets=1, objects=1, scenes=1)
     lines = subset_line(report(table)).splitlines()
     assert lines[0] == "all: 40 targets on 25 objects"
     assert lines[1] == "ids: 1 event, 1 target on 1 object in 1 scene, not ranked"
@@ -314,7 +317,7 @@ def test_names_are_no_markup(capsys: pytest.CaptureFixture[str], monkeypatch: py
 
 
 def test_every_figure_of_the_paper_is_in_its_table(repository: Path) -> None:
-    text = (repository / "mtp_bench/viz/paper.toml").read_text()
+    text = (repository / "mtp_bench/viz/terminal/paper.toml").read_text()
     figures = re.findall(r"^(\w+) = \[([\d.]+), ([\d.]+)\]$", text, flags=re.MULTILINE)
     assert len(figures) == 42  # KITTI 23, nuScenes 17, WILDTRACK 2
     assert all(float(ade) < float(fde) for _, ade, fde in figures)

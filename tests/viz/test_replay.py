@@ -169,8 +169,8 @@ def assert_same_as_the_score(scene: Scene, rollout: Rollout, card: Any) -> None:
         assert all((frame[i.row], scene.truth.object_id[i.row]) == (i.frame, i.object_id) for i in incidents)
     assert sum(i.wrong for i in played.incidents) == len(score.events["wrong"])
     runs = [i for i in played.incidents if i.kind == "spurious"]
-    assert sum(i.until - i.frame + 1 for i in runs) == (score.spurious.sum() if scene.truth_complete else 0)
-    assert sum(i.capped or 0.0 for i in runs) == pytest.approx(score.spurious_error)
+    assert sum(i.until - i.frame + 1 for i in runs) == (score.false_forecasts.sum() if scene.truth_complete else 0)
+    assert sum(i.capped or 0.0 for i in runs) == pytest.approx(score.false_error)
     if scene.truth_complete:
         assert played.false_positives.sum() == score.counts.false_positives
     assert played.true_positives.sum() + played.false_negatives.sum() == (~scene.truth.neutral).sum()
@@ -226,7 +226,7 @@ def test_a_run_on_real_logs_has_the_events_of_its_score(env_id: str, data_root: 
             if incident.kind != "spurious":
                 own[incident.kind] += 1
                 own["wrong"] += incident.wrong
-    assert own == score_stored(tmp_path / "run", str(data_root)).report.details[0]["own_events"]
+    assert own == score_stored(tmp_path / "run", str(data_root)).report.details[0].own_events
     assert own["lost"] > 0
 
 

@@ -4,4 +4,4 @@ from .entries import Entry as Entry
 from .listing import board_json as board_json
 from .listing import board_tables as board_tables
 from .page import board_page as board_page
-from .standings import entries_of as entries_of
+from .standings import standings as standings

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
-from .entries import LEVELS, Entry, finite
+from ...scoring.subsets import Subset
+from ..terminal.output import NOTHING
+from .entries import Entry
 
-NOTHING = "–"
+Value = Callable[[Entry], float | None]
 
 
 @dataclass(frozen=True)
@@ -19,7 +21,7 @@ class Column:
     label: str
     title: str  # for those who hover or listen
     better: Literal["lower", "higher", ""]
-    value: Callable[[Entry], float | None]  # what it is sorted by
+    value: Value  # what it is sorted by
     text: Callable[[float], str]
     group: str = ""  # heading above several columns
     kind: str = ""  # class of its cells: "wide" and "mid" are left out on narrower screens
@@ -40,61 +42,47 @@ def percent(value: float) -> str:
     return f"{round(100 * value)} %".replace("-", "−")  # round: a whole number has no -0
 
 
-def _row(key: str, subset: str = "all") -> Callable[[Entry], float | None]:
-    return lambda entry: entry.number(key, subset)
-
-
-def _field(*path: str) -> Callable[[Entry], float | None]:
-    def value(entry: Entry) -> float | None:
-        found: Any = entry.record
-        for name in path:
-            found = found.get(name) if isinstance(found, dict) else None
-        return finite(found)
-
-    return value
-
-
-def level(entry: Entry) -> float | None:
-    """How far a record is verified, 0 to 3."""
-    name = entry.record.get("verification")
-    return float(LEVELS.index(name)) if name in LEVELS else None
-
-
-def _subset(name: str, targets: str) -> Column:
+def _error_on(subset: Subset, targets: str) -> Column:
     title = f"missing-aware error over {targets}, metres"
     group = "error where the reference tracker errs (m)"
-    return Column(name, name, title, "lower", _row("missing_aware", name), fixed(2), group, "mid")
+    return Column(subset, subset, title, "lower", lambda entry: entry.row(subset).missing_aware, fixed(2), group, "mid")
 
 
-def _covered(key: str, what: str) -> Column:
+def _covered(key: str, what: str, value: Value) -> Column:
     title = f"{what} of the best sample, over the targets that have a forecast, metres"
-    return Column(key, key, title, "lower", _row(key), fixed(3), "covered targets (m)", "wide")
+    return Column(key, key, title, "lower", value, fixed(3), "covered targets (m)", "wide")
 
 
-def _time(key: str, title: str) -> Column:
-    return Column(key, key, title, "lower", _field("latency", f"{key}_ms"), fixed(1), "ms per frame", "wide")
+def _time(key: str, title: str, value: Value) -> Column:
+    return Column(key, key, title, "lower", value, fixed(1), "ms per frame", "wide")
+
+
+def _count(key: str, label: str, title: str, value: Value) -> Column:
+    return Column(key, label, title, "", value, fixed(0), "number of", "wide")
 
 
 _ERROR = "missing-aware error over all targets, metres; this ranks"
+_COVERAGE = "targets that have a forecast"
+_MEMORY = "peak of the agent's process"
 _GAP = "how far towards prediction on true pasts (100 %), from the single-hypothesis pipeline (0 %)"
 
+_P95 = "time within which 95 % of the frames are answered, milliseconds"
+
 COLUMNS: Sequence[Column] = (
-    Column("error", "error", _ERROR, "lower", _row("missing_aware"), fixed(3), "ranked by: missing-aware error (m)"),
-    _subset("ids", "targets whose track changes identity"),
-    _subset("lost", "targets whose track is lost"),
-    _subset("reacquired", "targets that are found again"),
-    _subset("frag", "targets that are lost or found again"),
-    _covered("minADE", "mean distance"),
-    _covered("minFDE", "final distance"),
-    Column("coverage", "covered", "targets that have a forecast", "higher", _row("coverage"), percent, "", "mid"),
-    Column("gap", "gap closed", _GAP, "higher", _row("gap_closed"), percent, "", "mid"),
-    Column("hypotheses", "H", "hypotheses of the tracker", "", _field("hypotheses"), fixed(0), "number of", "wide"),
-    Column("samples", "K", "samples per object", "", _field("samples"), fixed(0), "number of", "wide"),
-    _time("p50", "median time of one frame, milliseconds"),
-    _time("p95", "time within which 95 % of the frames are answered, milliseconds"),
-    Column(
-        "memory", "MiB", "peak of the agent's process", "lower", _field("peak_memory_mib"), fixed(0), "memory", "wide"
-    ),
+    Column("error", "error", _ERROR, "lower", lambda e: e.error, fixed(3), "ranked by: missing-aware error (m)"),
+    _error_on("ids", "targets whose track changes identity"),
+    _error_on("lost", "targets whose track is lost"),
+    _error_on("reacquired", "targets that are found again"),
+    _error_on("frag", "targets that are lost or found again"),
+    _covered("minADE", "mean distance", lambda e: e.row().minADE),
+    _covered("minFDE", "final distance", lambda e: e.row().minFDE),
+    Column("coverage", "covered", _COVERAGE, "higher", lambda e: e.row().coverage, percent, "", "mid"),
+    Column("gap", "gap closed", _GAP, "higher", lambda e: e.gaps.get("all"), percent, "", "mid"),
+    _count("hypotheses", "H", "hypotheses of the tracker", lambda e: e.record.hypotheses),
+    _count("samples", "K", "samples per object", lambda e: e.record.samples),
+    _time("p50", "median time of one frame, milliseconds", lambda e: e.record.latency.p50_ms),
+    _time("p95", _P95, lambda e: e.record.latency.p95_ms),
+    Column("memory", "MiB", _MEMORY, "lower", lambda e: e.record.peak_memory_mib, fixed(0), "memory", "wide"),
 )
 
 

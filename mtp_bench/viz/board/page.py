@@ -5,135 +5,174 @@ from __future__ import annotations
 import base64
 import hashlib
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import quote
 
 from ...errors import MtpBenchError
+from ...records.ranking import STP
+from ...records.record import LEVELS, Record
 from ...scoring.definitions import DEFINITIONS, RANKED_OBJECTS
-from .columns import COLUMNS, NOTHING, best_texts, level, percent, shown
-from .entries import LEVEL_TEXT, LEVELS, SUBSETS, Entry, Row, by_env, finite, interval_of, silence_of
-from .gaps import STP
-from .scale import PAD, WIDTH, bar_of, scale_of
-from .scenes import scene_chart
+from ...scoring.rank import enough_objects
+from ...scoring.rows import Row
+from ...scoring.subsets import SUBSETS, Subset
+from ..terminal.output import NOTHING, number
+from .columns import COLUMNS, best_texts, percent, shown
+from .entries import LEVEL_TEXT, Entry, by_env, silence_of
+from .scale import PAD, WIDTH, Bar, Scale, bar_of, scale_of
+from .scenes import SceneBar, scene_chart
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 
+class _About(NamedTuple):
+    """What a card that ships says of its environment."""
+
+    summary: str
+    detections: str
+    dataset: str
+    licence: str
+
+
+@dataclass(frozen=True)
+class _Line:
+    """What the template shows of one entry."""
+
+    entry: Entry
+    record: Record
+    why: str
+    shared: bool  # another one has the same rank
+    cells: dict[str, str]  # by column, as are the next two
+    keys: dict[str, str]  # what it is sorted by
+    best: set[str]
+    level: int
+    bar: Bar | None
+    link: str | None
+    old: bool  # scored by other definitions than today's
+    subsets: list[tuple[Row, float | None]]  # with the gap that is closed
+    parts: list[tuple[str, float]]  # what the error adds up from, metres
+    scenes: list[SceneBar]
+    search: str
+
+
+@dataclass(frozen=True)
+class _Board:
+    """What the template shows of one environment."""
+
+    id: str
+    about: _About | None
+    card: list[str]
+    split: str
+    ranked: int
+    leaders: int
+    sizes: dict[Subset, Row]
+    silence: float | None
+    few: set[Subset]  # subsets with too few objects
+    scale: Scale | None
+    reference: Entry | None
+    reference_x: float | None
+    lines: list[_Line]
+
+
 def board_page(entries: Sequence[Entry]) -> str:
-    """HTML of the leaderboards of ``entries`` (from ``entries_of``), a table per environment.
+    """HTML of the leaderboards of ``entries`` (from `standings`), a table per environment.
 
     Equal entries give equal bytes: no date, no path, no random id is added.
     """
-    boards = [_board(env_id, listed) for env_id, listed in by_env(entries).items()]
     style, script = _text("board.css"), _text("board.js")
-    return (
-        _templates()
-        .get_template("page.html")
-        .render(
-            boards=boards,
-            columns=COLUMNS,
-            entries=entries,
-            levels=LEVELS,
-            level_text=LEVEL_TEXT,
-            definitions=sorted({str(entry.record["scorer"]["definitions"]) for entry in entries}) or [DEFINITIONS],
-            latest=max((str(entry.record.get("made") or "")[:10] for entry in entries), default=""),
-            style=style,
-            script=script,
-            policy=_policy(style, script),
-        )
-        + "\n"
+    page = _templates().get_template("page.html")
+    content = page.render(
+        boards=[_board(env_id, listed) for env_id, listed in by_env(entries).items()],
+        columns=COLUMNS,
+        levels=LEVELS,
+        level_text=LEVEL_TEXT,
+        few_objects=RANKED_OBJECTS,
+        definitions=sorted({entry.record.scorer.definitions for entry in entries}) or [DEFINITIONS],
+        latest=max((entry.record.made[:10] for entry in entries), default=""),
+        style=style,
+        script=script,
+        policy=_policy(style, script),
     )
+    return f"{content}\n"
 
 
-def _board(env_id: str, entries: Sequence[Entry]) -> dict[str, Any]:
-    """What the template shows of one environment."""
+def _board(env_id: str, entries: Sequence[Entry]) -> _Board:
     reference = next((entry for entry in entries if entry.name == STP and entry.rank is not None), None)
     scale = scale_of(entries, reference.error if reference else None)
     best = {column.key: best_texts(column, entries) for column in COLUMNS}
     ranks = [entry.rank for entry in entries if entry.rank is not None]
     scored = next((entry for entry in entries if entry.rank is not None), entries[0])
-    return {
-        "id": env_id,
-        "about": about(env_id),
-        "card": sorted({str(entry.record["env"].get("card_digest") or "") for entry in entries} - {""}),
-        "split": scored.record["env"].get("split"),
-        "size": scored.row(),
-        "ranked": len(ranks),
-        "leaders": ranks.count(1),
-        "sizes": {subset: scored.row(subset) for subset in SUBSETS},
-        "silence": silence_of(entries),
-        "few": {name for name in SUBSETS if (scored.row(name).get("objects") or 0) < RANKED_OBJECTS},
-        "few_objects": RANKED_OBJECTS,
-        "scale": scale,
-        "reference": reference,
-        "reference_x": scale.x(reference.error) if scale and reference and reference.error is not None else None,
-        "lines": [_line(entry, entries, scale, best, reference) for entry in entries],
-    }
+    return _Board(
+        id=env_id,
+        about=_about(env_id),
+        card=sorted({entry.record.env.card_digest for entry in entries} - {""}),
+        split=scored.record.env.split,
+        ranked=len(ranks),
+        leaders=ranks.count(1),
+        sizes={row.subset: row for row in scored.record.rows},
+        silence=silence_of(entries),
+        few={subset for subset in SUBSETS[1:] if not enough_objects(scored.row(subset).objects)},
+        scale=scale,
+        reference=reference,
+        reference_x=scale.x(reference.error) if scale and reference and reference.error is not None else None,
+        lines=[_line(entry, entries, scale, best, reference) for entry in entries],
+    )
 
 
 def _line(
-    entry: Entry, entries: Sequence[Entry], scale: Any, best: dict[str, str | None], reference: Entry | None
-) -> dict[str, Any]:
+    entry: Entry,
+    entries: Sequence[Entry],
+    scale: Scale | None,
+    best: dict[str, str | None],
+    reference: Entry | None,
+) -> _Line:
     record = entry.record
     cells = {column.key: shown(column, entry) for column in COLUMNS}
-    return {
-        "entry": entry,
-        "record": record,
-        "why": entry.why.removeprefix(f"{record['status']}: "),
-        "authors": _listed(record["submission"].get("authors")),
-        "training": _listed(record.get("training_data"), ", "),
-        "shared": entry.rank is not None and sum(other.rank == entry.rank for other in entries) > 1,
-        "cells": cells,
-        "keys": {column.key: _key(column.value(entry)) for column in COLUMNS},
-        "best": {key for key, text in cells.items() if entry.rank is not None and text == best[key]},
-        "level": level(entry),
-        "level_name": record.get("verification") or NOTHING,
-        "bar": bar_of(scale, entry.error, entry.interval),
-        "link": address(entry.link),
-        "old": str(record["scorer"]["definitions"]) != DEFINITIONS,
-        "subsets": [(name, entry.row(name), interval_of(entry.row(name))) for name in ("all", *SUBSETS)],
-        "parts": _parts(record),
-        "scenes": scene_chart(entry, reference),
-        "search": " ".join((entry.name, _listed(record["submission"].get("authors")),
-                            str(record["submission"].get("description") or ""))).lower(),
-    }  # fmt: skip
+    parts = ((name, record.parts.get(name)) for name in ("localisation", "missed", "false"))
+    return _Line(
+        entry=entry,
+        record=record,
+        why=entry.why.removeprefix(f"{record.status}: "),
+        shared=entry.rank is not None and sum(other.rank == entry.rank for other in entries) > 1,
+        cells=cells,
+        keys={column.key: _key(column.value(entry)) for column in COLUMNS},
+        best={key for key, text in cells.items() if entry.rank is not None and text == best[key]},
+        level=LEVELS.index(record.verification),
+        bar=bar_of(scale, entry.error, entry.interval),
+        link=_address(entry.link),
+        old=record.scorer.definitions != DEFINITIONS,
+        subsets=[(row, entry.gaps.get(row.subset)) for row in record.rows],
+        parts=[(name, value) for name, value in parts if value],
+        scenes=scene_chart(entry, reference),
+        search=" ".join((entry.name, ", ".join(record.submission.authors), record.submission.description)).lower(),
+    )
 
 
-def _parts(record: Row) -> list[tuple[str, float]]:
-    """The parts that the error adds up from, metres; empty where they are not known."""
-    parts = (record.get("details") or {}).get("parts") or {}
-    return [(name, value) for name in ("localisation", "missed", "false") if (value := finite(parts.get(name)))]
-
-
-def about(env_id: str) -> dict[str, str]:
-    """What a card that ships says of its environment: summary, detections, dataset and licence; empty for others."""
+def _about(env_id: str) -> _About | None:
+    """None for an environment that does not ship."""
     from ..._bundle import card_ids
     from ...cards import load_card
     from ...sources import describe
 
     if env_id not in card_ids():
-        return {}
+        return None
     card = load_card(env_id)
     data = describe(card)
     how = "simulated" if card.detector is not None else "stored"
     detections = f"{how} ({card.detector_name})" if card.detector_name else how
-    return {"summary": card.summary, "detections": detections, "dataset": data.dataset, "licence": data.licence}
+    return _About(card.summary, detections, data.dataset, data.licence)
 
 
-def address(link: str | None) -> str | None:
+def _address(link: str | None) -> str | None:
     """A way to a file as a relative address: it is never taken for a script or another host, whatever it is called."""
     return None if link is None else "./" + quote(link.lstrip("/"), safe="/", errors="surrogateescape")
 
 
 def _key(value: float | None) -> str:
     return "" if value is None else f"{value:.9g}"
-
-
-def _listed(value: Any, between: str = ", ") -> str:
-    return value if isinstance(value, str) else between.join(str(item) for item in value or ())
 
 
 def _policy(style: str, script: str) -> str:
@@ -162,22 +201,9 @@ def _templates() -> Environment:
         loader=FunctionLoader(_text), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.globals.update(width=WIDTH, pad=PAD, nothing=NOTHING)
-    environment.filters.update(number=number, signed=signed, percent=_percent)
+    environment.filters.update(number=number, percent=_percent)
     return environment
 
 
-def number(value: Any, digits: int = 2) -> str:
-    """A number with ``digits`` digits after the point; a dash where there is none."""
-    known = finite(value)
-    return NOTHING if known is None else f"{known:.{digits}f}"
-
-
-def signed(value: Any, digits: int = 2) -> str:
-    """A difference with its sign; a dash where there is none."""
-    known = finite(value)
-    return NOTHING if known is None else f"{known:+.{digits}f}".replace("-", "−")
-
-
-def _percent(value: Any) -> str:
-    known = finite(value)
-    return NOTHING if known is None else percent(known)
+def _percent(value: float | None) -> str:
+    return NOTHING if value is None else percent(value)

@@ -28,10 +28,6 @@ class Scale:
         share = (min(max(value, self.low), self.high) - self.low) / (self.high - self.low)
         return round(PAD + share * (WIDTH - 2 * PAD), 1)
 
-    def text(self, value: float) -> str:
-        """A tick's label."""
-        return f"{value:g}"
-
 
 @dataclass(frozen=True)
 class Bar:

@@ -1,79 +1,69 @@
-"""Where each record stands on the leaderboard, and why some stand nowhere."""
+"""Where each record stands on the leaderboard."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
-from ...errors import MtpBenchError
-from .entries import Entry, Row, by_env, condition_of
-from .gaps import with_gaps
+from ...records.ranking import STP, conditions, record_gap
+from ...records.record import Record
+from ...scoring.subsets import SUBSETS, Subset
+from .entries import Entry, by_env
+
+TRUTH = "truth_past"
 
 
-def entries_of(
-    records: Sequence[Row],
-    ranks: Sequence[int | None],
-    reasons: Sequence[str] | None = None,
-    links: Sequence[str | None] | None = None,
-    added: Collection[int] = (),
-) -> list[Entry]:
-    """Entries in the order of the leaderboard: by environment, rank, error and name.
+def standings(entries: Sequence[Entry]) -> list[Entry]:
+    """The entries in the order of the leaderboard: by environment, rank, error and name, with the gaps they close.
 
-    ``records`` hold the fields of a record as JSON. ``ranks`` go with them (None: shown, not ranked), as do ``reasons``
-    (why there is no rank) and ``links`` (addresses of the files, relative to the page); ``added`` holds the places of
-    records that are not part of the leaderboard. What cannot be compared with most of its environment loses its
-    rank, and so does the open division beside a closed one. Raises MtpBenchError where the lengths differ.
+    What cannot be compared with most of its environment loses its rank, and so does the open division beside a closed
+    one.
     """
-    reasons = reasons if reasons is not None else [""] * len(records)
-    links = links if links is not None else [None] * len(records)
-    if not len(records) == len(ranks) == len(reasons) == len(links):
-        raise MtpBenchError(
-            f"{len(records)} records with {len(ranks)} ranks, {len(reasons)} reasons and {len(links)} links: "
-            "expected one of each per record"
-        )
-    entries = [
-        Entry(record, rank, "" if rank is not None else why or why_unranked(record), link, i in added)
-        for i, (record, rank, why, link) in enumerate(zip(records, ranks, reasons, links, strict=True))
-    ]
-    standing = [entry for listed in by_env(entries).values() for entry in with_gaps(_one_ranking(listed))]
-    return sorted(standing, key=_order)
-
-
-def why_unranked(record: Row) -> str:
-    """A sentence on why a record has no rank, as far as the record itself tells."""
-    reason = str(record.get("status_reason") or "").strip()
-    texts = {
-        "partial": "not all scenes were run",
-        "crashed": "the agent did not survive its scenes",
-        "rejected": "the agent broke the rules",
-    }
-    status = str(record.get("status"))
-    if status in texts:
-        return f"{status}: {reason or texts[status]}"
-    return "shown, not ranked"
+    listed = [entry for of_env in by_env(entries).values() for entry in _with_gaps(_one_ranking(of_env))]
+    return sorted(listed, key=_order)
 
 
 def _one_ranking(entries: Sequence[Entry]) -> list[Entry]:
     """The entries of one environment with the ranks of its main ranking alone."""
-    ranked = [entry for entry in entries if entry.rank is not None and entry.record["division"] == "closed"]
-    sizes = Counter(condition_of(entry) for entry in ranked)
+    ranked = [entry for entry in entries if entry.rank is not None and entry.record.division == "closed"]
+    sizes = Counter(conditions(entry.record) for entry in ranked)
     main = max(sizes, key=lambda condition: (sizes[condition], condition), default=None)
-    return [entry if entry in ranked and condition_of(entry) == main else _outside(entry) for entry in entries]
+    return [entry if entry in ranked and conditions(entry.record) == main else _outside(entry) for entry in entries]
 
 
 def _outside(entry: Entry) -> Entry:
     """An entry that was ranked among others than those of the main ranking, if it was."""
     if entry.rank is None:
         return entry
-    if entry.record["division"] == "open":
+    if entry.record.division == "open":
         return replace(entry, rank=None, why=f"open division: rank {entry.rank} there")
     return replace(entry, rank=None, why="other data, split, card or definitions than the ranked ones")
 
 
-def _order(entry: Entry) -> tuple[Any, ...]:
+def _with_gaps(entries: Sequence[Entry]) -> Sequence[Entry]:
+    """The entries of one environment with what they close of the gap between STP and the one that saw the truth.
+
+    A record alone cannot tell; without both of these nothing is known.
+    """
+    stp = next((entry.record for entry in entries if entry.name == STP and entry.rank is not None), None)
+    finished = (entry.record for entry in entries if entry.record.status == "finished")
+    truth = next((record for record in finished if record.submission.name == TRUTH), None)
+    if stp is None or truth is None or conditions(stp) != conditions(truth):
+        return entries
+    return [replace(entry, gaps=_gaps(entry.record, stp, truth)) for entry in entries]
+
+
+def _gaps(record: Record, stp: Record, truth: Record) -> dict[Subset, float]:
+    same = conditions(record) == conditions(stp) and record.samples == stp.samples
+    if not same or record.status != "finished":
+        return {}
+    gaps = {subset: record_gap(record, stp, truth, subset) for subset in SUBSETS}
+    return {subset: gap.closed for subset, gap in gaps.items() if gap is not None}
+
+
+def _order(entry: Entry) -> tuple[str, float, float, str, str]:
     rank = math.inf if entry.rank is None else entry.rank
     error = math.inf if entry.error is None else entry.error
-    return entry.env, rank, error, entry.name, str(entry.record.get("digest"))
+    return entry.env, rank, error, entry.name, entry.record.digest

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from ...env.live import LiveEpisode
 from ...errors import UnknownNameError
 from ...scoring.lineage import hypotheses
-from ...scoring.targets import frame_of_rows
 from ..frame_view import TRAIL_SECONDS, FrameView, said
 from .birds_eye import draw_frame
 from .camera import Camera, camera
@@ -50,7 +49,7 @@ class Pictures:
         """A picture [height, width, 3], always of the same size."""
         if self._camera is None or self._episode is not episode:
             seen = episode.scene.detections
-            frame = frame_of_rows(seen.start)
+            frame = seen.frame_of_rows
             self._camera = camera(episode.card.has_ego, episode.scene.ego, seen.box[:, :2], frame)
             self._episode = episode
         return draw_frame(live_view(episode, self._camera))

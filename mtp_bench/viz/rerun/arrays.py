@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from ...cards import Card
 from ...scoring.events import history
-from ...scoring.targets import frame_of_rows
 from ...types import Bools, Detections, Floats, Ints, Rollout, Scene, Truth, to_metres
 from ..drawing.palette import FALSE
 from .colors import DETECTION, EGO, NEUTRAL, TRUTH, Colors, track_colors
@@ -128,7 +127,7 @@ def earlier_rows(said: Said) -> Ints:
 def trails(said: Said, hypothesis: int, earlier: Ints) -> Strips:
     """Where the tracks of a hypothesis were, now first; ``earlier`` [N, H] as `earlier_rows` gives it."""
     rollout = said.rollout
-    frame = frame_of_rows(rollout.track_start)
+    frame = rollout.tracks.frame_of_rows
     start = row = np.flatnonzero(said.member[:, hypothesis])
     lineage = np.full(len(row), hypothesis)
     stride = _stride(said.card.task.rate)
@@ -170,7 +169,7 @@ def forecasts(said: Said, level: str) -> Strips:
 
 def true_futures(truth: Truth, future: int) -> Strips:
     """Where the evaluated objects go within the horizon of ``future`` frames, while they are there without a gap."""
-    before = history(frame_of_rows(truth.start), truth.object_id).previous()
+    before = history(truth.frame_of_rows, truth.object_id).previous()
     after = np.arange(len(before))  # a row without a successor follows itself
     after[before[before >= 0]] = np.flatnonzero(before >= 0)
     start = row = np.flatnonzero(~truth.neutral)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...scoring.targets import frame_of_rows
 from ...types import Ints
 from ..replay import Incident, Replay
 from .arrays import per_frame
@@ -28,7 +27,7 @@ class Lane:
 def lanes(replay: Replay) -> list[Lane]:
     """Identity lanes of the evaluated objects, by their ids: the best hypothesis of every frame."""
     truth = replay.scene.truth
-    frame = frame_of_rows(truth.start)
+    frame = truth.frame_of_rows
     eventful = {i.object_id for i in replay.incidents if i.kind != "spurious"}
     track = np.append(replay.rollout.track_id, -1)[replay.truth_track]
     order = np.argsort(truth.object_id, kind="stable")

@@ -11,7 +11,6 @@ from ...cards import Card
 from ...env.live import LiveEpisode
 from ...errors import MtpBenchError
 from ...scoring.lineage import hypotheses
-from ...scoring.targets import frame_of_rows
 from ...types import Bools, Ints, Rollout
 from ..replay import object_tracks
 from . import arrays as arrays
@@ -107,7 +106,7 @@ def log_frame(recording: rr.RecordingStream, episode: LiveEpisode, root: str = "
 
 def _window(said: Rollout, card: Card) -> _Window:
     found = hypotheses(said, card)
-    frame = frame_of_rows(said.track_start)
+    frame = said.tracks.frame_of_rows
     shown = found.member[np.arange(len(frame)), found.best[frame]]
     return _Window(said, card, found.member, found.parent, object_tracks(said, card, shown))
 

@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ..replay import KINDS, Incident, Replay
-from .tables import counted
+from .output import NOTHING, counted, new_table, number
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 LONGEST = 3  # spurious runs of a scene in the table, unless their kind is asked for
-_RIGHT = ("frame", "time", "object", "minADE", "costs")
+_HEADINGS = ("scene", "frame", "time", "event", "object", "class", "track", "minADE", "costs", "to look at it")
+_LEFT = ("scene", "event", "class", "track", "to look at it")
 
 
 @dataclass(frozen=True)
@@ -94,12 +95,9 @@ def longest_only(rows: Sequence[EventRow]) -> list[EventRow]:
 def event_table(rows: Sequence[EventRow]) -> Table:
     """One row per event, the command that shows it at its end."""
     from rich.markup import escape
-    from rich.table import Table
 
-    table = Table(title="Events of the best hypothesis, along its lineage", title_justify="left", caption=_CAPTION)
-    table.caption_justify = "left"
-    for heading in ("scene", "frame", "time", "event", "object", "class", "track", "minADE", "costs", "to look at it"):
-        table.add_column(heading, justify="right" if heading in _RIGHT else "left", no_wrap=True)
+    title = "Events of the best hypothesis, along its lineage"
+    table = new_table(title, _HEADINGS, left=_LEFT, whole=_HEADINGS, caption=_CAPTION)
     for row in rows:
         table.add_row(*(escape(cell) for cell in _cells(row)))
     return table
@@ -156,8 +154,8 @@ def _cells(row: EventRow) -> tuple[str, ...]:
         _id(event.object_id),
         row.class_name,
         _id(event.new_id) if event.kind == "spurious" else f"{_id(event.old_id)} → {_id(event.new_id)}",
-        _metres(event.error),
-        _metres(event.capped),
+        number(event.error, 2),
+        number(event.capped, 2),
         row.view,
     )
 
@@ -171,10 +169,10 @@ def _record(row: EventRow) -> dict[str, Any]:
         "time": row.seconds,
         "event": event.name,
         "kind": event.kind,
-        "object": _given(event.object_id),
+        "object": _known(event.object_id),
         "class": row.class_name,
-        "old_id": _given(event.old_id),
-        "new_id": _given(event.new_id),
+        "old_id": _known(event.old_id),
+        "new_id": _known(event.new_id),
         "position": [event.x, event.y, event.z],
         "wrong": event.wrong,
         "minADE": event.error,
@@ -183,13 +181,9 @@ def _record(row: EventRow) -> dict[str, Any]:
     }
 
 
-def _given(number: int) -> int | None:
-    return None if number < 0 else number
+def _known(identity: int) -> int | None:
+    return None if identity < 0 else identity
 
 
-def _id(number: int) -> str:
-    return "–" if number < 0 else str(number)
-
-
-def _metres(value: float | None) -> str:
-    return "–" if value is None else f"{value:.2f}"
+def _id(identity: int) -> str:
+    return NOTHING if identity < 0 else str(identity)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...cards import Card
 from ...sources import DataStatus
+from .output import new_table
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -15,11 +16,8 @@ if TYPE_CHECKING:
 
 def env_table(cards: Sequence[Card]) -> Table:
     """One row per environment."""
-    from rich.table import Table
-
-    table = Table(title="Environments", title_justify="left")
-    for heading in ("id", "rate", "past / future", "k", "classes", "what"):
-        table.add_column(heading, no_wrap=heading == "id")
+    headings = ("id", "rate", "past / future", "k", "classes", "what")
+    table = new_table("Environments", headings, left=headings, whole=("id",))
     for card in cards:
         task = card.task
         table.add_row(
@@ -68,11 +66,9 @@ def status_json(status: DataStatus) -> dict[str, Any]:
 
 def _status_table(statuses: Mapping[str, DataStatus]) -> Table:
     from rich.markup import escape
-    from rich.table import Table
 
-    table = Table(title="Data", title_justify="left")
-    for heading in ("environment", "dataset", "state", "root", "counts (found / known)"):
-        table.add_column(heading, no_wrap=heading == "environment")
+    headings = ("environment", "dataset", "state", "root", "counts (found / known)")
+    table = new_table("Data", headings, left=headings, whole=("environment",))
     shown: dict[str, str] = {}  # counts, and the environment beside which they stand
     for env_id, status in statuses.items():
         checks = "\n".join(

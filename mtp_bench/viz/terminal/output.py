@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,33 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.table import Table
 
+NOTHING = "–"  # where a number is not defined
 PIPE_WIDTH = 180  # columns where the output is a file or a pipe
+
+
+def new_table(
+    title: str, headings: Sequence[str], left: Collection[str] = (), whole: Collection[str] = (), caption: str = ""
+) -> Table:
+    """An empty table with a column per heading, aligned right but for those of ``left``.
+
+    Cells of the columns ``whole`` are never broken into lines. ``title`` and ``caption`` may hold markup.
+    """
+    from rich.table import Table
+
+    table = Table(title=title, caption=caption or None, title_justify="left", caption_justify="left")
+    for heading in headings:
+        table.add_column(heading, justify="left" if heading in left else "right", no_wrap=heading in whole)
+    return table
+
+
+def number(value: float | None, digits: int = 3, absent: str = NOTHING) -> str:
+    """A number with ``digits`` digits after the point; ``absent`` where there is none."""
+    return absent if value is None else f"{value:.{digits}f}"
+
+
+def counted(number: int | None, noun: str) -> str:
+    """A number with its noun; without a number, "unknown events"."""
+    return f"{'unknown' if number is None else number} {noun}{'' if number == 1 else 's'}"
 
 
 def show(content: RenderableType) -> None:

@@ -9,49 +9,45 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...scoring import SUBSETS, Report
-from ...scoring.definitions import MOST_FORECASTS, RANKED_OBJECTS
+from ...scoring.definitions import MOST_FORECASTS
+from ...scoring.rank import enough_objects
+from ...scoring.rows import Details, RankRow, Row
+from .output import NOTHING, counted, new_table, number
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-Row = dict[str, Any]
-
 NOT_MEASURABLE = "not measurable"
+_SETTING = ("agent", "H", "K")
+_PARTS = ("localisation", "missed", "false", "forecasts/frame", "false/frame", "EPA", "MOTA")
+_OWN = ("own ids", "own lost", "ids in all H")
 
 
 def error_table(report: Report, title: str) -> Table:
     """Missing-aware error per agent and subset with its 95 % interval, coverage, rank and time: what is ranked."""
     from rich.markup import escape
-    from rich.table import Table
 
-    table = Table(title=escape(title), caption=_caption(report), caption_justify="left", title_justify="left")
-    for heading in ("agent", "H", "K"):
-        table.add_column(heading, justify="left" if heading == "agent" else "right", no_wrap=heading == "agent")
-    for subset in SUBSETS:
-        table.add_column(subset, justify="right")
-    for heading in ("gap closed ids / frag", "covered", "rank", "ms/frame"):
-        table.add_column(heading, justify="right")
-    ranks = {_key(rank): rank["rank"] for rank in report.ranks if rank["subset"] == "all"}
+    headings = (*_SETTING, *SUBSETS, "gap closed ids / frag", "covered", "rank", "ms/frame")
+    table = new_table(escape(title), headings, left=("agent",), whole=("agent",), caption=_caption(report))
+    ranks = {_key(rank): rank.rank for rank in report.ranks if rank.subset == "all"}
     for rows in _by_agent(report.rows):
         first = rows["all"]
+        rank = ranks.get(_key(first)) if first.budget == "equal" else None
         table.add_row(
             *_name(first),
             *(_with_interval(rows[subset]) for subset in SUBSETS),
-            f"{_number(rows['ids']['gap_closed'], 2)} / {_number(rows['frag']['gap_closed'], 2)}",
-            _percent(first["coverage"]),
-            _text(ranks.get(_key(first)) if first["budget"] == "equal" else None),
-            _number(first["ms_per_frame"], 1),
+            f"{number(rows['ids'].gap_closed, 2)} / {number(rows['frag'].gap_closed, 2)}",
+            NOTHING if first.coverage is None else f"{100 * first.coverage:.1f} %",
+            NOTHING if rank is None else str(rank),
+            number(first.ms_per_frame, 1),
         )
     return table
 
 
 def displacement_table(report: Report) -> Table:
     """Table of minADE / minFDE of the covered targets per agent and subset, with the paper's figures below them."""
-    from rich.table import Table
-
-    table = Table(title="minADE / minFDE (m) on covered targets", title_justify="left", caption_justify="left")
-    for heading in ("agent", "H", "K", *SUBSETS):
-        table.add_column(heading, justify="left" if heading == "agent" else "right", no_wrap=True)
+    headings = (*_SETTING, *SUBSETS)
+    table = new_table("minADE / minFDE (m) on covered targets", headings, left=("agent",), whole=headings)
     if report.env in _paper()["dataset"]:
         table.caption = (
             "[dim]Below ours: the figures of the paper[/dim], its FRAG beside lost and frag. Its predictor and its "
@@ -61,7 +57,7 @@ def displacement_table(report: Report) -> Table:
         paper = paper_figures(report.env, rows["all"])
         cells = []
         for subset in SUBSETS:
-            ours = f"{_number(rows[subset]['minADE'])} / {_number(rows[subset]['minFDE'])}"
+            ours = f"{number(rows[subset].minADE)} / {number(rows[subset].minFDE)}"
             theirs = paper.get("frag" if subset == "lost" else subset)
             cells.append(ours + (f"\n[dim]{theirs[0]:.3f} / {theirs[1]:.3f}[/dim]" if theirs else ""))
         table.add_row(*_name(rows["all"]), *cells)
@@ -70,42 +66,23 @@ def displacement_table(report: Report) -> Table:
 
 def parts_table(report: Report) -> Table:
     """How the missing-aware error of all targets adds up, and tracking figures of each agent."""
-    from rich.table import Table
-
-    table = Table(
-        title="What the error is made of (all targets) and the agent's own tracking",
-        caption=_parts_caption(report),
-        title_justify="left",
-        caption_justify="left",
-    )
-    headings = (
-        "localisation",
-        "missed",
-        "false",
-        "forecasts/frame",
-        "spurious/frame",
-        "EPA",
-        "MOTA",
-        "own ids",
-        "own lost",
-        "ids in all H",
-    )
-    for heading in ("agent", "H", "K", *headings):
-        table.add_column(heading, justify="left" if heading == "agent" else "right", no_wrap=heading == "agent")
-    unknown = "–" if measurable(report) else NOT_MEASURABLE
-    for row in report.details:
-        parts, own = row["parts"], row["own_events"]
+    title = "What the error is made of (all targets) and the agent's own tracking"
+    headings = (*_SETTING, *_PARTS, *_OWN)
+    table = new_table(title, headings, left=("agent",), whole=("agent",), caption=_parts_caption(report))
+    unknown = NOTHING if measurable(report) else NOT_MEASURABLE
+    for detail in report.details:
         table.add_row(
-            *_name(row),
-            *(_number(parts[name]) for name in ("localisation", "missed")),
-            _number(parts["false"], absent=unknown),
-            _number(row["forecasts_per_frame"], 1),
-            _number(row["spurious_per_frame"], 2, unknown),
-            _number(row["EPA"], 2, unknown),
-            _number(row["tracking"]["all"]["MOTA"], 2, unknown),
-            _text(own["ids"]),
-            _text(own["lost"]),
-            _text(row["own"]["all_h_ids"]["targets"]),
+            *_name(detail),
+            number(detail.parts.localisation),
+            number(detail.parts.missed),
+            number(detail.parts.false, absent=unknown),
+            number(detail.forecasts_per_frame, 1),
+            number(detail.spurious_per_frame, 2, unknown),
+            number(detail.EPA, 2, unknown),
+            number(detail.tracking.all.MOTA, 2, unknown),
+            str(detail.own_events["ids"]),
+            str(detail.own_events["lost"]),
+            str(detail.own["all_h_ids"].targets),
         )
     return table
 
@@ -126,10 +103,10 @@ def _parts_caption(report: Report) -> str:
 def paper_figures(env_id: str, row: Row) -> dict[str, list[float]]:
     """The paper's [minADE, minFDE] per subset for the env and setting of ``row``; empty where it has none."""
     paper = _paper()
-    found: Any = paper.get(paper["dataset"].get(env_id, ""), {}).get(row["agent"], {})
-    if row["agent"] == "mtp":
-        found = found.get(row["budget"], {}).get(str(row["hypotheses"]), {})
-    return dict(found)
+    figures: Any = paper.get(paper["dataset"].get(env_id, ""), {}).get(row.agent, {})
+    if row.agent == "mtp":
+        figures = figures.get(row.budget, {}).get(str(row.hypotheses), {})
+    return dict(figures)
 
 
 @cache
@@ -139,26 +116,19 @@ def _paper() -> dict[str, Any]:
 
 def subset_line(report: Report) -> str:
     """Events, targets and objects of each subset, in words."""
-    rows = {row["subset"]: row for row in report.rows[: len(SUBSETS)]}
+    rows = {row.subset: row for row in report.rows[: len(SUBSETS)]}
     parts = [f"all: {targets_on_objects(rows['all'])}"]
     for subset in SUBSETS[1:]:
         row = rows[subset]
-        few = "" if row["objects"] >= RANKED_OBJECTS else ", not ranked"
-        parts.append(
-            f"{subset}: {counted(row['events'], 'event')}, {targets_on_objects(row)} "
-            f"in {counted(row['scenes'], 'scene')}{few}"
-        )
+        few = "" if enough_objects(row.objects) else ", not ranked"
+        where = f"{targets_on_objects(row)} in {counted(row.scenes, 'scene')}"
+        parts.append(f"{subset}: {counted(row.events, 'event')}, {where}{few}")
     return "\n".join(parts)
 
 
 def targets_on_objects(row: Row) -> str:
     """Targets and objects of a row, in words."""
-    return f"{counted(row['targets'], 'target')} on {counted(row['objects'], 'object')}"
-
-
-def counted(number: int | None, noun: str) -> str:
-    """A number with its noun; without a number, "unknown events"."""
-    return f"{'unknown' if number is None else number} {noun}{'' if number == 1 else 's'}"
+    return f"{counted(row.targets, 'target')} on {counted(row.objects, 'object')}"
 
 
 def measurable(report: Report) -> bool:
@@ -168,9 +138,9 @@ def measurable(report: Report) -> bool:
 
 def _caption(report: Report) -> str:
     false = (
-        "'all' pays c/2 for every spurious forecast."
+        "'all' pays c/2 for every false forecast."
         if measurable(report)
-        else "The truth holds prediction targets only, so nobody pays for spurious forecasts."
+        else "The truth holds prediction targets only, so nobody pays for false forecasts."
     )
     return (
         f"Missing-aware error in metres (lower is better) with 95 % bootstrap intervals over scenes. {false}\n"
@@ -182,32 +152,18 @@ def _caption(report: Report) -> str:
 def _by_agent(rows: Sequence[Row]) -> Iterable[dict[str, Row]]:
     """The rows of one agent and setting after the other, by subset."""
     for i in range(0, len(rows), len(SUBSETS)):
-        yield {row["subset"]: row for row in rows[i : i + len(SUBSETS)]}
+        yield {row.subset: row for row in rows[i : i + len(SUBSETS)]}
 
 
-def _key(row: Row) -> tuple[Any, ...]:
-    return row["agent"], row["hypotheses"], row["samples"]
+def _key(row: Row | RankRow) -> tuple[str, int, int]:
+    return row.agent, row.hypotheses, row.samples
 
 
-def _name(row: Row) -> tuple[str, str, str]:
-    free = "" if row.get("budget", "equal") == "equal" else " (all samples)"
-    return f"{row['agent']}{free}", str(row["hypotheses"]), str(row["samples"])
+def _name(row: Row | Details) -> tuple[str, str, str]:
+    free = "" if row.budget == "equal" else " (all samples)"
+    return f"{row.agent}{free}", str(row.hypotheses), str(row.samples)
 
 
 def _with_interval(row: Row) -> str:
-    value = _number(row["missing_aware"])
-    return (
-        value if row["interval"] is None else f"{value}\n[dim]{row['interval'][0]:.2f}–{row['interval'][1]:.2f}[/dim]"
-    )
-
-
-def _number(value: float | None, digits: int = 3, absent: str = "–") -> str:
-    return absent if value is None else f"{value:.{digits}f}"
-
-
-def _percent(value: float | None) -> str:
-    return "–" if value is None else f"{100 * value:.1f} %"
-
-
-def _text(value: object) -> str:
-    return "–" if value is None else str(value)
+    value = number(row.missing_aware)
+    return value if row.interval is None else f"{value}\n[dim]{row.interval[0]:.2f}–{row.interval[1]:.2f}[/dim]"
