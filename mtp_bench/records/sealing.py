@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import secrets
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -19,12 +19,10 @@ from pydantic import Field
 from ..cards import Card, HighwaySource, load_card
 from ..errors import MtpBenchError, RecordError
 from ..files import require_file, write_text
-from ..gateway import Limits
 from ..sources import discard, open_source
 from ..strict import Section, validate
-from .evaluation import Progress, evaluate
 from .record import HiddenPart, Record
-from .running import Plan, run_seed
+from .running import Plan, evaluate_plan, run_seed
 
 FIRST, LAST = 1_000_000, 2**31  # seeds are drawn from here; those of the cards are far below
 MOST_SCENES = 1000
@@ -116,9 +114,7 @@ def commitment_of(seeds: SecretSeeds) -> str:
     return hashlib.sha256(_canonical(seeds).encode()).hexdigest()
 
 
-def run_hidden(
-    plan: Plan, record: Record, sealed: Sealed, workers: int, progress: Progress | None = None
-) -> HiddenPart:
+def run_hidden(plan: Plan, record: Record, sealed: Sealed) -> HiddenPart:
     """Error of the submission of ``plan`` on the hidden scenes, under the seeds of ``record``.
 
     The scenes are made anew and not kept: what lies in the cache can be read by agents outside the gateway. Raises
@@ -132,24 +128,22 @@ def run_hidden(
         )
     hidden = sealed.card(card)
     try:
-        return _run(plan, record, hidden, sealed.commitment, workers, progress)
+        return _run(plan, record, hidden, sealed.commitment)
     finally:
         discard(hidden)
 
 
-def _run(
-    plan: Plan, record: Record, hidden: Card, commitment: str, workers: int, progress: Progress | None
-) -> HiddenPart:
+def _run(plan: Plan, record: Record, hidden: Card, commitment: str) -> HiddenPart:
     names = tuple(open_source(hidden).names)
-    there = Plan(plan.submission, hidden, hidden, None, names, len(names), plan.keywords)
-    runs = {seed: run_seed(there, seed, workers, progress, Limits()) for seed in record.seeds}
+    options = replace(plan.options, data=None)
+    there = replace(plan, env=hidden, card=hidden, scenes=names, scenes_of_split=len(names), options=options)
+    runs = {seed: run_seed(there, seed) for seed in record.seeds}
     if not all(run.network_cut and run.files_hidden for results in runs.values() for run in results):
         raise RecordError(
             "this system cannot hide files and network from an agent, so its hidden scenes would not stay hidden: "
             "run it on Linux with user namespaces"
         )
-    rollouts = {seed: [run.rollout for run in results] for seed, results in runs.items()}
-    row = evaluate(plan.submission.name, hidden, None, rollouts, plan.hypotheses, plan.ideal, workers).rows[0]
+    row = evaluate_plan(there, runs).rows[0]
     return HiddenPart(
         commitment=commitment,
         scenes=len(names),

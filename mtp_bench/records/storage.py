@@ -80,7 +80,12 @@ def record_paths(folder: str | Path) -> list[Path]:
 
 def rollouts_folder(path: Path, seed: int) -> Path:
     """Where the stored rollouts of one seed of the record at ``path`` are."""
-    return path.with_suffix(ROLLOUTS) / f"seed-{seed}"
+    return seed_folder(path.with_suffix(ROLLOUTS), seed)
+
+
+def seed_folder(folder: Path, seed: int) -> Path:
+    """The part of ``folder``, which holds the rollouts of all seeds, that is of one seed."""
+    return folder / f"seed-{seed}"
 
 
 def key_of(scene: str, seed: int) -> str:

@@ -12,11 +12,35 @@ from typing import Any
 
 import numpy as np
 
+from ..env.environment import MTPEnv
+from ..errors import MtpBenchError
 from ..prediction.kalman import NoiseTable, filtered
-from ..prediction.motion_noise import table
+from ..prediction.motion_noise import condition, table
+from ..running.options import DEFAULTS, RunOptions
 from ..tracking import HypothesisTracker, TruthTracker
 from ..types import Bools, Floats, Scene, Task
+from .split import open_split
 from .windows import collect
+
+TURN_RATE = 0.1  # rad/s, prior of the turn-rate model; not fitted
+
+
+def fit_env(env_id: str, options: RunOptions = DEFAULTS, observe: str = "detections") -> str:
+    """TOML of the motion noise fitted on the training split of an env, as ``mtp_bench.prediction`` stores it.
+
+    ``options`` may name another split. ``observe``: "truth" for true pasts. Raises MtpBenchError for whatever the user
+    can mend, an empty split among it.
+    """
+    options = options.on_split("train")
+    task = MTPEnv(env_id, observe=observe, **options.env_keywords).task
+    split = open_split(env_id, options)
+    rows = fit_scenes(list(split.scenes()), task)
+    if not rows:
+        raise MtpBenchError(
+            f"{env_id}: no track of the {len(split.names)} training scenes follows an object with {task.future} "
+            "future frames, so there is nothing to fit"
+        )
+    return as_toml(condition(task), rows)
 
 
 def fit_scenes(scenes: Sequence[Scene], task: Task) -> dict[str, dict[str, Any]]:
@@ -34,9 +58,6 @@ def fit_scenes(scenes: Sequence[Scene], task: Task) -> dict[str, dict[str, Any]]
             row = fit_motion_noise(windows.position[mine], windows.valid[mine], windows.future[mine], task.dt)
             rows[name] = {**row, "turn_rate": TURN_RATE}
     return rows
-
-
-TURN_RATE = 0.1  # rad/s, prior of the turn-rate model; not fitted
 
 
 def as_toml(name: str, rows: dict[str, dict[str, Any]]) -> str:
@@ -59,7 +80,7 @@ def fit_motion_noise(position: Floats, valid: Bools, future: Floats, dt: float) 
     bounds = [tuple(np.log(limit)) for limit in _LIMITS]
 
     def loss(x: Floats) -> float:
-        noise = table([{**_row(np.exp(x)), "turn_rate": 0.1}])
+        noise = table([{**_row(np.exp(x)), "turn_rate": TURN_RATE}])
         return forecast_score(position, valid, future, noise, dt)
 
     best = minimize(loss, start, method="L-BFGS-B", bounds=bounds, options={"eps": 1e-3, "maxiter": 60})

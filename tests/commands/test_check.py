@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
-from mtp_bench.commands.checking import Checked, finding_table, gateway_findings
+from mtp_bench.commands.check import finding_table
 from mtp_bench.gateway import SceneRun
+from mtp_bench.records.checking import Checked, gateway_findings
 from mtp_bench.running.run import run_scenes
 from mtp_bench.submission.starting import new_submission
 from mtp_bench.testing import Finding

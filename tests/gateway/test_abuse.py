@@ -14,7 +14,7 @@ import pytest
 
 from mtp_bench.env.rollouts import digest
 from mtp_bench.gateway import SceneRun, run_isolated, run_isolated_scenes
-from mtp_bench.parallel import Workers
+from mtp_bench.parallel import Progress, Workers
 from tests.support.hostile import FRAMES, HONEST, HURRIED, QUICK, SCENE, Court, submission
 
 
@@ -190,7 +190,7 @@ def act(self, observation):
     folder, done = submission(court.folder / "hostile", trick), list[str]()
     runs: list[SceneRun] = run_isolated_scenes(
         folder, court.card, {"data": court.data}, limits=QUICK, scenes=["0006", "0008", "0001"], workers=Workers(2),
-        progress=done.append,
+        progress=Progress(done=done.append),
     )  # fmt: skip
     assert [run.rollout.scene for run in runs] == ["0006", "0008", "0001"]
     assert sorted(done) == ["0001", "0006", "0008"]

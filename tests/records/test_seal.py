@@ -17,6 +17,7 @@ from mtp_bench.errors import MtpBenchError, RecordError
 from mtp_bench.records import load_record, open_seal, seal, submit
 from mtp_bench.records.record import HiddenPart
 from mtp_bench.records.sealing import worse_when_hidden
+from mtp_bench.running.options import RunOptions
 from mtp_bench.sources.highway.source import HighwayTraffic
 from tests.support.command_line import CommandLine
 from tests.support.stored_records import write_record
@@ -100,7 +101,7 @@ def test_a_submission_on_hidden_scenes(cli: CommandLine, short: str, tmp_path: P
     secret = tmp_path / "s.json"
     said = cli.ok("seal", "--env", short, "--count", 2, "-o", secret)
     assert "publish this commitment to 2 hidden scenes of MTP-Merge-v0, sha256 " in said
-    made = submit("stp", short, seeds=1, output=tmp_path / "stp")
+    made = submit("stp", short, output=tmp_path / "stp")
     if not (made.isolation.network_cut and made.isolation.files_hidden):
         pytest.skip("this system cannot hide files and network from an agent")
     path = tmp_path / "stp" / f"{ENV}.json"
@@ -121,7 +122,7 @@ def test_a_submission_on_hidden_scenes(cli: CommandLine, short: str, tmp_path: P
 
 def test_a_seal_of_another_card_is_refused(short: str, cli: CommandLine, tmp_path: Path) -> None:
     seal(ENV, 2, tmp_path / "s.json")
-    submit("stp", short, seeds=1, scenes=1, output=tmp_path)
+    submit("stp", short, RunOptions(scenes=1), tmp_path)
     path = tmp_path / f"{ENV}.json"
     output = cli("verify", path, "--env", short, "--rerun", "--hidden", tmp_path / "s.json", "--jobs", 1)
     assert output.error.startswith(f"the seal is of {ENV} with card digest")

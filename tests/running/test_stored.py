@@ -17,6 +17,7 @@ import pytest
 
 from mtp_bench.env.rollouts import load_run
 from mtp_bench.running.compare import compare
+from mtp_bench.running.options import RunOptions
 from mtp_bench.running.stored import run_and_store, score_stored
 from tests.support.command_line import CommandLine, plain_environment, read_json, ship, write_submission
 from tests.support.small_scenes import CARD, write_card, write_kitti
@@ -26,7 +27,7 @@ from tests.support.small_scenes import CARD, write_card, write_kitti
 def finished(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> Path:
     """A run of stp."""
     folder = tmp_path_factory.mktemp("runs") / "stp"
-    run_and_store("stp", card, folder, kitti)
+    run_and_store("stp", card, folder, RunOptions(kitti))
     return folder
 
 
@@ -73,8 +74,8 @@ def test_a_stored_run_scores_as_in_a_comparison(
 ) -> None:
     cli.ok("freeze", "--env", shipped, "--data", kitti, "--jobs", 1)
     cli.ok("run", agent, "--env", shipped, "--data", kitti, "-o", tmp_path / "run", "--jobs", 1, "--seed", seed)
-    scored = score_stored(tmp_path / "run", kitti).report.rows
-    rows = compare([agent], shipped, {"data": kitti}, seeds=[seed]).report.rows
+    scored = score_stored(tmp_path / "run", RunOptions(kitti)).report.rows
+    rows = compare([agent], shipped, RunOptions(kitti, seeds=[seed])).report.rows
     hypotheses = 20 if agent == "mtp" else 1  # more than the 3 of the card
     same = [r for r in rows if (r["agent"], r["hypotheses"], r["budget"]) == (agent, hypotheses, "equal")]
     assert len(same) == 5
@@ -85,7 +86,7 @@ def test_a_stored_run_scores_as_in_a_comparison(
 
 def test_another_seed_is_another_draw(tmp_path: Path, card: str, kitti: str) -> None:
     for seed in (0, 1):
-        run_and_store("stp", card, tmp_path / str(seed), kitti, scenes=1, seed=seed)
+        run_and_store("stp", card, tmp_path / str(seed), RunOptions(kitti, scenes=1, seeds=[seed]))
     assert digests(tmp_path / "0").keys() == digests(tmp_path / "1").keys() == {"0001"}
     assert digests(tmp_path / "0") != digests(tmp_path / "1")
 
@@ -102,13 +103,13 @@ def test_answers_are_the_same_in_every_process(tmp_path: Path, card: str, kitti:
             check=False,
         )
         assert (done.returncode, done.stderr) == (0, "")
-    run_and_store("mtp", card, tmp_path / "here", kitti)
+    run_and_store("mtp", card, tmp_path / "here", RunOptions(kitti))
     assert digests(tmp_path / "1") == digests(tmp_path / "2") == digests(tmp_path / "here")
     assert len(set(digests(tmp_path / "here").values())) == 3
 
 
 def test_more_hypotheses_than_the_card_has_are_on_record(tmp_path: Path, card: str, kitti: str) -> None:
-    run_and_store("mtp", card, tmp_path / "run", kitti, scenes=1)
+    run_and_store("mtp", card, tmp_path / "run", RunOptions(kitti, scenes=1))
     run = load_run(tmp_path / "run")
     assert run.info.keywords == {"hypotheses": 20}
     assert (run.info.parameters, run.info.samples) == ({"hypotheses": 20}, 4)
@@ -164,8 +165,8 @@ CHANGES: dict[str, tuple[Callable[[Path], Any], str]] = {
     ),
     "no scene": (edit(lambda content: content["scenes"].clear()), "has no scored scene"),
     "hypotheses in words": (
-        edit(lambda content: content["info"]["parameters"].update(hypotheses="many")),
-        "parameter 'hypotheses' is 'many', expected a whole number",
+        edit(lambda content: content["info"].update(hypotheses="many")),
+        "info.hypotheses: got 'many'",
     ),
     "another card": (
         edit(lambda content: content["info"].update(card_digest="0" * 16)),
