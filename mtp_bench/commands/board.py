@@ -22,13 +22,11 @@ def board(
     further: Annotated[
         list[Path] | None, typer.Option("--with", help="A record to place among the others; repeatable.")
     ] = None,
-    records: Annotated[
-        Path | None, typer.Option("--records", help="Folder of records; those that ship by default.")
-    ] = None,
+    records: Annotated[Path | None, typer.Option(help="Folder of records; those that ship by default.")] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Also write a page that needs no network: a .html file.")
     ] = None,
-    env: Annotated[str | None, typer.Option("--env", help="Only this environment.")] = None,
+    env: Annotated[str | None, typer.Option(help="Only this environment.")] = None,
     json_file: JsonOption = None,
 ) -> None:
     """Show the leaderboard: a table per environment, and a page to open in a browser."""

@@ -22,7 +22,7 @@ _STYLE = {"error": "bold red", "warning": "yellow", "ok": "green"}
 def check(
     path: SubmissionArgument,
     env: Annotated[
-        str, typer.Option("--env", help="Environment to check on; `mtp-bench envs` lists them.")
+        str, typer.Option(help="Environment to check on; `mtp-bench envs` lists them.")
     ] = "MTP-Intersection-v0",
     root: DataOption = None,
     json_file: JsonOption = None,

@@ -14,9 +14,9 @@ def compare(
     agents: Annotated[list[str], typer.Argument(help="Names of baselines or folders of submissions.")],
     on: EnvScenes,
     workers: WorkerChoice,
-    seeds: Annotated[int, typer.Option("--seeds", min=1, help="Runs with different random draws.")] = 3,
+    seeds: Annotated[int, typer.Option(min=1, help="Runs with different random draws.")] = 3,
     reference: Annotated[
-        str | None, typer.Option("--reference", help="Take the subsets from this agent's events, not the frozen ones.")
+        str | None, typer.Option(help="Take the subsets from this agent's events, not the frozen ones.")
     ] = None,
     json_file: JsonOption = None,
 ) -> None:

@@ -12,7 +12,7 @@ from .output import write_json
 
 
 def data(
-    env: Annotated[str | None, typer.Option("--env", help="Only this environment.")] = None,
+    env: Annotated[str | None, typer.Option(help="Only this environment.")] = None,
     root: DataOption = None,
     json_file: JsonOption = None,
     split: SplitOption = None,

@@ -13,21 +13,16 @@ from .output import prepare, print_or_write, require_writable, working
 def fit_noise(
     on: EnvScenes,
     min_score: Annotated[
-        list[str] | None, typer.Option("--min-score", help="Operating point: a number, or class=number; repeatable.")
+        list[str] | None, typer.Option(help="Operating point: a number, or class=number; repeatable.")
     ] = None,
     alike: Annotated[
-        list[str] | None,
-        typer.Option("--alike", help="bus=car: its noise, where bus cannot be fitted; repeatable."),
+        list[str] | None, typer.Option(help="bus=car: its noise, where bus cannot be fitted; repeatable.")
     ] = None,
     name: Annotated[
-        str | None, typer.Option("--name", help="Name of the profile; agents go by the part before its first hyphen.")
+        str | None, typer.Option(help="Name of the profile; agents go by the part before its first hyphen.")
     ] = None,
-    reach: Annotated[
-        float | None, typer.Option("--reach", min=1, max=1000, help="How far the detector sees, metres.")
-    ] = None,
-    field_of_view: Annotated[
-        float | None, typer.Option("--field-of-view", min=1, max=360, help="Degrees around the heading.")
-    ] = None,
+    reach: Annotated[float | None, typer.Option(min=1, max=1000, help="How far the detector sees, metres.")] = None,
+    field_of_view: Annotated[float | None, typer.Option(min=1, max=360, help="Degrees around the heading.")] = None,
     output: TextOption = None,
 ) -> None:
     """Fit the noise of a simulated detector to the detections of an environment, as a section of a card."""

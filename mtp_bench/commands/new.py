@@ -11,7 +11,7 @@ import typer
 
 def new(
     name: Annotated[str, typer.Argument(help="Name of the submission: lower case.")],
-    folder: Annotated[Path, typer.Option("--folder", help="Where its folder is made.")] = Path(),
+    folder: Annotated[Path, typer.Option(help="Where its folder is made.")] = Path(),
 ) -> None:
     """Begin a submission: a folder with an agent that works."""
     from ..submission.starting import new_submission

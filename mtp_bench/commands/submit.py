@@ -22,22 +22,21 @@ DIVISIONS = ("closed", "open")
 def submit(
     path: SubmissionArgument,
     workers: WorkerChoice,
-    env: Annotated[list[str], typer.Option("--env", help="Environment id; repeatable.")],
+    env: Annotated[list[str], typer.Option(help="Environment id; repeatable.")],
     root: DataOption = None,
-    seeds: Annotated[int, typer.Option("--seeds", min=1, help="Runs with different random draws and frames.")] = 3,
+    seeds: Annotated[int, typer.Option(min=1, help="Runs with different random draws and frames.")] = 3,
     scenes: Annotated[
-        int | None, typer.Option("--scenes", min=1, help="Only the first N scenes: a partial record, never ranked.")
+        int | None, typer.Option(min=1, help="Only the first N scenes: a partial record, never ranked.")
     ] = None,
     split: Annotated[
-        str | None, typer.Option("--split", help="Another split, such as train: a partial record, never ranked.")
+        str | None, typer.Option(help="Another split, such as train: a partial record, never ranked.")
     ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder; leaderboard/records/<name> by default.")
     ] = None,
-    division: Annotated[str, typer.Option("--division", help="closed or open.")] = "closed",
+    division: Annotated[str, typer.Option(help="closed or open.")] = "closed",
     training_data: Annotated[
-        list[str] | None,
-        typer.Option("--training-data", help="Data it was trained on beside what its manifest says."),
+        list[str] | None, typer.Option(help="Data it was trained on beside what its manifest says.")
     ] = None,
 ) -> None:
     """Run a submission behind the gateway and write its records for the leaderboard."""

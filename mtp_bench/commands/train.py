@@ -15,9 +15,7 @@ KINDS = ("motion-noise", "operating-point")
 def train(
     what: Annotated[str, typer.Argument(help="What to fit: motion-noise or operating-point.")],
     on: EnvScenes,
-    observe: Annotated[
-        str, typer.Option("--observe", help="detections or truth: what the pasts are made of.")
-    ] = "detections",
+    observe: Annotated[str, typer.Option(help="detections or truth: what the pasts are made of.")] = "detections",
     jobs: JobsOption = 0,
     output: TextOption = None,
 ) -> None:

@@ -25,19 +25,19 @@ def verify(
     root: DataOption = None,
     rerun: Annotated[bool, typer.Option("--rerun", help="Run the submission again, also under a secret seed.")] = False,
     submission: Annotated[
-        Path | None, typer.Option("--submission", help="Folder to run again; else the baseline of that name.")
+        Path | None, typer.Option(help="Folder to run again; else the baseline of that name.")
     ] = None,
     write: Annotated[
         bool, typer.Option("--write", help="Write the level reached, or new numbers where the scorer changed.")
     ] = False,
     hidden: Annotated[
-        Path | None, typer.Option("--hidden", help="Secret of `mtp-bench seal`: with --rerun, run its scenes too.")
+        Path | None, typer.Option(help="Secret of `mtp-bench seal`: with --rerun, run its scenes too.")
     ] = None,
     commitment: Annotated[
-        Path | None, typer.Option("--commitment", help="What the secret was promised with; the file beside it.")
+        Path | None, typer.Option(help="What the secret was promised with; the file beside it.")
     ] = None,
     jobs: JobsOption = 0,
-    env: Annotated[str | None, typer.Option("--env", help="Card of the record, where it does not ship.")] = None,
+    env: Annotated[str | None, typer.Option(help="Card of the record, where it does not ship.")] = None,
     json_file: JsonOption = None,
 ) -> None:
     """Check records: digest, card, data, and stored rollouts scored again. Status 1 where one does not hold."""

@@ -14,12 +14,12 @@ from .output import require_writable
 def video(
     folder: FolderArgument,
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write: .mp4 or .gif.")],
-    scene: Annotated[str | None, typer.Option("--scene", help="Which scene; the first of the run.")] = None,
+    scene: Annotated[str | None, typer.Option(help="Which scene; the first of the run.")] = None,
     at: Annotated[
-        str | None, typer.Option("--at", help="Only 2 s before and after this event; `mtp-bench events` lists them.")
+        str | None, typer.Option(help="Only 2 s before and after this event; `mtp-bench events` lists them.")
     ] = None,
     fps: Annotated[
-        float | None, typer.Option("--fps", min=0.1, max=50, help="Pictures per second; as many as were recorded.")
+        float | None, typer.Option(min=0.1, max=50, help="Pictures per second; as many as were recorded.")
     ] = None,
     root: DataOption = None,
     env: RunCardOption = None,

@@ -20,13 +20,12 @@ def view(
     folders: Annotated[
         list[Path], typer.Argument(help="Folders written by `mtp-bench run`; several are shown side by side.")
     ],
-    scene: Annotated[str | None, typer.Option("--scene", help="Which scene; the first of the run.")] = None,
-    at: Annotated[str | None, typer.Option("--at", help="Open at this event; `mtp-bench events` lists them.")] = None,
+    scene: Annotated[str | None, typer.Option(help="Which scene; the first of the run.")] = None,
+    at: Annotated[str | None, typer.Option(help="Open at this event; `mtp-bench events` lists them.")] = None,
     level: Annotated[
-        str,
-        typer.Option("--level", help="off, tracks, top (3 samples per object) or all (every sample and hypothesis)."),
+        str, typer.Option(help="off, tracks, top (3 samples per object) or all (every sample and hypothesis).")
     ] = "top",
-    save: Annotated[Path | None, typer.Option("--save", help="Write a recording (.rrd) instead.")] = None,
+    save: Annotated[Path | None, typer.Option(help="Write a recording (.rrd) instead.")] = None,
     web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on this machine instead.")] = False,
     root: DataOption = None,
     env: RunCardOption = None,

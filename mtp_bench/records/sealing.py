@@ -12,7 +12,7 @@ import json
 import secrets
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -23,6 +23,7 @@ from ..sources import discard, open_source
 from ..strict import Section, validate
 from .record import HiddenPart, Record
 from .running import Plan, evaluate_plan, run_seed
+from .storage import read_table
 
 FIRST, LAST = 1_000_000, 2**31  # seeds are drawn from here; those of the cards are far below
 MOST_SCENES = 1000
@@ -96,8 +97,9 @@ def open_seal(path: str | Path, commitment: str | Path | None = None) -> Sealed:
     """
     path = Path(path)
     public = commitment_path(path) if commitment is None else Path(commitment)
-    seeds = validate(SecretSeeds, _read(path), str(path), RecordError)
-    promise = validate(Commitment, _read(public), str(public), RecordError)
+    absent = "no such file; `mtp-bench seal` makes a secret and its commitment"
+    seeds = validate(SecretSeeds, read_table(path, absent), str(path), RecordError)
+    promise = validate(Commitment, read_table(public, absent), str(public), RecordError)
     found = commitment_of(seeds)
     if (promise.commitment, promise.env, promise.count) != (found, seeds.env, seeds.count):
         raise RecordError(f"{path}: has the sha256 {found[:12]}, {public} promises {promise.commitment[:12]}")
@@ -171,17 +173,3 @@ def _simulated(card: Card) -> HighwaySource:
 
 def _canonical(seeds: SecretSeeds) -> str:
     return json.dumps(seeds.model_dump(), sort_keys=True, separators=(",", ":"))
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise RecordError(f"{path}: no such file; `mtp-bench seal` makes a secret and its commitment") from None
-    except OSError as error:
-        raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except ValueError as error:
-        raise RecordError(f"{path}: not valid JSON: {error}") from None
-    if not isinstance(content, dict):
-        raise RecordError(f"{path}: holds {type(content).__name__}, expected a table")
-    return content

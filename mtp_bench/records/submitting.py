@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from ..cards import Card, load_card
 from ..env.rollouts import require_run_folder, save_run
@@ -20,7 +20,7 @@ from ..submission.loader import Submission, load_submission
 from ..types import Rollout
 from .evaluation import Evaluation, status_of
 from .provenance import hardware, scorer_digest
-from .record import EnvPart, HardwarePart, Record, ScorerPart, SubmissionPart
+from .record import EnvPart, HardwarePart, MissedPart, Record, ScorerPart, SubmissionPart
 from .running import (
     Plan,
     evaluate_plan,
@@ -110,60 +110,65 @@ def _store(target: Path, plan: Plan, rollouts: Mapping[int, Sequence[Rollout]]) 
 
 
 def _record(plan: Plan, runs: Mapping[int, Sequence[SceneRun]], found: Evaluation, limits: Limits) -> Record:
-    lost, rollouts = unanswered(runs), rollouts_of(runs)
+    lost, rollouts, submission, card = unanswered(runs), rollouts_of(runs), plan.submission, plan.card
     every = [rollout for results in rollouts.values() for rollout in results]
-    split = plan.keywords.get("split")
-    status, reason = status_of(
-        len(plan.scenes), plan.scenes_of_split, lost.crashed_scenes, len(every), lost.reasons, split
-    )
     return Record(
-        submission=submission_part(plan.submission),
+        submission=SubmissionPart(
+            name=submission.name,
+            authors=list(submission.authors),
+            description=submission.description,
+            digest=submission.digest,
+            parameters=submission.parameters,
+        ),
         division="closed",
         training_data=[],
-        env=_env_part(plan, found),
-        scorer=ScorerPart(definitions=DEFINITIONS, source_digest=scorer_digest()),
-        reference=found.reference,
+        env=EnvPart(
+            id=card.id,
+            card_digest=card.digest,
+            split=card.source.split,
+            data_manifest=found.data_manifest,
+            scenes=len(plan.scenes),
+            scenes_of_split=plan.scenes_of_split,
+            observe=submission.compare.observe,
+            truth_complete=found.truth_complete,
+            keywords=plan.keywords,
+        ),
         seeds=list(runs),
-        status=status,
-        status_reason=reason,
         versions=library_versions(),
         hardware=hardware(),
         latency=latency(every, 1e3 * limits.frame),
         peak_memory_mib=peak_memory(runs),
         missed=lost,
         isolation=isolation(runs),
-        hypotheses=found.hypotheses,
         samples=every[0].forecast.shape[1],
-        rows=found.rows,
-        details=found.details,
-        per_scene=found.per_scene,
         seals=seals(runs),
         rollout_digests=rollout_digests(rollouts),
         made=datetime.datetime.now(datetime.UTC).date().isoformat(),
+        **judged(found, lost, len(every), plan.scenes_of_split, plan.keywords),
     )
 
 
-def submission_part(submission: Submission) -> SubmissionPart:
-    """What a record says of a submission."""
-    return SubmissionPart(
-        name=submission.name,
-        authors=list(submission.authors),
-        description=submission.description,
-        digest=submission.digest,
-        parameters=submission.parameters,
-    )
+def judged(
+    found: Evaluation, lost: MissedPart, runs: int, scenes_of_split: int, keywords: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The parts of a record that follow from an evaluation, under today's scorer: its numbers and its status.
 
-
-def _env_part(plan: Plan, found: Evaluation) -> EnvPart:
-    card = plan.card
-    return EnvPart(
-        id=card.id,
-        card_digest=card.digest,
-        split=card.source.split,
-        data_manifest=found.data_manifest,
-        scenes=len(plan.scenes),
-        scenes_of_split=plan.scenes_of_split,
-        observe=plan.submission.compare.observe,
-        truth_complete=found.truth_complete,
-        keywords=plan.keywords,
-    )
+    Args:
+        found: The evaluation.
+        lost: What was unanswered in the runs.
+        runs: Number of runs: scenes x seeds.
+        scenes_of_split: Number of scenes that the split has.
+        keywords: Settings of the env, with another split than the card's where there is one.
+    """
+    scenes, split = len(found.per_scene), keywords.get("split")
+    status, reason = status_of(scenes, scenes_of_split, lost.crashed_scenes, runs, lost.reasons, split)
+    return {
+        "scorer": ScorerPart(definitions=DEFINITIONS, source_digest=scorer_digest()),
+        "reference": found.reference,
+        "status": status,
+        "status_reason": reason,
+        "hypotheses": found.hypotheses,
+        "rows": found.rows,
+        "details": found.details,
+        "per_scene": found.per_scene,
+    }

@@ -16,13 +16,14 @@ from ..sources import open_source
 from ..submission.loader import load_submission
 from ..types import Rollout
 from .differences import Difference, unequal
-from .evaluation import Evaluation, evaluate, status_of
+from .evaluation import Evaluation, evaluate
 from .motion import error_when_moved, worse_when_moved
 from .provenance import scorer_digest
-from .record import LEVELS, HiddenPart, LatencyPart, Level, MissedPart, Record, ScorerPart
+from .record import LEVELS, HiddenPart, Level, MissedPart, Record
 from .running import Plan, latency, plan_run, rollout_digests, rollouts_of, run_seed, unanswered
 from .sealing import Sealed, run_hidden, worse_when_hidden
 from .storage import load_record, rollouts_folder, save_record
+from .submitting import judged
 
 _CHECKED = ("env", "status", "hypotheses", "latency", "reference", "rows", "details", "per_scene")
 
@@ -84,9 +85,8 @@ def verify(
     if changed:
         return Verification(path, record, "scored", changed, (), None)
     found = _evaluate(record, card, runs, options)
-    scored = _with(record, found, len(open_source(card, options.data).names), timed=plan is None)
-    if plan is None:
-        scored = scored.model_copy(update={"latency": _latency(record, runs)})
+    scored = _with(record, found, len(open_source(card, options.data).names))
+    scored = scored.model_copy(update=_times(record, found, runs, again is not None))
     differences = tuple(unequal("", _checked(record), _checked(scored)))
     level: Level = "scored" if differences else "re-scored" if plan is None else "re-run"
     same_task = not any(difference.what.startswith("env.") for difference in differences)
@@ -200,48 +200,34 @@ def _card_differences(record: Record, card: Card) -> tuple[Difference, ...]:
 
 
 def _evaluate(record: Record, card: Card, runs: Mapping[int, Sequence[Rollout]], options: RunOptions) -> Evaluation:
-    # H is what the submission declared, one of its parameters, or else what its answers state
-    declared = record.hypotheses if record.hypotheses in record.submission.parameters.values() else None
+    # H is a parameter, as the submission declared, or else what its answers state
+    counts = [value for value in record.submission.parameters.values() if type(value) is int]
+    declared = record.hypotheses if record.hypotheses in counts else None
     ideal = record.env.observe == "truth"
     count, done = options.workers.count, options.progress.done
     return evaluate(record.submission.name, card, options.data, runs, declared, ideal, count, done)
 
 
-def _with(record: Record, found: Evaluation, scenes_of_split: int, timed: bool) -> Record:
-    """The record with what the evaluation found, under today's scorer; ``timed``: with the times of these rollouts."""
+def _with(record: Record, found: Evaluation, scenes_of_split: int) -> Record:
+    """The record with what the evaluation found, under today's scorer."""
+    scenes, keywords = len(found.per_scene), record.env.keywords
+    env = {
+        "scenes": scenes,
+        "scenes_of_split": scenes_of_split,
+        "data_manifest": found.data_manifest,
+        "truth_complete": found.truth_complete,
+    }
+    parts = judged(found, record.missed, scenes * len(record.seeds), scenes_of_split, keywords)
+    return record.model_copy(update={**parts, "env": record.env.model_copy(update=env)})
+
+
+def _times(record: Record, found: Evaluation, runs: Mapping[int, Sequence[Rollout]], again: bool) -> dict[str, Any]:
+    """Times to check: of stored rollouts their own; where the agent ran ``again``, the recorded ones stay."""
+    if not again:
+        every = [rollout for rollouts in runs.values() for rollout in rollouts]
+        return {"latency": latency(every, record.latency.limit_ms)}
     known = zip(found.rows, record.rows, strict=True)
-    rows = (
-        found.rows
-        if timed
-        else [row.model_copy(update={"ms_per_frame": recorded.ms_per_frame}) for row, recorded in known]
-    )
-    scenes = len(found.per_scene)
-    status, reason = status_of(
-        scenes,
-        scenes_of_split,
-        record.missed.crashed_scenes,
-        scenes * len(record.seeds),
-        record.missed.reasons,
-        record.env.keywords.get("split"),
-    )
-    env = {"scenes": scenes, "scenes_of_split": scenes_of_split, "data_manifest": found.data_manifest}
-    return record.model_copy(
-        update={
-            "env": record.env.model_copy(update={**env, "truth_complete": found.truth_complete}),
-            "scorer": ScorerPart(definitions=DEFINITIONS, source_digest=scorer_digest()),
-            "reference": found.reference,
-            "status": status,
-            "status_reason": reason,
-            "hypotheses": found.hypotheses,
-            "rows": rows,
-            "details": found.details,
-            "per_scene": found.per_scene,
-        }
-    )
-
-
-def _latency(record: Record, runs: Mapping[int, Sequence[Rollout]]) -> LatencyPart:
-    return latency([rollout for rollouts in runs.values() for rollout in rollouts], record.latency.limit_ms)
+    return {"rows": [row.model_copy(update={"ms_per_frame": recorded.ms_per_frame}) for row, recorded in known]}
 
 
 def _checked(record: Record) -> dict[str, Any]:

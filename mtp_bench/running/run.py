@@ -17,8 +17,8 @@ from ..agent import Agent
 from ..cards import Card
 from ..env.environment import MTPEnv
 from ..env.rollouts import RunInfo
-from ..errors import MtpBenchError, SubmissionError, UnknownNameError
-from ..parallel import Workers, parallel_map
+from ..errors import MtpBenchError, SubmissionError
+from ..parallel import parallel_map
 from ..scoring.definitions import DEFINITIONS
 from ..submission.loader import Submission, SubmissionFactory
 from ..types import Rollout, Scene, Task
@@ -53,40 +53,6 @@ def run_scene(agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str |
             raise _failure(name, scene_name, f"frame {len(seconds)}", error) from error
         observation, _, _, truncated, _ = env.step(action)
     return replace(env.rollout(), seconds=np.array(seconds))
-
-
-def run_scenes(
-    make_agent: MakeAgent,
-    env_id: str,
-    env_keywords: dict[str, Any] | None = None,
-    scene_names: Sequence[str] | None = None,
-    seed: int = 0,
-    workers: int = 1,
-    finish: Finish | None = None,
-    name: str | None = None,
-) -> list[Any]:
-    """Run an agent that is made by a function through scenes of an env, one agent and one env for each.
-
-    Args:
-        make_agent: Makes the agent of a scene from its task; must pickle for more than one worker.
-        env_id: Id of the env or path of its card.
-        env_keywords: Keywords of `MTPEnv`; evaluation mode is on unless they say otherwise.
-        scene_names: Which scenes; None: all of the env.
-        seed: Seed of all random draws.
-        workers: Number of processes; the results do not depend on it, and 1 is this process.
-        finish: Makes the result of a scene from scene, rollout and card, must pickle too; None: the rollout.
-        name: What errors call the agent.
-
-    Returns the results in the order of the scenes. Raises MtpBenchError for whatever the user can mend.
-    """
-    options = RunOptions(workers=Workers(workers))
-    keywords = {"evaluation": True, **(env_keywords or {})}
-    known = MTPEnv(env_id, **keywords).scene_names  # a wrong keyword or name shows here, not in a worker
-    names = tuple(known if scene_names is None else scene_names)
-    for scene in names:
-        if scene not in known:
-            raise UnknownNameError("scene", scene, known)
-    return run_jobs([Job(make_agent, env_id, keywords, scene, seed, name) for scene in names], options, finish)
 
 
 @dataclass(frozen=True)

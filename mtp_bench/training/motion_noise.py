@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ..env.environment import MTPEnv
-from ..errors import MtpBenchError
+from ..env.environment import OBSERVE, MTPEnv
+from ..errors import MtpBenchError, UnknownNameError
 from ..prediction.kalman import NoiseTable, filtered
 from ..prediction.motion_noise import condition, table
 from ..running.options import DEFAULTS, RunOptions
@@ -31,9 +31,10 @@ def fit_env(env_id: str, options: RunOptions = DEFAULTS, observe: str = "detecti
     ``options`` may name another split. ``observe``: "truth" for true pasts. Raises MtpBenchError for whatever the user
     can mend, an empty split among it.
     """
-    options = options.on_split("train")
-    task = MTPEnv(env_id, observe=observe, **options.env_keywords).task
-    split = open_split(env_id, options)
+    if observe not in OBSERVE:
+        raise UnknownNameError("value of observe", observe, OBSERVE)
+    split = open_split(env_id, options.on_split("train"))
+    task = MTPEnv(split.card, options.data, observe).task
     rows = fit_scenes(list(split.scenes()), task)
     if not rows:
         raise MtpBenchError(

@@ -10,11 +10,11 @@ import pytest
 from mtp_bench.commands.check import finding_table
 from mtp_bench.gateway import SceneRun
 from mtp_bench.records.checking import Checked, gateway_findings
-from mtp_bench.running.run import run_scenes
 from mtp_bench.submission.starting import new_submission
 from mtp_bench.testing import Finding
 from mtp_bench.types import Rollout
 from tests.support.command_line import CommandLine, read_json
+from tests.support.runs import run_scenes
 from tests.support.small_scenes import make_echo
 
 ACT = '        """Answer this frame, before the next one is known."""\n'
