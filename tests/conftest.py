@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import write_card, write_kitti
@@ -14,6 +15,8 @@ from tests.support.small_scenes import write_card, write_kitti
 VARIABLE = "MTP_BENCH_DATA"
 REPOSITORY = Path(__file__).resolve().parent.parent
 _deselected = pytest.StashKey[int]()
+settings.register_profile("any machine", deadline=None)  # a busy one is slow at times
+settings.load_profile("any machine")
 
 
 def pytest_configure(config: pytest.Config) -> None:

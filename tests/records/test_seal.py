@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import stat
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -51,25 +50,13 @@ def test_a_seal_is_a_secret_and_a_promise(tmp_path: Path) -> None:
         seal(ENV, 5, tmp_path / "secret.json")
 
 
-def move(content: dict[str, Any]) -> None:
-    content["first"] += 1
-
-
-def salt(content: dict[str, Any]) -> None:
-    content["salt"] = "0" * 64
-
-
-def fewer(content: dict[str, Any]) -> None:
-    content["count"] -= 1
-
-
-@pytest.mark.parametrize("change", [move, salt, fewer])
-def test_another_secret_than_promised_is_refused(change: Callable[[dict[str, Any]], None], tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "change", [{"first": 1_234_567}, {"salt": "0" * 64}, {"count": 4}], ids=lambda x: next(iter(x))
+)
+def test_another_secret_than_promised_is_refused(change: dict[str, Any], tmp_path: Path) -> None:
     path = tmp_path / "secret.json"
     seal(ENV, 5, path)
-    content = json.loads(path.read_text())
-    change(content)
-    path.write_text(json.dumps(content))
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
     with pytest.raises(RecordError, match=r"has the sha256 .* promises"):
         open_seal(path)
 

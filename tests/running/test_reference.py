@@ -136,28 +136,6 @@ def test_a_changed_frozen_file_is_refused(
     assert f"the file says {file['hash']}" in error
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [('{"env": "MTP-Sm', "not valid JSON"), ("[]", "not a file of reference subsets")],
-    ids=["truncated", "no table"],
-)
-def test_a_broken_frozen_file_is_one_clear_error(
-    text: str, message: str, cli: CommandLine, shipped: str, kitti: str
-) -> None:
-    frozen_path(shipped).write_text(text)
-    assert message in cli("compare", "stp", "--env", shipped, "--data", kitti).error
-
-
-def test_a_frozen_file_for_an_earlier_card_is_refused(
-    cli: CommandLine, shipped: str, tmp_path: Path, kitti: str
-) -> None:
-    freeze(shipped, RunOptions(kitti))
-    write_card(tmp_path / "bundle" / "envs", CARD.replace("miss_error = 2.0", "miss_error = 3.0"))
-    error = cli("compare", "stp", "--env", shipped, "--data", kitti).error
-    assert "subsets of MTP-Small-v0 with card digest" in error
-    assert "make them again for the changed card" in error
-
-
 def test_only_what_ships_is_frozen(cli: CommandLine, card: str, kitti: str) -> None:
     with pytest.raises(UnknownNameError, match="only those that ship have frozen subsets"):
         freeze(card, RunOptions(kitti))
