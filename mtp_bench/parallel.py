@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -60,6 +61,14 @@ class Workers:
         if self.count < 1:
             raise MtpBenchError(f"workers is {self.count}, expected at least 1")
         _require_backend(self.backend, self.scheduler)
+
+
+QUIET = Progress()  # nobody is told
+
+
+def cores() -> int:
+    """Number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 ALONE = Workers()  # in this process, one call after the other

@@ -7,11 +7,25 @@ import warnings
 import typer
 
 from ..errors import MtpBenchError
-from .fitting import fit_noise, freeze, train
-from .looking import events, video, view
-from .running import compare, data, envs, run, score
-from .shared import fail
-from .submitting import board, check, new, seal, submit, verify
+from .board import board
+from .check import check
+from .compare import compare
+from .data import data
+from .envs import envs
+from .events import events
+from .fit_noise import fit_noise
+from .freeze import freeze
+from .new import new
+from .options import opened
+from .output import fail
+from .run import run
+from .score import score
+from .seal import seal
+from .submit import submit
+from .train import train
+from .verify import verify
+from .video import video
+from .view import view
 
 app = typer.Typer(
     help="Tracking and prediction together: your agent sees detections, not the truth.",
@@ -22,8 +36,8 @@ app = typer.Typer(
 for command in (
     envs, data, run, score, compare, view, events, video, train, fit_noise, new, check, submit, verify, seal, board,
 ):  # fmt: skip
-    app.command()(command)
-app.command(hidden=True)(freeze)
+    app.command()(opened(command))
+app.command(hidden=True)(opened(freeze))
 
 
 def main() -> None:

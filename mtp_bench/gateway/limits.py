@@ -16,7 +16,7 @@ class Limits:
     start: float = 120.0  # s until the agent is built (imports, compilation)
     reset: float = 60.0  # s for reset(task)
     first_frame: float = 60.0  # s for the first answer (compilation)
-    frame: float = 5.0  # s for any other answer; a later one is a miss of that frame
+    frame: float = 5.0  # s for any other answer; a later one leaves that frame unanswered
     scene: float = 1800.0  # s in all
     memory: int = 8 << 30  # bytes of address space of each of the agent's processes
     disk: int = 64 << 20  # bytes it may write: in all where it has a file system of its own, else per file
@@ -31,8 +31,8 @@ class SceneRun:
     seal: str  # hex; the hash chain over all answers as they came, in order
     status: str  # "finished", "crashed", "hung" or "rejected" (broke the rules of the gateway)
     reason: str  # "" or one sentence for people
-    late: int  # frames missed because the answer came too late
-    malformed: int  # frames missed because the answer was none: too large, other shapes, no arrays, not finite
+    late: int  # frames unanswered because the answer came too late
+    malformed: int  # frames unanswered because the answer was none: too large, other shapes, no arrays, not finite
     peak_memory: int  # bytes resident, of the agent's process; 0 where the system does not tell
     started: float  # s until the agent was built
     network_cut: bool = False  # it ran without a network

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..env.environment import MTPEnv
-from ..parallel import ALONE, Workers, parallel_map
+from ..parallel import ALONE, QUIET, Progress, Workers, parallel_map
 from ..running.run import agent_task, derived_seed
 from ..submission.loader import load_submission
 from .exchange import Exchange
@@ -22,8 +22,6 @@ from .process import AgentProcess
 from .surroundings import compile_kernels, hidden_folders, library_path, own_kernels
 
 KERNELS = 64 << 20  # bytes that compiled kernels may take
-
-Progress = Callable[[str], object]
 
 
 def run_isolated(
@@ -37,10 +35,17 @@ def run_isolated(
 ) -> SceneRun:
     """One scene of an env in evaluation mode, answered by a submission in a process of its own.
 
-    ``env_keywords`` are keywords of MTPEnv; the env observes what the submission asks for unless they say otherwise.
-    ``parameters`` stand in place of those of its manifest. The rollout of an agent that keeps the rules is that of
-    `runner.run_scene`, but for the times, which are measured outside the agent. A frame without an answer has no rows:
-    everything in it is missed.
+    Args:
+        submission: Folder of the submission, or name of a baseline.
+        env_id: Id of the env or path of its card.
+        env_keywords: Keywords of MTPEnv; the env observes what the submission asks for unless they say otherwise.
+        scene: Name of the scene.
+        seed: Seed of all random draws.
+        parameters: Of the agent; None: those of the manifest.
+        limits: What the agent may use.
+
+    The rollout of an agent that keeps the rules is that of `running.run.run_scene`, but for the times, which are
+    measured outside the agent. An unanswered frame has no rows: everything in it is uncovered.
 
     Never raises for what an agent does; raises MtpBenchError for a folder that is no submission, an unknown scene or
     data that is not there.
@@ -77,21 +82,16 @@ def run_isolated_scenes(
     *,
     scenes: Sequence[str],
     workers: Workers = ALONE,
-    progress: Progress | None = None,
+    progress: Progress = QUIET,
 ) -> list[SceneRun]:
     """`run_isolated` of every scene, in the order of ``scenes``.
 
-    Every scene has an agent of its own, so what one of them does ends at most its scene. ``progress`` is called with
-    the name of every scene that is done, in the order of completion.
+    Every scene has an agent of its own, so what one of them does ends at most its scene. ``progress`` is told the name
+    of every scene that is done, in the order of completion.
     """
     compile_kernels()
     calls = [(submission, env_id, env_keywords, scene, seed, parameters, limits) for scene in scenes]
-
-    def done(place: int) -> None:
-        if progress is not None:
-            progress(scenes[place])
-
-    return parallel_map(run_isolated, calls, workers, done)
+    return parallel_map(run_isolated, calls, workers, lambda place: progress.done(scenes[place]))
 
 
 def seal_start(card_digest: str, scene: str, seed: int) -> bytes:

@@ -108,9 +108,9 @@ def restrict(made: int, memory: int, disk: int) -> None:
     for name, value in limits.items():
         kind = getattr(resource, f"RLIMIT_{name}")
         hard = resource.getrlimit(kind)[1]
-        value = value if hard == resource.RLIM_INFINITY else min(value, hard)
+        least = value if hard == resource.RLIM_INFINITY else min(value, hard)
         with suppress(OSError, ValueError):
-            resource.setrlimit(kind, (value, value))
+            resource.setrlimit(kind, (least, least))
     for capability in range(64):
         _call("prctl", _CAPBSET_DROP, capability, 0, 0, 0)
     _drop_capabilities()

@@ -8,23 +8,19 @@ from __future__ import annotations
 
 import secrets
 
-from ..gateway import Limits
 from .differences import Difference
-from .evaluation import Progress, evaluate
 from .record import Record
-from .running import Plan, run_seed
+from .running import Plan, evaluate_plan, run_seed
 
 ALIKE = 0.1  # share of the error by which other draws may be worse; a baseline's seeds differ by 0.06 at most
 _NEGLIGIBLE = 1e-3  # m
 _FIRST, _SEEDS = 1 << 16, 1 << 31  # far from what anybody counts up to
 
 
-def error_when_moved(plan: Plan, workers: int, progress: Progress | None = None) -> float | None:
+def error_when_moved(plan: Plan) -> float | None:
     """Missing-aware error of the submission of ``plan`` under one secret seed, metres; None without a target."""
     seed = _FIRST + secrets.randbelow(_SEEDS - _FIRST)
-    rollouts = {seed: [run.rollout for run in run_seed(plan, seed, workers, progress, Limits())]}
-    found = evaluate(plan.submission.name, plan.card, plan.data, rollouts, plan.hypotheses, plan.ideal, workers)
-    return found.rows[0].missing_aware
+    return evaluate_plan(plan, {seed: run_seed(plan, seed)}).rows[0].missing_aware
 
 
 def worse_when_moved(record: Record, error: float | None) -> Difference | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -12,13 +12,13 @@ from ..cards import Card, load_card
 from ..env.environment import MTPEnv
 from ..env.rollouts import digest
 from ..gateway import Limits, SceneRun, run_isolated_scenes
-from ..parallel import Workers
-from ..running.compare import setting_of
+from ..running.options import RunOptions
 from ..running.rollout_files import RunInfo
 from ..running.run import run_info
+from ..running.settings import Setting, setting_of
 from ..submission.loader import Submission
 from ..types import Rollout
-from .evaluation import Progress
+from .evaluation import Evaluation, evaluate
 from .record import IsolationPart, LatencyPart, MissedPart
 from .storage import key_of
 
@@ -28,64 +28,66 @@ class Plan:
     """What is run: a submission on scenes of an env."""
 
     submission: Submission
-    env: str | Card  # id, path of a card, or a card that is in no file
+    env: Any  # what MTPEnv takes: id, path of a card, or a card that is in no file
     card: Card
-    data: str | None
     scenes: tuple[str, ...]
     scenes_of_split: int
     keywords: dict[str, Any]  # of the env, beyond card and data; as stored
+    options: RunOptions  # data, workers and progress
 
     @property
-    def ideal(self) -> bool:
-        """Whether the agent is shown the truth."""
-        return self.submission.compare.observe == "truth"
-
-    @property
-    def hypotheses(self) -> int | None:
-        """As declared by the submission."""
-        return setting_of(self.submission, self.card).hypotheses
+    def setting(self) -> Setting:
+        """The submission with its own parameters and k samples."""
+        return setting_of(self.submission, self.card)
 
 
-def plan_run(
-    submission: Submission, env_id: str, data: str | None, scenes: int | None = None, split: str | None = None
-) -> Plan:
-    """The first ``scenes`` scenes (None: all) of an env for a submission, with its own parameters and k samples.
+def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
+    """The scenes of an env for a submission, with its own parameters and k samples.
 
-    ``split``: another one than the card's. Raises MtpBenchError for an unknown env or split, missing data or a
-    parameter that is wrong.
+    Raises MtpBenchError for an unknown env or split, missing data or a parameter that is wrong.
     """
-    env = MTPEnv(env_id, data=data, observe=submission.compare.observe, evaluation=True, split=split)
+    env = MTPEnv(env_id, observe=submission.compare.observe, evaluation=True, data=options.data, split=options.split)
     keywords = setting_of(submission, env.card).env_keywords(env.card)
     if env.card.source.split != load_card(env_id).source.split:
         keywords["split"] = env.card.source.split
     names = env.scene_names
-    return Plan(submission, env_id, env.card, data, names[:scenes], len(names), keywords)
+    return Plan(submission, env_id, env.card, names[: options.scenes], len(names), keywords, options)
 
 
-def run_seed(
-    plan: Plan, seed: int, workers: int, progress: Progress | None, limits: Limits, scheduler: str | None = None
-) -> list[SceneRun]:
+def run_seed(plan: Plan, seed: int, limits: Limits = Limits()) -> list[SceneRun]:  # noqa: B008  (frozen)
     """Every scene of the plan under one seed, in the order of the plan; never raises for what an agent does."""
-    keywords = {**plan.keywords, "data": plan.data, "observe": plan.submission.compare.observe}
     return run_isolated_scenes(
         plan.submission.path,
-        cast("str", plan.env),  # for MTPEnv, which takes a card as well
-        {**keywords, "rigid_motion": True},
+        plan.env,
+        {**plan.keywords, "data": plan.options.data, "rigid_motion": True},
         seed=seed,
         parameters=plan.submission.parameters,
         limits=limits,
         scenes=plan.scenes,
-        workers=Workers(workers, "dask" if scheduler else "loky", scheduler),
-        progress=progress,
+        workers=plan.options.workers,
+        progress=plan.options.progress,
     )
+
+
+def rollouts_of(runs: Mapping[int, Sequence[SceneRun]]) -> dict[int, list[Rollout]]:
+    """The rollouts of each seed."""
+    return {seed: [run.rollout for run in results] for seed, results in runs.items()}
+
+
+def evaluate_plan(plan: Plan, runs: Mapping[int, Sequence[SceneRun]], *, watched: bool = False) -> Evaluation:
+    """Numbers of the runs of a plan; ``watched``: the progress is told each scene that is scored."""
+    setting, options = plan.setting, plan.options
+    done = options.progress.done if watched else None
+    name, rollouts = plan.submission.name, rollouts_of(runs)
+    count = options.workers.count
+    return evaluate(name, plan.card, options.data, rollouts, setting.hypotheses, setting.ideal, count, done)
 
 
 def info_of(plan: Plan, seed: int) -> RunInfo:
     """What a stored run of the plan says of itself; the data root is nobody's business."""
-    submission = plan.submission
-    env = MTPEnv(plan.env, data=plan.data, observe=submission.compare.observe, evaluation=True, **plan.keywords)
-    keywords = {**{k: v for k, v in plan.keywords.items() if k != "samples"}, "rigid_motion": True}
-    return run_info(env, submission.name, seed, submission.parameters, submission.digest, keywords)
+    observe, data = plan.submission.compare.observe, plan.options.data
+    env = MTPEnv(plan.env, data=data, observe=observe, evaluation=True, **plan.keywords)
+    return run_info(env, plan.setting, seed, {**plan.keywords, "rigid_motion": True})
 
 
 def rollout_digests(runs: Mapping[int, Sequence[Rollout]]) -> dict[str, str]:
@@ -98,8 +100,8 @@ def seals(runs: Mapping[int, Sequence[SceneRun]]) -> dict[str, str]:
     return {key_of(r.rollout.scene, seed): r.seal for seed, results in runs.items() for r in results}
 
 
-def missed(runs: Mapping[int, Sequence[SceneRun]]) -> MissedPart:
-    """Frames and scenes that are missing for another reason than silence."""
+def unanswered(runs: Mapping[int, Sequence[SceneRun]]) -> MissedPart:
+    """Frames and scenes that are unanswered for another reason than silence."""
     every = [run for results in runs.values() for run in results]
     cut = {
         key_of(run.rollout.scene, seed): f"{run.status}: {run.reason}"
@@ -124,7 +126,7 @@ def isolation(runs: Mapping[int, Sequence[SceneRun]]) -> IsolationPart:
 
 
 def latency(rollouts: Sequence[Rollout], limit_ms: float) -> LatencyPart:
-    """Percentiles over the frames of all rollouts but the first of each; frames without an answer are left out."""
+    """Percentiles over the frames of all rollouts but the first of each; unanswered frames are left out."""
     seconds = np.concatenate([np.zeros(0), *(rollout.seconds[1:] for rollout in rollouts)])
     seconds = seconds[np.isfinite(seconds) & (seconds > 0)]
     if not len(seconds):

@@ -10,21 +10,20 @@ from __future__ import annotations
 import hashlib
 import json
 import secrets
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from ..cards import Card, HighwaySource, load_card
 from ..errors import MtpBenchError, RecordError
 from ..files import require_file, write_text
-from ..gateway import Limits
 from ..sources import discard, open_source
 from ..strict import Section, validate
-from .evaluation import Progress, evaluate
 from .record import HiddenPart, Record
-from .running import Plan, run_seed
+from .running import Plan, evaluate_plan, run_seed
+from .storage import read_table
 
 FIRST, LAST = 1_000_000, 2**31  # seeds are drawn from here; those of the cards are far below
 MOST_SCENES = 1000
@@ -98,8 +97,9 @@ def open_seal(path: str | Path, commitment: str | Path | None = None) -> Sealed:
     """
     path = Path(path)
     public = commitment_path(path) if commitment is None else Path(commitment)
-    seeds = validate(SecretSeeds, _read(path), str(path), RecordError)
-    promise = validate(Commitment, _read(public), str(public), RecordError)
+    absent = "no such file; `mtp-bench seal` makes a secret and its commitment"
+    seeds = validate(SecretSeeds, read_table(path, absent), str(path), RecordError)
+    promise = validate(Commitment, read_table(public, absent), str(public), RecordError)
     found = commitment_of(seeds)
     if (promise.commitment, promise.env, promise.count) != (found, seeds.env, seeds.count):
         raise RecordError(f"{path}: has the sha256 {found[:12]}, {public} promises {promise.commitment[:12]}")
@@ -116,9 +116,7 @@ def commitment_of(seeds: SecretSeeds) -> str:
     return hashlib.sha256(_canonical(seeds).encode()).hexdigest()
 
 
-def run_hidden(
-    plan: Plan, record: Record, sealed: Sealed, workers: int, progress: Progress | None = None
-) -> HiddenPart:
+def run_hidden(plan: Plan, record: Record, sealed: Sealed) -> HiddenPart:
     """Error of the submission of ``plan`` on the hidden scenes, under the seeds of ``record``.
 
     The scenes are made anew and not kept: what lies in the cache can be read by agents outside the gateway. Raises
@@ -132,24 +130,22 @@ def run_hidden(
         )
     hidden = sealed.card(card)
     try:
-        return _run(plan, record, hidden, sealed.commitment, workers, progress)
+        return _run(plan, record, hidden, sealed.commitment)
     finally:
         discard(hidden)
 
 
-def _run(
-    plan: Plan, record: Record, hidden: Card, commitment: str, workers: int, progress: Progress | None
-) -> HiddenPart:
+def _run(plan: Plan, record: Record, hidden: Card, commitment: str) -> HiddenPart:
     names = tuple(open_source(hidden).names)
-    there = Plan(plan.submission, hidden, hidden, None, names, len(names), plan.keywords)
-    runs = {seed: run_seed(there, seed, workers, progress, Limits()) for seed in record.seeds}
+    options = replace(plan.options, data=None)
+    there = replace(plan, env=hidden, card=hidden, scenes=names, scenes_of_split=len(names), options=options)
+    runs = {seed: run_seed(there, seed) for seed in record.seeds}
     if not all(run.network_cut and run.files_hidden for results in runs.values() for run in results):
         raise RecordError(
             "this system cannot hide files and network from an agent, so its hidden scenes would not stay hidden: "
             "run it on Linux with user namespaces"
         )
-    rollouts = {seed: [run.rollout for run in results] for seed, results in runs.items()}
-    row = evaluate(plan.submission.name, hidden, None, rollouts, plan.hypotheses, plan.ideal, workers).rows[0]
+    row = evaluate_plan(there, runs).rows[0]
     return HiddenPart(
         commitment=commitment,
         scenes=len(names),
@@ -177,17 +173,3 @@ def _simulated(card: Card) -> HighwaySource:
 
 def _canonical(seeds: SecretSeeds) -> str:
     return json.dumps(seeds.model_dump(), sort_keys=True, separators=(",", ":"))
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise RecordError(f"{path}: no such file; `mtp-bench seal` makes a secret and its commitment") from None
-    except OSError as error:
-        raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except ValueError as error:
-        raise RecordError(f"{path}: not valid JSON: {error}") from None
-    if not isinstance(content, dict):
-        raise RecordError(f"{path}: holds {type(content).__name__}, expected a table")
-    return content

@@ -55,7 +55,7 @@ def load_record(path: str | Path) -> Record:
     Raises RecordError, naming the file, where it is missing, of another format or schema, or does not fit its digest.
     """
     path = Path(path)
-    content = _read(path)
+    content = read_table(path, "no such record; `mtp-bench submit` makes one")
     if content.get("format") != 1:
         raise RecordError(
             f"{path}: format {content.get('format')!r}, expected 1: made by another version of mtp-bench?"
@@ -80,7 +80,12 @@ def record_paths(folder: str | Path) -> list[Path]:
 
 def rollouts_folder(path: Path, seed: int) -> Path:
     """Where the stored rollouts of one seed of the record at ``path`` are."""
-    return path.with_suffix(ROLLOUTS) / f"seed-{seed}"
+    return seed_folder(path.with_suffix(ROLLOUTS), seed)
+
+
+def seed_folder(folder: Path, seed: int) -> Path:
+    """The part of ``folder``, which holds the rollouts of all seeds, that is of one seed."""
+    return folder / f"seed-{seed}"
 
 
 def key_of(scene: str, seed: int) -> str:
@@ -109,11 +114,12 @@ def _plain(record: Record) -> dict[str, Any]:
     return content
 
 
-def _read(path: Path) -> dict[str, Any]:
+def read_table(path: Path, absent: str) -> dict[str, Any]:
+    """A table from a JSON file; raises RecordError where there is none, with ``absent`` where there is no file."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
     except FileNotFoundError:
-        raise RecordError(f"{path}: no such record; `mtp-bench submit` makes one") from None
+        raise RecordError(f"{path}: {absent}") from None
     except OSError as error:
         raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from None
     except (ValueError, RecursionError) as error:

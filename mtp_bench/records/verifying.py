@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..cards import Card, changed_card, load_card
+from ..cards import Card
 from ..errors import RecordError
-from ..gateway import Limits, SceneRun
+from ..running.options import DEFAULTS, RunOptions
 from ..running.rollout_files import load_run
 from ..scoring import DEFINITIONS
 from ..sources import open_source
 from ..submission.loader import load_submission
 from ..types import Rollout
 from .differences import Difference, unequal
-from .evaluation import Evaluation, Progress, evaluate, status_of
+from .evaluation import Evaluation, evaluate
 from .motion import error_when_moved, worse_when_moved
 from .provenance import scorer_digest
-from .record import LEVELS, HiddenPart, LatencyPart, Level, MissedPart, Record, ScorerPart
-from .running import Plan, latency, missed, plan_run, rollout_digests, run_seed
+from .record import LEVELS, HiddenPart, Level, MissedPart, Record
+from .running import Plan, latency, plan_run, rollout_digests, rollouts_of, run_seed, unanswered
 from .sealing import Sealed, run_hidden, worse_when_hidden
 from .storage import load_record, rollouts_folder, save_record
+from .submitting import judged
 
 _CHECKED = ("env", "status", "hypotheses", "latency", "reference", "rows", "details", "per_scene")
 
@@ -47,43 +48,45 @@ class Verification:
 
 def verify(
     path: str | Path,
-    data: str | None = None,
+    options: RunOptions = DEFAULTS,
     env_id: str | None = None,
     submission: str | Path | None = None,
     rerun: bool = False,
-    workers: int = 1,
-    started: Callable[[int], object] | None = None,
-    progress: Progress | None = None,
     sealed: Sealed | None = None,
 ) -> Verification:
-    """Check the record at ``path`` by its stored rollouts: scored again they must give its numbers ("re-scored").
+    """Check a record by its stored rollouts: scored again they must give its numbers ("re-scored").
 
-    ``rerun``: by running the submission again instead, whose rollouts must be the same, and once more under a secret
-    seed, where it must score alike ("re-run"); ``submission`` is its folder, None the baseline of that name.
-    ``sealed``: so too, and then on hidden scenes, where its error must not be larger ("hidden seeds"). ``env_id`` names
-    the card of an env that does not ship. Raises RecordError where the record is missing, was changed or has no stored
-    rollouts, DataError where data is missing.
+    Args:
+        path: The record.
+        options: Data, workers and progress; all else is as the record says of itself.
+        env_id: Card of an env that does not ship.
+        submission: Folder of the submission, for running it again; None: the baseline of that name.
+        rerun: Run the submission again instead: its rollouts must be the same, and once more under a secret seed it
+            must score alike ("re-run").
+        sealed: So too, and then on hidden scenes, where its error must not be larger ("hidden seeds").
+
+    Raises RecordError where the record is missing, was changed or has no stored rollouts, DataError where data is
+    missing.
     """
     path = Path(path)
     record = load_record(path)
-    card = changed_card(load_card(env_id or record.env.id), _split(path, record))
+    options = replace(options, split=_split(path, record), scenes=None)
+    card = options.card(env_id or record.env.id)
     stale = _card_differences(record, card)
     if stale:
         return Verification(path, record, "scored", stale, (), None)
-    plan = _plan(path, record, env_id, submission, data) if rerun or sealed is not None else None
-    if started is not None:
-        started(_work(record, plan, sealed))
-    again = None if plan is None else _run_again(plan, record, workers, progress)
-    runs = _stored(path, record) if again is None else _rollouts(again)
+    plan = _plan(path, record, env_id, submission, options) if rerun or sealed is not None else None
+    options.progress.started(_work(record, plan, sealed))
+    again = None if plan is None else {seed: run_seed(plan, seed) for seed in record.seeds}
+    runs = _stored(path, record) if again is None else rollouts_of(again)
     changed = tuple(unequal("rollout_digests", record.rollout_digests, rollout_digests(runs)))
     if again is not None:
-        changed += tuple(unequal("missed", _lost(record.missed), _lost(missed(again))))
+        changed += tuple(unequal("missed", _lost(record.missed), _lost(unanswered(again))))
     if changed:
         return Verification(path, record, "scored", changed, (), None)
-    found = _evaluate(record, card, data, runs, workers, progress)
-    scored = _with(record, found, len(open_source(card, data).names), timed=plan is None)
-    if plan is None:
-        scored = scored.model_copy(update={"latency": _latency(record, runs)})
+    found = _evaluate(record, card, runs, options)
+    scored = _with(record, found, len(open_source(card, options.data).names))
+    scored = scored.model_copy(update=_times(record, found, runs, again is not None))
     differences = tuple(unequal("", _checked(record), _checked(scored)))
     level: Level = "scored" if differences else "re-scored" if plan is None else "re-run"
     same_task = not any(difference.what.startswith("env.") for difference in differences)
@@ -91,10 +94,10 @@ def verify(
     checked = Verification(path, record, level, differences, _notes(record), updated)
     if plan is None or differences:
         return checked
-    moved = worse_when_moved(record, error_when_moved(plan, workers, progress))
+    moved = worse_when_moved(record, error_when_moved(plan))
     if moved is not None:
         return replace(checked, level="scored", differences=(moved,), updated=None)
-    return checked if sealed is None else _on_hidden(checked, plan, sealed, workers, progress)
+    return checked if sealed is None else _on_hidden(checked, plan, sealed)
 
 
 def confirm(checked: Verification) -> Record:
@@ -111,11 +114,9 @@ def confirm(checked: Verification) -> Record:
     return save_record(record.model_copy(update={"verification": level, "hidden": hidden}), checked.path)
 
 
-def _on_hidden(
-    checked: Verification, plan: Plan, sealed: Sealed, workers: int, progress: Progress | None
-) -> Verification:
+def _on_hidden(checked: Verification, plan: Plan, sealed: Sealed) -> Verification:
     """The check with what the submission scores on hidden scenes."""
-    hidden = run_hidden(plan, checked.record, sealed, workers, progress)
+    hidden = run_hidden(plan, checked.record, sealed)
     if worse_when_hidden(checked.record, hidden):
         row = checked.record.row
         worse = Difference("missing_aware on hidden scenes", row.interval, hidden.interval)
@@ -161,7 +162,7 @@ def _in_order(record: Record, found: Mapping[str, Rollout], where: Path) -> list
     return [found[name] for name in names]
 
 
-def _plan(path: Path, record: Record, env_id: str | None, folder: str | Path | None, data: str | None) -> Plan:
+def _plan(path: Path, record: Record, env_id: str | None, folder: str | Path | None, options: RunOptions) -> Plan:
     """How the submission of a record is run again; RecordError where it is another one, or the scenes are others."""
     submission = load_submission(folder or record.submission.name)
     if submission.digest != record.submission.digest:
@@ -170,7 +171,7 @@ def _plan(path: Path, record: Record, env_id: str | None, folder: str | Path | N
             f"{submission.name!r} has {submission.digest[:12]}; name the right folder with --submission"
         )
     env_id = env_id or record.env.id
-    plan = plan_run(submission, env_id, data, len(record.per_scene), _split(path, record))
+    plan = plan_run(submission, env_id, replace(options, scenes=len(record.per_scene)))
     if list(plan.scenes) != [scene.scene for scene in record.per_scene]:
         raise RecordError(f"{path}: its scenes are not the first {len(record.per_scene)} of {env_id}")
     return plan
@@ -182,15 +183,6 @@ def _split(path: Path, record: Record) -> str | None:
     if split is not None and not isinstance(split, str):
         raise RecordError(f"{path}: split is {split!r}, expected a name")
     return split
-
-
-def _run_again(plan: Plan, record: Record, workers: int, progress: Progress | None) -> dict[int, list[SceneRun]]:
-    """Runs of the submission under every seed of the record."""
-    return {seed: run_seed(plan, seed, workers, progress, Limits()) for seed in record.seeds}
-
-
-def _rollouts(runs: Mapping[int, Sequence[SceneRun]]) -> dict[int, list[Rollout]]:
-    return {seed: [run.rollout for run in results] for seed, results in runs.items()}
 
 
 def _lost(part: MissedPart) -> dict[str, int]:
@@ -207,55 +199,35 @@ def _card_differences(record: Record, card: Card) -> tuple[Difference, ...]:
     return tuple(Difference(*pair) for pair in pairs if pair[1] != pair[2])
 
 
-def _evaluate(
-    record: Record,
-    card: Card,
-    data: str | None,
-    runs: Mapping[int, Sequence[Rollout]],
-    workers: int,
-    progress: Progress | None,
-) -> Evaluation:
-    declared = record.submission.parameters.get("hypotheses")
-    hypotheses = declared if isinstance(declared, int) and not isinstance(declared, bool) else None
+def _evaluate(record: Record, card: Card, runs: Mapping[int, Sequence[Rollout]], options: RunOptions) -> Evaluation:
+    # H is a parameter, as the submission declared, or else what its answers state
+    counts = [value for value in record.submission.parameters.values() if type(value) is int]
+    declared = record.hypotheses if record.hypotheses in counts else None
     ideal = record.env.observe == "truth"
-    return evaluate(record.submission.name, card, data, runs, hypotheses, ideal, workers, progress)
+    count, done = options.workers.count, options.progress.done
+    return evaluate(record.submission.name, card, options.data, runs, declared, ideal, count, done)
 
 
-def _with(record: Record, found: Evaluation, scenes_of_split: int, timed: bool) -> Record:
-    """The record with what the evaluation found, under today's scorer; ``timed``: with the times of these rollouts."""
+def _with(record: Record, found: Evaluation, scenes_of_split: int) -> Record:
+    """The record with what the evaluation found, under today's scorer."""
+    scenes, keywords = len(found.per_scene), record.env.keywords
+    env = {
+        "scenes": scenes,
+        "scenes_of_split": scenes_of_split,
+        "data_manifest": found.data_manifest,
+        "truth_complete": found.truth_complete,
+    }
+    parts = judged(found, record.missed, scenes * len(record.seeds), scenes_of_split, keywords)
+    return record.model_copy(update={**parts, "env": record.env.model_copy(update=env)})
+
+
+def _times(record: Record, found: Evaluation, runs: Mapping[int, Sequence[Rollout]], again: bool) -> dict[str, Any]:
+    """Times to check: of stored rollouts their own; where the agent ran ``again``, the recorded ones stay."""
+    if not again:
+        every = [rollout for rollouts in runs.values() for rollout in rollouts]
+        return {"latency": latency(every, record.latency.limit_ms)}
     known = zip(found.rows, record.rows, strict=True)
-    rows = (
-        found.rows
-        if timed
-        else [row.model_copy(update={"ms_per_frame": recorded.ms_per_frame}) for row, recorded in known]
-    )
-    scenes = len(found.per_scene)
-    status, reason = status_of(
-        scenes,
-        scenes_of_split,
-        record.missed.crashed_scenes,
-        scenes * len(record.seeds),
-        record.missed.reasons,
-        record.env.keywords.get("split"),
-    )
-    env = {"scenes": scenes, "scenes_of_split": scenes_of_split, "data_manifest": found.data_manifest}
-    return record.model_copy(
-        update={
-            "env": record.env.model_copy(update={**env, "truth_complete": found.truth_complete}),
-            "scorer": ScorerPart(definitions=DEFINITIONS, source_digest=scorer_digest()),
-            "reference": found.reference,
-            "status": status,
-            "status_reason": reason,
-            "hypotheses": found.hypotheses,
-            "rows": rows,
-            "details": found.details,
-            "per_scene": found.per_scene,
-        }
-    )
-
-
-def _latency(record: Record, runs: Mapping[int, Sequence[Rollout]]) -> LatencyPart:
-    return latency([rollout for rollouts in runs.values() for rollout in rollouts], record.latency.limit_ms)
+    return {"rows": [row.model_copy(update={"ms_per_frame": recorded.ms_per_frame}) for row, recorded in known]}
 
 
 def _checked(record: Record) -> dict[str, Any]:

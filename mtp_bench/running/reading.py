@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from ..cards import Card, changed_card, load_card
+from ..cards import Card
 from ..errors import DataError
 from ..sources import DataStatus, describe, open_source, prepare
+from .options import RunOptions
 
 
 def total_skipped(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
@@ -29,21 +30,10 @@ def skipped_line(skipped: Mapping[str, int]) -> str | None:
     return f"skipped {count} row{'' if count == 1 else 's'} of the data that cannot be used: {reasons}"
 
 
-def prepare_scenes(
-    env_id: str,
-    changes: Mapping[str, str],
-    data: str | None = None,
-    scenes: int | None = None,
-    workers: int = 1,
-    started: Callable[[int], object] | None = None,
-    progress: Callable[[str], object] | None = None,
-) -> None:
-    """Do what an env needs once per machine and is not in the cache yet (`mtp_bench.sources.prepare`).
-
-    ``changes`` are ``split``, ``detector`` and ``detection_file`` of the env where they are not the card's.
-    """
-    card = changed_card(load_card(env_id), **changes)
-    prepare(card, data, scenes, workers, started, progress)
+def prepare_scenes(env_id: str, options: RunOptions) -> None:
+    """Do what an env needs once per machine and is not in the cache yet (`mtp_bench.sources.prepare`)."""
+    told = options.progress
+    prepare(options.card(env_id), options.data, options.scenes, options.workers.count, told.started, told.done)
 
 
 def read_status(card: Card, data: str | Path | None = None) -> DataStatus:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,11 +13,12 @@ from ..cards import Card, load_card
 from ..env.environment import MTPEnv
 from ..errors import UnknownNameError
 from ..files import require_file
-from ..parallel import Workers
 from ..scoring import ReferenceSubsets, SceneScore, read_reference, reference_subsets, score_scene, write_reference
 from ..submission.loader import load_submission
-from .jobs import jobs_of
-from .run import run_jobs
+from .options import DEFAULTS, RunOptions
+from .run import jobs_of, run_jobs
+
+KINDS = ("ids", "lost", "reacquired")  # of events
 
 
 @dataclass(frozen=True)
@@ -65,10 +66,7 @@ def find_reference(card: Card, scores: Sequence[SceneScore]) -> Reference:
         return Reference(made, frozen=False)
     frozen = reference.subsets
     here = np.concatenate([score.truth_key for score in scores]) if scores else np.zeros(0, dtype=np.int64)
-    differing = sum(
-        len(np.setxor1d(made.keys(kind), np.intersect1d(frozen.keys(kind), here)))
-        for kind in ("ids", "lost", "reacquired")
-    )
+    differing = sum(len(np.setxor1d(made.keys(kind), np.intersect1d(frozen.keys(kind), here))) for kind in KINDS)
     return Reference(frozen, frozen=True, differing=differing)
 
 
@@ -77,13 +75,7 @@ def reference_of(card: Card, scores: Sequence[SceneScore], name: str) -> Referen
     return Reference(replace(reference_subsets(scores, card), reference=name), frozen=False)
 
 
-def freeze(
-    env_id: str,
-    data: str | None,
-    workers: int,
-    started: Callable[[int], object] | None = None,
-    progress: Callable[[str], object] | None = None,
-) -> tuple[Path, dict[str, int]]:
+def freeze(env_id: str, options: RunOptions = DEFAULTS) -> tuple[Path, dict[str, int]]:
     """Run the reference baseline of a shipped env and write its events as the frozen subsets; their path and counts.
 
     Raises UnknownNameError for the path of a card: its subsets would be found by no one.
@@ -94,11 +86,8 @@ def freeze(
     path = frozen_path(env_id)
     path.parent.mkdir(exist_ok=True)
     require_file(path)
-    submission = load_submission(card.reference)
-    names = MTPEnv(env_id, data=data).scene_names
-    if started is not None:
-        started(len(names))
-    jobs = jobs_of(submission, env_id, {"data": data}, names)
-    subsets = reference_subsets(run_jobs(jobs, Workers(workers), score_scene, progress), card)
+    names = MTPEnv(env_id, data=options.data).scene_names
+    jobs = jobs_of(load_submission(card.reference), env_id, {"data": options.data}, names)
+    subsets = reference_subsets(run_jobs(jobs, options, score_scene), card)
     write_reference(path, subsets)
-    return path, {kind: len(subsets.keys(kind)) for kind in ("ids", "lost", "reacquired")}
+    return path, {kind: len(subsets.keys(kind)) for kind in KINDS}

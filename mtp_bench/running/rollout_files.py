@@ -34,6 +34,7 @@ class RunInfo(Section):
     keywords: dict[str, Any]  # further settings of the env
     agent: str
     parameters: dict[str, Any]
+    hypotheses: int | None = None  # as the submission declares; None: what the agent states
     submission_digest: str
     seed: int
     definitions: str  # version of the definitions that the run was made under

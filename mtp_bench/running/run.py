@@ -16,15 +16,17 @@ from .._version import __version__
 from ..agent import Agent
 from ..cards import Card
 from ..env.environment import MTPEnv
-from ..errors import MtpBenchError, SubmissionError, UnknownNameError
-from ..parallel import ALONE, Workers, parallel_map
+from ..errors import MtpBenchError, SubmissionError
+from ..parallel import parallel_map
 from ..scoring.definitions import DEFINITIONS
+from ..submission.loader import Submission, SubmissionFactory
 from ..types import Rollout, Scene, Task
+from .options import DEFAULTS, RunOptions
 from .rollout_files import RunInfo
+from .settings import Setting
 
 MakeAgent = Callable[[Task], Agent]
 Finish = Callable[[Scene, Rollout, Card], Any]
-Progress = Callable[[str], object]
 
 
 def run_scene(agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str | None = None) -> Rollout:
@@ -53,62 +55,52 @@ def run_scene(agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str |
     return replace(env.rollout(), seconds=np.array(seconds))
 
 
-def run_scenes(
-    make_agent: MakeAgent,
-    env_id: str,
-    env_kwargs: dict[str, Any] | None = None,
-    scene_names: Sequence[str] | None = None,
-    seed: int = 0,
-    jobs: int = 1,
-    finish: Finish | None = None,
-    progress: Progress | None = None,
-    name: str | None = None,
-) -> list[Any]:
-    """What ``finish`` makes of each scene (its Rollout if None), in the order of ``scene_names`` (None: all of them).
-
-    Every scene gets an agent and an env of its own, so the results do not depend on ``jobs``, the number of processes;
-    with 1 all runs in this one. ``make_agent`` and ``finish`` must be picklable for more. ``env_kwargs`` are keywords
-    of MTPEnv; evaluation mode is on unless they say otherwise. ``progress`` is called with the name of every scene that
-    is done, in the order of completion. ``name`` is what errors call the agent.
-    """
-    workers = Workers(jobs)
-    kwargs = {"evaluation": True, **(env_kwargs or {})}
-    known = MTPEnv(env_id, **kwargs).scene_names  # a wrong keyword or name shows here, not in a worker
-    names = tuple(known if scene_names is None else scene_names)
-    for scene in names:
-        if scene not in known:
-            raise UnknownNameError("scene", scene, known)
-    return run_jobs([Job(make_agent, env_id, kwargs, scene, seed, name) for scene in names], workers, finish, progress)
-
-
 @dataclass(frozen=True)
 class Job:
     """One agent on one scene of one env; pickles as long as ``make_agent`` does."""
 
     make_agent: MakeAgent
     env_id: str
-    env_kwargs: dict[str, Any]
+    env_keywords: dict[str, Any]
     scene: str
     seed: int = 0
     name: str | None = None  # what errors call the agent
 
 
-def run_jobs(
-    jobs: Sequence[Job],
-    workers: Workers = ALONE,
-    finish: Finish | None = None,
-    progress: Progress | None = None,
-) -> list[Any]:
+def jobs_of(
+    submission: Submission,
+    env_id: str,
+    keywords: dict[str, Any],
+    scenes: Sequence[str],
+    seed: int = 0,
+    parameters: dict[str, Any] | None = None,
+    label: str | None = None,
+) -> list[Job]:
+    """A submission on scenes of an env in evaluation mode, one job each.
+
+    Args:
+        submission: Whose agent plays.
+        env_id: Id of the env or path of its card.
+        keywords: Keywords of `MTPEnv`; the env observes what the submission asks for unless they say otherwise.
+        scenes: Names of the scenes.
+        seed: Seed of all random draws.
+        parameters: Of the agent; None: those of the manifest.
+        label: What errors call the agent; None: the name of the submission.
+    """
+    make = SubmissionFactory(str(submission.path), submission.parameters if parameters is None else parameters)
+    keywords = {"observe": submission.compare.observe, **keywords, "evaluation": True}
+    return [Job(make, env_id, keywords, scene, seed, label or submission.name) for scene in scenes]
+
+
+def run_jobs(jobs: Sequence[Job], options: RunOptions = DEFAULTS, finish: Finish | None = None) -> list[Any]:
     """What ``finish`` makes of each job (its Rollout if None), in the order of ``jobs``, whoever does the work.
 
-    What the jobs name (data root, submission) must be at the same path on every worker.
+    Of ``options`` workers and progress count. What the jobs name (data root, submission) must be at the same path on
+    every worker.
     """
-
-    def done(place: int) -> None:
-        if progress is not None:
-            progress(jobs[place].scene)
-
-    return parallel_map(_one_scene, [(job, finish) for job in jobs], workers, done)
+    options.progress.started(len(jobs))
+    calls = [(job, finish) for job in jobs]
+    return parallel_map(_one_scene, calls, options.workers, lambda place: options.progress.done(jobs[place].scene))
 
 
 def derived_seed(seed: int, scene_name: str, purpose: str) -> int:
@@ -122,25 +114,20 @@ def agent_task(env: MTPEnv, seed: int) -> Task:
     return replace(env.task, seed=derived_seed(seed, "", "agent"))
 
 
-def run_info(
-    env: MTPEnv,
-    agent: str,
-    seed: int,
-    parameters: dict[str, Any] | None = None,
-    submission_digest: str = "",
-    keywords: dict[str, Any] | None = None,
-) -> RunInfo:
+def run_info(env: MTPEnv, setting: Setting, seed: int, keywords: dict[str, Any]) -> RunInfo:
     """Record of a run on ``env``; ``keywords`` are further settings of the env that were not the default."""
+    submission = setting.submission
     return RunInfo(
         env_id=env.card.id,
         card_digest=env.card.digest,
         observe=env.task.observe,
         samples=env.task.samples,
         split=env.card.source.split,
-        keywords=keywords or {},
-        agent=agent,
-        parameters=parameters or {},
-        submission_digest=submission_digest,
+        keywords={name: value for name, value in keywords.items() if name != "samples"},
+        agent=submission.name,
+        parameters=setting.parameters,
+        hypotheses=setting.hypotheses,
+        submission_digest=submission.digest,
         seed=seed,
         definitions=DEFINITIONS,
         versions=library_versions(),
@@ -159,7 +146,7 @@ def library_versions() -> dict[str, str]:
 
 
 def _one_scene(job: Job, finish: Finish | None) -> Any:
-    env = MTPEnv(job.env_id, **job.env_kwargs)
+    env = MTPEnv(job.env_id, **job.env_keywords)
     try:
         agent = job.make_agent(agent_task(env, job.seed))
     except (Exception, SystemExit) as error:

@@ -14,42 +14,16 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Annotated, Any, Literal
-
-from pydantic import Field
+from typing import TYPE_CHECKING, Any
 
 from .._bundle import baseline_names, bundled
 from ..errors import SubmissionError, UnknownNameError
-from ..strict import Section, read_toml, validate
+from ..files import file_digest
+from .manifest import MANIFEST, CompareSection, read_manifest
 
 if TYPE_CHECKING:
     from ..agent import Agent
     from ..types import Task
-
-MANIFEST = "submission.toml"
-NAME_PATTERN = r"^[a-z0-9][a-z0-9_.-]*$"
-Value = bool | int | float | str | list[Any] | dict[str, Any]
-_NOT_EMPTY = Field(min_length=1, strict=False)  # not strict: TOML has lists, no tuples
-_Names = Annotated[tuple[str, ...], _NOT_EMPTY]
-_Values = Annotated[tuple[Value, ...], _NOT_EMPTY]
-
-
-class CompareSection(Section):
-    """How a comparison runs the submission."""
-
-    sweep: dict[str, _Values] = Field(default_factory=dict)  # parameter of the agent -> values to run it with
-    budgets: Annotated[tuple[Literal["equal", "free"], ...], _NOT_EMPTY] = ("equal",)
-    observe: Literal["detections", "truth"] = "detections"  # what the env feeds; "truth" is never ranked
-
-
-class _Manifest(Section):
-    name: Annotated[str, Field(pattern=NAME_PATTERN)]  # it becomes the name of a folder of records
-    authors: _Names
-    agent: Annotated[str, Field(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*$")]
-    description: str = ""
-    training_data: Annotated[tuple[str, ...], Field(strict=False)] = ()
-    parameters: dict[str, Value] = Field(default_factory=dict)
-    compare: CompareSection = CompareSection()
 
 
 @dataclass(frozen=True)
@@ -116,12 +90,7 @@ def load_submission(name: str | Path) -> Submission:
     Raises UnknownNameError if there is neither, and SubmissionError for a manifest that is wrong, naming the key.
     """
     path = _find(name)
-    where = f"{path.name}/{MANIFEST}"
-    manifest = validate(_Manifest, read_toml(path / MANIFEST, SubmissionError), where, SubmissionError)
-    code = path.joinpath(*manifest.agent.split(":")[0].split(".")).with_suffix(".py")
-    if not code.is_file():
-        raise SubmissionError(f"{where}: agent is {manifest.agent!r}, but there is no {code}")
-    return Submission(path=path, **dict(manifest))
+    return Submission(path=path, **dict(read_manifest(path)))
 
 
 def _find(name: str | Path) -> Path:
@@ -187,7 +156,5 @@ def _files(folder: Path) -> list[Path]:
 def _digest(folder: Path, files: Iterable[Path]) -> str:
     total = hashlib.sha256()
     for path in files:
-        with path.open("rb") as stream:
-            content = hashlib.file_digest(stream, "sha256").hexdigest()
-        total.update(f"{path.relative_to(folder).as_posix()}\0{content}\n".encode())
+        total.update(f"{path.relative_to(folder).as_posix()}\0{file_digest(path)}\n".encode())
     return total.hexdigest()

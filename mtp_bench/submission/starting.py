@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-import shutil
 from pathlib import Path
 
 from .._bundle import baseline_names
 from ..errors import SubmissionError
-from ..files import require_folder
-from .loader import MANIFEST, NAME_PATTERN
+from ..files import require_folder, whole_folder
+from .manifest import MANIFEST, NAME_PATTERN
 
 TEMPLATE = Path(__file__).parent / "template"
 FILES = (MANIFEST, "agent.py", "README.md")
@@ -33,18 +32,13 @@ def new_submission(name: str, parent: Path) -> Path:
         raise SubmissionError(f"{folder} exists already, expected a new folder: choose another name, or remove it")
     require_folder(folder)
     try:
-        _write(folder, name)
+        with whole_folder(folder) as part:
+            for file in FILES:
+                text = (TEMPLATE / file).read_text(encoding="utf-8")
+                (part / file).write_text(re.sub(r"\bNAME\b", name, text), encoding="utf-8")
     except OSError as error:
-        shutil.rmtree(folder, ignore_errors=True)
         raise SubmissionError(f"cannot write {folder}: {error.strerror or error}") from None
     return folder
-
-
-def _write(folder: Path, name: str) -> None:
-    folder.mkdir(parents=True)
-    for file in FILES:
-        text = (TEMPLATE / file).read_text(encoding="utf-8")
-        (folder / file).write_text(re.sub(r"\bNAME\b", name, text), encoding="utf-8")
 
 
 def _nearest_name(name: str) -> str:

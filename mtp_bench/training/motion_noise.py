@@ -12,11 +12,36 @@ from typing import Any
 
 import numpy as np
 
+from ..env.environment import OBSERVE, MTPEnv
+from ..errors import MtpBenchError, UnknownNameError
 from ..prediction.kalman import NoiseTable, filtered
-from ..prediction.motion_noise import table
+from ..prediction.motion_noise import condition, table
+from ..running.options import DEFAULTS, RunOptions
 from ..tracking import HypothesisTracker, TruthTracker
 from ..types import Bools, Floats, Scene, Task
+from .split import open_split
 from .windows import collect
+
+TURN_RATE = 0.1  # rad/s, prior of the turn-rate model; not fitted
+
+
+def fit_env(env_id: str, options: RunOptions = DEFAULTS, observe: str = "detections") -> str:
+    """TOML of the motion noise fitted on the training split of an env, as ``mtp_bench.prediction`` stores it.
+
+    ``options`` may name another split. ``observe``: "truth" for true pasts. Raises MtpBenchError for whatever the user
+    can mend, an empty split among it.
+    """
+    if observe not in OBSERVE:
+        raise UnknownNameError("value of observe", observe, OBSERVE)
+    split = open_split(env_id, options.on_split("train"))
+    task = MTPEnv(split.card, options.data, observe).task
+    rows = fit_scenes(list(split.scenes()), task)
+    if not rows:
+        raise MtpBenchError(
+            f"{env_id}: no track of the {len(split.names)} training scenes follows an object with {task.future} "
+            "future frames, so there is nothing to fit"
+        )
+    return as_toml(condition(task), rows)
 
 
 def fit_scenes(scenes: Sequence[Scene], task: Task) -> dict[str, dict[str, Any]]:

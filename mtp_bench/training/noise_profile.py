@@ -4,59 +4,58 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from ..cards import Card, DetectorSection, changed_card, load_card
+from ..cards import Card, DetectorSection
 from ..detector import Profile
 from ..errors import MtpBenchError, UnknownNameError
-from ..sources import open_source
+from ..running.options import DEFAULTS, RunOptions
 from ..types import Scene
+from .split import open_split
 
 
 def fit_noise(
     env_id: str,
-    data: str | None = None,
-    scenes: int | None = None,
-    changes: dict[str, str] | None = None,
+    options: RunOptions = DEFAULTS,
     min_score: Sequence[str] = (),
     alike: Sequence[str] = (),
     name: str | None = None,
     reach: float | None = None,
     field_of_view: float | None = None,
-    started: Callable[[int], object] | None = None,
-    progress: Callable[[str], object] | None = None,
 ) -> str:
-    """TOML of a ``[detector]`` section with the noise of the detections of the first ``scenes`` scenes of an env.
+    """TOML of a ``[detector]`` section with the noise of the detections of an env.
 
-    ``changes`` are the env's ``split``, ``detector`` and ``detection_file`` where they are not the card's.
-    ``min_score``: operating point, "2.5" or "car=2.5" each. ``alike``: "bus=car" each, for classes with too few
-    detections to fit. ``name``: of the profile; the part before its first hyphen tells agents which detector's settings
-    suit it. ``reach`` (m) and ``field_of_view`` (degrees) say what part of the truth the detector covers.
+    Args:
+        env_id: Id of the env or path of its card.
+        options: Data, scenes, changes of the card and progress.
+        min_score: Operating point: "2.5" for all classes, or "car=2.5", each.
+        alike: "bus=car", each: the class that has too few detections to fit, and the one whose noise it has.
+        name: Of the profile; the part before its first hyphen tells agents which detector's settings suit it.
+        reach: How far the detector sees, metres; None: as in the card.
+        field_of_view: What part of the truth around the heading it covers, degrees; None: as in the card.
+
     Raises MtpBenchError for whatever the user can mend.
     """
     from ..detector.fit import fit_profile
     from ..detector.sight import Sensor
     from ..detector.text import profile_text
 
-    card = changed_card(load_card(env_id), **(changes or {}))
+    split = open_split(env_id, options)
+    card = split.card
     floor = _floor(min_score, card)
-    source = open_source(card, data)
-    names = source.names[:scenes]
-    if started is not None:
-        started(len(names))
-    given = card.detector or DetectorSection()
-    section = given.model_copy(
-        update={"reach": reach or given.reach, "field_of_view": field_of_view or given.field_of_view}
+    known = card.detector or DetectorSection()
+    section = known.model_copy(
+        update={"reach": reach or known.reach, "field_of_view": field_of_view or known.field_of_view}
     )
     profile = fit_profile(
-        _loaded(source.load, names, progress),
+        map(_complete, split.scenes()),
         card.task.classes,
         1.0 / card.task.rate,
         Sensor(section.reach, float(np.deg2rad(section.field_of_view))),
         name or f"{card.detector_name.split('-')[0]}-refit",
-        f"{card.detector_name or 'detector'} as fitted on {len(names)} scenes of {card.id}",
+        f"{card.detector_name or 'detector'} as fitted on {len(split.names)} scenes of {card.id}",
         f"{card.id}, split {card.source.split}, {card.task.rate:g} Hz",
         floor,
     )
@@ -66,25 +65,20 @@ def fit_noise(
     return "\n".join([*(lines if missing else []), _section_text(profile_text(profile), section)])
 
 
+def _complete(scene: Scene) -> Scene:
+    """The scene; MtpBenchError where not every object of it is known."""
+    if scene.truth_complete:
+        return scene
+    raise MtpBenchError(
+        f"scene {scene.name!r}: only prediction targets are known, so detections of anything else would be fitted as "
+        "false positives; fit on an environment with complete truth"
+    )
+
+
 def _section_text(profile: str, section: DetectorSection) -> str:
     """The text of a profile as the noise of a card's section."""
     head = f"[detector]\nreach = {section.reach}\nfield_of_view = {section.field_of_view}\n\n[detector.noise]\n"
     return head + re.sub(r"^\[", "[detector.noise.", profile, flags=re.MULTILINE)  # headings start a line
-
-
-def _loaded(
-    load: Callable[[str], Scene], names: Sequence[str], progress: Callable[[str], object] | None
-) -> Iterator[Scene]:
-    for name in names:
-        scene = load(name)
-        if not scene.truth_complete:
-            raise MtpBenchError(
-                f"scene {name!r}: only prediction targets are known, so detections of anything else would be fitted as "
-                "false positives; fit on an environment with complete truth"
-            )
-        yield scene
-        if progress is not None:
-            progress(name)
 
 
 def _number(text: str) -> float | None:

@@ -1,6 +1,6 @@
 """The operating point of an agent: from which score on a forecast is worth more than it costs.
 
-A forecast of a target gains what its error is below the miss error c, one of nothing costs c/2 (protocol,
+A forecast of a target gains what its error is below the miss error c, a false forecast costs c/2 (protocol,
 "missing-aware error"). Both are sums over forecasts, so the best least score of a class is where the sum from the top
 is greatest.
 """
@@ -16,11 +16,35 @@ from ..agent import Action, Observation, Pipeline
 from ..cards import Card
 from ..env.environment import MTPEnv
 from ..errors import MtpBenchError
+from ..prediction import KinematicPredictor, KMeansSampler
+from ..running.options import DEFAULTS, RunOptions
 from ..running.run import run_scene
 from ..scoring.definitions import FALSE_FORECAST_SHARE
 from ..scoring.forecasts import forecast_errors, match_objects
 from ..scoring.targets import find_targets
+from ..tracking import HypothesisTracker
 from ..types import Floats, Ints, Rollout, Scene
+from .split import open_split
+
+
+def fit_env(env_id: str, options: RunOptions = DEFAULTS) -> str:
+    """TOML of the least score per class from which on it pays to report an object, on the training split of an env.
+
+    The agent is the single-hypothesis pipeline. ``options`` may name another split. Raises MtpBenchError for whatever
+    the user can mend, and where the truth is not complete: there no forecast costs anything.
+    """
+    options = options.on_split("train")
+    split = open_split(env_id, options)
+    env = MTPEnv(split.card, data=options.data, evaluation=True)
+    options.progress.started(len(split.names))
+    worth = []
+    for name in split.names:
+        agent = Pipeline(HypothesisTracker(1), KinematicPredictor(), KMeansSampler())
+        worth.append(worth_of_scene(agent, env, name))
+        if not env.scene.truth_complete:
+            raise MtpBenchError(f"{env_id}: the truth is not complete, so no false forecast costs anything")
+        options.progress.done(name)
+    return as_toml(env_id, least_scores(worth, env.card.task.classes))
 
 
 class Worth(NamedTuple):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from ..agent import Observation, Tracker
+from ..env.observation import true_detections
 from ..prediction.kalman import heading_frame, rotation
 from ..tracks import Tracks
 from ..types import Bools, Floats, Ints, Scene, Task
@@ -29,51 +30,37 @@ def collect(scenes: Iterable[Scene], task: Task, tracker: Tracker, gate: float =
     That is the nearest object of the same class (BEV), at most ``gate`` metres away. With ``task.observe == "truth"``
     the tracker is fed true boxes.
     """
-    parts = [part for scene in scenes for part in _scene_windows(scene, task, tracker, gate)]
-    if not parts:
-        parts = [_empty(task)]
-    return Windows(
-        position=np.concatenate([part.position for part in parts]),
-        valid=np.concatenate([part.valid for part in parts]),
-        future=np.concatenate([part.future for part in parts]),
-        class_id=np.concatenate([part.class_id for part in parts]),
-    )
+    parts = [_empty(task), *(part for scene in scenes for part in _scene_windows(scene, task, tracker, gate))]
+    return Windows(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Windows)))
 
 
 def _scene_windows(scene: Scene, task: Task, tracker: Tracker, gate: float) -> Iterable[Windows]:
     tracker.reset(task)
-    for t in range(scene.frames):
-        tracks = tracker.step(frame_observation(scene, t, task.observe))
+    for t, observation in enumerate(observations(scene, task.observe)):
+        tracks = tracker.step(observation)
         if t + task.future < scene.frames:
             yield _frame_windows(scene, t, tracks, task, gate)
 
 
-def frame_observation(scene: Scene, t: int, observe: str) -> Observation:
-    """The part of an observation that trackers read, unpadded and in the scene's frame."""
-    if observe != "truth":
-        seen, rows = scene.detections, scene.detections.rows(t)
-        return _observed(seen.box[rows], seen.class_id[rows], seen.score[rows], seen.velocity[rows])
-    span = np.arange(scene.truth.start[t], scene.truth.start[t + 1])
-    span = span[~scene.truth.neutral[span]]
-    truth = scene.truth
-    shown = _observed(truth.box[span], truth.class_id[span], np.ones(len(span)), truth.velocity[span])
-    return {**shown, "detection_id": truth.object_id[span]}
-
-
-def _observed(box: Floats, class_id: Ints, score: Floats, velocity: Floats) -> Observation:
-    return {
-        "detection_box": box,
-        "detection_class": class_id,
-        "detection_score": score,
-        "detection_velocity": np.nan_to_num(velocity),
-        "detection_valid": np.ones(len(box), dtype=bool),
-    }
+def observations(scene: Scene, observe: str = "detections") -> Iterator[Observation]:
+    """The part of the observations that trackers read, frame by frame: unpadded and in the scene's own frame."""
+    shown, ids = true_detections(scene) if observe == "truth" else (scene.detections, None)
+    for t in range(scene.frames):
+        rows = shown.rows(t)
+        seen: Observation = {
+            "detection_box": shown.box[rows],
+            "detection_class": shown.class_id[rows],
+            "detection_score": shown.score[rows],
+            "detection_velocity": np.nan_to_num(shown.velocity[rows]),
+            "detection_valid": np.ones(len(shown.box[rows]), dtype=bool),
+        }
+        yield seen if ids is None else {**seen, "detection_id": ids[rows]}
 
 
 def _frame_windows(scene: Scene, t: int, tracks: Tracks, task: Task, gate: float) -> Windows:
     truth = scene.truth
-    now = np.arange(truth.start[t], truth.start[t + 1])
-    now = now[truth.eligible[now]]
+    rows = truth.rows(t)
+    now = np.arange(rows.start, rows.stop)[truth.eligible[rows]]
     leaf = np.flatnonzero(tracks.member[0])
     distance = np.linalg.norm(tracks.box[leaf, None, :2] - truth.box[None, now, :2], axis=-1)
     distance = np.where(tracks.class_id[leaf, None] == truth.class_id[None, now], distance, np.inf)

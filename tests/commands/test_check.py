@@ -7,13 +7,14 @@ from typing import Any
 
 import pytest
 
-from mtp_bench.commands.checking import Checked, finding_table, gateway_findings
+from mtp_bench.commands.check import finding_table
 from mtp_bench.gateway import SceneRun
-from mtp_bench.running.run import run_scenes
+from mtp_bench.records.checking import Checked, gateway_findings
 from mtp_bench.submission.starting import new_submission
 from mtp_bench.testing import Finding
 from mtp_bench.types import Rollout
 from tests.support.command_line import CommandLine, read_json
+from tests.support.runs import run_scenes
 from tests.support.small_scenes import make_echo
 
 ACT = '        """Answer this frame, before the next one is known."""\n'
@@ -58,19 +59,25 @@ def test_an_agent_that_raises_shows_file_line_and_text(folder: Path, cli: Comman
     assert "lower is better" not in output.out
 
 
-def test_an_import_that_fails_shows_the_line(folder: Path, cli: CommandLine) -> None:
-    edit(folder, "import numpy as np", "import numpy as np\nimport nothing_of_this_name")
-    output = cli("check", folder)
-    assert output.status == 1
-    assert "importing agent.py failed: ModuleNotFoundError: No module named 'nothing_of_this_name'" in output.out
-    assert "in <module>: import nothing_of_this_name" in output.out
+FAILS = {
+    "import": (
+        "import nothing_of_this_name",
+        "importing agent.py failed: ModuleNotFoundError: No module named 'nothing_of_this_name'",
+        "in <module>: import nothing_of_this_name",
+    ),
+    "syntax": ("import = 3", "SyntaxError: invalid syntax (agent.py, line 10)", "agent.py"),
+}
 
 
-def test_a_syntax_error_names_file_and_line(folder: Path, cli: CommandLine) -> None:
-    edit(folder, "import numpy as np", "import numpy as np\nimport = 3")
+@pytest.mark.parametrize(("line", "text", "where"), FAILS.values(), ids=FAILS)
+def test_code_that_cannot_be_imported_shows_the_line(
+    line: str, text: str, where: str, folder: Path, cli: CommandLine
+) -> None:
+    edit(folder, "import numpy as np", f"import numpy as np\n{line}")
     output = cli("check", folder)
     assert output.status == 1
-    assert "SyntaxError: invalid syntax (agent.py, line 10)" in output.out
+    assert text in output.out
+    assert where in output.out
 
 
 def test_a_manifest_that_is_wrong_is_one_sentence(folder: Path, cli: CommandLine) -> None:

@@ -281,11 +281,6 @@ def test_the_commands_of_the_documents_exist(document: str, repository: Path) ->
         assert name in COMMANDS
 
 
-def test_the_readme_shows_the_commands_of_the_comparison(repository: Path) -> None:
-    shown = {words[0] for words in commands_of((repository / "README.md").read_text())}
-    assert {"envs", "data", "run", "score", "compare"} <= shown
-
-
 def test_the_commands_of_make_exist(repository: Path) -> None:
     calls = re.findall(r"\$\(BIN\)/mtp-bench ([^;&`\n\\]+)", (repository / "Makefile").read_text())
     assert calls

@@ -19,10 +19,11 @@ ENV = "MTP-Roundabout-v0"
 @pytest.fixture(scope="module")
 def section(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The file of a fit, made once."""
+    from mtp_bench.running.options import RunOptions
     from mtp_bench.training.noise_profile import fit_noise
 
     path = tmp_path_factory.mktemp("fit") / "mine.toml"
-    path.write_text(fit_noise(ENV, scenes=8, name="mine-2026"))
+    path.write_text(fit_noise(ENV, RunOptions(scenes=8), name="mine-2026"))
     return path
 
 

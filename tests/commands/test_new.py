@@ -11,9 +11,9 @@ import pytest
 
 from mtp_bench import load_submission
 from mtp_bench.errors import MtpBenchError, SubmissionError
-from mtp_bench.running.run import run_scenes
 from mtp_bench.submission.starting import FILES, TEMPLATE, new_submission
 from tests.support.command_line import CommandLine
+from tests.support.runs import run_scenes
 
 
 def test_the_command_writes_a_submission_and_says_what_to_do_next(tmp_path: Path, cli: CommandLine) -> None:

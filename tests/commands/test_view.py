@@ -20,11 +20,12 @@ from tests.support.recordings import read
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> Path:
     """A stored run of the small card."""
+    from mtp_bench.running.options import RunOptions
     from mtp_bench.running.stored import run_and_store
 
     folder = tmp_path_factory.mktemp("stored")
     agent = write_submission(folder / "echo")
-    run_and_store(str(agent), card, folder / "run", data=kitti)
+    run_and_store(str(agent), card, folder / "run", RunOptions(kitti))
     return folder / "run"
 
 

@@ -12,8 +12,7 @@ import pytest
 from mtp_bench import load_submission
 from mtp_bench.cards import load_card
 from mtp_bench.env import MTPEnv
-from mtp_bench.running.jobs import jobs_of
-from mtp_bench.running.run import run_jobs
+from mtp_bench.running.run import jobs_of, run_jobs
 from mtp_bench.scoring import score_scene
 from mtp_bench.scoring.targets import find_targets
 from mtp_bench.sources import open_source

@@ -19,10 +19,10 @@ from mtp_bench import load_submission
 from mtp_bench._bundle import baseline_names, bundled
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import MtpBenchError, UnknownNameError
-from mtp_bench.running.run import run_scenes
 from mtp_bench.scoring import SceneScore, score_scene
 from mtp_bench.submission.loader import SubmissionFactory
 from tests.support.command_line import CommandLine
+from tests.support.runs import run_scenes
 
 SIMULATED = ("MTP-Intersection-v0", "MTP-Roundabout-v0", "MTP-Merge-v0", "MTP-Highway-v0")
 

@@ -15,9 +15,8 @@ from mtp_bench.gateway import SceneRun, run_isolated, run_isolated_scenes
 from mtp_bench.gateway.exchange import Exchange
 from mtp_bench.gateway.run import seal_start
 from mtp_bench.gateway.wire import PREFIX, WireError, arrays_of, encode, header_of, plain
-from mtp_bench.parallel import Workers
-from mtp_bench.running.jobs import jobs_of
-from mtp_bench.running.run import run_jobs
+from mtp_bench.parallel import Progress, Workers
+from mtp_bench.running.run import jobs_of, run_jobs
 from mtp_bench.submission import load_submission
 from tests.support.hostile import submission
 
@@ -69,7 +68,12 @@ def test_several_processes_give_what_one_gives(card: str, kitti: str) -> None:
         scenes = ["0006", "0001"]
         runs.append(
             run_isolated_scenes(
-                "stp", card, {"data": kitti}, scenes=scenes, workers=Workers(workers), progress=done.append
+                "stp",
+                card,
+                {"data": kitti},
+                scenes=scenes,
+                workers=Workers(workers),
+                progress=Progress(done=done.append),
             )
         )
         assert sorted(done) == sorted(scenes)

@@ -8,6 +8,7 @@ import pytest
 from mtp_bench.env import MTPEnv
 from mtp_bench.gateway import run_isolated
 from mtp_bench.records import submit, verify
+from mtp_bench.running.options import RunOptions
 from mtp_bench.running.run import derived_seed
 from tests.support.hostile import FRAMES, QUICK, SCENE, Court, submission
 from tests.support.small_scenes import empty_action
@@ -82,12 +83,13 @@ def poses(court: Court, seeds: int) -> dict[str, object]:
 def test_a_table_made_for_the_public_motions_does_not_survive_a_secret_one(court: Court) -> None:
     folder = submission(court.folder / "hostile", CHEAT)
     np.savez(folder / "table.npz", **poses(court, 2))  # type: ignore[arg-type]  # pyright: ignore[reportArgumentType]
-    made = submit(folder, court.card, court.data, seeds=2, output=court.folder / "records")
+    options = RunOptions(court.data, seeds=(0, 1))
+    made = submit(folder, court.card, options, court.folder / "records")
     path = court.folder / "records" / f"{made.env.id}.json"
     assert made.row.coverage is not None
     assert made.row.coverage > 0.5, "the cheat works on what is public"
-    assert verify(path, court.data, court.card).holds
-    checked = verify(path, court.data, court.card, submission=folder, rerun=True)
+    assert verify(path, options, court.card).holds
+    checked = verify(path, options, court.card, submission=folder, rerun=True)
     assert checked.level == "scored"
     (difference,) = checked.differences
     assert difference.what == "missing_aware under another motion"

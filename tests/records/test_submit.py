@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 
 from mtp_bench.errors import RecordError, RolloutError, UnknownNameError
+from mtp_bench.parallel import Workers
 from mtp_bench.records import Record, load_record, save_record, submit, verify
 from mtp_bench.records.ranking import why_unranked
 from mtp_bench.records.verifying import confirm
 from mtp_bench.running.opened import open_run
+from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run, save_run
 from tests.support.command_line import CommandLine, read_json
 from tests.support.small_scenes import CARD, CARD_ID, write_card
@@ -36,7 +38,7 @@ def submission(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def made(tmp_path_factory: pytest.TempPathFactory, submission: Path, card: str, kitti: str) -> Path:
     """A record with two seeds of all three scenes."""
     folder = tmp_path_factory.mktemp("records") / "echo"
-    submit(submission, card, kitti, seeds=2, output=folder, training_data=["KITTI"])
+    submit(submission, card, RunOptions(kitti, seeds=(0, 1)), folder, training_data=["KITTI"])
     return folder / f"{CARD_ID}.json"
 
 
@@ -92,12 +94,13 @@ def test_errors_per_scene_add_up_to_the_row(made: Path) -> None:
 def test_the_same_submission_and_seeds_give_the_same_record(
     made: Path, submission: Path, card: str, kitti: str, tmp_path: Path
 ) -> None:
-    again = submit(submission, card, kitti, seeds=2, workers=2, output=tmp_path / "a", training_data=["KITTI"])
+    options = RunOptions(kitti, seeds=(0, 1), workers=Workers(2))
+    again = submit(submission, card, options, tmp_path / "a", training_data=["KITTI"])
     assert without_times(again) == without_times(load_record(made))
 
 
 def test_a_record_holds(made: Path, card: str, kitti: str) -> None:
-    checked = verify(made, kitti, card)
+    checked = verify(made, RunOptions(kitti), card)
     assert (checked.level, checked.differences, checked.notes, checked.updated) == ("re-scored", (), (), None)
 
 
@@ -107,66 +110,41 @@ def test_a_submission_runs_again(cli: CommandLine, path: Path, submission: Path,
     )
     assert f"{path}: echo on {CARD_ID}: holds, re-run" in said
     assert load_record(path).verification == "re-run"
-    assert confirm(verify(path, kitti, card)).verification == "re-run"  # never less than it was
+    assert confirm(verify(path, RunOptions(kitti), card)).verification == "re-run"  # never less than it was
 
 
-def test_running_again_counts_what_was_missed(path: Path, submission: Path, card: str, kitti: str) -> None:
+def test_running_again_counts_what_was_unanswered(path: Path, submission: Path, card: str, kitti: str) -> None:
     resign(path, lambda content: content["missed"].update(malformed=1))
-    checked = verify(path, kitti, card, submission=submission, rerun=True)
+    checked = verify(path, RunOptions(kitti), card, submission=submission, rerun=True)
     assert [difference.what for difference in checked.differences] == ["missed.malformed"]
 
 
 def test_another_submission_is_not_run_in_its_place(path: Path, card: str, kitti: str) -> None:
     with pytest.raises(RecordError, match="name the right folder with --submission"):
-        verify(path, kitti, card, submission="stp", rerun=True)
+        verify(path, RunOptions(kitti), card, submission="stp", rerun=True)
     with pytest.raises(UnknownNameError, match="unknown submission 'echo'"):
-        verify(path, kitti, card, rerun=True)
+        verify(path, RunOptions(kitti), card, rerun=True)
 
 
 def lower(content: dict[str, Any]) -> None:
     content["rows"][0]["missing_aware"] -= 1e-6
 
 
-def lower_scene(content: dict[str, Any]) -> None:
-    content["per_scene"][0]["errors"]["all"][0] = 0.0
+FORGED: dict[str, Callable[[dict[str, Any]], Any]] = {  # what differs -> how it was changed
+    "rows[0].missing_aware": lower,
+    "per_scene[0].errors.all[0]": lambda content: content["per_scene"][0]["errors"]["all"].__setitem__(0, 0.0),
+    "env.data_manifest": lambda content: content["env"].update(data_manifest="00"),
+    "env.split": lambda content: content["env"].update(split="train"),
+    "latency.p95_ms": lambda content: content["latency"].update(p95_ms=content["latency"]["p95_ms"] / 10),
+    "rollout_digests.0001|0": lambda content: content["rollout_digests"].update({"0001|0": "00"}),
+    "hypotheses": lambda content: content.update(hypotheses=3),
+}
 
 
-def other_data(content: dict[str, Any]) -> None:
-    content["env"]["data_manifest"] = "00"
-
-
-def faster(content: dict[str, Any]) -> None:
-    content["latency"]["p95_ms"] /= 10
-
-
-def other_split(content: dict[str, Any]) -> None:
-    content["env"]["split"] = "train"
-
-
-def other_card(content: dict[str, Any]) -> None:
-    content["env"]["card_digest"] = "00"
-
-
-def other_answers(content: dict[str, Any]) -> None:
-    content["rollout_digests"]["0001|0"] = "00"
-
-
-@pytest.mark.parametrize(
-    ("change", "what"),
-    [
-        (lower, "rows[0].missing_aware"),
-        (lower_scene, "per_scene[0].errors.all[0]"),
-        (other_data, "env.data_manifest"),
-        (other_split, "env.split"),
-        (faster, "latency.p95_ms"),
-        (other_answers, "rollout_digests.0001|0"),
-    ],
-)
-def test_a_forged_record_does_not_hold(
-    change: Callable[[dict[str, Any]], None], what: str, path: Path, card: str, kitti: str
-) -> None:
-    resign(path, change)
-    checked = verify(path, kitti, card)
+@pytest.mark.parametrize("what", FORGED)
+def test_a_forged_record_does_not_hold(what: str, path: Path, card: str, kitti: str) -> None:
+    resign(path, FORGED[what])
+    checked = verify(path, RunOptions(kitti), card)
     assert what in [difference.what for difference in checked.differences]
     assert checked.level == "scored"
     with pytest.raises(RecordError, match="make the record again"):
@@ -191,18 +169,18 @@ def test_a_changed_rollout_does_not_hold(path: Path, card: str, kitti: str) -> N
     first = run.rollouts[0]
     first.forecast[0] = 0
     save_run(folder, run.info, run.rollouts)  # with a digest that fits
-    checked = verify(path, kitti, card)
+    checked = verify(path, RunOptions(kitti), card)
     assert [difference.what for difference in checked.differences] == ["rollout_digests.0001|0"]
     stored = folder / "0001.npz"
     stored.write_bytes(stored.read_bytes()[:-40])
     with pytest.raises(RolloutError, match=r"0001\.npz"):
-        verify(path, kitti, card)
+        verify(path, RunOptions(kitti), card)
 
 
 def test_a_record_without_its_rollouts_cannot_be_scored_again(path: Path, card: str, kitti: str) -> None:
     shutil.rmtree(path.with_suffix(".rollouts") / "seed-1")
     with pytest.raises(RecordError, match=r"rollouts of seed 1 are not stored .* --rerun"):
-        verify(path, kitti, card)
+        verify(path, RunOptions(kitti), card)
 
 
 def test_rollouts_of_another_seed_are_refused(path: Path, card: str, kitti: str) -> None:
@@ -210,12 +188,12 @@ def test_rollouts_of_another_seed_are_refused(path: Path, card: str, kitti: str)
     shutil.rmtree(rollouts / "seed-1")
     shutil.copytree(rollouts / "seed-0", rollouts / "seed-1")
     with pytest.raises(RecordError, match=r"made with seed 0, the record .* says 1"):
-        verify(path, kitti, card)
+        verify(path, RunOptions(kitti), card)
 
 
 def test_another_card_is_told(path: Path, kitti: str, tmp_path: Path) -> None:
     other = write_card(tmp_path, CARD.replace("miss_error = 2.0", "miss_error = 1.0"))
-    assert [difference.what for difference in verify(path, kitti, other).differences] == ["env.card_digest"]
+    assert [difference.what for difference in verify(path, RunOptions(kitti), other).differences] == ["env.card_digest"]
 
 
 def test_records_follow_a_changed_scorer(cli: CommandLine, path: Path, card: str, kitti: str) -> None:
@@ -251,7 +229,7 @@ def test_the_command_writes_a_partial_record(
     assert f"{tmp_path / 'out' / CARD_ID}.json: partial (1 of 3 scenes); " in said
     record = load_record(tmp_path / "out" / f"{CARD_ID}.json")
     assert (record.status, record.division, record.training_data) == ("partial", "open", ["drives", "x"])
-    assert verify(tmp_path / "out" / f"{CARD_ID}.json", kitti, card).holds
+    assert verify(tmp_path / "out" / f"{CARD_ID}.json", RunOptions(kitti), card).holds
 
 
 def test_another_split_is_run_and_never_ranked(cli: CommandLine, submission: Path, kitti: str, tmp_path: Path) -> None:
@@ -271,10 +249,10 @@ def test_another_split_is_run_and_never_ranked(cli: CommandLine, submission: Pat
 
 def test_a_split_that_is_not_the_records_own_does_not_hold(path: Path, card: str, kitti: str) -> None:
     resign(path, lambda content: content["env"]["keywords"].update(split="train"))
-    assert "env.card_digest" in [difference.what for difference in verify(path, kitti, card).differences]
+    assert "env.card_digest" in [difference.what for difference in verify(path, RunOptions(kitti), card).differences]
     resign(path, lambda content: content["env"]["keywords"].update(split=3))
     with pytest.raises(RecordError, match="split is 3, expected a name"):
-        verify(path, kitti, card)
+        verify(path, RunOptions(kitti), card)
 
 
 def test_a_crash_is_a_record_and_an_error(cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:
@@ -285,22 +263,24 @@ def test_a_crash_is_a_record_and_an_error(cli: CommandLine, card: str, kitti: st
     record = load_record(tmp_path / "out" / f"{CARD_ID}.json")
     assert (record.status, record.missed.crashed_scenes) == ("crashed", 3)
     assert record.row.coverage == 0
-    assert verify(tmp_path / "out" / f"{CARD_ID}.json", kitti, card).holds
+    assert verify(tmp_path / "out" / f"{CARD_ID}.json", RunOptions(kitti), card).holds
 
 
 def test_a_lookup_table_of_coordinates_is_of_no_use(card: str, kitti: str, tmp_path: Path) -> None:
     """It answers only where it recognises the coordinates of the first frame: nowhere."""
     lookup = write_isolated(tmp_path / "lookup", "lookup", body="if self.moved: return empty_action(self._task)")
     silent = write_isolated(tmp_path / "silent", "silent", body="return empty_action(self._task)")
-    records = [submit(folder, card, kitti, seeds=2, output=tmp_path / folder.name) for folder in (lookup, silent)]
+    records = [
+        submit(folder, card, RunOptions(kitti, seeds=(0, 1)), tmp_path / folder.name) for folder in (lookup, silent)
+    ]
     assert records[0].row.missing_aware == records[1].row.missing_aware
     assert records[0].row.coverage == 0
 
 
 def test_a_later_record_replaces_an_earlier_one(path: Path, submission: Path, card: str, kitti: str) -> None:
-    submit(submission, card, kitti, seeds=1, scenes=1, output=path.parent)
+    submit(submission, card, RunOptions(kitti, scenes=1), path.parent)
     assert [folder.name for folder in path.with_suffix(".rollouts").iterdir()] == ["seed-0"]
-    assert verify(path, kitti, card).holds
+    assert verify(path, RunOptions(kitti), card).holds
 
 
 def test_wrong_usage(cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:

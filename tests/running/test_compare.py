@@ -10,7 +10,10 @@ import pytest
 
 from mtp_bench.cards import Card, load_card
 from mtp_bench.errors import MtpBenchError, SubmissionError, UnknownNameError
-from mtp_bench.running.compare import compare, expand
+from mtp_bench.parallel import Progress
+from mtp_bench.running.compare import compare
+from mtp_bench.running.options import RunOptions
+from mtp_bench.running.settings import expand
 from mtp_bench.scoring import SUBSETS
 from mtp_bench.submission import load_submission
 from tests.support.command_line import CommandLine, read_json, write_submission
@@ -111,10 +114,8 @@ def test_a_folder_stands_beside_the_baselines_and_does_not_change_them(
 
 
 def test_more_seeds_are_more_draws_of_the_same_targets(card_path: str, kitti: str) -> None:
-    keywords = {"data": kitti}
-    one, other, both = (
-        compare([], card_path, keywords, seeds=seeds).report.to_json()["rows"] for seeds in ((0,), (1,), (0, 1))
-    )
+    runs = [RunOptions(kitti, seeds=seeds) for seeds in ((0,), (1,), (0, 1))]
+    one, other, both = (compare([], card_path, options).report.to_json()["rows"] for options in runs)
     pair = [numbers(rows, "stp")[0] for rows in (one, other, both)]
     assert [row["targets"] for row in pair] == [24, 24, 24]
     assert pair[0]["missing_aware"] != pair[1]["missing_aware"]
@@ -125,17 +126,19 @@ def test_more_seeds_are_more_draws_of_the_same_targets(card_path: str, kitti: st
 def test_fewer_scenes_are_the_first_ones(card_path: str, kitti: str) -> None:
     done: list[str] = []
     total: list[int] = []
-    result = compare([], card_path, {"data": kitti}, scenes=1, started=total.append, progress=done.append)
+    options = RunOptions(kitti, scenes=1, progress=Progress(total.append, done.append))
+    result = compare([], card_path, options)
     assert set(done) == {"0001"}
     assert total == [len(CONTROLS)] == [len(done)]
     row = result.report.to_json()["rows"][0]
     assert (row["scenes"], row["targets"], row["interval"]) == (1, 15, None)
     with pytest.raises(MtpBenchError, match="scenes is 0, expected at least 1"):
-        compare([], card_path, {"data": kitti}, scenes=0)
+        RunOptions(kitti, scenes=0)
 
 
 def test_a_control_is_not_run_twice(card_path: str, kitti: str) -> None:
-    rows = compare(["stp", "stp_hedged", "stp"], card_path, {"data": kitti}, scenes=1).report.to_json()["rows"]
+    options = RunOptions(kitti, scenes=1)
+    rows = compare(["stp", "stp_hedged", "stp"], card_path, options).report.to_json()["rows"]
     assert settings_of(rows) == CONTROLS
 
 
@@ -143,18 +146,16 @@ def test_a_control_is_not_run_twice(card_path: str, kitti: str) -> None:
 def test_two_submissions_of_one_name_are_refused(names: list[str], tmp_path: Path, card_path: str, kitti: str) -> None:
     folders = [str(write_submission(tmp_path / str(i), name, body="1 / 0")) for i, name in enumerate(names)]
     with pytest.raises(MtpBenchError, match=f"two submissions are called '{names[0]}': .*give them different names"):
-        compare(folders, card_path, {"data": kitti})
+        compare(folders, card_path, RunOptions(kitti))
 
 
 def test_the_events_of_another_agent_define_the_subsets_on_demand(tmp_path: Path, card_path: str, kitti: str) -> None:
     # its tracks are the detections: identities change with every row
     folder = str(write_submission(tmp_path / "mine"))
-    own = compare([], card_path, {"data": kitti})
-    other = compare([], card_path, {"data": kitti}, reference=folder)
-    assert settings_of(other.report.to_json()["rows"]) == [
-        *CONTROLS,
-        ("echo", 2, 4, "equal"),
-    ]  # it declares none and states two
+    own = compare([], card_path, RunOptions(kitti))
+    other = compare([], card_path, RunOptions(kitti), reference=folder)
+    rows = other.report.to_json()["rows"]
+    assert settings_of(rows) == [*CONTROLS, ("echo", 2, 4, "equal")]  # it declares none and states two
     assert (own.reference.subsets.reference, other.reference.subsets.reference) == ("stp", "echo")
     assert not other.reference.frozen
     assert "'echo' in this run" in other.reference.origin
@@ -163,8 +164,8 @@ def test_the_events_of_another_agent_define_the_subsets_on_demand(tmp_path: Path
 
 
 def test_the_reference_is_taken_with_its_own_parameters(card_path: str, kitti: str) -> None:
-    result = compare([], card_path, {"data": kitti}, reference="mtp")
-    alone = compare([], card_path, {"data": kitti}, reference="stp")
+    result = compare([], card_path, RunOptions(kitti), reference="mtp")
+    alone = compare([], card_path, RunOptions(kitti), reference="stp")
     assert result.reference.subsets.reference == "mtp"
     details = {(d.agent, d.hypotheses, d.budget): d.own_events for d in result.report.details}
     row = next(row for row in result.report.to_json()["rows"] if row["subset"] == "lost")
@@ -174,11 +175,11 @@ def test_the_reference_is_taken_with_its_own_parameters(card_path: str, kitti: s
 
 def test_a_card_may_name_another_reference(tmp_path: Path, kitti: str) -> None:
     path = write_card(tmp_path, 'reference = "stp_hedged"' + CARD)
-    result = compare([], path, {"data": kitti}, scenes=1)
+    result = compare([], path, RunOptions(kitti, scenes=1))
     assert (result.reference.subsets.reference, result.reference.frozen) == ("stp_hedged", False)
     wrong = write_card(tmp_path, 'reference = "spt"' + CARD)
     with pytest.raises(UnknownNameError, match="unknown submission 'spt': did you mean 'stp'"):
-        compare([], wrong, {"data": kitti}, scenes=1)
+        compare([], wrong, RunOptions(kitti, scenes=1))
 
 
 def test_an_ideal_agent_is_fed_the_truth_and_never_ranked(card: Card) -> None:
@@ -187,24 +188,28 @@ def test_an_ideal_agent_is_fed_the_truth_and_never_ranked(card: Card) -> None:
     assert not expand(load_submission("stp"), card)[0].ideal
 
 
+H = '[compare]\nhypotheses = "hypotheses"\n'
 SWEEPS: dict[str, tuple[str, list[tuple[Any, ...]]]] = {
     "nothing said": ("", [("echo", None, 4, "equal")]),
-    "hypotheses without a sweep": ("[parameters]\nhypotheses = 7", [("echo", 7, 4, "equal")]),
+    "hypotheses without a sweep": (
+        "[parameters]\nhypotheses = 7\n" + H,
+        [("echo", 7, 4, "equal")],
+    ),
     "a sweep of hypotheses": (
-        "[compare]\nsweep = {hypotheses = [2, 3]}",
+        H + "sweep = {hypotheses = [2, 3]}",
         [("echo", 2, 4, "equal"), ("echo", 3, 4, "equal")],
     ),
     "sweep times budgets": (
-        '[compare]\nsweep = {hypotheses = [2, 3]}\nbudgets = ["equal", "free"]',
+        H + 'sweep = {hypotheses = [2, 3]}\nbudgets = ["equal", "free"]',
         [("echo", 2, 4, "equal"), ("echo", 3, 4, "equal"), ("echo", 2, 8, "free"), ("echo", 3, 12, "free")],
     ),
     "a free row needs more samples than k": (
-        '[compare]\nsweep = {hypotheses = [1, 2]}\nbudgets = ["free", "equal"]',
+        H + 'sweep = {hypotheses = [1, 2]}\nbudgets = ["free", "equal"]',
         [("echo", 2, 8, "free"), ("echo", 1, 4, "equal"), ("echo", 2, 4, "equal")],
     ),
     "nothing is free with one draw": ('[compare]\nbudgets = ["free", "equal"]', [("echo", None, 4, "equal")]),
     "draws count among the free samples": (
-        '[parameters]\nhypotheses = 2\n[compare]\nsweep = {draws = [1, 5]}\nbudgets = ["free"]',
+        "[parameters]\nhypotheses = 2\n" + H + 'draws = "draws"\nsweep = {draws = [1, 5]}\nbudgets = ["free"]',
         [("echo draws=1", 2, 8, "free"), ("echo draws=5", 2, 40, "free")],
     ),
     "only what is not the default shows": (
@@ -212,7 +217,7 @@ SWEEPS: dict[str, tuple[str, list[tuple[Any, ...]]]] = {
         [("echo", None, 4, "equal"), ("echo noise=1.0", None, 4, "equal")],
     ),
     "two parameters, the last one first": (
-        "[compare]\nsweep = {noise = [1, 2], hypotheses = [2, 3]}",
+        H + "sweep = {noise = [1, 2], hypotheses = [2, 3]}",
         [
             ("echo noise=1", 2, 4, "equal"),
             ("echo noise=1", 3, 4, "equal"),
@@ -221,7 +226,7 @@ SWEEPS: dict[str, tuple[str, list[tuple[Any, ...]]]] = {
         ],
     ),
     "what is named twice runs once": (
-        '[compare]\nsweep = {hypotheses = [2, 2]}\nbudgets = ["equal", "equal"]',
+        H + 'sweep = {hypotheses = [2, 2]}\nbudgets = ["equal", "equal"]',
         [("echo", 2, 4, "equal")],
     ),
 }
@@ -234,7 +239,7 @@ def test_the_settings_of_a_submission(tables: str, expected: list[Any], tmp_path
 
 
 def test_swept_values_reach_the_agent_and_its_env(tmp_path: Path, card: Card) -> None:
-    tables = '[parameters]\nnoise = 0.5\n[compare]\nsweep = {hypotheses = [2, 9]}\nbudgets = ["free"]'
+    tables = "[parameters]\nnoise = 0.5\n" + H + 'sweep = {hypotheses = [2, 9]}\nbudgets = ["free"]'
     small, large = expand(load_submission(write_submission(tmp_path / "mine", tables=tables)), card)
     assert small.parameters == {"noise": 0.5, "hypotheses": 2}
     assert small.env_keywords(card) == {"samples": 8}
@@ -245,7 +250,7 @@ def test_swept_values_reach_the_agent_and_its_env(tmp_path: Path, card: Card) ->
 @pytest.mark.parametrize("value", ['"many"', "2.0", "true", "0", "-1"])
 @pytest.mark.parametrize("name", ["hypotheses", "draws"])
 def test_counts_that_are_none_are_refused(name: str, value: str, tmp_path: Path, card: Card) -> None:
-    tables = f'[compare]\nsweep = {{{name} = [{value}]}}\nbudgets = ["equal", "free"]'
+    tables = f'[compare]\n{name} = "{name}"\nsweep = {{{name} = [{value}]}}\nbudgets = ["equal", "free"]'
     with pytest.raises(SubmissionError, match=f"echo: parameter '{name}' is .*, expected a whole number of at least 1"):
         expand(load_submission(write_submission(tmp_path / "mine", tables=tables)), card)
 

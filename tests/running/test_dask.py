@@ -7,6 +7,7 @@ import signal
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,9 @@ from numpy.typing import NDArray
 from mtp_bench import parallel as _cluster
 from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import MtpBenchError, SubmissionError
-from mtp_bench.parallel import Workers, _cluster_map, _require_backend
+from mtp_bench.parallel import Done, Progress, Workers, _cluster_map, _require_backend
 from mtp_bench.records import submit
+from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run
 from mtp_bench.running.run import Job, run_jobs
 from mtp_bench.types import Task
@@ -57,6 +59,10 @@ def cluster() -> Iterator[Any]:
         yield running
 
 
+def on(cluster: Any, done: Done = lambda _: None) -> RunOptions:
+    return RunOptions(workers=Workers(1, "dask", cluster.scheduler_address), progress=Progress(done=done))
+
+
 def jobs(card: str, kitti: str, make: Any, seeds: int = 1) -> list[Job]:
     keywords = {"data": kitti, "evaluation": True}
     return [Job(make, card, keywords, name, seed, "mine") for seed in range(seeds) for name in NAMES]
@@ -66,7 +72,7 @@ def test_results_are_those_of_this_process_in_the_order_of_the_jobs(cluster: Any
     given = jobs(card, kitti, make_noisy, seeds=3)
     done: list[str] = []
     alone = run_jobs(given)
-    spread = run_jobs(given, progress=done.append, workers=Workers(1, "dask", cluster.scheduler_address))
+    spread = run_jobs(given, on(cluster, done.append))
     assert [digest(rollout) for rollout in alone] == [digest(rollout) for rollout in spread]
     assert len({digest(rollout) for rollout in alone}) > 3
     assert sorted(done) == sorted(job.scene for job in given)
@@ -85,7 +91,7 @@ def test_a_killed_worker_loses_nothing(cluster: Any, card: str, kitti: str) -> N
             killed.append(processes[0])
             os.kill(processes[0], signal.SIGKILL)
 
-    spread = run_jobs(given, progress=kill_once, workers=Workers(1, "dask", cluster.scheduler_address))
+    spread = run_jobs(given, on(cluster, kill_once))
     assert killed
     assert [digest(rollout) for rollout in run_jobs(given)] == [digest(rollout) for rollout in spread]
 
@@ -102,9 +108,8 @@ def test_a_submission_loses_nothing_with_a_worker(cluster: Any, card: str, kitti
             os.kill(first, signal.SIGKILL)
         killed.append(scene)
 
-    address = cluster.scheduler_address
-    spread = submit(folder, card, kitti, 2, output=tmp_path / "there", progress=kill_once, scheduler=address)
-    here = submit(folder, card, kitti, 2, output=tmp_path / "here")
+    spread = submit(folder, card, replace(on(cluster, kill_once), data=kitti, seeds=(0, 1)), tmp_path / "there")
+    here = submit(folder, card, RunOptions(kitti, seeds=(0, 1)), tmp_path / "here")
     assert killed
     assert (spread.status, spread.missed.crashed_scenes) == ("finished", 0)
     assert spread.rollout_digests == here.rollout_digests
@@ -114,13 +119,13 @@ def test_a_submission_loses_nothing_with_a_worker(cluster: Any, card: str, kitti
 def test_an_agent_that_kills_every_worker_is_given_up(cluster: Any, card: str, kitti: str) -> None:
     text = f"several workers of {cluster.scheduler_address} died in the same call"
     with pytest.raises(MtpBenchError, match=text):
-        run_jobs(jobs(card, kitti, make_deadly)[:1], workers=Workers(1, "dask", cluster.scheduler_address))
+        run_jobs(jobs(card, kitti, make_deadly)[:1], on(cluster))
 
 
 def test_an_agent_that_fails_is_named_as_in_this_process(cluster: Any, card: str, kitti: str) -> None:
     text = "agent 'mine' failed on scene '0001' at frame 2: ZeroDivisionError: by zero"
     with pytest.raises(SubmissionError, match=text):
-        run_jobs(jobs(card, kitti, make_failing)[1:2], workers=Workers(1, "dask", cluster.scheduler_address))
+        run_jobs(jobs(card, kitti, make_failing)[1:2], on(cluster))
 
 
 def test_runs_and_comparisons_from_the_command_line(

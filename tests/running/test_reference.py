@@ -16,9 +16,9 @@ from mtp_bench.cards import load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import UnknownNameError
 from mtp_bench.running.compare import compare
-from mtp_bench.running.jobs import jobs_of
+from mtp_bench.running.options import RunOptions
 from mtp_bench.running.reference import find_reference, freeze, frozen_path, frozen_reference
-from mtp_bench.running.run import run_jobs
+from mtp_bench.running.run import jobs_of, run_jobs
 from mtp_bench.scoring import read_reference, score_scene, write_reference
 from mtp_bench.submission import load_submission
 from tests.support.command_line import CommandLine, ship, write_submission
@@ -47,7 +47,7 @@ def rewrite(env_id: str, lost: list[str]) -> None:
 
 
 def test_what_is_frozen_reads_back_equal(cli: CommandLine, shipped: str, kitti: str) -> None:
-    made = compare([], shipped, {"data": kitti}).reference
+    made = compare([], shipped, RunOptions(kitti)).reference
     assert not made.frozen
     mask = os.umask(0o077)
     try:
@@ -66,42 +66,42 @@ def test_what_is_frozen_reads_back_equal(cli: CommandLine, shipped: str, kitti: 
 
 
 def test_freezing_twice_writes_the_same(shipped: str, kitti: str) -> None:
-    path, counts = freeze(shipped, kitti, 1)
+    path, counts = freeze(shipped, RunOptions(kitti))
     first = path.read_bytes()
-    assert freeze(shipped, kitti, 1) == (path, counts)
+    assert freeze(shipped, RunOptions(kitti)) == (path, counts)
     assert path.read_bytes() == first
 
 
 def test_the_frozen_file_of_a_shipped_card_is_used(shipped: str, card: str, kitti: str) -> None:
-    freeze(shipped, kitti, 1)
-    by_id, by_path = (compare([], name, {"data": kitti}).reference for name in (shipped, card))
+    freeze(shipped, RunOptions(kitti))
+    by_id, by_path = (compare([], name, RunOptions(kitti)).reference for name in (shipped, card))
     for reference in (by_id, by_path):  # the same content is the same card
         assert (reference.frozen, reference.differing) == (True, 0)
         assert reference.origin == f"frozen subsets of 'stp' (hash {reference.subsets.hash[:12]})"
 
 
 def test_a_changed_card_makes_its_own(shipped: str, tmp_path: Path, kitti: str) -> None:
-    freeze(shipped, kitti, 1)
+    freeze(shipped, RunOptions(kitti))
     other = write_card(tmp_path, CARD.replace("miss_error = 2.0", "miss_error = 3.0"))
     assert frozen_reference(load_card(other)) is None
-    reference = compare([], other, {"data": kitti}).reference
+    reference = compare([], other, RunOptions(kitti)).reference
     assert not reference.frozen
     assert "in this run" in reference.origin
     assert reference.subsets.card == load_card(other).digest
 
 
 def test_another_agent_as_reference_does_not_touch_the_frozen_file(shipped: str, kitti: str) -> None:
-    freeze(shipped, kitti, 1)
-    other = compare([], shipped, {"data": kitti}, reference="stp_hedged").reference
+    freeze(shipped, RunOptions(kitti))
+    other = compare([], shipped, RunOptions(kitti), reference="stp_hedged").reference
     assert (other.frozen, other.subsets.reference) == (False, "stp_hedged")
-    assert compare([], shipped, {"data": kitti}, reference="stp").reference.frozen
+    assert compare([], shipped, RunOptions(kitti), reference="stp").reference.frozen
 
 
 def test_events_that_differ_on_this_machine_are_counted(shipped: str, kitti: str) -> None:
-    freeze(shipped, kitti, 1)
+    freeze(shipped, RunOptions(kitti))
     events = content(shipped)["events"]["lost"]
     rewrite(shipped, events[1:])
-    result = compare([], shipped, {"data": kitti})
+    result = compare([], shipped, RunOptions(kitti))
     assert result.reference.differing == 1
     assert result.reference.origin.endswith("; 'stp' on this machine differs in 1 event")
     lost = next(row for row in result.report.to_json()["rows"] if row["subset"] == "lost")
@@ -109,20 +109,20 @@ def test_events_that_differ_on_this_machine_are_counted(shipped: str, kitti: str
 
 
 def test_frozen_events_of_scenes_that_were_not_run_do_not_differ(shipped: str, kitti: str) -> None:
-    freeze(shipped, kitti, 1)
-    one = compare([], shipped, {"data": kitti}, scenes=1)
+    freeze(shipped, RunOptions(kitti))
+    one = compare([], shipped, RunOptions(kitti, scenes=1))
     assert (one.reference.frozen, one.reference.differing) == (True, 0)
     lost = next(row for row in one.report.to_json()["rows"] if row["subset"] == "lost")
     assert lost["events"] == 2  # of the 4
     rewrite(shipped, [*content(shipped)["events"]["lost"], "000000000001"])  # of no true box in this data
-    assert compare([], shipped, {"data": kitti}).reference.differing == 0
+    assert compare([], shipped, RunOptions(kitti)).reference.differing == 0
 
 
 @pytest.mark.parametrize("command", ["compare", "score"])
 def test_a_changed_frozen_file_is_refused(
     command: str, cli: CommandLine, shipped: str, tmp_path: Path, kitti: str
 ) -> None:
-    freeze(shipped, kitti, 1)
+    freeze(shipped, RunOptions(kitti))
     run = tmp_path / "run"
     cli.ok("run", "stp", "--env", shipped, "--data", kitti, "-o", run, "--jobs", 1)
     file = content(shipped)
@@ -136,36 +136,14 @@ def test_a_changed_frozen_file_is_refused(
     assert f"the file says {file['hash']}" in error
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [('{"env": "MTP-Sm', "not valid JSON"), ("[]", "not a file of reference subsets")],
-    ids=["truncated", "no table"],
-)
-def test_a_broken_frozen_file_is_one_clear_error(
-    text: str, message: str, cli: CommandLine, shipped: str, kitti: str
-) -> None:
-    frozen_path(shipped).write_text(text)
-    assert message in cli("compare", "stp", "--env", shipped, "--data", kitti).error
-
-
-def test_a_frozen_file_for_an_earlier_card_is_refused(
-    cli: CommandLine, shipped: str, tmp_path: Path, kitti: str
-) -> None:
-    freeze(shipped, kitti, 1)
-    write_card(tmp_path / "bundle" / "envs", CARD.replace("miss_error = 2.0", "miss_error = 3.0"))
-    error = cli("compare", "stp", "--env", shipped, "--data", kitti).error
-    assert "subsets of MTP-Small-v0 with card digest" in error
-    assert "make them again for the changed card" in error
-
-
 def test_only_what_ships_is_frozen(cli: CommandLine, card: str, kitti: str) -> None:
     with pytest.raises(UnknownNameError, match="only those that ship have frozen subsets"):
-        freeze(card, kitti, 1)
+        freeze(card, RunOptions(kitti))
     assert "only those that ship" in cli("freeze", "--env", card, "--data", kitti).error
 
 
 def test_a_failed_freeze_leaves_the_earlier_file(cli: CommandLine, shipped: str, tmp_path: Path, kitti: str) -> None:
-    path, _ = freeze(shipped, kitti, 1)
+    path, _ = freeze(shipped, RunOptions(kitti))
     before = path.read_bytes()
     broken = Path(write_kitti(tmp_path / "broken"))
     (broken / "kitti_tracking/training/calib/0006.txt").unlink()

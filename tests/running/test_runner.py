@@ -14,9 +14,15 @@ from mtp_bench.agent import Agent
 from mtp_bench.cards import Card
 from mtp_bench.env import MTPEnv
 from mtp_bench.env.rollouts import digest
-from mtp_bench.errors import MtpBenchError, SubmissionError, UnknownNameError
-from mtp_bench.running.run import derived_seed, run_info, run_scene, run_scenes
+from mtp_bench.errors import SubmissionError, UnknownNameError
+from mtp_bench.parallel import Progress, Workers
+from mtp_bench.running.options import RunOptions
+from mtp_bench.running.run import Job, derived_seed, run_info, run_jobs, run_scene
+from mtp_bench.running.settings import setting_of
+from mtp_bench.submission import load_submission
 from mtp_bench.types import Rollout, Scene, Task
+from tests.support.command_line import write_submission
+from tests.support.runs import run_scenes
 from tests.support.small_scenes import Action, EchoAgent, make_echo, make_noisy
 
 NAMES = ["0006", "0001", "0008"]
@@ -84,8 +90,8 @@ def test_a_scene_is_run_from_the_first_to_the_last_frame(card: str, kitti: str) 
 
 
 def test_results_come_in_the_order_of_the_names_whatever_the_number_of_jobs(card: str, kitti: str) -> None:
-    alone = run_scenes(make_noisy, card, {"data": kitti}, NAMES, seed=5, jobs=1)
-    together = run_scenes(make_noisy, card, {"data": kitti}, NAMES, seed=5, jobs=2)
+    alone = run_scenes(make_noisy, card, {"data": kitti}, NAMES, seed=5, workers=1)
+    together = run_scenes(make_noisy, card, {"data": kitti}, NAMES, seed=5, workers=2)
     assert [rollout.scene for rollout in alone] == NAMES
     assert [digest(rollout) for rollout in alone] == [digest(rollout) for rollout in together]
     assert len({digest(rollout) for rollout in alone}) == 3
@@ -99,25 +105,23 @@ def test_a_scene_does_not_depend_on_its_companions(card: str, kitti: str) -> Non
     assert digest(one[0]) != digest(other[0])
 
 
-def test_all_scenes_of_the_env_unless_named(card: str, kitti: str) -> None:
-    names = [rollout.scene for rollout in run_scenes(make_echo, card, {"data": kitti})]
-    assert names == ["0001", "0006", "0008"]
-    assert run_scenes(make_echo, card, {"data": kitti}, []) == []
-
-
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_finish_sees_scene_rollout_and_card_and_progress_every_name(jobs: int, card: str, kitti: str) -> None:
     done: list[str] = []
-    results = run_scenes(make_echo, card, {"data": kitti}, NAMES, jobs=jobs, finish=summary, progress=done.append)
+    total: list[int] = []
+    options = RunOptions(workers=Workers(jobs), progress=Progress(total.append, done.append))
+    given = [Job(make_echo, card, {"data": kitti}, name) for name in NAMES]
+    results = run_jobs(given, options, summary)
     assert results == [("0006", 21, "MTP-Small-v0"), ("0001", 27, "MTP-Small-v0"), ("0008", 0, "MTP-Small-v0")]
     assert sorted(done) == sorted(NAMES)
+    assert total == [3]
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_failing_agent_is_named_with_scene_and_frame(jobs: int, card: str, kitti: str) -> None:
-    text = "agent 'my agent' failed on scene '0001' at frame 2: ZeroDivisionError: by zero"
+    text = "agent 'mine' failed on scene '0001' at frame 2: ZeroDivisionError: by zero"
     with pytest.raises(SubmissionError, match=text):
-        run_scenes(make_failing, card, {"data": kitti}, ["0001"] * jobs, jobs=jobs, name="my agent")
+        run_scenes(make_failing, card, {"data": kitti}, ["0001"] * jobs, workers=jobs)
 
 
 def test_an_agent_that_fails_at_reset_is_named(card: str, kitti: str) -> None:
@@ -129,13 +133,13 @@ def test_an_agent_that_fails_at_reset_is_named(card: str, kitti: str) -> None:
 
 def test_an_agent_that_cannot_be_built_is_one_clear_error(card: str, kitti: str) -> None:
     with pytest.raises(SubmissionError, match="agent 'mine' cannot be built: ImportError: no module named 'nothing'"):
-        run_scenes(make_nothing, card, {"data": kitti}, ["0001"], name="mine")
+        run_scenes(make_nothing, card, {"data": kitti}, ["0001"])
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_misspelt_parameter_is_one_clear_error(jobs: int, card: str, kitti: str) -> None:
     with pytest.raises(SubmissionError, match="cannot be built: unknown parameter 'nosie': did you mean 'noise'"):
-        run_scenes(make_misspelt, card, {"data": kitti}, ["0001", "0006"], jobs=jobs)
+        run_scenes(make_misspelt, card, {"data": kitti}, ["0001", "0006"], workers=jobs)
 
 
 @pytest.mark.data
@@ -148,21 +152,6 @@ def test_a_rigid_motion_does_not_change_what_an_honest_agent_says_of_a_real_log(
     np.testing.assert_allclose(moved.track_box[:, :3], still.track_box[:, :3], atol=1e-3)
     np.testing.assert_allclose(np.cos(moved.track_box[:, 3] - still.track_box[:, 3]), 1, atol=1e-6)
     assert np.abs(moved.forecast.astype(int) - still.forecast).max() <= 1  # cm
-
-
-@pytest.mark.parametrize(
-    ("keywords", "text"),
-    [
-        ({"jobs": 0}, "jobs is 0, expected at least 1"),
-        ({"scene_names": ["001"]}, "unknown scene '001': did you mean '0001'"),
-        ({"env_kwargs": {"observe": "all"}}, "unknown value of observe 'all'"),
-    ],
-    ids=str,
-)
-def test_wrong_arguments_show_before_anything_runs(keywords: dict[str, Any], text: str, card: str, kitti: str) -> None:
-    keywords["env_kwargs"] = {"data": kitti, **keywords.get("env_kwargs", {})}
-    with pytest.raises(MtpBenchError, match=text):
-        run_scenes(make_nothing, card, **keywords)
 
 
 def test_an_unknown_scene_is_one_clear_error(card: str, kitti: str) -> None:
@@ -183,33 +172,14 @@ def test_seeds_stay() -> None:
     assert derived_seed(0, "0001", "agent") == 2043270001
 
 
-def test_the_run_is_in_evaluation_mode_unless_told_otherwise(
-    card: str, kitti: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def reward(keywords: dict[str, Any]) -> float:
-        made: list[MTPEnv] = []
-
-        class Spy:
-            """Stands for the class and keeps what it makes."""
-
-            def __new__(cls, *args: Any, **given: Any) -> Any:
-                made.append(MTPEnv(*args, **given))
-                return made[-1]
-
-        monkeypatch.setattr("mtp_bench.running.run.MTPEnv", Spy)
-        run_scenes(make_echo, card, {"data": kitti, **keywords}, ["0001"])
-        made[-1].reset(options={"scene": "0001"})
-        return sum(float(made[-1].step({})[1]) for _ in range(9))
-
-    assert reward({}) == 0.0
-    assert reward({"evaluation": False}) < 0.0
-
-
-def test_run_info_says_where_a_run_comes_from(card: str, kitti: str) -> None:
+def test_run_info_says_where_a_run_comes_from(card: str, kitti: str, tmp_path: Path) -> None:
     env = MTPEnv(card, kitti, observe="truth", samples=7, rigid_motion=True)
-    info = run_info(env, "echo", 3, {"noise": 0.1}, "abcd", {"rigid_motion": True})
+    tables = '[parameters]\nnoise = 0.1\nrivals = 5\n[compare]\nhypotheses = "rivals"'
+    submission = load_submission(write_submission(tmp_path / "echo", tables=tables))
+    info = run_info(env, setting_of(submission, env.card), 3, {"rigid_motion": True, "samples": 7})
     assert (info.env_id, info.observe, info.samples, info.split) == ("MTP-Small-v0", "truth", 7, "val")
     assert info.card_digest == env.card.digest
     assert info.keywords == {"rigid_motion": True}
+    assert (info.agent, info.seed, info.hypotheses, info.submission_digest) == ("echo", 3, 5, submission.digest)
     assert {"python", "mtp-bench", "numpy"} <= info.versions.keys()
     assert kitti not in info.model_dump_json()

@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 from mtp_bench.running.compare import compare
+from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run
 from mtp_bench.running.stored import run_and_store, score_stored
 from tests.support.command_line import CommandLine, plain_environment, read_json, ship, write_submission
@@ -26,7 +27,7 @@ from tests.support.small_scenes import CARD, write_card, write_kitti
 def finished(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> Path:
     """A run of stp."""
     folder = tmp_path_factory.mktemp("runs") / "stp"
-    run_and_store("stp", card, folder, kitti)
+    run_and_store("stp", card, folder, RunOptions(kitti))
     return folder
 
 
@@ -73,8 +74,8 @@ def test_a_stored_run_scores_as_in_a_comparison(
 ) -> None:
     cli.ok("freeze", "--env", shipped, "--data", kitti, "--jobs", 1)
     cli.ok("run", agent, "--env", shipped, "--data", kitti, "-o", tmp_path / "run", "--jobs", 1, "--seed", seed)
-    scored = score_stored(tmp_path / "run", kitti).report.to_json()["rows"]
-    rows = compare([agent], shipped, {"data": kitti}, seeds=[seed]).report.to_json()["rows"]
+    scored = score_stored(tmp_path / "run", RunOptions(kitti)).report.to_json()["rows"]
+    rows = compare([agent], shipped, RunOptions(kitti, seeds=[seed])).report.to_json()["rows"]
     hypotheses = 20 if agent == "mtp" else 1  # more than the 3 of the card
     same = [r for r in rows if (r["agent"], r["hypotheses"], r["budget"]) == (agent, hypotheses, "equal")]
     assert len(same) == 5
@@ -85,7 +86,7 @@ def test_a_stored_run_scores_as_in_a_comparison(
 
 def test_another_seed_is_another_draw(tmp_path: Path, card: str, kitti: str) -> None:
     for seed in (0, 1):
-        run_and_store("stp", card, tmp_path / str(seed), kitti, scenes=1, seed=seed)
+        run_and_store("stp", card, tmp_path / str(seed), RunOptions(kitti, scenes=1, seeds=[seed]))
     assert digests(tmp_path / "0").keys() == digests(tmp_path / "1").keys() == {"0001"}
     assert digests(tmp_path / "0") != digests(tmp_path / "1")
 
@@ -102,13 +103,13 @@ def test_answers_are_the_same_in_every_process(tmp_path: Path, card: str, kitti:
             check=False,
         )
         assert (done.returncode, done.stderr) == (0, "")
-    run_and_store("mtp", card, tmp_path / "here", kitti)
+    run_and_store("mtp", card, tmp_path / "here", RunOptions(kitti))
     assert digests(tmp_path / "1") == digests(tmp_path / "2") == digests(tmp_path / "here")
     assert len(set(digests(tmp_path / "here").values())) == 3
 
 
 def test_more_hypotheses_than_the_card_has_are_on_record(tmp_path: Path, card: str, kitti: str) -> None:
-    run_and_store("mtp", card, tmp_path / "run", kitti, scenes=1)
+    run_and_store("mtp", card, tmp_path / "run", RunOptions(kitti, scenes=1))
     run = load_run(tmp_path / "run")
     assert run.info.keywords == {"hypotheses": 20}
     assert (run.info.parameters, run.info.samples) == ({"hypotheses": 20}, 4)
@@ -133,27 +134,8 @@ def edit(change: Callable[[Any], Any]) -> Callable[[Path], None]:
     return apply
 
 
-def cut(name: str) -> Callable[[Path], None]:
-    def apply(folder: Path) -> None:
-        whole = (folder / name).read_bytes()
-        (folder / name).write_bytes(whole[: len(whole) // 2])
-
-    return apply
-
-
-CHANGES: dict[str, tuple[Callable[[Path], Any], str]] = {
-    "truncated npz": (cut("0001.npz"), "0001.npz: truncated or not a rollout"),
-    "empty npz": (lambda folder: (folder / "0001.npz").write_bytes(b""), "0001.npz: truncated or not a rollout"),
+CHANGES: dict[str, tuple[Callable[[Path], Any], str]] = {  # what a file may hold: tests of rollouts
     "npz missing": (lambda folder: (folder / "0006.npz").unlink(), "0006.npz is missing"),
-    "npz of another scene": (
-        lambda folder: shutil.copy(folder / "0006.npz", folder / "0001.npz"),
-        "0001.npz: track_start has shape",
-    ),
-    "truncated run.json": (cut("run.json"), "run.json: cannot be read"),
-    "run.json missing": (lambda folder: (folder / "run.json").unlink(), "no run.json there"),
-    "no table": (edit(lambda content: [content]), "run.json: holds list, expected a table"),
-    "unknown key": (edit(lambda content: content["info"].update(sede=1)), "unknown key 'info.sede'"),
-    "digest": (edit(lambda content: content["scenes"][0].update(digest="0" * 64)), "0001.npz: digest .* expected 0000"),
     "fewer samples than stored": (
         edit(lambda content: content["info"].update(samples=3)),
         "says 3 samples per object, scene '0001' has 4",
@@ -164,8 +146,8 @@ CHANGES: dict[str, tuple[Callable[[Path], Any], str]] = {
     ),
     "no scene": (edit(lambda content: content["scenes"].clear()), "has no scored scene"),
     "hypotheses in words": (
-        edit(lambda content: content["info"]["parameters"].update(hypotheses="many")),
-        "parameter 'hypotheses' is 'many', expected a whole number",
+        edit(lambda content: content["info"].update(hypotheses="many")),
+        "info.hypotheses: got 'many'",
     ),
     "another card": (
         edit(lambda content: content["info"].update(card_digest="0" * 16)),

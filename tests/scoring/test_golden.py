@@ -230,6 +230,7 @@ def test_the_whole_scorer_on_the_twelve_agents() -> None:
     assert int(score.false_forecasts.sum()) == 4
     report = summarise([AgentScores("agent", 1, 10, "equal", ((score,),))], card)
     row, detail = report.rows[0], report.details[0]
+    assert row.minADE is not None
     # forecasts are stored in centimetres
     assert row.minADE == pytest.approx(FORECAST["vip3d"]["minADE"], abs=5e-3)
     assert row.minFDE == pytest.approx(FORECAST["vip3d"]["minFDE"], abs=5e-3)

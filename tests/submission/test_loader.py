@@ -87,10 +87,11 @@ def test_a_relative_path_stays_valid_elsewhere(folder: Path, monkeypatch: pytest
 
 
 def test_the_compare_table(tmp_path: Path) -> None:
-    table = '[compare]\nsweep = {hypotheses = [5, 10, 20]}\nbudgets = ["equal", "free"]\n'
+    table = '[compare]\nsweep = {hypotheses = [5, 10, 20]}\nbudgets = ["equal", "free"]\nhypotheses = "hypotheses"\n'
     compare = load_submission(write(tmp_path / "sweep", MANIFEST + table)).compare
     assert compare.sweep == {"hypotheses": (5, 10, 20)}
     assert compare.budgets == ("equal", "free")
+    assert (compare.hypotheses, compare.draws) == ("hypotheses", None)
 
 
 def test_parameters_reach_the_agent_and_overrides_win(folder: Path) -> None:
@@ -174,6 +175,14 @@ WRONG_MANIFEST = {
     "an agent without function": (MANIFEST.replace("agent:build", "agent"), "agent: got 'agent'"),
     "an agent outside": (MANIFEST.replace("agent:build", "../agent:build"), "agent: got '../agent:build'"),
     "an agent that is not there": (MANIFEST.replace("agent:build", "agnet:build"), "there is no "),
+    "a count that is no parameter": (
+        MANIFEST + "[compare]\ndraws = 'gat'",
+        "compare.draws: unknown parameter 'gat': did you mean 'gate'?",
+    ),
+    "a misspelt count": (
+        MANIFEST + "[compare]\nhypothesis = 'gate'",
+        "unknown key 'compare.hypothesis': did you mean 'hypotheses'?",
+    ),
     "unknown budget": (MANIFEST + "[compare]\nbudgets = ['fair']", "'equal' or 'free'"),
     "no toml": ("name = ", "not valid TOML"),
 }

@@ -15,7 +15,7 @@ from mtp_bench.scoring import find_events, history, match
 from mtp_bench.scoring.pairs import box_pairs
 from mtp_bench.sources import open_source
 from mtp_bench.tracking import HypothesisTracker
-from mtp_bench.training.windows import frame_observation
+from mtp_bench.training.windows import observations
 from mtp_bench.types import Bools, Floats, Scene
 from tests.support.kitti_mot import (
     SCORE_THRESHOLD,
@@ -47,8 +47,8 @@ def track(scene: Scene, assignment: str, image_box: Floats) -> TrackRows:
     tracker.reset(kitti_task(classes=CLASSES))
     last: dict[int, int] = {}
     frame, track_id, class_id, box, took = [], [], [], [], []
-    for t in range(scene.frames):
-        tracks = tracker.step(frame_observation(scene, t, "detections"))
+    for t, seen in enumerate(observations(scene)):
+        tracks = tracker.step(seen)
         hit = np.flatnonzero(tracks.detection >= 0)
         first = int(scene.detections.start[t])
         last.update(zip(tracks.track_id[hit].tolist(), (first + tracks.detection[hit]).tolist(), strict=True))

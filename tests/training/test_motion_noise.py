@@ -14,7 +14,7 @@ from mtp_bench.prediction import NoiseTable, motion_noise, stored_noise
 from mtp_bench.prediction.motion_noise import condition, table
 from mtp_bench.tracking import HypothesisTracker, TruthTracker
 from mtp_bench.training.motion_noise import as_toml, fit_motion_noise, fit_scenes, forecast_score
-from mtp_bench.training.windows import collect, frame_observation
+from mtp_bench.training.windows import collect, observations
 from mtp_bench.types import Bools, Floats
 from tests.support.small_scenes import bare_scene, make_scene
 from tests.support.tracking_scenes import kitti_task
@@ -167,10 +167,10 @@ def test_frame_observations() -> None:
     neutral = scene.truth.neutral.copy()
     neutral[1::3] = True
     scene = replace(scene, truth=replace(scene.truth, neutral=neutral))
-    truth = frame_observation(scene, 2, "truth")
+    truth = list(observations(scene, "truth"))[2]
     assert truth["detection_id"].tolist() == [7, 5]
     np.testing.assert_array_equal(truth["detection_box"], scene.truth.box[[6, 8]])
-    detections = frame_observation(scene, 2, "detections")
+    detections = list(observations(scene))[2]
     np.testing.assert_array_equal(detections["detection_box"], scene.detections.box[6:9])
     assert "detection_id" not in detections
 

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from mtp_bench.errors import RolloutError, UnknownNameError
 from mtp_bench.running.opened import open_run
+from mtp_bench.running.options import RunOptions
 from mtp_bench.running.stored import run_and_store, score_stored
 from mtp_bench.scoring import score_scene
 from mtp_bench.scoring.score import KINDS
@@ -216,7 +217,7 @@ def test_a_rollout_of_another_scene_is_refused() -> None:
 @pytest.mark.data
 @pytest.mark.parametrize("env_id", ["MTP-KITTI-v0", "MTP-nuScenes-mini-v0"])
 def test_a_run_on_real_logs_has_the_events_of_its_score(env_id: str, data_root: Path, tmp_path: Path) -> None:
-    run_and_store("mtp", env_id, tmp_path / "run", str(data_root), scenes=2)
+    run_and_store("mtp", env_id, tmp_path / "run", RunOptions(str(data_root), scenes=2))
     opened = open_run(tmp_path / "run", str(data_root))
     own: dict[str, int] = dict.fromkeys(KINDS, 0)
     for rollout in opened.rollouts():
@@ -226,7 +227,7 @@ def test_a_run_on_real_logs_has_the_events_of_its_score(env_id: str, data_root: 
             if incident.kind != "spurious":
                 own[incident.kind] += 1
                 own["wrong"] += incident.wrong
-    assert own == score_stored(tmp_path / "run", str(data_root)).report.details[0].own_events
+    assert own == score_stored(tmp_path / "run", RunOptions(str(data_root))).report.details[0].own_events
     assert own["lost"] > 0
 
 
@@ -234,7 +235,7 @@ def test_a_run_on_real_logs_has_the_events_of_its_score(env_id: str, data_root: 
 def test_an_opened_run_has_the_detections_that_its_agent_saw(
     agent: str, off: float, tmp_path: Path, card: str, kitti: str
 ) -> None:
-    run_and_store(agent, card, tmp_path / "run", kitti, scenes=1)
+    run_and_store(agent, card, tmp_path / "run", RunOptions(kitti, scenes=1))
     opened = open_run(tmp_path / "run", kitti, card)
     scene = opened.scene(opened.first().scene)
     far = np.hypot(*(scene.detections.box[:3] - scene.truth.box[:3])[:, :2].T)

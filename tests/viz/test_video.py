@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from mtp_bench.running.opened import open_run
+from mtp_bench.running.options import RunOptions
 from mtp_bench.running.stored import run_and_store
 from mtp_bench.viz.drawing import palette
 from mtp_bench.viz.drawing.birds_eye import SIZE, picture
@@ -171,7 +172,7 @@ def test_without_pyav_one_sentence_says_what_to_install(
 
 @pytest.mark.data
 def test_a_video_of_a_real_log_around_a_loss(cli: CommandLine, data_root: Path, tmp_path: Path) -> None:
-    run_and_store("stp", "MTP-KITTI-v0", tmp_path / "run", str(data_root), scenes=1)
+    run_and_store("stp", "MTP-KITTI-v0", tmp_path / "run", RunOptions(str(data_root), scenes=1))
     cli.ok("video", tmp_path / "run", "-o", tmp_path / "a.gif", "--data", data_root, "--at", "lost-3")
     shown, rate = frames_of(tmp_path / "a.gif")
     assert rate == 10.0

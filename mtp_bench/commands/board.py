@@ -1,41 +1,48 @@
-"""What `mtp-bench board` does: records with their ranks, as tables, as a page and as JSON."""
+"""``mtp-bench board``: records with their ranks, as tables, as a page and as JSON."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from ..errors import MtpBenchError
+from .options import JsonOption
+from .output import count, require_writable, write_json
 
 if TYPE_CHECKING:
     from ..records import Record
     from ..viz.board.entries import Entry
 
 
-def show_board(
-    folder: Path | None, further: Sequence[Path], env_id: str | None, output: Path | None, json_file: Path | None
+def board(
+    further: Annotated[
+        list[Path] | None, typer.Option("--with", help="A record to place among the others; repeatable.")
+    ] = None,
+    records: Annotated[Path | None, typer.Option(help="Folder of records; those that ship by default.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Also write a page that needs no network: a .html file.")
+    ] = None,
+    env: Annotated[str | None, typer.Option(help="Only this environment.")] = None,
+    json_file: JsonOption = None,
 ) -> None:
-    """Print the leaderboards of the records in ``folder`` (None: those that ship) and of the files ``further``.
-
-    ``output`` is written as a page, ``json_file`` as JSON, where they are named. Raises MtpBenchError where the
-    folder is missing, RecordError where a record is broken, UnknownNameError for an env without a record that is
-    no card either.
-    """
+    """Show the leaderboard: a table per environment, and a page to open in a browser."""
     from ..files import write_text
     from ..viz.board import board_json, board_page, board_tables
     from ..viz.terminal.output import show, show_numbers
-    from .shared import count, write_json
 
-    entries = read_board(folder, further, env_id, output)
+    require_writable(json_file, output)
+    entries = read_board(records, further or (), env, output)
     write_json(json_file, board_json(entries))
     if output is not None:
         write_text(output, board_page(entries))
     for table in board_tables(entries):
         show_numbers(table)
     if not entries:
-        show("no record" + (f" of {env_id}" if env_id else "") + " yet; `mtp-bench submit` makes one")
+        show("no record" + (f" of {env}" if env else "") + " yet; `mtp-bench submit` makes one")
     if output is not None:
         show(f"{output}: {count(len(entries), 'record')}; open it in a browser")
 
@@ -45,7 +52,8 @@ def read_board(
 ) -> list[Entry]:
     """Entries in the order of the leaderboard; those of ``further`` that are not in the folder are marked as added.
 
-    ``page`` is the file that links start from; without one there are none. Errors as in show_board.
+    ``page`` is the file that links start from; without one there are none. Raises MtpBenchError where the folder is
+    missing, RecordError where a record is broken, UnknownNameError for an env without a record that is no card either.
     """
     from ..records import load_record, ranks, record_paths, why_unranked
     from ..viz.board import Entry, standings

@@ -1,0 +1,83 @@
+"""``mtp-bench check``."""
+
+from __future__ import annotations
+
+import shlex
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ..errors import SubmissionError
+from .options import DataOption, JsonOption, SubmissionArgument
+from .output import count, number, prepare, require_writable, working, write_json
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from ..records.checking import Checked
+
+_STYLE = {"error": "bold red", "warning": "yellow", "ok": "green"}
+
+
+def check(
+    path: SubmissionArgument,
+    env: Annotated[
+        str, typer.Option(help="Environment to check on; `mtp-bench envs` lists them.")
+    ] = "MTP-Intersection-v0",
+    root: DataOption = None,
+    json_file: JsonOption = None,
+) -> None:
+    """Check that a submission keeps the contract, and score three scenes beside STP. Status 1 for errors."""
+    from ..parallel import Workers, cores
+    from ..records.checking import SCENES, check_submission
+    from ..running.options import RunOptions
+    from ..viz.terminal.output import show, show_numbers
+
+    require_writable(json_file)
+    options = RunOptions(root, SCENES, workers=Workers(cores()))
+    prepare(env, options)
+    with working("check", options) as watched:
+        checked = check_submission(path, env, watched)
+    write_json(json_file, checked.to_json())
+    show(finding_table(checked))
+    if checked.scores:
+        show_numbers(_score_table(checked))
+    if checked.errors:
+        said = count(checked.errors, "error")
+        raise SubmissionError(f"{checked.submission} does not pass: {said}; the table says what, where and what to do")
+    show(f"{checked.submission} passes; next: `mtp-bench compare {shlex.quote(path)} --env {checked.env}`")
+
+
+def finding_table(checked: Checked) -> Table:
+    """The findings; what was expected, where and what to do stands below each that is not ok."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(title=escape(f"{checked.submission} on {checked.env}"), title_justify="left")
+    table.add_column("", no_wrap=True)
+    table.add_column("check", no_wrap=True)
+    table.add_column("found", overflow="fold")
+    for finding in checked.findings:
+        lines = [finding.got, *(f"  {line}" for line in finding.traceback)]
+        for label, text in (("expected", finding.expected), ("where", finding.where), ("to do", finding.advice)):
+            lines += [f"{label}: {text}"] if text else []
+        style = _STYLE[finding.level]
+        table.add_row(f"[{style}]{finding.level}[/{style}]", finding.check, escape("\n".join(lines)))
+    return table
+
+
+def _score_table(checked: Checked) -> Table:
+    """Missing-aware error per scene beside STP's."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    from ..records.checking import BESIDE
+
+    table = Table(title="missing-aware error (m), lower is better", title_justify="left")
+    for heading in ("scene", "targets", escape(checked.submission), BESIDE, "covered"):
+        table.add_column(heading, justify="left" if heading == "scene" else "right")
+    for row in checked.scores:
+        covered = "–" if row["coverage"] is None else f"{row['coverage']:.0%}"
+        errors = (number(row[key]) for key in ("missing_aware", BESIDE))
+        table.add_row(escape(row["scene"]), str(row["targets"]), *errors, covered)
+    return table

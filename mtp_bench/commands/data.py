@@ -1,0 +1,38 @@
+"""``mtp-bench data``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from ..errors import MtpBenchError
+from .options import DataOption, JsonOption, SplitOption
+from .output import write_json
+
+
+def data(
+    env: Annotated[str | None, typer.Option(help="Only this environment.")] = None,
+    root: DataOption = None,
+    json_file: JsonOption = None,
+    split: SplitOption = None,
+) -> None:
+    """Show which data is found, what is missing and how to get it.
+
+    Status 1 for broken files; with --env also for data that is not there.
+    """
+    from .._bundle import card_ids
+    from ..cards import changed_card, load_card
+    from ..running.reading import read_status
+    from ..viz.terminal.listings import data_report, status_json
+    from ..viz.terminal.output import show
+
+    if split is not None and env is None:
+        raise typer.BadParameter("the splits of environments differ: name one with --env", param_hint="--split")
+    cards = [changed_card(load_card(env_id), split) for env_id in ([env] if env else card_ids())]
+    statuses = {card.id: read_status(card, root) for card in cards}
+    write_json(json_file, {env_id: status_json(status) for env_id, status in statuses.items()})
+    show(data_report(statuses))
+    lacking = [env_id for env_id, status in statuses.items() if status.problems or (env and not status.usable)]
+    if lacking:
+        raise MtpBenchError(f"data is missing or broken for {', '.join(lacking)}: the listing says what and why")

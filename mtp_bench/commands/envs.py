@@ -1,0 +1,18 @@
+"""``mtp-bench envs``."""
+
+from __future__ import annotations
+
+from .options import JsonOption
+from .output import write_json
+
+
+def envs(json_file: JsonOption = None) -> None:
+    """List the environments."""
+    from .._bundle import card_ids
+    from ..cards import load_card
+    from ..viz.terminal.listings import env_table
+    from ..viz.terminal.output import show
+
+    cards = [load_card(env_id) for env_id in card_ids()]
+    write_json(json_file, {card.id: {**card.model_dump(mode="json"), "digest": card.digest} for card in cards})
+    show(env_table(cards))

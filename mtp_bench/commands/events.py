@@ -1,0 +1,54 @@
+"""``mtp-bench events``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from .options import DataOption, FolderArgument, JsonOption, RunCardOption, one_of
+from .output import require_writable, write_json
+
+
+def events(
+    folder: FolderArgument,
+    scene: Annotated[str | None, typer.Option(help="Only this scene.")] = None,
+    kind: Annotated[list[str] | None, typer.Option(help="Only ids, lost, reacquired or spurious; repeatable.")] = None,
+    root: DataOption = None,
+    env: RunCardOption = None,
+    json_file: JsonOption = None,
+) -> None:
+    """List identity switches, losses, re-acquisitions and false forecasts, and how to look at each."""
+    from ..running.opened import open_run
+    from ..viz.replay import KINDS, replay
+    from ..viz.terminal.event_table import (
+        EventRow,
+        Shown,
+        Tally,
+        event_rows,
+        event_table,
+        events_json,
+        longest_only,
+        tally_line,
+    )
+    from ..viz.terminal.output import progress_bar, show, show_numbers
+
+    for name in kind or ():
+        one_of(name, KINDS, "--kind")
+    require_writable(json_file)
+    shown, tally = Shown(str(folder), root, env), Tally()
+    rows: list[EventRow] = []
+    with progress_bar("events") as (started, done):
+        opened = open_run(folder, root, env)
+        rollouts = opened.rollouts(scene)
+        started(len(rollouts))
+        for rollout in rollouts:
+            played = replay(opened.scene(rollout.scene), rollout, opened.card, opened.run.info.agent)
+            tally.add(played)
+            rows += event_rows(played, kind or KINDS, shown)
+            done(rollout.scene)
+    write_json(json_file, events_json(rows, tally, opened.card.id, opened.run.info.agent))
+    listed = rows if kind else longest_only(rows)
+    if listed:
+        show_numbers(event_table(listed))
+    show(tally_line(tally, all_listed=len(listed) == len(rows)))

@@ -1,0 +1,36 @@
+"""``mtp-bench fit-noise``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from .options import EnvScenes, TextOption
+from .output import prepare, print_or_write, require_writable, working
+
+
+def fit_noise(
+    on: EnvScenes,
+    min_score: Annotated[
+        list[str] | None, typer.Option(help="Operating point: a number, or class=number; repeatable.")
+    ] = None,
+    alike: Annotated[
+        list[str] | None, typer.Option(help="bus=car: its noise, where bus cannot be fitted; repeatable.")
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option(help="Name of the profile; agents go by the part before its first hyphen.")
+    ] = None,
+    reach: Annotated[float | None, typer.Option(min=1, max=1000, help="How far the detector sees, metres.")] = None,
+    field_of_view: Annotated[float | None, typer.Option(min=1, max=360, help="Degrees around the heading.")] = None,
+    output: TextOption = None,
+) -> None:
+    """Fit the noise of a simulated detector to the detections of an environment, as a section of a card."""
+    from ..training.noise_profile import fit_noise as fit
+
+    require_writable(output)
+    options = on.options()
+    prepare(on.env, options)
+    with working("read", options) as watched:
+        text = fit(on.env, watched, min_score or (), alike or (), name, reach, field_of_view)
+    print_or_write(output, text)

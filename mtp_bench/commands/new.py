@@ -1,0 +1,29 @@
+"""``mtp-bench new``."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def new(
+    name: Annotated[str, typer.Argument(help="Name of the submission: lower case.")],
+    folder: Annotated[Path, typer.Option(help="Where its folder is made.")] = Path(),
+) -> None:
+    """Begin a submission: a folder with an agent that works."""
+    from ..submission.starting import new_submission
+    from ..viz.terminal.output import show
+
+    made = new_submission(name, folder)
+    shown = shlex.quote(str(made))
+    lines = (
+        f"{made}: submission.toml, agent.py (an agent that works), README.md",
+        "1. put your name into submission.toml, and your idea into agent.py",
+        f"2. mtp-bench check {shown}",
+        f"3. mtp-bench compare {shown} --env MTP-Intersection-v0 --scenes 5",
+        f"4. mtp-bench submit {shown} --env MTP-Intersection-v0",
+    )
+    show("\n".join(lines))

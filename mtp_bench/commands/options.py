@@ -1,0 +1,112 @@
+"""Options that several commands take: each is declared once, and groups of them reach every command the same way."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, is_dataclass
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from ..running.options import RunOptions
+
+DataOption = Annotated[
+    str | None, typer.Option("--data", help="Data root; else MTP_BENCH_DATA, else the user data folder.")
+]
+JsonOption = Annotated[Path | None, typer.Option("--json", help="Write the table's content to this file.")]
+EnvOption = Annotated[str, typer.Option("--env", help="Environment id; `mtp-bench envs` lists them.")]
+JobsOption = Annotated[int, typer.Option("--jobs", min=0, help="Processes; 0 takes one per core.")]
+ScenesOption = Annotated[int | None, typer.Option("--scenes", min=1, help="Only the first N scenes.")]
+SplitOption = Annotated[
+    str | None, typer.Option("--split", help="Another split of the environment, such as train or val.")
+]
+TextOption = Annotated[Path | None, typer.Option("-o", "--output", help="Write here instead of printing.")]
+FolderArgument = Annotated[Path, typer.Argument(help="Folder written by `mtp-bench run`.")]
+RunCardOption = Annotated[str | None, typer.Option("--env", help="Card of the run, where it does not ship.")]
+SubmissionArgument = Annotated[str, typer.Argument(help="Folder of a submission or name of a baseline.")]
+
+
+@dataclass(frozen=True)
+class EnvScenes:
+    """Scenes of an environment, and what is not as in its card."""
+
+    env: EnvOption
+    data: DataOption = None
+    scenes: ScenesOption = None
+    split: SplitOption = None
+    detector: Annotated[
+        str | None,
+        typer.Option(
+            help="Another detector. Simulated: a profile, iid, hard or a .toml file of a profile. "
+            "Stored (nuScenes): the first part of its files' names."
+        ),
+    ] = None
+    detections: Annotated[Path | None, typer.Option(help="File of stored detections (nuScenes submission form).")] = (
+        None
+    )
+
+    def options(self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)) -> RunOptions:
+        """These scenes under ``seeds`` as options of a run."""
+        from ..running.options import RunOptions
+
+        # absolute: a stored run is scored from anywhere
+        file = None if self.detections is None else str(self.detections.expanduser().absolute())
+        chosen = (workers or WorkerChoice()).workers()
+        return RunOptions(self.data, self.scenes, seeds, self.split, self.detector, file, chosen)
+
+
+@dataclass(frozen=True)
+class WorkerChoice:
+    """Who does the work."""
+
+    jobs: JobsOption = 0
+    backend: Annotated[str, typer.Option(help="loky: processes of this machine. dask: workers of a Dask cluster.")] = (
+        "loky"
+    )
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of the Dask scheduler, such as tcp://10.0.0.1:8786.")
+    ] = None
+
+    def workers(self) -> Any:
+        """The `Workers` of this choice; wrong usage for a backend that cannot work, before anything is prepared."""
+        from ..parallel import BACKENDS, Workers, cores
+
+        if self.backend not in BACKENDS:
+            raise typer.BadParameter(
+                f"{self.backend!r}, expected one of: {', '.join(BACKENDS)}", param_hint="--backend"
+            )
+        if (self.backend == "dask") != (self.scheduler is not None):
+            raise typer.BadParameter("--backend dask and --scheduler ADDRESS go together", param_hint="--scheduler")
+        return Workers(self.jobs or cores(), self.backend, self.scheduler)
+
+
+def opened(command: Callable[..., None]) -> Callable[..., None]:
+    """``command`` as typer reads it: in place of a parameter that is a group of options, the options of the group."""
+    parameters: list[inspect.Parameter] = []
+    groups: dict[str, tuple[Callable[..., Any], list[str]]] = {}
+    for parameter in inspect.signature(command, eval_str=True).parameters.values():
+        own, kind = [parameter], parameter.annotation
+        if is_dataclass(kind) and isinstance(kind, type):
+            own = list(inspect.signature(kind, eval_str=True).parameters.values())
+            groups[parameter.name] = kind, [option.name for option in own]
+        parameters += [option.replace(kind=inspect.Parameter.KEYWORD_ONLY) for option in own]
+
+    @wraps(command)
+    def call(**values: Any) -> None:
+        for name, (group, names) in groups.items():
+            values[name] = group(**{option: values.pop(option) for option in names})
+        command(**values)
+
+    call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    call.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return call
+
+
+def one_of(value: str, known: Sequence[str], option: str) -> None:
+    """Wrong usage unless ``value`` is one of ``known``."""
+    if value not in known:
+        raise typer.BadParameter(f"{value!r}, expected one of: {', '.join(known)}", param_hint=option)

@@ -1,0 +1,95 @@
+"""What several commands print and write."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ..running.options import RunOptions
+    from ..scoring import Report
+
+
+@contextmanager
+def working(label: str, options: RunOptions) -> Iterator[RunOptions]:
+    """The options with a progress bar on the error stream."""
+    from ..parallel import Progress
+    from ..viz.terminal.output import progress_bar
+
+    with progress_bar(label) as (started, done):
+        yield replace(options, progress=Progress(started, done))
+
+
+def prepare(env: str, options: RunOptions) -> None:
+    """Make simulated scenes, or the compact copy of tables, that are not in the cache yet."""
+    from ..running.reading import prepare_scenes
+
+    with working("prepare", options) as watched:
+        prepare_scenes(env, watched)
+
+
+def fail(text: str) -> None:
+    """Print one line on the error stream and leave with status 1."""
+    from rich.console import Console
+
+    Console(stderr=True, soft_wrap=True).print("error:", style="bold red", end=" ")
+    line = " ".join(part.strip() for part in text.splitlines())
+    Console(stderr=True, soft_wrap=True, markup=False, highlight=False).print(line)
+    raise SystemExit(1)
+
+
+def show_report(report: Report, of: str, origin: str, skipped: Mapping[str, int]) -> None:
+    """Print the tables of a report ``of`` something, where its subsets come from, and what could not be read."""
+    from ..running.reading import skipped_line
+    from ..viz.terminal.output import show, show_numbers
+    from ..viz.terminal.tables import displacement_table, error_table, parts_table
+
+    title = f"{report.env} ({report.condition['split']}, {report.condition['detector']}): {of}"
+    for table in (error_table(report, title), displacement_table(report), parts_table(report)):
+        show_numbers(table)
+    show(f"detections: {report.condition['detections']}; truth: {report.condition['truth']}")
+    for line in (origin, skipped_line(skipped)):
+        if line is not None:
+            show(line)
+
+
+def require_writable(*paths: Path | None) -> None:
+    """Refuse files that cannot be written before the work, not after it."""
+    from ..files import require_file
+
+    for path in paths:
+        if path is not None:
+            require_file(path)
+
+
+def write_json(path: Path | None, content: dict[str, Any]) -> None:
+    """Write what a table shows, where a file is named."""
+    from ..files import write_text
+
+    if path is not None:
+        write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+
+
+def print_or_write(path: Path | None, text: str) -> None:
+    """Print a text as it is, or write it to the file that is named."""
+    from ..files import write_text
+
+    if path is None:
+        sys.stdout.write(text)
+    else:
+        write_text(path, text)
+
+
+def count(number: int, noun: str) -> str:
+    """``1 scene``, ``2 scenes``."""
+    return f"{number} {noun}" + ("" if number == 1 else "s")
+
+
+def number(value: float | None) -> str:
+    """A number of a table with three decimals; a dash where it is not defined."""
+    return "–" if value is None else f"{value:.3f}"

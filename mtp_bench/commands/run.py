@@ -1,0 +1,33 @@
+"""``mtp-bench run``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .options import EnvScenes, SubmissionArgument, WorkerChoice
+from .output import count, prepare, working
+
+
+def run(
+    agent: SubmissionArgument,
+    on: EnvScenes,
+    workers: WorkerChoice,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the rollouts.")],
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the run.")] = 0,
+) -> None:
+    """Run an agent and store what it said."""
+    from ..running.reading import skipped_line
+    from ..running.stored import run_and_store
+    from ..viz.terminal.output import show
+
+    options = on.options(workers, [seed])
+    prepare(on.env, options)
+    with working(agent, options) as watched:
+        stored = run_and_store(agent, on.env, output, watched)
+    line = skipped_line(stored.skipped)
+    if line is not None:
+        show(line)
+    show(f"{count(stored.scenes, 'scene')} of {on.env} by {agent} in {output}; score with `mtp-bench score {output}`")

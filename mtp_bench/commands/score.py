@@ -1,0 +1,21 @@
+"""``mtp-bench score``."""
+
+from __future__ import annotations
+
+from .options import DataOption, FolderArgument, JsonOption, RunCardOption
+from .output import require_writable, show_report, working, write_json
+
+
+def score(
+    folder: FolderArgument, root: DataOption = None, env: RunCardOption = None, json_file: JsonOption = None
+) -> None:
+    """Score stored rollouts."""
+    from ..running.options import RunOptions
+    from ..running.stored import score_stored
+
+    require_writable(json_file)
+    with working("score", RunOptions(root)) as options:
+        scored = score_stored(folder, options, env)
+    report = scored.report
+    write_json(json_file, {**report.to_json("condition", "details"), "skipped": scored.skipped})
+    show_report(report, folder.name, scored.origin, scored.skipped)

@@ -1,0 +1,46 @@
+"""``mtp-bench video``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .options import DataOption, FolderArgument, RunCardOption
+from .output import require_writable
+
+
+def video(
+    folder: FolderArgument,
+    output: Annotated[Path, typer.Option("-o", "--output", help="File to write: .mp4 or .gif.")],
+    scene: Annotated[str | None, typer.Option(help="Which scene; the first of the run.")] = None,
+    at: Annotated[
+        str | None, typer.Option(help="Only 2 s before and after this event; `mtp-bench events` lists them.")
+    ] = None,
+    fps: Annotated[
+        float | None, typer.Option(min=0.1, max=50, help="Pictures per second; as many as were recorded.")
+    ] = None,
+    root: DataOption = None,
+    env: RunCardOption = None,
+) -> None:
+    """Write a scene of a stored rollout as a video, seen from above."""
+    from ..running.opened import open_run
+    from ..viz.drawing.video import KINDS, frames_around, pictures, require_encoder, write_video
+    from ..viz.replay import replay
+    from ..viz.terminal.output import progress_bar, show
+
+    suffix = output.suffix.lower()
+    if suffix not in KINDS:
+        raise typer.BadParameter(f"{output}: expected a name that ends in {' or '.join(KINDS)}", param_hint="--output")
+    require_writable(output)
+    require_encoder(suffix)
+    with progress_bar("video") as (started, done):
+        opened = open_run(folder, root, env)
+        rollout = opened.first(scene)
+        played = replay(opened.scene(rollout.scene), rollout, opened.card, opened.run.info.agent)
+        frames = frames_around(played, at)
+        started(len(frames))
+        rate = fps or opened.card.task.rate
+        write_video(output, pictures(played, frames, at), rate, lambda: done(rollout.scene))
+    show(f"{output}: scene {rollout.scene}, frames {frames.start} to {frames.stop - 1}, {rate:g} per second")

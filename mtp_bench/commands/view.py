@@ -1,0 +1,86 @@
+"""``mtp-bench view``: runs of one scene as a recording, in a file, a window or a browser."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ..errors import MtpBenchError
+from .options import DataOption, RunCardOption, one_of
+from .output import require_writable
+
+if TYPE_CHECKING:
+    from ..viz.replay import Incident, Replay
+
+
+def view(
+    folders: Annotated[
+        list[Path], typer.Argument(help="Folders written by `mtp-bench run`; several are shown side by side.")
+    ],
+    scene: Annotated[str | None, typer.Option(help="Which scene; the first of the run.")] = None,
+    at: Annotated[str | None, typer.Option(help="Open at this event; `mtp-bench events` lists them.")] = None,
+    level: Annotated[
+        str, typer.Option(help="off, tracks, top (3 samples per object) or all (every sample and hypothesis).")
+    ] = "top",
+    save: Annotated[Path | None, typer.Option(help="Write a recording (.rrd) instead.")] = None,
+    web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on this machine instead.")] = False,
+    root: DataOption = None,
+    env: RunCardOption = None,
+) -> None:
+    """Look at tracks, hypotheses, forecasts and events of stored rollouts in rerun."""
+    from ..viz.rerun.arrays import LEVELS
+    from ..viz.rerun.log import save_recording
+    from ..viz.rerun.viewer import require_display, serve_recording, show_recording
+    from ..viz.terminal.output import show
+
+    one_of(level, LEVELS, "--level")
+    if save is not None and web:
+        raise typer.BadParameter("a recording is either written or served", param_hint="--save, --web")
+    if save is not None and save.suffix != ".rrd":
+        raise typer.BadParameter(f"{save}: the viewer opens files that end in .rrd", param_hint="--save")
+    require_writable(save)
+    if save is None and not web:
+        require_display()
+    replays = _replays(folders, scene, root, env)
+    incident = None if at is None else replays[0].incident(at)
+    what = _sentence(replays[0], incident)
+    if save is not None:
+        save_recording(save, replays, level, incident)
+        show(f"{save}: {what}; open it with `rerun {save}`" + (f", at frame {incident.frame}" if incident else ""))
+    elif web:
+        serve_recording(replays, level, incident, lambda url: show(f"{what}: {url} until Ctrl-C"))
+    else:
+        show_recording(replays, level, incident)
+        show(what)
+
+
+def _replays(folders: Sequence[Path], scene: str | None, data: str | None, env_id: str | None) -> list[Replay]:
+    """The runs of one scene, by default the first of the first run.
+
+    Raises MtpBenchError where the runs were made for different cards, UnknownNameError where one has no such scene.
+    """
+    from ..running.opened import open_run
+    from ..viz.replay import replay
+
+    runs = [open_run(folder, data, env_id) for folder in folders]
+    first = runs[0]
+    for run in runs[1:]:
+        if run.card.digest != first.card.digest:
+            raise MtpBenchError(
+                f"{run.folder}: made for {run.card.id} ({run.card.digest}), expected {first.card.id} "
+                f"({first.card.digest}) as in {first.folder}: only runs of one env and detector share a picture"
+            )
+    name = first.first(scene).scene
+    content = first.scene(name)
+    return [replay(content, run.first(name), run.card, run.run.info.agent) for run in runs]
+
+
+def _sentence(replay: Replay, incident: Incident | None) -> str:
+    from ..viz.events_text import incident_text
+
+    if incident is None:
+        return f"scene {replay.scene.name}"
+    return f"scene {replay.scene.name}, frame {incident.frame}, {incident_text(incident, replay.card.task.classes)}"

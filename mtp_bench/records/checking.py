@@ -1,0 +1,114 @@
+"""Check a submission before it is run for a record: the contract, the gateway, and three scenes beside STP."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from ..env.environment import MTPEnv
+from ..env.rollouts import digest
+from ..gateway import SceneRun, run_isolated_scenes
+from ..parallel import Progress
+from ..running.options import RunOptions
+from ..running.run import jobs_of, run_jobs
+from ..scoring import SceneScore, mean_error, score_scene
+from ..submission import SubmissionFactory, load_submission
+from ..testing import Finding, check_agent
+from ..types import Rollout
+
+SCENES = 3  # that are scored
+BESIDE = "stp"
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What a check found and scored."""
+
+    submission: str
+    env: str
+    findings: tuple[Finding, ...]
+    scores: tuple[dict[str, Any], ...] = ()  # per scene: scene, targets, missing_aware and stp (m), coverage
+
+    @property
+    def errors(self) -> int:
+        """Number of errors; 0 passes."""
+        return sum(finding.level == "error" for finding in self.findings)
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of ``check --json``."""
+        findings = [asdict(finding) for finding in self.findings]
+        return {"submission": self.submission, "env": self.env, "findings": findings, "scores": list(self.scores)}
+
+
+def check_submission(path: str, env_id: str, options: RunOptions) -> Checked:
+    """Check a submission on the first scenes of an env; nothing that its agent does raises.
+
+    Of ``options`` data, scenes and progress count. Raises MtpBenchError for a folder that cannot be read and an env or
+    data that is not there.
+    """
+    submission, told = load_submission(path), options.progress
+    keywords: dict[str, Any] = {"data": options.data, "observe": submission.compare.observe, "evaluation": True}
+    env = MTPEnv(env_id, **keywords)
+    names = env.scene_names[: options.scenes]
+    told.started(1 + 2 * len(names))
+    runs = run_isolated_scenes(submission.path, env_id, keywords, scenes=names, progress=told)
+    if any(_unsafe(run) for run in runs):  # it would take this process with it
+        return Checked(submission.name, env_id, tuple(gateway_findings(runs, None)))
+    make = SubmissionFactory(str(submission.path), submission.parameters)
+    findings = check_agent(make, env_id, names[:2], keywords)
+    told.done("conformance")
+    if any(finding.level == "error" for finding in findings):
+        return Checked(submission.name, env_id, tuple(findings))
+    here = run_jobs(jobs_of(submission, env_id, keywords, names))
+    findings += gateway_findings(runs, here)
+    own = [_scored(env, run.rollout) for run in runs]
+    jobs = jobs_of(load_submission(BESIDE), env_id, {"data": options.data}, names)
+    beside = run_jobs(jobs, RunOptions(progress=Progress(done=told.done)), score_scene)
+    return Checked(submission.name, env_id, tuple(findings), tuple(map(_row, own, beside)))
+
+
+def _unsafe(run: SceneRun) -> bool:
+    """Whether the agent did worse than to raise: hung, broke the rules, or ended its process."""
+    return run.status in ("hung", "rejected") or (run.status == "crashed" and run.reason.startswith("the process "))
+
+
+def gateway_findings(runs: Sequence[SceneRun], here: Sequence[Rollout] | None) -> list[Finding]:
+    """What the gateway says of an agent in a process of its own; ``here`` are its rollouts in this process, if any."""
+    found: list[Finding] = []
+    for run in runs:
+        where = f"scene {run.rollout.scene}"
+        if run.status != "finished":
+            advice = "it runs alone there: its own folder, no data, no network, bounded memory"
+            found.append(Finding("error", "gateway", f"{run.status}: {run.reason}", "finished", where, advice))
+        for frames, what in ((run.late, "too late"), (run.malformed, "malformed")):
+            if frames:
+                got, advice = f"{frames} answers {what}", "these frames count as unanswered"
+                found.append(Finding("error", "gateway", got, "answers in time and whole", where, advice))
+    pairs = zip(runs, here or [run.rollout for run in runs], strict=True)
+    others = [run.rollout.scene for run, rollout in pairs if digest(run.rollout) != digest(rollout)]
+    if others and not found:
+        advice = "look for hash(), the order of sets, the number of threads, the environment"
+        got, where = "answers differ in a process of its own", f"scene {others[0]}"
+        found.append(Finding("warning", "gateway", got, "the answers given in this process", where, advice))
+    text = (
+        f"{len(runs)} scenes in a process of its own: built in at most {max(run.started for run in runs):.1f} s, "
+        f"{max(run.peak_memory for run in runs) >> 20} MiB at most"
+    )
+    return found or [Finding("ok", "gateway", text)]
+
+
+def _scored(env: MTPEnv, rollout: Rollout) -> SceneScore:
+    env.reset(seed=0, options={"scene": rollout.scene})
+    return score_scene(env.scene, rollout, env.card)
+
+
+def _row(own: SceneScore, beside: SceneScore) -> dict[str, Any]:
+    """Scores of one scene beside the baseline's; None where there is no target."""
+    return {
+        "scene": own.scene,
+        "targets": len(own),
+        "missing_aware": mean_error([own]),
+        BESIDE: mean_error([beside]),
+        "coverage": float(own.covered.mean()) if len(own) else None,
+    }

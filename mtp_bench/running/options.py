@@ -1,0 +1,65 @@
+"""How agents are run: one record that every run, comparison, fit and check takes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ..cards import Card, changed_card, load_card
+from ..errors import MtpBenchError
+from ..parallel import ALONE, QUIET, Progress, Workers
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """What a run needs to know beside the agent and the env; the same for whoever runs, scores or fits.
+
+    Attributes:
+        data: Root of the recorded data; None: ``MTP_BENCH_DATA``, else the user's data folder.
+        scenes: Only the first ``scenes`` scenes of the split; None: all of them.
+        seeds: Seeds of the random draws, one run each.
+        split: Another split of the env than the card's, such as "train".
+        detector: Another detector than the card's: a profile, or the first part of the names of stored files.
+        detection_file: File of stored detections in place of the card's.
+        workers: Who does the work: processes of this machine, or a Dask cluster.
+        progress: Who is told how many pieces of work there are, and of each that is done.
+
+    Raises MtpBenchError for no scene and for no seed.
+    """
+
+    data: str | None = None
+    scenes: int | None = None
+    seeds: Sequence[int] = (0,)
+    split: str | None = None
+    detector: str | None = None
+    detection_file: str | None = None
+    workers: Workers = ALONE
+    progress: Progress = QUIET
+
+    def __post_init__(self) -> None:
+        for name, value in (("scenes", self.scenes), ("seeds", len(self.seeds))):
+            if value is not None and value < 1:
+                raise MtpBenchError(f"{name} is {value}, expected at least 1")
+
+    @property
+    def changes(self) -> dict[str, Any]:
+        """Keywords of `MTPEnv` and `changed_card` for what is not as in the card; a stored run keeps them."""
+        named = {"split": self.split, "detector": self.detector, "detection_file": self.detection_file}
+        return {name: value for name, value in named.items() if value is not None}
+
+    @property
+    def env_keywords(self) -> dict[str, Any]:
+        """Keywords of `MTPEnv`: the data root and the changes of the card."""
+        return {"data": self.data, **self.changes}
+
+    def card(self, env_id: str) -> Card:
+        """The card of an env with the changes; raises CardError, UnknownNameError."""
+        return changed_card(load_card(env_id), **self.changes)
+
+    def on_split(self, name: str) -> RunOptions:
+        """The same, on the split ``name`` unless another one is chosen."""
+        return self if self.split is not None else replace(self, split=name)
+
+
+DEFAULTS = RunOptions()

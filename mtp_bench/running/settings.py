@@ -1,0 +1,99 @@
+"""Settings: a submission with the parameters and the number of samples that one row of a comparison is of."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from ..cards import Card
+from ..errors import MtpBenchError, SubmissionError
+from ..submission.loader import Submission, load_submission
+
+Budget = Literal["equal", "free"]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One row of a comparison: a submission with parameters and a number of samples."""
+
+    label: str
+    submission: Submission
+    parameters: dict[str, Any]
+    budget: Budget
+    hypotheses: int | None  # as declared; None: what the agent states will tell
+    samples: int  # K
+
+    @property
+    def ideal(self) -> bool:
+        """Whether the agent is fed the truth."""
+        return self.submission.compare.observe == "truth"
+
+    def env_keywords(self, card: Card) -> dict[str, Any]:
+        """What the env of this setting needs beyond the card."""
+        keywords: dict[str, Any] = {"samples": self.samples}
+        if self.hypotheses and self.hypotheses > card.size.hypotheses:
+            keywords["hypotheses"] = self.hypotheses
+        return keywords
+
+
+def setting_of(
+    submission: Submission, card: Card, chosen: dict[str, Any] | None = None, budget: Budget = "equal"
+) -> Setting:
+    """A submission with its own parameters and ``chosen``: those that are neither the default nor H show in the label.
+
+    Raises SubmissionError unless the parameters that the manifest names as counts are whole numbers.
+    """
+    chosen = chosen or {}
+    parameters = {**submission.parameters, **chosen}
+    names = submission.compare
+    hypotheses = _count(submission, parameters, names.hypotheses)
+    drawn = (hypotheses or 1) * (_count(submission, parameters, names.draws) or 1)
+    shown = [f"{k}={v}" for k, v in chosen.items() if k != names.hypotheses and v != submission.parameters.get(k)]
+    return Setting(
+        label=" ".join([submission.name, *shown]),
+        submission=submission,
+        parameters=parameters,
+        budget=budget,
+        hypotheses=hypotheses,
+        samples=card.task.samples * (drawn if budget == "free" else 1),
+    )
+
+
+def expand(submission: Submission, card: Card) -> list[Setting]:
+    """The settings of a submission: its sweep times its budgets, in the order of the manifest."""
+    sweep = submission.compare.sweep
+    settings = []
+    for budget in submission.compare.budgets:
+        for values in itertools.product(*sweep.values()):
+            chosen = dict(zip(sweep, values, strict=True))
+            setting = setting_of(submission, card, chosen, budget)
+            if (budget == "equal" or setting.samples > card.task.samples) and setting not in settings:
+                settings.append(setting)
+    return settings
+
+
+def all_settings(names: Sequence[str], card: Card) -> list[Setting]:
+    """Settings of the submissions or baselines ``names``, each once; MtpBenchError where two have one name."""
+    seen: dict[str, Submission] = {}
+    for submission in (load_submission(name) for name in dict.fromkeys(names)):
+        if submission.name in seen and seen[submission.name].path != submission.path:
+            raise MtpBenchError(
+                f"two submissions are called {submission.name!r}: {seen[submission.name].path} and {submission.path}; "
+                "give them different names in submission.toml"
+            )
+        seen.setdefault(submission.name, submission)
+    return [setting for submission in seen.values() for setting in expand(submission, card)]
+
+
+def _count(submission: Submission, parameters: dict[str, Any], name: str | None) -> int | None:
+    """The value of the parameter that the manifest names as a count; None where it names none."""
+    if name is None:
+        return None
+    value = parameters[name]
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise SubmissionError(
+            f"{submission.name}: parameter {name!r} is {value!r}, expected a whole number of at least 1"
+        )
+    return int(value)

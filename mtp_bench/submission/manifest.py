@@ -1,0 +1,57 @@
+"""The manifest of a submission: what ``submission.toml`` may say; see ``baselines/README.md``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from ..errors import SubmissionError, nearest
+from ..strict import Section, read_toml, validate
+
+MANIFEST = "submission.toml"
+NAME_PATTERN = r"^[a-z0-9][a-z0-9_.-]*$"
+Value = bool | int | float | str | list[Any] | dict[str, Any]
+_NOT_EMPTY = Field(min_length=1, strict=False)  # not strict: TOML has lists, no tuples
+_Names = Annotated[tuple[str, ...], _NOT_EMPTY]
+_Values = Annotated[tuple[Value, ...], _NOT_EMPTY]
+
+
+class CompareSection(Section):
+    """How a comparison runs the submission, and which of its parameters are counts."""
+
+    sweep: dict[str, _Values] = Field(default_factory=dict)  # parameter of the agent -> values to run it with
+    budgets: Annotated[tuple[Literal["equal", "free"], ...], _NOT_EMPTY] = ("equal",)
+    observe: Literal["detections", "truth"] = "detections"  # what the env feeds; "truth" is never ranked
+    hypotheses: str | None = None  # parameter that is the number H of hypotheses; None: what the agent states
+    draws: str | None = None  # parameter that is the number of times k samples are drawn per hypothesis; None: once
+
+
+class Manifest(Section):
+    """The content of ``submission.toml``."""
+
+    name: Annotated[str, Field(pattern=NAME_PATTERN)]  # it becomes the name of a folder of records
+    authors: _Names
+    agent: Annotated[str, Field(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*$")]
+    description: str = ""
+    training_data: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    parameters: dict[str, Value] = Field(default_factory=dict)
+    compare: CompareSection = CompareSection()
+
+
+def read_manifest(folder: Path) -> Manifest:
+    """The manifest of the submission in ``folder``; raises SubmissionError, naming the key, where it is wrong."""
+    where = f"{folder.name}/{MANIFEST}"
+    manifest = validate(Manifest, read_toml(folder / MANIFEST, SubmissionError), where, SubmissionError)
+    code = folder.joinpath(*manifest.agent.split(":")[0].split(".")).with_suffix(".py")
+    if not code.is_file():
+        raise SubmissionError(f"{where}: agent is {manifest.agent!r}, but there is no {code}")
+    compare, known = manifest.compare, {*manifest.parameters, *manifest.compare.sweep}
+    for key, name in (("hypotheses", compare.hypotheses), ("draws", compare.draws)):
+        if name is not None and name not in known:
+            raise SubmissionError(
+                f"{where}: compare.{key}: unknown parameter {name!r}{nearest(name, known)} (it needs a value under "
+                "[parameters] or in compare.sweep)"
+            )
+    return manifest

@@ -1,0 +1,39 @@
+"""The scenes that parameters are fitted to: the training split of an env, or another one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ..cards import Card
+from ..errors import MtpBenchError
+from ..running.options import RunOptions
+from ..sources import SceneSource, open_source
+from ..types import Scene
+
+
+@dataclass(frozen=True)
+class Split:
+    """Scenes of one split of an env."""
+
+    card: Card  # with the changes of the options
+    source: SceneSource
+    names: tuple[str, ...]
+    options: RunOptions
+
+    def scenes(self) -> Iterator[Scene]:
+        """The scenes, one after the other; each counts as done when the next one is asked for."""
+        self.options.progress.started(len(self.names))
+        for name in self.names:
+            yield self.source.load(name)
+            self.options.progress.done(name)
+
+
+def open_split(env_id: str, options: RunOptions) -> Split:
+    """The first scenes of the split that ``options`` names; raises MtpBenchError where there is none."""
+    card = options.card(env_id)
+    source = open_source(card, options.data)
+    names = tuple(source.names[: options.scenes])
+    if not names:
+        raise MtpBenchError(f"{env_id} has no scene in its split {card.source.split!r}")
+    return Split(card, source, names, options)

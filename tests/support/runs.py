@@ -1,0 +1,24 @@
+"""Agents that a function makes, run through scenes by their names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from mtp_bench.parallel import Workers
+from mtp_bench.running.options import RunOptions
+from mtp_bench.running.run import Finish, Job, MakeAgent, run_jobs
+
+
+def run_scenes(
+    make_agent: MakeAgent,
+    env_id: str,
+    keywords: dict[str, Any],
+    names: Sequence[str],
+    seed: int = 0,
+    workers: int = 1,
+    finish: Finish | None = None,
+) -> list[Any]:
+    """What ``finish`` makes of each scene, its rollout if None, in the order of ``names``."""
+    jobs = [Job(make_agent, env_id, {**keywords, "evaluation": True}, scene, seed, "mine") for scene in names]
+    return run_jobs(jobs, RunOptions(workers=Workers(workers)), finish)
