@@ -16,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from mtp_bench.viz.drawing.palette import Color
+from mtp_bench.viz.palette import Color
 from mtp_bench.viz.rerun import viewer as rerun_viewer
 from mtp_bench.viz.rerun.sdk import ViewerClient
 from mtp_bench.viz.rerun.viewer import free_port, viewer_program

@@ -17,12 +17,17 @@ from mtp_bench.cards import Card
 from mtp_bench.env import MTPEnv
 from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.types import Rollout
-from mtp_bench.viz.drawing.palette import FALSE
+from mtp_bench.viz.answers import answers
+from mtp_bench.viz.palette import FALSE
 from mtp_bench.viz.replay import Replay, replay
-from mtp_bench.viz.rerun.arrays import TOP_HYPOTHESES, TOP_SAMPLES, earlier_rows, true_futures
+from mtp_bench.viz.rerun.arrays import TOP_HYPOTHESES, TOP_SAMPLES, true_futures
 from mtp_bench.viz.rerun.colors import DETECTION, TRACKS, packed, track_colors
-from mtp_bench.viz.rerun.event_rows import lanes
-from tests.support.recordings import Rows, boxes, read
+from mtp_bench.viz.rerun.lanes import lanes
+from mtp_bench.viz.rerun.log import save_recording
+from mtp_bench.viz.rerun.sdk import rr
+from mtp_bench.viz.rerun.viewer import viewer_program
+from tests.support import scoring_scenes
+from tests.support.recordings import Rows, assert_recorded, boxes, read
 from tests.support.small_scenes import make_scene
 
 FRAMES, H, K, T = 8, 6, 4, 3
@@ -31,8 +36,6 @@ FRAMES, H, K, T = 8, 6, 4, 3
 @pytest.fixture(scope="module", autouse=True)
 def strict() -> Iterator[None]:
     """A wrong shape is an error, not a warning."""
-    from mtp_bench.viz.rerun.sdk import rr
-
     rr.set_strict_mode(True)
     yield
     rr.set_strict_mode(False)
@@ -86,8 +89,6 @@ def run(small_card: Card) -> Replay:
 
 
 def save(path: Path, *runs: Replay, **options: Any) -> Path:
-    from mtp_bench.viz.rerun.log import save_recording
-
     save_recording(path, runs, **options)
     return path
 
@@ -97,49 +98,15 @@ def top(run: Replay, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Rows
     return read(save(tmp_path_factory.mktemp("top") / "top.rrd", run))
 
 
-def test_the_boxes_of_truth_detections_and_ego_are_those_of_the_scene(run: Replay, top: dict[str, Rows]) -> None:
-    scene = run.scene
-    for t in range(FRAMES):
-        for path, table in (("world/gt", scene.truth), ("world/det", scene.detections)):
-            expected = table.box[table.rows(t)].astype(np.float32)
-            np.testing.assert_allclose(boxes(top[path], t), expected, rtol=1e-6, err_msg=f"{path} {t}")
-            np.testing.assert_array_equal(np.float32(top[path][t]["centers"]), expected[:, :3])
-        assert top["world/gt"][t]["labels"] == ["7", "3", "5"]
-        np.testing.assert_allclose(boxes(top["world/ego"], t)[0, :4], scene.ego[t], rtol=1e-6)
-
-
-def test_the_tracks_of_every_hypothesis_are_those_of_the_rollout(run: Replay, top: dict[str, Rows]) -> None:
-    rollout = run.rollout
-    for h in range(TOP_HYPOTHESES):
-        rows = top[f"world/hyp/{h:02d}/box"]
-        for t in range(FRAMES):
-            mine = np.arange(3 * t, 3 * t + 3)[rollout.member[3 * t : 3 * t + 3, h]]
-            np.testing.assert_array_equal(np.float32(rows[t]["centers"]).reshape(-1, 3), rollout.track_box[mine, :3])
-            np.testing.assert_allclose(boxes(rows, t), rollout.track_box[mine], rtol=1e-6)
-            assert [int(label) for label in rows[t]["labels"]] == rollout.track_id[mine].tolist()
-            assert rows[t]["colors"] == packed(track_colors(rollout.track_id[mine])).tolist()
+def test_what_is_recorded_is_what_was_said(run: Replay, top: dict[str, Rows], tmp_path: Path) -> None:
+    assert_recorded(top, run.scene, run.rollout, range(TOP_HYPOTHESES), TOP_SAMPLES)
     assert top["world/hyp/03/box"][7]["centers"] == []  # a hypothesis that has ended leaves nothing behind
-
-
-def test_the_heaviest_samples_are_the_forecast(run: Replay, top: dict[str, Rows]) -> None:
-    rollout = run.rollout
+    assert len(top["world/forecast"][0]["strips"]) == 1 + TOP_SAMPLES  # the first object has one sample
     for t in range(FRAMES):
-        expected = []
-        for row in range(2 * t, 2 * t + 2):
-            stated = np.flatnonzero(np.isfinite(rollout.forecast_log_weight[row]))
-            heaviest = stated[np.argsort(-rollout.forecast_log_weight[row, stated], kind="stable")][:TOP_SAMPLES]
-            center = rollout.object_box[row, :3].astype(np.float64)
-            for k in sorted(heaviest):
-                future = center + np.pad(rollout.forecast[row, k] / 100.0, ((0, 0), (0, 1)))
-                expected.append(np.vstack([center, future]).astype(np.float32))
-        np.testing.assert_array_equal(np.float32(top["world/forecast"][t]["strips"]), np.array(expected))
-    assert len(top["world/forecast"][0]["strips"]) == 1 + TOP_SAMPLES
-
-
-def test_all_shows_every_hypothesis_and_every_sample(run: Replay, tmp_path: Path) -> None:
+        np.testing.assert_allclose(boxes(top["world/ego"], t)[0, :4], run.scene.ego[t], rtol=1e-6)
     everything = read(save(tmp_path / "all.rrd", run, level="all"))
     assert {path for path in everything if path.endswith("/box")} == {f"world/hyp/{h:02d}/box" for h in range(H)}
-    assert len(everything["world/forecast"][5]["strips"]) == 2 * K
+    assert_recorded(everything, run.scene, run.rollout, range(H), K)
 
 
 def test_levels_leave_out_what_they_say(run: Replay, top: dict[str, Rows], tmp_path: Path) -> None:
@@ -162,12 +129,12 @@ def test_trails_follow_the_identity_along_the_lineage(run: Replay, top: dict[str
     x = make_scene().truth.box[::3, 0].astype(np.float32)  # of car 7
     new = np.array(top["world/hyp/00/trail"][5]["strips"][0], dtype=np.float32)[:, 0]
     assert set(new.tolist()) == {x[5], x[4]}  # a new identity has no older past
-    earlier = earlier_rows(run)
+    earlier = run.said.earlier
     assert earlier[12, 0] == -1  # the first box of track 12
     assert earlier[15, 0] == 12
-    assert (earlier[2, :] == -1).all()
-    assert (earlier[5, :] == 2).all()  # shared by all hypotheses
-    np.testing.assert_array_equal(earlier[16, 1:6], [13] * 5)
+    assert (earlier[2] == -1).all()
+    assert (earlier[5] == 2).all()  # shared by all hypotheses
+    assert (earlier[16, 1:6] == 13).all()
 
 
 def test_the_switch_is_an_event_a_mark_a_lane_and_a_count(run: Replay, top: dict[str, Rows]) -> None:
@@ -182,7 +149,7 @@ def test_the_switch_is_an_event_a_mark_a_lane_and_a_count(run: Replay, top: dict
     assert lane == {0: ["track 10"], 4: ["track 12"]}
     assert top["identity/gt_005"][0]["state"] == ["missed"]
     assert [top["metrics/IDS"][t]["scalars"][0] for t in range(FRAMES)] == [0, 0, 0, 0, 1, 1, 1, 1]
-    for name, series in (("TP", run.true_positives), ("FN", run.false_negatives), ("FP", run.false_positives)):
+    for name, series in run.counts.items():
         assert [top[f"metrics/{name}"][t]["scalars"][0] for t in range(FRAMES)] == series.tolist()
 
 
@@ -211,7 +178,8 @@ def test_an_object_that_pauses_has_a_gap_in_its_lane(run: Replay) -> None:
 
 
 def test_several_agents_share_the_scene(run: Replay, tmp_path: Path) -> None:
-    other = changed(run, agent="stp", rollout=changed(run.rollout, track_id=run.rollout.track_id + 100))
+    renamed = changed(run.rollout, track_id=run.rollout.track_id + 100)
+    other = changed(run, agent="stp", said=answers(renamed, run.card))
     both = read(save(tmp_path / "both.rrd", run, other, changed(run, agent="mtp")))
     assert both["agents/mtp/world/hyp/00/box"][0]["labels"] == ["10", "11"]
     assert both["agents/stp/world/hyp/00/box"][0]["labels"] == ["110", "111"]
@@ -230,21 +198,16 @@ def test_runs_of_different_scenes_share_no_recording(run: Replay, tmp_path: Path
     assert not list(tmp_path.iterdir())
 
 
-def compare(*paths: Path) -> subprocess.CompletedProcess[str]:
-    from mtp_bench.viz.rerun.viewer import viewer_program
-
-    command = [viewer_program(), "rrd", "compare", "--unordered", *map(str, paths)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
-
-
 def test_two_recordings_of_a_run_are_equal(run: Replay, small_card: Card, tmp_path: Path) -> None:
-    at = run.incident("ids-0")
-    again = replay(make_scene(), make_rollout(), small_card, "mtp")
-    one, two = save(tmp_path / "1.rrd", run, at=at), save(tmp_path / "2.rrd", again, at=at)
-    same = compare(one, two)
-    assert same.returncode == 0, same.stderr
     moved = changed(run.rollout, track_box=run.rollout.track_box + np.float32(0.01))
-    other = compare(one, save(tmp_path / "3.rrd", changed(run, rollout=moved), at=at))
+    again = replay(make_scene(), make_rollout(), small_card, "mtp")
+    for number, each in enumerate((run, again, changed(run, said=answers(moved, run.card)))):
+        save(tmp_path / f"{number}.rrd", each, at=run.incident("ids-0"))
+    command = [viewer_program(), "rrd", "compare", "--unordered", str(tmp_path / "0.rrd")]
+    same, other = (
+        subprocess.run([*command, str(tmp_path / f"{n}.rrd")], capture_output=True, check=False) for n in (1, 2)
+    )
+    assert same.returncode == 0, same.stderr
     assert other.returncode != 0
 
 
@@ -252,22 +215,13 @@ def test_an_event_is_ringed_while_its_mark_is_there(run: Replay, tmp_path: Path)
     rows = read(save(tmp_path / "at.rrd", run, at=run.incident("ids-0")))["world/at"]
     assert sorted(t for t in rows if t >= 0) == [4, 5, 6, 7]
     ring = np.array(rows[4]["strips"][0])
-    np.testing.assert_allclose(ring.mean(axis=0)[:2], [run.incident("ids-0").x, 10.0], atol=0.1)
+    np.testing.assert_allclose(ring.mean(axis=0)[:2], run.incident("ids-0").position[:2], atol=0.1)
 
 
 def test_a_run_that_says_nothing(small_card: Card, tmp_path: Path) -> None:
-    nothing = make_rollout()
-    none = {
-        name: getattr(nothing, name)[:0]
-        for name in ("track_id", "track_box", "track_class", "member", "object_box", "object_class", "forecast")
-    }
     silent = changed(
-        nothing,
-        track_start=np.zeros(FRAMES + 1, dtype=int),
-        object_start=np.zeros(FRAMES + 1, dtype=int),
-        forecast_log_weight=nothing.forecast_log_weight[:0],
-        hypothesis_log_weight=np.full((FRAMES, H), -np.inf, dtype=np.float32),
-        **none,
+        scoring_scenes.make_rollout([[]] * FRAMES, name="one", hypotheses=H),
+        hypothesis_log_weight=np.full((FRAMES, H), -np.inf),
     )
     entities = read(save(tmp_path / "a.rrd", replay(make_scene(), silent, small_card), level="all"))
     assert "world/gt" in entities
@@ -309,23 +263,11 @@ main()
 
 
 @pytest.mark.data
-@pytest.mark.parametrize("env_id", ["MTP-nuScenes-mini-v0", "MTP-KITTI-v0"])
-def test_a_recording_of_a_real_log_holds_the_rollout(env_id: str, data_root: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("env_id", "scene"), [("MTP-nuScenes-mini-v0", "scene-0103"), ("MTP-KITTI-v0", "0012")])
+def test_a_recording_of_a_real_log_holds_the_rollout(env_id: str, scene: str, data_root: Path, tmp_path: Path) -> None:
     env = MTPEnv(env_id, data=str(data_root), evaluation=True)
-    name = min(env.scene_names, key=lambda scene: (scene != "0006", scene))
-    agent = load_submission("mtp").build(agent_task(env, 0))
-    rollout = run_scene(agent, env, name, seed=0)
-    found = read(save(tmp_path / "a.rrd", replay(env.scene, rollout, env.card), level="all"))
-    for t in range(rollout.frames):
-        rows, truth = rollout.tracks.rows(t), env.scene.truth.rows(t)
-        for h in np.flatnonzero(rollout.member.any(axis=0)):
-            mine, logged = rollout.member[rows, h], found[f"world/hyp/{h:02d}/box"][t]
-            expected = rollout.track_box[rows][mine]
-            np.testing.assert_array_equal(np.array(logged["centers"], dtype=np.float32).reshape(-1, 3), expected[:, :3])
-            assert [int(label) for label in logged["labels"]] == rollout.track_id[rows][mine].tolist()
-        np.testing.assert_allclose(boxes(found["world/gt"], t), env.scene.truth.box[truth], rtol=1e-6, atol=1e-5)
-        objects = rollout.objects.rows(t)
-        stated = np.isfinite(rollout.forecast_log_weight[objects])
-        future = rollout.object_box[objects, None, None, :2] + rollout.forecast[objects] / 100
-        strips = np.array(found["world/forecast"][t]["strips"]).reshape(-1, env.task.future + 1, 3)
-        np.testing.assert_array_equal(strips[:, 1:, :2].astype(np.float32), future[stated].astype(np.float32))
+    rollout = run_scene(load_submission("mtp").build(agent_task(env, 0)), env, scene, seed=0)
+    found = read(save(tmp_path / "a.rrd", replay(env.scene, rollout, env.card)))
+    shown = [h for h in range(rollout.member.shape[1]) if f"world/hyp/{h:02d}/box" in found]
+    assert len(shown) == TOP_HYPOTHESES
+    assert_recorded(found, env.scene, rollout, shown, TOP_SAMPLES)

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...types import Floats, Ints
+from ...cards import Card
+from ...types import Floats, Scene
 from .canvas import Viewport
 
 SMALLEST, LARGEST = 16.0, 50.0  # m, half of what is shown around a vehicle
@@ -38,17 +39,20 @@ class Camera:
         return replace(self, wide=max(self.wide, wide), high=max(self.high, high))
 
 
-def camera(has_ego: bool, ego: Floats, seen_xy: Floats, seen_frame: Ints) -> Camera:
-    """The camera of a scene, from what was observed in it and never from the truth.
-
-    ``ego`` [F, 4]; ``seen_xy`` [R, 2] and ``seen_frame`` [R] of all detections. Most of them fit into the picture.
-    """
-    if not has_ego:
-        return _fixed(seen_xy if len(seen_xy) else ego[:, :2])
-    if len(seen_xy) == 0:
+def camera(scene: Scene, card: Card) -> Camera:
+    """The camera of a scene, by its detections; by its true boxes where an agent is given those instead."""
+    seen = scene.detections if len(scene.detections.box) else scene.truth
+    xy = seen.box[:, :2]
+    if not card.has_ego:
+        return _fixed(xy if len(xy) else scene.ego[:, :2])
+    if len(xy) == 0:
         return Camera(True, 0.0, 0.0, 2 * SMALLEST, 2 * SMALLEST)
-    pose = ego[seen_frame]
-    gap = seen_xy - pose[:, :2]
+    return _following(xy, scene.ego[seen.frame_of_rows])
+
+
+def _following(xy: Floats, pose: Floats) -> Camera:
+    """A camera that sees most of the places ``xy`` [R, 2] from the ego's poses [R, 4] at that time."""
+    gap = xy - pose[:, :2]
     cos, sin = np.cos(pose[:, 3]), np.sin(pose[:, 3])
     ahead, aside = cos * gap[:, 0] + sin * gap[:, 1], cos * gap[:, 1] - sin * gap[:, 0]
     rear, front = (float(value) for value in np.quantile(ahead, [0.05, 0.95]))

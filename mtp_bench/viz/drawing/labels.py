@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...types import Floats
+from ..palette import BLACK, EVENT, Color
 from .canvas import Canvas, font, text_size
-from .palette import BLACK, EVENT, Color
 
 if TYPE_CHECKING:
     from PIL import ImageDraw
