@@ -50,7 +50,6 @@ def assert_recorded(
     future = (center + rollout.forecast / 100.0).astype(np.float32)
     weight = rollout.forecast_log_weight
     heaviest = np.argsort(np.argsort(-weight, axis=1, kind="stable"), axis=1, kind="stable") < samples
-    names = scene.truth.object_id.astype(str).tolist()
     for t in range(rollout.frames):
         for path, table in (("world/gt", scene.truth), ("world/det", scene.detections)):
             expected = table.box[table.rows(t)].astype(np.float32)
@@ -68,4 +67,4 @@ def assert_recorded(
         stated = np.isfinite(weight[objects]) & heaviest[objects]
         strips = np.float32(found["world/forecast"][t]["strips"]).reshape(-1, future.shape[2] + 1, 3)
         np.testing.assert_array_equal(strips[:, 1:, :2], future[objects][stated])
-        np.testing.assert_array_equal(strips[:, 0], rollout.object_box[objects, :3][np.nonzero(stated)[0]])
+        np.testing.assert_array_equal(strips[:, 0], np.float32(rollout.object_box[objects, :3])[np.nonzero(stated)[0]])

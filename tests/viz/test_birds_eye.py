@@ -82,7 +82,8 @@ def amount(image: Picture, color: palette.Color) -> int:
 
 def test_an_empty_scene_is_a_picture_too() -> None:
     image = picture(scene_with(), 3)
-    assert (image.shape, image.dtype) == ((SIZE[1], SIZE[0], 3), np.uint8)
+    assert image.shape == (SIZE[1], SIZE[0], 3)
+    assert image.dtype == np.uint8
     assert all(amount(image, color) == 0 for color in COLORS.values())
     assert (image[:, : round(0.7 * SIZE[0])] == 255).mean() > 0.95
 

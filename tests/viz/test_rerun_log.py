@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench import MtpBenchError, load_card, load_submission
-from mtp_bench.cards import Card
+from mtp_bench import MtpBenchError, load_submission
 from mtp_bench.env import MTPEnv
 from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.types import Rollout
@@ -28,8 +27,10 @@ from mtp_bench.viz.rerun.sdk import rr
 from mtp_bench.viz.rerun.viewer import viewer_program
 from tests.support import scoring_scenes
 from tests.support.recordings import Rows, assert_recorded, boxes, read
+from tests.support.scoring_scenes import at, make_card
 from tests.support.small_scenes import make_scene
 
+CARD = make_card()
 FRAMES, H, K, T = 8, 6, 4, 3
 
 
@@ -41,51 +42,28 @@ def strict() -> Iterator[None]:
     rr.set_strict_mode(False)
 
 
-@pytest.fixture(scope="module")
-def small_card(card: str) -> Card:
-    return load_card(card)
-
-
-def make_rollout(hypotheses: int = H) -> Rollout:
+def make_rollout() -> Rollout:
     """Two tracks per frame, on the two cars; hypothesis 0 changes the id on car 7 at frame 4 (10 to 12).
 
     The other hypotheses keep it: a leaf of its own (id 10, 0.1 m to the right). From frame 6 on there are only two.
     """
-    truth = make_scene().truth
     rng = np.random.default_rng(0)
-    box, ids, member = [], [], []
+    tracks, objects, weight = [], [], []
     for t in range(FRAMES):
-        first, second = truth.box[truth.rows(t)][:2]
-        box += [first, first + np.eye(7)[0] / 10, second]
-        ids += [10 if t < 4 else 12, 10 if t >= 4 else 14, 11]
-        member += [[h == 0 for h in range(hypotheses)], [h > 0 for h in range(hypotheses)], [True] * hypotheses]
-    alive = np.ones((FRAMES, hypotheses), dtype=bool)
-    alive[6:, 2:] = False
-    weight = np.where(alive, -0.5 * np.arange(hypotheses), -np.inf)
-    log_weight = np.log(rng.dirichlet(np.ones(K), size=2 * FRAMES))
-    log_weight[0, 1:] = -np.inf  # one sample only
-    return Rollout(
-        scene="one",
-        track_start=3 * np.arange(FRAMES + 1),
-        track_id=np.array(ids),
-        track_box=np.array(box, dtype=np.float32),
-        track_class=np.zeros(3 * FRAMES, dtype=int),
-        member=np.array(member) & np.repeat(alive, 3, axis=0),
-        hypothesis_log_weight=(weight - np.logaddexp.reduce(weight, axis=1, keepdims=True)).astype(np.float32),
-        object_start=2 * np.arange(FRAMES + 1),
-        object_box=np.array(box, dtype=np.float32).reshape(FRAMES, 3, 7)[:, [0, 2]].reshape(-1, 7),
-        object_class=np.zeros(2 * FRAMES, dtype=int),
-        forecast=rng.integers(-3000, 3000, size=(2 * FRAMES, K, T, 2)).astype(np.int16),
-        forecast_log_weight=log_weight.astype(np.float32),
-        invalid=np.zeros((FRAMES, 3), dtype=int),
-        dropped=np.zeros(FRAMES, dtype=int),
-        seconds=np.zeros(FRAMES),
-    )
+        alive = tuple(range(H if t < 6 else 2))
+        car, other = (20.0 + 0.8 * t, 10.0), (40.0, 5.0 + 0.5 * t)
+        keeps = at(14 if t < 4 else 10, (car[0] + 0.1, 10.0), hypotheses=alive[1:])
+        tracks.append([at(10 if t < 4 else 12, car), keeps, at(11, other, hypotheses=alive)])
+        logs = np.log(rng.dirichlet(np.ones(K), 2)) if t else [[0.0, -np.inf, -np.inf, -np.inf]] * 2
+        said = zip((car, other), rng.uniform(-30, 30, (2, K, T, 2)), logs, strict=True)
+        objects.append([at(0, xy, forecast=path, log_weight=log) for xy, path, log in said])
+        weight.append(np.where(np.arange(H) < len(alive), -0.5 * np.arange(H), -np.inf))
+    return scoring_scenes.make_rollout(tracks, objects, weight, "one", K, T, H)
 
 
 @pytest.fixture(scope="module")
-def run(small_card: Card) -> Replay:
-    return replay(make_scene(), make_rollout(), small_card, "mtp")
+def run() -> Replay:
+    return replay(make_scene(), make_rollout(), CARD, "mtp")
 
 
 def save(path: Path, *runs: Replay, **options: Any) -> Path:
@@ -101,7 +79,7 @@ def top(run: Replay, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Rows
 def test_what_is_recorded_is_what_was_said(run: Replay, top: dict[str, Rows], tmp_path: Path) -> None:
     assert_recorded(top, run.scene, run.rollout, range(TOP_HYPOTHESES), TOP_SAMPLES)
     assert top["world/hyp/03/box"][7]["centers"] == []  # a hypothesis that has ended leaves nothing behind
-    assert len(top["world/forecast"][0]["strips"]) == 1 + TOP_SAMPLES  # the first object has one sample
+    assert len(top["world/forecast"][0]["strips"]) == 2  # one sample of each object
     for t in range(FRAMES):
         np.testing.assert_allclose(boxes(top["world/ego"], t)[0, :4], run.scene.ego[t], rtol=1e-6)
     everything = read(save(tmp_path / "all.rrd", run, level="all"))
@@ -153,12 +131,12 @@ def test_the_switch_is_an_event_a_mark_a_lane_and_a_count(run: Replay, top: dict
         assert [top[f"metrics/{name}"][t]["scalars"][0] for t in range(FRAMES)] == series.tolist()
 
 
-def test_false_detections_have_another_colour(small_card: Card, tmp_path: Path) -> None:
+def test_false_detections_have_another_colour(tmp_path: Path) -> None:
     scene = make_scene()
     box = scene.detections.box.copy()
     box[4] += [30, 0, 0, 0, 0, 0, 0]
     scene = changed(scene, detections=changed(scene.detections, box=box))
-    rows = read(save(tmp_path / "a.rrd", replay(scene, make_rollout(), small_card)))["world/det"]
+    rows = read(save(tmp_path / "a.rrd", replay(scene, make_rollout(), CARD)))["world/det"]
     right, wrong = (int(packed(color)[0]) for color in (DETECTION, FALSE))
     assert rows[1]["colors"] == [right, wrong, right]
 
@@ -198,17 +176,14 @@ def test_runs_of_different_scenes_share_no_recording(run: Replay, tmp_path: Path
     assert not list(tmp_path.iterdir())
 
 
-def test_two_recordings_of_a_run_are_equal(run: Replay, small_card: Card, tmp_path: Path) -> None:
+def test_two_recordings_of_a_run_are_equal(run: Replay, tmp_path: Path) -> None:
     moved = changed(run.rollout, track_box=run.rollout.track_box + np.float32(0.01))
-    again = replay(make_scene(), make_rollout(), small_card, "mtp")
-    for number, each in enumerate((run, again, changed(run, said=answers(moved, run.card)))):
-        save(tmp_path / f"{number}.rrd", each, at=run.incident("ids-0"))
-    command = [viewer_program(), "rrd", "compare", "--unordered", str(tmp_path / "0.rrd")]
-    same, other = (
-        subprocess.run([*command, str(tmp_path / f"{n}.rrd")], capture_output=True, check=False) for n in (1, 2)
-    )
-    assert same.returncode == 0, same.stderr
-    assert other.returncode != 0
+    again = replay(make_scene(), make_rollout(), CARD, "mtp")
+    first = save(tmp_path / "first.rrd", run, at=run.incident("ids-0"))
+    for other, equal in ((again, True), (changed(run, said=answers(moved, run.card)), False)):
+        second = save(tmp_path / "second.rrd", other, at=run.incident("ids-0"))
+        command = [viewer_program(), "rrd", "compare", "--unordered", str(first), str(second)]
+        assert (subprocess.run(command, capture_output=True, check=False).returncode == 0) == equal
 
 
 def test_an_event_is_ringed_while_its_mark_is_there(run: Replay, tmp_path: Path) -> None:
@@ -218,12 +193,12 @@ def test_an_event_is_ringed_while_its_mark_is_there(run: Replay, tmp_path: Path)
     np.testing.assert_allclose(ring.mean(axis=0)[:2], run.incident("ids-0").position[:2], atol=0.1)
 
 
-def test_a_run_that_says_nothing(small_card: Card, tmp_path: Path) -> None:
+def test_a_run_that_says_nothing(tmp_path: Path) -> None:
     silent = changed(
         scoring_scenes.make_rollout([[]] * FRAMES, name="one", hypotheses=H),
         hypothesis_log_weight=np.full((FRAMES, H), -np.inf),
     )
-    entities = read(save(tmp_path / "a.rrd", replay(make_scene(), silent, small_card), level="all"))
+    entities = read(save(tmp_path / "a.rrd", replay(make_scene(), silent, CARD), level="all"))
     assert "world/gt" in entities
     assert not any("hyp" in path for path in entities)
 

@@ -61,8 +61,8 @@ def open_viewer(otherwise: str = OTHERWISE) -> str:
     """
     require_display(otherwise)
     port = free_port()
-    _start(port, ["--expect-data-soon", "--hide-welcome-screen"], apart=True)
-    return _address(port)
+    start_viewer(port, ["--expect-data-soon", "--hide-welcome-screen"], apart=True)
+    return address_of(port)
 
 
 def serve_recording(replays: Sequence[Replay], level: str, at: Incident | None, ready: Callable[[str], object]) -> None:
@@ -73,9 +73,9 @@ def serve_recording(replays: Sequence[Replay], level: str, at: Incident | None, 
     contents = contents_of(replays, level, at)
     port, page = free_port(), free_port()
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a server that is ended does not leave one behind
-    server = _start(port, ["--serve-web", "--web-viewer-port", str(page)], apart=False)
+    server = start_viewer(port, ["--serve-web", "--web-viewer-port", str(page)])
     try:
-        _send(contents, _address(port))
+        _send(contents, address_of(port))
         ready(f"http://{LOCAL}:{page}/?url=rerun%2Bhttp://{LOCAL}:{port}/proxy")
         server.wait()
     except KeyboardInterrupt:
@@ -92,7 +92,7 @@ def free_port() -> int:
         return int(free.getsockname()[1])
 
 
-def _start(port: int, options: Sequence[str], apart: bool) -> subprocess.Popen[bytes]:
+def start_viewer(port: int, options: Sequence[str], apart: bool = False) -> subprocess.Popen[bytes]:
     """A viewer that listens; ``apart``: it stays when this process ends. Raises MtpBenchError where none starts."""
     quiet = subprocess.DEVNULL
     command = [viewer_program(), "--bind", LOCAL, "--port", str(port), *options]
@@ -127,7 +127,8 @@ def _keep_trying(action: Callable[[], object]) -> bool:
     return False
 
 
-def _address(port: int) -> str:
+def address_of(port: int) -> str:
+    """Where a viewer at this port of this machine listens."""
     return f"rerun+http://{LOCAL}:{port}/proxy"
 
 
