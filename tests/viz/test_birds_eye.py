@@ -23,11 +23,12 @@ from mtp_bench import load_card, load_submission
 from mtp_bench.env import MTPEnv
 from mtp_bench.types import Lane, Scene
 from mtp_bench.viz import palette
-from mtp_bench.viz.drawing.birds_eye import SIZE, draw_frame, picture
+from mtp_bench.viz.drawing.birds_eye import SIZE, draw_frame
 from mtp_bench.viz.drawing.camera import LARGEST, camera
 from mtp_bench.viz.drawing.canvas import Canvas, Viewport
 from mtp_bench.viz.drawing.labels import label, scale_bar, sign
 from mtp_bench.viz.drawing.panel import fitting, legend
+from mtp_bench.viz.drawing.video import pictures
 from mtp_bench.viz.frame_view import EVENT_SECONDS, replay_view
 from mtp_bench.viz.replay import Replay, replay
 from tests.support import small_scenes
@@ -74,6 +75,10 @@ def scene_with(*parts: str, frames: int = 6, complete: bool = False) -> Replay:
     return replay(scene, make_rollout(tracks, said, weight, hypotheses=2), CARD, "mtp")
 
 
+def picture(run: Replay, t: int, size: tuple[int, int] = SIZE) -> Picture:
+    return next(pictures(run, [t], size=size))
+
+
 def amount(image: Picture, color: palette.Color) -> int:
     """Pixels of nearly this colour in the map, beside the panel and above the scale bar."""
     part = image[: SIZE[1] - 60, : round(0.76 * SIZE[0])].astype(int)
@@ -111,12 +116,12 @@ def test_an_untracked_true_box_differs_by_more_than_colour() -> None:
 
 def test_the_legend_names_only_what_this_kind_of_picture_can_show() -> None:
     whole = [
-        "true box", "true box, missed", "detection", "detection of nothing", "track, where it was", "track of nothing",
-        "other hypotheses", "forecast", "forecast of nothing", "event", "ego",
+        "true box", "true box, untracked", "detection", "false positive", "track, where it was", "false track",
+        "other hypotheses", "forecast", "false forecast", "event", "ego",
     ]  # fmt: skip
     view = replay_view(scene_with(complete=True), 3)
     assert [text for _, text in legend(view)] == whole
-    assert [text for _, text in legend(replay_view(scene_with(), 3))] == [t for t in whole if "nothing" not in t]
+    assert [text for _, text in legend(replay_view(scene_with(), 3))] == [t for t in whole if "false" not in t]
     hidden = replace(view, truth_box=None, judged=None)
     assert [text for _, text in legend(hidden)] == [
         "detection", "track, where it was", "other hypotheses", "forecast", "ego",

@@ -125,13 +125,13 @@ def test_the_switch_is_an_event_a_mark_a_lane_and_a_count(run: Replay, top: dict
     assert not any("ids-0: 10 → 12" in marks.get(t, []) for t in range(4))
     lane = {t: row["state"] for t, row in top["identity/gt_007"].items() if t >= 0}
     assert lane == {0: ["track 10"], 4: ["track 12"]}
-    assert top["identity/gt_005"][0]["state"] == ["missed"]
+    assert top["identity/gt_005"][0]["state"] == ["untracked"]
     assert [top["metrics/IDS"][t]["scalars"][0] for t in range(FRAMES)] == [0, 0, 0, 0, 1, 1, 1, 1]
     for name, series in run.counts.items():
         assert [top[f"metrics/{name}"][t]["scalars"][0] for t in range(FRAMES)] == series.tolist()
 
 
-def test_false_detections_have_another_colour(tmp_path: Path) -> None:
+def test_false_positives_have_another_colour(tmp_path: Path) -> None:
     scene = make_scene()
     box = scene.detections.box.copy()
     box[4] += [30, 0, 0, 0, 0, 0, 0]

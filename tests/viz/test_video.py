@@ -16,7 +16,7 @@ from PIL import Image
 
 from mtp_bench.running.opened import open_run
 from mtp_bench.viz import palette
-from mtp_bench.viz.drawing.birds_eye import SIZE, picture
+from mtp_bench.viz.drawing.birds_eye import SIZE
 from mtp_bench.viz.drawing.video import AROUND, frames_around, pictures, write_video
 from mtp_bench.viz.replay import Replay, replay
 from tests.support.command_line import CommandLine
@@ -72,7 +72,7 @@ def test_a_video_holds_every_frame_of_the_first_scene(
     assert printed == f"{path}: scene 0001, frames 0 to 8, 10 per second\n"
     shown, rate = frames_of(path)
     assert (len(shown), rate) == (9, 10.0)
-    expected = picture(drawn("0001"), 4)
+    expected = next(pictures(drawn("0001"), [4]))
     assert shown[4].shape == (SIZE[1], SIZE[0], 3) == expected.shape
     assert np.abs(shown[4].astype(int) - expected).mean() < 4
     assert [path.name for path in tmp_path.iterdir()] == [f"a{suffix}"]

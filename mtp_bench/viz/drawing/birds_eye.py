@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from PIL import ImageDraw
 
 from ...types import Bools, Lane
-from ..frame_view import EGO_SIZE, FrameView, Said, ego_boxes, event_text, replay_view
+from ..frame_view import EGO_SIZE, FrameView, Said, ego_boxes, event_text
 from ..palette import EGO, FALSE, FORECAST, TRACK
-from ..replay import Replay
-from .camera import Camera, camera
+from .camera import Camera
 from .canvas import Canvas
 from .labels import label, scale_bar, sign
 from .marks import DETECTED, FALSE_DETECTION, FALSE_TRACK, OTHER, TRACK_BOX, TRACKED, UNTRACKED, VEHICLE
@@ -24,11 +23,6 @@ SAMPLES = 5  # of each forecast, the heaviest
 PANEL, PANEL_LEAST = 0.24, 200  # share of the width, pixels
 LEAST = (600, 400)  # pixels; a smaller picture has no panel
 ROAD, CENTER_LINE, BORDER = (240, 240, 240), (205, 205, 205), (150, 150, 150)
-
-
-def picture(replay: Replay, t: int, size: tuple[int, int] = SIZE) -> NDArray[np.uint8]:
-    """Frame ``t`` of a scored run as a picture [height, width, 3]; ``size`` is width, height in pixels."""
-    return draw_frame(replay_view(replay, t), camera(replay.scene, replay.card), size)
 
 
 def draw_frame(view: FrameView, seen_by: Camera, size: tuple[int, int] = SIZE) -> NDArray[np.uint8]:

@@ -20,23 +20,20 @@ class Camera:
     """A view from above that goes along with the ego, or stays; it never turns."""
 
     follows: bool  # the ego
-    x: float  # m, centre: ahead of the ego, or in the world
-    y: float  # m
-    wide: float  # m
-    high: float  # m
+    view: Viewport  # its x: metres ahead of the ego, where it follows
 
     def at(self, ego: Floats) -> Viewport:
         """What is shown where the ego's pose is ``ego`` [4]."""
         if not self.follows:
-            return Viewport(self.x, self.y, self.wide, self.high)
+            return self.view
         x, y, yaw = float(ego[0]), float(ego[1]), float(ego[3])
-        return Viewport(x + self.x * np.cos(yaw), y + self.x * np.sin(yaw), self.wide, self.high)
+        return replace(self.view, x=x + self.view.x * np.cos(yaw), y=y + self.view.x * np.sin(yaw))
 
     def with_place(self, x: float, y: float, ego: Floats) -> Camera:
         """The camera, farther away if that is needed to see the place (x, y) where the ego's pose is ``ego`` [4]."""
         now = self.at(ego)
         wide, high = 2 * (abs(x - now.x) + BESIDE), 2 * (abs(y - now.y) + BESIDE)
-        return replace(self, wide=max(self.wide, wide), high=max(self.high, high))
+        return replace(self, view=replace(self.view, wide=max(now.wide, wide), high=max(now.high, high)))
 
 
 def camera(scene: Scene, card: Card) -> Camera:
@@ -46,7 +43,7 @@ def camera(scene: Scene, card: Card) -> Camera:
     if not card.has_ego:
         return _fixed(xy if len(xy) else scene.ego[:, :2])
     if len(xy) == 0:
-        return Camera(True, 0.0, 0.0, 2 * SMALLEST, 2 * SMALLEST)
+        return Camera(True, Viewport(0.0, 0.0, 2 * SMALLEST, 2 * SMALLEST))
     return _following(xy, scene.ego[seen.frame_of_rows])
 
 
@@ -61,10 +58,10 @@ def _following(xy: Floats, pose: Floats) -> Camera:
     # where the detections reach too far for one picture, what is near the ego is what matters
     center = (front + rear) / 2 if half <= LARGEST else np.clip((front + rear) / 2, -LARGEST / 2, LARGEST / 2)
     half = min(half, LARGEST)
-    return Camera(True, float(center), 0.0, 2 * half, 2 * half)
+    return Camera(True, Viewport(float(center), 0.0, 2 * half, 2 * half))
 
 
 def _fixed(xy: Floats) -> Camera:
     low, high = np.quantile(xy, 0.01, axis=0) - MARGIN, np.quantile(xy, 0.99, axis=0) + MARGIN
     (x, y), (wide, tall) = (low + high) / 2, np.maximum(high - low, 2 * MARGIN)
-    return Camera(False, float(x), float(y), float(wide), float(tall))
+    return Camera(False, Viewport(float(x), float(y), float(wide), float(tall)))

@@ -92,7 +92,7 @@ def _heading(view: FrameView) -> Iterator[Text]:
         yield f"best of {view.said.hypotheses} hypotheses ({100 * view.said.weight:.0f} %)", MIDDLE, BLACK
     if view.judged is not None:
         tracked, untracked, false = view.judged.counts
-        text = f"tracked {tracked}, missed {untracked}"
+        text = f"tracked {tracked}, untracked {untracked}"
         yield text + (f", false {false}" if view.scene.truth_complete else ""), MIDDLE, BLACK
 
 
@@ -111,17 +111,17 @@ def legend(view: FrameView) -> Iterator[tuple[Mark, str]]:
     if view.truth_box is not None:
         yield _box(TRACKED), "true box"
         if judged:
-            yield _box(UNTRACKED), "true box, missed"
+            yield _box(UNTRACKED), "true box, untracked"
     yield _box(DETECTED), "detection"
     if complete:
-        yield _box(FALSE_DETECTION), "detection of nothing"
+        yield _box(FALSE_DETECTION), "false positive"
     yield _track(TRACK_BOX, TRACK), "track, where it was"
     if complete:
-        yield _track(FALSE_TRACK, FALSE), "track of nothing"
+        yield _track(FALSE_TRACK, FALSE), "false track"
     yield _box(OTHER), "other hypotheses"
     yield _forecast(FORECAST), "forecast"
     if complete:
-        yield _forecast(FALSE), "forecast of nothing"
+        yield _forecast(FALSE), "false forecast"
     if judged:
         yield lambda canvas, y: canvas.ring(np.array([26.0, y]), 7.5), "event"
     if view.ego is not None:

@@ -45,8 +45,13 @@ def frames_around(replay: Replay, event: str | None) -> range:
     return range(int(near[0]), int(near[-1]) + 1)
 
 
-def pictures(replay: Replay, frames: range, event: str | None = None, size: tuple[int, int] = SIZE) -> Iterator[Frame]:
-    """Bird's-eye pictures of these frames, all with the same view; ``event`` is marked whatever its kind."""
+def pictures(
+    replay: Replay, frames: Iterable[int], event: str | None = None, size: tuple[int, int] = SIZE
+) -> Iterator[Frame]:
+    """Bird's-eye pictures of these frames, all with the same view; ``event`` is marked whatever its kind.
+
+    ``size`` is width, height in pixels.
+    """
     seen_by, at = camera(replay.scene, replay.card), None if event is None else replay.incident(event)
     if at is not None:
         seen_by = seen_by.with_place(*at.position[:2], replay.scene.ego[at.frame])

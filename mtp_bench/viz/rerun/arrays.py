@@ -137,13 +137,6 @@ def map_lines(scene: Scene, border: bool) -> list[NDArray[np.float32]]:
     return [_single(np.column_stack([line, np.full(len(line), ground)])) for line in lines]
 
 
-def quaternions(yaw: Floats) -> NDArray[np.float32]:
-    """Rotations [R, 4] x y z w about z by ``yaw`` [R]."""
-    half = np.asarray(yaw, dtype=np.float64) / 2
-    zero = np.zeros(len(half))
-    return _single(np.column_stack([zero, zero, np.sin(half), np.cos(half)]))
-
-
 def _single(values: Floats) -> NDArray[np.float32]:
     return np.ascontiguousarray(values, dtype=np.float32)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ...cards import Card
 from ...types import Bools, Ints, Scene
@@ -36,7 +37,7 @@ class Log:
         columns = rr.Boxes3D.columns(
             centers=boxes.box[:, :3],
             half_sizes=boxes.box[:, 4:7] / 2,
-            quaternions=arrays.quaternions(boxes.box[:, 3]),
+            quaternions=Rotation.from_euler("z", boxes.box[:, 3:4]).as_quat(),
             colors=packed(boxes.color),
             labels=boxes.label or None,
         )

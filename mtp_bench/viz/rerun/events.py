@@ -113,4 +113,4 @@ def _log_lane(log: Log, scene: Scene, lane: Lane) -> None:
 def _state(track: int | None) -> str:
     if track is None:
         return ""
-    return "missed" if track < 0 else f"track {track}"
+    return "untracked" if track < 0 else f"track {track}"

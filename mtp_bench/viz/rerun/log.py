@@ -24,7 +24,7 @@ APPLICATION = "mtp_bench"
 ABOUT = """# {scene}
 {agents}
 
-Green: truth, and where it goes. Yellow: detections; red where they are of nothing. White: the sensor platform.
+Green: truth, and where it goes. Yellow: detections; false positives red. White: the sensor platform.
 Tracks have the colour of their id; trails follow a hypothesis along its lineage, forecasts belong to objects and are
 the same for all hypotheses. Metres, in the frame of reference of the scene.
 """
