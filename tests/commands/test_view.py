@@ -11,6 +11,10 @@ from pathlib import Path
 
 import pytest
 
+from mtp_bench.cards import load_card
+from mtp_bench.running.options import RunOptions
+from mtp_bench.running.rollout_files import load_run, save_run
+from mtp_bench.running.stored import run_and_store
 from mtp_bench.viz.rerun.sdk import ViewerClient
 from tests.support.command_line import CommandLine, plain_environment, write_submission
 from tests.support.headless_viewer import require_driver, windows_without_a_screen
@@ -20,9 +24,6 @@ from tests.support.recordings import read
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> Path:
     """A stored run of the small card."""
-    from mtp_bench.running.options import RunOptions
-    from mtp_bench.running.stored import run_and_store
-
     folder = tmp_path_factory.mktemp("stored")
     agent = write_submission(folder / "echo")
     run_and_store(str(agent), card, folder / "run", RunOptions(kitti))
@@ -38,21 +39,13 @@ def test_a_recording_is_written(cli: CommandLine, folder: Path, options: list[st
     file = tmp_path / "a.rrd"
     out = cli.ok("view", folder, *options, "--save", file)
     assert "scene 0001; open it with `rerun" in " ".join(out.split())
-    entities = read(file)
-    assert {"world/gt", "world/det", "world/forecast", "world/hyp/00/box"} <= set(entities)
+    assert {"world/gt", "world/det", "world/forecast", "world/hyp/00/box"} <= set(read(file))
     assert [path.name for path in tmp_path.iterdir()] == ["a.rrd"]  # nothing half written beside it
-
-
-def test_level_and_scene(cli: CommandLine, folder: Path, options: list[str], tmp_path: Path) -> None:
-    file = tmp_path / "a.rrd"
-    out = cli.ok("view", folder, *options, "--scene", "0008", "--level", "off", "--save", file)
-    assert "scene 0008" in out
-    assert not any("hyp" in path for path in read(file))
-
-
-def test_several_runs_lie_side_by_side(cli: CommandLine, folder: Path, options: list[str], tmp_path: Path) -> None:
-    cli.ok("view", folder, folder, *options, "--save", tmp_path / "a.rrd")
-    assert {"agents/echo/world/hyp/00/box", "agents/echo-2/world/hyp/00/box"} <= set(read(tmp_path / "a.rrd"))
+    out = cli.ok("view", folder, folder, *options, "--scene", "0006", "--level", "tracks", "--save", file)
+    assert "scene 0006" in out
+    entities = set(read(file))
+    assert {"agents/echo/world/hyp/00/box", "agents/echo-2/world/hyp/00/box"} <= entities
+    assert not any("forecast" in path for path in entities)
 
 
 @pytest.mark.parametrize(
@@ -66,14 +59,9 @@ def test_several_runs_lie_side_by_side(cli: CommandLine, folder: Path, options: 
     ids=["scene", "event", "folder of the file", "display"],
 )
 def test_one_sentence_says_what_is_wrong(
-    arguments: list[str],
-    text: str,
-    cli: CommandLine,
-    folder: Path,
-    options: list[str],
-    tmp_path: Path,
+    arguments: list[str], text: str, cli: CommandLine, folder: Path, options: list[str], tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-) -> None:
+) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
@@ -94,9 +82,6 @@ def test_wrong_usage(arguments: list[str], cli: CommandLine, folder: Path, optio
 def test_runs_of_other_cards_share_no_picture(
     cli: CommandLine, folder: Path, options: list[str], kitti: str, tmp_path: Path
 ) -> None:
-    from mtp_bench.cards import load_card
-    from mtp_bench.running.rollout_files import load_run, save_run
-
     run = load_run(folder)
     info = run.info.model_copy(update={"card_digest": "0" * 16})
     save_run(tmp_path / "other", info, run.rollouts)

@@ -16,10 +16,10 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from mtp_bench.viz.drawing.palette import Color
+from mtp_bench.viz.palette import Color
 from mtp_bench.viz.rerun import viewer as rerun_viewer
 from mtp_bench.viz.rerun.sdk import ViewerClient
-from mtp_bench.viz.rerun.viewer import free_port, viewer_program
+from mtp_bench.viz.rerun.viewer import address_of, free_port, start_viewer
 
 T = TypeVar("T")
 
@@ -36,18 +36,15 @@ def require_driver() -> None:
 
 
 @contextmanager
-def headless_viewer(size: str = "1600x900") -> Iterator[ViewerClient]:
+def headless_viewer() -> Iterator[ViewerClient]:
     """A viewer of its own, that listens on this machine only."""
     port = free_port()
-    command = [viewer_program(), "--headless", "--bind", "127.0.0.1", "--port", str(port)]
-    command += ["--window-size", size, "--hide-welcome-screen", "--threads", "2"]
-    quiet = subprocess.DEVNULL
-    with subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet) as viewer:
-        try:
-            client = until(lambda: _connected(viewer, f"rerun+http://127.0.0.1:{port}/proxy"))
-            yield client
-        finally:
-            viewer.terminate()
+    viewer = start_viewer(port, ["--headless", "--window-size", "1600x900", "--hide-welcome-screen", "--threads", "2"])
+    try:
+        yield until(lambda: ViewerClient.connect(address_of(port)))
+    finally:
+        viewer.terminate()
+        viewer.wait()
 
 
 @contextmanager
@@ -63,18 +60,11 @@ def windows_without_a_screen(patch: pytest.MonkeyPatch) -> Iterator[str]:
     patch.setattr(rerun_viewer, "free_port", lambda: port)
     patch.setattr(subprocess, "Popen", start)
     try:
-        yield f"rerun+http://127.0.0.1:{port}/proxy"
+        yield address_of(port)
     finally:
         for viewer in started:
             viewer.terminate()
             viewer.wait()
-
-
-def _connected(viewer: subprocess.Popen[bytes], url: str) -> ViewerClient:
-    assert viewer.poll() is None, f"the viewer ended with status {viewer.returncode}"
-    client = ViewerClient.connect(url)
-    client.get_state()
-    return client
 
 
 def open_at(viewer: ViewerClient, recording: Path, frame: int) -> None:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from mtp_bench.types import Rollout, Scene
+from mtp_bench.viz.rerun.colors import packed, track_colors
 
 Rows = dict[int, dict[str, Any]]
 
@@ -36,3 +40,31 @@ def boxes(rows: Rows, frame: int) -> NDArray[np.float64]:
     turn = np.array(row["quaternions"])
     yaw = 2 * np.arctan2(turn[:, 2], turn[:, 3])
     return np.column_stack([row["centers"], yaw, 2 * np.array(row["half_sizes"])])
+
+
+def assert_recorded(
+    found: dict[str, Rows], scene: Scene, rollout: Rollout, hypotheses: Iterable[int], samples: int
+) -> None:
+    """Truth, detections, these hypotheses and the heaviest ``samples`` of each forecast are what was said."""
+    center = rollout.object_box[:, None, None, :2].astype(np.float64)
+    future = (center + rollout.forecast / 100.0).astype(np.float32)
+    weight = rollout.forecast_log_weight
+    heaviest = np.argsort(np.argsort(-weight, axis=1, kind="stable"), axis=1, kind="stable") < samples
+    for t in range(rollout.frames):
+        for path, table in (("world/gt", scene.truth), ("world/det", scene.detections)):
+            expected = table.box[table.rows(t)].astype(np.float32)
+            np.testing.assert_allclose(boxes(found[path], t), expected, rtol=1e-6, atol=1e-5, err_msg=f"{path} {t}")
+        assert (found["world/gt"][t].get("labels") or []) == [
+            str(g) for g in scene.truth.object_id[scene.truth.rows(t)]
+        ]
+        rows = rollout.tracks.rows(t)
+        for h in hypotheses:
+            mine, logged = rollout.member[rows, h], found[f"world/hyp/{h:02d}/box"]
+            np.testing.assert_allclose(boxes(logged, t), rollout.track_box[rows][mine], rtol=1e-6, atol=1e-5)
+            assert [int(label) for label in logged[t]["labels"]] == rollout.track_id[rows][mine].tolist()
+            assert logged[t]["colors"] == packed(track_colors(rollout.track_id[rows][mine])).tolist()
+        objects = rollout.objects.rows(t)
+        stated = np.isfinite(weight[objects]) & heaviest[objects]
+        strips = np.asarray(found["world/forecast"][t]["strips"], dtype=np.float32).reshape(-1, future.shape[2] + 1, 3)
+        np.testing.assert_array_equal(strips[:, 1:, :2], future[objects][stated])
+        np.testing.assert_array_equal(strips[:, 0], np.float32(rollout.object_box[objects, :3])[np.nonzero(stated)[0]])

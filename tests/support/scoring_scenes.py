@@ -84,6 +84,13 @@ def make_scene(frames: Sequence[Sequence[Thing]], name: str = "s", truth_complet
     )
 
 
+def with_detections(scene: Scene, frames: Sequence[Sequence[Thing]]) -> Scene:
+    """The scene with these things as detections."""
+    seen = make_scene(frames).truth
+    score = np.ones(len(seen.box))
+    return replace(scene, detections=Detections(seen.start, seen.box, seen.velocity, seen.class_id, score))
+
+
 def make_rollout(
     tracks: Sequence[Sequence[Thing]],
     objects: Sequence[Sequence[Thing]] = (),

@@ -12,82 +12,61 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench import MtpBenchError, load_card, load_submission
-from mtp_bench.cards import Card
+from mtp_bench import MtpBenchError, load_submission
 from mtp_bench.env import MTPEnv
 from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.types import Rollout
-from mtp_bench.viz.drawing.palette import FALSE
+from mtp_bench.viz.answers import answers
+from mtp_bench.viz.palette import FALSE
 from mtp_bench.viz.replay import Replay, replay
-from mtp_bench.viz.rerun.arrays import TOP_HYPOTHESES, TOP_SAMPLES, earlier_rows, true_futures
+from mtp_bench.viz.rerun.arrays import TOP_HYPOTHESES, TOP_SAMPLES, true_futures
 from mtp_bench.viz.rerun.colors import DETECTION, TRACKS, packed, track_colors
-from mtp_bench.viz.rerun.event_rows import lanes
-from tests.support.recordings import Rows, boxes, read
+from mtp_bench.viz.rerun.lanes import lanes
+from mtp_bench.viz.rerun.log import save_recording
+from mtp_bench.viz.rerun.sdk import rr
+from mtp_bench.viz.rerun.viewer import viewer_program
+from tests.support import scoring_scenes
+from tests.support.recordings import Rows, assert_recorded, boxes, read
+from tests.support.scoring_scenes import at, make_card
 from tests.support.small_scenes import make_scene
 
+CARD = make_card()
 FRAMES, H, K, T = 8, 6, 4, 3
 
 
 @pytest.fixture(scope="module", autouse=True)
 def strict() -> Iterator[None]:
     """A wrong shape is an error, not a warning."""
-    from mtp_bench.viz.rerun.sdk import rr
-
     rr.set_strict_mode(True)
     yield
     rr.set_strict_mode(False)
 
 
-@pytest.fixture(scope="module")
-def small_card(card: str) -> Card:
-    return load_card(card)
-
-
-def make_rollout(hypotheses: int = H) -> Rollout:
+def make_rollout() -> Rollout:
     """Two tracks per frame, on the two cars; hypothesis 0 changes the id on car 7 at frame 4 (10 to 12).
 
     The other hypotheses keep it: a leaf of its own (id 10, 0.1 m to the right). From frame 6 on there are only two.
     """
-    truth = make_scene().truth
     rng = np.random.default_rng(0)
-    box, ids, member = [], [], []
+    tracks, objects, weight = [], [], []
     for t in range(FRAMES):
-        first, second = truth.box[truth.rows(t)][:2]
-        box += [first, first + np.eye(7)[0] / 10, second]
-        ids += [10 if t < 4 else 12, 10 if t >= 4 else 14, 11]
-        member += [[h == 0 for h in range(hypotheses)], [h > 0 for h in range(hypotheses)], [True] * hypotheses]
-    alive = np.ones((FRAMES, hypotheses), dtype=bool)
-    alive[6:, 2:] = False
-    weight = np.where(alive, -0.5 * np.arange(hypotheses), -np.inf)
-    log_weight = np.log(rng.dirichlet(np.ones(K), size=2 * FRAMES))
-    log_weight[0, 1:] = -np.inf  # one sample only
-    return Rollout(
-        scene="one",
-        track_start=3 * np.arange(FRAMES + 1),
-        track_id=np.array(ids),
-        track_box=np.array(box, dtype=np.float32),
-        track_class=np.zeros(3 * FRAMES, dtype=int),
-        member=np.array(member) & np.repeat(alive, 3, axis=0),
-        hypothesis_log_weight=(weight - np.logaddexp.reduce(weight, axis=1, keepdims=True)).astype(np.float32),
-        object_start=2 * np.arange(FRAMES + 1),
-        object_box=np.array(box, dtype=np.float32).reshape(FRAMES, 3, 7)[:, [0, 2]].reshape(-1, 7),
-        object_class=np.zeros(2 * FRAMES, dtype=int),
-        forecast=rng.integers(-3000, 3000, size=(2 * FRAMES, K, T, 2)).astype(np.int16),
-        forecast_log_weight=log_weight.astype(np.float32),
-        invalid=np.zeros((FRAMES, 3), dtype=int),
-        dropped=np.zeros(FRAMES, dtype=int),
-        seconds=np.zeros(FRAMES),
-    )
+        alive = tuple(range(H if t < 6 else 2))
+        car, other = (20.0 + 0.8 * t, 10.0), (40.0, 5.0 + 0.5 * t)
+        keeps = at(14 if t < 4 else 10, (car[0] + 0.1, 10.0), hypotheses=alive[1:])
+        tracks.append([at(10 if t < 4 else 12, car), keeps, at(11, other, hypotheses=alive)])
+        logs = np.log(rng.dirichlet(np.ones(K), 2)) if t else [[0.0, -np.inf, -np.inf, -np.inf]] * 2
+        said = zip((car, other), rng.uniform(-30, 30, (2, K, T, 2)), logs, strict=True)
+        objects.append([at(0, xy, forecast=path, log_weight=log) for xy, path, log in said])
+        weight.append(np.where(np.arange(H) < len(alive), -0.5 * np.arange(H), -np.inf))
+    return scoring_scenes.make_rollout(tracks, objects, weight, "one", K, T, H)
 
 
 @pytest.fixture(scope="module")
-def run(small_card: Card) -> Replay:
-    return replay(make_scene(), make_rollout(), small_card, "mtp")
+def run() -> Replay:
+    return replay(make_scene(), make_rollout(), CARD, "mtp")
 
 
 def save(path: Path, *runs: Replay, **options: Any) -> Path:
-    from mtp_bench.viz.rerun.log import save_recording
-
     save_recording(path, runs, **options)
     return path
 
@@ -97,49 +76,15 @@ def top(run: Replay, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Rows
     return read(save(tmp_path_factory.mktemp("top") / "top.rrd", run))
 
 
-def test_the_boxes_of_truth_detections_and_ego_are_those_of_the_scene(run: Replay, top: dict[str, Rows]) -> None:
-    scene = run.scene
-    for t in range(FRAMES):
-        for path, table in (("world/gt", scene.truth), ("world/det", scene.detections)):
-            expected = table.box[table.rows(t)].astype(np.float32)
-            np.testing.assert_allclose(boxes(top[path], t), expected, rtol=1e-6, err_msg=f"{path} {t}")
-            np.testing.assert_array_equal(np.float32(top[path][t]["centers"]), expected[:, :3])
-        assert top["world/gt"][t]["labels"] == ["7", "3", "5"]
-        np.testing.assert_allclose(boxes(top["world/ego"], t)[0, :4], scene.ego[t], rtol=1e-6)
-
-
-def test_the_tracks_of_every_hypothesis_are_those_of_the_rollout(run: Replay, top: dict[str, Rows]) -> None:
-    rollout = run.rollout
-    for h in range(TOP_HYPOTHESES):
-        rows = top[f"world/hyp/{h:02d}/box"]
-        for t in range(FRAMES):
-            mine = np.arange(3 * t, 3 * t + 3)[rollout.member[3 * t : 3 * t + 3, h]]
-            np.testing.assert_array_equal(np.float32(rows[t]["centers"]).reshape(-1, 3), rollout.track_box[mine, :3])
-            np.testing.assert_allclose(boxes(rows, t), rollout.track_box[mine], rtol=1e-6)
-            assert [int(label) for label in rows[t]["labels"]] == rollout.track_id[mine].tolist()
-            assert rows[t]["colors"] == packed(track_colors(rollout.track_id[mine])).tolist()
+def test_what_is_recorded_is_what_was_said(run: Replay, top: dict[str, Rows], tmp_path: Path) -> None:
+    assert_recorded(top, run.scene, run.rollout, range(TOP_HYPOTHESES), TOP_SAMPLES)
     assert top["world/hyp/03/box"][7]["centers"] == []  # a hypothesis that has ended leaves nothing behind
-
-
-def test_the_heaviest_samples_are_the_forecast(run: Replay, top: dict[str, Rows]) -> None:
-    rollout = run.rollout
+    assert len(top["world/forecast"][0]["strips"]) == 2  # one sample of each object
     for t in range(FRAMES):
-        expected = []
-        for row in range(2 * t, 2 * t + 2):
-            stated = np.flatnonzero(np.isfinite(rollout.forecast_log_weight[row]))
-            heaviest = stated[np.argsort(-rollout.forecast_log_weight[row, stated], kind="stable")][:TOP_SAMPLES]
-            center = rollout.object_box[row, :3].astype(np.float64)
-            for k in sorted(heaviest):
-                future = center + np.pad(rollout.forecast[row, k] / 100.0, ((0, 0), (0, 1)))
-                expected.append(np.vstack([center, future]).astype(np.float32))
-        np.testing.assert_array_equal(np.float32(top["world/forecast"][t]["strips"]), np.array(expected))
-    assert len(top["world/forecast"][0]["strips"]) == 1 + TOP_SAMPLES
-
-
-def test_all_shows_every_hypothesis_and_every_sample(run: Replay, tmp_path: Path) -> None:
+        np.testing.assert_allclose(boxes(top["world/ego"], t)[0, :4], run.scene.ego[t], rtol=1e-6)
     everything = read(save(tmp_path / "all.rrd", run, level="all"))
     assert {path for path in everything if path.endswith("/box")} == {f"world/hyp/{h:02d}/box" for h in range(H)}
-    assert len(everything["world/forecast"][5]["strips"]) == 2 * K
+    assert_recorded(everything, run.scene, run.rollout, range(H), K)
 
 
 def test_levels_leave_out_what_they_say(run: Replay, top: dict[str, Rows], tmp_path: Path) -> None:
@@ -162,12 +107,12 @@ def test_trails_follow_the_identity_along_the_lineage(run: Replay, top: dict[str
     x = make_scene().truth.box[::3, 0].astype(np.float32)  # of car 7
     new = np.array(top["world/hyp/00/trail"][5]["strips"][0], dtype=np.float32)[:, 0]
     assert set(new.tolist()) == {x[5], x[4]}  # a new identity has no older past
-    earlier = earlier_rows(run)
+    earlier = run.said.earlier
     assert earlier[12, 0] == -1  # the first box of track 12
     assert earlier[15, 0] == 12
-    assert (earlier[2, :] == -1).all()
-    assert (earlier[5, :] == 2).all()  # shared by all hypotheses
-    np.testing.assert_array_equal(earlier[16, 1:6], [13] * 5)
+    assert (earlier[2] == -1).all()
+    assert (earlier[5] == 2).all()  # shared by all hypotheses
+    assert (earlier[16, 1:6] == 13).all()
 
 
 def test_the_switch_is_an_event_a_mark_a_lane_and_a_count(run: Replay, top: dict[str, Rows]) -> None:
@@ -180,18 +125,18 @@ def test_the_switch_is_an_event_a_mark_a_lane_and_a_count(run: Replay, top: dict
     assert not any("ids-0: 10 → 12" in marks.get(t, []) for t in range(4))
     lane = {t: row["state"] for t, row in top["identity/gt_007"].items() if t >= 0}
     assert lane == {0: ["track 10"], 4: ["track 12"]}
-    assert top["identity/gt_005"][0]["state"] == ["missed"]
+    assert top["identity/gt_005"][0]["state"] == ["untracked"]
     assert [top["metrics/IDS"][t]["scalars"][0] for t in range(FRAMES)] == [0, 0, 0, 0, 1, 1, 1, 1]
-    for name, series in (("TP", run.true_positives), ("FN", run.false_negatives), ("FP", run.false_positives)):
+    for name, series in run.counts.items():
         assert [top[f"metrics/{name}"][t]["scalars"][0] for t in range(FRAMES)] == series.tolist()
 
 
-def test_false_detections_have_another_colour(small_card: Card, tmp_path: Path) -> None:
+def test_false_positives_have_another_colour(tmp_path: Path) -> None:
     scene = make_scene()
     box = scene.detections.box.copy()
     box[4] += [30, 0, 0, 0, 0, 0, 0]
     scene = changed(scene, detections=changed(scene.detections, box=box))
-    rows = read(save(tmp_path / "a.rrd", replay(scene, make_rollout(), small_card)))["world/det"]
+    rows = read(save(tmp_path / "a.rrd", replay(scene, make_rollout(), CARD)))["world/det"]
     right, wrong = (int(packed(color)[0]) for color in (DETECTION, FALSE))
     assert rows[1]["colors"] == [right, wrong, right]
 
@@ -211,7 +156,8 @@ def test_an_object_that_pauses_has_a_gap_in_its_lane(run: Replay) -> None:
 
 
 def test_several_agents_share_the_scene(run: Replay, tmp_path: Path) -> None:
-    other = changed(run, agent="stp", rollout=changed(run.rollout, track_id=run.rollout.track_id + 100))
+    renamed = changed(run.rollout, track_id=run.rollout.track_id + 100)
+    other = changed(run, agent="stp", said=answers(renamed, run.card))
     both = read(save(tmp_path / "both.rrd", run, other, changed(run, agent="mtp")))
     assert both["agents/mtp/world/hyp/00/box"][0]["labels"] == ["10", "11"]
     assert both["agents/stp/world/hyp/00/box"][0]["labels"] == ["110", "111"]
@@ -230,46 +176,29 @@ def test_runs_of_different_scenes_share_no_recording(run: Replay, tmp_path: Path
     assert not list(tmp_path.iterdir())
 
 
-def compare(*paths: Path) -> subprocess.CompletedProcess[str]:
-    from mtp_bench.viz.rerun.viewer import viewer_program
-
-    command = [viewer_program(), "rrd", "compare", "--unordered", *map(str, paths)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
-
-
-def test_two_recordings_of_a_run_are_equal(run: Replay, small_card: Card, tmp_path: Path) -> None:
-    at = run.incident("ids-0")
-    again = replay(make_scene(), make_rollout(), small_card, "mtp")
-    one, two = save(tmp_path / "1.rrd", run, at=at), save(tmp_path / "2.rrd", again, at=at)
-    same = compare(one, two)
-    assert same.returncode == 0, same.stderr
+def test_two_recordings_of_a_run_are_equal(run: Replay, tmp_path: Path) -> None:
     moved = changed(run.rollout, track_box=run.rollout.track_box + np.float32(0.01))
-    other = compare(one, save(tmp_path / "3.rrd", changed(run, rollout=moved), at=at))
-    assert other.returncode != 0
+    again = replay(make_scene(), make_rollout(), CARD, "mtp")
+    first = save(tmp_path / "first.rrd", run, at=run.incident("ids-0"))
+    for other, equal in ((again, True), (changed(run, said=answers(moved, run.card)), False)):
+        second = save(tmp_path / "second.rrd", other, at=run.incident("ids-0"))
+        command = [viewer_program(), "rrd", "compare", "--unordered", str(first), str(second)]
+        assert (subprocess.run(command, capture_output=True, check=False).returncode == 0) == equal
 
 
 def test_an_event_is_ringed_while_its_mark_is_there(run: Replay, tmp_path: Path) -> None:
     rows = read(save(tmp_path / "at.rrd", run, at=run.incident("ids-0")))["world/at"]
     assert sorted(t for t in rows if t >= 0) == [4, 5, 6, 7]
     ring = np.array(rows[4]["strips"][0])
-    np.testing.assert_allclose(ring.mean(axis=0)[:2], [run.incident("ids-0").x, 10.0], atol=0.1)
+    np.testing.assert_allclose(ring.mean(axis=0)[:2], run.incident("ids-0").position[:2], atol=0.1)
 
 
-def test_a_run_that_says_nothing(small_card: Card, tmp_path: Path) -> None:
-    nothing = make_rollout()
-    none = {
-        name: getattr(nothing, name)[:0]
-        for name in ("track_id", "track_box", "track_class", "member", "object_box", "object_class", "forecast")
-    }
+def test_a_run_that_says_nothing(tmp_path: Path) -> None:
     silent = changed(
-        nothing,
-        track_start=np.zeros(FRAMES + 1, dtype=int),
-        object_start=np.zeros(FRAMES + 1, dtype=int),
-        forecast_log_weight=nothing.forecast_log_weight[:0],
-        hypothesis_log_weight=np.full((FRAMES, H), -np.inf, dtype=np.float32),
-        **none,
+        scoring_scenes.make_rollout([[]] * FRAMES, name="one", hypotheses=H),
+        hypothesis_log_weight=np.full((FRAMES, H), -np.inf),
     )
-    entities = read(save(tmp_path / "a.rrd", replay(make_scene(), silent, small_card), level="all"))
+    entities = read(save(tmp_path / "a.rrd", replay(make_scene(), silent, CARD), level="all"))
     assert "world/gt" in entities
     assert not any("hyp" in path for path in entities)
 
@@ -309,23 +238,11 @@ main()
 
 
 @pytest.mark.data
-@pytest.mark.parametrize("env_id", ["MTP-nuScenes-mini-v0", "MTP-KITTI-v0"])
-def test_a_recording_of_a_real_log_holds_the_rollout(env_id: str, data_root: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("env_id", "scene"), [("MTP-nuScenes-mini-v0", "scene-0103"), ("MTP-KITTI-v0", "0012")])
+def test_a_recording_of_a_real_log_holds_the_rollout(env_id: str, scene: str, data_root: Path, tmp_path: Path) -> None:
     env = MTPEnv(env_id, data=str(data_root), evaluation=True)
-    name = min(env.scene_names, key=lambda scene: (scene != "0006", scene))
-    agent = load_submission("mtp").build(agent_task(env, 0))
-    rollout = run_scene(agent, env, name, seed=0)
-    found = read(save(tmp_path / "a.rrd", replay(env.scene, rollout, env.card), level="all"))
-    for t in range(rollout.frames):
-        rows, truth = rollout.tracks.rows(t), env.scene.truth.rows(t)
-        for h in np.flatnonzero(rollout.member.any(axis=0)):
-            mine, logged = rollout.member[rows, h], found[f"world/hyp/{h:02d}/box"][t]
-            expected = rollout.track_box[rows][mine]
-            np.testing.assert_array_equal(np.array(logged["centers"], dtype=np.float32).reshape(-1, 3), expected[:, :3])
-            assert [int(label) for label in logged["labels"]] == rollout.track_id[rows][mine].tolist()
-        np.testing.assert_allclose(boxes(found["world/gt"], t), env.scene.truth.box[truth], rtol=1e-6, atol=1e-5)
-        objects = rollout.objects.rows(t)
-        stated = np.isfinite(rollout.forecast_log_weight[objects])
-        future = rollout.object_box[objects, None, None, :2] + rollout.forecast[objects] / 100
-        strips = np.array(found["world/forecast"][t]["strips"]).reshape(-1, env.task.future + 1, 3)
-        np.testing.assert_array_equal(strips[:, 1:, :2].astype(np.float32), future[stated].astype(np.float32))
+    rollout = run_scene(load_submission("mtp").build(agent_task(env, 0)), env, scene, seed=0)
+    found = read(save(tmp_path / "a.rrd", replay(env.scene, rollout, env.card)))
+    shown = [h for h in range(rollout.member.shape[1]) if f"world/hyp/{h:02d}/box" in found]
+    assert len(shown) == TOP_HYPOTHESES
+    assert_recorded(found, env.scene, rollout, shown, TOP_SAMPLES)

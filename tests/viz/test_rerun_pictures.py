@@ -19,7 +19,7 @@ from mtp_bench.viz.rerun.sdk import ViewerClient
 from tests.support.headless_viewer import headless_viewer, near, open_at, picture, require_driver
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def viewer() -> Iterator[ViewerClient]:
     require_driver()
     with headless_viewer() as client:
@@ -44,7 +44,6 @@ def colours(image: NDArray[np.uint8]) -> int:
     [
         ("MTP-Intersection-v0", "stp", None),
         pytest.param("MTP-KITTI-v0", "mtp", "0006", marks=pytest.mark.data),
-        pytest.param("MTP-nuScenes-mini-v0", "stp", None, marks=pytest.mark.data),
     ],
 )
 def test_an_identity_switch_is_seen(
@@ -57,7 +56,7 @@ def test_an_identity_switch_is_seen(
     assert colours(picture(viewer, tmp_path / "window.png")) > 500  # and now every visible view has been drawn
     views = {view.name: view for view in viewer.get_state().views}
     assert not any(view.reports for view in views.values())
-    best = f"hypothesis {run.best[switch.frame]}"
+    best = f"hypothesis {run.said.hypotheses.best[switch.frame]}"
     for name in ("boxes per frame", "events so far", "track of each object with events"):
         assert colours(picture(viewer, tmp_path / "view.png", views[name].view_id)) > 20, name
     for name in (best, f"scene: truth, detections, {best}"):

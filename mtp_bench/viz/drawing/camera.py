@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...types import Floats, Ints
+from ...cards import Card
+from ...types import Floats, Scene
 from .canvas import Viewport
 
 SMALLEST, LARGEST = 16.0, 50.0  # m, half of what is shown around a vehicle
@@ -19,36 +20,36 @@ class Camera:
     """A view from above that goes along with the ego, or stays; it never turns."""
 
     follows: bool  # the ego
-    x: float  # m, centre: ahead of the ego, or in the world
-    y: float  # m
-    wide: float  # m
-    high: float  # m
+    view: Viewport  # its x: metres ahead of the ego, where it follows
 
     def at(self, ego: Floats) -> Viewport:
         """What is shown where the ego's pose is ``ego`` [4]."""
         if not self.follows:
-            return Viewport(self.x, self.y, self.wide, self.high)
+            return self.view
         x, y, yaw = float(ego[0]), float(ego[1]), float(ego[3])
-        return Viewport(x + self.x * np.cos(yaw), y + self.x * np.sin(yaw), self.wide, self.high)
+        return replace(self.view, x=x + self.view.x * np.cos(yaw), y=y + self.view.x * np.sin(yaw))
 
     def with_place(self, x: float, y: float, ego: Floats) -> Camera:
         """The camera, farther away if that is needed to see the place (x, y) where the ego's pose is ``ego`` [4]."""
         now = self.at(ego)
         wide, high = 2 * (abs(x - now.x) + BESIDE), 2 * (abs(y - now.y) + BESIDE)
-        return replace(self, wide=max(self.wide, wide), high=max(self.high, high))
+        return replace(self, view=replace(self.view, wide=max(now.wide, wide), high=max(now.high, high)))
 
 
-def camera(has_ego: bool, ego: Floats, seen_xy: Floats, seen_frame: Ints) -> Camera:
-    """The camera of a scene, from what was observed in it and never from the truth.
+def camera(scene: Scene, card: Card) -> Camera:
+    """The camera of a scene, by its detections; by its true boxes where an agent is given those instead."""
+    seen = scene.detections if len(scene.detections.box) else scene.truth
+    xy = seen.box[:, :2]
+    if not card.has_ego:
+        return _fixed(xy if len(xy) else scene.ego[:, :2])
+    if len(xy) == 0:
+        return Camera(True, Viewport(0.0, 0.0, 2 * SMALLEST, 2 * SMALLEST))
+    return _following(xy, scene.ego[seen.frame_of_rows])
 
-    ``ego`` [F, 4]; ``seen_xy`` [R, 2] and ``seen_frame`` [R] of all detections. Most of them fit into the picture.
-    """
-    if not has_ego:
-        return _fixed(seen_xy if len(seen_xy) else ego[:, :2])
-    if len(seen_xy) == 0:
-        return Camera(True, 0.0, 0.0, 2 * SMALLEST, 2 * SMALLEST)
-    pose = ego[seen_frame]
-    gap = seen_xy - pose[:, :2]
+
+def _following(xy: Floats, pose: Floats) -> Camera:
+    """A camera that sees most of the places ``xy`` [R, 2] from the ego's poses [R, 4] at that time."""
+    gap = xy - pose[:, :2]
     cos, sin = np.cos(pose[:, 3]), np.sin(pose[:, 3])
     ahead, aside = cos * gap[:, 0] + sin * gap[:, 1], cos * gap[:, 1] - sin * gap[:, 0]
     rear, front = (float(value) for value in np.quantile(ahead, [0.05, 0.95]))
@@ -57,10 +58,10 @@ def camera(has_ego: bool, ego: Floats, seen_xy: Floats, seen_frame: Ints) -> Cam
     # where the detections reach too far for one picture, what is near the ego is what matters
     center = (front + rear) / 2 if half <= LARGEST else np.clip((front + rear) / 2, -LARGEST / 2, LARGEST / 2)
     half = min(half, LARGEST)
-    return Camera(True, float(center), 0.0, 2 * half, 2 * half)
+    return Camera(True, Viewport(float(center), 0.0, 2 * half, 2 * half))
 
 
 def _fixed(xy: Floats) -> Camera:
     low, high = np.quantile(xy, 0.01, axis=0) - MARGIN, np.quantile(xy, 0.99, axis=0) + MARGIN
     (x, y), (wide, tall) = (low + high) / 2, np.maximum(high - low, 2 * MARGIN)
-    return Camera(False, float(x), float(y), float(wide), float(tall))
+    return Camera(False, Viewport(float(x), float(y), float(wide), float(tall)))

@@ -14,7 +14,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ...geometry import bev_corners
 from ...types import Floats
-from .palette import Color
+from ..palette import BLACK, EVENT, Color
+from .marks import Outline
 
 if TYPE_CHECKING:
     Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
@@ -80,30 +81,21 @@ class Canvas:
             if len(path) > 1:
                 self.stroke(self.pixels(path), color, width, alpha)
 
-    def boxes(
-        self,
-        box: Floats,
-        color: Color,
-        width: float = 1.0,
-        fill: int = 0,
-        dashed: bool = False,
-        heading: bool = False,
-        crossed: bool = False,
-    ) -> None:
-        """Boxes [n, 7]: outlines, ``fill`` from 0 (not at all) to 255, ``heading`` as a tick out of the front."""
+    def boxes(self, box: Floats, mark: Outline) -> None:
+        """Boxes [n, 7]."""
         reach = np.hypot(box[:, 4], box[:, 5]) * self.scale + FAR
         box = box[self.inside(box[:, :2], reach)]
         for corners, row in zip(self.pixels(bev_corners(box)), box, strict=True):
-            if fill:
-                self.draw.polygon(_points(corners), fill=(*color, fill))
-            self.stroke(np.concatenate([corners, corners[:1]]), color, width, dashed=dashed)
-            if crossed:
-                self.stroke(corners[[0, 2]], color, width)
-                self.stroke(corners[[1, 3]], color, width)
-            if heading:
+            if mark.fill:
+                self.draw.polygon(_points(corners), fill=(*mark.color, mark.fill))
+            self.stroke(np.concatenate([corners, corners[:1]]), mark.color, mark.width, dashed=mark.dashed)
+            if mark.crossed:
+                self.stroke(corners[[0, 2]], mark.color, mark.width)
+                self.stroke(corners[[1, 3]], mark.color, mark.width)
+            if mark.heading:
                 ahead = np.array([np.cos(row[3]), np.sin(row[3])]) * (row[4] / 2 + max(0.4, 0.25 * row[4]))
                 front = corners[[0, 3]].mean(axis=0)
-                self.stroke(np.stack([front, self.pixels(row[:2] + ahead)]), color, width)
+                self.stroke(np.stack([front, self.pixels(row[:2] + ahead)]), mark.color, mark.width)
 
     def stroke(
         self, pixels: NDArray[np.float64], color: Color, width: float, alpha: int = 255, dashed: bool = False
@@ -118,15 +110,12 @@ class Canvas:
 
     def dot(self, pixel: NDArray[np.float64], radius: float, color: Color, alpha: int = 255) -> None:
         """A disc around a pixel."""
-        x, y = pixel * FINER
-        r = radius * FINER
-        self.draw.ellipse([x - r, y - r, x + r, y + r], fill=(*color, alpha))
+        self.draw.ellipse(_around(pixel, radius), fill=(*color, alpha))
 
-    def ring(self, pixel: NDArray[np.float64], radius: float, color: Color, width: float) -> None:
-        """A circle around a pixel."""
-        x, y = pixel * FINER
-        r = radius * FINER
-        self.draw.ellipse([x - r, y - r, x + r, y + r], outline=color, width=max(1, round(width * FINER)))
+    def ring(self, pixel: NDArray[np.float64], radius: float) -> None:
+        """The mark of an event: a circle around a pixel, bright with a dark edge."""
+        for wider, color, width in ((1.0, BLACK, 5.0), (0.0, EVENT, 3.0)):
+            self.draw.ellipse(_around(pixel, radius + wider), outline=color, width=round(width * FINER))
 
     def finished(self) -> Image.Image:
         """The picture at its own size; texts go onto this one."""
@@ -148,6 +137,11 @@ def text_size(text: str, size: int) -> tuple[float, float]:
 
 def _points(pixels: NDArray[np.float64]) -> list[tuple[float, ...]]:
     return [tuple(p) for p in (pixels * FINER).tolist()]
+
+
+def _around(pixel: NDArray[np.float64], radius: float) -> list[float]:
+    """The square that holds a circle."""
+    return [*((pixel - radius) * FINER).tolist(), *((pixel + radius) * FINER).tolist()]
 
 
 def _dashes(path: NDArray[np.float64]) -> list[tuple[Any, Any]]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...types import Floats
+from ..palette import BLACK, EVENT, Color
 from .canvas import Canvas, font, text_size
-from .palette import BLACK, EVENT, Color
 
 if TYPE_CHECKING:
     from PIL import ImageDraw
@@ -18,18 +19,16 @@ PAPER: Color = (255, 255, 255)
 Spot = tuple[float, float, float, float]  # left, top, right, bottom
 
 
-def label(
-    canvas: Canvas, ink: ImageDraw.ImageDraw, xy: Floats, text: str, color: Color, reach: float, size: int = SMALL
-) -> bool:
+def label(canvas: Canvas, ink: ImageDraw.ImageDraw, xy: Floats, text: str, color: Color, reach: float) -> bool:
     """Write ``text`` beside a thing at ``xy`` [2] that reaches ``reach`` metres; False where there is no room."""
-    wide, high = text_size(text, size)
-    far = reach * canvas.scale * 0.75 + 2.0
+    wide, high = text_size(text, SMALL)
+    far = 0.7 * (reach * canvas.scale * 0.75 + 2.0)
     x, y = canvas.pixels(xy)
-    for dx, dy in ((0.7, -0.7), (-0.7, -0.7), (0.7, 0.7), (-0.7, 0.7)):
+    for dx, dy in ((1, -1), (-1, -1), (1, 1), (-1, 1)):
         left = x + dx * far - (wide if dx < 0 else 0.0)
         top = y + dy * far - (high if dy < 0 else 0.0)
         if _take(canvas, (left, top, left + wide, top + high)):
-            ink.text((round(left), round(top)), text, fill=color, font=font(size), stroke_width=1, stroke_fill=PAPER)
+            ink.text((round(left), round(top)), text, fill=color, font=font(SMALL), stroke_width=1, stroke_fill=PAPER)
             return True
     return False
 
@@ -41,14 +40,13 @@ def sign(canvas: Canvas, ink: ImageDraw.ImageDraw, xy: Floats, text: str, radius
     x, y = (float(value) for value in canvas.pixels(xy))
     wide, high = text_size(text, SMALL)
     wide, high = wide + 8, high + 4
-    for lift in (0.0, 1.0, 2.0, 3.0):
-        for side, up in ((1, -1), (1, 1), (-1, -1), (-1, 1)):
-            left = x + radius if side > 0 else x - radius - wide
-            top = y + up * (radius + lift * (high + 2)) - high / 2
-            spot = (left, top, left + wide, top + high)
-            if _take(canvas, spot):
-                _board(ink, spot, (x + side * 0.7 * radius, y + up * 0.7 * radius), text)
-                return True
+    for lift, (side, up) in product((0.0, 1.0, 2.0, 3.0), ((1, -1), (1, 1), (-1, -1), (-1, 1))):
+        left = x + radius if side > 0 else x - radius - wide
+        top = y + up * (radius + lift * (high + 2)) - high / 2
+        spot = (left, top, left + wide, top + high)
+        if _take(canvas, spot):
+            _board(ink, spot, (x + side * 0.7 * radius, y + up * 0.7 * radius), text)
+            return True
     return False
 
 
@@ -80,9 +78,8 @@ def _take(canvas: Canvas, spot: Spot) -> bool:
         return False
     if bottom > canvas.height - 48 and left < 0.3 * canvas.width:
         return False
-    for l, t, r, b in canvas.taken:
-        if left < r and l < right and top < b and t < bottom:
-            return False
+    if any(left < r and l < right and top < b and t < bottom for l, t, r, b in canvas.taken):
+        return False
     canvas.taken.append(spot)
     return True
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ...env.live import LiveEpisode
 from ...errors import UnknownNameError
-from ...scoring.lineage import hypotheses
-from ..frame_view import TRAIL_SECONDS, FrameView, said
+from ..answers import answers
+from ..frame_view import TRAIL_SECONDS, FrameView, said_at, true_boxes
 from .birds_eye import draw_frame
 from .camera import Camera, camera
 
@@ -42,39 +42,21 @@ class Pictures:
     """Bird's-eye pictures of the frame that was answered last, with its answer; before the first, of frame 0."""
 
     def __init__(self) -> None:
-        self._episode: LiveEpisode | None = None
-        self._camera: Camera | None = None
+        self._seen_by: tuple[LiveEpisode, Camera] | None = None
 
     def render(self, episode: LiveEpisode) -> NDArray[np.uint8]:
         """A picture [height, width, 3], always of the same size."""
-        if self._camera is None or self._episode is not episode:
-            seen = episode.scene.detections
-            frame = seen.frame_of_rows
-            self._camera = camera(episode.card.has_ego, episode.scene.ego, seen.box[:, :2], frame)
-            self._episode = episode
-        return draw_frame(live_view(episode, self._camera))
+        if self._seen_by is None or self._seen_by[0] is not episode:
+            self._seen_by = episode, camera(episode.scene, episode.card)
+        return draw_frame(live_view(episode), self._seen_by[1])
 
     def close(self) -> None:
         """Nothing is open."""
 
 
-def live_view(episode: LiveEpisode, seen_by: Camera) -> FrameView:
+def live_view(episode: LiveEpisode) -> FrameView:
     """The frame of the last answer; true boxes are not compared with it, the judge does that afterwards."""
     scene, card, t = episode.scene, episode.card, episode.frame
     rollout = episode.rollout(max(0, t - round(TRAIL_SECONDS * card.task.rate)))
-    truth = scene.truth.rows(t)
-    return FrameView(
-        env_id=card.id,
-        agent="",
-        scene=scene.name,
-        frame=t,
-        frames=scene.frames,
-        seconds=float(scene.time[t] - scene.time[0]),
-        viewport=seen_by.at(scene.ego[t]),
-        lanes=scene.lanes,
-        ego=scene.ego[t] if card.has_ego else None,
-        truth_box=scene.truth.box[truth][~scene.truth.neutral[truth]] if episode.truth_shown else None,
-        detection_box=scene.detections.box[scene.detections.rows(t)],
-        said=None if rollout is None else said(rollout, hypotheses(rollout, card), rollout.frames - 1, card),
-        judged=None,
-    )
+    said = None if rollout is None else said_at(answers(rollout, card), rollout.frames - 1)
+    return FrameView(scene, card, t, true_boxes(scene, t) if episode.truth_shown else None, said)

@@ -8,15 +8,27 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from ..frame_view import FrameView, event_text
+from ..palette import BLACK, FALSE, FORECAST, TRACK, Color
 from .canvas import Canvas, Viewport, font, text_size
 from .labels import MIDDLE, SMALL
-from .palette import BLACK, DETECTION, EGO, EVENT, FALSE, FORECAST, OTHER_TRACK, TRACK, TRUTH, Color
+from .marks import (
+    DETECTED,
+    FALSE_DETECTION,
+    FALSE_TRACK,
+    OTHER,
+    TRACK_BOX,
+    TRACKED,
+    UNTRACKED,
+    VEHICLE,
+    Outline,
+)
 
 LARGE = 16
 PAPER: Color = (247, 247, 247)
 GRAY: Color = (90, 90, 90)
 LINE = 21  # pixels between two entries
 Mark = Callable[[Canvas, float], None]  # draws a mark at this height
+Text = tuple[str, int, Color]  # one line: text, size, colour
 
 
 def panel(picture: Image.Image, view: FrameView, wide: int) -> Image.Image:
@@ -30,17 +42,26 @@ def panel(picture: Image.Image, view: FrameView, wide: int) -> Image.Image:
     image = column.finished()
     ink = ImageDraw.Draw(image)
     y = 14.0
-    for text, size, color in heading:
-        ink.text((12, round(y)), fitting(text, size, wide - 20), fill=color, font=font(size))
-        y += size * 1.45
+    for line in heading:
+        _write(ink, (12, y), line, wide - 20)
+        y += line[1] * 1.45
     for i, (_, text) in enumerate(entries):
-        ink.text((50, round(top + LINE * i + 2)), fitting(text, MIDDLE, wide - 56), fill=BLACK, font=font(MIDDLE))
-    _list_events(ink, view, top + LINE * len(entries) + 16, wide, picture.height)
+        _write(ink, (50, top + LINE * i + 2), (text, MIDDLE, BLACK), wide - 56)
+    y = top + LINE * len(entries) + 16
+    for text, color in _events(view):
+        if y + 0.85 * LINE < picture.height - 8:  # as many as there is room for
+            _write(ink, (12, y), (text, SMALL + 1, color), wide - 20)
+            y += 0.85 * LINE
     whole = Image.new("RGB", (picture.width + wide, picture.height), PAPER)
     whole.paste(picture, (0, 0))
     whole.paste(image, (picture.width, 0))
     ImageDraw.Draw(whole).line([picture.width, 0, picture.width, picture.height], fill=(200, 200, 200))
     return whole
+
+
+def _write(ink: ImageDraw.ImageDraw, place: tuple[float, float], line: Text, wide: float) -> None:
+    text, size, color = line
+    ink.text((place[0], round(place[1])), fitting(text, size, wide), fill=color, font=font(size))
 
 
 def wrapped(text: str, size: int, wide: float) -> list[str]:
@@ -57,77 +78,68 @@ def fitting(text: str, size: int, wide: float) -> str:
     return text + "..."
 
 
-def _heading(view: FrameView) -> list[tuple[str, int, Color]]:
-    """Lines at the top: text, size, colour."""
-    lines = [
-        (view.agent or view.env_id, LARGE, BLACK),
-        *([(view.env_id, MIDDLE, GRAY)] if view.agent else []),
-        (f"scene {view.scene}", MIDDLE, GRAY),
-        (f"frame {view.frame} of {view.frames - 1}   {view.seconds:.1f} s", MIDDLE, BLACK),
-    ]
-    if view.said is not None and view.said.hypotheses > 1:
-        said = view.said
-        lines.append((f"best of {said.hypotheses} hypotheses ({100 * said.weight:.0f} %)", MIDDLE, BLACK))
-    elif view.said is None:
-        lines.append(("no answer yet", MIDDLE, GRAY))
+def _heading(view: FrameView) -> Iterator[Text]:
+    """Lines at the top."""
+    seconds = view.scene.time[view.frame] - view.scene.time[0]
+    yield view.agent or view.card.id, LARGE, BLACK
+    if view.agent:
+        yield view.card.id, MIDDLE, GRAY
+    yield f"scene {view.scene.name}", MIDDLE, GRAY
+    yield f"frame {view.frame} of {view.scene.frames - 1}   {seconds:.1f} s", MIDDLE, BLACK
+    if view.said is None:
+        yield "no answer yet", MIDDLE, GRAY
+    elif view.said.hypotheses > 1:
+        yield f"best of {view.said.hypotheses} hypotheses ({100 * view.said.weight:.0f} %)", MIDDLE, BLACK
     if view.judged is not None:
-        tracked, missed, false = view.judged.counts
-        text = f"tracked {tracked}, missed {missed}" + (f", false {false}" if view.judged.complete else "")
-        lines.append((text, MIDDLE, BLACK))
-    return lines
+        tracked, untracked, false = view.judged.counts
+        text = f"tracked {tracked}, untracked {untracked}"
+        yield text + (f", false {false}" if view.scene.truth_complete else ""), MIDDLE, BLACK
 
 
-def _list_events(ink: ImageDraw.ImageDraw, view: FrameView, top: float, wide: int, high: int) -> None:
-    """The last events, as many as there is room for."""
-    if view.judged is None:
-        return
-    lines = [("events so far, newest first", GRAY)]
-    lines += [(f"{event.frame}: {event_text(event)}", BLACK) for event in view.judged.log]
-    for i, (text, color) in enumerate(lines if len(lines) > 1 else [("no event so far", GRAY)]):
-        if top + LINE * 0.85 * (i + 1) < high - 8:
-            ink.text((12, round(top + LINE * 0.85 * i)), fitting(text, SMALL + 1, wide - 20), color, font(SMALL + 1))
+def _events(view: FrameView) -> Iterator[tuple[str, Color]]:
+    """The last events."""
+    if view.judged is not None:
+        yield ("events so far, newest first" if view.judged.log else "no event so far"), GRAY
+        for event in view.judged.log:
+            yield f"{event.frame}: {event_text(event)}", BLACK
 
 
 def legend(view: FrameView) -> Iterator[tuple[Mark, str]]:
     """What the marks of this kind of picture mean; the same for all frames of a video."""
     judged = view.judged is not None
-    complete = view.judged is not None and view.judged.complete
+    complete = judged and view.scene.truth_complete
     if view.truth_box is not None:
-        yield _box(TRUTH, width=2.0, heading=True), "true box"
+        yield _box(TRACKED), "true box"
         if judged:
-            yield _box(TRUTH, width=2.0, heading=True, dashed=True), "true box, missed"
-    yield _box(DETECTION, width=1.2), "detection"
+            yield _box(UNTRACKED), "true box, untracked"
+    yield _box(DETECTED), "detection"
     if complete:
-        yield _box(DETECTION, width=1.0, crossed=True), "detection of nothing"
-    yield _trail(TRACK, 95), "track, where it was"
+        yield _box(FALSE_DETECTION), "false positive"
+    yield _track(TRACK_BOX, TRACK), "track, where it was"
     if complete:
-        yield _trail(FALSE, 25), "track of nothing"
-    yield _box(OTHER_TRACK, width=0.8, dashed=True), "other hypotheses"
+        yield _track(FALSE_TRACK, FALSE), "false track"
+    yield _box(OTHER), "other hypotheses"
     yield _forecast(FORECAST), "forecast"
     if complete:
-        yield _forecast(FALSE), "forecast of nothing"
+        yield _forecast(FALSE), "false forecast"
     if judged:
-        yield _event, "event"
+        yield lambda canvas, y: canvas.ring(np.array([26.0, y]), 7.5), "event"
     if view.ego is not None:
-        yield _box(EGO, width=1.5, fill=200, heading=True), "ego"
+        yield _box(VEHICLE), "ego"
 
 
-def _place(canvas: Canvas, y: float, x: float = 26.0) -> tuple[float, float]:
-    """Pixel (x, y) of the column in its world, where a metre is a pixel."""
-    return x - canvas.width / 2, canvas.height / 2 - y
+def _box(outline: Outline, x: float = 24.0, size: tuple[float, float] = (20.0, 10.0)) -> Mark:
+    """A box around pixel ``x`` of the column, in whose world a metre is a pixel."""
 
-
-def _box(color: Color, **how: object) -> Mark:
     def mark(canvas: Canvas, y: float) -> None:
-        box = np.array([[*_place(canvas, y, 24.0), 0.0, 0.0, 20.0, 10.0, 1.0]])
-        canvas.boxes(box, color, **how)  # type: ignore[arg-type]
+        canvas.boxes(np.array([[x - canvas.width / 2, canvas.height / 2 - y, 0.0, 0.0, *size, 1.0]]), outline)
 
     return mark
 
 
-def _trail(color: Color, fill: int) -> Mark:
+def _track(outline: Outline, color: Color) -> Mark:
     def mark(canvas: Canvas, y: float) -> None:
-        canvas.boxes(np.array([[*_place(canvas, y, 32.0), 0.0, 0.0, 14.0, 8.0, 1.0]]), color, 1.0, fill=fill)
+        _box(outline, 32.0, (14.0, 8.0))(canvas, y)
         canvas.stroke(np.array([[10.0, y], [30.0, y]]), color, 1.6, 150)
 
     return mark
@@ -141,9 +153,3 @@ def _forecast(color: Color) -> Mark:
             canvas.dot(path[-1], 2.2, color, alpha)
 
     return mark
-
-
-def _event(canvas: Canvas, y: float) -> None:
-    center = np.array([26.0, y])
-    canvas.ring(center, 8.5, BLACK, 5.0)
-    canvas.ring(center, 7.5, EVENT, 3.0)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import secrets
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from itertools import chain
@@ -15,9 +13,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ...errors import MtpBenchError
-from ..frame_view import replay_camera, replay_view
+from ...files import whole_file
+from ..frame_view import replay_view
 from ..replay import Replay
 from .birds_eye import SIZE, draw_frame
+from .camera import camera
 
 KINDS = (".mp4", ".gif")
 AROUND = 2.0  # s before and after an event
@@ -45,27 +45,28 @@ def frames_around(replay: Replay, event: str | None) -> range:
     return range(int(near[0]), int(near[-1]) + 1)
 
 
-def pictures(replay: Replay, frames: range, event: str | None = None, size: tuple[int, int] = SIZE) -> Iterator[Frame]:
-    """Bird's-eye pictures of these frames, all with the same view; ``event`` is marked whatever its kind."""
-    seen_by, at = replay_camera(replay), None if event is None else replay.incident(event)
+def pictures(
+    replay: Replay, frames: Iterable[int], event: str | None = None, size: tuple[int, int] = SIZE
+) -> Iterator[Frame]:
+    """Bird's-eye pictures of these frames, all with the same view; ``event`` is marked whatever its kind.
+
+    ``size`` is width, height in pixels.
+    """
+    seen_by, at = camera(replay.scene, replay.card), None if event is None else replay.incident(event)
     if at is not None:
-        seen_by = seen_by.with_place(at.x, at.y, replay.scene.ego[at.frame])
+        seen_by = seen_by.with_place(*at.position[:2], replay.scene.ego[at.frame])
     for t in frames:
-        yield draw_frame(replay_view(replay, t, seen_by, at), size)
+        yield draw_frame(replay_view(replay, t, at), seen_by, size)
 
 
 def write_video(path: Path, frames: Iterable[Frame], rate: float, done: Callable[[], object] | None = None) -> None:
     """Write ``frames`` (at least one) at ``rate`` per second: a whole file or none; ``done`` is called per frame."""
-    partial = path.with_name(f".{path.stem}.{secrets.token_hex(4)}.part{path.suffix}")
     write = _write_gif if path.suffix.lower() == ".gif" else _write_mp4
     try:
-        write(partial, _told(frames, done), rate)
-        partial.replace(path)
+        with whole_file(path) as part:
+            write(part, _told(frames, done), rate)
     except OSError as error:
         raise MtpBenchError(f"cannot write {path}: {error.strerror or error}") from None
-    finally:
-        with contextlib.suppress(OSError):  # after an interruption too
-            partial.unlink(missing_ok=True)
 
 
 def _told(frames: Iterable[Frame], done: Callable[[], object] | None) -> Iterator[Frame]:

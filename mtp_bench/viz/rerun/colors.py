@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...types import Ints
-from ..drawing.palette import BLUE, FALSE, GREEN, ORANGE, PURPLE, SKY, YELLOW, Color
+from ..palette import BLUE, FALSE, GREEN, ORANGE, PURPLE, SKY, YELLOW, Color
 
 Colors = NDArray[np.uint8]  # [..., 3] red green blue
 
@@ -17,7 +17,7 @@ DETECTION = YELLOW
 EGO: Color = (255, 255, 255)
 CENTER: Color = (44, 44, 52)
 BORDER: Color = (92, 92, 104)
-MISSED: Color = (84, 84, 84)
+UNTRACKED: Color = (84, 84, 84)
 UNKNOWN: Color = (150, 150, 150)
 SWITCH: Color = (255, 80, 200)
 TRACKS: tuple[Color, ...] = (  # a prime number of them: the ids of a switch seldom share one
@@ -36,9 +36,9 @@ def track_colors(track_id: Ints) -> Colors:
 
 def packed(colors: Colors | Color) -> NDArray[np.uint32]:
     """Opaque colours [N] as one number each, from red, green, blue [N, 3]."""
-    rgb = np.asarray(colors, dtype=np.uint8).reshape(-1, 3)
-    opaque = np.column_stack([np.full(len(rgb), 255, dtype=np.uint8), rgb[:, ::-1]])
-    return np.ascontiguousarray(opaque).view("<u4")[:, 0].astype(np.uint32)
+    rgb = np.asarray(colors, dtype=np.uint32).reshape(-1, 3)
+    number: NDArray[np.uint32] = rgb @ np.array([1 << 24, 1 << 16, 1 << 8], dtype=np.uint32) + np.uint32(255)
+    return number
 
 
 def tone(color: Color, number: int) -> Color:

@@ -1,14 +1,19 @@
-"""Entities of a recording: boxes and polylines over frames, the map, the sensor platform."""
+"""Entities of a recording: boxes and polylines over frames, the map, the sensor platform, tracks and forecasts."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from ...types import Floats, Ints, Scene
+from ...cards import Card
+from ...types import Bools, Ints, Scene
+from ..answers import Answers
 from . import arrays as arrays
-from .arrays import BoxRows, Strips
+from .arrays import Boxes, Strips, at_frame
 from .colors import BORDER, CENTER, packed
 from .sdk import rr
 
@@ -16,13 +21,38 @@ TRAIL, FUTURE, FORECAST, EDGE = 0.14, 0.09, 0.035, 0.05  # m, half the width of 
 TRACK_FILL = "transparentfillmajorwireframe"
 
 
-def log_map(recording: rr.RecordingStream, scene: Scene, root: str = "") -> None:
-    """What does not move."""
-    recording.log(f"{root}world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    for name, color in (("center", CENTER), ("border", BORDER)):
-        lines = arrays.map_lines(scene, border=name == "border")
-        if lines:
-            recording.log(f"{root}world/map/{name}", rr.LineStrips3D(lines, colors=color, radii=EDGE), static=True)
+@dataclass(frozen=True, eq=False)
+class Log:
+    """Where entities go."""
+
+    recording: rr.RecordingStream
+    times: list[rr.TimeColumn]  # of the frames that are logged
+    root: str = ""  # prefix of the paths
+    only: int | None = None  # the one frame of the arrays that is logged; None: all
+
+    def boxes(self, path: str, boxes: Boxes, fill: Any = "majorwireframe", radius: float = EDGE) -> None:
+        """Boxes of the frames; a frame without any shows none."""
+        boxes = boxes if self.only is None else at_frame(boxes, self.only)
+        style = rr.Boxes3D.from_fields(fill_mode=fill, radii=radius, show_labels=False)
+        columns = rr.Boxes3D.columns(
+            centers=boxes.box[:, :3],
+            half_sizes=boxes.box[:, 4:7] / 2,
+            quaternions=Rotation.from_euler("z", boxes.box[:, 3:4]).as_quat(),
+            colors=packed(boxes.color),
+            labels=boxes.label or None,
+        )
+        self.columns(path, style, columns.partition(boxes.counts))
+
+    def strips(self, path: str, strips: Strips, radius: float) -> None:
+        """Polylines of the frames; a frame without any shows none."""
+        strips = strips if self.only is None else at_frame(strips, self.only)
+        columns = rr.LineStrips3D.columns(strips=strips.point, colors=packed(strips.color))
+        self.columns(path, rr.LineStrips3D.from_fields(radii=radius), columns.partition(strips.counts))
+
+    def columns(self, path: str, style: Any, columns: Any) -> None:
+        """Values of the frames, and what is the same in all of them."""
+        self.recording.log(self.root + path, style, static=True)
+        self.recording.send_columns(self.root + path, self.times, columns)
 
 
 def frame_times(scene: Scene, frames: Ints | None = None) -> list[rr.TimeColumn]:
@@ -35,38 +65,36 @@ def frame_times(scene: Scene, frames: Ints | None = None) -> list[rr.TimeColumn]
     ]
 
 
-def log_ego(recording: rr.RecordingStream, root: str, times: list[rr.TimeColumn], ego: Floats) -> None:
-    """The sensor platform at poses [F, 4]; and a frame that moves along with it, without turning, for views."""
-    log_boxes(recording, f"{root}world/ego", times, arrays.ego_boxes(ego), "solid")
-    place = rr.Transform3D.columns(translation=ego[:, :3].astype(np.float32))
-    recording.send_columns(f"{root}world/follow", times, place)
+def log_map(recording: rr.RecordingStream, scene: Scene, root: str = "") -> None:
+    """What does not move."""
+    recording.log(f"{root}world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    for name, color in (("center", CENTER), ("border", BORDER)):
+        lines = arrays.map_lines(scene, border=name == "border")
+        if lines:
+            recording.log(f"{root}world/map/{name}", rr.LineStrips3D(lines, colors=color, radii=EDGE), static=True)
 
 
-def log_boxes(
-    recording: rr.RecordingStream,
-    path: str,
-    times: list[rr.TimeColumn],
-    rows: BoxRows,
-    fill: Any,
-    radius: float = EDGE,
-) -> None:
-    """Boxes of the frames of ``times``; a frame without any shows none."""
-    style = rr.Boxes3D.from_fields(fill_mode=fill, radii=radius, show_labels=False)
-    recording.log(path, style, static=True)
-    columns = rr.Boxes3D.columns(
-        centers=rows.box[:, :3],
-        half_sizes=rows.box[:, 4:7] / 2,
-        quaternions=arrays.quaternions(rows.box[:, 3]),
-        colors=packed(rows.color),
-        labels=rows.label or None,
-    )
-    recording.send_columns(path, times, columns.partition(rows.count))
+def log_scene(log: Log, scene: Scene, card: Card, false: Bools | None = None, truth_shown: bool = True) -> None:
+    """What is the same for every agent: sensors, truth and detections, of which some are ``false`` positives [D].
+
+    A frame moves along with the sensors without turning, for views.
+    """
+    if card.has_ego:
+        log.boxes("world/ego", arrays.platform_boxes(scene.ego), "solid")
+        place = scene.ego[:, :3] if log.only is None else scene.ego[log.only, None, :3]
+        columns = rr.Transform3D.columns(translation=place.astype(np.float32))
+        log.recording.send_columns(f"{log.root}world/follow", log.times, columns)
+    if truth_shown:
+        log.boxes("world/gt", arrays.truth_boxes(scene.truth), radius=2 * EDGE)
+        log.strips("world/gt_future", arrays.true_futures(scene.truth, card.task.future), FUTURE)
+    false = np.zeros(len(scene.detections.box), dtype=bool) if false is None else false
+    log.boxes("world/det", arrays.detection_boxes(scene.detections, false))
 
 
-def log_strips(
-    recording: rr.RecordingStream, path: str, times: list[rr.TimeColumn], lines: Strips, radius: float
-) -> None:
-    """Polylines of the frames of ``times``; a frame without any shows none."""
-    recording.log(path, rr.LineStrips3D.from_fields(radii=radius), static=True)
-    columns = rr.LineStrips3D.columns(strips=lines.point, colors=packed(lines.color))
-    recording.send_columns(path, times, columns.partition(lines.count))
+def log_answers(log: Log, said: Answers, hypotheses: Iterable[int], level: str) -> None:
+    """Tracks and trails of these hypotheses; and forecasts, where the ``level`` shows them."""
+    for h in hypotheses:
+        log.boxes(f"world/hyp/{h:02d}/box", arrays.hypothesis_boxes(said, h), TRACK_FILL)
+        log.strips(f"world/hyp/{h:02d}/trail", arrays.trails(said, h), TRAIL)
+    if level in ("top", "all"):
+        log.strips("world/forecast", arrays.forecasts(said, level), FORECAST)

@@ -6,64 +6,75 @@ import itertools
 
 import numpy as np
 
+from ...types import Ints, Scene
 from ..events_text import incident_text
-from ..replay import Incident, Replay
-from . import event_rows as arrays
-from .agents import Shown
-from .colors import EVENTS, MISSED, SERIES, SWITCH, packed, tone, track_colors
-from .entities import EDGE, frame_times
-from .event_rows import Lane
+from ..replay import KINDS, Incident, Replay
+from .agents import ShownAgent
+from .colors import EVENTS, SERIES, SWITCH, UNTRACKED, packed, tone, track_colors
+from .entities import EDGE, Log, frame_times
+from .lanes import Lane, lanes
 from .sdk import rr
 
+EVENT_FRAMES = 10  # frames that an event stays in the picture
 MARKER = (0.0, 3.4, 3.0)  # m, from an event to its mark: beside the label of the box
 RING = 3.0  # m, around the event that the views look at
 
 
-def log_judgement(recording: rr.RecordingStream, agent: Shown) -> None:
+def log_judgement(log: Log, agent: ShownAgent) -> None:
     """Events, identity lanes and counts: the judge's view of the best hypothesis."""
-    replay = agent.replay
-    _log_markers(recording, agent)
-    for kind in EVENTS:
-        incidents = [i for i in replay.incidents if i.kind == kind]
-        if incidents:
-            frames = np.array([i.frame for i in incidents])
-            texts = [incident_text(i, replay.card.task.classes) for i in incidents]
-            colors = np.tile(packed(EVENTS[kind]), len(texts))
-            columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=colors)
-            recording.send_columns(f"{agent.root}events/{_title(kind)}", frame_times(replay.scene, frames), columns)
-    for lane in arrays.lanes(replay):
-        _log_lane(recording, agent, lane)
-    for name, values in arrays.counts(replay).items():
-        path = f"{agent.root}metrics/{_title(name)}"
-        prefix = f"{agent.root.split('/')[1]} " if agent.root else ""
-        style = rr.SeriesLines(colors=packed(tone(SERIES[name], agent.number)), names=prefix + _title(name), widths=2)
-        recording.log(path, style, static=True)
+    _log_markers(log, agent.replay)
+    _log_texts(log, agent.replay)
+    for lane in lanes(agent.replay):
+        _log_lane(log, agent.replay.scene, lane)
+    for name, values in _series(agent.replay).items():
+        names = f"{agent.name} {name}".strip()
+        color = packed(tone(SERIES["ids" if name == "IDS" else name], agent.number))
         scalars = rr.Scalars.columns(scalars=values.astype(np.float64))
-        recording.send_columns(path, frame_times(replay.scene), scalars)
+        log.columns(f"metrics/{name}", rr.SeriesLines(colors=color, names=names, widths=2), scalars)
 
 
 def _title(kind: str) -> str:
     return "IDS" if kind == "ids" else kind
 
 
-def _log_markers(recording: rr.RecordingStream, agent: Shown) -> None:
-    """Where events happened, for some frames after; and forecasts of nothing."""
-    times = frame_times(agent.replay.scene)
-    now = arrays.visible_incidents(agent.replay)
+def _series(replay: Replay) -> dict[str, Ints]:
+    """Numbers of boxes in each frame [F], and of events until then."""
+    happened = {
+        kind: np.bincount([i.frame for i in replay.events if i.kind == kind], minlength=replay.frames)
+        for kind in KINDS[:-1]
+    }
+    return replay.counts | {_title(kind): np.cumsum(count) for kind, count in happened.items()}
+
+
+def _log_texts(log: Log, replay: Replay) -> None:
+    """The event log."""
+    for kind in KINDS:
+        incidents = [i for i in replay.incidents if i.kind == kind]
+        if incidents:
+            texts = [incident_text(i, replay.card.task.classes) for i in incidents]
+            colors = np.tile(packed(EVENTS[kind]), len(texts))
+            columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=colors)
+            times = frame_times(replay.scene, np.array([i.frame for i in incidents]))
+            log.recording.send_columns(f"{log.root}events/{_title(kind)}", times, columns)
+
+
+def _log_markers(log: Log, replay: Replay) -> None:
+    """Where events happened, for some frames after; and false forecasts."""
+    now = [replay.recent(t, EVENT_FRAMES) for t in range(replay.frames)]
     incidents = list(itertools.chain.from_iterable(now))
     if incidents:
         columns = rr.Points3D.columns(
-            positions=np.array([[i.x, i.y, i.z] for i in incidents]) + MARKER,
+            positions=np.array([i.position for i in incidents]) + MARKER,
             colors=packed(np.array([EVENTS[i.kind] for i in incidents], dtype=np.uint8)),
             labels=[_mark(i) for i in incidents],
         )
-        path = f"{agent.root}world/events"
-        recording.log(path, rr.Points3D.from_fields(radii=rr.Radius.ui_points(6.0), show_labels=True), static=True)
-        recording.send_columns(path, times, columns.partition([len(each) for each in now]))
-    count, place = arrays.visible_spurious(agent.replay)
-    path, style = f"{agent.root}world/spurious", rr.Points3D.from_fields(radii=0.3, colors=EVENTS["spurious"])
-    recording.log(path, style, static=True)
-    recording.send_columns(path, times, rr.Points3D.columns(positions=place).partition(count))
+        style = rr.Points3D.from_fields(radii=rr.Radius.ui_points(6.0), show_labels=True)
+        log.columns("world/events", style, columns.partition([len(each) for each in now]))
+    rows = np.flatnonzero(replay.forecast_false)
+    places = rr.Points3D.columns(positions=replay.rollout.object_box[rows, :3].astype(np.float32))
+    count = np.diff(np.searchsorted(rows, replay.rollout.object_start))
+    style = rr.Points3D.from_fields(radii=0.3, colors=EVENTS["spurious"])
+    log.columns("world/spurious", style, places.partition(count))
 
 
 def _mark(incident: Incident) -> str:
@@ -72,31 +83,34 @@ def _mark(incident: Incident) -> str:
     return incident.name
 
 
-def log_ring(recording: rr.RecordingStream, replay: Replay, at: Incident) -> None:
+def log_ring(recording: rr.RecordingStream, scene: Scene, at: Incident) -> None:
     """A ring around the event that the views look at, as long as its mark is there."""
     angle = np.linspace(0.0, 2 * np.pi, 49)
-    ring = np.column_stack([at.x + RING * np.cos(angle), at.y + RING * np.sin(angle), np.full(len(angle), at.z)])
-    end = at.frame + arrays.EVENT_FRAMES
-    frames = np.arange(at.frame, min(end + 1, replay.frames))
+    x, y, z = at.position
+    ring = np.column_stack([x + RING * np.cos(angle), y + RING * np.sin(angle), np.full(len(angle), z)])
+    end = at.frame + EVENT_FRAMES
+    frames = np.arange(at.frame, min(end + 1, scene.frames))
     drawn = (frames < end).astype(int)  # the frame after it clears the ring
     lines = np.repeat(ring[None], drawn.sum(), axis=0).astype(np.float32)
+    style = rr.LineStrips3D.from_fields(radii=EDGE, colors=SWITCH)
     columns = rr.LineStrips3D.columns(strips=lines).partition(drawn)
-    recording.log("world/at", rr.LineStrips3D.from_fields(radii=EDGE, colors=SWITCH), static=True)
-    recording.send_columns("world/at", frame_times(replay.scene, frames), columns)
+    Log(recording, frame_times(scene, frames)).columns("world/at", style, columns)
 
 
-def _log_lane(recording: rr.RecordingStream, agent: Shown, lane: Lane) -> None:
+def _log_lane(log: Log, scene: Scene, lane: Lane) -> None:
     """One lane: which track follows the object."""
-    path = f"{agent.root}identity/gt_{lane.object_id:03d}"
-    named = [None if track is None else _state(track) for track in lane.track]
     tracks = sorted({track for track in lane.track if track is not None})
-    colors = np.where(np.array(tracks)[:, None] < 0, MISSED, track_colors(np.array(tracks)))
-    labels = [_state(i).removeprefix("track ") for i in tracks]
-    style = rr.StateConfiguration(values=[_state(i) for i in tracks], labels=labels, colors=packed(colors))
-    recording.log(path, style, static=True)
-    columns = rr.StateChange.columns(state=["" if name is None else name for name in named])
-    recording.send_columns(path, frame_times(agent.replay.scene, np.array(lane.frame)), columns)
+    colors = np.where(np.array(tracks)[:, None] < 0, UNTRACKED, track_colors(np.array(tracks)))
+    names = [_state(track) for track in tracks]
+    labels = [name.removeprefix("track ") for name in names]
+    style = rr.StateConfiguration(values=names, labels=labels, colors=packed(colors))
+    columns = rr.StateChange.columns(state=[_state(track) for track in lane.track])
+    Log(log.recording, frame_times(scene, np.array(lane.frame)), log.root).columns(
+        f"identity/gt_{lane.object_id:03d}", style, columns
+    )
 
 
-def _state(track: int) -> str:
-    return "missed" if track < 0 else f"track {track}"
+def _state(track: int | None) -> str:
+    if track is None:
+        return ""
+    return "untracked" if track < 0 else f"track {track}"

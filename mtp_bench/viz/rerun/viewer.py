@@ -14,14 +14,14 @@ from pathlib import Path
 
 from ...errors import MtpBenchError
 from ..replay import Incident, Replay
-from .agents import Shown, shown_agents
+from .agents import Contents, contents_of
 from .blueprint import layout
 from .log import log_runs, new_recording
 from .sdk import INSTALL, ViewerClient
 
 LOCAL = "127.0.0.1"  # the viewer's own default is every network interface
 START_SECONDS = 30.0
-_WINDOW = ("--expect-data-soon", "--hide-welcome-screen")
+OTHERWISE = "write a file with --save FILE.rrd, or serve it with --web"
 
 
 def viewer_program() -> str:
@@ -32,9 +32,6 @@ def viewer_program() -> str:
         if program.is_file():
             return str(program)
     raise MtpBenchError(f"the viewer of rerun is missing: {INSTALL}")
-
-
-OTHERWISE = "write a file with --save FILE.rrd, or serve it with --web"
 
 
 def require_display(otherwise: str = OTHERWISE) -> None:
@@ -48,23 +45,24 @@ def show_recording(replays: Sequence[Replay], level: str = "top", at: Incident |
 
     Raises MtpBenchError where there is no display or the viewer does not start.
     """
-    require_display()
-    shown = shown_agents(replays, level)
+    contents = contents_of(replays, level, at)
     address = open_viewer()
-    _send(shown, level, at, address)
+    _send(contents, address)
     if at is not None:
-        _seek(ViewerClient.connect(address), at.frame)
+        client = ViewerClient.connect(address)
+        # where that fails it is open all the same; the frame can be chosen by hand
+        _keep_trying(lambda: client.set_time("frame", sequence=at.frame, play_state="paused"))
 
 
 def open_viewer(otherwise: str = OTHERWISE) -> str:
     """Open a viewer that stays when this process ends; returns where it listens, on this machine only.
 
-    Raises MtpBenchError where there is no display or the viewer does not start.
+    Raises MtpBenchError where there is no display or the viewer does not start; ``otherwise`` as `require_display`.
     """
     require_display(otherwise)
     port = free_port()
-    _wait_for(_start([*_WINDOW, "--port", str(port)], apart=True), port)
-    return _address(port)
+    start_viewer(port, ["--expect-data-soon", "--hide-welcome-screen"], apart=True)
+    return address_of(port)
 
 
 def serve_recording(replays: Sequence[Replay], level: str, at: Incident | None, ready: Callable[[str], object]) -> None:
@@ -72,13 +70,12 @@ def serve_recording(replays: Sequence[Replay], level: str, at: Incident | None, 
 
     Raises MtpBenchError where the server does not start.
     """
-    shown = shown_agents(replays, level)
+    contents = contents_of(replays, level, at)
     port, page = free_port(), free_port()
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a server that is ended does not leave one behind
-    server = _start(["--serve-web", "--port", str(port), "--web-viewer-port", str(page)], apart=False)
+    server = start_viewer(port, ["--serve-web", "--web-viewer-port", str(page)])
     try:
-        _wait_for(server, port)
-        _send(shown, level, at, _address(port))
+        _send(contents, address_of(port))
         ready(f"http://{LOCAL}:{page}/?url=rerun%2Bhttp://{LOCAL}:{port}/proxy")
         server.wait()
     except KeyboardInterrupt:
@@ -95,51 +92,49 @@ def free_port() -> int:
         return int(free.getsockname()[1])
 
 
-def _start(options: Sequence[str], apart: bool) -> subprocess.Popen[bytes]:
+def start_viewer(port: int, options: Sequence[str], apart: bool = False) -> subprocess.Popen[bytes]:
+    """A viewer that listens; ``apart``: it stays when this process ends. Raises MtpBenchError where none starts."""
     quiet = subprocess.DEVNULL
-    command = [viewer_program(), "--bind", LOCAL, *options]
-    return subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=apart)
+    command = [viewer_program(), "--bind", LOCAL, "--port", str(port), *options]
+    viewer = subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=apart)
 
-
-def _wait_for(viewer: subprocess.Popen[bytes], port: int) -> None:
-    """Wait until somebody listens; raises MtpBenchError if the viewer ends or takes too long."""
-    end = time.monotonic() + START_SECONDS
-    while time.monotonic() < end:
+    def listens() -> None:
         if viewer.poll() is not None:
             raise MtpBenchError(f"the viewer ended with status {viewer.returncode}: try --save FILE.rrd or --web")
+        socket.create_connection((LOCAL, port), timeout=1.0).close()
+
+    try:
+        started = _keep_trying(listens)
+    except BaseException:  # an interruption, too, leaves no viewer behind
+        viewer.terminate()
+        raise
+    if not started:
+        viewer.terminate()
+        raise MtpBenchError(f"the viewer did not start within {START_SECONDS:.0f} s: try --save FILE.rrd or --web")
+    return viewer
+
+
+def _keep_trying(action: Callable[[], object]) -> bool:
+    """Repeat what the viewer refuses, which raises OSError or RuntimeError; False where that takes too long."""
+    end = time.monotonic() + START_SECONDS
+    while time.monotonic() < end:
         try:
-            socket.create_connection((LOCAL, port), timeout=1.0).close()
-        except OSError:
+            action()
+        except (OSError, RuntimeError):
             time.sleep(0.05)
         else:
-            return
-    viewer.terminate()
-    raise MtpBenchError(f"the viewer did not start within {START_SECONDS:.0f} s: try --save FILE.rrd or --web")
+            return True
+    return False
 
 
-def _address(port: int) -> str:
+def address_of(port: int) -> str:
+    """Where a viewer at this port of this machine listens."""
     return f"rerun+http://{LOCAL}:{port}/proxy"
 
 
-def _send(shown: Sequence[Shown], level: str, at: Incident | None, address: str) -> None:
+def _send(contents: Contents, address: str) -> None:
     """Send the recording and its layout, also where the user has changed the layout of an earlier one."""
-    recording = new_recording(shown, level, at)
+    recording = new_recording(contents)
     recording.connect_grpc(address)
-    recording.send_blueprint(layout(shown, at))
-    log_runs(recording, shown, level, at)
-    recording.flush()
-    recording.disconnect()
-
-
-def _seek(client: ViewerClient, frame: int) -> None:
-    """Move the cursor, as soon as the viewer has the recording."""
-    end = time.monotonic() + START_SECONDS
-    while True:
-        try:
-            client.set_time("frame", sequence=frame, play_state="paused")
-        except (OSError, RuntimeError):  # what the client raises for whatever the viewer refuses
-            if time.monotonic() > end:
-                return  # it is open; the frame can be chosen by hand
-            time.sleep(0.1)
-        else:
-            return
+    recording.send_blueprint(layout(contents))
+    log_runs(recording, contents)

@@ -59,7 +59,7 @@ class Tally:
         """Count the events of a scene."""
         self.scenes += 1
         self.complete &= replay.scene.truth_complete
-        self.forecasts += int(replay.spurious.sum())
+        self.forecasts += int(replay.forecast_false.sum())
         for incident in replay.incidents:
             self.events[incident.kind] += 1
             self.wrong += incident.wrong
@@ -173,7 +173,7 @@ def _record(row: EventRow) -> dict[str, Any]:
         "class": row.class_name,
         "old_id": _known(event.old_id),
         "new_id": _known(event.new_id),
-        "position": [event.x, event.y, event.z],
+        "position": list(event.position),
         "wrong": event.wrong,
         "minADE": event.error,
         "missing_aware": event.capped,

@@ -18,6 +18,6 @@ DETECTION = ORANGE
 TRACK = BLUE
 OTHER_TRACK = SKY  # of another hypothesis than the best
 FORECAST = PURPLE
-FALSE = VERMILLION  # a track, a detection or a forecast of nothing
+FALSE = VERMILLION  # a false track, detection or forecast
 EVENT = YELLOW
 EGO = BLACK

@@ -1,0 +1,95 @@
+"""What an agent said on a scene, as every drawing reads it: its hypotheses, where their tracks come from, forecasts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..cards import Card
+from ..scoring.lineage import Hypotheses, hypotheses
+from ..scoring.matching import match
+from ..scoring.pairs import box_pairs
+from ..types import Bools, Ints, Rollout, to_metres
+
+
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """A whole rollout, or the last frames of an episode, with what follows from the answers alone."""
+
+    rollout: Rollout
+    card: Card
+    hypotheses: Hypotheses
+
+    @cached_property
+    def shown(self) -> Bools:
+        """Which tracks [N] the best hypothesis of their frame holds."""
+        frame = self.rollout.tracks.frame_of_rows
+        chosen: Bools = self.hypotheses.member[np.arange(len(frame)), self.hypotheses.best[frame]]
+        return chosen
+
+    @cached_property
+    def object_track(self) -> Ints:
+        """Track [O] of the best hypothesis nearest to each forecast object inside the forecast gate, -1 none.
+
+        The matching is one-to-one. An action does not say which track a forecast belongs to; drawings and lists only
+        name it.
+        """
+        rollout, chosen = self.rollout, np.flatnonzero(self.shown)
+        pairs = box_pairs(
+            rollout.objects.frame_of_rows,
+            rollout.object_box,
+            rollout.object_class,
+            rollout.tracks.frame_of_rows[chosen],
+            rollout.track_box[chosen],
+            rollout.track_class[chosen],
+            "center_distance",
+            self.card.per_class(self.card.task.forecast_gate),
+        )
+        return np.append(chosen, -1)[match(pairs, len(rollout.object_box))]
+
+    @property
+    def object_track_id(self) -> Ints:
+        """Id [O] of that track, -1 none."""
+        return np.append(self.rollout.track_id, -1)[self.object_track]
+
+    @cached_property
+    def earlier(self) -> Ints:
+        """Row [N, H] of each track in the frame before, along the lineage of each hypothesis; -1 none."""
+        rollout, member = self.rollout, self.hypotheses.member
+        earlier = np.full(member.shape, -1, dtype=np.int64)
+        for t in range(1, rollout.frames):
+            now, past = rollout.tracks.rows(t), rollout.tracks.rows(t - 1)
+            i, j = np.nonzero(rollout.track_id[now][:, None] == rollout.track_id[past])
+            held = member[now][i] & member[past][j][:, self.hypotheses.parent[t]]
+            pair, hypothesis = np.nonzero(held)
+            earlier[now.start + i[pair], hypothesis] = past.start + j[pair]
+        return earlier
+
+    def past(self, rows: Ints, hypothesis: int, frames: int) -> Ints:
+        """Rows [n, frames + 1] of the tracks ``rows`` [n] of a hypothesis, now and in the frames before.
+
+        A track that did not exist then repeats its first row.
+        """
+        frame = self.rollout.tracks.frame_of_rows
+        past = np.empty((len(rows), frames + 1), dtype=np.int64)
+        past[:, 0] = row = rows
+        lineage = np.full(len(rows), hypothesis)
+        for k in range(1, frames + 1):
+            before = self.earlier[row, lineage]
+            lineage = np.where(before >= 0, self.hypotheses.parent[frame[row], lineage], lineage)
+            past[:, k] = row = np.where(before >= 0, before, row)
+        return past
+
+    def forecast_xy(self, objects: slice | Ints) -> NDArray[np.float64]:
+        """Forecast places [n, K, T, 2] of these objects, m, in the frame of reference of the scene."""
+        center = self.rollout.object_box[objects, None, None, :2].astype(np.float64)
+        xy: NDArray[np.float64] = center + to_metres(self.rollout.forecast[objects])
+        return xy
+
+
+def answers(rollout: Rollout, card: Card) -> Answers:
+    """The answers of a rollout, with the lineage of its hypotheses."""
+    return Answers(rollout, card, hypotheses(rollout, card))
