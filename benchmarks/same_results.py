@@ -44,8 +44,10 @@ main()
 
 def command(checkout: Path, *arguments: str) -> None:
     """Run `mtp-bench` of a checkout, whichever version is installed."""
+    # -c puts the working folder before everything else: it must be the checkout too
     environment = {**os.environ, "PYTHONPATH": str(checkout)}
-    subprocess.run([sys.executable, "-c", START, *arguments], env=environment, check=True, stdout=subprocess.DEVNULL)
+    program = [sys.executable, "-c", START, *arguments]
+    subprocess.run(program, cwd=checkout, env=environment, check=True, stdout=subprocess.DEVNULL)
 
 
 def rollouts(folder: Path) -> dict[str, str]:
@@ -110,7 +112,7 @@ def main() -> None:
     if options.data is None:
         parser.error("no data root: give --data or set MTP_BENCH_DATA")
     chosen = {env: count for env, count in SCENES.items() if not options.env or env in options.env}
-    made = results(options.checkout.resolve(), options.data, chosen)
+    made = results(options.checkout.resolve(), str(Path(options.data).resolve()), chosen)
     options.output.write_text(json.dumps(made, indent=1, sort_keys=True), encoding="utf-8")
     if options.against is None:
         return
