@@ -122,7 +122,7 @@ def test_the_legend_names_only_what_this_kind_of_picture_can_show() -> None:
     view = replay_view(scene_with(complete=True), 3)
     assert [text for _, text in legend(view)] == whole
     assert [text for _, text in legend(replay_view(scene_with(), 3))] == [t for t in whole if "false" not in t]
-    hidden = replace(view, truth_box=None, judged=None)
+    hidden = replace(view, truth_shown=False, judged=None)
     assert [text for _, text in legend(hidden)] == [
         "detection", "track, where it was", "other hypotheses", "forecast", "ego",
     ]  # fmt: skip

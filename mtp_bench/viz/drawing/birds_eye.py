@@ -61,7 +61,7 @@ def _draw_boxes(canvas: Canvas, view: FrameView) -> None:
     false = judged.detection_false if judged else _none(view.detection_box)
     canvas.boxes(view.detection_box[~false], DETECTED)
     canvas.boxes(view.detection_box[false], FALSE_DETECTION)
-    if view.truth_box is not None:
+    if view.truth_shown:
         tracked = judged.tracked if judged else ~_none(view.truth_box)
         canvas.boxes(view.truth_box[tracked], TRACKED)
         canvas.boxes(view.truth_box[~tracked], UNTRACKED)
