@@ -54,10 +54,16 @@ class FrameView:
     scene: Scene
     card: Card
     frame: int
-    truth_box: Floats | None  # [M, 7] of the evaluated classes; None: the truth is not shown
     said: Said | None  # None: nothing yet
     judged: Judged | None = None  # None: not compared with the truth
     agent: str = ""
+    truth_shown: bool = True
+
+    @property
+    def truth_box(self) -> Floats:
+        """True boxes [M, 7] of the evaluated classes."""
+        truth, rows = self.scene.truth, self.scene.truth.rows(self.frame)
+        return truth.box[rows][~truth.neutral[rows]]
 
     @property
     def detection_box(self) -> Floats:
@@ -73,12 +79,6 @@ class FrameView:
 def ego_boxes(ego: Floats) -> Floats:
     """Boxes [F, 7] that stand for the vehicle at the poses ``ego`` [F, 4]."""
     return np.concatenate([ego, np.broadcast_to(EGO_SIZE, (len(ego), 3))], axis=1)
-
-
-def true_boxes(scene: Scene, t: int) -> Floats:
-    """True boxes [M, 7] of the evaluated classes at frame ``t``."""
-    rows = scene.truth.rows(t)
-    return scene.truth.box[rows][~scene.truth.neutral[rows]]
 
 
 def replay_view(replay: Replay, t: int, at: Incident | None = None) -> FrameView:
@@ -99,7 +99,7 @@ def replay_view(replay: Replay, t: int, at: Incident | None = None) -> FrameView
         marked=(*_places(replay, recent, t), *_place_of_run(replay, at, t)),
         log=tuple(event for event in reversed(replay.events) if event.frame <= t)[:LOG],
     )
-    return FrameView(scene, replay.card, t, true_boxes(scene, t), said_at(replay.said, t), judged, replay.agent)
+    return FrameView(scene, replay.card, t, said_at(replay.said, t), judged, replay.agent)
 
 
 def _places(replay: Replay, events: Sequence[Incident], t: int) -> tuple[tuple[Incident, Floats], ...]:

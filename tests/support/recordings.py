@@ -67,4 +67,6 @@ def assert_recorded(
         stated = np.isfinite(weight[objects]) & heaviest[objects]
         strips = np.asarray(found["world/forecast"][t]["strips"], dtype=np.float32).reshape(-1, future.shape[2] + 1, 3)
         np.testing.assert_array_equal(strips[:, 1:, :2], future[objects][stated])
-        np.testing.assert_array_equal(strips[:, 0], np.float32(rollout.object_box[objects, :3])[np.nonzero(stated)[0]])
+        np.testing.assert_array_equal(
+            strips[:, 0], rollout.object_box[objects, :3].astype(np.float32)[np.nonzero(stated)[0]]
+        )

@@ -20,6 +20,7 @@ from mtp_bench.running.options import RunOptions
 from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.running.stored import run_and_store
 from mtp_bench.scoring import score_scene
+from mtp_bench.scoring.lineage import match_hypotheses
 from mtp_bench.types import Rollout, Scene
 from mtp_bench.viz.replay import Incident, replay
 from tests.support.scoring_scenes import (
@@ -160,9 +161,9 @@ def test_what_is_tracked_false_or_neither() -> None:
 
 def assert_same_as_the_score(scene: Scene, rollout: Rollout, card: Any) -> None:
     played, score = replay(scene, rollout, card), score_scene(scene, rollout, card)
-    found = {kind: [i for i in played.incidents if i.kind == kind] for kind in ("ids", "lost", "reacquired")}
+    events = {kind: [i for i in played.incidents if i.kind == kind] for kind in ("ids", "lost", "reacquired")}
     frame = scene.truth.frame_of_rows
-    for kind, incidents in found.items():
+    for kind, incidents in events.items():
         assert len(incidents) == len(score.events[kind])
         assert all((frame[i.row], scene.truth.object_id[i.row]) == (i.frame, i.object_id) for i in incidents)
     assert sum(i.wrong for i in played.incidents) == len(score.events["wrong"])
@@ -173,12 +174,15 @@ def assert_same_as_the_score(scene: Scene, rollout: Rollout, card: Any) -> None:
         assert played.counts["FP"].sum() == score.counts.false_positives
     assert played.counts["TP"].sum() + played.counts["FN"].sum() == (~scene.truth.neutral).sum()
     target = {(int(t), int(g)): i for i, (t, g) in enumerate(zip(score.frame, score.object_id, strict=True))}
-    for incident in (*found["ids"], *found["lost"], *found["reacquired"]):
+    for incident in played.events:
         row = target.get((incident.frame, incident.object_id))
         assert (incident.capped is None) == (row is None)
         if row is not None:
             assert incident.capped == score.capped[row]
             assert incident.error == (score.min_ade[row] if score.covered[row] else None)
+    found = played.said.hypotheses
+    matched = match_hypotheses(scene.truth, rollout, found.member, card)[np.arange(len(frame)), found.best[frame]]
+    np.testing.assert_array_equal(matched, np.where(scene.truth.neutral, -1, played.truth_track))
 
 
 @settings(derandomize=True, deadline=None, max_examples=20)

@@ -21,7 +21,7 @@ from mtp_bench.viz.palette import FALSE
 from mtp_bench.viz.replay import Replay, replay
 from mtp_bench.viz.rerun.arrays import TOP_HYPOTHESES, TOP_SAMPLES, true_futures
 from mtp_bench.viz.rerun.colors import DETECTION, TRACKS, packed, track_colors
-from mtp_bench.viz.rerun.lanes import lanes
+from mtp_bench.viz.rerun.events import lanes
 from mtp_bench.viz.rerun.log import save_recording
 from mtp_bench.viz.rerun.sdk import rr
 from mtp_bench.viz.rerun.viewer import viewer_program

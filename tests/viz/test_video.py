@@ -112,16 +112,6 @@ def test_what_broke_leaves_no_file(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("suffix", ENCODERS)
-def test_odd_sizes(suffix: str, tmp_path: Path) -> None:
-    frames = [np.full((65, 33, 3), 40 * i, dtype=np.uint8) for i in range(5)]
-    told: list[int] = []
-    write_video(tmp_path / f"a{suffix}", frames, 2.0, lambda: told.append(1))
-    shown, _ = frames_of(tmp_path / f"a{suffix}")
-    assert len(shown) == len(told) == 5
-    assert abs(int(shown[4].mean()) - 160) < 4
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -18,17 +18,15 @@ from .labels import label, scale_bar, sign
 from .marks import DETECTED, FALSE_DETECTION, FALSE_TRACK, OTHER, TRACK_BOX, TRACKED, UNTRACKED, VEHICLE
 from .panel import panel
 
-SIZE = (960, 720)
+SIZE = (960, 720)  # pixels
+PANEL = 230  # pixels of the width
 SAMPLES = 5  # of each forecast, the heaviest
-PANEL, PANEL_LEAST = 0.24, 200  # share of the width, pixels
-LEAST = (600, 400)  # pixels; a smaller picture has no panel
 ROAD, CENTER_LINE, BORDER = (240, 240, 240), (205, 205, 205), (150, 150, 150)
 
 
-def draw_frame(view: FrameView, seen_by: Camera, size: tuple[int, int] = SIZE) -> NDArray[np.uint8]:
-    """A frame as a picture [height, width, 3]; ``size`` is width, height in pixels."""
-    wide = max(round(PANEL * size[0]), PANEL_LEAST) if size[0] >= LEAST[0] and size[1] >= LEAST[1] else 0
-    canvas = Canvas.blank(size[0] - wide, size[1], seen_by.at(view.scene.ego[view.frame]))
+def draw_frame(view: FrameView, seen_by: Camera) -> NDArray[np.uint8]:
+    """A frame as a picture [height, width, 3] of SIZE."""
+    canvas = Canvas.blank(SIZE[0] - PANEL, SIZE[1], seen_by.at(view.scene.ego[view.frame]))
     _draw_lanes(canvas, view.scene.lanes)
     _draw_boxes(canvas, view)
     for _, xy in view.judged.marked if view.judged else ():
@@ -37,9 +35,7 @@ def draw_frame(view: FrameView, seen_by: Camera, size: tuple[int, int] = SIZE) -
     ink = ImageDraw.Draw(image)
     _write(canvas, ink, view)
     scale_bar(canvas, ink)
-    if wide:
-        image = panel(image, view, wide)
-    return np.asarray(image, dtype=np.uint8)
+    return np.asarray(panel(image, view, PANEL), dtype=np.uint8)
 
 
 def _draw_lanes(canvas: Canvas, lanes: tuple[Lane, ...]) -> None:
@@ -65,7 +61,7 @@ def _draw_boxes(canvas: Canvas, view: FrameView) -> None:
     false = judged.detection_false if judged else _none(view.detection_box)
     canvas.boxes(view.detection_box[~false], DETECTED)
     canvas.boxes(view.detection_box[false], FALSE_DETECTION)
-    if view.truth_box is not None:
+    if view.truth_shown:
         tracked = judged.tracked if judged else ~_none(view.truth_box)
         canvas.boxes(view.truth_box[tracked], TRACKED)
         canvas.boxes(view.truth_box[~tracked], UNTRACKED)

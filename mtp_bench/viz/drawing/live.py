@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...env.live import LiveEpisode
-from ...errors import UnknownNameError
 from ..answers import answers
-from ..frame_view import TRAIL_SECONDS, FrameView, said_at, true_boxes
+from ..frame_view import TRAIL_SECONDS, FrameView, said_at
 from .birds_eye import draw_frame
 from .camera import Camera, camera
 
@@ -28,14 +27,12 @@ class Renderer(Protocol):
 
 
 def open_renderer(mode: str) -> Renderer:
-    """The renderer of a render mode of the env; raises UnknownNameError for one that it has not."""
+    """The renderer of a render mode of the env, "rgb_array" or "rerun"."""
     if mode == "rgb_array":
         return Pictures()
-    if mode == "rerun":
-        from ..rerun.live import LiveRecording
+    from ..rerun.live import LiveRecording
 
-        return LiveRecording()
-    raise UnknownNameError("render mode", mode, ("rgb_array", "rerun"))
+    return LiveRecording()
 
 
 class Pictures:
@@ -59,4 +56,4 @@ def live_view(episode: LiveEpisode) -> FrameView:
     scene, card, t = episode.scene, episode.card, episode.frame
     rollout = episode.rollout(max(0, t - round(TRAIL_SECONDS * card.task.rate)))
     said = None if rollout is None else said_at(answers(rollout, card), rollout.frames - 1)
-    return FrameView(scene, card, t, true_boxes(scene, t) if episode.truth_shown else None, said)
+    return FrameView(scene, card, t, said, truth_shown=episode.truth_shown)

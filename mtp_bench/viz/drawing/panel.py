@@ -108,7 +108,7 @@ def legend(view: FrameView) -> Iterator[tuple[Mark, str]]:
     """What the marks of this kind of picture mean; the same for all frames of a video."""
     judged = view.judged is not None
     complete = judged and view.scene.truth_complete
-    if view.truth_box is not None:
+    if view.truth_shown:
         yield _box(TRACKED), "true box"
         if judged:
             yield _box(UNTRACKED), "true box, untracked"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
-from itertools import chain
 from pathlib import Path
 from typing import Any, Literal
 
@@ -45,22 +44,17 @@ def frames_around(replay: Replay, event: str | None) -> range:
     return range(int(near[0]), int(near[-1]) + 1)
 
 
-def pictures(
-    replay: Replay, frames: Iterable[int], event: str | None = None, size: tuple[int, int] = SIZE
-) -> Iterator[Frame]:
-    """Bird's-eye pictures of these frames, all with the same view; ``event`` is marked whatever its kind.
-
-    ``size`` is width, height in pixels.
-    """
+def pictures(replay: Replay, frames: Iterable[int], event: str | None = None) -> Iterator[Frame]:
+    """Bird's-eye pictures of these frames, all with the same view; ``event`` is marked whatever its kind."""
     seen_by, at = camera(replay.scene, replay.card), None if event is None else replay.incident(event)
     if at is not None:
         seen_by = seen_by.with_place(*at.position[:2], replay.scene.ego[at.frame])
     for t in frames:
-        yield draw_frame(replay_view(replay, t, at), seen_by, size)
+        yield draw_frame(replay_view(replay, t, at), seen_by)
 
 
 def write_video(path: Path, frames: Iterable[Frame], rate: float, done: Callable[[], object] | None = None) -> None:
-    """Write ``frames`` (at least one) at ``rate`` per second: a whole file or none; ``done`` is called per frame."""
+    """Write ``frames`` of SIZE, at least one, at ``rate`` per second: a whole file or none; ``done`` follows each."""
     write = _write_gif if path.suffix.lower() == ".gif" else _write_mp4
     try:
         with whole_file(path) as part:
@@ -86,13 +80,10 @@ def _write_mp4(path: Path, frames: Iterator[Frame], rate: float) -> None:
     import av
 
     name: Literal["libx264", "mpeg4"] = "libx264" if "libx264" in av.codecs_available else "mpeg4"
-    first = next(frames)
-    high, wide = first.shape[0] // 2 * 2, first.shape[1] // 2 * 2  # the encoder takes pixels in pairs
     with av.open(str(path), "w", format="mp4") as container:
         stream = container.add_stream(name, rate=Fraction(rate).limit_denominator(1000))
-        stream.height, stream.width = high, wide
+        stream.width, stream.height = SIZE
         stream.pix_fmt = "yuv420p"  # what every player shows
-        for frame in chain([first], frames):
-            picture = np.ascontiguousarray(frame[:high, :wide])
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        for frame in frames:
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
         container.mux(stream.encode())

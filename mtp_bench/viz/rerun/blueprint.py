@@ -13,7 +13,6 @@ from ...types import Floats, Scene
 from ..replay import Incident, Replay
 from .agents import Contents, ShownAgent
 from .arrays import TOP_HYPOTHESES
-from .lanes import lanes
 from .sdk import rr, rrb
 
 SHARED = ("/world/map/**", "/world/ego", "/world/gt", "/world/gt_future", "/world/at")
@@ -148,7 +147,8 @@ def _eventful(replay: Replay, at: Incident | None) -> list[int]:
 def _identities(agent: ShownAgent, at: Incident | None) -> rrb.Tabs:
     """Lanes of the objects with events; all lanes; the event log."""
     tabs: list[Any] = []
-    every = [lane.object_id for lane in lanes(agent.replay)]
+    truth = agent.replay.scene.truth
+    every = np.unique(truth.object_id[~truth.neutral]).tolist()
     for name, objects in (
         ("track of each object with events", _eventful(agent.replay, at)),
         ("of every object", every),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,7 +13,6 @@ from ..replay import KINDS, Incident, Replay
 from .agents import ShownAgent
 from .colors import EVENTS, SERIES, SWITCH, UNTRACKED, packed, tone, track_colors
 from .entities import EDGE, Log, frame_times
-from .lanes import Lane, lanes
 from .sdk import rr
 
 EVENT_FRAMES = 10  # frames that an event stays in the picture
@@ -95,6 +95,41 @@ def log_ring(recording: rr.RecordingStream, scene: Scene, at: Incident) -> None:
     style = rr.LineStrips3D.from_fields(radii=EDGE, colors=SWITCH)
     columns = rr.LineStrips3D.columns(strips=lines).partition(drawn)
     Log(recording, frame_times(scene, frames)).columns("world/at", style, columns)
+
+
+@dataclass(frozen=True)
+class Lane:
+    """Which track follows a true object: states from their first frame on, None where the object is not there."""
+
+    object_id: int
+    frame: tuple[int, ...]
+    track: tuple[int | None, ...]  # -1: none
+
+
+def lanes(replay: Replay) -> list[Lane]:
+    """Identity lanes of the evaluated objects, by their ids: the best hypothesis of every frame."""
+    truth = replay.scene.truth
+    frame = truth.frame_of_rows
+    track = np.append(replay.rollout.track_id, -1)[replay.truth_track]
+    evaluated = ~truth.neutral
+    found = []
+    for object_id in np.unique(truth.object_id[evaluated]).tolist():
+        rows = np.flatnonzero(evaluated & (truth.object_id == object_id))
+        states = _changes(frame[rows], track[rows], replay.frames)
+        found.append(Lane(object_id, tuple(states), tuple(states.values())))
+    return found
+
+
+def _changes(frame: Ints, track: Ints, frames: int) -> dict[int, int | None]:
+    """State of one object from each frame on at which it changes; None from the frame after it was seen."""
+    states: dict[int, int | None] = {}
+    current: int | None = None
+    for t, following, i in zip(frame.tolist(), [*frame[1:].tolist(), frames], track.tolist(), strict=True):
+        if i != current:
+            states[t] = current = i
+        if following > t + 1:
+            states[t + 1] = current = None
+    return states
 
 
 def _log_lane(log: Log, scene: Scene, lane: Lane) -> None:
