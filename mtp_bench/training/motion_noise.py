@@ -22,8 +22,6 @@ from ..types import Bools, Floats, Scene, Task
 from .split import open_split
 from .windows import collect
 
-TURN_RATE = 0.1  # rad/s, prior of the turn-rate model; not fitted
-
 
 def fit_env(env_id: str, options: RunOptions = DEFAULTS, observe: str = "detections") -> str:
     """TOML of the motion noise fitted on the training split of an env, as ``mtp_bench.prediction`` stores it.
@@ -61,6 +59,9 @@ def fit_scenes(scenes: Sequence[Scene], task: Task) -> dict[str, dict[str, Any]]
     return rows
 
 
+TURN_RATE = 0.1  # rad/s, prior of the turn-rate model; not fitted
+
+
 def as_toml(name: str, rows: dict[str, dict[str, Any]]) -> str:
     """The text of a stored condition."""
     lines = []
@@ -81,7 +82,7 @@ def fit_motion_noise(position: Floats, valid: Bools, future: Floats, dt: float) 
     bounds = [tuple(np.log(limit)) for limit in _LIMITS]
 
     def loss(x: Floats) -> float:
-        noise = table([{**_row(np.exp(x)), "turn_rate": TURN_RATE}])
+        noise = table([{**_row(np.exp(x)), "turn_rate": 0.1}])
         return forecast_score(position, valid, future, noise, dt)
 
     best = minimize(loss, start, method="L-BFGS-B", bounds=bounds, options={"eps": 1e-3, "maxiter": 60})
