@@ -48,9 +48,7 @@ class EnvScenes:
             "Stored (nuScenes): the first part of its files' names."
         ),
     ] = None
-    detections: Annotated[Path | None, typer.Option(help="File of stored detections (nuScenes submission form).")] = (
-        None
-    )
+    detections: Annotated[Path | None, typer.Option(help="File of stored detections, as submitted to nuScenes.")] = None
 
     def options(self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)) -> RunOptions:
         """These scenes under ``seeds`` as options of a run."""
@@ -67,9 +65,7 @@ class WorkerChoice:
     """Who does the work."""
 
     jobs: JobsOption = 0
-    backend: Annotated[str, typer.Option(help="loky: processes of this machine. dask: workers of a Dask cluster.")] = (
-        "loky"
-    )
+    backend: Annotated[str, typer.Option(help="loky: processes here. dask: workers of a Dask cluster.")] = "loky"
     scheduler: Annotated[
         str | None, typer.Option(help="Address of the Dask scheduler, such as tcp://10.0.0.1:8786.")
     ] = None
