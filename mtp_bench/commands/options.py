@@ -11,7 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ..errors import MtpBenchError
+
 if TYPE_CHECKING:
+    from ..parallel import Workers
     from ..running.options import RunOptions
 
 DataOption = Annotated[
@@ -45,9 +48,7 @@ class EnvScenes:
             "Stored (nuScenes): the first part of its files' names."
         ),
     ] = None
-    detections: Annotated[Path | None, typer.Option(help="File of stored detections (nuScenes submission form).")] = (
-        None
-    )
+    detections: Annotated[Path | None, typer.Option(help="File of stored detections, as submitted to nuScenes.")] = None
 
     def options(self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)) -> RunOptions:
         """These scenes under ``seeds`` as options of a run."""
@@ -64,24 +65,19 @@ class WorkerChoice:
     """Who does the work."""
 
     jobs: JobsOption = 0
-    backend: Annotated[str, typer.Option(help="loky: processes of this machine. dask: workers of a Dask cluster.")] = (
-        "loky"
-    )
+    backend: Annotated[str, typer.Option(help="loky: processes here. dask: workers of a Dask cluster.")] = "loky"
     scheduler: Annotated[
         str | None, typer.Option(help="Address of the Dask scheduler, such as tcp://10.0.0.1:8786.")
     ] = None
 
-    def workers(self) -> Any:
-        """The `Workers` of this choice; wrong usage for a backend that cannot work, before anything is prepared."""
-        from ..parallel import BACKENDS, Workers, cores
+    def workers(self) -> Workers:
+        """The workers of this choice; wrong usage for a backend that cannot work, before anything is prepared."""
+        from ..parallel import Workers, cores
 
-        if self.backend not in BACKENDS:
-            raise typer.BadParameter(
-                f"{self.backend!r}, expected one of: {', '.join(BACKENDS)}", param_hint="--backend"
-            )
-        if (self.backend == "dask") != (self.scheduler is not None):
-            raise typer.BadParameter("--backend dask and --scheduler ADDRESS go together", param_hint="--scheduler")
-        return Workers(self.jobs or cores(), self.backend, self.scheduler)
+        try:
+            return Workers(self.jobs or cores(), self.backend, self.scheduler)
+        except MtpBenchError as error:
+            raise typer.BadParameter(str(error), param_hint="--backend, --scheduler") from None
 
 
 def opened(command: Callable[..., None]) -> Callable[..., None]:

@@ -6,21 +6,17 @@ import hashlib
 import math
 import secrets
 import time
-from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
-from ..env.action import ABSENT_BELOW
 from ..types import Rollout
+from .finite import finite
 from .limits import PATIENCE, Limits, SceneRun
 from .process import AgentProcess, EndedError, ExcessError, Message
 from .wire import Arrays, WireError, arrays_of
 
 Action = dict[str, Any]
-_NOTHING = np.zeros(0)
 
 
 class SceneOverError(Exception):
@@ -184,27 +180,3 @@ class Exchange:
 def _parts(space: spaces.Space[Any]) -> dict[str, spaces.Space[Any]]:
     assert isinstance(space, spaces.Dict)
     return dict(space.spaces)
-
-
-def finite(action: Mapping[str, NDArray[Any]]) -> bool:
-    """Whether every number of the tracks, hypotheses, objects and samples that are there is finite.
-
-    ``action``: arrays of the right shapes; fields may be missing. Rows that are not valid may hold anything, as may
-    samples whose log-weight says that they are absent; -inf is such a log-weight, NaN and +inf are none.
-    """
-    weight, forecast = _claimed(action, "forecast_log_weight", "object"), _claimed(action, "forecast", "object")
-    if len(weight) == len(forecast):  # else a field is missing: every sample counts
-        forecast = forecast[weight >= ABSENT_BELOW]
-    numbers = (_claimed(action, "track_box", "track"), _claimed(action, "object_box", "object"), forecast)
-    weights = (weight, action.get("hypothesis_log_weight", _NOTHING))
-    return all(np.isfinite(part).all() for part in numbers) and not any(_broken(part) for part in weights)
-
-
-def _claimed(action: Mapping[str, NDArray[Any]], name: str, kind: str) -> NDArray[Any]:
-    """Rows of a field that the mask of its kind says are there; all of them without a mask."""
-    array, mask = action.get(name, _NOTHING), action.get(f"{kind}_valid")
-    return array if mask is None or not len(array) else array[mask != 0]
-
-
-def _broken(log_weight: NDArray[Any]) -> bool:
-    return bool((np.isnan(log_weight) | np.isposinf(log_weight)).any())

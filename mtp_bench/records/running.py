@@ -11,6 +11,7 @@ import numpy as np
 from ..cards import Card, load_card
 from ..env.environment import MTPEnv
 from ..env.rollouts import digest
+from ..errors import MtpBenchError
 from ..gateway import Limits, SceneRun, run_isolated_scenes
 from ..running.options import RunOptions
 from ..running.rollout_files import RunInfo
@@ -44,8 +45,10 @@ class Plan:
 def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
     """The scenes of an env for a submission, with its own parameters and k samples.
 
-    Raises MtpBenchError for an unknown env or split, missing data or a parameter that is wrong.
+    Raises MtpBenchError for an unknown env or split, another detector, missing data or a parameter that is wrong.
     """
+    if options.detector is not None or options.detection_file is not None:
+        raise MtpBenchError("a record is of the detections that its env names: no other detector can be chosen")
     env = MTPEnv(env_id, observe=submission.compare.observe, evaluation=True, data=options.data, split=options.split)
     keywords = setting_of(submission, env.card).env_keywords(env.card)
     if env.card.source.split != load_card(env_id).source.split:

@@ -22,8 +22,6 @@ from ..types import Bools, Floats, Scene, Task
 from .split import open_split
 from .windows import collect
 
-TURN_RATE = 0.1  # rad/s, prior of the turn-rate model; not fitted
-
 
 def fit_env(env_id: str, options: RunOptions = DEFAULTS, observe: str = "detections") -> str:
     """TOML of the motion noise fitted on the training split of an env, as ``mtp_bench.prediction`` stores it.
@@ -58,6 +56,9 @@ def fit_scenes(scenes: Sequence[Scene], task: Task) -> dict[str, dict[str, Any]]
         if mine.any():
             rows[name] = fit_motion_noise(windows.position[mine], windows.valid[mine], windows.future[mine], task.dt)
     return rows
+
+
+TURN_RATE = 0.1  # rad/s, prior of the turn-rate model; not fitted
 
 
 def as_toml(name: str, rows: dict[str, dict[str, Any]]) -> str:

@@ -33,17 +33,14 @@ def fit_env(env_id: str, options: RunOptions = DEFAULTS) -> str:
     The agent is the single-hypothesis pipeline. ``options`` may name another split. Raises MtpBenchError for whatever
     the user can mend, and where the truth is not complete: there no forecast costs anything.
     """
-    options = options.on_split("train")
-    split = open_split(env_id, options)
+    split = open_split(env_id, options.on_split("train"))
     env = MTPEnv(split.card, data=options.data, evaluation=True)
-    options.progress.started(len(split.names))
     worth = []
-    for name in split.names:
+    for name in split.watched():
         agent = Pipeline(HypothesisTracker(1), KinematicPredictor(), KMeansSampler())
         worth.append(worth_of_scene(agent, env, name))
         if not env.scene.truth_complete:
             raise MtpBenchError(f"{env_id}: the truth is not complete, so no false forecast costs anything")
-        options.progress.done(name)
     return as_toml(env_id, least_scores(worth, env.card.task.classes))
 
 

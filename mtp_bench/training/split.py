@@ -21,12 +21,16 @@ class Split:
     names: tuple[str, ...]
     options: RunOptions
 
-    def scenes(self) -> Iterator[Scene]:
-        """The scenes, one after the other; each counts as done when the next one is asked for."""
+    def watched(self) -> Iterator[str]:
+        """The names; each counts as done when the next one is asked for."""
         self.options.progress.started(len(self.names))
         for name in self.names:
-            yield self.source.load(name)
+            yield name
             self.options.progress.done(name)
+
+    def scenes(self) -> Iterator[Scene]:
+        """The scenes, one after the other."""
+        return map(self.source.load, self.watched())
 
 
 def open_split(env_id: str, options: RunOptions) -> Split:

@@ -85,7 +85,7 @@ def act(self, observation):
 """
 
 
-def test_a_late_answer_is_a_miss_and_counts_for_no_other_frame(court: Court) -> None:
+def test_a_late_answer_leaves_its_frame_unanswered_and_counts_for_no_other(court: Court) -> None:
     run = court.run(LATE, HURRIED)
     assert run.status == "finished"
     assert 1 <= run.late < FRAMES
@@ -108,7 +108,7 @@ def test_patched_clocks_and_numpy_change_nothing(court: Court) -> None:
     assert court.error(run.rollout) > court.error(court.honest())
 
 
-def test_answers_that_all_come_at_the_end_are_misses(court: Court) -> None:
+def test_answers_that_all_come_at_the_end_are_none(court: Court) -> None:
     run = court.run(AT_THE_END, replace(HURRIED, first_frame=HURRIED.frame), frames=FRAMES)
     assert run.late >= FRAMES - 1
     assert run.rollout.object_start[-2] == 0, "before the last frame nothing counts"
@@ -140,7 +140,7 @@ MALFORMED = {
 
 
 @pytest.mark.parametrize("what", MALFORMED.values(), ids=MALFORMED)
-def test_what_is_no_answer_is_a_miss(court: Court, what: str) -> None:
+def test_what_is_no_answer_leaves_the_frame_unanswered(court: Court, what: str) -> None:
     run = court.run(replaced(what))
     assert (run.status, run.malformed, run.late) == ("finished", FRAMES, 0)
     assert len(run.rollout.object_box) == 0
@@ -159,7 +159,7 @@ NOT_FINITE = {
 
 
 @pytest.mark.parametrize("what", NOT_FINITE.values(), ids=NOT_FINITE)
-def test_one_number_that_is_not_finite_is_a_miss_of_the_frame(court: Court, what: str) -> None:
+def test_one_number_that_is_not_finite_leaves_the_frame_unanswered(court: Court, what: str) -> None:
     run = court.run(replaced(f"if self.frame == 2: {what.replace('; ', chr(10) + '    if self.frame == 2: ')}"))
     objects, honest = np.diff(run.rollout.object_start), np.diff(court.honest().object_start)
     assert (run.status, run.malformed, run.late) == ("finished", 1, 0)

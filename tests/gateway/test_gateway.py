@@ -105,7 +105,7 @@ def test_the_seal_starts_with_card_scene_and_seed() -> None:
     assert len(starts) == 4
 
 
-def test_a_missed_frame_and_an_empty_answer_have_different_seals() -> None:
+def test_an_unanswered_frame_and_an_empty_answer_have_different_seals() -> None:
     seals = []
     for action in (None, {}, {"track_id": np.zeros(2)}, {"track_id": np.zeros((2, 1))}):
         exchange = Exchange.__new__(Exchange)

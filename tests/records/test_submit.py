@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.errors import RecordError, RolloutError, UnknownNameError
+from mtp_bench.errors import MtpBenchError, RecordError, RolloutError, UnknownNameError
 from mtp_bench.parallel import Workers
 from mtp_bench.records import Record, load_record, save_record, submit, verify
 from mtp_bench.records.ranking import why_unranked
@@ -281,6 +281,12 @@ def test_a_later_record_replaces_an_earlier_one(path: Path, submission: Path, ca
     submit(submission, card, RunOptions(kitti, scenes=1), path.parent)
     assert [folder.name for folder in path.with_suffix(".rollouts").iterdir()] == ["seed-0"]
     assert verify(path, RunOptions(kitti), card).holds
+
+
+def test_a_record_has_no_other_detector(submission: Path, card: str, kitti: str, tmp_path: Path) -> None:
+    with pytest.raises(MtpBenchError, match="no other detector can be chosen"):
+        submit(submission, card, RunOptions(kitti, detector="clean"), tmp_path)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_wrong_usage(cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:
