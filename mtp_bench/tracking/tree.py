@@ -33,8 +33,8 @@ class HypothesisTree:
 
     def __init__(self, past: int) -> None:
         """An empty tree with one hypothesis, which holds nothing."""
-        self.state = np.zeros((0, STATE))  # the box first, see motion_kernels
-        self.memory = np.zeros((4, 0), dtype=np.int64)  # class, identity, hits and age, see tree_kernels
+        self.state: Floats = np.zeros((0, STATE))  # the box first, see motion_kernels
+        self.memory: Ints = np.zeros((4, 0), dtype=np.int64)  # class, identity, hits and age, see tree_kernels
         self.score = np.zeros(0)  # [N] sum of the scores of the detections taken
         self.detection: Ints = np.zeros(0, dtype=np.int64)  # taken in the last frame, -1: none
         self.member = np.ones((1, 0), dtype=np.bool_)  # [H, N]
