@@ -53,17 +53,17 @@ class HypothesisTree:
     @property
     def class_id(self) -> Ints:
         """Classes of the leaves, [N]."""
-        return self.memory[CLASS]
+        return np.asarray(self.memory[CLASS])
 
     @property
     def track_id(self) -> Ints:
         """Identities of the leaves, [N]."""
-        return self.memory[ID]
+        return np.asarray(self.memory[ID])
 
     @property
     def hits(self) -> Ints:
         """Detections that the tracks of the leaves have taken, [N]."""
-        return self.memory[HITS]
+        return np.asarray(self.memory[HITS])
 
     def predict(self) -> None:
         """Move all leaves one frame on."""
