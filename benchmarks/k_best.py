@@ -3,10 +3,10 @@
     pip install -e ".[bench]"        # nrl-tracker and pyrecest; what is not installed is left out
     python benchmarks/k_best.py [--problems 10] [--repeats 5] [--json FILE]
 
-Problems are gated as on KITTI: objects 12 m apart on average, a detection of nine in ten with a noise of 0.5 m, clutter
-for the others, and pairs within ``--gate`` metres, which cost distance - gate. Dense ones allow all pairs, at that cost
-or at a random one. CPU time of one core, least of the repeats. ``lsa`` is one scipy.optimize.linear_sum_assignment of
-the gated square matrix.
+Problems are gated as on KITTI: objects 12 m apart on average, a detection of nine in ten with a noise of 0.5 m, a
+false positive for the others, and pairs within ``--gate`` metres, which cost distance - gate. Dense ones allow all
+pairs, at that cost or at a random one. CPU time of one core, least of the repeats. ``lsa`` is one
+scipy.optimize.linear_sum_assignment of the gated square matrix.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ def dense(rng: np.random.Generator, n: int, gate: float) -> Floats:
     side = 12.0 * np.sqrt(n)
     tracks = rng.uniform(0, side, (n, 2))
     detections = tracks + rng.normal(0, 0.5, (n, 2))
-    clutter = rng.random(n) < 0.1
-    detections[clutter] = rng.uniform(0, side, (int(clutter.sum()), 2))
+    false = rng.random(n) < 0.1
+    detections[false] = rng.uniform(0, side, (int(false.sum()), 2))
     distance = np.linalg.norm(tracks[:, None] - rng.permutation(detections), axis=-1)
     return np.asarray(distance - gate)
 

@@ -52,7 +52,7 @@ def recordings(env_id: str, data: str | None, quick: bool = False, name: str | N
 
 
 def crowd(n: int, frames: int, seed: int = 0) -> tuple[Task, Scenes]:
-    """Cars and pedestrians that walk at random in a square; 2 Hz, a tenth missed, as much clutter.
+    """Cars and pedestrians that walk at random in a square; 2 Hz, a tenth undetected, as many false positives.
 
     Density does not depend on ``n``. At 60 m2 per object a car has several others within its gate.
     """

@@ -73,7 +73,7 @@ class HypothesisTree:
         """Replace the leaves by those of the new hypotheses.
 
         ``column`` [K, N]: the detection that each leaf takes in each new hypothesis, -1 for none; ``parent`` [K]: the
-        old hypothesis that it comes from; ``max_age`` [N]: a leaf that misses for so many frames dies.
+        old hypothesis that it comes from; ``max_age`` [N]: a track ends after so many frames without a detection.
         """
         leaf, detection, self.member, self._name = grow(
             column, parent, self.member, self.memory[AGE], max_age, len(seen.box)

@@ -80,7 +80,7 @@ class PlainTracker:
     def _grow(self, ahead: motion.MotionState, column: Ints, parent: Ints, seen: _Seen) -> None:
         """Replace the leaves by the distinct children of the new hypotheses.
 
-        A child is named by a code: old leaf x (1 + detection), detection 0 standing for a miss, and after all of those
+        A child is named by a code: old leaf x (1 + detection), detection 0 standing for none, and after all of those
         the births.
         """
         before = self._leaves
@@ -104,12 +104,12 @@ class PlainTracker:
         self._member = member
 
     def _dying(self, code: Ints, n: int, d: int) -> Bools:
-        """Children that miss once too often."""
-        old, miss = code // (d + 1), code % (d + 1) == 0
-        miss &= code < n * (d + 1)
+        """Children without a detection for too long."""
+        old, unseen = code // (d + 1), code % (d + 1) == 0
+        unseen &= code < n * (d + 1)
         dying = np.zeros(len(code), dtype=bool)
-        old = old[miss]
-        dying[miss] = self._leaves.age[old] + 1 >= self._max_age[self._leaves.class_id[old]]
+        old = old[unseen]
+        dying[unseen] = self._leaves.age[old] + 1 >= self._max_age[self._leaves.class_id[old]]
         return dying
 
     def _children(self, ahead: motion.MotionState, code: Ints, seen: _Seen) -> _Leaves:
