@@ -1,12 +1,12 @@
-"""Microseconds of k-best association: our kernels, what can be installed with pip, and frozen figures of the others.
+"""Microseconds of k-best association: our kernels beside what can be installed with pip.
 
     pip install -e ".[bench]"        # nrl-tracker and pyrecest; what is not installed is left out
     python benchmarks/k_best.py [--problems 10] [--repeats 5] [--json FILE]
 
-Problems are gated as on KITTI: objects 12 m apart on average, a detection of nine in ten with a noise of 0.5 m, clutter
-for the others, and pairs within ``--gate`` metres, which cost distance - gate. Dense ones allow all pairs, at that cost
-or at a random one. CPU time of one core, least of the repeats. ``lsa`` is one scipy.optimize.linear_sum_assignment of
-the gated square matrix, with which figures of another machine are scaled.
+Problems are gated as on KITTI: objects 12 m apart on average, a detection of nine in ten with a noise of 0.5 m, a
+false positive for the others, and pairs within ``--gate`` metres, which cost distance - gate. Dense ones allow all
+pairs, at that cost or at a random one. CPU time of one core, least of the repeats. ``lsa`` is one
+scipy.optimize.linear_sum_assignment of the gated square matrix.
 """
 
 from __future__ import annotations
@@ -22,26 +22,13 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.tracking.report import show
 from mtp_bench.tracking.joint import joint_k_best
 from mtp_bench.types import Bools, Floats
 from tests.support.textbook_k_best import k_best as textbook
 
 SIZES, KS, PARENTS = (5, 20, 50, 100), (1, 20, 100), 20
 SLOW = 0.2  # s; a call that takes longer is measured once
-
-# Microseconds on another machine (one core; problems of the same kind): lsa and six programs, by (n, k).
-PROGRAMS = ("fastmurty", "Vojtagart/murty", "numba prototype", "C prototype", "TrackerComponentLibrary")
-FROZEN: dict[tuple[int, int], tuple[float, ...]] = {
-    (20, 1): (10, 6, 5, 2, 30),
-    (20, 20): (20, 16, 16, 4, 107),
-    (20, 100): (43, 51, 45, 6, 331),
-    (50, 20): (27, 32, 20, 7, 780),
-    (100, 20): (56, 92, 28, 14, 5998),
-}
-FROZEN_DENSE = (442, 560, 357, 285, 11082)  # 100, 20, all pairs allowed
-FROZEN_JOINT = {20: (32, 462, 25, 13), 50: (86, 1147, 75, 45), 100: (168, 2404, 108, 56)}  # recorded, H = 20
-JOINT_PROGRAMS = ("best C peer, joint", "best C peer, pooled", "numba prototype", "C prototype")
-FROZEN_LSA = {20: 2.0, 50: 14.0, 100: 58.0}
 
 
 def gated(rng: np.random.Generator, n: int, gate: float) -> Floats:
@@ -55,8 +42,8 @@ def dense(rng: np.random.Generator, n: int, gate: float) -> Floats:
     side = 12.0 * np.sqrt(n)
     tracks = rng.uniform(0, side, (n, 2))
     detections = tracks + rng.normal(0, 0.5, (n, 2))
-    clutter = rng.random(n) < 0.1
-    detections[clutter] = rng.uniform(0, side, (int(clutter.sum()), 2))
+    false = rng.random(n) < 0.1
+    detections[false] = rng.uniform(0, side, (int(false.sum()), 2))
     distance = np.linalg.norm(tracks[:, None] - rng.permutation(detections), axis=-1)
     return np.asarray(distance - gate)
 
@@ -128,14 +115,11 @@ def single(n: int, k: int, given: argparse.Namespace, problems: list[Floats]) ->
     for name, run in installed().items():
         few = problems if n < 50 else problems[:1]
         row[name] = microseconds(run, [(cost, k) for cost in few], given.repeats) if n * n * k <= 50_000 else None
-    scale = row["lsa"] / FROZEN_LSA[n] if n in FROZEN_LSA else None
-    for name, value in zip(PROGRAMS, FROZEN.get((n, k), ()), strict=False):
-        row[f"{name} (scaled)"] = value * scale if scale else None
     return row
 
 
-def ungated(given: argparse.Namespace, rng: np.random.Generator, scale: float) -> list[dict[str, Any]]:
-    """All pairs allowed, n = 100, k = 20; scaled as the gated problems of that size."""
+def ungated(given: argparse.Namespace, rng: np.random.Generator) -> list[dict[str, Any]]:
+    """All pairs allowed, n = 100, k = 20."""
     n, k, everyone, base = 100, 20, np.ones((1, 100), dtype=bool), np.zeros(1)
     kinds: dict[str, Callable[[], Floats]] = {
         "positions": lambda: dense(rng, n, given.gate),
@@ -148,7 +132,7 @@ def ungated(given: argparse.Namespace, rng: np.random.Generator, scale: float) -
         row: dict[str, Any] = {"n": n, "k": k, "costs": kind}
         row["lsa"] = microseconds(lsa, [(cost,) for cost in problems], given.repeats)
         row["mtp_bench"] = microseconds(joint_k_best, calls, given.repeats)
-        rows.append(row | {f"{p} (scaled)": us * scale for p, us in zip(PROGRAMS, FROZEN_DENSE, strict=True)})
+        rows.append(row)
     return rows
 
 
@@ -163,22 +147,7 @@ def joint(n: int, given: argparse.Namespace, problems: list[Floats], rng: np.ran
     row["joint"] = microseconds(joint_k_best, together, given.repeats)
     row["separate"] = PARENTS * microseconds(joint_k_best, apart, given.repeats)
     row["ratio"] = row["separate"] / row["joint"]
-    for name, value in zip(JOINT_PROGRAMS, FROZEN_JOINT.get(n, ()), strict=False):
-        row[f"{name} (scaled)"] = value * row["lsa"] / FROZEN_LSA[n]
     return row
-
-
-def show(title: str, rows: list[dict[str, Any]]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    table, names = Table(title=title), list(dict.fromkeys(name for row in rows for name in row))
-    for name in names:
-        table.add_column(name, justify="right")
-    for row in rows:
-        values = [row.get(name) for name in names]
-        table.add_row(*("" if v is None else str(v) if isinstance(v, (int, str)) else f"{v:,.1f}" for v in values))
-    Console(width=180).print(table)
 
 
 def main() -> None:
@@ -192,10 +161,9 @@ def main() -> None:
     problems = {n: [gated(rng, n, given.gate) for _ in range(given.problems)] for n in SIZES}
     choices = {n: float(np.mean([(cost < np.inf).sum() / n for cost in problems[n]])) for n in SIZES}
     one = [single(n, k, given, problems[n]) for n in SIZES for k in KS]
-    scale = next(row["lsa"] for row in one if (row["n"], row["k"]) == (100, 20)) / FROZEN_LSA[100]
-    every = ungated(given, rng, scale)
+    every = ungated(given, rng)
     steps = [joint(n, given, problems[n], rng) for n in SIZES]
-    show("one parent, us per call; (scaled): figures of another machine times the ratio of lsa", one)
+    show("one parent, us per call", one)
     show("one parent, all pairs allowed", every)
     show(f"{PARENTS} parents to {PARENTS} children, us per step", steps)
     if given.json:

@@ -1,6 +1,6 @@
 """Cost and memory of tracking with H hypotheses: KITTI, synthetic scenes, and the whole agent.
 
-    python benchmarks/tracker.py [--data ROOT] [--json FILE] [--plot FILE.png|svg] [--repeats 3] [--quick]
+    python benchmarks/tracker.py [--data ROOT] [--json FILE] [--repeats 3] [--quick]
 
 A frame is one step of one tracker for all classes; observations are made before the clock starts. CPU time of one core;
 per scene the least of the repeats, in which everything compared takes turns. Stages are wall time (their clock must be
@@ -33,7 +33,7 @@ from benchmarks.tracking.hypotheses import (
     whole_agent,
 )
 from benchmarks.tracking.memory import memory, memory_here
-from benchmarks.tracking.report import against_targets, plot, show
+from benchmarks.tracking.report import show
 from benchmarks.tracking.scenes import KITTI, NUSCENES, ROOM, Row, crowd, frames_of, recordings, tracker
 from benchmarks.tracking.timing import TRACKER_STAGES, cpu_seconds, stages
 from mtp_bench.errors import DataError
@@ -93,7 +93,6 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--quick", action="store_true", help="few scenes, once: does it run?")
     parser.add_argument("--json", type=Path, default=None)
-    parser.add_argument("--plot", type=Path, default=None)
     parser.add_argument("--memory", nargs=3, metavar=("WHAT", "H", "SCENE"), help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.memory:
@@ -104,12 +103,8 @@ def main() -> None:
     results = on_recordings(given.data, repeats, given.quick) | on_crowds(10 * repeats, given.quick)  # short scenes
     results["growth"]["H (KITTI)"] = growth(results["kitti"], "H", "us per frame")
     show("Exponents: slope of log cost over log size", [{"of": k, **v} for k, v in results["growth"].items()])
-    results["targets"] = against_targets(results)
-    show("Targets", results["targets"])
     if given.json:
         given.json.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
-    if given.plot:
-        plot(given.plot, results)
 
 
 if __name__ == "__main__":

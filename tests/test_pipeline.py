@@ -116,6 +116,26 @@ def test_an_unknown_weighting_is_an_error() -> None:
         pipeline(1, weighting="equal")
 
 
+class Told(StandingStill):
+    """Counts the frames that it is told, and those that it is asked about."""
+
+    def __init__(self) -> None:
+        self.frames: list[Tracks] = []
+
+    def begin(self, tracks: Tracks) -> None:
+        self.frames.append(tracks)
+
+    def sample(self, tracks: Tracks, *request: Any) -> Any:
+        assert tracks is self.frames[-1]
+        return super().sample(tracks, *request)
+
+
+def test_a_predictor_is_told_every_frame_once_before_it_is_asked() -> None:
+    told = Told()
+    answers(Pipeline(HypothesisTracker(3, at_once()), told, KMeansSampler()))
+    assert len(told.frames) == len(CROWD)
+
+
 def test_frames_without_detections() -> None:
     for action in answers(pipeline(5), frames=[frame()] * 3):
         assert not action["track_valid"].any()

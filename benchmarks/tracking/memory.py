@@ -59,15 +59,7 @@ def memory(data: str | None, scenes: Scenes, sizes: Iterable[int]) -> list[Row]:
     for what in ("tracker", "agent"):
         first: Row = {}
         for h in sizes:
-            command = [
-                sys.executable,
-                str(PROGRAM),
-                "--memory",
-                what,
-                str(h),
-                scene,
-                *(["--data", data] if data else []),
-            ]
+            command = [sys.executable, PROGRAM, "--memory", what, str(h), scene, *(["--data", data] if data else [])]
             found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
             first = first or found
             ratios = {f"{name[:-4]} x H=1": found[name] / first[name] if first[name] else None for name in found}

@@ -16,17 +16,10 @@ from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.types import Task
 
 KITTI, NUSCENES = "MTP-KITTI-v0", "MTP-nuScenes-mini-v0"
-
-
 ROOM = 60.0  # m2 per synthetic object
 
-
 Row = dict[str, Any]
-
-
 Scenes = dict[str, list[Observation]]
-
-
 Start = Callable[[Task], Callable[[Observation], Any]]  # makes what answers a scene frame by frame
 
 
@@ -52,15 +45,15 @@ def recordings(env_id: str, data: str | None, quick: bool = False, name: str | N
     """All observations of the scenes of a card: the two shortest if ``quick``, or one by name."""
     env = MTPEnv(env_id, data=data, scenes=None if name is None else [name])
     scenes: Scenes = {}
-    for name in env.scene_names:
-        env.reset(options={"scene": name})
+    for scene in env.scene_names:
+        env.reset(options={"scene": scene})
         feed = make_feed(env.scene, LocalFrame.of(env.scene), env.task)
-        scenes[name] = [feed.observe(t) for t in range(env.scene.frames)]
+        scenes[scene] = [feed.observe(t) for t in range(env.scene.frames)]
     return env.task, dict(sorted(scenes.items(), key=lambda scene: len(scene[1]))[:2]) if quick else scenes
 
 
 def crowd(n: int, frames: int, seed: int = 0) -> tuple[Task, Scenes]:
-    """Cars and pedestrians that walk at random in a square; 2 Hz, a tenth missed, as much clutter.
+    """Cars and pedestrians that walk at random in a square; 2 Hz, a tenth undetected, as many false positives.
 
     Density does not depend on ``n``. At 60 m2 per object a car has several others within its gate.
     """

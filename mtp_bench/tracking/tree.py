@@ -33,8 +33,8 @@ class HypothesisTree:
 
     def __init__(self, past: int) -> None:
         """An empty tree with one hypothesis, which holds nothing."""
-        self.state = np.zeros((0, STATE))  # the box first, see motion_kernels
-        self.memory = np.zeros((4, 0), dtype=np.int64)  # class, identity, hits and age, see tree_kernels
+        self.state: Floats = np.zeros((0, STATE))  # the box first, see motion_kernels
+        self.memory: Ints = np.zeros((4, 0), dtype=np.int64)  # class, identity, hits and age, see tree_kernels
         self.score = np.zeros(0)  # [N] sum of the scores of the detections taken
         self.detection: Ints = np.zeros(0, dtype=np.int64)  # taken in the last frame, -1: none
         self.member = np.ones((1, 0), dtype=np.bool_)  # [H, N]
@@ -53,17 +53,17 @@ class HypothesisTree:
     @property
     def class_id(self) -> Ints:
         """Classes of the leaves, [N]."""
-        return self.memory[CLASS]
+        return np.asarray(self.memory[CLASS])
 
     @property
     def track_id(self) -> Ints:
         """Identities of the leaves, [N]."""
-        return self.memory[ID]
+        return np.asarray(self.memory[ID])
 
     @property
     def hits(self) -> Ints:
         """Detections that the tracks of the leaves have taken, [N]."""
-        return self.memory[HITS]
+        return np.asarray(self.memory[HITS])
 
     def predict(self) -> None:
         """Move all leaves one frame on."""
@@ -73,7 +73,7 @@ class HypothesisTree:
         """Replace the leaves by those of the new hypotheses.
 
         ``column`` [K, N]: the detection that each leaf takes in each new hypothesis, -1 for none; ``parent`` [K]: the
-        old hypothesis that it comes from; ``max_age`` [N]: a leaf that misses for so many frames dies.
+        old hypothesis that it comes from; ``max_age`` [N]: a track ends after so many frames without a detection.
         """
         leaf, detection, self.member, self._name = grow(
             column, parent, self.member, self.memory[AGE], max_age, len(seen.box)

@@ -9,9 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mtp_bench.agent import Observation, Tracks
-from mtp_bench.errors import ShapeError
-from mtp_bench.tracking.greedy import greedy_where_asked
-from mtp_bench.tracking.parameters import ClassParameters, ab3dmot_parameters
+from mtp_bench.tracking.parameters import ab3dmot_parameters
 from mtp_bench.types import Bools, Floats, Ints, Task
 from tests.support import plain_motion as motion
 from tests.support.plain_affinity import gains
@@ -47,38 +45,14 @@ class _Leaves:
 
 
 class PlainTracker:
-    """AB3DMOT's filter and life cycle with the ``hypotheses`` best global associations.
+    """AB3DMOT's filter and life cycle with the ``hypotheses`` best global associations."""
 
-    ``parameters``: one per class of the task; None takes AB3DMOT's for the task's detector. ``temperature`` turns costs
-    into weights, exp(-cost / temperature). Greedy assignment, as AB3DMOT uses for pedestrians, is honoured only with
-    ``assignment="as_parameters"`` and a single hypothesis: the best hypothesis of many is the Hungarian one.
-    """
-
-    def __init__(
-        self,
-        hypotheses: int = 1,
-        parameters: tuple[ClassParameters, ...] | None = None,
-        temperature: float = 1.0,
-        assignment: str = "hungarian",
-    ) -> None:
-        if hypotheses < 1:
-            raise ShapeError(f"hypotheses is {hypotheses}, expected 1 or more")
-        if not temperature > 0:
-            raise ShapeError(f"temperature is {temperature}, expected a number above 0")
-        if assignment not in ("hungarian", "as_parameters"):
-            raise ShapeError(f"assignment is {assignment!r}, expected 'hungarian' or 'as_parameters'")
-        if assignment == "as_parameters" and hypotheses > 1:
-            raise ShapeError(f"assignment 'as_parameters' works with 1 hypothesis, got {hypotheses}")
+    def __init__(self, hypotheses: int = 1) -> None:
         self._hypotheses = hypotheses
-        self._given = parameters
-        self._temperature = temperature
-        self._as_parameters = assignment == "as_parameters"
 
     def reset(self, task: Task) -> None:
         """Forget everything."""
-        self._parameters = self._given or ab3dmot_parameters(task.detector, task.classes)
-        if len(self._parameters) != len(task.classes):
-            raise ShapeError(f"got parameters of {len(self._parameters)} classes, the task has {len(task.classes)}")
+        self._parameters = ab3dmot_parameters(task.detector, task.classes)
         self._min_hits = np.array([p.min_hits for p in self._parameters])
         self._velocity, self._dt = task.velocity, task.dt
         self._max_age = np.array([p.max_age for p in self._parameters])
@@ -96,23 +70,17 @@ class PlainTracker:
         before = self._leaves
         ahead = motion.predicted(before.state)
         gain = gains(ahead.box, before.class_id, seen.box, seen.class_id, self._parameters)
-        cost, column, parent = self._associate(-gain, before.class_id)
+        cost, column, parent = k_best(-gain, self._hypotheses, self._member, self._cost)
         self._grow(ahead, column, parent, seen)
         self._cost = cost - cost[0]
         self._merge_equal()
         self._layers.append(self._leaves)
         return self._output()
 
-    def _associate(self, cost: Floats, class_id: Ints) -> tuple[Floats, Ints, Ints]:
-        if self._as_parameters:
-            column = greedy_where_asked(cost, class_id, self._parameters)
-            return np.zeros(1), column[None], np.zeros(1, dtype=np.int64)
-        return k_best(cost, self._hypotheses, self._member, self._cost)
-
     def _grow(self, ahead: motion.MotionState, column: Ints, parent: Ints, seen: _Seen) -> None:
         """Replace the leaves by the distinct children of the new hypotheses.
 
-        A child is named by a code: old leaf x (1 + detection), detection 0 standing for a miss, and after all of those
+        A child is named by a code: old leaf x (1 + detection), detection 0 standing for none, and after all of those
         the births.
         """
         before = self._leaves
@@ -136,12 +104,12 @@ class PlainTracker:
         self._member = member
 
     def _dying(self, code: Ints, n: int, d: int) -> Bools:
-        """Children that miss once too often."""
-        old, miss = code // (d + 1), code % (d + 1) == 0
-        miss &= code < n * (d + 1)
+        """Children without a detection for too long."""
+        old, unseen = code // (d + 1), code % (d + 1) == 0
+        unseen &= code < n * (d + 1)
         dying = np.zeros(len(code), dtype=bool)
-        old = old[miss]
-        dying[miss] = self._leaves.age[old] + 1 >= self._max_age[self._leaves.class_id[old]]
+        old = old[unseen]
+        dying[unseen] = self._leaves.age[old] + 1 >= self._max_age[self._leaves.class_id[old]]
         return dying
 
     def _children(self, ahead: motion.MotionState, code: Ints, seen: _Seen) -> _Leaves:
@@ -192,7 +160,7 @@ class PlainTracker:
         confirmed |= self._frame <= self._min_hits[leaves.class_id]  # a recording does not wait for its first tracks
         out = np.flatnonzero(confirmed & self._member.any(axis=0))
         past, past_valid = self._history(out)
-        weight = -self._cost / self._temperature
+        weight = -self._cost
         return Tracks(
             track_id=leaves.track_id[out],
             box=leaves.state.box[out],

@@ -8,15 +8,11 @@ those before it), so that no solution comes twice; one queue over all parents gi
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from mtp_bench.errors import ShapeError
-from mtp_bench.types import Floats, Ints
+from mtp_bench.types import Bools, Floats, Ints
 
 UNMATCHED = -1
 
@@ -33,27 +29,12 @@ class _Part:
 
 
 def k_best(
-    cost: ArrayLike,
-    k: int,
-    parents: ArrayLike | Sequence[Iterable[int]] | None = None,
-    base_cost: ArrayLike | None = None,
+    cost: Floats, k: int, parents: Bools | None = None, base_cost: Floats | None = None
 ) -> tuple[Floats, Ints, Ints]:
-    """The at most ``k`` cheapest partial matchings, best first.
-
-    ``cost`` [rows, columns]: what it costs to match; ``inf`` forbids. ``parents``: the row subsets to match, a boolean
-    mask [parents, rows] or one list of row numbers each; None is one parent with all rows. Parents with equal rows are
-    merged, the cheapest (of equal ones the first) stands for them. ``base_cost`` [parents] is added to the solutions of
-    its parent.
-
-    Returns costs [k'], row_to_column [k', rows] with -1 for an unmatched or absent row, and parent [k'], where k' < k
-    if there are fewer solutions. Equal input gives equal output; which of several solutions of equal cost comes first,
-    or is the last to be kept, is not defined beyond that. Raises ShapeError for NaN, -inf, a wrong shape, a row that
-    does not exist or a negative k.
-    """
-    matrix = _checked_cost(cost)
-    if k < 0:
-        raise ShapeError(f"k is {k}, expected 0 or more")
-    subsets, base = _checked_parents(parents, base_cost, matrix.shape[0])
+    """As `mtp_bench.tracking.k_best`, with parents as a mask [parents, rows], and without checks."""
+    matrix = np.asarray(cost, dtype=np.float64)
+    member = np.ones((1, len(matrix)), dtype=bool) if parents is None else parents
+    subsets, base = [np.flatnonzero(rows) for rows in member], np.zeros(len(member)) if base_cost is None else base_cost
     # A row without an allowed column has no choice to make: it stays out of the search.
     allowed = np.asarray(np.isfinite(matrix).any(axis=1))
     active = [rows[allowed[rows]] for rows in subsets]
@@ -71,45 +52,6 @@ def k_best(
         row_to_column[i, active[part.parent]] = part.choice
     costs = np.array([part.cost for part in found], dtype=np.float64)
     return costs, row_to_column, np.array([part.parent for part in found], dtype=np.int64)
-
-
-def _checked_cost(cost: ArrayLike) -> Floats:
-    matrix = np.asarray(cost, dtype=np.float64)
-    if matrix.ndim != 2:
-        raise ShapeError(f"cost has shape {matrix.shape}, expected (rows, columns)")
-    bad = np.isnan(matrix) | (matrix == -np.inf)
-    if bad.any():
-        row, column = (int(i) for i in np.argwhere(bad)[0])
-        raise ShapeError(f"cost[{row}, {column}] is {matrix[row, column]}, expected a number or inf (forbidden)")
-    return matrix
-
-
-def _checked_parents(parents: Any, base_cost: ArrayLike | None, rows: int) -> tuple[list[Ints], Floats]:
-    """Row subsets in increasing order, and their base costs."""
-    subsets: list[Ints] = [np.arange(rows)]
-    if parents is not None:
-        subsets = [_rows_of(p, parent, rows) for p, parent in enumerate(parents)]
-    base = np.zeros(len(subsets)) if base_cost is None else np.asarray(base_cost, dtype=np.float64)
-    if base.shape != (len(subsets),):
-        raise ShapeError(f"base_cost has shape {base.shape}, expected ({len(subsets)},), one per parent")
-    if not np.isfinite(base).all():
-        raise ShapeError(f"base_cost has {base[~np.isfinite(base)][0]}, expected finite numbers")
-    return subsets, base
-
-
-def _rows_of(p: int, parent: Any, rows: int) -> Ints:
-    """Rows of parent number ``p`` in increasing order, from a mask or from their numbers."""
-    given = np.asarray(list(parent) if isinstance(parent, Iterable) else parent)
-    if given.ndim == 1 and given.dtype == np.bool_:
-        if len(given) != rows:
-            raise ShapeError(f"parents[{p}] is a mask of {len(given)} rows, expected {rows} for this cost")
-        return np.flatnonzero(given)
-    if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
-        raise ShapeError(f"parents[{p}] is {parent!r}, expected row numbers or a mask over the rows")
-    subset = np.unique(given.astype(np.int64))
-    if subset.size and (subset[0] < 0 or subset[-1] >= rows):
-        raise ShapeError(f"parents[{p}] names row {subset[0] if subset[0] < 0 else subset[-1]} of {rows} rows")
-    return subset
 
 
 def _distinct(subsets: list[Ints], active: list[Ints], base: Floats) -> list[tuple[int, Ints]]:

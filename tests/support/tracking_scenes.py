@@ -63,9 +63,9 @@ def run(tracker: Tracker, frames: Iterable[Frame], task: Task | None = None) -> 
 
 
 def random_frames(rng: np.random.Generator, frames: int, objects: int = 8, area: float = 12.0) -> list[Frame]:
-    """A crowd of all three classes that walks about ``area`` metres, with noise, misses, clutter and flipped headings.
+    """A crowd of all three classes that walks about ``area`` metres, with noise, false positives and flipped headings.
 
-    Objects come and go; now and then a frame has no detection at all.
+    Some objects are undetected. Objects come and go; now and then a frame has no detection at all.
     """
     class_id = rng.integers(0, 3, objects)
     position, heading = rng.uniform(0, area, (objects, 2)), rng.uniform(-np.pi, np.pi, objects)
@@ -76,11 +76,11 @@ def random_frames(rng: np.random.Generator, frames: int, objects: int = 8, area:
         heading = heading + rng.normal(0, 0.1, objects)
         position = position + speed[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
         seen = np.flatnonzero((first <= t) & (t <= last) & (rng.random(objects) < 0.85))
-        clutter = rng.poisson(0.7)
-        kind = np.concatenate([class_id[seen], rng.integers(0, 3, clutter)])
+        false = rng.poisson(0.7)
+        kind = np.concatenate([class_id[seen], rng.integers(0, 3, false)])
         box = np.zeros((len(kind), 7))
-        box[:, :2] = np.concatenate([position[seen], rng.uniform(0, area, (clutter, 2))])
-        box[:, 3] = np.concatenate([heading[seen] + np.pi * (rng.random(len(seen)) < 0.1), np.zeros(clutter)])
+        box[:, :2] = np.concatenate([position[seen], rng.uniform(0, area, (false, 2))])
+        box[:, 3] = np.concatenate([heading[seen] + np.pi * (rng.random(len(seen)) < 0.1), np.zeros(false)])
         box[:, 4:] = SIZE[kind] * rng.uniform(0.9, 1.1, (len(kind), 3))
         box[:, 2] = box[:, 6] / 2
         box[:, :4] += rng.normal(0, 0.1, (len(kind), 4))

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -78,6 +79,25 @@ def test_the_cache_knows_callees_and_constants(monkeypatch: pytest.MonkeyPatch) 
     changed = more._digest("1")
     monkeypatch.setitem(more.function.__globals__, "twice", Kernel(sorted_numbers.function))
     assert len({before, changed, more._digest("1"), more._digest("2")}) == 4
+
+
+class Pair(NamedTuple):
+    """A record; where it is defined counts like the code that uses it."""
+
+    first: int
+    second: int
+
+
+@kernel
+def summed(pair: Pair) -> int:
+    """A kernel that makes no record itself but knows one."""
+    return Pair(*pair).first + pair.second
+
+
+def test_the_cache_knows_the_files_of_records(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = summed._digest("1")
+    monkeypatch.setattr(Pair, "__module__", Kernel.__module__.replace("compile", "tables"))
+    assert summed._digest("1") != before
 
 
 def test_plain_python_calls_plain_python(monkeypatch: pytest.MonkeyPatch) -> None:

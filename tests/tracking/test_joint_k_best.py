@@ -189,6 +189,17 @@ def test_joint_over_parents_is_the_sort_of_all_separate(seed: int) -> None:
     assert list(zip(costs.tolist(), parent.tolist(), strict=True)) == sorted(apart)[:k]
 
 
+def test_rounding_does_not_disturb_the_order() -> None:
+    # Sums of tenths are equal on paper, not as floats: the solver and the total may see them in another order.
+    rng = np.random.default_rng(0)
+    for _ in range(40):
+        cost = -rng.integers(1, 4, (4, 4)) / 10 + 1e9 * (rng.random((4, 4)) < 0.1)
+        problem = cost, np.ones((1, 4), dtype=bool), np.zeros(1), 500
+        costs = solved(problem)[0]
+        assert (np.diff(costs) >= 0).all()
+        np.testing.assert_allclose(costs, enumerated(problem), rtol=1e-15)
+
+
 def test_ties_come_by_parent_then_columns() -> None:
     cost = np.full((2, 2), -1.0)
     costs, row_to_column, parent = solved((cost, np.array([[True, True], [True, False]]), np.array([0.0, -1.0]), 99))

@@ -103,7 +103,7 @@ def test_prediction(n: int) -> None:
 
 @pytest.mark.parametrize("measured", [False, True])
 @pytest.mark.parametrize("dt", [0.1, 0.2, 0.5, 1.0, 1 / 7])
-def test_updates_births_and_misses(dt: float, measured: bool) -> None:
+def test_updates_births_and_frames_without_a_detection(dt: float, measured: bool) -> None:
     rng = np.random.default_rng(4)
     state = random_state(rng, 90)
     box, velocity = random_detections(rng)
@@ -115,12 +115,12 @@ def test_updates_births_and_misses(dt: float, measured: bool) -> None:
     def seen(rows: Ints) -> Floats | None:
         return velocity[detection[rows]] if measured else None
 
-    hit, born, missed = (np.flatnonzero(m) for m in ((leaf >= 0) & (detection >= 0), leaf < 0, detection < 0))
-    assert min(len(hit), len(born), len(missed)) > 50
+    hit, born, unseen = (np.flatnonzero(m) for m in ((leaf >= 0) & (detection >= 0), leaf < 0, detection < 0))
+    assert min(len(hit), len(born), len(unseen)) > 50
     expected = motion.updated(state.take(leaf[hit]), box[detection[hit]], seen(hit), dt)
     assert_same(result.take(hit), expected)
     assert_same(result.take(born), motion.born(box[detection[born]], seen(born), dt))
-    assert_same(result.take(missed), state.take(leaf[missed]))
+    assert_same(result.take(unseen), state.take(leaf[unseen]))
 
 
 @pytest.mark.parametrize("turn", [0.0, 1.0, np.pi / 2, 1.6, 3.0, np.pi, -np.pi, -1.58, 6.0])

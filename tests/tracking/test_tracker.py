@@ -73,13 +73,13 @@ LIVES = {
     "first frame": (CAR, "X", "A"),
     "a recording does not wait for its first tracks": (CAR, "XXXX", "AAAA"),
     "later births wait for three detections": (CAR, "...XXXX", ".....AA"),
-    "one miss is bridged": (CAR, "XXXX.XX", "AAAAaAA"),
-    "two misses end a track": (CAR, "XXXX..XXXX", "AAAAa...BB"),
-    "a miss does not count as a detection": (CAR, "....XX.XX", ".......AA"),
-    "unconfirmed and missed twice: never output": (CAR, "....XX..XX", ".........."),
+    "one frame without a detection is bridged": (CAR, "XXXX.XX", "AAAAaAA"),
+    "two end a track": (CAR, "XXXX..XXXX", "AAAAa...BB"),
+    "they do not count as detections": (CAR, "....XX.XX", ".......AA"),
+    "unconfirmed and unseen twice: never output": (CAR, "....XX..XX", ".........."),
     "no detection ever": (CAR, ".....", "....."),
     "pedestrians are output at once": (PEDESTRIAN, "..X", "..A"),
-    "pedestrians survive three misses": (PEDESTRIAN, "X...X", "AaaaA"),
+    "pedestrians survive three": (PEDESTRIAN, "X...X", "AaaaA"),
     "but not four": (PEDESTRIAN, "X....X", "Aaaa.B"),
     "cyclists": (CYCLIST, "...XXX...X....", ".....AaaaAaaa."),
 }
@@ -121,7 +121,7 @@ def test_an_observation_is_padded() -> None:
 
 
 def test_the_score_of_a_track_is_the_mean_of_its_detections() -> None:
-    # A car seen alone, then missed, then seen as the second detection: scores count from 1 in each frame.
+    # A car seen alone, then not at all, then seen as the second detection: scores count from 1 in each frame.
     frames = [frame((0, 0, CAR)), NOTHING, frame((50, 0, CAR), (0, 0, CAR))]
     scores = [dict(zip(t.track_id.tolist(), t.score.tolist(), strict=True)) for t in run(HypothesisTracker(), frames)]
     assert scores == [{0: 1.0}, {0: 1.0}, {0: 1.5, 1: 1.0}]

@@ -30,9 +30,9 @@ def search(
 ) -> tuple[int, int, Floats, Ints, Ints]:
     """What is wrong with the input and where; then costs [k'], row_to_column [k', N] and parent [k'], best first.
 
-    If not ``joint``: costs [H, C, k] of the best solutions of each cluster, row_to_column [H, k, N], cluster [N]; the
-    first two flat in their first dimensions. A piece of at most ``most_choices`` is enumerated. One
-    kernel for both is half as long to compile.
+    The first seven arguments are those of `joint.joint_k_best`. If not ``joint``: costs [H, C, k] of the best solutions
+    of each cluster, row_to_column [H, k, N], cluster [N]; the first two flat in their first dimensions. A piece of at
+    most ``most_choices`` choices is enumerated. One kernel for both is half as long to compile.
     """
     error, where, scale = check(indptr, column, cost, columns, base_cost)
     H, N = member.shape

@@ -68,7 +68,7 @@ def push_successors(
             below = under
         if (kind == 0 and rank == 0) or (kind == 2 and rank != 1) or b >= stop:
             continue
-        if j >= solutions.count[changeable[b]]:
+        if j >= solutions.size[changeable[b]]:
             continue
         step = gap[begin[changeable[b]] + j]
         if kind != 1:
@@ -124,7 +124,7 @@ def merge(pieces: Pieces, solutions: Solutions, total: Floats, limit: float, k: 
     P, best = len(total), cheapest(total)
     if k == 1:
         return ints_of(1, 0), States(ints_of(1, best), ints_of(1, -1), ints_of(1, 0), ints_of(1, -1))
-    ordered = by_first_gap(solutions.begin, solutions.count, solutions.gap, limit - total[best])
+    ordered = by_first_gap(solutions.begin, solutions.size, solutions.gap, limit - total[best])
     most, changeable = P + 3 * k, ints(P * min(len(ordered), pieces.of_parent.shape[1]))
     states = States(ints(most), ints(most), ints(most), ints(most))
     queue, out = Queue(floats(most), ints(most), ints_of(2, 0)), ints(k)

@@ -191,7 +191,7 @@ def split_node(
 
 @kernel
 def solve_child(q: int, t: int, spare: float, piece: Piece, nodes: Nodes, matching: Matching, path: Path) -> bool:
-    """Whether child ``t`` of node ``q`` has a solution that is dearer by at most ``spare``; which is then the matching."""
+    """Whether child ``t`` of node ``q`` has a solution dearer by at most ``spare``; the matching then is that one."""
     n, pair_local = piece.n, piece.column
     load_child(q, t, piece, nodes, matching)
     source, target = nodes.table[q, n + t], HUB + 0 * n

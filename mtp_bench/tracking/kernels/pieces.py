@@ -68,7 +68,7 @@ def solve_small(
         count = enumerate_all(piece, choice, kept)
         record(piece.n, count, order, cost, sols, used, solutions.gap, solutions.pair_at)
         solutions.least[q] = cost[order[0]]
-        solutions.begin[q], solutions.count[q] = sols, count
+        solutions.begin[q], solutions.size[q] = sols, count
         sols += count
         used += count * piece.n
     return sols, used
@@ -127,10 +127,10 @@ def note_solved(
     for i in range(solved):
         q = ordered[i]
         low, high = roots_start[q], roots_start[q + 1]
-        for r in range(1, solutions.count[q]):
+        for r in range(1, solutions.size[q]):
             rise = solutions.gap[solutions.begin[q] + r]
             if roots[low] + rise > bound[last] + slack:
-                solutions.count[q] = r
+                solutions.size[q] = r
                 break
             note(bound, roots, low, high, rise)
 

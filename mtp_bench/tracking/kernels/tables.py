@@ -36,7 +36,7 @@ class Solutions(NamedTuple):
     """The solutions of all pieces, the cheapest of each piece first."""
 
     begin: Ints  # [Q] number of the first solution of each piece
-    count: Ints  # [Q] how many it has
+    size: Ints  # [Q] how many it has
     least: Floats  # [Q] cost of the first
     gap: Floats  # by solution: how much dearer than the first of its piece
     pair_at: Ints  # by solution: where its pairs begin in ``pairs``

@@ -123,8 +123,8 @@ def grow(
     """The distinct leaves [E] that the new hypotheses hold: old leaf, detection (-1: none); membership; its names.
 
     First the old leaves in their order, each with its choices, "none" before the detections; then the new tracks (old
-    leaf -1) of detections that some hypothesis leaves over. A track that misses once too often is left out. Membership
-    is [K, E]; hypotheses that hold the same leaves have the same name [K].
+    leaf -1) of detections that some hypothesis leaves over. A track without a detection for too long is left out.
+    Membership     is [K, E]; hypotheses that hold the same leaves have the same name [K].
     """
     hypotheses, leaves = column.shape
     most = min(hypotheses, detections + 1) * leaves + detections

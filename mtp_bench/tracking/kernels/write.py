@@ -52,7 +52,7 @@ class Parents(NamedTuple):
 
     pair: Ints  # [P, N] pair of each of the caller's rows in the solution that is being written
     own: Ints  # [P, N + 1] the rows that it has
-    count: Ints  # [P] how many, -1: not written yet
+    size: Ints  # [P] how many, -1: not written yet
 
 
 @kernel
@@ -69,13 +69,13 @@ def write_solutions(
     for i in range(len(chosen)):
         p = states.parent[chosen[i]]
         pair, own = room.pair[p], room.own[p]
-        if room.count[p] < 0:
-            room.count[p] = write_cheapest(p, N, rows, pieces, solutions, pair, own)
+        if room.size[p] < 0:
+            room.size[p] = write_cheapest(p, N, rows, pieces, solutions, pair, own)
         write_changes(chosen[i], not off, states, rows, pieces, solutions, pair)
         for row in range(N):
             row_to_column[i, row] = -1
         total = base[p]
-        for j in range(room.count[p]):
+        for j in range(room.size[p]):
             row = own[j]
             if pair[row] >= 0:
                 total += problem.pair_cost[pair[row]]
@@ -107,8 +107,8 @@ def write_clusters(
                 costs[(p * C + c) * k] = 0.0  # no rows: one solution
                 continue
             for i in range(k):
-                rank = i if i < solutions.count[q] else 0
-                if i < solutions.count[q]:
+                rank = i if i < solutions.size[q] else 0
+                if i < solutions.size[q]:
                     costs[(p * C + c) * k + i] = solutions.least[q] + solutions.gap[solutions.begin[q] + i]
                 at = solutions.pair_at[solutions.begin[q] + rank] - begin[q]
                 for x in range(begin[q], begin[q + 1]):
