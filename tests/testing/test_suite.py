@@ -13,14 +13,12 @@ import pytest
 from numpy.typing import NDArray
 
 from mtp_bench import load_submission
-from mtp_bench.env.checks import examine
-from mtp_bench.env.decoding import decode
 from mtp_bench.errors import MtpBenchError, UnknownNameError
 from mtp_bench.submission import SubmissionFactory
 from mtp_bench.submission.starting import new_submission
 from mtp_bench.testing import Finding, check_agent, check_card
 from mtp_bench.types import Task
-from tests.support.small_scenes import CARD, Action, EchoAgent, bare_scene, full_action, make_echo, task, write_card
+from tests.support.small_scenes import CARD, Action, EchoAgent, bare_scene, make_echo, write_card
 
 Observation = dict[str, NDArray[Any]]
 SCENES = ["0006", "0001"]
@@ -305,64 +303,6 @@ def test_a_scene_without_anything_has_no_score_to_compare(card: str, kitti: str)
     assert bare_scene().frames == 3
     findings = check(make_echo, card, kitti, ["0008"])
     assert faults(findings) == [("warning", "contract")] * 2  # no track, no forecast
-
-
-def changed(**fields: Any) -> Action:
-    action = full_action(task())
-    for name, (index, value) in fields.items():
-        action[name][index] = value
-    return action
-
-
-ROWS: dict[str, tuple[dict[str, tuple[Any, Any]], str, str, int]] = {
-    "box": ({"track_box": ((1, 2), np.inf)}, "track_box", "not finite", 1),
-    "far box": ({"track_box": ((1, 0), 2e5)}, "track_box", "out of range", 1),
-    "flat box": ({"object_box": ((0, 4), 0.0)}, "object_box", "out of range", 1),
-    "negative id": ({"track_id": (0, -1)}, "track_id", "out of range", 1),
-    "unknown class": ({"track_class": (2, 2)}, "track_class", "unknown", 1),
-    "class not stated": ({"object_class": (0, -1)}, "object_class", "unknown", 1),
-    "hypothesis": ({"hypothesis_log_weight": (1, np.nan)}, "hypothesis_log_weight", "NaN or +inf", 1),
-    "no sample": ({"forecast_log_weight": (0, -np.inf)}, "forecast_log_weight", "no sample present", 1),
-    "sample": ({"forecast_log_weight": ((0, 1), np.inf)}, "forecast_log_weight", "NaN or +inf", 1),
-    "forecast": ({"forecast": ((0, 0, 1, 0), np.nan)}, "forecast", "not finite", 1),
-    "absolute": ({"forecast": ((0, 0, 1, 0), 400.0)}, "forecast", "too far", 1),
-    "twice": ({"track_id": (1, 10)}, "track_id", "twice in one hypothesis", 2),
-}
-
-
-@pytest.mark.parametrize(("fields", "field", "reason", "rows"), ROWS.values(), ids=ROWS)
-def test_every_refused_row_has_a_reason_and_the_count_of_the_judge(
-    fields: dict[str, tuple[Any, Any]], field: str, reason: str, rows: int
-) -> None:
-    action = changed(**fields)
-    errors = [problem for problem in examine(action, task()).problems if problem.level == "error"]
-    assert [(error.field, error.reason, error.rows) for error in errors] == [(field, reason, rows)]
-    assert decode(action, task()).invalid.sum() == rows
-
-
-def test_a_sound_answer_has_no_problem() -> None:
-    assert examine(full_action(task()), task()).problems == []
-
-
-def test_garbage_is_named() -> None:
-    (problem,) = examine([1, 2], task()).problems
-    assert (problem.field, problem.reason) == ("action", "is a list")
-    problems = examine({"track_id": [[1], [1, 2]]}, task()).problems
-    assert problems[0].reason.startswith("is no array (ValueError")
-    assert {problem.reason for problem in problems[1:]} == {"is missing"}
-
-
-def test_random_answers_are_explained_whenever_the_judge_refuses_them() -> None:
-    rng = np.random.default_rng(0)
-    for _ in range(200):
-        action = full_action(task())
-        name = str(rng.choice(sorted(action)))
-        flat = action[name].reshape(-1)
-        value = rng.choice([-5, 0, 1, 7, 100]) if flat.dtype.kind == "i" else rng.choice([np.nan, np.inf, -3.0, 1e9])
-        flat[rng.integers(len(flat))] = value
-        problems = [problem for problem in examine(action, task()).problems if problem.level == "error"]
-        assert bool(problems) == bool(decode(action, task()).invalid.sum()), (name, value)
-        assert not [problem for problem in problems if problem.reason == "refused by the judge"], (name, value)
 
 
 def test_a_card_that_is_sound(card: str, kitti: str) -> None:
