@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as st_np
 
 from mtp_bench.env.action import ROWS
 from mtp_bench.env.checks import examine
-from mtp_bench.env.decoding import FAINTEST, decode, log_softmax
+from mtp_bench.env.decoding import FAINTEST, answer_of, decode, log_softmax
 from tests.support.small_scenes import Action, empty_action, full_action, task
 
 TASK = task()
@@ -110,7 +110,7 @@ CASES: dict[str, Case] = {
     "members missing": Case(
         drop("hypothesis_member"), "hypothesis_member: is missing", (), hypotheses=0, counted=(0, 2, 0)
     ),
-    "members of another shape": Case(
+    "members of another shape and type": Case(
         swap("hypothesis_member", np.ones((5, 3), dtype=bool)),
         "hypothesis_member: has shape (5, 3)",
         (),
@@ -268,7 +268,8 @@ WILD = st.dictionaries(
 
 @given(WILD)
 def test_whatever_comes_the_answer_is_sound(wild: dict[str, Any]) -> None:
-    answer = decode({**full_action(TASK), **wild}, TASK)
+    examined = examine({**full_action(TASK), **wild}, TASK)
+    answer = answer_of(examined)
     assert np.isfinite(answer.track_box).all()
     assert np.isfinite(answer.object_box).all()
     assert np.isfinite(answer.forecast).all()
@@ -279,3 +280,5 @@ def test_whatever_comes_the_answer_is_sound(wild: dict[str, Any]) -> None:
         ids = answer.track_id[answer.member[:, h]]
         assert len(set(ids.tolist())) == len(ids)
     assert ((answer.invalid >= 0) & (answer.invalid <= [5, 3, 4])).all()
+    for rows, count in zip(ROWS, answer.invalid, strict=True):
+        assert not count or any(problem.kind == rows for problem in examined.problems), "nothing without a reason"
