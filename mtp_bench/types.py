@@ -119,7 +119,7 @@ class Scene:
     ego: Floats  # [F, 4] x y z yaw of the sensor platform
     truth: Truth
     detections: Detections
-    truth_complete: bool = True  # False: objects outside the truth exist, so an unmatched forecast is not spurious
+    truth_complete: bool = True  # False: objects outside the truth exist, so an unmatched forecast is not false
     listed_targets: bool = False  # True: ``truth.eligible`` is an official list, whose targets need no P past frames
     detector: str = ""  # what made the detections, in words; simulated ones say so; empty: there are none
     simulated: bool = False  # True: the detections are simulated

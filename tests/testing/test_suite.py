@@ -17,11 +17,10 @@ from mtp_bench.errors import MtpBenchError, UnknownNameError
 from mtp_bench.submission import SubmissionFactory
 from mtp_bench.submission.starting import new_submission
 from mtp_bench.testing import Finding, check_agent, check_card
-from mtp_bench.types import Task
+from mtp_bench.types import Observation, Task
 from tests.support.small_scenes import CARD, Action, EchoAgent, bare_scene, make_echo, write_card
 from tests.support.small_scenes import task as small_task
 
-Observation = dict[str, NDArray[Any]]
 SCENES = ["0006", "0001"]
 START = time.monotonic()
 
