@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
 
+from mtp_bench import load_scenes
 from mtp_bench.cards import load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.env.rollouts import digest
@@ -246,6 +247,13 @@ def test_the_seed_chooses_the_scene_and_options_name_it(make_env: MakeEnv) -> No
     assert set(chosen) == {"a", "b", "c"}
     env.reset(seed=0, options={"scene": "b"})
     assert env.scene.name == "b"
+
+
+def test_scenes_are_loaded_one_after_the_other(card: str, kitti: str) -> None:
+    assert [scene.name for scene in load_scenes(card, kitti)] == ["0001", "0006", "0008"]
+    assert [scene.name for scene in load_scenes(load_card(card), kitti, ["0006"])] == ["0006"]
+    with pytest.raises(UnknownNameError, match="unknown scene '0007'"):
+        load_scenes(card, kitti, ["0007"])
 
 
 def test_scenes_can_be_restricted(make_env: MakeEnv) -> None:
