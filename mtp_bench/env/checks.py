@@ -56,8 +56,8 @@ class Examined:
 def examine(action: object, task: Task) -> Examined:
     """What is sound in ``action`` and what is not. Never raises."""
     arrays, problems = _read_all(action, task)
-    claimed = {rows: _claimed(rows, arrays, task) for rows in ROWS}
-    sound = {rows: np.zeros_like(claimed[rows]) for rows in ROWS}
+    claimed: dict[Rows, Bools] = {rows: _claimed(rows, arrays, task) for rows in ROWS}
+    sound: dict[Rows, Bools] = {rows: np.zeros_like(claimed[rows]) for rows in ROWS}
     for rows in ROWS:
         names = [field.name for field in FIELDS if field.rows == rows]
         if all(name in arrays for name in names):
