@@ -20,6 +20,7 @@ from ..scoring.forecasts import frame_error
 from ..scoring.targets import Targets, find_targets
 from ..sources import detected, open_source
 from ..types import Action, Observation, Rollout, Scene, Task, to_metres
+from .arguments import OBSERVE as OBSERVE
 from .arguments import RENDER_MODES, EnvKeywords, checked, choose, size, wanted
 from .decoding import Answer, decode
 from .live import LiveEpisode, live_episode

@@ -6,8 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..cards import changed_card, load_card
-from ..env.arguments import OBSERVE
-from ..env.environment import MTPEnv
+from ..env.environment import OBSERVE, MTPEnv
 from ..errors import MtpBenchError, UnknownNameError
 from ..sources import open_source
 
