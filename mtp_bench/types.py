@@ -63,8 +63,8 @@ CENTIMETRES = 100.0  # per metre: forecasts are recorded in whole centimetres
 
 def to_centimetres(metres: Floats) -> Ints:
     """Forecasts as they are recorded: whole centimetres, int16."""
-    whole: Ints = np.rint(metres * CENTIMETRES).astype(np.int16)
-    return whole
+    centimetres: Ints = np.rint(metres * CENTIMETRES).astype(np.int16)
+    return centimetres
 
 
 def to_metres(centimetres: Ints) -> Floats:
