@@ -37,7 +37,7 @@ AGENT_STAGES: Pieces = (
     (agent_module, "group", "group"),
     (KinematicPredictor, "sample", "forecast"),
     (KMeansSampler, "reduce", "reduce samples"),
-    (agent_module, "pack", "pack"),
+    (agent_module, "answer", "answer"),
 )
 
 

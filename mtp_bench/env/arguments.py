@@ -1,11 +1,54 @@
-"""Checks of the arguments of the env: JSON values, each with one clear error."""
+"""The arguments of the env: JSON values, each checked with one clear error."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, TypedDict
 
 from ..errors import MtpBenchError, UnknownNameError
+
+OBSERVE = ("detections", "truth")
+RENDER_MODES = ("rgb_array", "rerun")  # each has its renderer in viz/drawing/live.py
+
+
+class EnvKeywords(TypedDict, total=False):
+    """Keywords of `MTPEnv`; None and what is not given stand for the card's own or for no."""
+
+    observe: str  # "detections", or "truth" for true boxes with true ids
+    samples: int | None  # K; more than the card's belong to unranked runs
+    tracks: int | None  # N
+    objects: int | None  # O
+    hypotheses: int | None  # H
+    detections: int | None  # D
+    scenes: Sequence[str] | None  # names to choose from
+    evaluation: bool  # the reward is 0 and nothing that is returned derives from the truth
+    rigid_motion: bool  # the local frame of every episode is turned and shifted at random
+    split: str | None  # another split of the card's source
+    detector: str | None  # another detector, simulated on the true boxes or stored (`Card.with_detector`)
+    detection_file: str | None  # stored detections of one's own (`Card.with_detections`)
+    fresh_noise: bool  # the noise of a simulated detector is drawn anew in every episode, for training
+    render_mode: str | None  # what `render` does, of RENDER_MODES
+
+
+def checked(keywords: Mapping[str, Any]) -> dict[str, Any]:
+    """All keywords with their defaults; raises UnknownNameError or MtpBenchError for a wrong one."""
+    known = EnvKeywords.__annotations__
+    for name in keywords:
+        if name not in known:
+            raise UnknownNameError("keyword of the env", name, known)
+    flags = dict.fromkeys(("evaluation", "rigid_motion", "fresh_noise"), False)
+    whole = {**dict.fromkeys(known), "observe": "detections", **flags, **keywords}
+    for name in flags:
+        if not isinstance(whole[name], bool):
+            raise MtpBenchError(f"{name} is {whole[name]!r}, expected true or false")
+    for name in ("split", "detector", "detection_file"):
+        if whole[name] is not None and not isinstance(whole[name], str):
+            raise MtpBenchError(f"{name} is {whole[name]!r}, expected a text")
+    if whole["observe"] not in OBSERVE:
+        raise UnknownNameError("value of observe", str(whole["observe"]), OBSERVE)
+    if whole["render_mode"] not in (None, *RENDER_MODES):
+        raise UnknownNameError("render mode", str(whole["render_mode"]), RENDER_MODES)
+    return whole
 
 
 def size(name: str, value: int | None, default: int) -> int:
@@ -14,20 +57,6 @@ def size(name: str, value: int | None, default: int) -> int:
         return default
     if isinstance(value, bool) or not isinstance(value, int) or value < 1:
         raise MtpBenchError(f"{name} is {value!r}, expected a whole number of at least 1 (the card has {default})")
-    return value
-
-
-def flag(name: str, value: bool) -> bool:
-    """The flag itself; raises MtpBenchError for what is none."""
-    if not isinstance(value, bool):
-        raise MtpBenchError(f"{name} is {value!r}, expected true or false")
-    return value
-
-
-def text(name: str, value: str | None) -> str | None:
-    """The text itself, or None; raises MtpBenchError for what is neither."""
-    if value is not None and not isinstance(value, str):
-        raise MtpBenchError(f"{name} is {value!r}, expected a text")
     return value
 
 

@@ -23,6 +23,12 @@ _ARGUMENT = {  # what fills a field
     "track_class": "tracks.class_id",
     "hypothesis_log_weight": "tracks.log_weight",
 }
+_PADDING = "leave out the padding of the observation, where detection_valid is 0"
+_ADVICE = {
+    "object_box": _PADDING,
+    "object_class": _PADDING,
+    "forecast": "subtract the centre of the box from absolute positions",
+}
 
 
 def answer(
@@ -129,8 +135,8 @@ def _check(action: Action, task: Task) -> None:
 
 def _text(problem: Problem) -> str:
     rows = "1 row" if problem.rows == 1 else f"{problem.rows} rows"
-    advice = ": subtract the centre of the box from positions" if problem.reason == "too far" else ""
+    advice = _ADVICE.get(problem.field, "leave such rows out")
     return (
         f"{_ARGUMENT[problem.field]}: {problem.reason} in {rows}, the first is {problem.example};"
-        f" expected {problem.expected}{advice}"
+        f" expected {problem.expected}: {advice}"
     )

@@ -56,8 +56,8 @@ class Examined:
 def examine(action: object, task: Task) -> Examined:
     """What is sound in ``action`` and what is not. Never raises."""
     arrays, problems = _read_all(action, task)
-    claimed = {rows: _claimed(rows, arrays, task) for rows in ROWS}
-    sound = {rows: np.zeros_like(claimed[rows]) for rows in ROWS}
+    claimed: dict[Rows, Bools] = {rows: _claimed(rows, arrays, task) for rows in ROWS}
+    sound: dict[Rows, Bools] = {rows: np.zeros_like(claimed[rows]) for rows in ROWS}
     for rows in ROWS:
         names = [field.name for field in FIELDS if field.rows == rows]
         if all(name in arrays for name in names):
@@ -83,25 +83,29 @@ def present(log_weight: Floats) -> Bools:
 
 def _read_all(action: object, task: Task) -> tuple[Arrays, list[Problem]]:
     """The fields that can be used, and what is wrong with the others."""
-    if not isinstance(action, Mapping):
-        expected = f"a dict with {', '.join(FIELD)}"
-        return {}, [Problem("action", f"is a {type(action).__name__}", expected, kind="objects")]
+    known = ", ".join(FIELD)
+    try:
+        given = dict(action) if isinstance(action, Mapping) else None
+    except Exception:  # a mapping of the agent's own
+        given = None
+    if given is None:
+        return {}, [Problem("action", f"is a {type(action).__name__}", f"a dict with {known}", kind="objects")]
     arrays: Arrays = {}
     problems: list[Problem] = []
     for field in FIELDS:
-        got = _read(action, field, task)
+        got = _read(given, field, task)
         if isinstance(got, str):
             problems.append(Problem(field.name, got, field.array_in(task), kind=field.rows))
         else:
             arrays[field.name] = got
-    unknown = sorted(str(key) for key in action if key not in FIELD)
+    unknown = sorted(key if isinstance(key, str) else type(key).__name__ for key in given if key not in FIELD)
     if unknown:
-        reason, known = "has keys that nobody reads", ", ".join(FIELD)
+        reason = "has keys that nobody reads"
         problems.append(Problem("action", reason, known, len(unknown), unknown[0], level="warning"))
     return arrays, problems
 
 
-def _read(action: Mapping[Any, Any], field: Field, task: Task) -> NDArray[Any] | str:
+def _read(action: dict[Any, Any], field: Field, task: Task) -> NDArray[Any] | str:
     """The field as an array, or why there is none."""
     if field.name not in action:
         return field.filled(task) if field.optional else "is missing"
@@ -116,7 +120,7 @@ def _read(action: Mapping[Any, Any], field: Field, task: Task) -> NDArray[Any] |
     if field.content.dtype is not np.float32:
         return array
     with np.errstate(over="ignore", invalid="ignore"):  # too large becomes inf, which is refused afterwards
-        return array.astype(np.float32)
+        return array.astype(np.float32, copy=False)
 
 
 def _claimed(rows: Rows, arrays: Arrays, task: Task) -> Bools:

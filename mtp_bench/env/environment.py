@@ -6,9 +6,8 @@ forecasts of objects as of frame t. ``step`` gives the reward of that answer and
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, cast, final
+from typing import TYPE_CHECKING, Any, Unpack, cast, final
 
 import gymnasium
 import numpy as np
@@ -16,12 +15,13 @@ from gymnasium import logger
 from gymnasium.error import ResetNeeded
 
 from ..cards import Card, changed_card, load_card
-from ..errors import DataError, MtpBenchError, RolloutError, UnknownNameError
+from ..errors import DataError, MtpBenchError, RolloutError
 from ..scoring.forecasts import frame_error
 from ..scoring.targets import Targets, find_targets
 from ..sources import detected, open_source
 from ..types import Action, Observation, Rollout, Scene, Task, to_metres
-from .arguments import choose, flag, size, text, wanted
+from .arguments import OBSERVE as OBSERVE
+from .arguments import RENDER_MODES, EnvKeywords, checked, choose, size, wanted
 from .decoding import Answer, decode
 from .live import LiveEpisode, live_episode
 from .local_frame import LocalFrame
@@ -33,9 +33,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ..viz.drawing.live import Renderer
-
-OBSERVE = ("detections", "truth")
-RENDER_MODES = ("rgb_array", "rerun")  # each has its renderer in viz/live.py
 
 
 @dataclass
@@ -61,65 +58,29 @@ class _Episode:
 class MTPEnv(gymnasium.Env[Observation, Action]):
     """Tracking and prediction of one log: detections in, hypotheses and forecasts out.
 
-    ``card``: env id, path of a card (.toml), or a card. ``data``: data root. ``observe``: "detections", or "truth" for
-    true boxes with true ids. ``samples``, ``tracks``, ``objects``, ``hypotheses``, ``detections``: sizes of the spaces
-    in place of the card's; more ``samples`` than the card's belong to unranked runs. ``scenes``: names to choose from.
-    ``evaluation``: the reward is 0 and nothing that is returned derives from the truth. ``rigid_motion``: the local
-    frame of every episode is turned and shifted at random. ``split``: another split of the card's source. ``detector``:
-    another detector, simulated on the true boxes or stored (`Card.with_detector`). ``detection_file``: stored
-    detections of one's own (`Card.with_detections`). ``fresh_noise``: the noise of a simulated detector is drawn anew
-    in every episode, for training; else a scene always has the same detections. ``render_mode``: what `render` does,
-    see RENDER_MODES.
+    ``card``: env id, path of a card (.toml), or a card. ``data``: data root. `EnvKeywords` says what the others are.
 
     Raises UnknownNameError, DataError or CardError (all MtpBenchError) for a wrong argument or missing data.
     """
 
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": 10}  # noqa: RUF012  (declared so by gymnasium.Env)
 
-    def __init__(
-        self,
-        card: str | Card,
-        data: str | None = None,
-        observe: str = "detections",
-        samples: int | None = None,
-        tracks: int | None = None,
-        objects: int | None = None,
-        hypotheses: int | None = None,
-        detections: int | None = None,
-        scenes: Sequence[str] | None = None,
-        evaluation: bool = False,
-        rigid_motion: bool = False,
-        split: str | None = None,
-        detector: str | None = None,
-        fresh_noise: bool = False,
-        detection_file: str | None = None,
-        render_mode: str | None = None,
-    ) -> None:
-        if observe not in OBSERVE:
-            raise UnknownNameError("value of observe", str(observe), OBSERVE)
-        if render_mode is not None and render_mode not in RENDER_MODES:
-            raise UnknownNameError("render mode", str(render_mode), RENDER_MODES)
-        self.render_mode = render_mode
-        changes = {"split": split, "detector": detector, "detection_file": detection_file}
-        given = card if isinstance(card, Card) else load_card(card)
-        self.card = changed_card(given, *(text(name, value) for name, value in changes.items()))
-        sizes = {
-            "samples": size("samples", samples, self.card.task.samples),
-            "tracks": size("tracks", tracks, self.card.size.tracks),
-            "objects": size("objects", objects, self.card.size.objects),
-            "hypotheses": size("hypotheses", hypotheses, self.card.size.hypotheses),
-            "detections": size("detections", detections, self.card.size.detections),
-        }
-        self.task = _task(self.card, observe, sizes)
-        self._evaluation = flag("evaluation", evaluation)
-        self._rigid_motion = flag("rigid_motion", rigid_motion)
-        self._fresh_noise = flag("fresh_noise", fresh_noise)
+    def __init__(self, card: str | Card, data: str | None = None, **keywords: Unpack[EnvKeywords]) -> None:
+        given = checked(keywords)
+        self.render_mode = given["render_mode"]
+        card = card if isinstance(card, Card) else load_card(card)
+        self.card = changed_card(card, given["split"], given["detector"], given["detection_file"])
+        sizes = {"samples": self.card.task.samples, **self.card.size.model_dump()}
+        sizes = {name: size(name, given[name], default) for name, default in sizes.items()}
+        self.task = _task(self.card, given["observe"], sizes)
+        self._evaluation, self._rigid_motion = given["evaluation"], given["rigid_motion"]
+        self._fresh_noise = given["fresh_noise"]
         if self._fresh_noise and self.card.detector is None:
             raise MtpBenchError(f"fresh_noise needs a simulated detector: {self.card.id} has stored detections")
         if self._fresh_noise and self._evaluation:
             raise MtpBenchError("fresh_noise is for training: an evaluation takes the detections of the card")
         self._source = open_source(self.card, data)
-        self.scene_names = choose(tuple(self._source.names), scenes)
+        self.scene_names = choose(tuple(self._source.names), given["scenes"])
         self.observation_space = cast("gymnasium.Space[Observation]", observation_space(self.task))
         self.action_space = cast("gymnasium.Space[Action]", action_space(self.task))
         self._episode: _Episode | None = None

@@ -126,9 +126,9 @@ def _deterministic(suite: Suite) -> Iterator[Finding]:
 
 def _forgets(suite: Suite) -> Iterator[Finding]:
     agent, first = suite.agent(), suite.scenes[0]
-    for scene in (*(suite.scenes[1:] or suite.scenes), first):
-        played = play(agent, suite.env, scene, suite.seed)
-    where = first_difference(suite.played[0], played)
+    for scene in suite.scenes[1:] or suite.scenes:
+        play(agent, suite.env, scene, suite.seed)
+    where = first_difference(suite.played[0], play(agent, suite.env, first, suite.seed))
     if where and suite.deterministic:
         got, expected = "after another scene the answers differ", "the answers of an agent that saw nothing before"
         yield Finding("error", "", got, expected, where, "make everything that changes anew in reset")

@@ -58,7 +58,7 @@ def _content(env: MTPEnv) -> list[Finding]:
     scene, card = env.scene, env.card
     where = f"{card.id}, scene {scene.name}"
     found: list[Finding] = []
-    most = max((scene.detections.rows(t).stop - scene.detections.rows(t).start for t in range(scene.frames)), default=0)
+    most = int(scene.detections.counts.max(initial=0))
     if most > card.size.detections:
         got, advice = f"{most} detections in a frame", "raise detections in [size]: the lowest scores are dropped"
         found.append(Finding("warning", "sizes", got, f"at most {card.size.detections}", where, advice))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -11,19 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_np
 
-from mtp_bench.env.decoding import FAINTEST, decode, log_softmax
+from mtp_bench.env.action import ROWS
+from mtp_bench.env.checks import examine
+from mtp_bench.env.decoding import FAINTEST, answer_of, decode, log_softmax
 from tests.support.small_scenes import Action, empty_action, full_action, task
 
 TASK = task()
-SOUND = {"tracks": [10, 11, 12, 12], "objects": 2, "hypotheses": 2}
 Break = Callable[[Action], Any]
 
 
 def put(key: str, index: Any, value: Any) -> Break:
-    def change(action: Action) -> None:
-        action[key][index] = value
-
-    return change
+    return lambda action: action[key].__setitem__(index, value)
 
 
 def swap(key: str, value: Any) -> Break:
@@ -38,109 +36,160 @@ def drop(key: str) -> Break:
     return lambda action: action.pop(key)
 
 
-# case: (change, ids left, objects left, hypotheses left, [tracks, hypotheses, objects] counted)
-CASES: dict[str, tuple[Break, list[int], int, int, list[int]]] = {
-    "nothing broken": (lambda action: None, [10, 11, 12, 12], 2, 2, [0, 0, 0]),
-    "NaN in a track": (put("track_box", (1, 3), np.nan), [10, 12, 12], 2, 2, [1, 0, 0]),
-    "infinite track": (put("track_box", (1, 0), np.inf), [10, 12, 12], 2, 2, [1, 0, 0]),
-    "track far away": (put("track_box", (1, 1), 1.1e5), [10, 12, 12], 2, 2, [1, 0, 0]),
-    "track without width": (put("track_box", (1, 5), 0.0), [10, 12, 12], 2, 2, [1, 0, 0]),
-    "negative track size": (put("track_box", (1, 4), -1.0), [10, 12, 12], 2, 2, [1, 0, 0]),
-    "track too large": (put("track_box", (1, 6), 101.0), [10, 12, 12], 2, 2, [1, 0, 0]),
-    "negative id": (put("track_id", 1, -1), [10, 12, 12], 2, 2, [1, 0, 0]),
-    "id beyond 31 bits": (put("track_id", 1, 2**31), [10, 12, 12], 2, 2, [1, 0, 0]),
-    "class of a track unknown": (put("track_class", 1, 2), [10, 12, 12], 2, 2, [1, 0, 0]),
-    "class of a track below -1": (put("track_class", 1, -2), [10, 12, 12], 2, 2, [1, 0, 0]),
-    "no class for tracks": (drop("track_class"), [10, 11, 12, 12], 2, 2, [0, 0, 0]),
-    "id twice in one hypothesis": (put("hypothesis_member", (0, 3), 1), [10, 11], 2, 2, [2, 0, 0]),
-    "one id for all": (put("track_id", slice(0, 3), 12), [], 2, 2, [4, 0, 0]),
-    "broken namesake does not count": (
-        lambda action: [put("hypothesis_member", (0, 3), 1)(action), put("track_box", (3, 0), np.nan)(action)],
-        [10, 11, 12],
-        2,
-        2,
-        [1, 0, 0],
+def both(first: Break, second: Break) -> Break:
+    return lambda action: (first(action), second(action))
+
+
+class Case(NamedTuple):
+    """A change of an action that is sound, and what is left of it."""
+
+    change: Break
+    said: str = ""  # what is said of it, as "field: reason"
+    ids: tuple[int, ...] = (10, 11, 12, 12)
+    objects: int = 2
+    hypotheses: int = 2
+    counted: tuple[int, int, int] = (0, 0, 0)  # tracks, hypotheses, objects
+
+
+def track(change: Break, said: str) -> Case:
+    """Track 11 is taken out."""
+    return Case(change, said, (10, 12, 12), counted=(1, 0, 0))
+
+
+def no_track(change: Break, said: str, counted: int = 4) -> Case:
+    return Case(change, said, (), counted=(counted, 0, 0))
+
+
+def hypothesis(value: float, said: str = "", counted: int = 0) -> Case:
+    """The first hypothesis has this log-weight: it is not there."""
+    ids, change = (10, 11, 12), put("hypothesis_log_weight", 0, value)
+    return Case(change, said or "track_valid: in no hypothesis, so unused", ids, 2, 1, (0, counted, 0))
+
+
+def thing(change: Break, said: str) -> Case:
+    """One object is taken out."""
+    return Case(change, said, objects=1, counted=(0, 0, 1))
+
+
+def no_object(change: Break, said: str, counted: int = 2) -> Case:
+    return Case(change, said, objects=0, counted=(0, 0, counted))
+
+
+FAR, BROKEN = "forecast: too far", "hypothesis_log_weight: NaN or +inf"
+UNUSED = "track_valid: in no hypothesis, so unused"
+CASES: dict[str, Case] = {
+    "nothing broken": Case(lambda action: None),
+    "NaN in a track": track(put("track_box", (1, 3), np.nan), "track_box: not finite"),
+    "infinite track": track(put("track_box", (1, 0), np.inf), "track_box: not finite"),
+    "track far away": track(put("track_box", (1, 1), 1.1e5), "track_box: out of range"),
+    "track without width": track(put("track_box", (1, 5), 0.0), "track_box: out of range"),
+    "negative track size": track(put("track_box", (1, 4), -1.0), "track_box: out of range"),
+    "track too large": track(put("track_box", (1, 6), 101.0), "track_box: out of range"),
+    "negative id": track(put("track_id", 1, -1), "track_id: out of range"),
+    "id beyond 31 bits": track(put("track_id", 1, 2**31), "track_id: out of range"),
+    "class of a track unknown": track(put("track_class", 1, 2), "track_class: unknown"),
+    "class of a track below -1": track(put("track_class", 1, -2), "track_class: unknown"),
+    "no class for tracks": Case(drop("track_class")),
+    "id twice in one hypothesis": Case(
+        put("hypothesis_member", (0, 3), 1), "track_id: twice in one hypothesis", (10, 11), counted=(2, 0, 0)
     ),
-    "namesake in an absent hypothesis": (
-        put("hypothesis_member", (2, slice(None)), 1),
-        [10, 11, 12, 12],
-        2,
-        2,
-        [0, 0, 0],
+    "one id for all": no_track(put("track_id", slice(0, 3), 12), "track_id: twice in one hypothesis"),
+    "broken namesake does not count": Case(
+        both(put("hypothesis_member", (0, 3), 1), put("track_box", (3, 0), np.nan)),
+        "track_box: not finite",
+        (10, 11, 12),
+        counted=(1, 0, 0),
     ),
-    "track in no hypothesis": (put("hypothesis_member", (slice(None), 1), 0), [10, 12, 12], 2, 2, [0, 0, 0]),
-    "hypothesis weight NaN": (put("hypothesis_log_weight", 0, np.nan), [10, 11, 12], 2, 1, [0, 1, 0]),
-    "hypothesis weight +inf": (put("hypothesis_log_weight", 0, np.inf), [10, 11, 12], 2, 1, [0, 1, 0]),
-    "hypothesis absent, -inf": (put("hypothesis_log_weight", 0, -np.inf), [10, 11, 12], 2, 1, [0, 0, 0]),
-    "hypothesis absent, -2e30": (put("hypothesis_log_weight", 0, -2e30), [10, 11, 12], 2, 1, [0, 0, 0]),
-    "no hypothesis": (put("hypothesis_log_weight", slice(None), -np.inf), [], 2, 0, [0, 0, 0]),
-    "members missing": (drop("hypothesis_member"), [], 2, 0, [0, 2, 0]),
-    "members of another shape": (swap("hypothesis_member", np.ones((5, 3), dtype=bool)), [], 2, 0, [0, 2, 0]),
-    "hypothesis weights missing": (drop("hypothesis_log_weight"), [], 2, 0, [0, 3, 0]),
-    "track mask missing": (drop("track_valid"), [], 2, 2, [5, 0, 0]),
-    "track mask of floats": (cast("track_valid", float), [], 2, 2, [5, 0, 0]),
-    "track boxes missing": (drop("track_box"), [], 2, 2, [4, 0, 0]),
-    "track boxes of another shape": (swap("track_box", np.ones((5, 8))), [], 2, 2, [4, 0, 0]),
-    "track boxes of text": (swap("track_box", np.full((5, 7), "1")), [], 2, 2, [4, 0, 0]),
-    "track boxes ragged": (swap("track_box", [[1.0], [1.0, 2.0]]), [], 2, 2, [4, 0, 0]),
-    "track boxes complex": (cast("track_box", complex), [], 2, 2, [4, 0, 0]),
-    "track boxes None": (swap("track_box", None), [], 2, 2, [4, 0, 0]),
-    "track ids of floats": (cast("track_id", float), [], 2, 2, [4, 0, 0]),
-    "track classes of floats": (cast("track_class", float), [], 2, 2, [4, 0, 0]),
-    "double precision is taken": (cast("track_box", np.float64), [10, 11, 12, 12], 2, 2, [0, 0, 0]),
-    "double beyond single precision": (
-        lambda action: [cast("track_box", np.float64)(action), put("track_box", (1, 0), 1e300)(action)],
-        [10, 12, 12],
-        2,
-        2,
-        [1, 0, 0],
+    "namesake in an absent hypothesis": Case(put("hypothesis_member", (2, slice(None)), 1)),
+    "track in no hypothesis": Case(put("hypothesis_member", (slice(None), 1), 0), UNUSED, (10, 12, 12)),
+    "hypothesis weight NaN": hypothesis(np.nan, BROKEN, 1),
+    "hypothesis weight +inf": hypothesis(np.inf, BROKEN, 1),
+    "hypothesis absent, -inf": hypothesis(-np.inf),
+    "hypothesis absent, -2e30": hypothesis(-2e30),
+    "no hypothesis": Case(put("hypothesis_log_weight", slice(None), -np.inf), UNUSED, (), hypotheses=0),
+    "members missing": Case(
+        drop("hypothesis_member"), "hypothesis_member: is missing", (), hypotheses=0, counted=(0, 2, 0)
     ),
-    "boolean masks are taken": (cast("track_valid", bool), [10, 11, 12, 12], 2, 2, [0, 0, 0]),
-    "lists are taken": (
-        lambda action: action.__setitem__("track_box", action["track_box"].tolist()),
-        [10, 11, 12, 12],
+    "members of another shape and type": Case(
+        swap("hypothesis_member", np.ones((5, 3), dtype=bool)),
+        "hypothesis_member: has shape (5, 3)",
+        (),
         2,
-        2,
-        [0, 0, 0],
+        0,
+        (0, 2, 0),
     ),
-    "NaN in an object": (put("object_box", (0, 0), np.nan), [10, 11, 12, 12], 1, 2, [0, 0, 1]),
-    "object without height": (put("object_box", (0, 6), 0.0), [10, 11, 12, 12], 1, 2, [0, 0, 1]),
-    "class of an object unknown": (put("object_class", 0, 2), [10, 11, 12, 12], 1, 2, [0, 0, 1]),
-    "class of an object not stated": (put("object_class", 0, -1), [10, 11, 12, 12], 1, 2, [0, 0, 1]),
-    "NaN in a forecast": (put("forecast", (0, 1, 2, 0), np.nan), [10, 11, 12, 12], 1, 2, [0, 0, 1]),
-    "NaN in an absent sample": (put("forecast", (0, 3), np.nan), [10, 11, 12, 12], 2, 2, [0, 0, 0]),
-    "forecast too far": (put("forecast", (0, 1, 2), [327.1, 0.0]), [10, 11, 12, 12], 1, 2, [0, 0, 1]),
-    "forecast too far across": (put("forecast", (0, 1, 2), [300.0, 300.0]), [10, 11, 12, 12], 1, 2, [0, 0, 1]),
-    "forecast just not too far": (put("forecast", (0, 1, 2), [0.0, -327.0]), [10, 11, 12, 12], 2, 2, [0, 0, 0]),
-    "forecast of 1e38 m": (put("forecast", (0, 1, 2), 3e38), [10, 11, 12, 12], 1, 2, [0, 0, 1]),
-    "sample weight NaN": (put("forecast_log_weight", (0, 0), np.nan), [10, 11, 12, 12], 1, 2, [0, 0, 1]),
-    "sample weight +inf": (put("forecast_log_weight", (0, 0), np.inf), [10, 11, 12, 12], 1, 2, [0, 0, 1]),
-    "one sample absent": (put("forecast_log_weight", (0, 0), -np.inf), [10, 11, 12, 12], 2, 2, [0, 0, 0]),
-    "all samples absent": (put("forecast_log_weight", 0, -2e30), [10, 11, 12, 12], 1, 2, [0, 0, 1]),
-    "object mask missing": (drop("object_valid"), [10, 11, 12, 12], 0, 2, [0, 0, 4]),
-    "forecasts missing": (drop("forecast"), [10, 11, 12, 12], 0, 2, [0, 0, 2]),
-    "forecasts with another k": (swap("forecast", np.zeros((4, 5, 3, 2))), [10, 11, 12, 12], 0, 2, [0, 0, 2]),
-    "sample weights missing": (drop("forecast_log_weight"), [10, 11, 12, 12], 0, 2, [0, 0, 2]),
-    "object classes of floats": (cast("object_class", float), [10, 11, 12, 12], 0, 2, [0, 0, 2]),
-    "unknown key": (swap("comment", np.zeros(3)), [10, 11, 12, 12], 2, 2, [0, 0, 0]),
-    "empty action": (lambda action: action.clear(), [], 0, 0, [5, 3, 4]),
+    "hypothesis weights missing": Case(
+        drop("hypothesis_log_weight"), "hypothesis_log_weight: is missing", (), 2, 0, (0, 3, 0)
+    ),
+    "track mask missing": no_track(drop("track_valid"), "track_valid: is missing", 5),
+    "track mask of floats": no_track(cast("track_valid", float), "track_valid: has dtype float64", 5),
+    "track boxes missing": no_track(drop("track_box"), "track_box: is missing"),
+    "track boxes of another shape": no_track(swap("track_box", np.ones((5, 8))), "track_box: has shape (5, 8)"),
+    "track boxes of text": no_track(swap("track_box", np.full((5, 7), "1")), "track_box: has dtype <U1"),
+    "track boxes ragged": no_track(swap("track_box", [[1.0], [1.0, 2.0]]), "track_box: is no array (ValueError"),
+    "track boxes complex": no_track(cast("track_box", complex), "track_box: has dtype complex128"),
+    "track boxes None": no_track(swap("track_box", None), "track_box: has dtype object"),
+    "track ids of floats": no_track(cast("track_id", float), "track_id: has dtype float64"),
+    "track classes of floats": no_track(cast("track_class", float), "track_class: has dtype float64"),
+    "double precision is taken": Case(cast("track_box", np.float64)),
+    "double beyond single precision": track(
+        both(cast("track_box", np.float64), put("track_box", (1, 0), 1e300)), "track_box: not finite"
+    ),
+    "boolean masks are taken": Case(cast("track_valid", bool)),
+    "lists are taken": Case(lambda action: action.__setitem__("track_box", action["track_box"].tolist())),
+    "NaN in an object": thing(put("object_box", (0, 0), np.nan), "object_box: not finite"),
+    "object without height": thing(put("object_box", (0, 6), 0.0), "object_box: out of range"),
+    "class of an object unknown": thing(put("object_class", 0, 2), "object_class: unknown"),
+    "class of an object not stated": thing(put("object_class", 0, -1), "object_class: unknown"),
+    "NaN in a forecast": thing(put("forecast", (0, 1, 2, 0), np.nan), "forecast: not finite"),
+    "NaN in an absent sample": Case(put("forecast", (0, 3), np.nan)),
+    "forecast too far": thing(put("forecast", (0, 1, 2), [327.1, 0.0]), FAR),
+    "forecast too far across": thing(put("forecast", (0, 1, 2), [300.0, 300.0]), FAR),
+    "forecast just not too far": Case(put("forecast", (0, 1, 2), [0.0, -327.0])),
+    "forecast of 1e38 m": thing(put("forecast", (0, 1, 2), 3e38), FAR),
+    "sample weight NaN": thing(put("forecast_log_weight", (0, 0), np.nan), "forecast_log_weight: NaN or +inf"),
+    "sample weight +inf": thing(put("forecast_log_weight", (0, 0), np.inf), "forecast_log_weight: NaN or +inf"),
+    "one sample absent": Case(put("forecast_log_weight", (0, 0), -np.inf)),
+    "all samples absent": thing(put("forecast_log_weight", 0, -2e30), "forecast_log_weight: no sample present"),
+    "object mask missing": no_object(drop("object_valid"), "object_valid: is missing", 4),
+    "forecasts missing": no_object(drop("forecast"), "forecast: is missing"),
+    "forecasts with another k": no_object(swap("forecast", np.zeros((4, 5, 3, 2))), "forecast: has shape (4, 5, 3, 2)"),
+    "sample weights missing": no_object(drop("forecast_log_weight"), "forecast_log_weight: is missing"),
+    "object classes of floats": no_object(cast("object_class", float), "object_class: has dtype float64"),
+    "unknown key": Case(swap("comment", np.zeros(3)), "action: has keys that nobody reads"),
+    "empty action": Case(lambda action: action.clear(), "track_id: is missing", (), 0, 0, (5, 3, 4)),
 }
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_broken_rows_are_taken_out_and_counted(case: str) -> None:
-    change, ids, objects, hypotheses, counted = CASES[case]
+def test_broken_rows_are_taken_out_counted_and_named(case: str) -> None:
+    change, said, ids, objects, hypotheses, counted = CASES[case]
     action = full_action(TASK)
     change(action)
     answer = decode(action, TASK)
-    assert answer.track_id.tolist() == ids
+    assert tuple(answer.track_id) == ids
     assert len(answer.object_box) == len(answer.forecast) == len(answer.forecast_log_weight) == objects
     assert np.isfinite(answer.hypothesis_log_weight).sum() == hypotheses
-    assert answer.invalid.tolist() == counted
+    assert tuple(answer.invalid) == counted
     for weight in (answer.hypothesis_log_weight, *answer.forecast_log_weight):
         assert np.exp(weight).sum() == pytest.approx(1.0 if np.isfinite(weight).any() else 0.0)
     assert np.isfinite(answer.track_box).all()
-    assert np.isfinite(answer.forecast).all()
+    problems = examine(action, TASK).problems
+    assert bool(problems) == bool(said)
+    assert not problems or f"{problems[0].field}: {problems[0].reason}".startswith(said)
+    assert any(problem.level == "error" for problem in problems) == any(counted)
+    for rows, count in zip(ROWS, counted, strict=True):  # a row may have several reasons
+        of_rows = [problem.rows for problem in problems if problem.kind == rows and problem.example]
+        assert not of_rows or max(of_rows) <= count <= sum(of_rows)
+
+
+def test_a_problem_shows_its_first_row() -> None:
+    action = full_action(TASK)
+    action["track_box"][1:3, 2] = np.inf
+    (problem,) = examine(action, TASK).problems
+    assert (problem.rows, problem.kind, problem.level) == (2, "tracks", "error")
+    assert problem.example == "track_box[1] = [5, 1, inf, 1, 1, 1, 1]"
+    assert problem.expected.startswith("finite x y z yaw")
 
 
 @pytest.mark.parametrize("action", [None, 3, "forecast", [1, 2], np.zeros(3)], ids=str)
@@ -148,6 +197,7 @@ def test_anything_but_a_dict_is_an_answer_without_a_sound_row(action: object) ->
     answer = decode(action, TASK)
     assert len(answer.track_id) == len(answer.object_box) == 0
     assert answer.invalid.tolist() == [5, 3, 4]
+    assert examine(action, TASK).problems[0].reason == f"is a {type(action).__name__}"
 
 
 def test_saying_nothing_is_no_violation() -> None:
@@ -218,7 +268,8 @@ WILD = st.dictionaries(
 
 @given(WILD)
 def test_whatever_comes_the_answer_is_sound(wild: dict[str, Any]) -> None:
-    answer = decode({**full_action(TASK), **wild}, TASK)
+    examined = examine({**full_action(TASK), **wild}, TASK)
+    answer = answer_of(examined)
     assert np.isfinite(answer.track_box).all()
     assert np.isfinite(answer.object_box).all()
     assert np.isfinite(answer.forecast).all()
@@ -229,3 +280,5 @@ def test_whatever_comes_the_answer_is_sound(wild: dict[str, Any]) -> None:
         ids = answer.track_id[answer.member[:, h]]
         assert len(set(ids.tolist())) == len(ids)
     assert ((answer.invalid >= 0) & (answer.invalid <= [5, 3, 4])).all()
+    for rows, count in zip(ROWS, answer.invalid, strict=True):
+        assert not count or any(problem.kind == rows for problem in examined.problems), "nothing without a reason"

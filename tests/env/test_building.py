@@ -118,7 +118,10 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
         {"forecasts": FUTURE + 400},
         "forecasts: too far in 2 rows, the first is forecast[0]; expected metres from the object's own centre",
     ),
-    "an unknown class": ({"classes": [0, 2]}, "the first is object_class[1] = 2; expected 0 to 1"),
+    "an unknown class": (
+        {"classes": [0, -1]},
+        "the first is object_class[1] = -1; expected 0 to 1: leave out the padding of the observation",
+    ),
     "an id twice": ({"ids": [7, 7]}, "ids or tracks.track_id: twice in one hypothesis in 2 rows"),
 }
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
 
+from mtp_bench import load_scenes
 from mtp_bench.cards import load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.env.rollouts import digest
@@ -19,6 +20,7 @@ from mtp_bench.errors import DataError, MtpBenchError, RolloutError, UnknownName
 from mtp_bench.scoring.forecasts import frame_error
 from mtp_bench.scoring.targets import find_targets
 from mtp_bench.types import Rollout, Scene
+from tests.env.test_answer import CASES
 from tests.support.small_scenes import (
     Action,
     EchoAgent,
@@ -31,6 +33,7 @@ from tests.support.small_scenes import (
 )
 
 MakeEnv = Callable[..., MTPEnv]
+INFO = ["frame", "dropped_detections", "invalid_tracks", "invalid_hypotheses", "invalid_objects"]
 
 
 @pytest.fixture
@@ -83,9 +86,7 @@ def test_the_first_ego_pose_is_the_origin_and_time_starts_at_zero(make_env: Make
     assert observation["detection_class"].tolist() == [0, 0, 1, -1, -1, -1]
     assert observation["detection_valid"].tolist() == [1, 1, 1, 0, 0, 0]
     assert not observation["detection_box"][3:].any()
-    assert info == {
-        "frame": 0, "dropped_detections": 0, "invalid_tracks": 0, "invalid_hypotheses": 0, "invalid_objects": 0,
-    }  # fmt: skip
+    assert info == dict.fromkeys(INFO, 0)
 
 
 def test_later_frames_are_in_the_same_local_frame(make_env: MakeEnv) -> None:
@@ -249,6 +250,13 @@ def test_the_seed_chooses_the_scene_and_options_name_it(make_env: MakeEnv) -> No
     assert env.scene.name == "b"
 
 
+def test_scenes_are_loaded_one_after_the_other(card: str, kitti: str) -> None:
+    assert [scene.name for scene in load_scenes(card, kitti)] == ["0001", "0006", "0008"]
+    assert [scene.name for scene in load_scenes(load_card(card), kitti, ["0006"])] == ["0006"]
+    with pytest.raises(UnknownNameError, match="unknown scene '0007'"):
+        load_scenes(card, kitti, ["0007"])
+
+
 def test_scenes_can_be_restricted(make_env: MakeEnv) -> None:
     env = make_env(make_scene("a"), make_scene("b"), make_scene("c"), scenes=["c", "a"])
     assert env.scene_names == ("c", "a")
@@ -269,6 +277,8 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "no scene": ({"scenes": []}, "no scene to choose from"),
     "evaluation": ({"evaluation": "yes"}, "evaluation is 'yes', expected true or false"),
     "rigid_motion": ({"rigid_motion": 1}, "rigid_motion is 1, expected true or false"),
+    "split as number": ({"split": 1}, "split is 1, expected a text"),
+    "misspelt": ({"sample": 4}, "unknown keyword of the env 'sample': did you mean 'samples'?"),
 }
 
 
@@ -358,7 +368,7 @@ def test_every_action_of_the_space_is_sound(make_env: MakeEnv) -> None:
         assert env.observation_space.contains(observation)
         assert np.isfinite(reward)
         assert truncated == (t == 99)
-        assert info["invalid_tracks"] == info["invalid_hypotheses"] == info["invalid_objects"] == 0
+        assert not any(info[name] for name in INFO[2:])
     rollout = env.rollout()
     assert len(rollout.track_id) > 0
     assert len(rollout.object_box) > 0
@@ -371,10 +381,9 @@ def test_violations_are_counted_in_info_and_rollout(make_env: MakeEnv) -> None:
     action["track_box"][0] = np.nan
     action["hypothesis_log_weight"][2] = np.nan
     action["object_class"][:2] = 9
-    *_, info = env.step(action)
-    assert (info["invalid_tracks"], info["invalid_hypotheses"], info["invalid_objects"]) == (1, 1, 2)
-    *_, info = env.step(empty_action(env.task))
-    assert (info["invalid_tracks"], info["invalid_hypotheses"], info["invalid_objects"]) == (0, 0, 0)
+    for answer, counted in ((action, [1, 1, 2]), (empty_action(env.task), [0, 0, 0])):
+        *_, info = env.step(answer)
+        assert [info[name] for name in INFO[2:]] == counted
     assert env.rollout().invalid.tolist() == [[1, 1, 2], [0, 0, 0]]
 
 
@@ -402,20 +411,7 @@ def test_the_reward_is_the_error_of_what_is_recorded(make_env: MakeEnv, tmp_path
     assert rewards[7] == 0.0
 
 
-BREAKS: dict[str, Callable[[Action], Any]] = {
-    "NaN box": lambda action: action["object_box"].__setitem__((0, 0), np.nan),
-    "unknown class": lambda action: action["object_class"].__setitem__(0, 5),
-    "NaN forecast": lambda action: action["forecast"].__setitem__((0, 0, 0, 0), np.nan),
-    "forecast out of range": lambda action: action["forecast"].__setitem__((0, 0, 0, 0), 1e4),
-    "weight +inf": lambda action: action["forecast_log_weight"].__setitem__((0, 0), np.inf),
-    "all samples absent": lambda action: action["forecast_log_weight"].__setitem__(0, -np.inf),
-    "no forecasts": lambda action: action.pop("forecast"),
-    "no objects": lambda action: action.pop("object_valid"),
-    "nothing": lambda action: action.clear(),
-}
-
-
-@pytest.mark.parametrize("case", BREAKS, ids=str)
+@pytest.mark.parametrize("case", [name for name, case in CASES.items() if case.counted[2]])
 def test_breaking_the_contract_never_pays(case: str, make_env: MakeEnv) -> None:
     env = make_env(make_scene())
     _, honest = play(env, echo(env))
@@ -423,7 +419,7 @@ def test_breaking_the_contract_never_pays(case: str, make_env: MakeEnv) -> None:
 
     def broken(observation: dict[str, Any]) -> Action:
         action = answer(observation)
-        BREAKS[case](action)
+        CASES[case].change(action)
         return action
 
     _, rewards = play(env, broken)
@@ -446,33 +442,22 @@ def other_truth(scene: Scene) -> Scene:
     return replace(scene, truth=changed, truth_complete=False)
 
 
-@pytest.mark.parametrize("rigid_motion", [False, True])
-def test_in_evaluation_nothing_that_is_returned_depends_on_the_truth(rigid_motion: bool, make_env: MakeEnv) -> None:
+@pytest.mark.parametrize(("evaluation", "rigid_motion"), [(True, False), (True, True), (False, False)])
+def test_what_is_returned_does_not_depend_on_the_truth(evaluation: bool, rigid_motion: bool, make_env: MakeEnv) -> None:
     scene = make_scene(empty=(2,))
     episodes = []
     for version in (scene, other_truth(scene)):
-        env = make_env(version, evaluation=True, detections=2, rigid_motion=rigid_motion)
+        env = make_env(version, evaluation=evaluation, detections=2, rigid_motion=rigid_motion)
         episodes.append((env.task, *play(env, echo(env), seed=5)))
     (task, seen, rewards), (other_task, other_seen, other_rewards) = episodes
     assert task == other_task
-    assert rewards == other_rewards == [0.0] * 8
+    if evaluation:
+        assert rewards == other_rewards == [0.0] * 8
+    else:
+        assert rewards != other_rewards, "only the reward does"
     for (observation, info), (other_observation, other_info) in zip(seen, other_seen, strict=True):
         assert info == other_info
         assert observation.keys() == other_observation.keys()
-        for key in observation:
-            np.testing.assert_array_equal(observation[key], other_observation[key])
-
-
-def test_outside_of_evaluation_only_the_reward_depends_on_the_truth(make_env: MakeEnv) -> None:
-    scene = make_scene()
-    episodes = []
-    for version in (scene, other_truth(scene)):
-        env = make_env(version)
-        episodes.append(play(env, echo(env)))
-    (seen, rewards), (other_seen, other_rewards) = episodes
-    assert rewards != other_rewards
-    for (observation, info), (other_observation, other_info) in zip(seen, other_seen, strict=True):
-        assert info == other_info
         for key in observation:
             np.testing.assert_array_equal(observation[key], other_observation[key])
 
@@ -498,13 +483,7 @@ def test_info_always_has_the_same_whole_numbers(make_env: MakeEnv) -> None:
         env = make_env(make_scene(), evaluation=evaluation)
         seen, _ = play(env, echo(env))
         for t, (_, info) in enumerate(seen):
-            assert list(info) == [
-                "frame",
-                "dropped_detections",
-                "invalid_tracks",
-                "invalid_hypotheses",
-                "invalid_objects",
-            ]
+            assert list(info) == INFO
             assert all(type(value) is int for value in info.values())
             assert info["frame"] == t
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mtp_bench.types import Action as Action
 from mtp_bench.types import Detections, Floats, Scene, Task, Truth
 
 CARD_ID = "MTP-Small-v0"
@@ -34,8 +35,6 @@ tracks = 5
 objects = 4
 hypotheses = 3
 """
-
-Action = dict[str, NDArray[Any]]
 
 
 def write_card(folder: Path, content: str = CARD) -> str:
