@@ -14,6 +14,7 @@ from mtp_bench.agent import Action, Agent, Pipeline
 from mtp_bench.errors import ShapeError
 from mtp_bench.prediction import KinematicPredictor, KMeansSampler, StandingStill
 from mtp_bench.tracking import HypothesisTracker
+from mtp_bench.tracks import Tracks
 from mtp_bench.types import Task
 from tests.support.tracking_scenes import CYCLIST, Frame, at_once, frame, kitti_task, observation, random_frames
 

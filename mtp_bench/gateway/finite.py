@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..env.spaces import ABSENT_BELOW
+from ..env.action import ABSENT_BELOW
 
 _NOTHING = np.zeros(0)
 

@@ -32,7 +32,7 @@ def fit_env(env_id: str, options: RunOptions = DEFAULTS, observe: str = "detecti
     if observe not in OBSERVE:
         raise UnknownNameError("value of observe", observe, OBSERVE)
     split = open_split(env_id, options.on_split("train"))
-    task = MTPEnv(split.card, options.data, observe).task
+    task = MTPEnv(split.card, data=options.data, observe=observe).task
     rows = fit_scenes(list(split.scenes()), task)
     if not rows:
         raise MtpBenchError(

@@ -76,8 +76,8 @@ def test_without_memory_recall_and_margins_stay(name: str) -> None:
 @pytest.mark.parametrize("name", FITTED)
 def test_without_memory_nothing_lasts(name: str) -> None:
     hit, error = _run(with_variant(load_profile(name), "iid"))
-    for value in (1 - hit, *(error[..., column] for column in (0, 1, 4, 5))):
-        value = np.clip(value, *np.nanquantile(value, [0.01, 0.99])) if np.isnan(value).any() else value
+    for whole in (1 - hit, *(error[..., column] for column in (0, 1, 4, 5))):
+        value = np.clip(whole, *np.nanquantile(whole, [0.01, 0.99])) if np.isnan(whole).any() else whole
         pairs = np.isfinite(value[1:]) & np.isfinite(value[:-1])
         assert abs(np.corrcoef(value[1:][pairs], value[:-1][pairs])[0, 1]) < 0.04
     fitted = _run(load_profile(name))[0]

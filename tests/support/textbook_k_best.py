@@ -8,6 +8,7 @@ those before it), so that no solution comes twice; one queue over all parents gi
 from __future__ import annotations
 
 import heapq
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -54,7 +55,7 @@ def k_best(
     return costs, row_to_column, np.array([part.parent for part in found], dtype=np.int64)
 
 
-def _distinct(subsets: list[Ints], active: list[Ints], base: Floats) -> list[tuple[int, Ints]]:
+def _distinct(subsets: Sequence[Ints], active: Sequence[Ints], base: Floats) -> list[tuple[int, Ints]]:
     """Cheapest parent of every distinct row subset, with its active rows."""
     cheapest: dict[bytes, int] = {}
     for p in np.argsort(base, kind="stable").tolist():
