@@ -54,8 +54,8 @@ def evaluate(
 ) -> Evaluation:
     """Score the rollouts of each seed (``runs``: seed -> the same scenes in the same order) of one agent.
 
-    ``agent`` is its name, ``data`` the data root. ``hypotheses`` as declared; None: what the agent states. ``ideal``: it
-    saw the truth. ``workers`` processes score; ``progress`` is told the name of each scene that is done. Raises
+    ``agent`` is its name, ``data`` the data root. ``hypotheses`` as declared; None: what the agent states. ``ideal``:
+    it saw the truth. ``workers`` processes score; ``progress`` is told the name of each scene that is done. Raises
     RolloutError where the rollouts do not fit the scenes, DataError where data is missing.
     """
     reference = frozen_reference(card)
