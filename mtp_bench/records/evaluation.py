@@ -54,8 +54,9 @@ def evaluate(
 ) -> Evaluation:
     """Score the rollouts of each seed (``runs``: seed -> the same scenes in the same order) of one agent.
 
-    ``hypotheses`` as declared; None: what the agent states. ``ideal``: it saw the truth. Raises RolloutError where the
-    rollouts do not fit the scenes, DataError where data is missing.
+    ``agent`` is its name, ``data`` the data root. ``hypotheses`` as declared; None: what the agent states. ``ideal``:
+    it saw the truth. ``workers`` processes score; ``progress`` is told the name of each scene that is done. Raises
+    RolloutError where the rollouts do not fit the scenes, DataError where data is missing.
     """
     reference = frozen_reference(card)
     subsets = reference.subsets if reference else None
@@ -93,7 +94,8 @@ def status_of(
 ) -> tuple[Status, str]:
     """Status of a record and why: ``crashed`` of ``runs`` (scenes x seeds) were cut short, for ``reasons``.
 
-    An agent that broke the rules of the gateway in any run is rejected. ``split``: another one than the env's was run.
+    ``scenes`` of ``scenes_of_split`` were run; ``split``: another one than the env's. An agent that broke the rules of
+    the gateway in any run is rejected.
     """
     reasons = reasons or {}
     for key, reason in reasons.items():

@@ -109,5 +109,5 @@ def _errors(record: Record, subset: Subset) -> Array:
 
 def _false_errors(record: Record, subset: Subset) -> Array:
     """The part of the error of each scene [S] that false forecasts make."""
-    share = record.parts.get("false") or 0.0
+    share = record.parts.get("false", 0.0)
     return share * _targets(record, subset) if subset == "all" else np.zeros(len(record.per_scene))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field
@@ -149,14 +150,22 @@ class Record(Section):
     @property
     def silence(self) -> float | None:
         """What an agent that says nothing scores here, metres; None where it is not known."""
-        return self.details.get("silence")
+        return _number(self.details.get("silence"))
 
     @property
-    def parts(self) -> dict[str, float | None]:
-        """The parts that the error over all targets adds up from, metres; empty where they are not known."""
-        return self.details.get("parts") or {}
+    def parts(self) -> dict[str, float]:
+        """The parts that the error over all targets adds up from, metres, as far as they are known."""
+        parts = self.details.get("parts")
+        known = {name: _number(value) for name, value in parts.items()} if isinstance(parts, dict) else {}
+        return {name: value for name, value in known.items() if value is not None}
 
     @property
     def forecasts_per_frame(self) -> float:
         """Objects that are forecast in a frame, mean over seeds; 0 where it is not known."""
-        return self.details.get("forecasts_per_frame") or 0.0
+        return _number(self.details.get("forecasts_per_frame")) or 0.0
+
+
+def _number(value: Any) -> float | None:
+    """A number of the details, whose schema is the scorer's alone; None for everything else."""
+    known = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return float(value) if known else None

@@ -89,13 +89,13 @@ def find_events(
     if frag_at not in ("current", "previous"):
         raise ShapeError(f"frag_at is {frag_at!r}, expected 'current' or 'previous'")
     column = matched[objects.order]
-    seen = column >= 0
+    held = column >= 0
     before = np.roll(column, 1)
     ids = np.append(np.asarray(track_id, dtype=np.int64), -1)  # row -1: no track
     follows_match = objects.consecutive & (before >= 0)
-    switch = np.flatnonzero(follows_match & seen & (ids[before] != ids[column]))
-    lost = np.flatnonzero(follows_match & ~seen)
-    back = np.flatnonzero(_reacquired(objects, seen))
+    switch = np.flatnonzero(follows_match & held & (ids[before] != ids[column]))
+    lost = np.flatnonzero(follows_match & ~held)
+    back = np.flatnonzero(_reacquired(objects, held))
     went_on = np.zeros(len(tracks.order), dtype=bool)  # tracks that are output in the next frame too
     went_on[tracks.order[np.flatnonzero(tracks.consecutive) - 1]] = True
     none = np.full(len(lost), -1)
@@ -110,20 +110,20 @@ def find_events(
 def clear_identity(objects: History, matched: Matched, track_id: Ints) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Rows of CLEAR-IDS (the last id of any age differs) and of CLEAR-FRAG (a matched run begins, not the first)."""
     column = matched[objects.order]
-    seen = np.flatnonzero(column >= 0)
-    same = objects.identity[seen[1:]] == objects.identity[seen[:-1]]
-    switched = seen[1:][same & (track_id[column[seen[1:]]] != track_id[column[seen[:-1]]])]
+    place = np.flatnonzero(column >= 0)
+    same = objects.identity[place[1:]] == objects.identity[place[:-1]]
+    switched = place[1:][same & (track_id[column[place[1:]]] != track_id[column[place[:-1]]])]
     return objects.order[switched], objects.order[np.flatnonzero(_reacquired(objects, column >= 0))]
 
 
-def _reacquired(objects: History, seen: Bools) -> Bools:
-    """Rows matched after an unmatched one, of objects that had been matched before."""
-    count = np.cumsum(seen)
+def _reacquired(objects: History, held: Bools) -> Bools:
+    """Which rows are matched (``held``) after an unmatched one, of objects that had been matched before."""
+    count = np.cumsum(held)
     start = ~objects.follows
-    at_start = np.maximum.accumulate(np.where(start, count - seen, 0))
-    before = count - seen - at_start > 0
-    unmatched_before = objects.follows & ~np.roll(seen, 1)
-    return seen & unmatched_before & before
+    at_start = np.maximum.accumulate(np.where(start, count - held, 0))
+    before = count - held - at_start > 0
+    unmatched_before = objects.follows & ~np.roll(held, 1)
+    return held & unmatched_before & before
 
 
 def _last_match(column: Matched) -> NDArray[np.intp]:

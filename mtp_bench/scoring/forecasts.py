@@ -44,6 +44,7 @@ class ForecastErrors:
 def match_objects(truth: Truth, object_frame: Ints, object_box: Floats, object_class: Ints, card: Card) -> ObjectMatch:
     """Match forecast objects to true boxes by BEV centre distance, per frame and class, inside the forecast gate.
 
+    Objects have a frame [n], a box [n, 7] and a class [n]; they are sorted by frame.
     All evaluated true boxes take part, targets or not; objects left over are then offered to the neutral ones.
     """
     gates = card.per_class(card.task.forecast_gate)

@@ -79,24 +79,17 @@ def _table(frames: Sequence[Frame], place: int, name: str, scene: NDArray[np.int
 
 def _codes(ids: list[NDArray[Any]], name: str) -> NDArray[np.int64]:
     """Numbers from 0 on that are equal where the ids are."""
-    if not ids:
-        return np.zeros(0, dtype=np.int64)
-    kinds = {i.dtype.kind for i in ids}
-    if kinds <= {"i", "u"}:
+    other = [part.dtype for part in ids if part.dtype.kind not in "iuUO"]
+    if other:
+        raise ShapeError(f"{name} have type {other[0]}, expected integers or strings")
+    if ids and all(part.dtype.kind in "iu" for part in ids):
         whole = np.concatenate(ids)
         least, most = int(whole.min()), int(whole.max())
         if most - least < 1 << 31 and most < 1 << 62 and least > -(1 << 62):
             return np.asarray(whole.astype(np.int64) - least)
-        return np.asarray(np.unique(whole, return_inverse=True)[1], dtype=np.int64)
-    if kinds == {"U"}:
-        return np.asarray(np.unique(np.concatenate(ids), return_inverse=True)[1], dtype=np.int64)
-    if not kinds <= {"i", "u", "U", "O"}:
-        raise ShapeError(
-            f"{name} have type {next(i.dtype for i in ids if i.dtype.kind not in 'iuUO')}, expected integers or strings"
-        )
-    # mixed kinds: 1 and "1" are two ids
-    seen: dict[Hashable, int] = {}
-    return np.array([seen.setdefault(i, len(seen)) for part in ids for i in part.tolist()], dtype=np.int64)
+    # of several kinds: 1 and "1" are two ids
+    codes: dict[Hashable, int] = {}
+    return np.array([codes.setdefault(i, len(codes)) for part in ids for i in part.tolist()], dtype=np.int64)
 
 
 def _twice(frames: Sequence[Frame], ids: list[NDArray[Any]], name: str) -> str:

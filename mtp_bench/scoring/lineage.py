@@ -115,17 +115,17 @@ def lineage_events(truth: Truth, rollout: Rollout, lineage: Hypotheses, matched:
         parent, rows = lineage.parent[t], truth.rows(t)
         before, last, missed = before[:, parent], last[:, parent], missed[:, parent]
         who, now = number[rows], matched[rows]
-        old, seen = before[who], now >= 0
+        old, held = before[who], now >= 0  # held: matched to a track
         earlier[rows] = last[who]
-        ids[rows] = (old >= 0) & seen & (track_id[old] != track_id[now])
-        lost[rows] = (old >= 0) & ~seen
-        reacquired[rows] = seen & (last[who] >= 0) & missed[who]
+        ids[rows] = (old >= 0) & held & (track_id[old] != track_id[now])
+        lost[rows] = (old >= 0) & ~held
+        reacquired[rows] = held & (last[who] >= 0) & missed[who]
         if lost[rows].any():
             wrong[rows] = lost[rows] & _still_output(rollout, lineage.member, t, track_id[old])
         before = np.full_like(before, -1)
         before[who] = now
-        last[who] = np.where(seen, now, last[who])
-        missed[who] = ~seen
+        last[who] = np.where(held, now, last[who])
+        missed[who] = ~held
     alive = lineage.alive[truth.frame_of_rows]
     return LineageEvents(ids, lost & alive, wrong & alive, reacquired, earlier)  # an absent hypothesis has lost nothing
 

@@ -80,7 +80,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     lineage = hypotheses(rollout, card)
     events = lineage_events(truth, rollout, lineage, match_hypotheses(truth, rollout, lineage.member, card))
     frame = truth.frame_of_rows
-    own = events.of(lineage.best[frame])
+    of_best = events.of(lineage.best[frame])
     absent = ~lineage.alive[frame]
     every_ids = (events.ids | absent).all(axis=1)
     every_frag = (events.frag | absent).all(axis=1)
@@ -112,12 +112,12 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         capped=capped_error(errors.min_ade, of_targets),
         curve=errors.curve,
         ks=errors.ks,
-        own_ids=own.ids[targets.row, 0],
-        own_frag=own.frag[targets.row, 0],
+        own_ids=of_best.ids[targets.row, 0],
+        own_frag=of_best.frag[targets.row, 0],
         all_h_ids=np.asarray(every_ids)[targets.row],
         all_h_frag=np.asarray(every_frag)[targets.row],
         truth_key=key[~truth.neutral],
-        events={kind: key[getattr(own, kind)[:, 0]] for kind in KINDS},
+        events={kind: key[getattr(of_best, kind)[:, 0]] for kind in KINDS},
         forecasts=len(rollout.object_box),
         false_forecasts=np.bincount(object_frame[matched.unmatched], minlength=scene.frames),
         false_of_class=np.bincount(false_class, minlength=len(miss_error)),

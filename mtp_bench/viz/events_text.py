@@ -26,4 +26,4 @@ def _happened(incident: Incident, noun: str) -> str:
     if incident.kind == "reacquired":
         return f"{who} is found again as track {incident.new_id}"
     track = f" of track {incident.new_id}" if incident.new_id >= 0 else ""
-    return f"forecast of a {noun}{track} that is nothing, until frame {incident.until}"
+    return f"false forecast of a {noun}{track}, until frame {incident.until}"

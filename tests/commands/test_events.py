@@ -44,7 +44,7 @@ def test_the_events_are_listed_by_scene_and_frame(cli: CommandLine, run: Path, k
         ["0006", "1–3", "0.1 s", "spurious-0", "–", "car", "90", "–", "3.00"],
     ]
     assert printed.splitlines()[-1] == (
-        "1 identity switch, 1 lost (0 of them with their track elsewhere), 1 reacquired; 3 forecasts of nothing in "
+        "1 identity switch, 1 lost (0 of them with their track elsewhere), 1 reacquired; 3 false forecasts in "
         "1 run; 3 scenes"
     )
 

@@ -163,8 +163,8 @@ def test_one_hypothesis_is_one_stream(seed: int) -> None:
     found = hypotheses(rollout, CARD)
     matched = match_hypotheses(scene.truth, rollout, found.member, CARD)
     got = lineage_events(scene.truth, rollout, found, matched)
-    frame = np.repeat(np.arange(scene.frames), np.diff(scene.truth.start))
-    track_frame = np.repeat(np.arange(scene.frames), np.diff(rollout.track_start))
+    frame = scene.truth.frame_of_rows
+    track_frame = rollout.tracks.frame_of_rows
     want = find_events(
         history(frame, scene.truth.object_id), matched[:, 0], history(track_frame, rollout.track_id), rollout.track_id
     )
@@ -180,7 +180,7 @@ def test_order_of_tracks_and_of_hypotheses_and_the_place_do_not_matter(seed: int
     scene, rollout = random_case(seed)
     found = hypotheses(rollout, CARD)
     want = lineage_events(scene.truth, rollout, found, match_hypotheses(scene.truth, rollout, found.member, CARD))
-    frame = np.repeat(np.arange(scene.frames), np.diff(rollout.track_start))
+    frame = rollout.tracks.frame_of_rows
     rows = np.lexsort((rng.random(len(frame)), frame))
     other_scene, other = moved(scene, take_tracks(rollout, rows), np.pi / 2, (100.0, -50.0, 3.0))
     rank = rng.permutation(3)

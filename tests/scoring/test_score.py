@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from mtp_bench.errors import RolloutError
 from mtp_bench.scoring import SceneScore, score_scene
+from mtp_bench.scoring.error import error_sum
 from mtp_bench.types import Rollout, Scene
 from tests.support.scoring_scenes import (
     Thing,
@@ -28,11 +29,6 @@ from tests.support.scoring_scenes import (
 CARD = make_card()
 steady = settings(derandomize=True, deadline=None, max_examples=40)
 seeds = st.integers(0, 10_000)
-
-
-def ranked(score: SceneScore) -> float:
-    """Sum of the missing-aware error: what ranks."""
-    return float(score.capped.sum() + score.false_error)
 
 
 def assert_equal(got: SceneScore, want: SceneScore, but: tuple[str, ...] = ()) -> None:
@@ -52,12 +48,6 @@ def assert_equal(got: SceneScore, want: SceneScore, but: tuple[str, ...] = ()) -
             assert np.array_equal(a, b), field.name
 
 
-def object_rows(rollout: Rollout) -> tuple[Any, Any]:
-    """Rows and frames of the forecast objects."""
-    frame = np.repeat(np.arange(rollout.frames), np.diff(rollout.object_start))
-    return np.arange(len(frame)), frame
-
-
 # ---- what must not matter
 
 
@@ -66,8 +56,7 @@ def object_rows(rollout: Rollout) -> tuple[Any, Any]:
 def test_order_of_rows_does_not_matter(seed: int) -> None:
     rng = np.random.default_rng(seed)
     scene, rollout = random_case(seed)
-    _, frame = object_rows(rollout)
-    track_frame = np.repeat(np.arange(rollout.frames), np.diff(rollout.track_start))
+    frame, track_frame = rollout.objects.frame_of_rows, rollout.tracks.frame_of_rows
     other = take_objects(rollout, np.lexsort((rng.random(len(frame)), frame)))
     other = take_tracks(other, np.lexsort((rng.random(len(track_frame)), track_frame)))
     assert_equal(score_scene(scene, other, CARD), score_scene(scene, rollout, CARD))
@@ -113,7 +102,7 @@ def test_names_and_order_of_true_objects_matter_for_keys_only(seed: int) -> None
     rng = np.random.default_rng(seed)
     scene, rollout = random_case(seed)
     truth = scene.truth
-    frame = np.repeat(np.arange(scene.frames), np.diff(truth.start))
+    frame = truth.frame_of_rows
     rows = np.lexsort((rng.random(len(frame)), frame))
     name = rng.permutation(100)
     columns = {f: getattr(truth, f)[rows] for f in ("box", "velocity", "class_id", "eligible", "neutral")}
@@ -121,7 +110,7 @@ def test_names_and_order_of_true_objects_matter_for_keys_only(seed: int) -> None
     got, want = score_scene(replace(scene, truth=renamed), rollout, CARD), score_scene(scene, rollout, CARD)
     a = np.lexsort((got.object_id, got.frame))
     b = np.lexsort((name[want.object_id], want.frame))
-    for field in (
+    for field in [
         "frame",
         "covered",
         "capped",
@@ -131,9 +120,9 @@ def test_names_and_order_of_true_objects_matter_for_keys_only(seed: int) -> None
         "all_h_ids",
         "all_h_frag",
         "moving",
-    ):
+    ]:
         assert np.array_equal(getattr(got, field)[a], getattr(want, field)[b]), field
-    assert ranked(got) == pytest.approx(ranked(want))
+    assert error_sum(got) == pytest.approx(error_sum(want))
 
 
 def test_scoring_again_gives_the_same() -> None:
@@ -150,8 +139,9 @@ def test_scoring_again_gives_the_same() -> None:
 @given(seeds)
 def test_leaving_out_the_only_candidate_of_an_object_never_helps(seed: int) -> None:
     scene, rollout = random_case(seed)
-    want = ranked(score_scene(scene, rollout, CARD))
-    rows, frame = object_rows(rollout)
+    want = error_sum(score_scene(scene, rollout, CARD))
+    frame = rollout.objects.frame_of_rows
+    rows = np.arange(len(frame))
     gate = np.array([2.0, 1.0])
     lonely = 0
     for i in rows:
@@ -162,7 +152,7 @@ def test_leaving_out_the_only_candidate_of_an_object_never_helps(seed: int) -> N
         apart = np.hypot(*(rollout.object_box[rivals, :2] - rollout.object_box[i, :2]).T)
         if len(near) == 1 and (apart > 4.0).all():
             lonely += 1
-            assert ranked(score_scene(scene, take_objects(rollout, rows[rows != i]), CARD)) >= want - 1e-9
+            assert error_sum(score_scene(scene, take_objects(rollout, rows[rows != i]), CARD)) >= want - 1e-9
     assert lonely > 0
 
 
@@ -170,8 +160,8 @@ def test_leaving_out_the_only_candidate_of_an_object_never_helps(seed: int) -> N
 @given(seeds)
 def test_saying_everything_twice_never_helps(seed: int) -> None:
     scene, rollout = random_case(seed)
-    rows, _ = object_rows(rollout)
-    got = score_scene(scene, take_objects(rollout, np.repeat(rows, 2)), CARD)
+    rows = np.repeat(np.arange(len(rollout.object_box)), 2)
+    got = score_scene(scene, take_objects(rollout, rows), CARD)
     want = score_scene(scene, rollout, CARD)
     count = len(rollout.object_class)
     assert got.false_forecasts.sum() >= want.false_forecasts.sum()
@@ -184,7 +174,7 @@ def test_a_copy_of_one_object_costs_half_the_miss_error() -> None:
     seen = Thing(1, 0.5, 0, forecast=np.zeros((4, 3, 2)))
     once = score_scene(scene, make_rollout([[]] * 5, [[], [seen]], samples=4), CARD)
     twice = score_scene(scene, make_rollout([[]] * 5, [[], [seen, seen]], samples=4), CARD)
-    assert ranked(twice) == ranked(once) + 5.0
+    assert error_sum(twice) == error_sum(once) + 5.0
 
 
 @steady
@@ -197,7 +187,7 @@ def test_fewer_samples_never_help(seed: int) -> None:
     got = score_scene(scene, replace(rollout, forecast_log_weight=fewer), CARD)
     assert (got.min_ade >= want.min_ade).all()
     assert (got.capped >= want.capped).all()
-    assert ranked(got) >= ranked(want)
+    assert error_sum(got) >= error_sum(want)
     assert (got.covered <= want.covered).all()
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from mtp_bench.records import Record, why_unranked
 from mtp_bench.viz.board import Entry, standings
+from tests.support.stored_records import make_record, make_row
 
 Table = dict[str, Any]
 
@@ -29,58 +30,32 @@ def made_up(
     **changed: Any,
 ) -> Record:
     """A record; ``changed`` replaces fields, those of a nested section one by one."""
-    record: Table = {
-        "format": 1,
+    subsets = [_row(name, subset, error, spread, hypotheses) for subset in SUBSETS]
+    known: Table = {
         "submission": {
-            "name": name,
-            "authors": ["Ada Fiction", "Ben Example"],
-            "description": "Made up for a picture.",
+            "authors": ["Ada Fiction", "Ben Example"], "description": "Made up for a picture.",
             "digest": _hex(f"submission {name}"),
-            "parameters": {"hypotheses": hypotheses},
         },
-        "division": "closed",
-        "training_data": [],
         "env": {
-            "id": env_id, "card_digest": _hex(env_id)[:16], "split": "val", "data_manifest": _hex(f"data {env_id}"),
-            "scenes": SCENES, "scenes_of_split": SCENES, "observe": "detections", "truth_complete": True,
-            "keywords": {},
+            "id": env_id, "card_digest": _hex(env_id)[:16], "data_manifest": _hex(f"data {env_id}"),
+            "scenes": SCENES, "scenes_of_split": SCENES,
         },
-        "scorer": {"definitions": "1.0", "source_digest": _hex("source")},
-        "reference": {"name": "stp", "hash": _hex("reference"), "origin": "frozen subsets of 'stp'"},
         "seeds": [0, 1, 2],
-        "status": "finished",
-        "status_reason": "",
-        "verification": "scored",
-        "versions": {"mtp_bench": "0.1.0"},
-        "hardware": {"cpu": "Example CPU 3000", "cores": 8, "memory_gib": 31.2, "gpu": None},
         "latency": {"p50_ms": 1.4 + hypotheses, "p95_ms": 2.9 + 2 * hypotheses, "max_ms": 40.25, "limit_ms": 100.0},
         "peak_memory_mib": 210.0 + 14 * hypotheses,
-        "missed": {"late": 0, "malformed": 0, "crashed_scenes": 0, "reasons": {}},
-        "isolation": {"network_cut": True, "files_hidden": True},
-        "hypotheses": hypotheses,
-        "samples": 20,
-        "rows": [_row(name, subset, error, spread, hypotheses) for subset in SUBSETS],
         "details": {} if error is None else {"parts": _parts(error)},
-        "per_scene": [] if error is None else [_scene(i, error) for i in range(SCENES)],
-        "seals": {},
-        "rollout_digests": {},
-        "made": "2026-01-15T12:00:00Z",
     }  # fmt: skip
     for field, value in changed.items():
-        record[field] = {**record[field], **value} if isinstance(record.get(field), dict) else value
-    return Record.model_validate({**record, "digest": _hex(repr(record))})
+        known[field] = {**known[field], **value} if isinstance(known.get(field), dict) else value
+    scenes = [] if error is None else [_scene(i, error) for i in range(SCENES)]
+    return make_record(name, subsets, scenes, **known)
 
 
 def _row(name: str, subset: str, error: float | None, spread: float, hypotheses: int) -> Table:
     worse = None if error is None else error * HARDER[subset] / (1 + 0.03 * hypotheses * (subset != "all"))
-    return {
-        "agent": name, "hypotheses": hypotheses, "samples": 20, "budget": "equal", "subset": subset,
-        "minADE": worse and 0.6 * worse, "minFDE": worse and 1.15 * worse, "missing_aware": worse,
-        "energy_score": worse, "coverage": worse and 0.97 - 0.1 * worse,
-        "gap_closed": None,
-        "targets": SUBSETS[subset], "events": None, "objects": OBJECTS[subset], "scenes": SCENES,
-        "interval": None if worse is None else [worse * (1 - spread), worse * (1 + 1.2 * spread)], "ms_per_frame": 2.5,
-    }  # fmt: skip
+    interval = None if worse is None else [worse * (1 - spread), worse * (1 + 1.2 * spread)]
+    counts = {"targets": SUBSETS[subset], "objects": OBJECTS[subset], "scenes": SCENES, "interval": interval}
+    return make_row(name, subset, worse, hypotheses=hypotheses, samples=20, **counts)
 
 
 def _scene(i: int, error: float) -> Table:

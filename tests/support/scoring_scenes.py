@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mtp_bench.cards import Card, parse_card
 from mtp_bench.geometry import transform_boxes
-from mtp_bench.types import Detections, Rollout, Scene, Truth
+from mtp_bench.types import Detections, Rollout, Scene, Truth, starts_of
 
 CAR, WALKER = 0, 1
 Array = NDArray[Any]
@@ -188,7 +188,7 @@ def moved(scene: Scene, rollout: Rollout, yaw: float, shift: tuple[float, float,
 
 def take_tracks(rollout: Rollout, rows: Array) -> Rollout:
     """The tracks in another order within their frames, or some of them; ``rows`` indexes the old ones."""
-    frame = np.repeat(np.arange(rollout.frames), np.diff(rollout.track_start))[rows]
+    frame = rollout.tracks.frame_of_rows[rows]
     return replace(
         rollout,
         track_start=np.searchsorted(frame, np.arange(rollout.frames + 1)),
@@ -201,7 +201,7 @@ def take_tracks(rollout: Rollout, rows: Array) -> Rollout:
 
 def take_objects(rollout: Rollout, rows: Array) -> Rollout:
     """The forecast objects of ``rows``, which are sorted by frame and may name a row twice."""
-    frame = np.repeat(np.arange(rollout.frames), np.diff(rollout.object_start))[rows]
+    frame = rollout.objects.frame_of_rows[rows]
     return replace(
         rollout,
         object_start=np.searchsorted(frame, np.arange(rollout.frames + 1)),
@@ -218,7 +218,7 @@ def _boxes(things: Iterable[Thing]) -> Array:
 
 
 def _starts(frames: Sequence[Sequence[Thing]]) -> Array:
-    return np.concatenate([[0], np.cumsum([len(frame) for frame in frames], dtype=np.int64)]).astype(np.int64)
+    return starts_of([len(frame) for frame in frames])
 
 
 def _padded(frames: Sequence[Sequence[Thing]], count: int) -> list[Sequence[Thing]]:

@@ -198,7 +198,7 @@ def test_what_people_write_is_text(text: str) -> None:
         reference={"name": text},
         scorer={"definitions": text},
         made=text,
-        details={"parts": {text: 1.0}},
+        details={"parts": {text: 1.0, "false": text}, "silence": [text]},
         per_scene=[
             {"scene": text, "targets": 3, "missing_aware": 1.0, "seeds": [1.0] * 3, "counts": {"all": 3},
              "errors": {"all": [3.0] * 3}}

@@ -24,6 +24,7 @@ from mtp_bench.viz.terminal.tables import (
     subset_line,
 )
 from tests.support.command_line import TERMINAL
+from tests.support.stored_records import make_row
 
 Setting = tuple[str, int, int, str]
 STP, TRUTH, CONTROL = ("stp", 1, 20, "equal"), ("truth_past", 1, 20, "equal"), ("stp_same_budget", 1, 20, "equal")
@@ -32,13 +33,10 @@ MTP = ("mtp", 20, 20, "equal")
 
 def row(setting: Setting, subset: str, **values: Any) -> Row:
     agent, hypotheses, samples, budget = setting
-    base: dict[str, Any] = {
-        "agent": agent, "hypotheses": hypotheses, "samples": samples, "budget": budget, "subset": subset,
-        "minADE": 0.123, "minFDE": 0.234, "missing_aware": 0.345, "energy_score": 0.456, "coverage": 0.9,
-        "gap_closed": None, "targets": 40, "events": None if subset == "all" else 34, "objects": 25, "scenes": 11,
-        "interval": [0.31, 0.38], "ms_per_frame": 1.5,
-    }  # fmt: skip
-    return Row.model_validate({**base, **values})
+    events = None if subset == "all" else 34
+    base = make_row(agent, subset, 0.345, hypotheses=hypotheses, samples=samples, budget=budget, events=events)
+    shown = {"minADE": 0.123, "minFDE": 0.234, "coverage": 0.9, "interval": [0.31, 0.38], "ms_per_frame": 1.5}
+    return Row.model_validate({**base, **shown, **values})
 
 
 def rows(*settings: Setting, **values: Any) -> list[Row]:

@@ -13,7 +13,7 @@ from .output import NOTHING, counted, new_table, number
 if TYPE_CHECKING:
     from rich.table import Table
 
-LONGEST = 3  # spurious runs of a scene in the table, unless their kind is asked for
+LONGEST = 3  # runs of false forecasts of a scene in the table, unless their kind is asked for
 _HEADINGS = ("scene", "frame", "time", "event", "object", "class", "track", "minADE", "costs", "to look at it")
 _LEFT = ("scene", "event", "class", "track", "to look at it")
 
@@ -51,9 +51,9 @@ class Tally:
 
     events: dict[str, int] = field(default_factory=lambda: dict.fromkeys(KINDS, 0))
     wrong: int = 0  # losses whose old track is still output
-    forecasts: int = 0  # of nothing
+    forecasts: int = 0  # false ones
     scenes: int = 0
-    complete: bool = True  # the truth: else nothing is called spurious
+    complete: bool = True  # the truth: else no forecast is called false
 
     def add(self, replay: Replay) -> None:
         """Count the events of a scene."""
@@ -82,7 +82,7 @@ def event_rows(replay: Replay, kinds: Sequence[str], shown: Shown) -> list[Event
 
 
 def longest_only(rows: Sequence[EventRow]) -> list[EventRow]:
-    """The rows without all but the LONGEST longest spurious runs of each scene."""
+    """The rows without all but the LONGEST longest runs of false forecasts of each scene."""
     runs = sorted((row for row in rows if row.incident.kind == "spurious"), key=_length, reverse=True)
     kept: dict[str, list[int]] = {}
     for row in runs:
@@ -112,12 +112,14 @@ def tally_line(tally: Tally, all_listed: bool) -> str:
         f"with their track elsewhere), {back} reacquired"
     )
     if tally.complete:
-        text += f"; {counted(tally.forecasts, 'forecast')} of nothing in {counted(count['spurious'], 'run')}"
+        text += f"; {counted(tally.forecasts, 'false forecast')} in {counted(count['spurious'], 'run')}"
     else:
-        text += "; forecasts of nothing are not known, for objects outside the truth exist"
+        text += "; false forecasts are not known, for objects outside the truth exist"
     text += f"; {counted(tally.scenes, 'scene')}"
     if not all_listed and count["spurious"]:
-        text += f"\nThe {LONGEST} longest spurious runs of each scene are listed; all of them: --kind spurious"
+        text += (
+            f"\nThe {LONGEST} longest runs of false forecasts of each scene are listed; all of them: --kind spurious"
+        )
     return text
 
 
@@ -135,8 +137,8 @@ def events_json(rows: Sequence[EventRow], tally: Tally, env_id: str, agent: str)
 
 _CAPTION = (
     "minADE: of the forecast made then, metres; – where the object is no target, or was not forecast. costs: what the "
-    "score counts,\nmin(minADE, c), c where it was not forecast; of a spurious run c/2 per frame. (wrong): the old "
-    "track is still output, outside the gate."
+    "score counts,\nmin(minADE, c), c where it was not forecast; of a run of false forecasts c/2 per frame. (wrong): "
+    "the old track is still output, outside the gate."
 )
 
 
