@@ -38,7 +38,7 @@ def fit_noise(
     """
     from ..detector.fit import fit_profile
     from ..detector.sight import Sensor
-    from ..detector.text import profile_text
+    from ..detector.profile import profile_text
 
     card = changed_card(load_card(env_id), **(changes or {}))
     floor = _floor(min_score, card)

@@ -12,10 +12,10 @@ from scipy.optimize import linear_sum_assignment
 
 from mtp_bench.cards import Card, load_card
 from mtp_bench.detector import load_profile
-from mtp_bench.detector.fit_clutter import fit_clutter
-from mtp_bench.detector.fit_errors import fit_position
-from mtp_bench.detector.fit_misses import fit_misses
-from mtp_bench.detector.samples import RADIAL, TANGENTIAL, collect
+from mtp_bench.detector.fit.errors import fit_position
+from mtp_bench.detector.fit.samples import RADIAL, TANGENTIAL, collect
+from mtp_bench.detector.fit.scores import fit_false_positives
+from mtp_bench.detector.fit.undetected import fit_undetected
 from mtp_bench.detector.sight import Sensor, sight
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.sources.wildtrack.files import read_annotations, read_cameras
@@ -116,14 +116,14 @@ def test_the_profile_is_what_the_last_frames_give(scenes: dict[str, Scene]) -> N
     people, clutter = collect([scenes[STORED]], PEOPLE, SENSOR)["pedestrian"]
     assert (len(people.hit), int(people.hit.sum()), len(clutter.score)) == (952, 911, 55)
     people = replace(people, feature=people.feature * [1, 0, 0, 0, 0, 0])
-    np.testing.assert_allclose(fit_misses(people).first, noise.miss.first, atol=2e-3)
-    np.testing.assert_allclose(fit_misses(people).later, noise.miss.later, atol=2e-3)
+    np.testing.assert_allclose(fit_undetected(people).first, noise.miss.first, atol=2e-3)
+    np.testing.assert_allclose(fit_undetected(people).later, noise.miss.later, atol=2e-3)
     for column, law in ((RADIAL, noise.radial), (TANGENTIAL, noise.tangential)):
         fitted = fit_position(people, column).model_copy(update={"s1": 0.0})
         got, expected = fitted.model_dump(), law.model_dump()
         assert got == pytest.approx(expected, abs=0.02, rel=0.05)
     assert clutter.duplicate.sum() / people.hit.sum() == pytest.approx(noise.duplicates, abs=1e-4)
-    assert fit_clutter(clutter, noise.score) == noise.false_positives
+    assert fit_false_positives(clutter, noise.score) == noise.false_positives
 
 
 def test_simulated_detections_are_as_good_as_stored_ones(scenes: dict[str, Scene]) -> None:

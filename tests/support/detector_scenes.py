@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mtp_bench.detector import Profile, load_profile
-from mtp_bench.detector.sight import Sensor, Sight, frame_of_rows
+from mtp_bench.detector.sight import Sensor, Sight
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.types import Bools, Detections, Floats, Ints, Truth
 
@@ -19,7 +19,7 @@ WHITE = {"bias": 0.0, "ar": 0.0, "phi": 0.0, "white": 1.0}
 MEMORY = {"bias": 0.2, "ar": 0.5, "phi": 0.8, "white": 0.3}
 CLASSES = ("car",)
 AHEAD = Sensor(reach=60.0, field_of_view=np.pi / 2)
-CLUTTER: dict[str, Any] = {
+FALSE_POSITIVES: dict[str, Any] = {
     "rate": 2.0,
     "dispersion": 1.0,
     "survive": 0.4,
@@ -49,7 +49,7 @@ def seen_at(truth: Truth, distance: float, occlusion: int = 0, bearing: float = 
     """A sight in which every object has the same distance and bearing, and nothing stands before it by chance."""
     rows = len(truth.box)
     return Sight(
-        frame_of_rows(truth.start),
+        truth.frame_of_rows,
         np.full(rows, distance),
         np.full(rows, bearing),
         np.full(rows, occlusion),
@@ -80,7 +80,7 @@ def detect(truth: Truth, profile: Profile, sight: Sight, seed: int = 0, dt: floa
 
 def on_grid(detections: Detections, objects: int) -> tuple[Bools, Floats, Floats, Floats]:
     """Of a crowd: hit ``[F, J]``; boxes ``[F, J, 7]``, velocities ``[F, J, 2]``, scores ``[F, J]``, NaN if not hit."""
-    frame = frame_of_rows(detections.start)
+    frame = detections.frame_of_rows
     column = np.rint(detections.box[:, 0] / SPACING).astype(int)
     shape = len(detections.start) - 1, objects
     hit = np.zeros(shape, dtype=bool)
@@ -95,7 +95,7 @@ def on_grid(detections: Detections, objects: int) -> tuple[Bools, Floats, Floats
 
 
 def inner_gaps(hit: Bools) -> Ints:
-    """Lengths of the runs of misses between two hits of an object: ``hit`` ``[F, J]``."""
+    """Lengths of the runs of undetected frames between two hits of an object: ``hit`` ``[F, J]``."""
     lengths = []
     for column in hit.T:
         steps = np.diff(np.flatnonzero(column))
@@ -103,10 +103,12 @@ def inner_gaps(hit: Bools) -> Ints:
     return np.concatenate(lengths)
 
 
-def cluttered(**changes: Any) -> Profile:
-    """Perfect detections of cars, and clutter."""
+def perfect_with(**changes: Any) -> Profile:
+    """Perfect detections of cars, and false positives."""
     profile = noisy(
-        false_positives={**CLUTTER, **changes}, velocity=0.2, score={"quadratic": (5.0, 0.0, 0.0), "ceiling": None}
+        false_positives={**FALSE_POSITIVES, **changes},
+        velocity=0.2,
+        score={"quadratic": (5.0, 0.0, 0.0), "ceiling": None},
     )
     return profile.model_copy(update={"field_of_view": 90.0})  # that of AHEAD
 
@@ -117,7 +119,7 @@ def nothing(frames: int) -> Truth:
     return truth_of(empty, empty, np.zeros((0, 7)), frames)
 
 
-def clutter(
+def in_empty_scene(
     profile: Profile, frames: int = 4000, seed: int = 0, ego: Floats | None = None, dt: float = DT
 ) -> Detections:
     """False positives of an empty scene."""
