@@ -9,13 +9,14 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from mtp_bench.errors import ShapeError, UnknownNameError
-from mtp_bench.geometry import bev_hull_area, giou_3d, giou_reach, iou_3d, transform_boxes
+from mtp_bench.geometry import iou_3d, transform_boxes
 from mtp_bench.tracking.kernels.affinity_kernels import GIOU_3D, IOU_3D, hull_area, sparse_pairs
 from mtp_bench.tracking.parameters import Affinity, ClassParameters, LikelihoodTerms
 from mtp_bench.tracking.sparse_gains import innovation_variance, pair_rules, sparse_gains
 from mtp_bench.types import Floats, Ints
 from tests.support import plain_motion as motion
 from tests.support.plain_affinity import gains
+from tests.support.plain_geometry import bev_hull_area, giou_3d, giou_reach
 
 NONE = np.zeros(0)
 
