@@ -45,7 +45,7 @@ def scenes(data_root: Path) -> dict[str, Scene]:
 def hits(truth: Truth, detections: Detections) -> int:
     """Pairs within half a metre, one to one, as many as possible."""
     count = 0
-    for t in range(len(truth.start) - 1):
+    for t in range(truth.frames):
         off = truth.box[truth.rows(t), None, :2] - detections.box[None, detections.rows(t), :2]
         near = np.hypot(off[..., 0], off[..., 1]) <= RADIUS
         count += int(near[linear_sum_assignment(near, maximize=True)].sum())

@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 
 from mtp_bench.detector import Profile, load_profile
+from mtp_bench.detector.fit.statistics import ClassStatistics
 from mtp_bench.detector.sight import Sensor, Sight
 from mtp_bench.detector.simulate import simulate
-from mtp_bench.types import Bools, Detections, Floats, Ints, Truth
+from mtp_bench.types import Bools, Detections, Floats, Ints, Truth, starts_of_sorted
 
 SIZE = (4.0, 2.0, 1.6)
 SPACING = 20.0  # m between the objects of a crowd: a detection belongs to the nearest one
@@ -32,7 +34,7 @@ FALSE_POSITIVES: dict[str, Any] = {
 def truth_of(frame: Ints, object_id: Ints, box: Floats, frames: int) -> Truth:
     """A truth of cars that move at 1, 2 m/s, from rows in the order of frames."""
     rows = len(frame)
-    start = np.searchsorted(frame, np.arange(frames + 1))
+    start = starts_of_sorted(frame, frames)
     velocity = np.tile([1.0, 2.0], (rows, 1))
     return Truth(start, box, velocity, np.zeros(rows, int), object_id, np.ones(rows, bool), np.zeros(rows, bool))
 
@@ -57,6 +59,15 @@ def seen_at(truth: Truth, distance: float, occlusion: int = 0, bearing: float = 
     )
 
 
+def assert_alike(after: ClassStatistics, before: ClassStatistics, odds: float = 0.15, gap: float = 0.2) -> None:
+    """Recall, gaps and correlations of two detectors agree; ``odds`` and ``gap``: relative tolerances."""
+    assert after.recall == pytest.approx(before.recall, abs=0.02)
+    assert after.undetected_odds_ratio == pytest.approx(before.undetected_odds_ratio, rel=odds)
+    assert after.gap_length == pytest.approx(before.gap_length, rel=gap)
+    assert after.radial_autocorrelation == pytest.approx(before.radial_autocorrelation, rel=0.15)
+    assert after.tangential_autocorrelation == pytest.approx(before.tangential_autocorrelation, rel=0.15)
+
+
 def noisy(**sections: Any) -> Profile:
     """The clean profile with other noise for cars: entries of a section by name, or a value instead of one."""
     clean = load_profile("clean").model_dump()
@@ -74,7 +85,7 @@ def missing(base: float, lag: float = 0.0, first: float | None = None) -> dict[s
 
 def detect(truth: Truth, profile: Profile, sight: Sight, seed: int = 0, dt: float = DT) -> Detections:
     """Detections of a truth by a sensor at the origin that covers everything."""
-    ego = np.zeros((len(truth.start) - 1, 4))
+    ego = np.zeros((truth.frames, 4))
     return simulate(truth, ego, CLASSES, profile, EVERYWHERE, seed, dt, sight)
 
 
@@ -82,7 +93,7 @@ def on_grid(detections: Detections, objects: int) -> tuple[Bools, Floats, Floats
     """Of a crowd: hit ``[F, J]``; boxes ``[F, J, 7]``, velocities ``[F, J, 2]``, scores ``[F, J]``, NaN if not hit."""
     frame = detections.frame_of_rows
     column = np.rint(detections.box[:, 0] / SPACING).astype(int)
-    shape = len(detections.start) - 1, objects
+    shape = detections.frames, objects
     hit = np.zeros(shape, dtype=bool)
     hit[frame, column] = True
     box, velocity, score = np.full((*shape, 7), np.nan), np.full((*shape, 2), np.nan), np.full(shape, np.nan)
