@@ -7,20 +7,15 @@ coordinates of any size keep their precision.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .types import Floats, Ints
-
-Measure = Callable[[Floats, Floats], Floats]
+from .types import Floats
 
 # Signs of the corners, counter-clockwise from front left: corner j is the farthest one in the j-th quadrant.
 _ALONG = np.array([1.0, -1.0, -1.0, 1.0]) / 2
 _ACROSS = np.array([1.0, 1.0, -1.0, -1.0]) / 2
-_NEXT, _PREVIOUS = np.array([1, 2, 3, 0]), np.array([3, 0, 1, 2])
-_RIGHT_ANGLES = np.array([[1.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, -1.0]])  # directions 0, 90, 180, 270 degrees
+_NEXT = np.array([1, 2, 3, 0])
 _HAIR = 1e-8  # share of the smallest side: far above rounding, far below what matters
 _TINY = 1e-300
 
@@ -79,100 +74,14 @@ def bev_intersection_area(a: Floats, b: Floats) -> Floats:
     return np.asarray(np.clip(area, 0.0, np.minimum(l_a * w_a, l_b * w_b)))
 
 
-def bev_hull_area(a: Floats, b: Floats) -> Floats:
-    """Area of the convex hull of two boxes in BEV, m2: rows ``[R, 7]`` and ``[R, 7]`` -> ``[R]``.
-
-    Cauchy's formula ``1/2 int (h^2 - h'^2)`` over all directions, with h the farther of both boxes in a direction:
-    continuous in every corner, so collinear and coinciding corners need no special case.
-    """
-    x, y, cos, sin = _relative_pose(a, b)
-    # Within a right angle: a box turned by 90 degrees is a box with length and width exchanged.
-    quarters, rest_cos, rest_sin = _quarter_turns(cos, sin)
-    odd = quarters % 2 == 1
-    l_b, w_b = np.where(odd, b[..., 5], b[..., 4]), np.where(odd, b[..., 4], b[..., 5])
-    b_x, b_y = _corners_at(x, y, rest_cos, rest_sin, l_b, w_b)
-    a_x, a_y = a[..., 4, None] * _ALONG, a[..., 5, None] * _ACROSS
-    # Eight sectors of directions; in each one corner of a and one of b is the farthest of its box.
-    e_x, e_y = _RIGHT_ANGLES
-    f_x = rest_cos[..., None] * e_x - rest_sin[..., None] * e_y
-    f_y = rest_sin[..., None] * e_x + rest_cos[..., None] * e_y
-    area = _sector_area(a_x, a_y, b_x[..., _PREVIOUS], b_y[..., _PREVIOUS], e_x, e_y, f_x, f_y)
-    area += _sector_area(a_x, a_y, b_x, b_y, f_x, f_y, e_x[_NEXT], e_y[_NEXT])
-    return np.asarray(area.sum(-1) / 2)
-
-
-def iou_bev(a: Floats, b: Floats) -> Floats:
-    """Intersection over union in BEV, 0 to 1: rows ``[R, 7]`` and ``[R, 7]`` -> ``[R]``; 0 if both boxes are empty."""
-    common = bev_intersection_area(a, b)
-    union = a[..., 4] * a[..., 5] + b[..., 4] * b[..., 5] - common
-    return common / np.maximum(union, _TINY)
-
-
 def iou_3d(a: Floats, b: Floats) -> Floats:
     """Intersection over union of volumes, 0 to 1: rows ``[R, 7]`` and ``[R, 7]`` -> ``[R]``; 0 if both are empty."""
-    common, union = _volumes(a, b)
-    return common / np.maximum(union, _TINY)
-
-
-def giou_3d(a: Floats, b: Floats) -> Floats:
-    """Generalised IoU, -1 to 1: rows ``[R, 7]`` and ``[R, 7]`` -> ``[R]``.
-
-    IoU - (C - U) / C, where U is the union and C the convex hull in BEV times the joint height (as in AB3DMOT).
-    """
-    common, union = _volumes(a, b)
-    top = np.maximum(a[..., 2] + a[..., 6] / 2, b[..., 2] + b[..., 6] / 2)
-    bottom = np.minimum(a[..., 2] - a[..., 6] / 2, b[..., 2] - b[..., 6] / 2)
-    enclosing = np.maximum(bev_hull_area(a, b) * (top - bottom), union)  # rounding may not let the union stand out
-    return np.asarray(common / np.maximum(union, _TINY) - (enclosing - union) / np.maximum(enclosing, _TINY))
-
-
-_BEYOND: dict[Measure, float] = {iou_bev: 0.0, iou_3d: 0.0, giou_3d: -np.inf, center_distance: np.inf}
-
-
-def pairwise(measure: Measure, a: Floats, b: Floats, reach: float | Floats | None = None) -> Floats:
-    """``measure`` of all pairs of boxes ``[n, 7]`` and ``[m, 7]`` -> ``[n, m]``.
-
-    Pairs with centres (BEV) farther apart than ``reach`` (metres; may be ``[n, m]``) are not computed. They get a
-    value never better than their own: 0 for an IoU, inf for a distance, -inf for anything else. ``reach=None``
-    leaves out only what cannot overlap for an IoU, and nothing for other measures; see also `giou_reach`.
-    """
-    if measure is center_distance and reach is None:
-        return center_distance(a[:, None], b[None])
-    if reach is None:
-        overlap = measure is iou_bev or measure is iou_3d
-        reach = _half_diagonal(a)[:, None] + _half_diagonal(b) if overlap else np.inf
-    near = (a[:, 0, None] - b[:, 0]) ** 2 + (a[:, 1, None] - b[:, 1]) ** 2 <= np.square(reach)
-    value = np.full(near.shape, _BEYOND.get(measure, -np.inf))
-    row, column = np.nonzero(near)
-    if len(row):
-        value[row, column] = measure(a[row], b[column])
-    return value
-
-
-def giou_reach(a: Floats, b: Floats, gate: float) -> Floats:
-    """Centre distances ``[n, m]`` beyond which the GIoU of ``[n, 7]`` and ``[m, 7]`` is below ``gate`` (above -1).
-
-    Boxes d apart have a hull of at least d times the smaller least side, and a GIoU of at most their areas / hull - 1.
-    Boxes that overlap are always within reach.
-    """
-    area = (a[:, 4] * a[:, 5])[:, None] + b[:, 4] * b[:, 5]
-    side = np.minimum(np.minimum(a[:, 4], a[:, 5])[:, None], np.minimum(b[:, 4], b[:, 5]))
-    bound = area / (np.maximum(side, _TINY) * max(1.0 + gate, 1e-9))
-    return np.maximum(bound, _half_diagonal(a)[:, None] + _half_diagonal(b))
-
-
-def _half_diagonal(box: Floats) -> Floats:
-    return np.hypot(box[:, 4], box[:, 5]) / 2
-
-
-def _volumes(a: Floats, b: Floats) -> tuple[Floats, Floats]:
-    """Volume of the intersection and of the union."""
     top = np.minimum(a[..., 2] + a[..., 6] / 2, b[..., 2] + b[..., 6] / 2)
     bottom = np.maximum(a[..., 2] - a[..., 6] / 2, b[..., 2] - b[..., 6] / 2)
     common = bev_intersection_area(a, b) * np.maximum(top - bottom, 0.0)
     volume_a, volume_b = a[..., 4] * a[..., 5] * a[..., 6], b[..., 4] * b[..., 5] * b[..., 6]
     common = np.minimum(common, np.minimum(volume_a, volume_b))
-    return common, volume_a + volume_b - common
+    return np.asarray(common / np.maximum(volume_a + volume_b - common, _TINY))
 
 
 def _relative_pose(a: Floats, b: Floats) -> tuple[Floats, Floats, Floats, Floats]:
@@ -201,33 +110,3 @@ def _edges_inside(x: Floats, y: Floats, length: Floats, width: Floats) -> tuple[
         lower = np.maximum(lower, np.minimum(enter, leave))
         upper = np.minimum(upper, np.maximum(enter, leave))
     return np.maximum(upper - lower, 0.0), x * dy - y * dx
-
-
-def _quarter_turns(cos: Floats, sin: Floats) -> tuple[Ints, Floats, Floats]:
-    """Whole right angles in a turn (modulo 4), cosine and sine of the rest in [0, 90) degrees."""
-    turn = np.arctan2(sin, cos)
-    quarters = np.floor(turn / (np.pi / 2)).astype(np.int64)
-    rest = turn - quarters * (np.pi / 2)
-    return quarters % 4, np.cos(rest), np.sin(rest)
-
-
-def _sector_area(
-    a_x: Floats, a_y: Floats, b_x: Floats, b_y: Floats, u_x: Floats, u_y: Floats, v_x: Floats, v_y: Floats
-) -> Floats:
-    """Twice the part of Cauchy's integral from direction u to v, where a and b are the farthest corners of their boxes.
-
-    For a fixed corner p the integral of h^2 - h'^2 is -h h'. In a sector the farther box changes at most once: in
-    the direction across the line from a to b.
-    """
-    d_x, d_y = a_x - b_x, a_y - b_y
-    first, last = d_x * u_x + d_y * u_y >= 0, d_x * v_x + d_y * v_y >= 0
-    p_x, p_y = np.where(first, a_x, b_x), np.where(first, a_y, b_y)
-    q_x, q_y = np.where(last, a_x, b_x), np.where(last, a_y, b_y)
-    length = np.maximum(np.hypot(d_x, d_y), _TINY)
-    t_x, t_y = -d_y / length, d_x / length
-
-    def moment(x: Floats, y: Floats, e_x: Floats, e_y: Floats) -> Floats:
-        return (x * e_x + y * e_y) * (y * e_x - x * e_y)
-
-    change = moment(q_x, q_y, t_x, t_y) - moment(p_x, p_y, t_x, t_y)
-    return moment(p_x, p_y, u_x, u_y) - moment(q_x, q_y, v_x, v_y) + change

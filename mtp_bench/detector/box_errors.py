@@ -9,10 +9,8 @@ import numpy as np
 
 from ..geometry import wrap_angle
 from ..types import Bools, Floats
-from .chains import at_period, stationary, two_state
-from .grid import Grid
+from .draws import Grid, Kind, Streams, at_period, stationary, stream, two_state
 from .profile import ClassNoise, PositionNoise
-from .streams import Kind, Streams, stream
 from .truncated import within_limits
 
 FARTHEST = 2.0  # m: a position error beyond would be another object's detection

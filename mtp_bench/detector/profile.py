@@ -8,9 +8,11 @@ first-order autoregression over frames, and a white share.
 from __future__ import annotations
 
 import itertools
+import json
+import re
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
@@ -28,6 +30,12 @@ SIMILAR = {"bicycle": "motorcycle", "construction_vehicle": "truck"}  # for prof
 
 _EVENLY = tuple(round(2.0 + 5.8 * tenth, 1) for tenth in range(11))  # from 2 m to 60 m
 _STORE = Path(__file__).parent / "profiles"
+_COMMENTS = {
+    "miss.first": "1, distance / 10 m, partly occluded, largely occluded, hidden, truncated",
+    "miss.later": "the same, and: undetected in the frame before",
+    "size.mean": "length, width, height, m",
+    "score.quadratic": "constant, per 10 m, per (10 m)^2",
+}
 
 
 class Memory(Section):
@@ -47,13 +55,13 @@ class Memory(Section):
         return white
 
 
-class MissNoise(Section):
-    """Log-odds of a miss."""
+class UndetectedNoise(Section):
+    """Log-odds that an object is undetected."""
 
     first: Annotated[tuple[float, ...], Field(min_length=6, max_length=6, strict=False)]
     # of an object's first frame: 1, d, partly occluded, largely occluded, hidden, truncated
     later: Annotated[tuple[float, ...], Field(min_length=7, max_length=7, strict=False)]
-    # the same, and: missed in the frame before
+    # the same, and: undetected in the frame before
     memory: bool = True  # False: every later frame is drawn with the long-run chance of that chain
 
 
@@ -99,11 +107,11 @@ class ScoreNoise(Memory):
 
 
 class FalsePositives(Section):
-    """Clutter: births are Poisson with a rate that is Gamma distributed over scenes; each survives geometrically."""
+    """False positives: births are Poisson, with a rate that is Gamma distributed over scenes; survival is geometric."""
 
-    rate: Scale  # clutter boxes per frame over the profile's whole field of view
+    rate: Scale  # false positives per frame over the profile's whole field of view
     dispersion: Annotated[float, Field(ge=1)]  # variance over mean of the count per frame
-    survive: Annotated[float, Field(ge=0, lt=1)]  # chance that a clutter box is there in the next frame too
+    survive: Annotated[float, Field(ge=0, lt=1)]  # chance that one is there in the next frame too
     score: float  # location and deviation of a normal number that ends at the detector's floor and ceiling
     score_deviation: Scale
     size: Annotated[tuple[float, float, float], Field(strict=False)]  # m, mean length, width, height
@@ -121,7 +129,7 @@ class FalsePositives(Section):
 class ClassNoise(Section):
     """All noise of one class."""
 
-    miss: MissNoise
+    miss: UndetectedNoise
     radial: PositionNoise
     tangential: PositionNoise
     heading: HeadingNoise
@@ -190,3 +198,43 @@ def _read(path: Path) -> Profile:
             raise CardError(f"{path.name}: its [detector] has no [detector.noise], expected the figures of a profile")
         content = content["detector"]["noise"]
     return validate(Profile, content, path.name, CardError)
+
+
+def profile_text(profile: Profile) -> str:
+    """TOML of a profile, every figure with all its digits: what is read back is equal."""
+    content = profile.model_dump(exclude_none=True)
+    classes, alike = content.pop("classes"), content.pop("alike")
+    lines = _values(content, "")
+    if alike:
+        lines += ["", "[alike]", *_values(alike, "")]
+    for name, noise in classes.items():
+        lines += _table(f"classes.{_key(name)}", noise, "")
+    return "\n".join(lines) + "\n"
+
+
+def _table(heading: str, content: dict[str, Any], section: str) -> list[str]:
+    """Lines of a table and of those in it."""
+    inner = {key: value for key, value in content.items() if isinstance(value, dict)}
+    own = {key: value for key, value in content.items() if key not in inner}
+    lines = ["", f"[{heading}]", *_values(own, section)]
+    for key, value in inner.items():
+        lines += _table(f"{heading}.{key}", value, key)
+    return lines
+
+
+def _values(content: dict[str, Any], section: str) -> list[str]:
+    comments = {key: _COMMENTS.get(f"{section}.{key}") for key in content}
+    return [f"{_key(key)} = {_value(value)}" + (f"  # {comments[key]}" if comments[key] else "")
+            for key, value in content.items()]  # fmt: skip
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch("[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
+
+
+def _value(value: str | bool | float | tuple[float, ...]) -> str:
+    if isinstance(value, str | bool):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, tuple):
+        return f"[{', '.join(_value(one) for one in value)}]"
+    return repr(float(value))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..types import Detections, Floats, Ints
+from ..types import Detections, Floats, Ints, starts_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,5 +35,5 @@ def in_order(parts: Sequence[Rows], frames: int) -> Detections:
     class_id = np.concatenate([part.class_id for part in parts])
     score = np.concatenate([part.score for part in parts])
     order = np.lexsort((box[:, 0], -score, frame))
-    start = np.concatenate([[0], np.cumsum(np.bincount(frame, minlength=frames))])
+    start = starts_of(np.bincount(frame, minlength=frames))
     return Detections(start, box[order], velocity[order], class_id[order], score[order])

@@ -9,15 +9,13 @@ import numpy as np
 from ..shapes import require_shape
 from ..types import Bools, Detections, Floats, Truth
 from .box_errors import box_errors, duplicates, latent_scores, reshaped, scores, velocities
-from .clutter import Surroundings, clutter
-from .grid import Grid, grid_of
-from .labels import labels_of
-from .misses import missed
+from .draws import Grid, Streams, Whose, grid_of
+from .false_positives import Surroundings, false_positives, labels_of
 from .profile import Profile
 from .rows import Rows, in_order
 from .sight import Sensor, Sight, within
 from .sight import sight as sight_of
-from .streams import Streams, Whose
+from .undetected import undetected
 
 
 def simulate(
@@ -44,16 +42,16 @@ def simulate(
 
     Rows within a frame are by descending score, ties by x.
     """
-    require_shape("ego", ego, (len(truth.start) - 1, 4))
+    require_shape("ego", ego, (truth.frames, 4))
     steps = dt / profile.dt
     grid = grid_of(truth, [profile.noise(name) for name in classes], steps)
     sight = sight_of(truth, ego, sensor) if sight is None else sight
     covered = within(sight.distance, sight.bearing, sensor)
-    hit = ~missed(grid, sight, covered, seed)
+    hit = ~undetected(grid, sight, covered, seed)
     wider = min(sensor.field_of_view, 2 * np.pi) / np.deg2rad(profile.field_of_view)
     around = Surroundings(truth, ego, sensor, steps, float(wider))
     found = _of_objects(truth, ego, grid, sight, hit, seed)
-    return in_order([*found, *_clutter(profile, classes, around, seed)], len(ego))
+    return in_order([*found, *_false_positives(profile, classes, around, seed)], len(ego))
 
 
 def _of_objects(truth: Truth, ego: Floats, grid: Grid, sight: Sight, hit: Bools, seed: int) -> tuple[Rows, Rows]:
@@ -78,11 +76,11 @@ def _of_objects(truth: Truth, ego: Floats, grid: Grid, sight: Sight, hit: Bools,
     return found, again
 
 
-def _clutter(profile: Profile, classes: Sequence[str], around: Surroundings, seed: int) -> list[Rows]:
+def _false_positives(profile: Profile, classes: Sequence[str], around: Surroundings, seed: int) -> list[Rows]:
     """False positives, by noise of the profile."""
     rows = []
     for number, (own, noise) in enumerate(profile.classes.items()):
         labels = labels_of(around.truth, classes, profile, own)
         if labels is not None:
-            rows.append(clutter(noise, labels, around, number, seed))
+            rows.append(false_positives(noise, labels, around, number, seed))
     return rows

@@ -6,19 +6,19 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .chains import stationary
-from .clutter import more_clutter
-from .profile import ClassNoise, HeadingNoise, MissNoise, PositionNoise, Profile, Variant
+from .draws import stationary
+from .false_positives import more_false_positives
+from .profile import ClassNoise, HeadingNoise, PositionNoise, Profile, UndetectedNoise, Variant
 
 WORSE = 2.0  # factor on position errors and on false positives
-HARDER = 1.0  # added to the log-odds of a miss
+HARDER = 1.0  # added to the log-odds that an object is undetected
 
 
 def with_variant(profile: Profile, variant: Variant) -> Profile:
     """``profile`` itself, or one named "<name>-iid" or "<name>-hard".
 
-    "iid": the same recall and margins without memory: every frame of an object is drawn anew. "hard": log-odds of a
-    miss + 1, position errors x 2, false positives x 2.
+    "iid": the same recall and margins without memory: every frame of an object is drawn anew. "hard": log-odds of
+    being undetected + 1, position errors x 2, false positives x 2.
     """
     if variant == "as_fitted":
         return profile
@@ -49,17 +49,18 @@ def _flips_without_memory(heading: HeadingNoise) -> HeadingNoise:
 
 
 def _harder(noise: ClassNoise) -> ClassNoise:
+    false = noise.false_positives
     return noise.model_copy(
         update={
-            "miss": _more_misses(noise.miss),
+            "miss": _more_undetected(noise.miss),
             "radial": _wider(noise.radial),
             "tangential": _wider(noise.tangential),
-            "false_positives": None if noise.false_positives is None else more_clutter(noise.false_positives, WORSE),
+            "false_positives": None if false is None else more_false_positives(false, WORSE),
         }
     )
 
 
-def _more_misses(miss: MissNoise) -> MissNoise:
+def _more_undetected(miss: UndetectedNoise) -> UndetectedNoise:
     first, later = miss.first, miss.later
     return miss.model_copy(update={"first": (first[0] + HARDER, *first[1:]), "later": (later[0] + HARDER, *later[1:])})
 

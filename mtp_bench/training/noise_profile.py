@@ -40,7 +40,7 @@ def fit_noise(
     """
     from ..detector.fit import fit_profile
     from ..detector.sight import Sensor
-    from ..detector.text import profile_text
+    from ..detector.profile import profile_text
 
     split = open_split(env_id, options)
     card = split.card

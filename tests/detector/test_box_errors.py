@@ -10,7 +10,7 @@ from scipy import stats
 
 from mtp_bench.geometry import wrap_angle
 from mtp_bench.types import Floats
-from tests.support.detector_scenes import CLUTTER, DT, MEMORY, WHITE, crowd, detect, noisy, on_grid, seen_at
+from tests.support.detector_scenes import DT, FALSE_POSITIVES, MEMORY, WHITE, crowd, detect, noisy, on_grid, seen_at
 
 FRAMES, OBJECTS = 200, 300
 TRUE_YAW = 0.3
@@ -143,7 +143,7 @@ def test_velocities_err_by_the_same_along_and_across() -> None:
 
 def test_without_velocity_noise_there_are_no_velocities() -> None:
     truth = crowd(3, 4)
-    profile = noisy(velocity=None, duplicates=0.5, false_positives={**CLUTTER, "rate": 3.0})
+    profile = noisy(velocity=None, duplicates=0.5, false_positives={**FALSE_POSITIVES, "rate": 3.0})
     assert np.isnan(detect(truth, profile, seen_at(truth, 20.0)).velocity).all()
 
 

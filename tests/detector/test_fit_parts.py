@@ -1,4 +1,4 @@
-"""The parts of the fitter, on numbers that are known: misses, memory, scores between limits, false positives."""
+"""The parts of the fitter, on known numbers: undetected objects, memory, scores between limits, false positives."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from mtp_bench.detector.fit_clutter import fit_clutter
-from mtp_bench.detector.fit_errors import fit_memory
-from mtp_bench.detector.fit_misses import logistic
+from mtp_bench.detector.fit.errors import fit_memory
+from mtp_bench.detector.fit.samples import FalsePositiveSamples, ObjectSamples
+from mtp_bench.detector.fit.scores import fit_false_positives
+from mtp_bench.detector.fit.undetected import logistic
 from mtp_bench.detector.profile import ScoreNoise
-from mtp_bench.detector.samples import ClutterSamples, ObjectSamples
 from mtp_bench.detector.truncated import fit_truncated, latent_of, within_limits
 
 
@@ -42,7 +42,7 @@ def test_latent_numbers_come_back_from_scores(lowest: float, highest: float) -> 
 
 
 def test_duplicates_count_neither_in_the_rate_nor_in_its_dispersion() -> None:
-    clutter = ClutterSamples(
+    false = FalsePositiveSamples(
         count=np.array([3, 1, 0, 2]),
         own=np.array([1, 1, 0, 2]),
         duplicate=np.array([True, False, True, False, False, False]),
@@ -53,9 +53,9 @@ def test_duplicates_count_neither_in_the_rate_nor_in_its_dispersion() -> None:
         distance=np.array([99.0, 1.0, 99.0, 20.0, 30.0, 40.0]),
     )
     limits = ScoreNoise(bias=0, ar=0, phi=0, white=1, quadratic=(2, 0, 0), deviation=1, floor=1.0)
-    every = {one.name: np.tile(getattr(clutter, one.name), (10, 1) if one.name == "size" else 10)
-             for one in fields(clutter)}  # fmt: skip
-    law = fit_clutter(ClutterSamples(**every), limits)
+    every = {one.name: np.tile(getattr(false, one.name), (10, 1) if one.name == "size" else 10)
+             for one in fields(false)}  # fmt: skip
+    law = fit_false_positives(FalsePositiveSamples(**every), limits)
     assert law is not None
     assert (law.rate, law.dispersion) == (1.0, 1.0)
     assert (law.distance[0], law.distance[-1]) == (2.0, 40.0)

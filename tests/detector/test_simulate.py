@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from mtp_bench.detector import Profile, load_profile, profile_names
+from mtp_bench.detector.draws import Kind, Whose
 from mtp_bench.detector.sight import Sensor, covered
 from mtp_bench.detector.simulate import simulate
-from mtp_bench.detector.streams import Kind, Whose
 from mtp_bench.errors import ShapeError, UnknownNameError
 from mtp_bench.geometry import transform_boxes
 from mtp_bench.types import Detections, Floats, Truth
-from tests.support.detector_scenes import CLUTTER, DT, MEMORY, crowd, detect, missing, noisy, on_grid, seen_at
+from tests.support.detector_scenes import DT, FALSE_POSITIVES, MEMORY, crowd, detect, missing, noisy, on_grid, seen_at
 
 SENSOR = Sensor(reach=50.0, field_of_view=np.pi)
 TRAFFIC = ("car", "truck", "pedestrian")
@@ -86,14 +86,14 @@ def test_a_changed_level_leaves_every_other_figure_alone(name: str, change: dict
     before, after = (
         on_grid(detect(truth, noisy(**{**FULL, **levels}), seen_at(truth, 20.0)), 40) for levels in ({}, change)
     )
-    np.testing.assert_array_equal(after[0], before[0], err_msg=name)  # misses
+    np.testing.assert_array_equal(after[0], before[0], err_msg=name)  # undetected
     figures = {key: (before[1][..., part], after[1][..., part]) for key, part in _COLUMNS.items()}
     figures |= {"velocity": (before[2], after[2]), "score": (before[3], after[3])}
     changed = {key for key, (old, new) in figures.items() if not np.array_equal(old, new, equal_nan=True)}
     assert changed == {moved}, name
 
 
-def test_more_misses_take_detections_away_and_change_none_of_the_others() -> None:
+def test_more_undetected_objects_take_detections_away_and_change_none_of_the_others() -> None:
     truth = crowd(30, 40)
     few, many = (
         on_grid(detect(truth, noisy(**{**FULL, "miss": missing(base, 2.0)}), seen_at(truth, 20.0)), 40)
@@ -105,9 +105,9 @@ def test_more_misses_take_detections_away_and_change_none_of_the_others() -> Non
         np.testing.assert_array_equal(less[many[0]], more[many[0]])
 
 
-def test_clutter_and_duplicates_change_no_detection() -> None:
+def test_false_positives_and_duplicates_change_no_detection() -> None:
     truth = crowd(30, 40)
-    law = {**CLUTTER, "dispersion": 2.0}
+    law = {**FALSE_POSITIVES, "dispersion": 2.0}
     plain = detect(truth, noisy(**FULL), seen_at(truth, 20.0))
     more = detect(truth, noisy(**FULL, duplicates=0.3, false_positives=law), seen_at(truth, 20.0))
     assert len(more.box) > len(plain.box) + 100
@@ -161,7 +161,7 @@ def test_without_noise_the_detections_are_the_covered_true_boxes() -> None:
 )
 def test_detections_move_with_the_world(yaw: float, shift: tuple[float, float, float]) -> None:
     truth, ego = _traffic()
-    law = {**CLUTTER, "dispersion": 2.0}
+    law = {**FALSE_POSITIVES, "dispersion": 2.0}
     profile = noisy(**{**FULL, "score": {**FULL["score"], "deviation": 1.0}}, duplicates=0.1, false_positives=law)
     turn = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
     moved_truth = Truth(

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mtp_bench.detector.match import at_floor, gate, match
+from mtp_bench.detector.fit.matching import at_floor, gate, match
+from mtp_bench.detector.fit.statistics import ClassStatistics, detector_statistics
 from mtp_bench.detector.sight import Sensor
-from mtp_bench.detector.statistics import ClassStatistics, detector_statistics
 from mtp_bench.errors import DataError
 from mtp_bench.types import Detections, Floats, Scene, Truth
 
@@ -61,7 +61,7 @@ def of_car(true: Truth, found: Detections) -> ClassStatistics:
 
 
 def pattern(*objects: str) -> Scene:
-    """Objects 15 m apart; a letter per frame: ``+`` hit, ``-`` missed, a blank: not there."""
+    """Objects 15 m apart; a letter per frame: ``+`` hit, ``-`` undetected, a blank: not there."""
     frames = len(objects[0])
     places = [(15.0 * (j + 1), 0.0) for j in range(len(objects))]
     there = [[j for j, marks in enumerate(objects) if marks[t] != " "] for t in range(frames)]
@@ -127,7 +127,7 @@ def test_floor_drops_the_weaker_detections_of_its_class_only() -> None:
 
 def test_recall_gaps_and_odds() -> None:
     drawn = pattern(
-        "+--+-++-",  # gaps of 2 and 1 frames; the last miss is no gap
+        "+--+-++-",  # gaps of 2 and 1 frames; the last frame is no gap
         "-+  +-+-",  # not there for two frames: no gap; then one of 1
         "--------",
     )
@@ -136,8 +136,8 @@ def test_recall_gaps_and_odds() -> None:
     assert figures.recall == pytest.approx(7 / 22)
     assert figures.gaps == 3
     assert figures.gap_length == pytest.approx(4 / 3)
-    # Consecutive frames: hit-hit 1, hit-miss 5, miss-hit 4, miss-miss 1 + 7; half a case more of each.
-    assert figures.miss_odds_ratio == pytest.approx((8.5 * 1.5) / (5.5 * 4.5))
+    # Consecutive frames: hit-hit 1, hit-none 5, none-hit 4, none-none 1 + 7; half a case more of each.
+    assert figures.undetected_odds_ratio == pytest.approx((8.5 * 1.5) / (5.5 * 4.5))
 
 
 def test_only_what_the_sensor_covers_counts() -> None:

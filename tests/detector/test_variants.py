@@ -9,22 +9,22 @@ import numpy as np
 import pytest
 
 from mtp_bench.detector import Profile, load_profile, profile_names
-from mtp_bench.detector.chains import decayed
+from mtp_bench.detector.draws import decayed
+from mtp_bench.detector.profile import profile_text
 from mtp_bench.detector.simulate import simulate
-from mtp_bench.detector.text import profile_text
 from mtp_bench.detector.variants import with_variant
 from mtp_bench.errors import CardError
 from mtp_bench.types import Floats
 from tests.support.detector_scenes import (
-    CLUTTER,
     EVERYWHERE,
-    clutter,
-    cluttered,
+    FALSE_POSITIVES,
     crowd,
     detect,
+    in_empty_scene,
     inner_gaps,
     noisy,
     on_grid,
+    perfect_with,
     seen_at,
 )
 
@@ -32,7 +32,7 @@ FITTED = sorted(set(profile_names()) - {"clean", "wildtrack_mvdet"})  # of vehic
 FRAMES, OBJECTS = 150, 200
 
 
-def _withoutclutter(profile: Profile) -> Profile:
+def _objects_only(profile: Profile) -> Profile:
     update = {"false_positives": None, "duplicates": 0.0}
     return profile.model_copy(
         update={"classes": {name: noise.model_copy(update=update) for name, noise in profile.classes.items()}}
@@ -43,7 +43,7 @@ def _run(profile: Profile, distance: float = 30.0) -> tuple[Floats, Floats]:
     """Hits ``[F, J]`` and errors of the boxes ``[F, J, 7]`` of a crowd of cars."""
     truth = crowd(FRAMES, OBJECTS)
     sight = seen_at(truth, distance)
-    found = simulate(truth, np.zeros((FRAMES, 4)), ("car",), _withoutclutter(profile), EVERYWHERE, 0, profile.dt, sight)
+    found = simulate(truth, np.zeros((FRAMES, 4)), ("car",), _objects_only(profile), EVERYWHERE, 0, profile.dt, sight)
     hit, box, _, _ = on_grid(found, OBJECTS)
     return hit.astype(float), box - truth.box.reshape(FRAMES, OBJECTS, 7)
 
@@ -97,23 +97,23 @@ def test_hard_is_harder(name: str) -> None:
     np.testing.assert_array_equal(hard_error[both][:, 2:], error[both][:, 2:])
 
 
-def test_hard_has_twice_the_clutter_and_the_scenes_keep_their_factor() -> None:
-    plain = cluttered(dispersion=3.0)
+def test_hard_has_twice_the_false_positives_and_the_scenes_keep_their_factor() -> None:
+    plain = perfect_with(dispersion=3.0)
     hard = with_variant(plain, "hard")
     law = hard.classes["car"].false_positives
     assert law is not None
     assert (law.rate, law.dispersion) == (4.0, 5.0)
     count, hard_count = (
-        np.array([len(clutter(each, frames=60, seed=seed).box) for seed in range(60)]) for each in (plain, hard)
+        np.array([len(in_empty_scene(each, frames=60, seed=seed).box) for seed in range(60)]) for each in (plain, hard)
     )
     assert hard_count.sum() / count.sum() == pytest.approx(2.0, rel=0.1)
     assert np.corrcoef(count, hard_count)[0, 1] > 0.9
 
 
-def test_clutter_without_memory_has_the_same_rate() -> None:
-    plain = cluttered(survive=0.6)
+def test_false_positives_without_memory_have_the_same_rate() -> None:
+    plain = perfect_with(survive=0.6)
     free = with_variant(plain, "iid")
-    counts = [np.diff(clutter(each, frames=3000).start).astype(float) for each in (plain, free)]
+    counts = [np.diff(in_empty_scene(each, frames=3000).start).astype(float) for each in (plain, free)]
     assert counts[1].mean() == pytest.approx(counts[0].mean(), rel=0.06)
     assert np.corrcoef(counts[0][1:], counts[0][:-1])[0, 1] == pytest.approx(0.6, abs=0.06)
     assert abs(np.corrcoef(counts[1][1:], counts[1][:-1])[0, 1]) < 0.06
@@ -140,9 +140,9 @@ def test_every_class_of_a_profile_has_noise(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", FITTED)
-def test_hidden_and_far_objects_are_missed_more(name: str) -> None:
+def test_hidden_and_far_objects_are_undetected_more_often(name: str) -> None:
     truth = crowd(40, 50)
-    profile = _withoutclutter(load_profile(name))
+    profile = _objects_only(load_profile(name))
     recall = [
         len(detect(truth, profile, seen_at(truth, distance, occlusion), dt=profile.dt).box) / len(truth.box)
         for distance, occlusion in ((5.0, 0), (30.0, 0), (60.0, 0), (30.0, 3))
@@ -161,8 +161,11 @@ def test_shares_that_do_not_sum_to_one_are_refused() -> None:
     ("change", "message"),
     [
         ({"score": {"floor": 0.5, "ceiling": 0.4}}, "expected more than the floor, 0.5"),
-        ({"false_positives": {**CLUTTER, "distance": (5.0, 4.0, *range(6, 15))}}, "expected ascending distances"),
-        ({"false_positives": {**CLUTTER, "distance": (5.0, 6.0)}}, "at least 11 items"),
+        (
+            {"false_positives": {**FALSE_POSITIVES, "distance": (5.0, 4.0, *range(6, 15))}},
+            "expected ascending distances",
+        ),
+        ({"false_positives": {**FALSE_POSITIVES, "distance": (5.0, 6.0)}}, "at least 11 items"),
     ],
 )
 def test_noise_that_makes_no_sense_is_refused(change: dict[str, Any], message: str) -> None:

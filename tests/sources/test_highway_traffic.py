@@ -67,7 +67,7 @@ def test_nobody_touches_anybody(worlds: dict[str, World], name: str) -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_ids_belong_to_one_object_without_a_gap(worlds: dict[str, World], name: str) -> None:
     truth = worlds[name].truth
-    frame = np.repeat(np.arange(len(truth.start) - 1), np.diff(truth.start))
+    frame = truth.frame_of_rows
     for number in np.unique(truth.object_id):
         own = truth.object_id == number
         assert (np.diff(frame[own]) == 1).all()
@@ -160,7 +160,7 @@ def test_the_ego_moves_and_is_not_in_the_truth(worlds: dict[str, World]) -> None
         assert np.hypot(step[:, 0], step[:, 1]).max() < 4.0
         assert np.hypot(*(world.ego[-1, :2] - world.ego[0, :2])) > 20.0
         assert (world.ego[:, 2] == 1.7).all()
-        frame = np.repeat(np.arange(len(world.time)), np.diff(world.truth.start))
+        frame = world.truth.frame_of_rows
         away = np.hypot(*(world.truth.box[:, :2] - world.ego[frame, :2]).T)
         assert away.min() > 0.8
 

@@ -56,7 +56,7 @@ def test_both_frames_of_reference_hold_the_same_rows(data_root: Path, scenes: di
         np.testing.assert_array_equal(own.truth.object_id, scene.truth.object_id)
         np.testing.assert_array_equal(own.detections.start, scene.detections.start)
         np.testing.assert_array_equal(own.detections.box[:, 4:], scene.detections.box[:, 4:])
-        frame = np.repeat(np.arange(scene.frames), np.diff(scene.truth.start))
+        frame = scene.truth.frame_of_rows
         far = np.linalg.norm(scene.truth.box[:, :3] - scene.ego[frame, :3], axis=1)
         np.testing.assert_allclose(far, np.linalg.norm(own.truth.box[:, :3], axis=1), atol=1e-9)
 

@@ -183,7 +183,6 @@ def test_status(root: Path, tmp_path: Path) -> None:
     found = {check.what: (check.found, check.expected) for check in status.checks}
     assert found == {"frames": (400, 400), "annotations": (1, 9518), "people": (1, 313), "detections": (1, 966)}
     assert status.notes[0] == "detections only for the last 40 frames; the other frames have simulated ones"
-    assert "pixels cannot be computed" in status.notes[1]
     absent = wildtrack_status(wildtrack_card(), tmp_path / "elsewhere")
     assert absent.root is None
     assert len(absent.searched) == 3

@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 
 from mtp_bench.detector import Profile, load_profile
-from mtp_bench.detector.sight import Sensor, Sight, frame_of_rows
+from mtp_bench.detector.fit.statistics import ClassStatistics
+from mtp_bench.detector.sight import Sensor, Sight
 from mtp_bench.detector.simulate import simulate
-from mtp_bench.types import Bools, Detections, Floats, Ints, Truth
+from mtp_bench.types import Bools, Detections, Floats, Ints, Truth, starts_of_sorted
 
 SIZE = (4.0, 2.0, 1.6)
 SPACING = 20.0  # m between the objects of a crowd: a detection belongs to the nearest one
@@ -19,7 +21,7 @@ WHITE = {"bias": 0.0, "ar": 0.0, "phi": 0.0, "white": 1.0}
 MEMORY = {"bias": 0.2, "ar": 0.5, "phi": 0.8, "white": 0.3}
 CLASSES = ("car",)
 AHEAD = Sensor(reach=60.0, field_of_view=np.pi / 2)
-CLUTTER: dict[str, Any] = {
+FALSE_POSITIVES: dict[str, Any] = {
     "rate": 2.0,
     "dispersion": 1.0,
     "survive": 0.4,
@@ -32,7 +34,7 @@ CLUTTER: dict[str, Any] = {
 def truth_of(frame: Ints, object_id: Ints, box: Floats, frames: int) -> Truth:
     """A truth of cars that move at 1, 2 m/s, from rows in the order of frames."""
     rows = len(frame)
-    start = np.searchsorted(frame, np.arange(frames + 1))
+    start = starts_of_sorted(frame, frames)
     velocity = np.tile([1.0, 2.0], (rows, 1))
     return Truth(start, box, velocity, np.zeros(rows, int), object_id, np.ones(rows, bool), np.zeros(rows, bool))
 
@@ -49,12 +51,21 @@ def seen_at(truth: Truth, distance: float, occlusion: int = 0, bearing: float = 
     """A sight in which every object has the same distance and bearing, and nothing stands before it by chance."""
     rows = len(truth.box)
     return Sight(
-        frame_of_rows(truth.start),
+        truth.frame_of_rows,
         np.full(rows, distance),
         np.full(rows, bearing),
         np.full(rows, occlusion),
         np.full(rows, truncated),
     )
+
+
+def assert_alike(after: ClassStatistics, before: ClassStatistics, odds: float = 0.15, gap: float = 0.2) -> None:
+    """Recall, gaps and correlations of two detectors agree; ``odds`` and ``gap``: relative tolerances."""
+    assert after.recall == pytest.approx(before.recall, abs=0.02)
+    assert after.undetected_odds_ratio == pytest.approx(before.undetected_odds_ratio, rel=odds)
+    assert after.gap_length == pytest.approx(before.gap_length, rel=gap)
+    assert after.radial_autocorrelation == pytest.approx(before.radial_autocorrelation, rel=0.15)
+    assert after.tangential_autocorrelation == pytest.approx(before.tangential_autocorrelation, rel=0.15)
 
 
 def noisy(**sections: Any) -> Profile:
@@ -74,15 +85,15 @@ def missing(base: float, lag: float = 0.0, first: float | None = None) -> dict[s
 
 def detect(truth: Truth, profile: Profile, sight: Sight, seed: int = 0, dt: float = DT) -> Detections:
     """Detections of a truth by a sensor at the origin that covers everything."""
-    ego = np.zeros((len(truth.start) - 1, 4))
+    ego = np.zeros((truth.frames, 4))
     return simulate(truth, ego, CLASSES, profile, EVERYWHERE, seed, dt, sight)
 
 
 def on_grid(detections: Detections, objects: int) -> tuple[Bools, Floats, Floats, Floats]:
     """Of a crowd: hit ``[F, J]``; boxes ``[F, J, 7]``, velocities ``[F, J, 2]``, scores ``[F, J]``, NaN if not hit."""
-    frame = frame_of_rows(detections.start)
+    frame = detections.frame_of_rows
     column = np.rint(detections.box[:, 0] / SPACING).astype(int)
-    shape = len(detections.start) - 1, objects
+    shape = detections.frames, objects
     hit = np.zeros(shape, dtype=bool)
     hit[frame, column] = True
     box, velocity, score = np.full((*shape, 7), np.nan), np.full((*shape, 2), np.nan), np.full(shape, np.nan)
@@ -95,7 +106,7 @@ def on_grid(detections: Detections, objects: int) -> tuple[Bools, Floats, Floats
 
 
 def inner_gaps(hit: Bools) -> Ints:
-    """Lengths of the runs of misses between two hits of an object: ``hit`` ``[F, J]``."""
+    """Lengths of the runs of undetected frames between two hits of an object: ``hit`` ``[F, J]``."""
     lengths = []
     for column in hit.T:
         steps = np.diff(np.flatnonzero(column))
@@ -103,10 +114,12 @@ def inner_gaps(hit: Bools) -> Ints:
     return np.concatenate(lengths)
 
 
-def cluttered(**changes: Any) -> Profile:
-    """Perfect detections of cars, and clutter."""
+def perfect_with(**changes: Any) -> Profile:
+    """Perfect detections of cars, and false positives."""
     profile = noisy(
-        false_positives={**CLUTTER, **changes}, velocity=0.2, score={"quadratic": (5.0, 0.0, 0.0), "ceiling": None}
+        false_positives={**FALSE_POSITIVES, **changes},
+        velocity=0.2,
+        score={"quadratic": (5.0, 0.0, 0.0), "ceiling": None},
     )
     return profile.model_copy(update={"field_of_view": 90.0})  # that of AHEAD
 
@@ -117,7 +130,7 @@ def nothing(frames: int) -> Truth:
     return truth_of(empty, empty, np.zeros((0, 7)), frames)
 
 
-def clutter(
+def in_empty_scene(
     profile: Profile, frames: int = 4000, seed: int = 0, ego: Floats | None = None, dt: float = DT
 ) -> Detections:
     """False positives of an empty scene."""

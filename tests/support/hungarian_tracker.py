@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from mtp_bench.geometry import giou_3d
 from mtp_bench.tracking import ClassParameters
 from mtp_bench.types import Floats, Ints
+from tests.support.plain_geometry import giou_3d
 
 MOVE = np.eye(10) + np.eye(10, k=7)  # x += vx, y += vy, z += vz
 SEE = np.eye(7, 10)

@@ -13,11 +13,12 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from mtp_bench.geometry import iou_3d, pairwise
+from mtp_bench.geometry import iou_3d
 from mtp_bench.sources.kitti.files import Labels, read_detections, read_labels
 from mtp_bench.sources.kitti.layout import TYPES
 from mtp_bench.sources.kitti.source import NEIGHBOURS, read_poses
 from mtp_bench.types import Bools, Floats, Ints, Scene
+from tests.support.plain_geometry import pairwise
 
 LEAST_IOU = 0.25
 MAX_OCCLUSION = 2

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtp_bench.geometry import giou_3d, giou_reach, iou_3d, pairwise
+from mtp_bench.geometry import iou_3d
 from mtp_bench.tracking.parameters import ClassParameters
 from mtp_bench.types import Floats, Ints
+from tests.support.plain_geometry import giou_3d, pairwise
 
 
 def gains(
@@ -33,4 +34,4 @@ def _above_gate(tracks: Floats, detections: Floats, rule: ClassParameters) -> Fl
         return np.asarray(rule.gate - distance)
     if rule.affinity == "iou_3d":
         return pairwise(iou_3d, tracks, detections) - rule.gate
-    return pairwise(giou_3d, tracks, detections, giou_reach(tracks, detections, rule.gate)) - rule.gate
+    return pairwise(giou_3d, tracks, detections) - rule.gate

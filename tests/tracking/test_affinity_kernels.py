@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from mtp_bench.errors import UnknownNameError
-from mtp_bench.geometry import bev_hull_area, giou_3d, giou_reach, iou_3d, transform_boxes
+from mtp_bench.geometry import iou_3d, transform_boxes
 from mtp_bench.tracking.kernels.affinity_kernels import GIOU_3D, IOU_3D, hull_area, sparse_pairs
 from mtp_bench.tracking.parameters import Affinity, ClassParameters
 from mtp_bench.tracking.sparse_gains import pair_rules, rules_of, sparse_gains
 from mtp_bench.types import Floats, Ints
 from tests.support.plain_affinity import gains
+from tests.support.plain_geometry import bev_hull_area, giou_3d, giou_reach
 
 
 def random_boxes(rng: np.random.Generator, n: int, spread: float = 3.0) -> Floats:

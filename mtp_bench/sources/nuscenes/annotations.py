@@ -14,7 +14,7 @@ from ...types import Bools, Floats, Ints
 from ..text import read_json
 from .chains import Chains, Rows, Tokens
 from .classes import NEUTRAL_OF, class_index
-from .fields import add_numbers, check_numbers, check_rotations, check_sizes, floats, ints, text, upright_boxes, whole
+from .fields import add_numbers, check, floats, ints, text, upright_boxes, whole
 from .json_stream import Read, brief, read_records
 from .tables import Keyframes, by_token
 
@@ -123,10 +123,7 @@ def _read_table(path: Path, refer: Tokens, instances: Tokens, keyframes: Keyfram
         add_numbers(path, record, "rotation", 4, rotation)
     rows = refer.resolve()
     fields = {"translation": floats(translation, 3), "size": floats(size, 3), "rotation": floats(rotation, 4)}
-    for key, value in fields.items():
-        check_numbers(path, key, value, rows.token)
-    check_sizes(path, fields["size"], rows.token)
-    check_rotations(path, fields["rotation"], rows.token)
+    check(path, rows.token, fields)
     return _Table(rows, previous, following, ints(sample), instance, upright_boxes(**fields))
 
 

@@ -11,21 +11,9 @@ from typing import Any, NoReturn
 import numpy as np
 
 from ...errors import DataError
-from ...types import Bools, Floats, Ints
+from ...types import Floats, Ints
 from .classes import CLASSES
-from .fields import (
-    IN_RANGE,
-    LIMIT,
-    SIZED,
-    extended,
-    floats,
-    ints,
-    not_sized,
-    not_unit,
-    out_of_range,
-    shown,
-    upright_boxes,
-)
+from .fields import LIMIT, extended, first_wrong, floats, ints, upright_boxes
 from .json_stream import Read, brief, read_entries
 
 _CLASS_INDEX = {name: index for index, name in enumerate(CLASSES)}
@@ -67,14 +55,11 @@ def read_detections(path: Path, row: Mapping[str, int], read: Read) -> DetectedB
         seen[token] = row[token]
         rows.add(token, boxes)
     sample = np.array([row[token] for token in rows.tokens], dtype=np.int64)[ints(rows.entry)]
-    translation, size, rotation, velocity = (floats(rows.numbers[key], count) for key, count in _COUNTS.items())
-    score = floats(rows.score, 1)[:, 0]
-    for key, value in (("translation", translation), ("size", size), ("rotation", rotation)):
-        rows.refuse_first(out_of_range(value), key, value, IN_RANGE)
-    rows.refuse_first(not_sized(size), "size", size, SIZED)
-    rows.refuse_first(not_unit(rotation), "rotation", rotation, "a unit quaternion")
-    rows.refuse_first(out_of_range(score), "detection_score", score, f"a finite number up to {LIMIT:g}")
-    rows.refuse_first(np.asarray((np.abs(velocity) > LIMIT).any(axis=1)), "velocity", velocity, IN_RANGE)
+    fields = {key: floats(rows.numbers[key], count) for key, count in _COUNTS.items()}
+    velocity, score = fields.pop("velocity"), floats(rows.score, 1)[:, 0]
+    for key, value in {**fields, "detection_score": score}.items():
+        rows.refuse_first(first_wrong(key, value))
+    rows.refuse_first(first_wrong("velocity", np.where(np.isnan(velocity), 0.0, velocity)))  # NaN: unknown
     unknown = np.isnan(velocity).any(axis=1) | (velocity == 0).all(axis=1)
     order = np.argsort(sample, kind="stable")
     return DetectedBoxes(
@@ -82,7 +67,7 @@ def read_detections(path: Path, row: Mapping[str, int], read: Read) -> DetectedB
         example=example,
         covered=np.array(sorted(seen.values()), dtype=np.int64),
         sample=sample[order],
-        box=upright_boxes(translation, size, rotation)[order],
+        box=upright_boxes(**fields)[order],
         velocity=np.where(unknown[:, None], np.nan, velocity)[order],
         class_id=ints(rows.class_id)[order],
         score=score[order],
@@ -130,11 +115,11 @@ class _Rows:
             if not extended(self.numbers[key], value, count):
                 self._refuse(entry, place, f"{key} is {brief(value)}, expected {count} numbers up to {LIMIT:g}")
 
-    def refuse_first(self, wrong: Bools, key: str, value: Floats, expected: str) -> None:
-        """Raise DataError for the first box that is wrong."""
-        if wrong.any():
-            at = int(np.argmax(wrong))
-            self._refuse(self.entry[at], self.place[at], f"{key} is {shown(value[at])}, expected {expected}")
+    def refuse_first(self, wrong: tuple[int, str] | None) -> None:
+        """Raise DataError for the box at this place of all, and what is wrong with it."""
+        if wrong is not None:
+            at, what = wrong
+            self._refuse(self.entry[at], self.place[at], what)
 
     def _refuse(self, entry: int, place: int, what: str) -> NoReturn:
         raise DataError(f"{self.path}, sample {self.tokens[entry]!r}, box {place}: {what}")

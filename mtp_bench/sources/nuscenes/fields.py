@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,6 @@ LAST_TIME = 2.0**53  # microseconds; a float holds every whole number up to this
 LONGEST = 100.0  # m, side of a box
 NORM_TOLERANCE = 1e-2  # of a quaternion; smaller deviations are rounding and are normalised
 IN_RANGE = f"finite numbers up to {LIMIT:g}"  # for messages
-SIZED = f"sizes above 0 and up to {LONGEST:g} m"
 _NUMBERS = frozenset((int, float))  # types; True and False are of neither
 
 
@@ -80,31 +79,21 @@ def ints(values: array[int]) -> Ints:
     return np.array(values, dtype=np.int64)
 
 
-def check_numbers(path: Path, key: str, value: Floats, tokens: Sequence[str]) -> None:
-    """Raise DataError for the first row that has a number out of range."""
-    bad = out_of_range(value)
-    if bad.any():
-        at = int(np.argmax(bad))
-        raise DataError(f"{path}, record {tokens[at]!r}: {key} is {shown(value[at])}, expected {IN_RANGE}")
+def first_wrong(key: str, value: Floats) -> tuple[int, str] | None:
+    """The first of the rows ``[R, n]`` of a field that cannot be, and what is wrong with it; None where all can."""
+    for wrong, expected in ((out_of_range, IN_RANGE), *_MORE.get(key, ())):
+        bad = wrong(value)
+        if bad.any():
+            at = int(np.argmax(bad))
+            return at, f"{key} is {shown(value[at])}, expected {expected}"
+    return None
 
 
-def check_sizes(path: Path, size: Floats, tokens: Sequence[str]) -> None:
-    """Raise DataError for the first box with a side that none can have."""
-    bad = not_sized(size)
-    if bad.any():
-        at = int(np.argmax(bad))
-        raise DataError(f"{path}, record {tokens[at]!r}: size is {shown(size[at])}, expected {SIZED}")
-
-
-def check_rotations(path: Path, rotation: Floats, tokens: Sequence[str]) -> None:
-    """Raise DataError for the first quaternion that is not a unit one."""
-    bad = not_unit(rotation)
-    if bad.any():
-        at = int(np.argmax(bad))
-        raise DataError(
-            f"{path}, record {tokens[at]!r}: rotation {shown(rotation[at])} has the norm "
-            f"{np.linalg.norm(rotation[at]):.4g}, expected a unit quaternion"
-        )
+def check(path: Path, tokens: Sequence[str], fields: Mapping[str, Floats]) -> None:
+    """Raise DataError for the first row of a field, by name, that cannot be; ``tokens`` of the rows."""
+    for key, value in fields.items():
+        if (found := first_wrong(key, value)) is not None:
+            raise DataError(f"{path}, record {tokens[found[0]]!r}: {found[1]}")
 
 
 def out_of_range(value: Floats) -> Bools:
@@ -120,6 +109,12 @@ def not_sized(size: Floats) -> Bools:
 def not_unit(rotation: Floats) -> Bools:
     """Which of the quaternions ``[R, 4]`` have another norm than 1 ``[R]``."""
     return np.asarray(np.abs(np.linalg.norm(rotation, axis=1) - 1.0) > NORM_TOLERANCE)
+
+
+_MORE = {
+    "size": ((not_sized, f"sizes above 0 and up to {LONGEST:g} m"),),
+    "rotation": ((not_unit, "a unit quaternion"),),
+}
 
 
 def yaw_of(rotation: Floats) -> Floats:

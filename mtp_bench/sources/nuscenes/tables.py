@@ -14,7 +14,7 @@ import numpy as np
 from ...errors import DataError
 from ...types import Floats, Ints, Ragged, starts_of
 from .chains import Chains, Tokens
-from .fields import add_numbers, check_numbers, check_rotations, floats, ints, named, text, time_stamp, whole, yaw_of
+from .fields import add_numbers, check, floats, ints, named, text, time_stamp, whole, yaw_of
 from .json_stream import Read, Record, brief, read_records
 
 Value = TypeVar("Value")
@@ -156,9 +156,7 @@ def _read_poses(path: Path, referrer: Path, pose: list[str], read: Read) -> Floa
         if at < 0:
             raise DataError(f"{path} has no record {token!r}, which {referrer.name} names as ego_pose_token")
     position, turn = floats(translation, 3), floats(rotation, 4)
-    check_numbers(path, "translation", position, tokens)
-    check_numbers(path, "rotation", turn, tokens)
-    check_rotations(path, turn, tokens)
+    check(path, tokens, {"translation": position, "rotation": turn})
     row = np.array([wanted[token] for token in pose], dtype=np.int64)
     return np.asarray(np.column_stack([position, yaw_of(turn)])[row])
 

@@ -30,9 +30,7 @@ DATASET = Dataset(
     layout=f"""\
 wildtrack/                         or Wildtrack_dataset/, as in the archive
   {ANNOTATIONS}/%08d.json    frames 0, 5, ..., {STEP * (FRAMES - 1)}
-  {DETECTIONS}       MVDet on the last {SCENE_FRAMES} frames: frame gx gy
-  calibrations/extrinsic/*.xml          cameras, for drawing (optional)
-  calibrations/intrinsic_zero/*.xml     (optional)""",
+  {DETECTIONS}       MVDet on the last {SCENE_FRAMES} frames: frame gx gy""",
     licence="WILDTRACK and MVDet's detections: none stated; research only",
     citation=(
         "T. Chavdarova et al.: WILDTRACK: a multi-camera HD dataset for dense unscripted pedestrian detection. "

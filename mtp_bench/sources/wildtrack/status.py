@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from ...cards import Card, WildtrackSource
-from ...errors import DataError
 from ..base import section_of
 from ..dataset import DataStatus, Findings
-from .files import read_annotations, read_cameras, read_detections
+from .files import read_annotations, read_detections
 from .source import ANNOTATIONS, DATASET, DETECTIONS, FRAMES, SCENE_FRAMES, SCENES, SPLITS, STEP, needs_detections
 
 TOTALS = {"frames": FRAMES, "annotations": 9518, "people": 313, "detections": 966}
@@ -30,20 +29,8 @@ def wildtrack_status(card: Card, data: str | Path | None) -> DataStatus:
                 f"detections only for the last {SCENE_FRAMES} frames; the other frames have simulated ones"
             )
         _count(found)
-        _try_cameras(found)
 
     return DATASET.status(data, ANNOTATIONS, inspect)
-
-
-def _try_cameras(found: Findings) -> None:
-    """Whether the cameras can be drawn; broken ones are a problem."""
-    if not (found.root / "calibrations").is_dir():
-        found.notes.append("calibrations/ is absent: scenes can be read, pixels cannot be computed")
-        return
-    try:
-        read_cameras(found.root)
-    except DataError as error:
-        found.problems.append(str(error))
 
 
 def _count(found: Findings) -> None:

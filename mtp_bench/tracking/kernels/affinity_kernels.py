@@ -95,7 +95,10 @@ def _sector(a_x: float, a_y: float, b_x: float, b_y: float, u_x: float, u_y: flo
 
 @kernel("f8(f8, f8, f8, f8, f8, f8, f8, f8)")
 def hull_area(x: float, y: float, cos: float, sin: float, l_a: float, w_a: float, l_b: float, w_b: float) -> float:
-    """Area of the convex hull of box a, around 0 along the x axis, and box b at x, y; see `geometry.bev_hull_area`."""
+    """Area of the convex hull of box a, around 0 along the x axis, and box b at x, y.
+
+    Cauchy's formula ``1/2 int (h^2 - h'^2)`` over all directions, with h the farther of both boxes in a direction.
+    """
     # A box turned by 90 degrees is a box with length and width exchanged: what is left is a turn within [0, 90].
     if (cos > 0.0) != (sin >= 0.0):
         l_b, w_b = w_b, l_b

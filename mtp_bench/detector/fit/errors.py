@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..geometry import wrap_angle
-from ..types import Floats
-from .profile import HeadingNoise, Memory, PositionNoise, SizeNoise
+from ...geometry import wrap_angle
+from ...types import Floats
+from ..profile import HeadingNoise, Memory, PositionNoise, SizeNoise
 from .samples import HEADING, HEIGHT, SIZE, ObjectSamples
 from .statistics import robust_deviation
 

@@ -7,15 +7,14 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from ..errors import DataError
-from ..types import Scene
-from .fit_clutter import fit_clutter
-from .fit_errors import fit_heading, fit_height, fit_position, fit_size, fit_velocity
-from .fit_misses import fit_misses
-from .fit_scores import fit_score
-from .profile import ClassNoise, Profile
-from .samples import RADIAL, TANGENTIAL, ClutterSamples, ObjectSamples, collect
-from .sight import Sensor
+from ...errors import DataError
+from ...types import Scene
+from ..profile import ClassNoise, Profile
+from ..sight import Sensor
+from .errors import fit_heading, fit_height, fit_position, fit_size, fit_velocity
+from .samples import RADIAL, TANGENTIAL, FalsePositiveSamples, ObjectSamples, collect
+from .scores import fit_false_positives, fit_score
+from .undetected import fit_undetected
 
 LEAST_HITS = 100  # detections of true boxes that a class needs to be fitted
 
@@ -55,19 +54,19 @@ def fit_profile(
     )
 
 
-def _fit_class(objects: ObjectSamples, clutter: ClutterSamples, floor: float | None) -> ClassNoise:
+def _fit_class(objects: ObjectSamples, false: FalsePositiveSamples, floor: float | None) -> ClassNoise:
     hits = int(objects.hit.sum())
-    lowest = min(objects.score[objects.hit].min(), clutter.score.min(initial=float("inf")))
+    lowest = min(objects.score[objects.hit].min(), false.score.min(initial=float("inf")))
     score = fit_score(objects, math.floor(1e4 * float(lowest)) / 1e4 if floor is None else floor)
     return ClassNoise(
-        miss=fit_misses(objects),
+        miss=fit_undetected(objects),
         radial=fit_position(objects, RADIAL),
         tangential=fit_position(objects, TANGENTIAL),
         heading=fit_heading(objects),
         size=fit_size(objects),
         score=score,
-        false_positives=fit_clutter(clutter, score),
+        false_positives=fit_false_positives(false, score),
         velocity=fit_velocity(objects),
         z=fit_height(objects),
-        duplicates=round(min(float(clutter.duplicate.sum()) / hits, 1.0), 4),
+        duplicates=round(min(float(false.duplicate.sum()) / hits, 1.0), 4),
     )

@@ -10,16 +10,26 @@ import pytest
 from scipy import stats
 
 from mtp_bench.detector import load_profile
-from mtp_bench.detector.sight import Sensor, frame_of_rows
+from mtp_bench.detector.sight import Sensor
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.geometry import wrap_angle
 from mtp_bench.types import Detections, Floats
-from tests.support.detector_scenes import AHEAD, CLUTTER, DT, MEMORY, clutter, cluttered, noisy, nothing, truth_of
+from tests.support.detector_scenes import (
+    AHEAD,
+    DT,
+    FALSE_POSITIVES,
+    MEMORY,
+    in_empty_scene,
+    noisy,
+    nothing,
+    perfect_with,
+    truth_of,
+)
 
 
 def _survivors(detections: Detections) -> Floats:
     """Whether each box that has a next frame is there in it too, at the same place."""
-    frame = frame_of_rows(detections.start)
+    frame = detections.frame_of_rows
     places = {(int(t), float(x)) for t, x in zip(frame, detections.box[:, 0], strict=True)}
     last = len(detections.start) - 2
     kept = [(t + 1, float(x)) in places for t, x in zip(frame, detections.box[:, 0], strict=True) if t < last]
@@ -27,7 +37,7 @@ def _survivors(detections: Detections) -> Floats:
 
 
 def test_rate_is_that_of_the_profile_from_the_first_frame_on() -> None:
-    count = np.diff([clutter(cluttered(), frames=20, seed=seed).start for seed in range(300)], axis=1)
+    count = np.diff([in_empty_scene(perfect_with(), frames=20, seed=seed).start for seed in range(300)], axis=1)
     assert count.mean() == pytest.approx(2.0, rel=0.05)
     assert count[:, 0].mean() == pytest.approx(2.0, rel=0.12)
     assert count[:, -1].mean() == pytest.approx(2.0, rel=0.12)
@@ -35,27 +45,27 @@ def test_rate_is_that_of_the_profile_from_the_first_frame_on() -> None:
 
 @pytest.mark.parametrize("dispersion", [1.0, 2.5])
 def test_counts_vary_between_scenes_as_stated(dispersion: float) -> None:
-    profile = cluttered(dispersion=dispersion)
-    count = np.diff([clutter(profile, frames=10, seed=seed).start for seed in range(600)], axis=1)
+    profile = perfect_with(dispersion=dispersion)
+    count = np.diff([in_empty_scene(profile, frames=10, seed=seed).start for seed in range(600)], axis=1)
     assert count.var() / count.mean() == pytest.approx(dispersion, rel=0.15)
     assert count.mean() == pytest.approx(2.0, rel=0.1)
 
 
 def test_a_sensor_that_covers_more_of_the_circle_has_more_of_it() -> None:
-    profile = cluttered(dispersion=1.5).model_copy(update={"field_of_view": 30.0})
-    count = np.diff([clutter(profile, frames=10, seed=seed).start for seed in range(600)], axis=1)
+    profile = perfect_with(dispersion=1.5).model_copy(update={"field_of_view": 30.0})
+    count = np.diff([in_empty_scene(profile, frames=10, seed=seed).start for seed in range(600)], axis=1)
     assert count.mean() == pytest.approx(6.0, rel=0.1)
     assert count.var() / count.mean() == pytest.approx(2.5, rel=0.15), "scenes differ as much as before, relatively"
 
 
 @pytest.mark.parametrize(("steps", "share"), [(1.0, 0.4), (3.0, 0.4**3)])
 def test_boxes_survive_geometrically_at_the_period_of_the_frames(steps: float, share: float) -> None:
-    assert _survivors(clutter(cluttered(), dt=steps * DT)).mean() == pytest.approx(share, abs=0.025)
+    assert _survivors(in_empty_scene(perfect_with(), dt=steps * DT)).mean() == pytest.approx(share, abs=0.025)
 
 
 def test_places_are_even_over_bearing_in_view_and_over_distance_unless_the_profile_says_otherwise() -> None:
     ego = np.tile([100.0, -50.0, 2.0, 2.0], (4000, 1))
-    box = clutter(cluttered(survive=0.0), ego=ego).box
+    box = in_empty_scene(perfect_with(survive=0.0), ego=ego).box
     dx, dy = box[:, 0] - 100.0, box[:, 1] + 50.0
     distance = np.hypot(dx, dy)
     bearing = np.remainder(np.arctan2(dy, dx) - 2.0 + np.pi, 2 * np.pi) - np.pi
@@ -67,14 +77,14 @@ def test_places_are_even_over_bearing_in_view_and_over_distance_unless_the_profi
 
 def test_distances_have_the_quantiles_of_the_profile() -> None:
     law = (3.0, 10.0, 12.0, 14.0, 16.0, 18.0, 20.0, 22.0, 24.0, 30.0, 55.0)
-    box = clutter(cluttered(survive=0.0, distance=law)).box
+    box = in_empty_scene(perfect_with(survive=0.0, distance=law)).box
     distance = np.hypot(box[:, 0], box[:, 1])
     np.testing.assert_allclose(np.quantile(distance, np.linspace(0, 1, 11)), law, atol=0.7)
     assert np.quantile(distance, 0.95) == pytest.approx(42.5, abs=2.0)  # evenly in between
 
 
 def test_a_shorter_reach_leaves_the_others_as_they_are() -> None:
-    profile = noisy(false_positives={**CLUTTER, "survive": 0.7}, z=(0.0, 0.1), velocity=0.2)
+    profile = noisy(false_positives={**FALSE_POSITIVES, "survive": 0.7}, z=(0.0, 0.1), velocity=0.2)
     profile = profile.model_copy(update={"field_of_view": 90.0})
     far, near = (
         simulate(nothing(500), np.zeros((500, 4)), ("car",), profile, Sensor(reach, np.pi / 2), 0, DT)
@@ -87,16 +97,16 @@ def test_a_shorter_reach_leaves_the_others_as_they_are() -> None:
 def test_what_appears_beyond_the_reach_does_not_come_into_view_later() -> None:
     ego = np.zeros((300, 4))
     ego[:, 0] = np.arange(300.0)
-    law = cluttered(survive=0.95, distance=(80.0,) * 11)
-    assert len(clutter(law, ego=ego).box) == 0
+    law = perfect_with(survive=0.95, distance=(80.0,) * 11)
+    assert len(in_empty_scene(law, ego=ego).box) == 0
 
 
 def test_boxes_stand_still_while_the_sensor_drives_past_them() -> None:
     frames = 400
     ego = np.zeros((frames, 4))
     ego[:, 0] = np.arange(frames) * 2.0
-    detections = clutter(cluttered(survive=0.9), ego=ego)
-    frame = frame_of_rows(detections.start)
+    detections = in_empty_scene(perfect_with(survive=0.9), ego=ego)
+    frame = detections.frame_of_rows
     assert _survivors(detections).mean() > 0.7
     ahead = detections.box[:, :2] - ego[frame, :2]
     assert (np.hypot(*ahead.T) <= 60.0).all()
@@ -104,7 +114,7 @@ def test_boxes_stand_still_while_the_sensor_drives_past_them() -> None:
 
 
 def test_looks_are_around_the_mean_of_the_class() -> None:
-    detections = clutter(cluttered(survive=0.0))
+    detections = in_empty_scene(perfect_with(survive=0.0))
     np.testing.assert_allclose(detections.box[:, 4:].mean(0), [4.0, 1.8, 1.5], rtol=0.01)
     np.testing.assert_allclose(detections.box[:, 4:].std(0), [0.4, 0.18, 0.15], rtol=0.05)
     np.testing.assert_allclose(detections.box[:, 2], detections.box[:, 6] / 2)  # on the ground at the ego's feet
@@ -116,27 +126,27 @@ def test_looks_are_around_the_mean_of_the_class() -> None:
 
 def test_boxes_stand_where_the_true_ones_stand() -> None:
     truth = truth_of(np.zeros(3, int), np.arange(3), np.tile([5.0, 0, -1.0, 0, 4.0, 2.0, 1.4], (3, 1)), frames=200)
-    detections = simulate(truth, np.zeros((200, 4)), ("car",), cluttered(), AHEAD, 0, DT)
+    detections = simulate(truth, np.zeros((200, 4)), ("car",), perfect_with(), AHEAD, 0, DT)
     np.testing.assert_allclose((detections.box[:, 2] - detections.box[:, 6] / 2), -1.7)
 
 
 def test_scores_stay_above_the_floor() -> None:
-    profile = noisy(false_positives=CLUTTER, score={"quadratic": (5.0, 0.0, 0.0), "floor": 2.9, "ceiling": 3.2})
-    score = clutter(profile, frames=6000).score
+    profile = noisy(false_positives=FALSE_POSITIVES, score={"quadratic": (5.0, 0.0, 0.0), "floor": 2.9, "ceiling": 3.2})
+    score = in_empty_scene(profile, frames=6000).score
     law = stats.truncnorm(-0.2, 0.4, loc=3.0, scale=0.5)
     assert stats.kstest(score, law.cdf).statistic < 0.05
     assert len(np.unique(score)) == len(score)
 
 
 def test_errors_are_those_of_true_objects() -> None:
-    """A phantom's detections differ from frame to frame as those of a standing object do."""
+    """The detections of a false positive differ from frame to frame as those of a standing object do."""
     axis = {"s0": 0.05, "s1": 0.0, "nu": 8.0, **MEMORY}
     noise: dict[str, Any] = {"radial": axis, "tangential": axis, "z": (0.1, 0.05), "velocity": 0.2}
     noise |= {"heading": {"scale": 0.03, "flip": 0.05, "flip_again": 0.5}}
     noise |= {"size": {"deviation": (0.2, 0.1, 0.1), "white": 0.3}}
-    law = {**CLUTTER, "survive": 0.9, "rate": 0.1}
-    found = clutter(noisy(**noise, false_positives=law).model_copy(update={"field_of_view": 90.0}), 8000)
-    frame, box = frame_of_rows(found.start), found.box
+    law = {**FALSE_POSITIVES, "survive": 0.9, "rate": 0.1}
+    found = in_empty_scene(noisy(**noise, false_positives=law).model_copy(update={"field_of_view": 90.0}), 8000)
+    frame, box = found.frame_of_rows, found.box
     step = np.flatnonzero((np.diff(frame) == 1) & (np.hypot(*np.diff(box[:, :2], axis=0).T) < 0.5))
     change = box[step + 1] - box[step]
     radius = box[step, :2] / np.hypot(box[step, 0], box[step, 1])[:, None]
@@ -149,7 +159,7 @@ def test_errors_are_those_of_true_objects() -> None:
     assert (box[:, 2] - box[:, 6] / 2).mean() == pytest.approx(0.1, abs=0.03)
 
 
-def test_classes_of_one_noise_share_its_clutter_as_their_true_boxes() -> None:
+def test_classes_of_one_noise_share_its_false_positives_as_their_true_boxes() -> None:
     profile, classes = load_profile("nuscenes_megvii"), ("truck", "car", "bus", "pedestrian")
     box = np.tile([500.0, 0.0, 1.5, 0.0, 9.0, 2.5, 3.0], (4, 1))  # out of reach: only their number matters
     truth = truth_of(np.zeros(4, int), np.arange(4), box, frames=600)

@@ -1,4 +1,4 @@
-"""What a detector made of the true boxes of a class, over all scenes: hits, errors, scores and clutter in arrays."""
+"""What a detector made of the true boxes of a class, over all scenes: hits, errors, scores, false positives."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..errors import DataError
-from ..geometry import wrap_angle
-from ..types import Bools, Detections, Floats, Ints, Scene
-from .match import Matches, at_floor, match
-from .misses import features as features_of
-from .sight import Sensor, covered, frame_of_rows, polar, sight, within
+from ...errors import DataError
+from ...geometry import wrap_angle
+from ...types import Bools, Detections, Floats, Ints, Scene, starts_of_sorted
+from ..sight import Sensor, covered, polar, sight, within
+from ..undetected import features as features_of
+from .matching import Matches, at_floor, match
 
 RADIAL, TANGENTIAL, HEIGHT, HEADING, SIZE = 0, 1, 2, 3, slice(4, 7)  # columns of ``ObjectSamples.error``
 
-_SAME_PLACE = 1.0  # m: clutter that near in the next frame is the same clutter
+_SAME_PLACE = 1.0  # m: a false positive that near in the next frame is the same one
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,9 +28,9 @@ class ObjectSamples:
     frame: Ints  # [R] within the scene
     hit: Bools  # [R]
     feature: Floats  # [R, 6] 1, distance / 10 m, partly occluded, largely occluded, hidden, truncated
-    error: Floats  # [R, 7] detected less true: radial, tangential, z m, heading rad, l w h m; NaN where missed
-    velocity_error: Floats  # [R, 2] m/s; NaN where missed or not measured
-    score: Floats  # [R] NaN where missed
+    error: Floats  # [R, 7] detected less true: radial, tangential, z m, heading rad, l w h m; NaN where undetected
+    velocity_error: Floats  # [R, 2] m/s; NaN where undetected or not measured
+    score: Floats  # [R] NaN where undetected
 
     def pairs(self, lag: int = 1) -> tuple[Ints, Ints]:
         """Rows of the same object, earlier and later, ``lag`` frames apart."""
@@ -49,7 +49,7 @@ class ObjectSamples:
 
 
 @dataclass(frozen=True, eq=False)
-class ClutterSamples:
+class FalsePositiveSamples:
     """The false positives of a class inside the sensor's coverage."""
 
     count: Ints  # [F] per frame, all scenes one after another
@@ -62,8 +62,8 @@ class ClutterSamples:
     distance: Floats  # [D] m from the sensor
 
 
-Samples = tuple[ObjectSamples, ClutterSamples]
-RecordT = TypeVar("RecordT", ObjectSamples, ClutterSamples)
+Samples = tuple[ObjectSamples, FalsePositiveSamples]
+RecordT = TypeVar("RecordT", ObjectSamples, FalsePositiveSamples)
 
 
 def collect(
@@ -88,7 +88,7 @@ def collect(
         for class_id, name in enumerate(classes):
             row = np.flatnonzero(inside & (scene.truth.class_id == class_id))
             row = row[np.lexsort((every.frame[row], number[row]))]
-            parts[name].append((_selected(every, row), _clutter(scene, found, matches, class_id, sensor)))
+            parts[name].append((_selected(every, row), _false_positives(scene, found, matches, class_id, sensor)))
         objects += len(known)
     if not any(parts.values()):
         raise DataError("no scenes to compare detections with true boxes in, expected at least one")
@@ -102,8 +102,8 @@ def _features(scene: Scene, sensor: Sensor, wanted: bool) -> Floats:
 
 
 def _objects(scene: Scene, detections: Detections, detection: Ints, number: Ints, feature: Floats) -> ObjectSamples:
-    """Samples of all true rows, with the detections ``detection`` (-1: missed)."""
-    true, frame, hit = scene.truth.box, frame_of_rows(scene.truth.start), detection >= 0
+    """Samples of all true rows, with the detections ``detection`` (-1: undetected)."""
+    true, frame, hit = scene.truth.box, scene.truth.frame_of_rows, detection >= 0
     found, velocity, score = (np.full((len(true), *shape), np.nan) for shape in ((7,), (2,), ()))
     found[hit] = detections.box[detection[hit]]
     score[hit] = detections.score[detection[hit]]
@@ -130,20 +130,22 @@ def _objects(scene: Scene, detections: Detections, detection: Ints, number: Ints
     )
 
 
-def _clutter(scene: Scene, detections: Detections, matches: Matches, class_id: int, sensor: Sensor) -> ClutterSamples:
-    frame = frame_of_rows(detections.start)
+def _false_positives(
+    scene: Scene, detections: Detections, matches: Matches, class_id: int, sensor: Sensor
+) -> FalsePositiveSamples:
+    frame = detections.frame_of_rows
     row = np.flatnonzero(matches.false & (detections.class_id == class_id))
     distance, bearing = polar(detections.box[row, :2], scene.ego[frame[row]])
     inside = within(distance, bearing, sensor)
     row, distance = row[inside], distance[inside]
     frame, place = frame[row], detections.box[row, :2]
-    first = np.searchsorted(frame, np.arange(scene.frames + 1))
+    first = starts_of_sorted(frame, scene.frames)
     followed = np.zeros(len(row), dtype=bool)
     for t in range(scene.frames - 1):
         here, following = slice(first[t], first[t + 1]), slice(first[t + 1], first[t + 2])
         off = place[here, None] - place[None, following]
         followed[here] = (np.hypot(off[..., 0], off[..., 1]) <= _SAME_PLACE).any(axis=1)
-    return ClutterSamples(
+    return FalsePositiveSamples(
         count=np.diff(first),
         own=np.bincount(frame[~matches.duplicate[row]], minlength=scene.frames),
         duplicate=matches.duplicate[row],

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.detector import Profile, load_profile
-from mtp_bench.detector.sight import Sensor, frame_of_rows
+from mtp_bench.detector.sight import Sensor
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.types import Bools, Detections, Floats, Ints, Truth
 
@@ -48,12 +48,12 @@ def _simulated(profile: Profile) -> Detections:
     return simulate(*_traffic(), CLASSES, profile, SENSOR, 4, profile.dt)
 
 
-def _with(profile: Profile, duplicates: float, clutter: bool) -> Profile:
-    """The profile with so many duplicates, and with as much clutter as in an average scene or none."""
+def _with(profile: Profile, duplicates: float, false: bool) -> Profile:
+    """The profile with so many duplicates, and with as many false positives as in an average scene or none."""
     classes = {}
     for name, noise in profile.classes.items():
         assert noise.false_positives is not None
-        law = noise.false_positives.model_copy(update={"dispersion": 1.0}) if clutter else None
+        law = noise.false_positives.model_copy(update={"dispersion": 1.0}) if false else None
         classes[name] = noise.model_copy(update={"duplicates": duplicates, "false_positives": law})
     return profile.model_copy(update={"classes": classes})
 
@@ -65,7 +65,7 @@ class Seen:
 
     @property
     def frame(self) -> Ints:
-        return frame_of_rows(self.found.start)
+        return self.found.frame_of_rows
 
     @property
     def numbers(self) -> Floats:
@@ -86,7 +86,7 @@ def profile(request: pytest.FixtureRequest) -> Profile:
 
 
 @pytest.fixture(scope="module")
-def cluttered(profile: Profile) -> Seen:
+def scene(profile: Profile) -> Seen:
     seen = _told_apart(_simulated(_with(profile, 0.0, True)), _simulated(_with(profile, 0.0, False)))
     assert seen.false.sum() > 200
     return seen
@@ -114,9 +114,9 @@ def _repeated(seen: Seen, column: int) -> Bools:
 class TestNoNumberRepeats:
     """A real detector estimates every number anew. (The least size of a side may be hit twice.)"""
 
-    def test_in_clutter(self, column: int, cluttered: Seen) -> None:
-        again = _repeated(cluttered, column)
-        assert again[cluttered.false].mean() <= again[~cluttered.false].mean() + 0.002
+    def test_in_false_positives(self, column: int, scene: Seen) -> None:
+        again = _repeated(scene, column)
+        assert again[scene.false].mean() <= again[~scene.false].mean() + 0.002
 
     def test_in_duplicates(self, column: int, doubled: Seen) -> None:
         again = _repeated(doubled, column)
@@ -125,26 +125,26 @@ class TestNoNumberRepeats:
         assert not again[vehicle].any()
 
 
-def test_undersides_of_clutter_scatter_as_those_of_true_objects(cluttered: Seen) -> None:
-    vehicle = cluttered.found.class_id < 2
-    underside = cluttered.numbers[:, 8]
-    clutter, true = underside[vehicle & cluttered.false], underside[vehicle & ~cluttered.false]
-    _, count = np.unique(np.round(clutter, 6), return_counts=True)
+def test_undersides_of_false_positives_scatter_as_those_of_true_objects(scene: Seen) -> None:
+    vehicle = scene.found.class_id < 2
+    underside = scene.numbers[:, 8]
+    false, true = underside[vehicle & scene.false], underside[vehicle & ~scene.false]
+    _, count = np.unique(np.round(false, 6), return_counts=True)
     assert count.max() <= 2
-    assert np.std(clutter) == pytest.approx(np.std(true), rel=0.2)
-    assert np.median(clutter) == pytest.approx(np.median(true), abs=0.03)
+    assert np.std(false) == pytest.approx(np.std(true), rel=0.2)
+    assert np.median(false) == pytest.approx(np.median(true), abs=0.03)
 
 
-def test_classes_of_clutter_are_those_of_true_objects(cluttered: Seen) -> None:
-    false = cluttered.found.class_id[cluttered.false]
+def test_classes_of_false_positives_are_those_of_true_objects(scene: Seen) -> None:
+    false = scene.found.class_id[scene.false]
     assert set(false.tolist()) == {0, 1, 2}
     trucks = (false == 1).sum() / (false < 2).sum()
     assert trucks == pytest.approx(0.4, abs=0.12)  # as 20 of the 50 vehicles
 
 
 @pytest.mark.parametrize("class_id", [0, 1])
-def test_sizes_of_clutter_are_those_of_true_objects_of_its_class(class_id: int, cluttered: Seen) -> None:
-    size = cluttered.found.box[cluttered.false & (cluttered.found.class_id == class_id), 4:]
+def test_sizes_of_false_positives_are_those_of_true_objects_of_their_class(class_id: int, scene: Seen) -> None:
+    size = scene.found.box[scene.false & (scene.found.class_id == class_id), 4:]
     np.testing.assert_allclose(np.median(size, axis=0), SIZES[class_id], rtol=0.12)
 
 
@@ -157,10 +157,10 @@ def test_all_scores_differ_and_none_is_at_the_floor(profile: Profile) -> None:
         assert law.ceiling is None or score.max() < law.ceiling
 
 
-def test_clutter_that_stays_is_estimated_anew(cluttered: Seen) -> None:
+def test_a_false_positive_that_stays_is_estimated_anew(scene: Seen) -> None:
     """Followed over frames: a box within 1 m in the next frame, at another place to the last digit."""
-    frame, box = cluttered.frame, cluttered.found.box
-    rows = np.flatnonzero(cluttered.false)
+    frame, box = scene.frame, scene.found.box
+    rows = np.flatnonzero(scene.false)
     moved = []
     for row in rows:
         following = rows[frame[rows] == frame[row] + 1]

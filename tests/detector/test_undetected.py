@@ -31,32 +31,32 @@ def _sigmoid(logit: float) -> float:
     return float(1 / (1 + np.exp(-logit)))
 
 
-def _misses(base: float, lag: float, first: float | None = None, variant: str = "as_fitted", dt: float = DT) -> Bools:
+def _gone(base: float, lag: float, first: float | None = None, variant: str = "as_fitted", dt: float = DT) -> Bools:
     truth = crowd(FRAMES, OBJECTS)
     profile = with_variant(noisy(miss=missing(base, lag, first)), variant)  # type: ignore[arg-type]
     return ~on_grid(detect(truth, profile, seen_at(truth, 20.0), dt=dt), OBJECTS)[0]
 
 
 def test_recall_and_odds_ratio_are_those_of_the_chain() -> None:
-    missed = _misses(-2.0, 2.5, first=-1.0)
+    undetected = _gone(-2.0, 2.5, first=-1.0)
     chance, expected = _sigmoid(-1.0), []
     for _ in range(FRAMES):
         expected.append(chance)
         chance = (1 - chance) * _sigmoid(-2.0) + chance * _sigmoid(0.5)
-    assert missed[0].mean() == pytest.approx(expected[0], abs=0.08)
-    assert missed.mean() == pytest.approx(np.mean(expected), abs=0.01)
-    before, after = missed[:-1], missed[1:]
+    assert undetected[0].mean() == pytest.approx(expected[0], abs=0.08)
+    assert undetected.mean() == pytest.approx(np.mean(expected), abs=0.01)
+    before, after = undetected[:-1], undetected[1:]
     odds = (before & after).sum() * (~before & ~after).sum() / ((before & ~after).sum() * (~before & after).sum())
     assert np.log(odds) == pytest.approx(2.5, abs=0.1)
 
 
 def test_gaps_last_as_long_as_the_chain_stays_in_a_miss() -> None:
-    gaps = inner_gaps(~_misses(-2.0, 2.5))
+    gaps = inner_gaps(~_gone(-2.0, 2.5))
     assert gaps.mean() == pytest.approx(1 / (1 - _sigmoid(0.5)), rel=0.03)
 
 
 def test_without_memory_the_recall_is_the_same_and_gaps_are_as_short_as_chance_makes_them() -> None:
-    fitted, memoryless = _misses(-2.0, 2.5), _misses(-2.0, 2.5, variant="iid")
+    fitted, memoryless = _gone(-2.0, 2.5), _gone(-2.0, 2.5, variant="iid")
     share = memoryless.mean()
     assert share == pytest.approx(fitted.mean(), abs=0.01)
     assert inner_gaps(~memoryless).mean() == pytest.approx(1 / (1 - share), rel=0.03)
@@ -66,21 +66,21 @@ def test_without_memory_the_recall_is_the_same_and_gaps_are_as_short_as_chance_m
 
 @pytest.mark.parametrize("steps", [5.0, 2.0, 1.0])
 def test_at_another_frame_period_the_share_stays_and_the_correlation_decays(steps: float) -> None:
-    missed = _misses(-2.0, 3.5, dt=DT * steps).astype(float)
+    undetected = _gone(-2.0, 3.5, dt=DT * steps).astype(float)
     after_hit, after_miss = _sigmoid(-2.0), _sigmoid(1.5)
-    assert missed.mean() == pytest.approx(after_hit / (1 - after_miss + after_hit), abs=0.015)
-    correlation = np.corrcoef(missed[:-1].ravel(), missed[1:].ravel())[0, 1]
+    assert undetected.mean() == pytest.approx(after_hit / (1 - after_miss + after_hit), abs=0.015)
+    correlation = np.corrcoef(undetected[:-1].ravel(), undetected[1:].ravel())[0, 1]
     assert correlation == pytest.approx((after_miss - after_hit) ** steps, abs=0.03)
 
 
 def test_more_frequent_frames_keep_more_memory() -> None:
-    missed = _misses(-2.0, 2.5, dt=DT / 2).astype(float)
-    correlation = np.corrcoef(missed[:-1].ravel(), missed[1:].ravel())[0, 1]
+    undetected = _gone(-2.0, 2.5, dt=DT / 2).astype(float)
+    correlation = np.corrcoef(undetected[:-1].ravel(), undetected[1:].ravel())[0, 1]
     assert correlation == pytest.approx((_sigmoid(0.5) - _sigmoid(-2.0)) ** 0.5, abs=0.03)
 
 
 def test_an_object_is_first_seen_at_its_first_frame_and_after_it_has_been_away() -> None:
-    # object 0:  x x . x x x      object 1:  . . x x . x      always missed at first, never later
+    # object 0:  x x . x x x      object 1:  . . x x . x      always undetected at first, never later
     frame = np.array([0, 1, 2, 3, 3, 4, 5, 5])
     object_id = np.array([0, 0, 1, 0, 1, 0, 0, 1])
     box = np.tile([0.0, 5.0, 0.8, 0.0, 4.0, 2.0, 1.6], (8, 1))

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..types import Bools, Floats, Ints, Scene
-from .samples import HEADING, RADIAL, TANGENTIAL, ClutterSamples, ObjectSamples, collect
-from .sight import Sensor
+from ...types import Bools, Floats, Ints, Scene
+from ..sight import Sensor
+from .samples import HEADING, RADIAL, TANGENTIAL, FalsePositiveSamples, ObjectSamples, collect
 
 _NORMAL_MAD = 1.4826  # standard deviation over median absolute deviation of a normal number
 
@@ -20,8 +20,8 @@ class ClassStatistics:
 
     boxes: int  # true boxes inside the sensor's coverage, neutral ones left out
     recall: float | None
-    miss_odds_ratio: float | None  # odds of a miss after a miss over those after a hit, in consecutive frames
-    gaps: int  # runs of misses between two hits of an object
+    undetected_odds_ratio: float | None  # odds of being undetected after an undetected frame over those after a hit
+    gaps: int  # runs of undetected frames between two hits of an object
     gap_length: float | None  # mean length of the gaps in frames
     radial_scale: float | None  # m, robust standard deviation of the error along the line of sight
     tangential_scale: float | None  # m, the same across it
@@ -46,15 +46,15 @@ def detector_statistics(
     return {name: class_statistics(*samples[name]) for name in classes}
 
 
-def class_statistics(objects: ObjectSamples, clutter: ClutterSamples) -> ClassStatistics:
+def class_statistics(objects: ObjectSamples, false: FalsePositiveSamples) -> ClassStatistics:
     """Statistics of one class."""
     length = gap_lengths(objects)
     turned = np.abs(objects.error[objects.hit, HEADING]) > np.pi / 2
-    rate = float(clutter.count.mean()) if len(clutter.count) else 0.0
+    rate = float(false.count.mean()) if len(false.count) else 0.0
     return ClassStatistics(
         boxes=len(objects.hit),
         recall=_mean(objects.hit),
-        miss_odds_ratio=_miss_odds_ratio(objects),
+        undetected_odds_ratio=_undetected_odds_ratio(objects),
         gaps=len(length),
         gap_length=_mean(length),
         radial_scale=robust_deviation(objects.error[objects.hit, RADIAL]),
@@ -63,10 +63,10 @@ def class_statistics(objects: ObjectSamples, clutter: ClutterSamples) -> ClassSt
         tangential_autocorrelation=_autocorrelation(objects, TANGENTIAL),
         flips=_mean(turned),
         false_positives=rate,
-        dispersion=float(clutter.count.var()) / rate if rate else None,
-        survival=_mean(clutter.followed[clutter.judged]),
+        dispersion=float(false.count.var()) / rate if rate else None,
+        survival=_mean(false.followed[false.judged]),
         score_true=_mean(objects.score[objects.hit]),
-        score_false=_mean(clutter.score),
+        score_false=_mean(false.score),
     )
 
 
@@ -85,7 +85,7 @@ def robust_deviation(value: Floats) -> float | None:
     return float(_NORMAL_MAD * np.median(np.abs(value - np.median(value)))) if len(value) else None
 
 
-def _miss_odds_ratio(objects: ObjectSamples) -> float | None:
+def _undetected_odds_ratio(objects: ObjectSamples) -> float | None:
     """Odds ratio; half a case is added to each of the four counts, so that it is finite."""
     earlier, later = objects.pairs()
     if not len(earlier):

@@ -1,31 +1,31 @@
-"""Chance of a miss, fitted: regularised logistic regressions on what the sensor sees of an object."""
+"""Chance that an object is undetected, fitted: regularised logistic regressions on what the sensor sees of it."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..types import Bools, Floats
-from .profile import MissNoise
+from ...types import Bools, Floats
+from ..profile import UndetectedNoise
 from .samples import ObjectSamples
 
 _RIDGE = 1.0  # inverse variance of a weight around its prior; keeps a feature that never occurs at the prior
 _STEPS = 50
 
 
-def fit_misses(objects: ObjectSamples) -> MissNoise:
-    """Log-odds of a miss in an object's first frame, and in later ones with the memory of the frame before.
+def fit_undetected(objects: ObjectSamples) -> UndetectedNoise:
+    """Log-odds of being undetected in an object's first frame, and in later ones with the memory of the frame before.
 
     First frames are few, one per object: their weights are drawn towards those of all frames.
     """
-    miss = ~objects.hit
+    undetected = ~objects.hit
     earlier, later = objects.pairs()
-    first = np.ones(len(miss), dtype=bool)
+    first = np.ones(len(undetected), dtype=bool)
     first[later] = False
-    everywhere = logistic(objects.feature, miss, np.zeros(6))
-    with_memory = np.column_stack([objects.feature[later], miss[earlier].astype(np.float64)])
-    return MissNoise(
-        first=_row(logistic(objects.feature[first], miss[first], everywhere)),
-        later=_row(logistic(with_memory, miss[later], np.append(everywhere, 0.0))),
+    everywhere = logistic(objects.feature, undetected, np.zeros(6))
+    with_memory = np.column_stack([objects.feature[later], undetected[earlier].astype(np.float64)])
+    return UndetectedNoise(
+        first=_row(logistic(objects.feature[first], undetected[first], everywhere)),
+        later=_row(logistic(with_memory, undetected[later], np.append(everywhere, 0.0))),
     )
 
 

@@ -1,48 +1,46 @@
-"""Which objects a detector misses: log-odds by distance, occlusion and truncation, with memory from frame to frame."""
+"""Which objects are undetected: log-odds by distance, occlusion and truncation, with memory from frame to frame."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ..types import Bools, Floats
-from .chains import at_period, stationary, two_state
-from .grid import Grid
+from .draws import Grid, Kind, at_period, stationary, stream, two_state
 from .sight import HIDDEN, LARGELY, PARTLY, Sight
-from .streams import Kind, stream
 
 
-def missed(grid: Grid, sight: Sight, covered: Bools, seed: int) -> Bools:
-    """Whether each row of the truth is missed ``[R]``; a row that the sensor does not cover always is.
+def undetected(grid: Grid, sight: Sight, covered: Bools, seed: int) -> Bools:
+    """Whether each row of the truth is undetected ``[R]``; a row that the sensor does not cover always is.
 
     An object is seen for the first time in its first covered frame, and again after any frame without it.
     """
-    uniform = stream(seed, Kind.MISS).random(grid.shape)
+    uniform = stream(seed, Kind.UNDETECTED).random(grid.shape)
     present = np.zeros(grid.shape, dtype=bool)
     present[grid.frame, grid.column] = covered
     begins = present.copy()
     begins[1:] &= ~present[:-1]
-    first, after_hit, after_miss = (_on_grid(grid, chance) for chance in chances(grid, sight))
-    state = two_state((first, after_hit, after_miss), begins, uniform)
+    first, after_hit, after_none = (_on_grid(grid, chance) for chance in chances(grid, sight))
+    state = two_state((first, after_hit, after_none), begins, uniform)
     return ~covered | grid.rows_of(state)
 
 
 def features(sight: Sight) -> Floats:
-    """What the log-odds of a miss depend on: 1, d (10 m), partly, largely, hidden, truncated: ``[R, 6]``."""
+    """What the log-odds of being undetected depend on: 1, d (10 m), partly, largely, hidden, truncated: ``[R, 6]``."""
     levels = [sight.occlusion == level for level in (PARTLY, LARGELY, HIDDEN)]
     columns = [np.ones(len(sight.distance)), sight.distance / 10, *levels, sight.truncated]
     return np.stack(columns, axis=-1).astype(np.float64)
 
 
 def chances(grid: Grid, sight: Sight) -> tuple[Floats, Floats, Floats]:
-    """Chance of a miss in the first frame, after a detection, and after a miss: ``[R]`` each."""
+    """Chance of being undetected in the first frame, after a detection, and after a frame without: ``[R]`` each."""
     seen = features(sight)
     first = _sigmoid((seen * grid.of_rows(lambda noise: noise.miss.first)).sum(-1))
     later = grid.of_rows(lambda noise: noise.miss.later)
     logit = (seen * later[:, :6]).sum(-1)
-    after_hit, after_miss = at_period(_sigmoid(logit), _sigmoid(logit + later[:, 6]), grid.steps)
+    after_hit, after_none = at_period(_sigmoid(logit), _sigmoid(logit + later[:, 6]), grid.steps)
     memory = grid.of_rows(lambda noise: noise.miss.memory) > 0
-    long_run = stationary(after_hit, after_miss)
-    return first, np.where(memory, after_hit, long_run), np.where(memory, after_miss, long_run)
+    long_run = stationary(after_hit, after_none)
+    return first, np.where(memory, after_hit, long_run), np.where(memory, after_none, long_run)
 
 
 def _on_grid(grid: Grid, of_rows: Floats) -> Floats:

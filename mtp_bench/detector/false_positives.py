@@ -1,30 +1,28 @@
-"""False positives: phantom objects that stand still where there is nothing, detected as true objects are."""
+"""False positives: they stand still where there is nothing, and are detected as true objects are."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..geometry import wrap_angle
-from ..types import Floats, Ints, Truth
+from ..types import Floats, Ints, Ragged, Truth
 from .box_errors import box_errors, latent_scores, scores_within, velocities
-from .chains import decayed
-from .grid import Grid
-from .labels import Labels
-from .profile import ClassNoise, FalsePositives
+from .draws import Grid, Kind, Streams, Whose, decayed, stream
+from .profile import ClassNoise, FalsePositives, Profile
 from .rows import Rows
 from .sight import Sensor, polar, within
-from .streams import Kind, Streams, Whose, stream
 
 _SIZE_SPREAD = 0.1  # deviation of each side, share of its mean
 _SMALLEST = 0.3  # share of its mean that every side keeps
-_TRIES = 100  # bearings drawn for a phantom until it is inside of the area
+_TRIES = 100  # bearings drawn for a run until it is inside of the area
 
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """Where clutter appears."""
+    """Where false positives appear."""
 
     truth: Truth
     ego: Floats  # [F, 4] x y z yaw of the sensor
@@ -34,61 +32,64 @@ class Surroundings:
 
 
 @dataclass(frozen=True, eq=False)
-class _Phantoms:
+class _Runs:
+    """Runs of false positives: something that is not there is detected at one place for some frames."""
+
     birth: Ints  # [B] frame, ascending
     life: Ints  # [B] frames, at least 1, to the end of the scene at most
     box: Floats  # [B, 7]
     class_id: Ints  # [B]
 
 
-def more_clutter(law: FalsePositives, factor: float) -> FalsePositives:
+def more_false_positives(law: FalsePositives, factor: float) -> FalsePositives:
     """``factor`` times as many false positives; how much scenes differ, relatively, stays."""
     dispersion = 1.0 + factor * (law.dispersion - 1.0)
     return law.model_copy(update={"rate": factor * law.rate, "dispersion": dispersion})
 
 
-def clutter(noise: ClassNoise, labels: Labels, around: Surroundings, number: int, seed: int) -> Rows:
+def false_positives(noise: ClassNoise, labels: Labels, around: Surroundings, number: int, seed: int) -> Rows:
     """False positives of one noise over a scene; ``number`` tells the random streams of several noises apart.
 
-    What appears beyond the sensor's reach is dropped, and a phantom that the moving sensor does not cover is not seen.
+    What appears beyond the sensor's reach is dropped, and one that the moving sensor does not cover is not seen.
     """
     if noise.false_positives is None or noise.false_positives.rate == 0:
         return Rows.none()
-    law = more_clutter(noise.false_positives, around.wider)
-    phantoms = _phantoms(law, labels, around, number, seed)
-    which = np.repeat(np.arange(len(phantoms.life)), phantoms.life)
-    age = np.arange(len(which)) - np.repeat(np.cumsum(phantoms.life) - phantoms.life, phantoms.life)
-    frame = phantoms.birth[which] + age
-    distance, bearing = polar(phantoms.box[which, :2], around.ego[frame])
+    law = more_false_positives(noise.false_positives, around.wider)
+    runs = _runs(law, labels, around, number, seed)
+    rows = Ragged.of_counts(runs.life)
+    which = rows.frame_of_rows
+    age = np.arange(len(which)) - rows.start[which]
+    frame = runs.birth[which] + age
+    distance, bearing = polar(runs.box[which, :2], around.ego[frame])
     near = distance[age == 0] <= around.sensor.reach
     seen = np.flatnonzero(near[which] & within(distance, bearing, around.sensor))
     frame, which = frame[seen], which[seen]
-    grid = _grid(noise, phantoms, age[seen], which, around.steps)
+    grid = _grid(noise, runs, age[seen], which, around.steps)
     toward = bearing[seen] + around.ego[frame, 3]
-    streams = Streams(seed, Whose.CLUTTER, number)
-    box = box_errors(phantoms.box[which], grid, distance[seen], toward, streams)
+    streams = Streams(seed, Whose.FALSE_POSITIVES, number)
+    box = box_errors(runs.box[which], grid, distance[seen], toward, streams)
     velocity = velocities(np.zeros((len(which), 2)), grid, toward, streams)
     location, deviation = np.full(len(which), law.score), np.full(len(which), law.score_deviation)
     score = scores_within(latent_scores(grid, streams), location, deviation, grid)
-    return Rows(frame, box, velocity, phantoms.class_id[which], score)
+    return Rows(frame, box, velocity, runs.class_id[which], score)
 
 
-def _grid(noise: ClassNoise, phantoms: _Phantoms, age: Ints, which: Ints, steps: float) -> Grid:
-    """Phantoms by age: no larger than the longest life."""
-    count = len(phantoms.life)
-    return Grid(int(phantoms.life.max(initial=0)), count, age, which, (noise,), np.zeros(count, dtype=np.int64), steps)
+def _grid(noise: ClassNoise, runs: _Runs, age: Ints, which: Ints, steps: float) -> Grid:
+    """A grid of the runs by age: no larger than the longest life."""
+    count = len(runs.life)
+    return Grid(int(runs.life.max(initial=0)), count, age, which, (noise,), np.zeros(count, dtype=np.int64), steps)
 
 
-def _phantoms(law: FalsePositives, labels: Labels, around: Surroundings, number: int, seed: int) -> _Phantoms:
-    """All phantoms of a scene, those beyond the sensor's reach included."""
+def _runs(law: FalsePositives, labels: Labels, around: Surroundings, number: int, seed: int) -> _Runs:
+    """All runs of a scene, those beyond the sensor's reach included."""
     survive = float(decayed(np.asarray(law.survive), around.steps))
     birth = _births(law, survive, len(around.ego), number, seed)
-    life = stream(seed, Kind.CLUTTER_LIFE, number).geometric(1.0 - survive, len(birth))
-    label = stream(seed, Kind.CLUTTER_CLASS, number).choice(len(labels.share), len(birth), p=labels.share)
-    spread = stream(seed, Kind.CLUTTER_SIZE, number).standard_normal((len(birth), 3))
+    life = stream(seed, Kind.FALSE_LIFE, number).geometric(1.0 - survive, len(birth))
+    label = stream(seed, Kind.FALSE_CLASS, number).choice(len(labels.share), len(birth), p=labels.share)
+    spread = stream(seed, Kind.FALSE_SIZE, number).standard_normal((len(birth), 3))
     size = labels.size[label] * np.maximum(1.0 + _SIZE_SPREAD * spread, _SMALLEST)
     box = _boxes(law, around, birth, size, number, seed)
-    return _Phantoms(birth, np.minimum(life, len(around.ego) - birth), box, labels.class_id[label])
+    return _Runs(birth, np.minimum(life, len(around.ego) - birth), box, labels.class_id[label])
 
 
 def _births(law: FalsePositives, survive: float, frames: int, number: int, seed: int) -> Ints:
@@ -99,18 +100,18 @@ def _births(law: FalsePositives, survive: float, frames: int, number: int, seed:
     factor = 1.0
     if law.dispersion > 1.0:
         shape = law.rate / (law.dispersion - 1.0)
-        factor = stream(seed, Kind.CLUTTER_SCENE, number).gamma(shape) / shape
+        factor = stream(seed, Kind.FALSE_SCENE, number).gamma(shape) / shape
     mean = np.full(frames, law.rate * factor * (1.0 - survive))
     mean[:1] = law.rate * factor
-    return np.repeat(np.arange(frames), stream(seed, Kind.CLUTTER_BIRTH, number).poisson(mean))
+    return np.repeat(np.arange(frames), stream(seed, Kind.FALSE_BIRTH, number).poisson(mean))
 
 
 def _boxes(law: FalsePositives, around: Surroundings, birth: Ints, size: Floats, number: int, seed: int) -> Floats:
     """Boxes ``[B, 7]`` on the ground: distances by the law, evenly over the field of view and all headings."""
     ego = around.ego[birth]
     box = np.empty((len(birth), 7))
-    box[:, :2] = _places(law, around.sensor, ego, stream(seed, Kind.CLUTTER_PLACE, number))
-    box[:, 3] = wrap_angle(ego[:, 3] + 2 * np.pi * stream(seed, Kind.CLUTTER_HEADING, number).random(len(birth)))
+    box[:, :2] = _places(law, around.sensor, ego, stream(seed, Kind.FALSE_PLACE, number))
+    box[:, 3] = wrap_angle(ego[:, 3] + 2 * np.pi * stream(seed, Kind.FALSE_HEADING, number).random(len(birth)))
     box[:, 4:] = size
     box[:, 2] = _ground(box[:, :2], birth, around) + size[:, 2] / 2
     return box
@@ -152,7 +153,7 @@ def _ground(place: Floats, frame: Ints, around: Surroundings) -> Floats:
     """
     truth, ego = around.truth, around.ego
     underside = truth.box[:, 2] - truth.box[:, 6] / 2
-    above = underside - np.repeat(ego[:, 2], np.diff(truth.start))
+    above = underside - ego[truth.frame_of_rows, 2]
     ground = ego[frame, 2] + (np.median(above) if len(above) else 0.0)
     for i, t in enumerate(frame):
         rows = truth.rows(t)
@@ -160,3 +161,30 @@ def _ground(place: Floats, frame: Ints, around: Surroundings) -> Floats:
             off = truth.box[rows, :2] - place[i]
             ground[i] = underside[rows][np.argmin((off**2).sum(axis=1))]
     return np.asarray(ground)
+
+
+@dataclass(frozen=True, eq=False)
+class Labels:
+    """What the false positives of one noise are reported as in a scene."""
+
+    class_id: Ints  # [K]
+    share: Floats  # [K] sum 1
+    size: Floats  # [K, 3] m, mean length, width, height
+
+
+def labels_of(truth: Truth, classes: Sequence[str], profile: Profile, own: str) -> Labels | None:
+    """The classes of the task that have the noise of ``own``, by their number of true boxes in the scene.
+
+    Where it has none: the class ``own``, or the first with its noise; None where no class of the task has it.
+    """
+    having = [class_id for class_id, name in enumerate(classes) if profile.alike.get(name, name) == own]
+    boxes = np.bincount(truth.class_id, minlength=len(classes))
+    there = [class_id for class_id in having if boxes[class_id]]
+    if there:
+        size = [truth.box[truth.class_id == class_id, 4:].mean(axis=0) for class_id in there]
+        return Labels(np.array(there), boxes[there] / boxes[there].sum(), np.array(size))
+    false = profile.classes[own].false_positives
+    if not having or false is None:
+        return None
+    alone = classes.index(own) if own in classes and classes.index(own) in having else having[0]
+    return Labels(np.array([alone]), np.ones(1), np.array([false.size]))

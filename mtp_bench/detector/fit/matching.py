@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry import center_distance
-from ..types import Bools, Detections, Floats, Ints, Truth
+from ...geometry import center_distance
+from ...types import Bools, Detections, Floats, Ints, Truth, starts_of
 
 _GATES = {"pedestrian": 1.0, "cyclist": 1.5, "bicycle": 1.5, "motorcycle": 1.5}
 _VEHICLE_GATE = 2.0
@@ -19,7 +19,7 @@ _BESIDE = 0.75  # m: a second detection that near to the first one is of the sam
 class Matches:
     """Pairs of true boxes and detections of a scene."""
 
-    detection: Ints  # [R] per true box: row of its detection, -1 where it was missed
+    detection: Ints  # [R] per true box: row of its detection, -1 where it is undetected
     false: Bools  # [D] detections without a true box, those beside neutral true boxes left out
     duplicate: Bools  # [D] false ones beside the detection of a true box
 
@@ -36,7 +36,7 @@ def at_floor(detections: Detections, classes: Sequence[str], floor: Mapping[str,
     least = np.array([floor.get(name, -np.inf) for name in classes])
     keep = detections.score >= least[detections.class_id]
     return Detections(
-        start=np.concatenate([[0], np.cumsum(keep)])[detections.start],
+        start=starts_of(keep.astype(np.int64))[detections.start],
         box=detections.box[keep],
         velocity=detections.velocity[keep],
         class_id=detections.class_id[keep],
@@ -53,7 +53,7 @@ def match(truth: Truth, detections: Detections, classes: Sequence[str]) -> Match
     detection = np.full(len(truth.box), -1)
     false = np.ones(len(detections.box), dtype=bool)
     duplicate = np.zeros(len(detections.box), dtype=bool)
-    for t in range(len(truth.start) - 1):
+    for t in range(truth.frames):
         true_rows, rows = truth.rows(t), detections.rows(t)
         for class_id, name in enumerate(classes):
             i = true_rows.start + np.flatnonzero(truth.class_id[true_rows] == class_id)

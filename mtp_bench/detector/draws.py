@@ -1,0 +1,166 @@
+"""Random numbers of a scene: one stream per kind of noise, memory over frames, and the grid they are drawn on.
+
+The grid has a number for every frame and object, so that changing one kind of noise leaves every other draw alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..types import Bools, Floats, Ints, Truth
+from .profile import ClassNoise, Memory
+
+ScalarT = TypeVar("ScalarT", bound=np.generic)
+
+_TINY = 1e-300
+_WHOLE = 1e-6  # frame periods are quotients of decimal numbers
+
+
+class Kind(IntEnum):
+    """Kinds of noise; the numbers are part of every seed and never change their meaning."""
+
+    UNDETECTED = 0
+    RADIAL = 1
+    TANGENTIAL = 2
+    HEADING = 3
+    FLIP = 4
+    SIZE = 5
+    Z = 6
+    SCORE = 7
+    VELOCITY = 8
+    DUPLICATE = 9
+    FALSE_SCENE = 10
+    FALSE_BIRTH = 11
+    FALSE_LIFE = 12
+    FALSE_PLACE = 13
+    FALSE_HEADING = 14
+    FALSE_SIZE = 15
+    FALSE_CLASS = 16
+
+
+class Whose(IntEnum):
+    """Whose errors are drawn: each has its own streams of the kinds `RADIAL` to `VELOCITY`; the numbers stay too."""
+
+    OBJECTS = 0
+    DUPLICATES = 100
+    FALSE_POSITIVES = 200
+
+
+@dataclass(frozen=True)
+class Streams:
+    """The generators of the errors of some boxes."""
+
+    seed: int
+    whose: Whose = Whose.OBJECTS
+    number: int = 0  # which noise of the profile false positives have; 0 for everything else
+
+    def of(self, kind: Kind) -> np.random.Generator:
+        """The generator of one kind of error."""
+        return np.random.default_rng([self.seed, int(kind) + int(self.whose), self.number])
+
+
+def stream(seed: int, kind: Kind, number: int = 0) -> np.random.Generator:
+    """The generator of one kind of noise; false positives have one for each noise of the profile too."""
+    return np.random.default_rng([seed, int(kind), number])
+
+
+def stationary(after_no: Floats, after_yes: Floats) -> Floats:
+    """Long-run chance of "yes" in a chain with these chances of it after a "no" and after a "yes"."""
+    return after_no / np.maximum(1.0 - after_yes + after_no, _TINY)
+
+
+def at_period(after_no: Floats, after_yes: Floats, steps: float) -> tuple[Floats, Floats]:
+    """Both chances of the chain seen every ``steps`` frames: the long-run chance stays, the correlation decays.
+
+    Exact for whole steps; ``steps=inf`` forgets everything.
+    """
+    if steps == 1.0:
+        return after_no, after_yes
+    long_run = stationary(after_no, after_yes)
+    correlation = decayed(after_yes - after_no, steps)
+    return long_run * (1.0 - correlation), long_run + (1.0 - long_run) * correlation
+
+
+def decayed(correlation: Floats, steps: float) -> Floats:
+    """Correlation between neighbouring frames, over ``steps`` of them.
+
+    Over half a frame a negative one has no meaning: it keeps its sign there.
+    """
+    whole = np.isfinite(steps) and abs(steps - round(steps)) < _WHOLE
+    sign = np.sign(correlation) ** round(steps) if whole else np.sign(correlation)
+    return np.asarray(sign * np.abs(correlation) ** steps)
+
+
+def two_state(chance: tuple[Floats, Floats, Floats], begins: Bools, uniform: Floats) -> Bools:
+    """Runs of a two-state chain for many objects at once ``[F, J]``.
+
+    ``chance`` of "yes" where the chain begins, after a "no" and after a "yes", and ``uniform`` in [0, 1): ``[F, J]``.
+    """
+    first, after_no, after_yes = chance
+    yes_after_no = uniform < np.where(begins, first, after_no)
+    yes_after_yes = uniform < np.where(begins, first, after_yes)
+    state = np.zeros(uniform.shape, dtype=bool)
+    previous = np.zeros(uniform.shape[1:], dtype=bool)
+    for t in range(len(state)):
+        previous = state[t] = np.where(previous, yes_after_yes[t], yes_after_no[t])
+    return state
+
+
+def autoregression(phi: Floats, normal: Floats) -> Floats:
+    """Stationary AR(1) processes of variance 1 ``[F, J]`` from ``phi`` ``[J]`` and standard normals ``[F, J]``."""
+    value = np.asarray(normal * np.sqrt(1.0 - phi**2))
+    value[:1] = normal[:1]
+    for t in range(1, len(value)):
+        value[t] += phi * value[t - 1]
+    return value
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """F frames by J objects, the objects in ascending order of their ids."""
+
+    frames: int
+    objects: int
+    frame: Ints  # [R] frame of every row of the truth
+    column: Ints  # [R] object of every row
+    noise: tuple[ClassNoise, ...]  # per class
+    object_class: Ints  # [J] that of the object's first row
+    steps: float  # frame periods of the profile per frame of the scene
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """F and J."""
+        return self.frames, self.objects
+
+    def of_objects(self, parameter: Callable[[ClassNoise], float | Sequence[float]]) -> Floats:
+        """A parameter of every object's class: ``[J]``, or ``[J, n]`` if it has n components."""
+        return np.array([parameter(noise) for noise in self.noise], dtype=np.float64)[self.object_class]
+
+    def of_rows(self, parameter: Callable[[ClassNoise], float | Sequence[float]]) -> Floats:
+        """The same for every row of the truth: ``[R]`` or ``[R, n]``."""
+        return self.of_objects(parameter)[self.column]
+
+    def rows_of(self, values: NDArray[ScalarT]) -> NDArray[ScalarT]:
+        """What the rows of the truth have of ``values`` ``[F, J, ...]``: ``[R, ...]``."""
+        taken: NDArray[ScalarT] = values[self.frame, self.column]
+        return taken
+
+    def latent(self, memory: Callable[[ClassNoise], Memory], rng: np.random.Generator) -> Floats:
+        """Standard normal numbers with memory for every row ``[R]``: object bias, autoregression and white share."""
+        bias, pushes, white = (rng.standard_normal(shape) for shape in (self.objects, self.shape, self.shape))
+        shares = self.of_objects(lambda noise: (memory(noise).bias, memory(noise).ar, memory(noise).white))
+        of_bias, of_ar, of_white = np.sqrt(shares / shares.sum(1, keepdims=True)).T
+        phi = decayed(self.of_objects(lambda noise: memory(noise).phi), self.steps)
+        return self.rows_of(of_bias * bias + of_ar * autoregression(phi, pushes) + of_white * white)
+
+
+def grid_of(truth: Truth, noise: Sequence[ClassNoise], steps: float) -> Grid:
+    """The grid of a truth whose ``class_id`` is an index into ``noise``."""
+    ids, first, column = np.unique(truth.object_id, return_index=True, return_inverse=True)
+    return Grid(truth.frames, len(ids), truth.frame_of_rows, column, tuple(noise), truth.class_id[first], steps)
