@@ -36,8 +36,8 @@ TIMES = ("ms_per_frame",)  # of a row
 START = """
 try:
     from mtp_bench.commands import main
-except ImportError:
-    from mtp_bench.commands.app import main
+except ImportError:  # version 0.1
+    from mtp_bench.cli import main
 main()
 """
 
