@@ -39,8 +39,8 @@ def fit_noise(
     Raises MtpBenchError for whatever the user can mend.
     """
     from ..detector.fit import fit_profile
-    from ..detector.sight import Sensor
     from ..detector.profile import profile_text
+    from ..detector.sight import Sensor
 
     split = open_split(env_id, options)
     card = split.card

@@ -72,7 +72,10 @@ def test_an_agent_that_says_nothing_has_no_errors_but_pays() -> None:
 def test_silence_is_what_an_agent_without_forecasts_scores() -> None:
     report = summarise([agent("loud", [answer(0.5, false=9)]), agent("silent", [answer(0, seen=False)])], CARD)
     assert report.details[0].silence == report.details[1].silence == row(report, agent=1).missing_aware
-    assert row(report, agent=0).missing_aware > report.details[0].silence
+    loud, silence = row(report, agent=0).missing_aware, report.details[0].silence
+    assert loud is not None
+    assert silence is not None
+    assert loud > silence
 
 
 def test_seeds_are_averaged_per_target() -> None:
