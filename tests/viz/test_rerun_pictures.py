@@ -53,7 +53,7 @@ def test_an_identity_switch_is_seen(
     switch = run.incident("ids-0")
     save_recording(tmp_path / "switch.rrd", [run], at=switch)
     open_at(viewer, tmp_path / "switch.rrd", switch.frame)
-    assert colours(picture(viewer, tmp_path / "window.png")) > 500  # and now every visible view has been drawn
+    assert colours(picture(viewer, tmp_path / "window.png")) > 400  # and now every visible view has been drawn
     views = {view.name: view for view in viewer.get_state().views}
     assert not any(view.reports for view in views.values())
     best = f"hypothesis {run.said.hypotheses.best[switch.frame]}"
