@@ -20,8 +20,6 @@ from .agent import Pipeline as Pipeline
 from .agent import Predictor as Predictor
 from .agent import Sampler as Sampler
 from .agent import Tracker as Tracker
-from .cards import Card as Card
-from .cards import load_card as load_card
 from .env.building import answer as answer
 from .errors import CardError as CardError
 from .errors import DataError as DataError
@@ -31,8 +29,6 @@ from .errors import RolloutError as RolloutError
 from .errors import ShapeError as ShapeError
 from .errors import SubmissionError as SubmissionError
 from .errors import UnknownNameError as UnknownNameError
-from .submission.loader import Submission as Submission
-from .submission.loader import load_submission as load_submission
 from .tracks import Objects as Objects
 from .tracks import Tracks as Tracks
 from .types import Action as Action
@@ -47,17 +43,27 @@ if _typing.TYPE_CHECKING:
     from . import prediction as prediction
     from . import scoring as scoring
     from . import tracking as tracking
+    from .cards import Card as Card
+    from .cards import load_card as load_card
     from .env import MTPEnv as MTPEnv
     from .env.scenes import load_scenes as load_scenes
+    from .running.compare import compare as compare
     from .scoring import Report as Report
+    from .submission.loader import Submission as Submission
+    from .submission.loader import load_submission as load_submission
 else:  # hidden from type checkers, for which it would make every misspelt attribute legal
     _LAZY = {  # modules that are imported when they are first used, alone or for the sake of a name
         "prediction": "prediction",
         "scoring": "scoring",
         "tracking": "tracking",
+        "Card": "cards",
         "MTPEnv": "env",
         "Report": "scoring",
+        "Submission": "submission.loader",
+        "compare": "running.compare",
+        "load_card": "cards",
         "load_scenes": "env.scenes",
+        "load_submission": "submission.loader",
     }
 
     def __getattr__(name: str) -> _typing.Any:

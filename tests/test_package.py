@@ -21,12 +21,11 @@ import mtp_bench
 from mtp_bench import _bundle
 
 PUBLIC = {
-    "Action", "Agent", "Card", "CardError", "DataError", "Detections", "MtpBenchError", "Objects", "Observation",
+    "Action", "Agent", "CardError", "DataError", "Detections", "MtpBenchError", "Objects", "Observation",
     "Pipeline", "Predictor", "RecordError", "Rollout", "RolloutError", "Sampler", "Scene", "ShapeError",
-    "Submission", "SubmissionError", "Task", "Tracker", "Tracks", "Truth", "UnknownNameError", "answer",
-    "card_ids", "load_card", "load_submission",
+    "SubmissionError", "Task", "Tracker", "Tracks", "Truth", "UnknownNameError", "answer", "card_ids",
 }  # fmt: skip
-LAZY_NAMES = {"MTPEnv", "Report", "load_scenes"}
+LAZY_NAMES = {"Card", "MTPEnv", "Report", "Submission", "compare", "load_card", "load_scenes", "load_submission"}
 LAZY = {"prediction", "scoring", "tracking"}
 HEAVY = {"torch", "rerun", "highway_env", "sklearn", "numba"}
 SLOW = HEAVY | {"scipy", "joblib", "rich", "typer", "pandas", "matplotlib", "jinja2", "pygame", "safetensors"}
