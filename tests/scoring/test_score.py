@@ -329,12 +329,6 @@ def test_iou_gate() -> None:
     assert len(score.events["wrong"]) == 1
 
 
-def test_an_empty_scene() -> None:
-    score = score_scene(make_scene([[]] * 3), make_rollout([[]] * 3, samples=4), CARD)
-    assert len(score) == 0
-    assert score.false_forecasts.tolist() == [0, 0, 0]
-
-
 def wrong(**changes: Any) -> tuple[Scene, Rollout]:
     scene, rollout = random_case(1)
     return scene, replace(rollout, **changes)
