@@ -79,7 +79,7 @@ except SystemExit as left:
 def test_help_does_not_load_the_parts_of_the_commands() -> None:
     code = "import sys, mtp_bench.commands.app; print(sorted(name for name in sys.modules if 'mtp_bench.' in name))"
     done = python(code, capture_output=True)
-    for part in ("env", "running", "scoring", "sources", "viz", "tracking", "prediction"):
+    for part in ("env.environment", "running", "scoring", "sources", "viz", "tracking", "prediction"):
         assert f"'mtp_bench.{part}'" not in done.stdout
 
 
@@ -224,14 +224,13 @@ def test_train_fits_the_training_split(cli: CommandLine, tmp_path: Path, card: s
     common = ("train", "motion-noise", "--env", card, "--data", training)
     printed = cli.ok(*common)
     fitted = tomllib.loads(printed)
-    assert list(fitted) == ["Small-pointrcnn-world"]
-    assert list(fitted["Small-pointrcnn-world"]) == ["car", "pedestrian"]
-    assert set(fitted["Small-pointrcnn-world"]["car"]) == {
-        "measurement", "jerkiness", "speed", "acceleration", "turn_rate",
-    }  # fmt: skip
+    assert list(fitted) == ["MTP-Small-v0-pointrcnn-world"]
+    assert list(fitted["MTP-Small-v0-pointrcnn-world"]) == ["car", "pedestrian"]
+    fields = {"measurement", "jerkiness", "speed", "acceleration"}
+    assert set(fitted["MTP-Small-v0-pointrcnn-world"]["car"]) == fields
     assert cli.ok(*common, "-o", tmp_path / "noise.toml") == ""
     assert (tmp_path / "noise.toml").read_text() == printed
-    assert list(tomllib.loads(cli.ok(*common, "--observe", "truth"))) == ["Small-truth-world"]
+    assert list(tomllib.loads(cli.ok(*common, "--observe", "truth"))) == ["MTP-Small-v0-truth-world"]
 
 
 def test_train_without_anything_to_fit(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
@@ -253,7 +252,7 @@ def test_the_progress_bar_keeps_to_the_error_stream_of_a_terminal(tmp_path: Path
     os.close(side)
     shown = os.read(terminal, 1 << 16).decode()
     os.close(terminal)
-    assert list(tomllib.loads(done.stdout)) == ["Small-pointrcnn-world"]
+    assert list(tomllib.loads(done.stdout)) == ["MTP-Small-v0-pointrcnn-world"]
     assert "1/1" in shown
 
 
