@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, settings
 
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import write_card, write_kitti
+from tests.support.stored_runs import write_events_run
 
 VARIABLE = "MTP_BENCH_DATA"
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -73,6 +74,18 @@ def kitti(tmp_path_factory: pytest.TempPathFactory) -> str:
 def card(tmp_path_factory: pytest.TempPathFactory) -> str:
     """Path of a card for them."""
     return write_card(tmp_path_factory.mktemp("card"))
+
+
+@pytest.fixture
+def known(card: str, kitti: str) -> list[str]:
+    """Options that every command on a run of the small card needs."""
+    return ["--env", card, "--data", kitti]
+
+
+@pytest.fixture(scope="session")
+def events_run(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> Path:
+    """A run whose events are known."""
+    return write_events_run(tmp_path_factory.mktemp("runs") / "drawn", card, kitti)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -58,9 +58,6 @@ def fit_scenes(scenes: Sequence[Scene], task: Task) -> dict[str, dict[str, Any]]
     return rows
 
 
-TURN_RATE = 0.1  # rad/s, prior of the turn-rate model; not fitted
-
-
 def as_toml(name: str, rows: dict[str, dict[str, Any]]) -> str:
     """The text of a stored condition."""
     lines = []

@@ -87,9 +87,7 @@ def test_a_manifest_that_is_wrong_is_one_sentence(folder: Path, cli: CommandLine
     assert "unknown submission 'nothing'" in cli("check", "nothing").error
 
 
-def test_what_only_the_gateway_sees(folder: Path, cli: CommandLine, tmp_path: Path) -> None:
-    outside = tmp_path / "weights.txt"
-    outside.write_text("3")
+def test_what_only_the_gateway_sees(folder: Path, cli: CommandLine) -> None:
     edit(folder, ACT, ACT + "        import os\n        if 'HOME' not in os.environ and 'PATH' not in os.environ or "
          "os.environ.get('CHECK_ME') is None:\n            raise RuntimeError('no environment')\n")  # fmt: skip
     with pytest.MonkeyPatch.context() as patch:

@@ -104,6 +104,9 @@ WRONG_USAGE = {
     "no seed": ["compare", "stp", "--env", "MTP-KITTI-v0", "--seeds", "0"],
     "negative seed": ["run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", "--seed", "-1"],
     "negative jobs": ["compare", "stp", "--env", "MTP-KITTI-v0", "--jobs", "-1"],
+    "unknown backend": ["run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", "--backend", "ray"],
+    "no scheduler": ["run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", "--backend", "dask"],
+    "no backend for it": ["run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", "--scheduler", "tcp://a:1"],
     "no folder": ["score"],
     "two folders": ["score", "one", "two"],
     "nothing known to fit": ["train", "motion-nosie", "--env", "MTP-KITTI-v0"],
@@ -223,12 +226,11 @@ def test_train_fits_the_training_split(cli: CommandLine, tmp_path: Path, card: s
     fitted = tomllib.loads(printed)
     assert list(fitted) == ["MTP-Small-v0-pointrcnn-world"]
     assert list(fitted["MTP-Small-v0-pointrcnn-world"]) == ["car", "pedestrian"]
-    assert set(fitted["MTP-Small-v0-pointrcnn-world"]["car"]) == {
-        "measurement", "jerkiness", "speed", "acceleration", "turn_rate",
-    }  # fmt: skip
+    fields = {"measurement", "jerkiness", "speed", "acceleration"}
+    assert set(fitted["MTP-Small-v0-pointrcnn-world"]["car"]) == fields
     assert cli.ok(*common, "-o", tmp_path / "noise.toml") == ""
     assert (tmp_path / "noise.toml").read_text() == printed
-    assert list(tomllib.loads(cli.ok(*common, "--observe", "truth"))) == ["Small-truth-world"]
+    assert list(tomllib.loads(cli.ok(*common, "--observe", "truth"))) == ["MTP-Small-v0-truth-world"]
 
 
 def test_train_without_anything_to_fit(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:

@@ -16,18 +16,7 @@ from mtp_bench.running.stored import run_and_store, score_stored
 from mtp_bench.scoring.score import KINDS as OWN_EVENTS
 from mtp_bench.viz.terminal.event_table import LONGEST, Shown
 from tests.support.command_line import CommandLine, read_json
-from tests.support.stored_runs import write_events_run, write_ghosts
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> Path:
-    return write_events_run(tmp_path_factory.mktemp("runs") / "drawn", card, kitti)
-
-
-@pytest.fixture
-def known(card: str, kitti: str) -> list[str]:
-    """Options that every command on the run needs."""
-    return ["--env", card, "--data", kitti]
+from tests.support.stored_runs import write_ghosts
 
 
 def rows_of(printed: str) -> list[list[str]]:
@@ -35,8 +24,8 @@ def rows_of(printed: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.split("│")[1:-1]] for line in printed.splitlines() if line.startswith("│")]
 
 
-def test_the_events_are_listed_by_scene_and_frame(cli: CommandLine, run: Path, known: list[str]) -> None:
-    printed = cli.ok("events", run, *known)
+def test_the_events_are_listed_by_scene_and_frame(cli: CommandLine, events_run: Path, known: list[str]) -> None:
+    printed = cli.ok("events", events_run, *known)
     assert [row[:9] for row in rows_of(printed)] == [
         ["0001", "4", "0.4 s", "ids-0", "7", "car", "7 → 8", "–", "2.00"],
         ["0001", "5", "0.5 s", "lost-0", "7", "car", "8 → –", "–", "2.00"],
@@ -49,11 +38,11 @@ def test_the_events_are_listed_by_scene_and_frame(cli: CommandLine, run: Path, k
     )
 
 
-def test_the_command_of_a_row_can_be_pasted(cli: CommandLine, run: Path, known: list[str]) -> None:
-    first = rows_of(cli.ok("events", run, *known))[0][-1]
+def test_the_command_of_a_row_can_be_pasted(cli: CommandLine, events_run: Path, known: list[str]) -> None:
+    first = rows_of(cli.ok("events", events_run, *known))[0][-1]
     words = shlex.split(first)
     assert words[:2] == ["mtp-bench", "view"]
-    assert words[2:] == [str(run), "--scene", "0001", "--at", "ids-0", "--data", known[3], "--env", known[1]]
+    assert words[2:] == [str(events_run), "--scene", "0001", "--at", "ids-0", "--data", known[3], "--env", known[1]]
     commands: Any = typer.main.get_command(app)
     commands.commands["view"].make_context("view", words[2:])  # parses and checks, runs nothing
 
@@ -64,19 +53,19 @@ def test_names_with_spaces_are_quoted() -> None:
     assert Shown("run").view("0001", "lost-2") == "mtp-bench view run --scene 0001 --at lost-2"
 
 
-def test_only_a_scene_or_a_kind(cli: CommandLine, run: Path, known: list[str]) -> None:
-    printed = cli.ok("events", run, *known, "--scene", "0006")
+def test_only_a_scene_or_a_kind(cli: CommandLine, events_run: Path, known: list[str]) -> None:
+    printed = cli.ok("events", events_run, *known, "--scene", "0006")
     assert [row[3] for row in rows_of(printed)] == ["spurious-0"]
     assert printed.splitlines()[-1].endswith("; 1 scene")
-    printed = cli.ok("events", run, *known, "--kind", "ids", "--kind", "lost")
+    printed = cli.ok("events", events_run, *known, "--kind", "ids", "--kind", "lost")
     assert [row[3] for row in rows_of(printed)] == ["ids-0", "lost-0"]
-    printed = cli.ok("events", run, *known, "--scene", "0008")
+    printed = cli.ok("events", events_run, *known, "--scene", "0008")
     assert rows_of(printed) == []
     assert printed.startswith("0 identity switches, 0 lost")
 
 
-def test_the_file_has_what_is_listed(cli: CommandLine, run: Path, known: list[str], tmp_path: Path) -> None:
-    cli.ok("events", run, *known, "--json", tmp_path / "a.json")
+def test_the_file_has_what_is_listed(cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path) -> None:
+    cli.ok("events", events_run, *known, "--json", tmp_path / "a.json")
     content = read_json(tmp_path / "a.json")
     assert (content["env"], content["agent"], content["scenes"]) == ("MTP-Small-v0", "drawn", 3)
     assert content["counts"] == {
@@ -115,26 +104,28 @@ WRONG = {
 
 @pytest.mark.parametrize(("arguments", "message"), WRONG.values(), ids=WRONG.keys())
 def test_one_clear_error(
-    arguments: list[str], message: str, cli: CommandLine, run: Path, known: list[str], tmp_path: Path,
+    arguments: list[str], message: str, cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
-    output = cli("events", run, *known, *arguments)
-    assert message.replace("RUN", str(run)) in output.error
+    output = cli("events", events_run, *known, *arguments)
+    assert message.replace("RUN", str(events_run)) in output.error
     assert output.out == ""
 
 
-def test_no_run_and_no_kind(cli: CommandLine, tmp_path: Path, run: Path) -> None:
+def test_no_run_and_no_kind(cli: CommandLine, tmp_path: Path, events_run: Path) -> None:
     assert "no run.json there" in cli("events", tmp_path).error
-    output = cli("events", run, "--kind", "switch")
+    output = cli("events", events_run, "--kind", "switch")
     assert output.status == 2
     assert "expected one of: ids, lost, reacquired, spurious" in " ".join(output.err.replace("│", " ").split())
 
 
-def test_a_run_for_another_card_is_refused(cli: CommandLine, run: Path, kitti: str, tmp_path: Path, card: str) -> None:
+def test_a_run_for_another_card_is_refused(
+    cli: CommandLine, events_run: Path, kitti: str, tmp_path: Path, card: str
+) -> None:
     other = Path(card).read_text().replace("miss_error = 2.0", "miss_error = 3.0")
     (tmp_path / Path(card).name).write_text(other)
-    error = cli("events", run, "--env", tmp_path / Path(card).name, "--data", kitti).error
+    error = cli("events", events_run, "--env", tmp_path / Path(card).name, "--data", kitti).error
     assert "run the agent again" in error
 
 

@@ -30,18 +30,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> P
     return folder / "run"
 
 
-@pytest.fixture
-def options(card: str, kitti: str) -> list[str]:
-    return ["--env", card, "--data", kitti]
-
-
-def test_a_recording_is_written(cli: CommandLine, folder: Path, options: list[str], tmp_path: Path) -> None:
+def test_a_recording_is_written(cli: CommandLine, folder: Path, known: list[str], tmp_path: Path) -> None:
     file = tmp_path / "a.rrd"
-    out = cli.ok("view", folder, *options, "--save", file)
+    out = cli.ok("view", folder, *known, "--save", file)
     assert "scene 0001; open it with `rerun" in " ".join(out.split())
     assert {"world/gt", "world/det", "world/forecast", "world/hyp/00/box"} <= set(read(file))
     assert [path.name for path in tmp_path.iterdir()] == ["a.rrd"]  # nothing half written beside it
-    out = cli.ok("view", folder, folder, *options, "--scene", "0006", "--level", "tracks", "--save", file)
+    out = cli.ok("view", folder, folder, *known, "--scene", "0006", "--level", "tracks", "--save", file)
     assert "scene 0006" in out
     entities = set(read(file))
     assert {"agents/echo/world/hyp/00/box", "agents/echo-2/world/hyp/00/box"} <= entities
@@ -59,14 +54,14 @@ def test_a_recording_is_written(cli: CommandLine, folder: Path, options: list[st
     ids=["scene", "event", "folder of the file", "display"],
 )
 def test_one_sentence_says_what_is_wrong(
-    arguments: list[str], text: str, cli: CommandLine, folder: Path, options: list[str], tmp_path: Path,
+    arguments: list[str], text: str, cli: CommandLine, folder: Path, known: list[str], tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    assert re.search(text, cli("view", folder, *options, *arguments).error)
+    assert re.search(text, cli("view", folder, *known, *arguments).error)
     assert not list(tmp_path.iterdir())
 
 
@@ -75,33 +70,33 @@ def test_one_sentence_says_what_is_wrong(
     [["--level", "most"], ["--save", "a.rrd", "--web"], ["--save", "a.mp4"]],
     ids=["level", "both", "suffix"],
 )
-def test_wrong_usage(arguments: list[str], cli: CommandLine, folder: Path, options: list[str]) -> None:
-    assert cli("view", folder, *options, *arguments).status == 2
+def test_wrong_usage(arguments: list[str], cli: CommandLine, folder: Path, known: list[str]) -> None:
+    assert cli("view", folder, *known, *arguments).status == 2
 
 
 def test_runs_of_other_cards_share_no_picture(
-    cli: CommandLine, folder: Path, options: list[str], kitti: str, tmp_path: Path
+    cli: CommandLine, folder: Path, known: list[str], kitti: str, tmp_path: Path
 ) -> None:
     run = load_run(folder)
     info = run.info.model_copy(update={"card_digest": "0" * 16})
     save_run(tmp_path / "other", info, run.rollouts)
-    error = cli("view", folder, tmp_path / "other", *options, "--save", tmp_path / "a.rrd").error
-    assert load_card(options[1]).digest in error
+    error = cli("view", folder, tmp_path / "other", *known, "--save", tmp_path / "a.rrd").error
+    assert load_card(known[1]).digest in error
     assert "0" * 16 in error
 
 
 def test_a_window_opens_at_the_event(
-    cli: CommandLine, folder: Path, options: list[str], monkeypatch: pytest.MonkeyPatch
+    cli: CommandLine, folder: Path, known: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     require_driver()
     with windows_without_a_screen(monkeypatch) as address:
-        cli.ok("view", folder, *options, "--at", "lost-0")
+        cli.ok("view", folder, *known, "--at", "lost-0")
         (recording,) = ViewerClient.connect(address).get_state().recordings
         assert (recording.current_timeline, recording.current_time) == ("frame", 3)
 
 
-def test_pages_are_served_on_this_machine_only(folder: Path, options: list[str]) -> None:
-    command = [sys.executable, "-u", "-m", "mtp_bench.commands.app", "view", str(folder), *options, "--web"]
+def test_pages_are_served_on_this_machine_only(folder: Path, known: list[str]) -> None:
+    command = [sys.executable, "-u", "-m", "mtp_bench.commands.app", "view", str(folder), *known, "--web"]
     environment = {**plain_environment(), "COLUMNS": "400"}
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as served:
         try:

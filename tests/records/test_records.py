@@ -53,23 +53,15 @@ def test_the_digest_is_of_the_content_not_of_the_file_or_the_level(tmp_path: Pat
     assert load_record(tmp_path / "a.json") == record
 
 
-def lower(content: dict[str, Any]) -> None:
-    content["rows"][0]["missing_aware"] -= 0.1
+CHANGES: dict[str, Callable[[dict[str, Any]], None]] = {
+    "error": lambda content: content["rows"][0].update(missing_aware=0.9),
+    "name": lambda content: content["submission"].update(name="other"),
+    "digest": lambda content: content.update(digest=""),
+    "status": lambda content: content.update(status="finished"),
+}
 
 
-def rename(content: dict[str, Any]) -> None:
-    content["submission"]["name"] = "other"
-
-
-def unsign(content: dict[str, Any]) -> None:
-    content["digest"] = ""
-
-
-def promote(content: dict[str, Any]) -> None:
-    content["status"] = "finished"
-
-
-@pytest.mark.parametrize("change", [lower, rename, unsign, promote])
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
 def test_a_changed_record_is_refused(change: Callable[[dict[str, Any]], None], tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     save_record(record_of(1.0, status="partial", status_reason="1 of 2 scenes"), path)

@@ -19,16 +19,15 @@ from mtp_bench.records.verifying import confirm
 from mtp_bench.running.opened import open_run
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run, save_run
-from tests.support.command_line import CommandLine, read_json
+from tests.support.command_line import CommandLine, read_json, write_submission
 from tests.support.small_scenes import CARD, CARD_ID, write_card
-from tests.support.stored_records import write_isolated
 
 TIMES = ("made", "hardware", "latency", "peak_memory_mib", "digest", "isolation")
 
 
 @pytest.fixture(scope="module")
 def submission(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_isolated(
+    return write_submission(
         tmp_path_factory.mktemp("submissions") / "echo",
         tables='training_data = ["drives"]\n[parameters]\nnoise = 0.1\n',
     )
@@ -256,7 +255,7 @@ def test_a_split_that_is_not_the_records_own_does_not_hold(path: Path, card: str
 
 
 def test_a_crash_is_a_record_and_an_error(cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:
-    folder = write_isolated(tmp_path / "bad", "bad", body="raise ValueError('tired')")
+    folder = write_submission(tmp_path / "bad", "bad", body="raise ValueError('tired')")
     output = cli("submit", folder, "--env", card, "--data", kitti, "--seeds", 1, "--jobs", 1, "-o", tmp_path / "out")
     assert output.error.startswith(f"{CARD_ID}: crashed: no scene was finished: ")
     assert "tired" in output.error
@@ -268,8 +267,8 @@ def test_a_crash_is_a_record_and_an_error(cli: CommandLine, card: str, kitti: st
 
 def test_a_lookup_table_of_coordinates_is_of_no_use(card: str, kitti: str, tmp_path: Path) -> None:
     """It answers only where it recognises the coordinates of the first frame: nowhere."""
-    lookup = write_isolated(tmp_path / "lookup", "lookup", body="if self.moved: return empty_action(self._task)")
-    silent = write_isolated(tmp_path / "silent", "silent", body="return empty_action(self._task)")
+    lookup = write_submission(tmp_path / "lookup", "lookup", body="if self.moved: return empty_action(self._task)")
+    silent = write_submission(tmp_path / "silent", "silent", body="return empty_action(self._task)")
     records = [
         submit(folder, card, RunOptions(kitti, seeds=(0, 1)), tmp_path / folder.name) for folder in (lookup, silent)
     ]

@@ -34,13 +34,8 @@ MTP = [("mtp", h, 4, "equal") for h in (5, 10, 20)] + [("mtp", h, 4 * h, "free")
 
 
 @pytest.fixture(scope="module")
-def card_path(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return write_card(tmp_path_factory.mktemp("card"))
-
-
-@pytest.fixture(scope="module")
-def card(card_path: str) -> Card:
-    return load_card(card_path)
+def loaded(card: str) -> Card:
+    return load_card(card)
 
 
 def settings_of(rows: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
@@ -52,19 +47,15 @@ def without_times(content: dict[str, Any]) -> dict[str, Any]:
     return {**content, "rows": [{k: v for k, v in row.items() if k != "ms_per_frame"} for row in content["rows"]]}
 
 
-def numbers(rows: list[dict[str, Any]], agent: str) -> list[dict[str, Any]]:
-    return [{k: v for k, v in row.items() if k != "ms_per_frame"} for row in rows if row["agent"] == agent]
-
-
 def written(cli: CommandLine, file: Path, card: str, kitti: str, *arguments: object) -> Any:
     cli.ok("compare", *arguments, "--env", card, "--data", kitti, "--seeds", 1, "--json", file)
     return read_json(file)
 
 
 def test_the_file_has_the_keys_that_others_script_against(
-    cli: CommandLine, tmp_path: Path, card_path: str, kitti: str
+    cli: CommandLine, tmp_path: Path, card: str, kitti: str
 ) -> None:
-    content = written(cli, tmp_path / "a.json", card_path, kitti, "stp", "mtp", "--jobs", 1)
+    content = written(cli, tmp_path / "a.json", card, kitti, "stp", "mtp", "--jobs", 1)
     assert list(content) == ["env", "definitions", "rows", "condition", "ranks", "paired", "details", "skipped"]
     assert (content["condition"]["split"], content["condition"]["detector"]) == ("val", "pointrcnn")
     assert (content["env"], content["definitions"], content["skipped"]) == ("MTP-Small-v0", "1.0", {})
@@ -79,8 +70,8 @@ def test_the_file_has_the_keys_that_others_script_against(
     assert everything["ms_per_frame"] > 0
 
 
-def test_what_is_undefined_is_null(cli: CommandLine, tmp_path: Path, card_path: str, kitti: str) -> None:
-    rows = written(cli, tmp_path / "a.json", card_path, kitti, "stp", "--jobs", 1)["rows"]
+def test_what_is_undefined_is_null(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
+    rows = written(cli, tmp_path / "a.json", card, kitti, "stp", "--jobs", 1)["rows"]
     stp = {row["subset"]: row for row in rows if row["agent"] == "stp"}
     nothing = ["minADE", "minFDE", "missing_aware", "energy_score", "coverage", "gap_closed", "interval"]
     assert {key: stp["ids"][key] for key in nothing} == dict.fromkeys(nothing)
@@ -92,19 +83,19 @@ def test_what_is_undefined_is_null(cli: CommandLine, tmp_path: Path, card_path: 
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_second_run_writes_the_same_but_for_the_time(
-    jobs: int, cli: CommandLine, tmp_path: Path, card_path: str, kitti: str
+    jobs: int, cli: CommandLine, tmp_path: Path, card: str, kitti: str
 ) -> None:
-    first = written(cli, tmp_path / "first.json", card_path, kitti, "stp", "mtp", "--jobs", 1)
-    again = written(cli, tmp_path / "again.json", card_path, kitti, "stp", "mtp", "--jobs", jobs)
+    first = written(cli, tmp_path / "first.json", card, kitti, "stp", "mtp", "--jobs", 1)
+    again = written(cli, tmp_path / "again.json", card, kitti, "stp", "mtp", "--jobs", jobs)
     assert without_times(again) == without_times(first)
 
 
 def test_a_folder_stands_beside_the_baselines_and_does_not_change_them(
-    cli: CommandLine, tmp_path: Path, card_path: str, kitti: str
+    cli: CommandLine, tmp_path: Path, card: str, kitti: str
 ) -> None:
     folder = write_submission(tmp_path / "mine")
-    alone = written(cli, tmp_path / "alone.json", card_path, kitti, "stp", "--jobs", 1)["rows"]
-    beside = written(cli, tmp_path / "beside.json", card_path, kitti, folder, "stp", folder, "--jobs", 1)["rows"]
+    alone = written(cli, tmp_path / "alone.json", card, kitti, "stp", "--jobs", 1)["rows"]
+    beside = written(cli, tmp_path / "beside.json", card, kitti, folder, "stp", folder, "--jobs", 1)["rows"]
     assert settings_of(alone) == CONTROLS
     assert settings_of(beside) == [*CONTROLS, ("echo", 2, 4, "equal")]  # it declares none and states two
     assert without_times({"rows": beside})["rows"][: len(alone)] == without_times({"rows": alone})["rows"]
@@ -113,21 +104,21 @@ def test_a_folder_stands_beside_the_baselines_and_does_not_change_them(
     assert echo["minADE"] > 0
 
 
-def test_more_seeds_are_more_draws_of_the_same_targets(card_path: str, kitti: str) -> None:
+def test_more_seeds_are_more_draws_of_the_same_targets(card: str, kitti: str) -> None:
     runs = [RunOptions(kitti, seeds=seeds) for seeds in ((0,), (1,), (0, 1))]
-    one, other, both = (compare([], card_path, options).report.to_json()["rows"] for options in runs)
-    pair = [numbers(rows, "stp")[0] for rows in (one, other, both)]
+    one, other, both = (compare([], card, options).report.to_json()["rows"] for options in runs)
+    pair = [next(row for row in rows if row["agent"] == "stp") for rows in (one, other, both)]
     assert [row["targets"] for row in pair] == [24, 24, 24]
     assert pair[0]["missing_aware"] != pair[1]["missing_aware"]
     mean = (pair[0]["missing_aware"] + pair[1]["missing_aware"]) / 2
     assert pair[2]["missing_aware"] == pytest.approx(mean)
 
 
-def test_fewer_scenes_are_the_first_ones(card_path: str, kitti: str) -> None:
+def test_fewer_scenes_are_the_first_ones(card: str, kitti: str) -> None:
     done: list[str] = []
     total: list[int] = []
     options = RunOptions(kitti, scenes=1, progress=Progress(total.append, done.append))
-    result = compare([], card_path, options)
+    result = compare([], card, options)
     assert set(done) == {"0001"}
     assert total == [len(CONTROLS)] == [len(done)]
     row = result.report.to_json()["rows"][0]
@@ -136,24 +127,24 @@ def test_fewer_scenes_are_the_first_ones(card_path: str, kitti: str) -> None:
         RunOptions(kitti, scenes=0)
 
 
-def test_a_control_is_not_run_twice(card_path: str, kitti: str) -> None:
+def test_a_control_is_not_run_twice(card: str, kitti: str) -> None:
     options = RunOptions(kitti, scenes=1)
-    rows = compare(["stp", "stp_hedged", "stp"], card_path, options).report.to_json()["rows"]
+    rows = compare(["stp", "stp_hedged", "stp"], card, options).report.to_json()["rows"]
     assert settings_of(rows) == CONTROLS
 
 
 @pytest.mark.parametrize("names", [["echo", "echo"], ["stp"]], ids=["each other", "a baseline"])
-def test_two_submissions_of_one_name_are_refused(names: list[str], tmp_path: Path, card_path: str, kitti: str) -> None:
+def test_two_submissions_of_one_name_are_refused(names: list[str], tmp_path: Path, card: str, kitti: str) -> None:
     folders = [str(write_submission(tmp_path / str(i), name, body="1 / 0")) for i, name in enumerate(names)]
     with pytest.raises(MtpBenchError, match=f"two submissions are called '{names[0]}': .*give them different names"):
-        compare(folders, card_path, RunOptions(kitti))
+        compare(folders, card, RunOptions(kitti))
 
 
-def test_the_events_of_another_agent_define_the_subsets_on_demand(tmp_path: Path, card_path: str, kitti: str) -> None:
+def test_the_events_of_another_agent_define_the_subsets_on_demand(tmp_path: Path, card: str, kitti: str) -> None:
     # its tracks are the detections: identities change with every row
     folder = str(write_submission(tmp_path / "mine"))
-    own = compare([], card_path, RunOptions(kitti))
-    other = compare([], card_path, RunOptions(kitti), reference=folder)
+    own = compare([], card, RunOptions(kitti))
+    other = compare([], card, RunOptions(kitti), reference=folder)
     rows = other.report.to_json()["rows"]
     assert settings_of(rows) == [*CONTROLS, ("echo", 2, 4, "equal")]  # it declares none and states two
     assert (own.reference.subsets.reference, other.reference.subsets.reference) == ("stp", "echo")
@@ -163,9 +154,9 @@ def test_the_events_of_another_agent_define_the_subsets_on_demand(tmp_path: Path
     assert events[0] != events[1]
 
 
-def test_the_reference_is_taken_with_its_own_parameters(card_path: str, kitti: str) -> None:
-    result = compare([], card_path, RunOptions(kitti), reference="mtp")
-    alone = compare([], card_path, RunOptions(kitti), reference="stp")
+def test_the_reference_is_taken_with_its_own_parameters(card: str, kitti: str) -> None:
+    result = compare([], card, RunOptions(kitti), reference="mtp")
+    alone = compare([], card, RunOptions(kitti), reference="stp")
     assert result.reference.subsets.reference == "mtp"
     details = {(d.agent, d.hypotheses, d.budget): d.own_events for d in result.report.details}
     row = next(row for row in result.report.to_json()["rows"] if row["subset"] == "lost")
@@ -182,10 +173,10 @@ def test_a_card_may_name_another_reference(tmp_path: Path, kitti: str) -> None:
         compare([], wrong, RunOptions(kitti, scenes=1))
 
 
-def test_an_ideal_agent_is_fed_the_truth_and_never_ranked(card: Card) -> None:
-    (first, *_) = expand(load_submission("truth_past"), card)
+def test_an_ideal_agent_is_fed_the_truth_and_never_ranked(loaded: Card) -> None:
+    (first, *_) = expand(load_submission("truth_past"), loaded)
     assert first.ideal
-    assert not expand(load_submission("stp"), card)[0].ideal
+    assert not expand(load_submission("stp"), loaded)[0].ideal
 
 
 H = '[compare]\nhypotheses = "hypotheses"\n'
@@ -233,26 +224,26 @@ SWEEPS: dict[str, tuple[str, list[tuple[Any, ...]]]] = {
 
 
 @pytest.mark.parametrize(("tables", "expected"), SWEEPS.values(), ids=SWEEPS.keys())
-def test_the_settings_of_a_submission(tables: str, expected: list[Any], tmp_path: Path, card: Card) -> None:
-    settings = expand(load_submission(write_submission(tmp_path / "mine", tables=tables)), card)
+def test_the_settings_of_a_submission(tables: str, expected: list[Any], tmp_path: Path, loaded: Card) -> None:
+    settings = expand(load_submission(write_submission(tmp_path / "mine", tables=tables)), loaded)
     assert [(s.label, s.hypotheses, s.samples, s.budget) for s in settings] == expected
 
 
-def test_swept_values_reach_the_agent_and_its_env(tmp_path: Path, card: Card) -> None:
+def test_swept_values_reach_the_agent_and_its_env(tmp_path: Path, loaded: Card) -> None:
     tables = "[parameters]\nnoise = 0.5\n" + H + 'sweep = {hypotheses = [2, 9]}\nbudgets = ["free"]'
-    small, large = expand(load_submission(write_submission(tmp_path / "mine", tables=tables)), card)
+    small, large = expand(load_submission(write_submission(tmp_path / "mine", tables=tables)), loaded)
     assert small.parameters == {"noise": 0.5, "hypotheses": 2}
-    assert small.env_keywords(card) == {"samples": 8}
-    assert large.env_keywords(card) == {"samples": 36, "hypotheses": 9}  # the card has 3
-    assert replace(large, hypotheses=3).env_keywords(card) == {"samples": 36}
+    assert small.env_keywords(loaded) == {"samples": 8}
+    assert large.env_keywords(loaded) == {"samples": 36, "hypotheses": 9}  # the card has 3
+    assert replace(large, hypotheses=3).env_keywords(loaded) == {"samples": 36}
 
 
 @pytest.mark.parametrize("value", ['"many"', "2.0", "true", "0", "-1"])
 @pytest.mark.parametrize("name", ["hypotheses", "draws"])
-def test_counts_that_are_none_are_refused(name: str, value: str, tmp_path: Path, card: Card) -> None:
+def test_counts_that_are_none_are_refused(name: str, value: str, tmp_path: Path, loaded: Card) -> None:
     tables = f'[compare]\n{name} = "{name}"\nsweep = {{{name} = [{value}]}}\nbudgets = ["equal", "free"]'
     with pytest.raises(SubmissionError, match=f"echo: parameter '{name}' is .*, expected a whole number of at least 1"):
-        expand(load_submission(write_submission(tmp_path / "mine", tables=tables)), card)
+        expand(load_submission(write_submission(tmp_path / "mine", tables=tables)), loaded)
 
 
 @pytest.mark.data

@@ -28,7 +28,6 @@ from mtp_bench.types import Task
 from tests.running.test_runner import make_failing
 from tests.support.command_line import CommandLine, read_json, write_submission
 from tests.support.small_scenes import Action, EchoAgent, make_noisy
-from tests.support.stored_records import write_isolated
 
 NAMES = ["0006", "0001", "0008"]
 distributed_untyped: Any = distributed
@@ -97,7 +96,7 @@ def test_a_killed_worker_loses_nothing(cluster: Any, card: str, kitti: str) -> N
 
 
 def test_a_submission_loses_nothing_with_a_worker(cluster: Any, card: str, kitti: str, tmp_path: Path) -> None:
-    folder = write_isolated(tmp_path / "echo", body="__import__('time').sleep(0.02)")
+    folder = write_submission(tmp_path / "echo", body="__import__('time').sleep(0.02)")
     with distributed_untyped.Client(cluster, set_as_default=False) as client:
         client.wait_for_workers(2)
         first = next(iter(client.run(os.getpid).values()))
@@ -186,12 +185,3 @@ def test_a_scheduler_without_workers(monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.raises(MtpBenchError, match="has no workers: start some with `dask worker tcp://"),
     ):
         list(_cluster_map(np.add, [(1, 2)], cluster.scheduler_address))
-
-
-@pytest.mark.parametrize(
-    "arguments", [["--backend", "ray"], ["--backend", "dask"], ["--scheduler", "tcp://a:1"]], ids=str
-)
-def test_wrong_usage(arguments: list[str], cli: CommandLine) -> None:
-    output = cli("run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", *arguments)
-    assert output.status == 2
-    assert "Usage: mtp-bench run" in output.err

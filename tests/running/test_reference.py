@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,18 +20,10 @@ from mtp_bench.running.reference import find_reference, freeze, frozen_path, fro
 from mtp_bench.running.run import jobs_of, run_jobs
 from mtp_bench.scoring import read_reference, score_scene, write_reference
 from mtp_bench.submission import load_submission
-from tests.support.command_line import CommandLine, ship, write_submission
+from tests.support.command_line import CommandLine, write_submission
 from tests.support.small_scenes import CARD, write_card, write_kitti
 
 KINDS = ("ids", "lost", "reacquired")
-
-
-@pytest.fixture
-def shipped(tmp_path: Path, repository: Path, card: str) -> Iterator[str]:
-    """Id of the small card, which ships with a bundle of its own, without frozen subsets."""
-    patch = ship(tmp_path / "bundle", repository, card)
-    yield Path(card).stem
-    patch.undo()
 
 
 def content(env_id: str) -> Any:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,8 @@ from mtp_bench.running.compare import compare
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run
 from mtp_bench.running.stored import run_and_store, score_stored
-from tests.support.command_line import CommandLine, plain_environment, read_json, ship, write_submission
+from tests.running.test_rollout_files import edit_json
+from tests.support.command_line import CommandLine, plain_environment, read_json, write_submission
 from tests.support.small_scenes import CARD, write_card, write_kitti
 
 
@@ -35,14 +37,6 @@ def finished(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) ->
 def folder(finished: Path, tmp_path: Path) -> Path:
     """A copy of the run, to be changed."""
     return Path(shutil.copytree(finished, tmp_path / "run"))
-
-
-@pytest.fixture
-def shipped(tmp_path: Path, repository: Path, card: str) -> Iterator[str]:
-    """Id of the small card, which ships with a bundle of its own."""
-    patch = ship(tmp_path / "bundle", repository, card)
-    yield Path(card).stem
-    patch.undo()
 
 
 def without_times(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -123,34 +117,23 @@ def test_a_folder_of_the_user_is_run_like_a_baseline(cli: CommandLine, tmp_path:
     assert (run.info.agent, [rollout.scene for rollout in run.rollouts]) == ("echo", ["0001", "0006"])
 
 
-def edit(change: Callable[[Any], Any]) -> Callable[[Path], None]:
-    """Change the content of run.json."""
-
-    def apply(folder: Path) -> None:
-        content = json.loads((folder / "run.json").read_text())
-        content = change(content) or content
-        (folder / "run.json").write_text(json.dumps(content))
-
-    return apply
-
-
 CHANGES: dict[str, tuple[Callable[[Path], Any], str]] = {  # what a file may hold: tests of rollouts
     "npz missing": (lambda folder: (folder / "0006.npz").unlink(), "0006.npz is missing"),
     "fewer samples than stored": (
-        edit(lambda content: content["info"].update(samples=3)),
+        edit_json(lambda content: content["info"].update(samples=3)),
         "says 3 samples per object, scene '0001' has 4",
     ),
     "a scene twice": (
-        edit(lambda content: content["scenes"].append(content["scenes"][0])),
+        edit_json(lambda content: content["scenes"].append(content["scenes"][0])),
         "names scene '0001' 2 times, expected once",
     ),
-    "no scene": (edit(lambda content: content["scenes"].clear()), "has no scored scene"),
+    "no scene": (edit_json(lambda content: content["scenes"].clear()), "has no scored scene"),
     "hypotheses in words": (
-        edit(lambda content: content["info"].update(hypotheses="many")),
+        edit_json(lambda content: content["info"].update(hypotheses="many")),
         "info.hypotheses: got 'many'",
     ),
     "another card": (
-        edit(lambda content: content["info"].update(card_digest="0" * 16)),
+        edit_json(lambda content: content["info"].update(card_digest="0" * 16)),
         "made for MTP-Small-v0 with card digest 0000000000000000, .*run the agent again",
     ),
 }
@@ -163,13 +146,8 @@ def test_a_changed_run_is_one_clear_error(
     file = tmp_path / "a.json"
     cli.ok("score", folder, "--data", kitti, "--env", card)
     change(folder)
-    assert_matches(message, cli("score", folder, "--data", kitti, "--env", card, "--json", file).error)
+    assert re.search(message, cli("score", folder, "--data", kitti, "--env", card, "--json", file).error)
     assert not file.exists()
-
-
-def assert_matches(pattern: str, text: str) -> None:
-    with pytest.raises(ValueError, match=pattern):
-        raise ValueError(text)
 
 
 def test_a_run_for_another_version_of_the_card(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,8 @@ from hypothesis import strategies as st
 from mtp_bench.errors import ShapeError
 from mtp_bench.scoring import end_to_end_accuracy, find_targets, forecast_average_precision, frame_error, score_scene
 from mtp_bench.scoring.forecasts import match_objects
-from mtp_bench.types import Rollout, Scene
-from tests.support.scoring_scenes import CAR, WALKER, Thing, at, make_card, make_rollout, make_scene, random_case
+from mtp_bench.types import Scene
+from tests.support.scoring_scenes import WALKER, Thing, make_card, make_rollout, make_scene, random_case
 
 CARD = make_card(past=2, future=3, samples=1)
 
@@ -73,6 +74,7 @@ SEEN = (car(0.5, forecast=[[[1, 0]] * 3]), Thing(2, 30, 0, class_id=WALKER, fore
 
 ERRORS: dict[str, tuple[Scene, Sequence[Thing], float]] = {
     "both covered": (still(*TARGETS), SEEN, (1 + 3) / 2),
+    "a perfect answer": (still(*TARGETS), tuple(replace(i, forecast=[[[i.x, 0]] * 3]) for i in TARGETS), 0.0),
     "car missing": (still(*TARGETS), SEEN[1:], (10 + 3) / 2),
     "nothing said": (still(*TARGETS), (), (10 + 4) / 2),
     "worse than missing is capped": (still(*TARGETS), (car(0, forecast=[[[99, 0]] * 3]), SEEN[1]), (10 + 3) / 2),
@@ -120,22 +122,6 @@ def test_frames_add_up_to_the_scene(seed: int) -> None:
     assert total == pytest.approx(score.capped.sum() + score.false_error)
 
 
-def test_a_perfect_answer_costs_nothing() -> None:
-    scene = still(*TARGETS)
-    score = score_scene(scene, perfect(scene), CARD)
-    assert score.capped.tolist() == [0.0, 0.0]
-    assert score.false_error == 0.0
-
-
-def perfect(scene: Scene) -> Rollout:
-    objects = [
-        [at(int(i), b, class_id=int(c), forecast=np.tile(b[:2], (1, 3, 1)))
-         for i, b, c in zip(scene.truth.object_id[r], scene.truth.box[r], scene.truth.class_id[r], strict=True)]
-        for r in map(scene.truth.rows, range(scene.frames))
-    ]  # fmt: skip
-    return make_rollout(objects, objects)
-
-
 # ---- EPA and AP_f
 
 
@@ -174,8 +160,3 @@ def test_average_precision_of_nothing_and_of_nonsense() -> None:
         forecast_average_precision([True, True], [0.1, 0.2], 1)
     with pytest.raises(ShapeError, match=r"correct has shape \(1,\) and score \(2,\)"):
         forecast_average_precision([True], [0.1, 0.2], 1)
-
-
-def test_class_constants_are_the_cards() -> None:
-    assert CARD.task.classes[CAR] == "car"
-    assert CARD.task.classes[WALKER] == "pedestrian"

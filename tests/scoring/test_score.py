@@ -228,6 +228,12 @@ def test_samples_worth_more_than_fewer_on_the_curve(seed: int) -> None:
 # ---- by hand
 
 
+def scored(truth: list[Any], tracks: list[Any], log_weight: Any = None, hypotheses: int = 1) -> SceneScore:
+    """The score of tracks, where one future frame makes a target."""
+    rollout = make_rollout(tracks, log_weight=log_weight, hypotheses=hypotheses, future=1)
+    return score_scene(make_scene(truth), rollout, make_card(future=1))
+
+
 def test_counts_of_the_best_hypothesis() -> None:
     truth = [[Thing(1, 0, 0), Thing(2, 50, 0, neutral=True)]] * 4
     tracks = [
@@ -237,9 +243,7 @@ def test_counts_of_the_best_hypothesis() -> None:
         [Thing(5, 9, 0, hypotheses=(0, 1))],
     ]
     weight = [[-1, -2]] * 4
-    score = score_scene(
-        make_scene(truth), make_rollout(tracks, log_weight=weight, hypotheses=2, future=1), make_card(future=1)
-    )
+    score = scored(truth, tracks, weight, 2)
     counts = score.counts
     assert counts.truth.tolist() == [4, 0, 0]
     assert (counts.tp[0], counts.fp[0], counts.fn[0], counts.ids[0], counts.frag[0]) == (3, 2, 1, 1, 0)
@@ -255,7 +259,7 @@ def test_sticky_counts_and_frame_events_differ_where_they_should() -> None:
     # track 2 comes nearer than track 1, which stays inside the gate
     truth = [[Thing(1, 0, 0)]] * 4
     tracks = [[Thing(1, 0.1, 0)]] * 2 + [[Thing(1, 1.5, 0), Thing(2, 0.1, 0)]] * 2
-    score = score_scene(make_scene(truth), make_rollout(tracks, future=1), make_card(future=1))
+    score = scored(truth, tracks)
     assert score.counts.ids[0] == 0
     assert len(score.events["ids"]) == 1
 
@@ -263,7 +267,7 @@ def test_sticky_counts_and_frame_events_differ_where_they_should() -> None:
 def test_a_track_without_a_class_fits_every_class() -> None:
     truth = [[Thing(1, 0, 0, class_id=1)]] * 4
     tracks = [[Thing(3, 0.1, 0, class_id=-1), Thing(4, 30, 0, class_id=-1)]] * 4
-    score = score_scene(make_scene(truth), make_rollout(tracks, future=1), make_card(future=1))
+    score = scored(truth, tracks)
     assert score.counts.tp.tolist() == [0, 4, 0]
     assert score.counts.fp.tolist() == [0, 0, 4]
 
@@ -275,11 +279,9 @@ def test_own_events_are_those_of_the_best_hypothesis_wherever_it_stands() -> Non
         [Thing(1, 0, 0, hypotheses=(0,)), Thing(2, 0, 0, hypotheses=(1,)), Thing(1, 50, 0, hypotheses=(2,))],
         [Thing(1, 0, 0, hypotheses=(0,)), Thing(2, 0, 0, hypotheses=(1,)), Thing(1, 50, 0, hypotheses=(2,))],
     ]
-    scene = make_scene([[Thing(1, 0, 0)]] * 4)
     for best, switched, lost in ((0, False, False), (1, True, False), (2, False, True)):
         weight = np.where(np.arange(3) == best, -0.1, -3.0) * np.ones((4, 1))
-        rollout = make_rollout(tracks, log_weight=weight, hypotheses=3, future=1)
-        score = score_scene(scene, rollout, make_card(future=1))
+        score = scored([[Thing(1, 0, 0)]] * 4, tracks, weight, 3)
         assert (score.own_ids.tolist(), score.own_frag.tolist()) == ([False, switched], [False, lost])
         assert len(score.events["wrong"]) == lost
         assert not score.all_h_ids.any()
@@ -288,9 +290,7 @@ def test_own_events_are_those_of_the_best_hypothesis_wherever_it_stands() -> Non
 def test_absent_hypotheses_have_no_say_in_what_every_hypothesis_has() -> None:
     tracks = [[Thing(1, 0, 0, hypotheses=(0, 1))]] * 2 + [[Thing(2, 0, 0, hypotheses=(0,))], []]
     weight = [[-1.0, -1.0], [-1.0, -1.0], [0.0, -np.inf], [0.0, -np.inf]]
-    scene = make_scene([[Thing(1, 0, 0)]] * 5)
-    rollout = make_rollout([*tracks, []], log_weight=[*weight, weight[-1]], hypotheses=2, future=1)
-    score = score_scene(scene, rollout, make_card(future=1))
+    score = scored([[Thing(1, 0, 0)]] * 5, [*tracks, []], [*weight, weight[-1]], 2)
     assert score.all_h_ids.tolist() == [False, True, False]
     assert score.all_h_frag.tolist() == [False, False, True]
 
@@ -299,7 +299,7 @@ def test_a_neutral_box_is_left_to_the_track_that_fits_nothing_else() -> None:
     # track 3 lies nearest to the neutral box but belongs to the evaluated one, track 4 is left over for the neutral one
     truth = [[Thing(1, 0, 0), Thing(2, 1.5, 0, neutral=True)]] * 4
     tracks = [[Thing(3, 1.0, 0), Thing(4, 3.0, 0)]] * 4
-    score = score_scene(make_scene(truth), make_rollout(tracks, future=1), make_card(future=1))
+    score = scored(truth, tracks)
     assert score.counts.fp.sum() == score.counts.false_positives == score.counts.false_tracks == 0
     assert len(score.truth_key) == score.counts.truth.sum() == 4
 
@@ -311,9 +311,7 @@ def test_events_in_every_hypothesis() -> None:
     one = [*switch, [Thing(2, 0, 0, hypotheses=(0,)), Thing(1, 0, 0, hypotheses=(1,))], [], []]
     for tracks, everywhere in ((both, True), (one, False)):
         weight = [[-1.0, -2.0]] * 5
-        score = score_scene(
-            make_scene(truth), make_rollout(tracks, log_weight=weight, hypotheses=2, future=1), make_card(future=1)
-        )
+        score = scored(truth, tracks, weight, 2)
         assert score.own_ids.tolist() == [False, True, False]
         assert score.all_h_ids.tolist() == [False, everywhere, False]
         assert score.own_frag.tolist() == score.all_h_frag.tolist() == [False, False, True]
@@ -327,12 +325,6 @@ def test_iou_gate() -> None:
     assert score.counts.cost[0] == pytest.approx(2 * 0.4)
     assert len(score.events["lost"]) == 1
     assert len(score.events["wrong"]) == 1
-
-
-def test_an_empty_scene() -> None:
-    score = score_scene(make_scene([[]] * 3), make_rollout([[]] * 3, samples=4), CARD)
-    assert len(score) == 0
-    assert score.false_forecasts.tolist() == [0, 0, 0]
 
 
 def wrong(**changes: Any) -> tuple[Scene, Rollout]:

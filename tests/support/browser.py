@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import contextlib
 import json
 import shutil
@@ -72,10 +71,6 @@ class Browser:
     def devtools(self, command: str, **parameters: object) -> Any:
         """Send a command of the DevTools protocol."""
         return self._post("goog/cdp/execute", {"cmd": command, "params": parameters})
-
-    def screenshot(self, path: Path) -> None:
-        """Write the visible part of the page as PNG."""
-        path.write_bytes(base64.b64decode(_call(f"{self._session}/screenshot")))
 
     def console(self) -> list[str]:
         """Messages of the console since the last call, of every level."""

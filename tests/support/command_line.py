@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
 import shutil
@@ -13,12 +14,22 @@ from typing import Any, NoReturn
 import pytest
 
 from mtp_bench.commands.app import main
+from tests.support.small_scenes import EchoAgent, empty_action
 
+IMPORTS = """from __future__ import annotations
+from dataclasses import dataclass
+from typing import Any
+import numpy as np
+"""
 AGENT = """
-from tests.support.small_scenes import EchoAgent
-
 class Agent(EchoAgent):
+    def reset(self, task):
+        super().reset(task)
+        self.moved = None
+
     def act(self, observation):
+        if self.moved is None:
+            self.moved = bool(np.abs(observation["ego_pose"][[0, 1, 3]]).max() > 1e-6)
         {body}
         return super().act(observation)
 
@@ -89,11 +100,15 @@ def read_json(path: Path) -> Any:
 
 
 def write_submission(folder: Path, name: str = "echo", tables: str = "", body: str = "pass") -> Path:
-    """A submission that answers with the detections themselves; ``body`` runs in every frame before."""
+    """A submission that answers with the detections themselves and needs nothing of the tests.
+
+    ``body`` runs in every frame before.
+    """
     folder.mkdir(parents=True)
     manifest = f'name = "{name}"\nauthors = ["A. Author"]\nagent = "agent:build"\n{tables}'
     (folder / "submission.toml").write_text(manifest)
-    (folder / "agent.py").write_text(AGENT.format(body=body))
+    source = [inspect.getsource(part) for part in (empty_action, EchoAgent)]
+    (folder / "agent.py").write_text("\n\n".join([IMPORTS, *source, AGENT.format(body=body)]))
     return folder
 
 

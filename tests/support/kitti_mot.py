@@ -69,7 +69,6 @@ class Counts:
     """Sums over frames and scenes."""
 
     truth: int = 0
-    hits: int = 0
     misses: int = 0
     false: int = 0
     switches: int = 0
@@ -115,7 +114,6 @@ def count_scene(name: str, frames: int, truth: Annotations, tracks: TrackRows, c
         areas = truth.labels.image_box[(kind == "DontCare") & (truth.labels.frame == t)]
         counts.false += int((free & ~excused(here.image_box, areas)).sum())
         counts.truth += int((~ignored[now]).sum())
-        counts.hits += int((hit & ~ignored[now]).sum())
         counts.misses += int((~hit & ~ignored[now]).sum())
         ids = np.where(hit, np.append(here.track_id, -1)[column], -1)
         for row, track_id in zip(now, ids.tolist(), strict=True):

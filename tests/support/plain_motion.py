@@ -30,11 +30,6 @@ class MotionState:
     covariance: Floats  # [N, 2, 2] of position and velocity along each axis
     variance: Floats  # [N] of yaw, l, w, h
 
-    @property
-    def box(self) -> Floats:
-        """Boxes of the tracks, [N, 7]."""
-        return self.mean[:, :7]
-
     def take(self, index: Ints) -> MotionState:
         """Rows ``index`` of the state."""
         return MotionState(self.mean[index], self.covariance[index], self.variance[index])
@@ -50,15 +45,6 @@ def born(box: Floats, velocity: Floats | None = None, dt: float = 1.0) -> Motion
         np.full(n, POSITION_VARIANCE_AT_BIRTH),
     )
     return state if velocity is None else _with_velocity(state, velocity, dt)
-
-
-def joined(first: MotionState, second: MotionState) -> MotionState:
-    """The rows of both."""
-    return MotionState(
-        np.concatenate([first.mean, second.mean]),
-        np.concatenate([first.covariance, second.covariance]),
-        np.concatenate([first.variance, second.variance]),
-    )
 
 
 def predicted(state: MotionState) -> MotionState:

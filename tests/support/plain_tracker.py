@@ -1,203 +1,169 @@
-"""The tracker in plain NumPy, to compare with."""
+"""The tracker written from its description alone, with textbook matrices and one track at a time, to compare with."""
 
 from __future__ import annotations
 
-from collections import deque
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mtp_bench.agent import Observation, Tracks
 from mtp_bench.tracking.parameters import ab3dmot_parameters
-from mtp_bench.types import Bools, Floats, Ints, Task
-from tests.support import plain_motion as motion
+from mtp_bench.types import Floats, Ints, Task
 from tests.support.plain_affinity import gains
 from tests.support.textbook_k_best import k_best
 
-
-class _Seen(NamedTuple):
-    """The detections of a frame."""
-
-    box: Floats  # [D, 7]
-    class_id: Ints  # [D]
-    score: Floats  # [D]
-    velocity: Floats | None  # [D, 2] m/s; None: not measured
-
-    def velocity_of(self, detection: Ints) -> Floats | None:
-        """Velocities of some detections."""
-        return None if self.velocity is None else self.velocity[detection]
+MOVE = np.eye(10) + np.eye(10, k=7)  # x += vx, y += vy, z += vz
+PROCESS = np.diag([1.0] * 7 + [0.01] * 3)
+AT_BIRTH = np.diag([10.0] * 7 + [10_000.0] * 3)
+VELOCITY_DEVIATION = 0.5  # m/s
 
 
 @dataclass(frozen=True, eq=False)
-class _Leaves:
-    """Distinct track states after a frame: one layer of the tree."""
+class _Leaf:
+    """A track as one or more hypotheses have it after a frame."""
 
-    state: motion.MotionState
-    class_id: Ints  # [N]
-    track_id: Ints  # [N]
-    hits: Ints  # [N] detections taken so far
-    score: Floats  # [N] sum of their scores
-    age: Ints  # [N] frames since the last one
-    detection: Ints  # [N] taken in this frame, -1 none
-    measured: Floats  # [N, 7] that detection's box (the state's where none was taken)
-    parent: Ints  # [N] leaf of the frame before, -1 at birth
+    track_id: int
+    class_id: int
+    mean: Floats  # [10] x y z yaw l w h vx vy vz per frame
+    covariance: Floats  # [10, 10]
+    hits: int = 0
+    score: float = 0.0  # sum over the detections taken
+    age: int = 0  # frames since the last one
+    detection: int = -1
+    past: tuple[tuple[bool, Floats], ...] = ()  # whether a detection was taken, and its box (else the track's)
 
 
 class PlainTracker:
-    """AB3DMOT's filter and life cycle with the ``hypotheses`` best global associations."""
+    """AB3DMOT by the book with the ``hypotheses`` best global associations.
 
-    def __init__(self, hypotheses: int = 1) -> None:
+    ``greedy`` asks for greedy assignment where the parameters say so, which works with one hypothesis.
+    """
+
+    def __init__(self, hypotheses: int = 1, greedy: bool = False) -> None:
         self._hypotheses = hypotheses
+        self._greedy = greedy
 
     def reset(self, task: Task) -> None:
         """Forget everything."""
-        self._parameters = ab3dmot_parameters(task.detector, task.classes)
-        self._min_hits = np.array([p.min_hits for p in self._parameters])
-        self._velocity, self._dt = task.velocity, task.dt
-        self._max_age = np.array([p.max_age for p in self._parameters])
-        self._frame = 0
-        self._next_id = 0
-        self._leaves = _no_leaves()
-        self._member = np.ones((1, 0), dtype=bool)  # [H, N]
+        self._task, self._parameters = task, ab3dmot_parameters(task.detector, task.classes)
+        self._frame = self._born = 0
+        self._leaves: list[_Leaf] = []
+        self._held: list[list[int]] = [[]]  # leaves of each hypothesis
         self._cost = np.zeros(1)  # [H]
-        self._layers: deque[_Leaves] = deque(maxlen=task.past)
 
     def step(self, observation: Observation) -> Tracks:
         """Tracks to output after this frame: hit often enough, and not unseen for too long."""
-        seen = _seen(observation, self._velocity)
+        valid = np.asarray(observation["detection_valid"]).astype(bool)
+        seen = {
+            name: np.asarray(value, dtype=int if name == "detection_class" else np.float64)[valid]
+            for name, value in observation.items()
+            if name.startswith("detection_")
+        }
         self._frame += 1
-        before = self._leaves
-        ahead = motion.predicted(before.state)
-        gain = gains(ahead.box, before.class_id, seen.box, seen.class_id, self._parameters)
-        cost, column, parent = k_best(-gain, self._hypotheses, self._member, self._cost)
+        ahead = [_predicted(leaf) for leaf in self._leaves]
+        column, parent = self._associate(ahead, seen["detection_box"], seen["detection_class"])
         self._grow(ahead, column, parent, seen)
-        self._cost = cost - cost[0]
-        self._merge_equal()
-        self._layers.append(self._leaves)
         return self._output()
 
-    def _grow(self, ahead: motion.MotionState, column: Ints, parent: Ints, seen: _Seen) -> None:
-        """Replace the leaves by the distinct children of the new hypotheses.
+    def _associate(self, ahead: list[_Leaf], box: Floats, box_class: Ints) -> tuple[Ints, Ints]:
+        """Detection of each leaf and parent of the new hypotheses, cheapest first; their costs are kept."""
+        class_id = np.array([leaf.class_id for leaf in ahead], dtype=int)
+        mean = np.reshape([leaf.mean[:7] for leaf in ahead], (-1, 7))
+        gain = gains(mean, class_id, box, box_class, self._parameters)
+        if self._greedy:
+            chosen = [self._parameters[c].assignment == "greedy" for c in class_id]
+            gain = _only_greedy_pairs(gain, np.flatnonzero(chosen))
+        member = np.zeros((len(self._held), len(ahead)), dtype=bool)
+        for hypothesis, leaves in enumerate(self._held):
+            member[hypothesis, leaves] = True
+        cost, column, parent = k_best(-gain, self._hypotheses, member, self._cost)
+        self._cost = cost - cost[0]
+        return column, parent
 
-        A child is named by a code: old leaf x (1 + detection), detection 0 standing for none, and after all of those
-        the births.
-        """
-        before = self._leaves
-        n, d = len(before.class_id), len(seen.box)
-        held = self._member[parent]  # [H, N]
-        code = np.where(held, np.arange(n) * (d + 1) + 1 + column, -1)
-        taken = np.zeros((len(parent), d + 1), dtype=bool)  # the last column catches "unmatched"
-        np.put_along_axis(taken, np.where(held, column, d), True, axis=1)
-        birth = np.where(taken[:, :d], -1, n * (d + 1) + np.arange(d))
-        code = np.concatenate([code, birth], axis=1)
-        distinct = np.unique(code[code >= 0])
-        dying = self._dying(distinct, n, d)
-        distinct = distinct[~dying]
-        self._leaves = self._children(ahead, distinct, seen)
-        member = np.zeros((len(parent), len(distinct)), dtype=bool)
-        row, place = np.nonzero(code >= 0)
-        leaf = np.searchsorted(distinct, code[row, place])
-        leaf = np.minimum(leaf, max(len(distinct) - 1, 0))
-        alive = distinct[leaf] == code[row, place] if len(distinct) else np.zeros(len(row), dtype=bool)
-        member[row[alive], leaf[alive]] = True
-        self._member = member
+    def _grow(self, ahead: list[_Leaf], column: Ints, parent: Ints, seen: dict[str, np.ndarray]) -> None:
+        """Replace the leaves by the distinct children of the hypotheses: (old leaf, detection), then the births."""
+        n, found = len(ahead), []
+        for row, p in zip(column.tolist(), parent, strict=True):
+            mine = {(i, row[i]) for i in self._held[p]}
+            born = set(range(len(seen["detection_box"]))) - {d for _, d in mine}
+            found.append({(i, d) for i, d in mine if d >= 0 or self._survives(ahead[i])} | {(n, d) for d in born})
+        children = sorted(set().union(*found))
+        self._leaves = [self._child(None if i == n else ahead[i], d, seen) for i, d in children]
+        kept = [h for h, leaves in enumerate(found) if leaves not in found[:h]]  # of equal ones the cheapest
+        self._held = [[children.index(child) for child in sorted(found[h])] for h in kept]
+        self._cost = self._cost[kept]
 
-    def _dying(self, code: Ints, n: int, d: int) -> Bools:
-        """Children without a detection for too long."""
-        old, unseen = code // (d + 1), code % (d + 1) == 0
-        unseen &= code < n * (d + 1)
-        dying = np.zeros(len(code), dtype=bool)
-        old = old[unseen]
-        dying[unseen] = self._leaves.age[old] + 1 >= self._max_age[self._leaves.class_id[old]]
-        return dying
+    def _survives(self, leaf: _Leaf) -> bool:
+        return leaf.age < self._parameters[leaf.class_id].max_age
 
-    def _children(self, ahead: motion.MotionState, code: Ints, seen: _Seen) -> _Leaves:
-        before, n, d = self._leaves, len(self._leaves.class_id), len(seen.box)
-        grown = code[code < n * (d + 1)]
-        born = code[code >= n * (d + 1)] - n * (d + 1)
-        parent, detection = grown // (d + 1), grown % (d + 1) - 1
-        hit = detection >= 0
-        state = ahead.take(parent)
-        fresh = motion.updated(
-            state.take(np.flatnonzero(hit)), seen.box[detection[hit]], seen.velocity_of(detection[hit]), self._dt
-        )
-        for whole, part in (
-            (state.mean, fresh.mean),
-            (state.covariance, fresh.covariance),
-            (state.variance, fresh.variance),
-        ):
-            whole[hit] = part
-        ids = self._next_id + np.arange(len(born))
-        self._next_id += len(born)
-        state = motion.joined(state, motion.born(seen.box[born], seen.velocity_of(born), self._dt))
-        detection = np.concatenate([detection, born])
-        measured, score = state.box.copy(), np.concatenate([before.score[parent], np.zeros(len(born))])
-        took = np.flatnonzero(detection >= 0)
-        measured[took] = seen.box[detection[took]]
-        score[took] += seen.score[detection[took]]
-        return _Leaves(
-            state=state,
-            class_id=np.concatenate([before.class_id[parent], seen.class_id[born]]),
-            track_id=np.concatenate([before.track_id[parent], ids]),
-            hits=np.concatenate([before.hits[parent] + hit, np.ones(len(born), dtype=np.int64)]),
-            score=score,
-            age=np.concatenate([np.where(hit, 0, before.age[parent] + 1), np.zeros(len(born), dtype=np.int64)]),
-            detection=detection,
-            measured=measured,
-            parent=np.concatenate([parent, np.full(len(born), -1)]),
-        )
-
-    def _merge_equal(self) -> None:
-        """Keep the cheapest of the hypotheses that hold the same tracks; they come cheapest first."""
-        _, first = np.unique(np.packbits(self._member, axis=1), axis=0, return_index=True)
-        keep = np.sort(first)
-        self._member, self._cost = self._member[keep], self._cost[keep]
+    def _child(self, leaf: _Leaf | None, detection: int, seen: dict[str, np.ndarray]) -> _Leaf:
+        """The track after taking a detection, -1 for none; without a leaf it is a new one."""
+        if detection >= 0:
+            box = seen["detection_box"][detection]
+            variance = np.array([1.0] * 7 + [np.inf] * 3)
+            velocity = seen["detection_velocity"][detection] if self._task.velocity else np.zeros(2)
+            if velocity.any():
+                variance[7:] = (VELOCITY_DEVIATION * self._task.dt) ** 2
+            measured = np.concatenate([box, velocity * self._task.dt, [0.0]])
+            if leaf is None:
+                class_id = int(seen["detection_class"][detection])
+                leaf = _Leaf(self._born, class_id, np.append(box, np.zeros(3)), AT_BIRTH)
+                variance[:7] = np.inf  # the box is where it begins
+                self._born += 1
+            score = leaf.score + float(seen["detection_score"][detection])
+            leaf = replace(_updated(leaf, measured, variance), hits=leaf.hits + 1, score=score, age=0)
+        assert leaf is not None
+        past = (*leaf.past, (detection >= 0, box if detection >= 0 else leaf.mean[:7]))
+        return replace(leaf, detection=detection, past=past[-self._task.past :])
 
     def _output(self) -> Tracks:
-        leaves = self._leaves
-        confirmed = leaves.hits >= self._min_hits[leaves.class_id]
-        confirmed |= self._frame <= self._min_hits[leaves.class_id]  # a recording does not wait for its first tracks
-        out = np.flatnonzero(confirmed & self._member.any(axis=0))
-        past, past_valid = self._history(out)
-        weight = -self._cost
+        rules = [self._parameters[leaf.class_id].min_hits for leaf in self._leaves]
+        shown = [i for i, least in enumerate(rules) if self._leaves[i].hits >= least or self._frame <= least]
+        out = [self._leaves[i] for i in shown]
+        past, valid = np.zeros((len(out), self._task.past, 7)), np.zeros((len(out), self._task.past), dtype=bool)
+        for row, leaf in enumerate(out):
+            for back, (took, box) in enumerate(reversed(leaf.past), start=1):
+                past[row, -back], valid[row, -back] = box, took
         return Tracks(
-            track_id=leaves.track_id[out],
-            box=leaves.state.box[out],
-            class_id=leaves.class_id[out],
-            score=leaves.score[out] / leaves.hits[out],
-            detection=leaves.detection[out],
+            track_id=np.array([leaf.track_id for leaf in out], dtype=int),
+            box=np.reshape([leaf.mean[:7] for leaf in out], (-1, 7)),
+            class_id=np.array([leaf.class_id for leaf in out], dtype=int),
+            score=np.array([leaf.score / leaf.hits for leaf in out]),
+            detection=np.array([leaf.detection for leaf in out], dtype=int),
             past=past,
-            past_valid=past_valid,
-            member=self._member[:, out],
-            log_weight=weight - np.logaddexp.reduce(weight),
+            past_valid=valid,
+            member=np.array([[i in held for i in shown] for held in self._held], dtype=bool),
+            log_weight=-self._cost - np.logaddexp.reduce(-self._cost),
         )
 
-    def _history(self, leaf: Ints) -> tuple[Floats, Bools]:
-        """Detections of the last P frames along the branches that end in ``leaf``."""
-        length = self._layers.maxlen or 1
-        past = np.zeros((len(leaf), length, 7))
-        valid = np.zeros((len(leaf), length), dtype=bool)
-        for back, layer in enumerate(reversed(self._layers)):
-            exists = np.flatnonzero(leaf >= 0)
-            at = leaf[exists]
-            past[exists, length - 1 - back] = layer.measured[at]
-            valid[exists, length - 1 - back] = layer.detection[at] >= 0
-            leaf = leaf.copy()
-            leaf[exists] = layer.parent[at]
-        return past, valid
+
+def _predicted(leaf: _Leaf) -> _Leaf:
+    covariance = MOVE @ leaf.covariance @ MOVE.T + PROCESS
+    return replace(leaf, mean=MOVE @ leaf.mean, covariance=covariance, age=leaf.age + 1)
 
 
-def _no_leaves() -> _Leaves:
-    none = np.zeros(0, dtype=np.int64)
-    return _Leaves(motion.born(np.zeros((0, 7))), none, none, none, np.zeros(0), none, none, np.zeros((0, 7)), none)
+def _updated(leaf: _Leaf, measured: Floats, variance: Floats) -> _Leaf:
+    """The Kalman update with those of the ten numbers whose variance is finite."""
+    rows = np.flatnonzero(np.isfinite(variance))
+    innovation = measured - leaf.mean
+    while abs(innovation[3]) > np.pi / 2:  # nearest of the two directions of the box's axis
+        innovation[3] -= np.pi * np.sign(innovation[3])
+    noisy = leaf.covariance[np.ix_(rows, rows)] + np.diag(variance[rows])
+    gain = leaf.covariance[:, rows] @ np.linalg.inv(noisy)
+    mean = leaf.mean + gain @ innovation[rows]
+    if 3 in rows:
+        mean[3] = np.arctan2(np.sin(mean[3]), np.cos(mean[3]))
+    rest = np.eye(10) - gain @ np.eye(10)[rows]
+    covariance = rest @ leaf.covariance @ rest.T + gain @ np.diag(variance[rows]) @ gain.T  # loses the fewest digits
+    return replace(leaf, mean=mean, covariance=covariance)
 
 
-def _seen(observation: Observation, measured: bool) -> _Seen:
-    valid = np.asarray(observation["detection_valid"]).astype(bool)
-    return _Seen(
-        np.asarray(observation["detection_box"], dtype=np.float64)[valid],
-        np.asarray(observation["detection_class"], dtype=np.int64)[valid],
-        np.asarray(observation["detection_score"], dtype=np.float64)[valid],
-        np.asarray(observation["detection_velocity"], dtype=np.float64)[valid] if measured else None,
-    )
+def _only_greedy_pairs(gain: Floats, rows: Ints) -> Floats:
+    """Gains where ``rows`` keep only their pair if the best pair comes first, then the best of the rest."""
+    result, left = gain.copy(), np.full_like(gain, -np.inf)
+    left[rows], result[rows] = gain[rows], -np.inf
+    while left.size and left.max() >= 0:
+        i, j = np.unravel_index(np.argmax(left), left.shape)
+        result[i, j] = left[i, j] + 1.0  # taken even where it gains nothing
+        left[i], left[:, j] = -np.inf, -np.inf
+    return result

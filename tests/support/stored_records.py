@@ -1,47 +1,13 @@
-"""Records written by hand, and a submission that runs in a process of its own."""
+"""Records written by hand."""
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from mtp_bench.records.record import Record, ScenePart
 from mtp_bench.records.storage import sealed
 from mtp_bench.scoring import SUBSETS
-from tests.support.small_scenes import EchoAgent, empty_action
-
-IMPORTS = """from __future__ import annotations
-from dataclasses import dataclass
-from typing import Any
-import numpy as np
-"""
-BUILD = '''
-class Agent(EchoAgent):
-    def reset(self, task):
-        super().reset(task)
-        self.moved = None
-
-    def act(self, observation):
-        if self.moved is None:
-            self.moved = bool(np.abs(observation["ego_pose"][[0, 1, 3]]).max() > 1e-6)
-        {body}
-        return super().act(observation)
-
-def build(task, **parameters):
-    return Agent(**parameters)
-'''  # fmt: skip
-
-
-def write_isolated(folder: Path, name: str = "echo", tables: str = "", body: str = "pass") -> Path:
-    """A submission that needs nothing of the tests; ``body`` runs in every frame before the answer."""
-    folder.mkdir(parents=True)
-    manifest = f'name = "{name}"\nauthors = ["A. Author"]\nagent = "agent:build"\n{tables}'
-    (folder / "submission.toml").write_text(manifest)
-    source = [inspect.getsource(part) for part in (empty_action, EchoAgent)]
-    (folder / "agent.py").write_text("\n\n".join([IMPORTS, *source, BUILD.format(body=body)]))
-    return folder
 
 
 def scene_part(name: str, targets: int, errors: Sequence[float]) -> ScenePart:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-
-import numpy as np
 
 from mtp_bench.cards import load_card
 from mtp_bench.running.rollout_files import RunInfo, save_run
 from mtp_bench.sources import open_source
-from mtp_bench.types import Floats, Ints, Rollout, Scene
+from mtp_bench.types import Rollout, Scene
+from tests.support.scoring_scenes import Thing, at, make_rollout
 
-Table = tuple[Ints, Ints, Floats, Ints]
 SWITCH, GAP, BACK = 4, 5, 7  # frames of the events of car 7
 
 
@@ -30,10 +29,8 @@ def write_events_run(folder: Path, card: str, data: str) -> Path:
 def write_ghosts(folder: Path, card: str, data: str) -> Path:
     """A run of scene 0001 that says nothing of its objects and forecasts in every frame under another id."""
     scene = open_source(load_card(card), data).load("0001")
-    frame = np.arange(scene.frames)
-    box = np.tile(scene.truth.box[:1] + np.array([0.0, 60.0, 0, 0, 0, 0, 0]), (scene.frames, 1))
-    table = _table(frame, frame, box, np.zeros_like(frame), scene.frames)
-    save_run(folder, _info(card), [_assembled(scene, table, table)])
+    said = [[_ghost(scene, t)] for t in range(scene.frames)]
+    save_run(folder, _info(card), [_written(scene, said, said)])
     return folder
 
 
@@ -45,51 +42,25 @@ def _info(card: str) -> RunInfo:
 
 
 def _rollout(scene: Scene) -> Rollout:
-    truth, frame = scene.truth, scene.truth.frame_of_rows
-    track_id = np.asarray(truth.object_id).copy()
-    kept = np.ones(len(frame), dtype=bool)
-    if scene.name == "0001":
-        track_id[(track_id == 7) & (frame >= SWITCH)] = 8
-        kept = ~((track_id == 8) & (frame >= GAP) & (frame < BACK))
-    track = _table(frame[kept], track_id[kept], truth.box[kept], truth.class_id[kept], scene.frames)
-    nothing = np.zeros(0, dtype=np.int64)
-    said = _table(nothing, nothing, truth.box[:0], nothing, scene.frames)
-    if scene.name == "0006":
-        ghost = np.tile(truth.box[:1] + np.array([0.0, 60.0, 0, 0, 0, 0, 0]), (3, 1))
-        beside = np.array([1, 2, 3]), np.full(3, 90), ghost, np.zeros(3, dtype=np.int64)
-        said = _table(*beside, scene.frames)
-        order = np.argsort(np.concatenate([frame, beside[0]]), kind="stable")
-        track = _table(
-            np.concatenate([frame, beside[0]])[order],
-            np.concatenate([track_id, beside[1]])[order],
-            np.concatenate([truth.box, beside[2]])[order],
-            np.concatenate([truth.class_id, beside[3]])[order],
-            scene.frames,
-        )
-    return _assembled(scene, track, said)
+    truth = scene.truth
+    tracks: list[list[Thing]] = []
+    said: list[list[Thing]] = []
+    for t in range(scene.frames):
+        now = zip(truth.object_id[truth.rows(t)], truth.box[truth.rows(t)], truth.class_id[truth.rows(t)], strict=True)
+        here = {int(i): at(int(i), box, class_id=int(kind)) for i, box, kind in now}
+        if scene.name == "0001" and t >= SWITCH and 7 in here:
+            here[7] = replace(here[7], id=8)
+            if GAP <= t < BACK:
+                del here[7]
+        said.append([_ghost(scene, 90)] if scene.name == "0006" and t in (1, 2, 3) else [])
+        tracks.append([*here.values(), *said[t]])
+    return _written(scene, tracks, said)
 
 
-def _assembled(scene: Scene, track: Table, said: Table) -> Rollout:
-    """One hypothesis with these tracks and these objects, which stand still in every sample."""
-    return Rollout(
-        scene=scene.name,
-        track_start=track[0],
-        track_id=track[1],
-        track_box=track[2],
-        track_class=track[3],
-        member=np.ones((len(track[1]), 1), dtype=bool),
-        hypothesis_log_weight=np.zeros((scene.frames, 1)),
-        object_start=said[0],
-        object_box=said[2],
-        object_class=said[3],
-        forecast=np.zeros((len(said[1]), 4, 3, 2), dtype=np.int16),
-        forecast_log_weight=np.full((len(said[1]), 4), -np.log(4.0)),
-        invalid=np.zeros((scene.frames, 3), dtype=np.int64),
-        dropped=np.zeros(scene.frames, dtype=np.int64),
-        seconds=np.zeros(scene.frames),
-    )
+def _ghost(scene: Scene, id: int) -> Thing:
+    """A thing 60 m beside the first object, which stands still in every sample."""
+    return at(id, scene.truth.box[0, :2] + [0.0, 60.0])
 
 
-def _table(frame: Ints, ids: Ints, box: Floats, class_id: Ints, frames: int) -> Table:
-    """Start of each frame, ids, boxes and classes of rows that are sorted by frame."""
-    return np.searchsorted(frame, np.arange(frames + 1)), ids, box, class_id
+def _written(scene: Scene, tracks: list[list[Thing]], said: list[list[Thing]]) -> Rollout:
+    return make_rollout(tracks, said, name=scene.name, samples=4)

@@ -247,14 +247,6 @@ def test_an_idle_k_needs_no_memory() -> None:
     assert costs.tolist() == [-2, -1, 0, 1, 3]
 
 
-def test_duplicates_and_empty_parents() -> None:
-    member = np.array([[True], [False], [True], [False]])
-    costs, row_to_column, parent = solved((np.array([[-2.0]]), member, np.array([1.0, 0.5, 0.0, 0.5]), 9))
-    assert costs.tolist() == [-2, 0, 0.5]
-    assert row_to_column.tolist() == [[0], [-1], [-1]]
-    assert parent.tolist() == [2, 2, 1]
-
-
 def test_other_types_and_layouts() -> None:
     cost, member, base, k = tracking_problem(np.random.default_rng(3), 9, 3, 5.0)
     indptr, column, value, m = sparse(np.round(cost))

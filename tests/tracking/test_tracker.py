@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from mtp_bench.cards import load_card
 from mtp_bench.errors import ShapeError, SubmissionError, UnknownNameError
-from mtp_bench.sources import open_source
-from mtp_bench.tracking import AB3DMOT, ClassParameters, HypothesisTracker, TruthTracker
-from tests.support.hungarian_tracker import HungarianTracker
+from mtp_bench.tracking import ClassParameters, HypothesisTracker, TruthTracker
 from tests.support.tracking_scenes import (
     CAR,
     CYCLIST,
     PEDESTRIAN,
-    Frame,
     frame,
     kitti_task,
     observation,
@@ -25,46 +18,7 @@ from tests.support.tracking_scenes import (
     run,
 )
 
-PARAMETERS = tuple(AB3DMOT["pointrcnn"].values())
 NOTHING = frame()
-
-
-def assert_single_hypothesis(frames: Sequence[Frame], assignment: str) -> None:
-    """One hypothesis equals the plain tracker: ids, classes, detections and pasts exactly, states up to rounding."""
-    plain = HungarianTracker(PARAMETERS, greedy=assignment == "as_parameters")
-    for t, tracks in enumerate(run(HypothesisTracker(1, assignment=assignment), frames)):
-        expected = plain.step(*frames[t])
-        assert tracks.track_id.tolist() == [track["id"] for track in expected]
-        assert tracks.class_id.tolist() == [track["class"] for track in expected]
-        assert tracks.detection.tolist() == [track["detection"] for track in expected]
-        np.testing.assert_array_equal(tracks.member, np.ones((1, len(expected)), dtype=bool))
-        np.testing.assert_array_equal(tracks.log_weight, [0.0])
-        for i, track in enumerate(expected):
-            np.testing.assert_allclose(tracks.box[i], track["x"][:7], atol=1e-9, rtol=0)
-            # The tree of detections against the record along the id.
-            taken = {9 + when - t - 1: box for when, box in track["past"].items() if when > t + 1 - 10}
-            assert np.flatnonzero(tracks.past_valid[i]).tolist() == sorted(taken)
-            np.testing.assert_array_equal(tracks.past[i, sorted(taken)], [taken[p] for p in sorted(taken)])
-            if track["detection"] < 0:
-                np.testing.assert_array_equal(tracks.past[i, -1], tracks.box[i])
-
-
-@pytest.mark.parametrize("assignment", ["hungarian", "as_parameters"])
-@pytest.mark.parametrize("seed", range(6))
-def test_one_hypothesis_is_the_single_hypothesis_tracker(seed: int, assignment: str) -> None:
-    assert_single_hypothesis(random_frames(np.random.default_rng(seed), 40), assignment)
-
-
-@pytest.mark.data
-@pytest.mark.parametrize("scene_name", ["0012", "0014"])
-@pytest.mark.parametrize("assignment", ["hungarian", "as_parameters"])
-def test_one_hypothesis_is_the_single_hypothesis_tracker_on_kitti(
-    data_root: Path, scene_name: str, assignment: str
-) -> None:
-    scene = open_source(load_card("MTP-KITTI-noego-v0"), data_root).load(scene_name)
-    rows = [scene.detections.rows(t) for t in range(scene.frames)]
-    frames = [(scene.detections.box[r], scene.detections.class_id[r]) for r in rows]
-    assert_single_hypothesis(frames, assignment)
 
 
 # Of one object, X a detection and . none; below, the track that is output: its id, lower case where it took no

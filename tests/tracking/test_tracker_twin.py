@@ -32,6 +32,14 @@ def test_compiled_and_plain_tracker_agree(seed: int, hypotheses: int) -> None:
         assert_same(ours, plain)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_greedy_assignment_agrees_too(seed: int) -> None:
+    frames = random_frames(np.random.default_rng(seed), 40)
+    pair = run(HypothesisTracker(assignment="as_parameters"), frames), run(PlainTracker(greedy=True), frames)
+    for ours, plain in zip(*pair, strict=True):
+        assert_same(ours, plain)
+
+
 @pytest.mark.parametrize("hypotheses", [1, 8])
 def test_they_agree_with_measured_velocities(hypotheses: int) -> None:
     rng, task = np.random.default_rng(7), kitti_task(velocity=True, dt=0.5)

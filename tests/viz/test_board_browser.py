@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -38,9 +39,16 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def opened(browser: Browser, page: Path) -> Iterator[Browser]:
     """The page, wide and freshly loaded; afterwards the console is clean and only the page itself was asked for."""
     browser.resize(1700, 1000)
+    with only(browser, page):
+        yield browser
+
+
+@contextmanager
+def only(browser: Browser, page: Path) -> Iterator[None]:
+    """Loads a page; afterwards the console is clean and only the page itself was asked for."""
     browser.forget()
     browser.open(page)
-    yield browser
+    yield
     assert browser.console() == []
     assert {address for address in browser.requests() if not address.startswith("data:")} == {page.as_uri()}
 
@@ -187,14 +195,11 @@ def test_hostile_texts_do_not_run(browser: Browser, tmp_path: Path) -> None:
     ]
     path = tmp_path / "hostile.html"
     path.write_text(board_page(entries_of(records, [None] * 4, texts, ["javascript:window.hacked=1"] * 4)))
-    browser.forget()
-    browser.open(path)
-    assert names(browser) == [record.submission.name for record in records]
-    browser.click(f"{FIRST} tbody.entry .open")
-    assert browser.script("return [...document.querySelectorAll('.detail a')].every((a) => a.protocol === 'file:')")
-    assert browser.script("return typeof window.hacked") == "undefined"
-    assert browser.console() == []
-    assert {address for address in browser.requests() if not address.startswith("data:")} == {path.as_uri()}
+    with only(browser, path):
+        assert names(browser) == [record.submission.name for record in records]
+        browser.click(f"{FIRST} tbody.entry .open")
+        assert browser.script("return [...document.querySelectorAll('.detail a')].every((a) => a.protocol === 'file:')")
+        assert browser.script("return typeof window.hacked") == "undefined"
 
 
 def test_a_script_that_slipped_in_would_not_run(browser: Browser, tmp_path: Path) -> None:
@@ -214,7 +219,5 @@ def test_a_script_that_slipped_in_would_not_run(browser: Browser, tmp_path: Path
 def test_an_empty_board_opens(browser: Browser, tmp_path: Path) -> None:
     path = tmp_path / "empty.html"
     path.write_text(board_page([]))
-    browser.console()
-    browser.open(path)
-    assert "mtp-bench submit" in browser.script("return document.querySelector('main').innerText")
-    assert browser.console() == []
+    with only(browser, path):
+        assert "mtp-bench submit" in browser.script("return document.querySelector('main').innerText")

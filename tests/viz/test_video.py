@@ -20,21 +20,9 @@ from mtp_bench.viz.drawing.birds_eye import SIZE
 from mtp_bench.viz.drawing.video import AROUND, frames_around, pictures, write_video
 from mtp_bench.viz.replay import Replay, replay
 from tests.support.command_line import CommandLine
-from tests.support.stored_runs import write_events_run
 
 NO_PYAV = pytest.mark.skipif(find_spec("av") is None, reason="PyAV is not installed: pip install av")
 ENCODERS = [".gif", pytest.param(".mp4", marks=NO_PYAV)]
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> Path:
-    return write_events_run(tmp_path_factory.mktemp("runs") / "drawn", card, kitti)
-
-
-@pytest.fixture
-def known(card: str, kitti: str) -> list[str]:
-    """Options that every command on the run needs."""
-    return ["--env", card, "--data", kitti]
 
 
 def frames_of(path: Path) -> tuple[list[NDArray[Any]], float]:
@@ -56,19 +44,19 @@ def frames_of(path: Path) -> tuple[list[NDArray[Any]], float]:
 
 
 @pytest.fixture(scope="module")
-def drawn(card: str, kitti: str, run: Path) -> Callable[[str], Replay]:
+def drawn(card: str, kitti: str, events_run: Path) -> Callable[[str], Replay]:
     """The judge's view of a scene of the run."""
-    opened = open_run(run, kitti, card)
+    opened = open_run(events_run, kitti, card)
     return lambda scene: replay(opened.scene(scene), opened.first(scene), opened.card, "drawn")
 
 
 @pytest.mark.parametrize("suffix", ENCODERS)
 def test_a_video_holds_every_frame_of_the_first_scene(
-    suffix: str, cli: CommandLine, run: Path, known: list[str], tmp_path: Path, drawn: Callable[[str], Replay]
+    suffix: str, cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path, drawn: Callable[[str], Replay]
 ) -> None:
     path = tmp_path / f"a{suffix}"
     path.write_text("earlier")
-    printed = cli.ok("video", run, "-o", path, *known)
+    printed = cli.ok("video", events_run, "-o", path, *known)
     assert printed == f"{path}: scene 0001, frames 0 to 8, 10 per second\n"
     shown, rate = frames_of(path)
     assert (len(shown), rate) == (9, 10.0)
@@ -78,8 +66,8 @@ def test_a_video_holds_every_frame_of_the_first_scene(
     assert [path.name for path in tmp_path.iterdir()] == [f"a{suffix}"]
 
 
-def test_pictures_per_second_and_scene(cli: CommandLine, run: Path, known: list[str], tmp_path: Path) -> None:
-    cli.ok("video", run, "-o", tmp_path / "A.GIF", *known, "--scene", "0006", "--fps", 4)
+def test_pictures_per_second_and_scene(cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path) -> None:
+    cli.ok("video", events_run, "-o", tmp_path / "A.GIF", *known, "--scene", "0006", "--fps", 4)
     shown, rate = frames_of((tmp_path / "A.GIF").rename(tmp_path / "a.gif"))
     assert (len(shown), rate) == (7, 4.0)
 
@@ -122,25 +110,25 @@ def test_what_broke_leaves_no_file(tmp_path: Path) -> None:
     ids=["event", "event of an empty scene", "folder"],
 )
 def test_one_clear_error(
-    arguments: list[str], message: str, cli: CommandLine, run: Path, known: list[str], tmp_path: Path,
+    arguments: list[str], message: str, cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
-    assert message in cli("video", run, "-o", "a.gif", *known, *arguments).error
+    assert message in cli("video", events_run, "-o", "a.gif", *known, *arguments).error
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ["a.avi", "gif"])
-def test_an_unknown_suffix_is_wrong_usage(name: str, cli: CommandLine, run: Path, tmp_path: Path) -> None:
-    output = cli("video", run, "-o", tmp_path / name)
+def test_an_unknown_suffix_is_wrong_usage(name: str, cli: CommandLine, events_run: Path, tmp_path: Path) -> None:
+    output = cli("video", events_run, "-o", tmp_path / name)
     assert output.status == 2
     assert "ends in .mp4 or .gif" in " ".join(output.err.replace("│", " ").split())
 
 
 def test_without_pyav_one_sentence_says_what_to_install(
-    cli: CommandLine, run: Path, known: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "av", None)
-    error = cli("video", run, "-o", tmp_path / "a.mp4", *known).error
+    error = cli("video", events_run, "-o", tmp_path / "a.mp4", *known).error
     assert error == "mp4 files need PyAV: `pip install av` (or 'mtp-bench[video]'), or write a .gif"
     assert list(tmp_path.iterdir()) == []

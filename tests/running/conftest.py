@@ -1,0 +1,18 @@
+"""The small card as one that ships."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.command_line import ship
+
+
+@pytest.fixture
+def shipped(tmp_path: Path, repository: Path, card: str) -> Iterator[str]:
+    """Id of the small card, which ships with a bundle of its own, without frozen subsets."""
+    patch = ship(tmp_path / "bundle", repository, card)
+    yield Path(card).stem
+    patch.undo()
