@@ -15,6 +15,7 @@ from mtp_bench.sources import open_source
 from mtp_bench.types import Detections
 from tests.support.nuscenes_root import (
     AHEAD,
+    PREDICTION,
     SCENES,
     Record,
     detection,
@@ -23,16 +24,10 @@ from tests.support.nuscenes_root import (
     nuscenes_card,
     sample,
     write_json,
-    write_root,
 )
 
 T = sample("scene-0003", 1)
 NAN = float("nan")
-
-
-@pytest.fixture
-def data(tmp_path: Path) -> Path:
-    return write_root(tmp_path)
 
 
 def stored(data: Path, name: str = "megvii_all.json") -> Path:
@@ -165,7 +160,7 @@ def test_scenes_that_are_not_covered(data: Path) -> None:
 
 
 def test_only_scenes_with_targets_need_detections(data: Path) -> None:
-    write_json(data / "nuscenes/maps/prediction/prediction_scenes.json", make_targets(("scene-0003",)))
+    write_json(data / PREDICTION, make_targets(("scene-0003",)))
     write_json(stored(data), make_detections(("scene-0003",)))
     assert open_source(nuscenes_card(truth="targets"), data).names == ("scene-0003",)
 

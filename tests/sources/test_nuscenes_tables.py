@@ -10,12 +10,7 @@ import pytest
 
 from mtp_bench.errors import DataError
 from mtp_bench.sources import open_source
-from tests.support.nuscenes_root import VERSION, Record, Tables, make_tables, nuscenes_card, write_root, write_tables
-
-
-@pytest.fixture
-def data(tmp_path: Path) -> Path:
-    return write_root(tmp_path)
+from tests.support.nuscenes_root import VERSION, Record, Tables, make_tables, nuscenes_card, write_tables
 
 
 def find(tables: Tables, table: str, token: str) -> Record:

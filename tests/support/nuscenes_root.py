@@ -18,8 +18,11 @@ from pathlib import Path
 from typing import Any
 
 from mtp_bench.cards import Card, load_card, parse_card
+from mtp_bench.sources import open_source
+from mtp_bench.types import Scene
 
 VERSION = "v1.0-mini"
+PREDICTION = "nuscenes/maps/prediction/prediction_scenes.json"
 SCENES = ("scene-0301", "scene-0001", "scene-0003")  # in the order of the table
 TIMES = (0.0, 0.5, 0.9, 1.5)  # s
 CAR_Y = (0.0, 2.0, 4.0, 7.0)
@@ -155,7 +158,7 @@ def write_json(path: Path, content: Any) -> None:
 def write_root(data: Path) -> Path:
     """Write all of the root."""
     write_tables(data, make_tables())
-    write_json(data / "nuscenes/maps/prediction/prediction_scenes.json", make_targets())
+    write_json(data / PREDICTION, make_targets())
     write_json(data / "nuscenes/detections/megvii_all.json", make_detections())
     return data
 
@@ -170,3 +173,8 @@ def nuscenes_card(classes: tuple[str, ...] = ("car", "pedestrian"), rate: float 
         rate=rate, classes=list(classes), forecast_gate=same, miss_error=same, event_gate=gate
     )  # fmt: skip
     return parse_card(content)
+
+
+def scene(data: Path, name: str = "scene-0003", **source: Any) -> Scene:
+    """A scene of the root at ``data``."""
+    return open_source(nuscenes_card(**source), data).load(name)
