@@ -18,7 +18,7 @@ from mtp_bench.detector.sight import Sensor
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.errors import DataError
 from mtp_bench.types import Detections, Floats, Scene, Truth
-from tests.support.detector_scenes import assert_alike
+from tests.support.detector_scenes import assert_alike, grid_truth
 
 SENSOR = Sensor(reach=60.0, field_of_view=2 * np.pi)
 CLASSES = ("car", "pedestrian")
@@ -36,16 +36,7 @@ def a_truth(rng: np.random.Generator) -> Truth:
     box[:, 3] = rng.uniform(-np.pi, np.pi, OBJECTS)
     box[:, 4:] = np.array([[4.0, 1.8, 1.5], [0.7, 0.7, 1.8]])[kind]
     box[:, 2] = box[:, 6] / 2
-    rows = FRAMES * OBJECTS
-    return Truth(
-        start=OBJECTS * np.arange(FRAMES + 1),
-        box=np.tile(box, (FRAMES, 1)),
-        velocity=np.zeros((rows, 2)),
-        class_id=np.tile(kind, FRAMES),
-        object_id=np.tile(np.arange(OBJECTS), FRAMES),
-        eligible=np.ones(rows, dtype=bool),
-        neutral=np.zeros(rows, dtype=bool),
-    )
+    return grid_truth(np.tile(box, (FRAMES, 1, 1)), np.zeros((OBJECTS, 2)), kind)
 
 
 def empty_scenes() -> list[Scene]:

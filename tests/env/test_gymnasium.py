@@ -40,22 +40,27 @@ def make_small(card: str, data: str, **keywords: Any) -> gym.Env[Any, Any]:
     return gym.make(spec)
 
 
-def here(env_id: str) -> dict[str, Any]:
-    """The split of an env that the test data has: of nuScenes only training scenes."""
-    return {"split": "train"} if env_id == "MTP-nuScenes-v0" else {}
+NEEDS_NO_DATA = [env_id for env_id in mtp_bench.card_ids() if mtp_bench.load_card(env_id).source.name == "highway"]
+RECORDED = [env_id for env_id in mtp_bench.card_ids() if env_id not in NEEDS_NO_DATA]
+EVERY_CARD = [*NEEDS_NO_DATA, *(pytest.param(env_id, marks=pytest.mark.data) for env_id in RECORDED)]
 
 
-@pytest.mark.data
+def make_here(env_id: str, **sizes: Any) -> gym.Env[Any, Any]:
+    """The env on scenes that there are: of nuScenes only training scenes, of simulated traffic the first one."""
+    if env_id in NEEDS_NO_DATA:
+        return gym.make(env_id, scenes=MTPEnv(env_id).scene_names[:1], **sizes)
+    return gym.make(env_id, split="train" if env_id == "MTP-nuScenes-v0" else None, **sizes)
+
+
 @pytest.mark.parametrize("sizes", [{}, SMALL], ids=["card's sizes", "small sizes"])
-@pytest.mark.parametrize("env_id", mtp_bench.card_ids())
-def test_checker_on_every_card(env_id: str, sizes: dict[str, Any], data_root: Path) -> None:
-    check(gym.make(env_id, data=str(data_root), **here(env_id), **sizes))
+@pytest.mark.parametrize("env_id", EVERY_CARD)
+def test_checker_on_every_card(env_id: str, sizes: dict[str, Any]) -> None:
+    check(make_here(env_id, **sizes))
 
 
-@pytest.mark.data
-@pytest.mark.parametrize("env_id", mtp_bench.card_ids())
-def test_random_agents_are_legal_on_every_card(env_id: str, data_root: Path) -> None:
-    env = gym.make(env_id, data=str(data_root), **here(env_id))
+@pytest.mark.parametrize("env_id", EVERY_CARD)
+def test_random_agents_are_legal_on_every_card(env_id: str) -> None:
+    env = make_here(env_id)
     env.action_space.seed(0)
     env.reset(seed=0)
     for _ in range(100):
@@ -72,9 +77,6 @@ def test_checker_would_notice_a_wrong_observation(card: str, kitti: str, monkeyp
     monkeypatch.setattr("mtp_bench.env.spaces.COORDINATE_LIMIT", 0.01)
     with pytest.raises(AssertionError, match="not within the observation space"):
         check(make_small(card, kitti))
-
-
-NEEDS_NO_DATA = [env_id for env_id in mtp_bench.card_ids() if mtp_bench.load_card(env_id).source.name == "highway"]
 
 
 @pytest.mark.parametrize("env_id", [*NEEDS_NO_DATA, "MTP-KITTI-v0", "MTP-KITTI-noego-v0", "MTP-KITTI-5Hz-v0"])
