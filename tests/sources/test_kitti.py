@@ -363,15 +363,6 @@ def test_rate_and_stride_must_agree(root: Path) -> None:
         open_source(card, root)
 
 
-def test_status_of_a_missing_root(tmp_path: Path) -> None:
-    status = describe(kitti_card(), tmp_path)
-    assert status.root is None
-    assert status.searched == (tmp_path / "kitti_tracking", tmp_path)
-    assert not status.usable
-    for text in (status.layout, status.licence, status.citation, status.how_to_get):
-        assert text
-
-
 def test_status_lists_what_is_missing_and_what_is_wrong(root: Path) -> None:
     assert describe(kitti_card(), root).usable
     assert not describe(kitti_card(), root).verified  # one sequence of 21

@@ -17,7 +17,7 @@ def find(tables: Tables, table: str, token: str) -> Record:
     return next(record for record in tables[table] if record["token"] == token)
 
 
-Case = tuple[Callable[[Tables], None], str, str, str]  # change, file, token, what the error says
+Case = tuple[Callable[[Tables], object], str, str, str]  # change, file, token, what the error says
 
 
 def wrong(table: str, token: str, message: str, /, **changes: Any) -> Case:
@@ -37,11 +37,8 @@ def repeat(table: str, original: str, **changes: Any) -> Callable[[Tables], None
     return lambda tables: tables[table].append({**find(tables, table, original), **changes})
 
 
-def without(table: str, token: str, key: str) -> Callable[[Tables], None]:
-    def drop(tables: Tables) -> None:
-        del find(tables, table, token)[key]
-
-    return drop
+def without(table: str, token: str, key: str) -> Callable[[Tables], object]:
+    return lambda tables: find(tables, table, token).pop(key)
 
 
 def scaled_times(divisor: float) -> Callable[[Tables], None]:
@@ -130,17 +127,11 @@ BROKEN: dict[str, Case] = {
     "box of no instance": wrong(BOX, C1, "is 'x', but instance", instance_token="x"),
     "box not finite": wrong(BOX, C1, "translation is", translation=[NAN, 0, 0]),
     "box too far": wrong(BOX, C1, r"-1e\+25, 0.0\], expected .* up to 1e\+09", translation=[0, -1e25, 0]),
-    "box too far for a number": wrong(BOX, C1, "translation is .* 3 numbers", translation=[10**400, 0, 0]),
-    "box at a truth value": wrong(BOX, C1, r"is \[True, 0, 0\], expected 3", translation=[True, 0, 0]),
     "box too large": wrong(BOX, C1, "and up to 100 m", size=[1, 100.5, 1]),
-    "box turned without end": wrong(BOX, C1, r"rotation is .* up to 1e\+09", rotation=[1e308, 0, 0, 0]),
     "box without size": wrong(BOX, C1, "sizes above 0", size=[1, 0, 1]),
     "box with two sizes": wrong(BOX, C1, "expected 3 numbers", size=[1, 2]),
-    "box size not finite": wrong(BOX, C1, "size is", size=[1, NAN, 1]),
-    "box with a text": wrong(BOX, C1, "expected 3", translation=["1", 2, 3]),
     "box without rotation": (without(BOX, C1, "rotation"), BOX, C1, "rotation is None"),
     "box not turned properly": wrong(BOX, C1, "expected a unit quaternion", rotation=[0.7, 0, 0, 0.6]),
-    "box rotation not finite": wrong(BOX, C1, "rotation is", rotation=[NAN, 0, 0, 1]),
     "number of boxes": wrong("instance", CAR, "says that it has 3 .*found 4", nbr_annotations=3),
     "number of boxes too large": wrong("instance", CAR, "a whole number", nbr_annotations=10**30),
     "number of boxes is text": wrong("instance", CAR, "a whole number", nbr_annotations="4"),

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from mtp_bench.cards import Card, load_card
+from mtp_bench.cards import load_card
 from mtp_bench.detector import load_profile
 from mtp_bench.detector.fit.errors import fit_position
 from mtp_bench.detector.fit.samples import RADIAL, TANGENTIAL, collect
@@ -31,14 +30,9 @@ SENSOR = Sensor(reach=25.0, field_of_view=2 * np.pi)
 RADIUS = 0.5  # m
 
 
-def wildtrack_card(**source: Any) -> Card:
-    card = load_card("MTP-WILDTRACK-v0")
-    return card.model_copy(update={"source": card.source.model_copy(update=source)})
-
-
 @pytest.fixture(scope="module")
 def scenes(data_root: Path) -> dict[str, Scene]:
-    sources = [Wildtrack(wildtrack_card(split=split), data_root) for split in ("train", "val")]
+    sources = [Wildtrack(load_card("MTP-WILDTRACK-v0").with_split(split), data_root) for split in ("train", "val")]
     return {name: source.load(name) for source in sources for name in source.names}
 
 
@@ -53,7 +47,7 @@ def hits(truth: Truth, detections: Detections) -> int:
 
 
 def test_counts_of_the_dataset(data_root: Path, scenes: dict[str, Scene]) -> None:
-    status = wildtrack_status(wildtrack_card(), data_root)
+    status = wildtrack_status(load_card("MTP-WILDTRACK-v0"), data_root)
     assert {check.what: check.found for check in status.checks} == {
         "frames": 400,
         "annotations": 9518,

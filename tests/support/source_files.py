@@ -37,3 +37,9 @@ def card_of(env_id: str, classes: Sequence[str], rate: float, **source: Any) -> 
     gate = {"measure": "center_distance", "threshold": same}
     content["task"] |= {"rate": rate, "classes": list(classes), "forecast_gate": same, "miss_error": same}
     return parse_card({**content, "task": {**content["task"], "event_gate": gate}})
+
+
+def with_source(env_id: str, **source: Any) -> Card:
+    """A shipped card with other entries of its source, unchecked."""
+    card = load_card(env_id)
+    return card.model_copy(update={"source": card.source.model_copy(update=source)})
