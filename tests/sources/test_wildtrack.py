@@ -11,7 +11,6 @@ import pytest
 
 from mtp_bench.cards import Card
 from mtp_bench.errors import CardError, UnknownNameError
-from mtp_bench.sources.motion import backward_velocity
 from mtp_bench.sources.people import as_places
 from mtp_bench.sources.wildtrack.source import ANNOTATIONS, DETECTIONS, SCENES, STORED, Wildtrack
 from mtp_bench.sources.wildtrack.status import wildtrack_status
@@ -138,14 +137,6 @@ def test_velocities_look_back(root: Path) -> None:
     np.testing.assert_allclose(walker[[1, 2, 4]], np.tile([2.0, 0.0], (3, 1)))
     assert np.isnan(walker[[0, 3]]).all()
     np.testing.assert_allclose(truth.velocity[truth.object_id == 2][1:], 0, atol=1e-12)
-
-
-def test_a_velocity_knows_nothing_of_the_future() -> None:
-    frame, ids, time = np.array([0, 1, 2]), np.array([4, 4, 4]), np.array([0.0, 0.5, 1.0])
-    there = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.0]])
-    elsewhere = np.array([[0.0, 0.0], [1.0, 0.0], [9.0, 9.0]])
-    one, other = (backward_velocity(frame, ids, position, time)[:2] for position in (there, elsewhere))
-    np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.parametrize(
