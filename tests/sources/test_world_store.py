@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtp_bench.cards import Card, HighwaySource, load_card, parse_card
+from mtp_bench.cards import Card, HighwaySource
 from mtp_bench.errors import CardError, DataError, UnknownNameError
 from mtp_bench.sources import describe, open_source, prepare
 from mtp_bench.sources.base import section_of
@@ -20,6 +20,7 @@ from mtp_bench.sources.highway.store import WorldStore
 from mtp_bench.sources.highway.world import CLASSES, Traffic, World
 from mtp_bench.types import Floats, Lane, Truth
 from tests.support.detector_scenes import grid_truth
+from tests.support.source_files import card_of
 
 FRAMES = 80  # 8 s at 10 Hz
 TRAFFIC = Traffic("intersection", "ego", FRAMES / 10, 5, 1)
@@ -58,18 +59,10 @@ def made(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[int]:
     return seeds
 
 
-def card(**task: object) -> Card:
-    content = load_card("MTP-Intersection-v0").model_dump(mode="json", exclude_none=True)
-    content["source"] |= {"seconds": 8.0, "seeds": {"train": [0, 2], "val": [5, 8], "test": [9, 10]}}
-    content["task"] |= task
-    for table in (
-        content["task"]["event_gate"]["threshold"],
-        content["task"]["forecast_gate"],
-        content["task"]["miss_error"],
-    ):
-        for name in set(table) - set(content["task"]["classes"]):
-            del table[name]
-    return parse_card(content)
+def card(classes: Sequence[str] = CLASSES, rate: float = 2.0) -> Card:
+    """Three scenes of 8 s in the validation split."""
+    seeds = {"train": [0, 2], "val": [5, 8], "test": [9, 10]}
+    return card_of("MTP-Intersection-v0", classes, rate, seconds=8.0, seeds=seeds)
 
 
 def same(a: World, b: World) -> bool:
