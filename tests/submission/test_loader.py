@@ -227,13 +227,10 @@ def test_a_failure_inside_build_keeps_its_own_error(tmp_path: Path) -> None:
         built(folder)
 
 
-def test_an_unknown_name_lists_the_baselines(tmp_path: Path) -> None:
+def test_an_unknown_name_lists_the_baselines_and_a_folder_needs_a_manifest(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match="unknown submission") as caught:
         load_submission(str(tmp_path / "nowhere"))
     assert all(name in str(caught.value) for name in baseline_names())
-
-
-def test_a_folder_without_manifest(tmp_path: Path) -> None:
     with pytest.raises(SubmissionError, match=r"no submission\.toml in this folder"):
         load_submission(tmp_path)
 
