@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import copy
 import itertools
 import tomllib
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -15,8 +13,7 @@ from mtp_bench.cards import HighwaySource, changed_card, load_card, parse_card
 from mtp_bench.cards.sections import GENERATOR
 from mtp_bench.detector import load_profile
 from mtp_bench.errors import CardError, MtpBenchError, UnknownNameError
-
-Content = dict[str, Any]
+from tests.cards.test_cards import Content, put
 
 PROTOCOL = {
     "MTP-Intersection-v0": ("intersection", 2.0, 4, 12, 10, "nuscenes_megvii", True),
@@ -28,16 +25,6 @@ PROTOCOL = {
 
 def content(env_id: str = "MTP-Intersection-v0") -> Content:
     return tomllib.loads((bundled("envs") / f"{env_id}.toml").read_text())
-
-
-def put(table: Content, key: str, value: object) -> Content:
-    changed = copy.deepcopy(table)
-    at = changed
-    *path, last = key.split(".")
-    for part in path:
-        at = at.setdefault(part, {})
-    at[last] = value
-    return changed
 
 
 @pytest.mark.parametrize("env_id", PROTOCOL)
@@ -135,19 +122,15 @@ def test_wrong_content_is_one_clear_error(name: str) -> None:
 
 
 def test_simulated_traffic_needs_a_detector() -> None:
-    card = content()
-    del card["detector"]
     with pytest.raises(CardError, match=r"a \[detector\] section is missing"):
-        parse_card(card)
+        parse_card(put(content(), "detector"))
 
 
 def test_a_profile_without_the_class_is_an_error() -> None:
-    card = put(content(), "detector.profile", None)
     noise = load_profile("nuscenes_megvii").model_dump(exclude_none=True)
     del noise["alike"]["bus"]
-    card["detector"] = {"noise": noise}
     with pytest.raises(CardError, match="class of detector profile 'nuscenes_megvii' 'bus'"):
-        parse_card(card)
+        parse_card(put(content(), "detector", {"noise": noise}))
 
 
 def test_another_split_and_detector() -> None:

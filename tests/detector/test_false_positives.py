@@ -43,19 +43,19 @@ def test_rate_is_that_of_the_profile_from_the_first_frame_on() -> None:
     assert count[:, -1].mean() == pytest.approx(2.0, rel=0.12)
 
 
-@pytest.mark.parametrize("dispersion", [1.0, 2.5])
-def test_counts_vary_between_scenes_as_stated(dispersion: float) -> None:
-    profile = perfect_with(dispersion=dispersion)
+@pytest.mark.parametrize(
+    ("view", "dispersion", "rate", "expected"),
+    [
+        pytest.param(90.0, 1.0, 2.0, 1.0, id="scenes alike"),
+        pytest.param(90.0, 2.5, 2.0, 2.5, id="scenes that differ"),
+        pytest.param(30.0, 1.5, 6.0, 2.5, id="a sensor that covers more of the circle than the fitted one"),
+    ],
+)
+def test_counts_vary_between_scenes_as_stated(view: float, dispersion: float, rate: float, expected: float) -> None:
+    profile = perfect_with(dispersion=dispersion).model_copy(update={"field_of_view": view})
     count = np.diff([in_empty_scene(profile, frames=10, seed=seed).start for seed in range(600)], axis=1)
-    assert count.var() / count.mean() == pytest.approx(dispersion, rel=0.15)
-    assert count.mean() == pytest.approx(2.0, rel=0.1)
-
-
-def test_a_sensor_that_covers_more_of_the_circle_has_more_of_it() -> None:
-    profile = perfect_with(dispersion=1.5).model_copy(update={"field_of_view": 30.0})
-    count = np.diff([in_empty_scene(profile, frames=10, seed=seed).start for seed in range(600)], axis=1)
-    assert count.mean() == pytest.approx(6.0, rel=0.1)
-    assert count.var() / count.mean() == pytest.approx(2.5, rel=0.15), "scenes differ as much as before, relatively"
+    assert count.mean() == pytest.approx(rate, rel=0.1)
+    assert count.var() / count.mean() == pytest.approx(expected, rel=0.15)
 
 
 @pytest.mark.parametrize(("steps", "share"), [(1.0, 0.4), (3.0, 0.4**3)])

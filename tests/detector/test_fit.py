@@ -17,8 +17,9 @@ from mtp_bench.detector.profile import profile_text
 from mtp_bench.detector.sight import Sensor
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.errors import DataError
-from mtp_bench.types import Detections, Floats, Scene, Truth
-from tests.support.detector_scenes import assert_alike
+from mtp_bench.geometry import transform_boxes
+from mtp_bench.types import Detections, Scene, Truth
+from tests.support.detector_scenes import assert_alike, grid_truth
 
 SENSOR = Sensor(reach=60.0, field_of_view=2 * np.pi)
 CLASSES = ("car", "pedestrian")
@@ -36,16 +37,7 @@ def a_truth(rng: np.random.Generator) -> Truth:
     box[:, 3] = rng.uniform(-np.pi, np.pi, OBJECTS)
     box[:, 4:] = np.array([[4.0, 1.8, 1.5], [0.7, 0.7, 1.8]])[kind]
     box[:, 2] = box[:, 6] / 2
-    rows = FRAMES * OBJECTS
-    return Truth(
-        start=OBJECTS * np.arange(FRAMES + 1),
-        box=np.tile(box, (FRAMES, 1)),
-        velocity=np.zeros((rows, 2)),
-        class_id=np.tile(kind, FRAMES),
-        object_id=np.tile(np.arange(OBJECTS), FRAMES),
-        eligible=np.ones(rows, dtype=bool),
-        neutral=np.zeros(rows, dtype=bool),
-    )
+    return grid_truth(np.tile(box, (FRAMES, 1, 1)), np.zeros((OBJECTS, 2)), kind)
 
 
 def empty_scenes() -> list[Scene]:
@@ -159,15 +151,10 @@ def test_what_is_fitted_does_not_depend_on_the_frame_of_reference(scenes: list[S
 
 def _turned(scene: Scene) -> Scene:
     """The scene turned by a quarter and shifted."""
-
-    def move(box: Floats) -> Floats:
-        return np.column_stack([100 - box[:, 1], box[:, 0] - 50, box[:, 2], box[:, 3] + np.pi / 2, box[:, 4:]])
-
-    ego = np.tile([100.0, -50.0, 0.0, np.pi / 2], (scene.frames, 1))
-    true, found = scene.truth, scene.detections
-    return replace(
-        scene, ego=ego, truth=replace(true, box=move(true.box)), detections=replace(found, box=move(found.box))
-    )
+    shift, turn = (100.0, -50.0, 0.0), np.pi / 2
+    truth = replace(scene.truth, box=transform_boxes(scene.truth.box, turn, shift))
+    found = replace(scene.detections, box=transform_boxes(scene.detections.box, turn, shift))
+    return replace(scene, ego=np.tile([*shift, turn], (scene.frames, 1)), truth=truth, detections=found)
 
 
 def test_the_floor_is_the_operating_point(scenes: list[Scene], refit: Profile) -> None:

@@ -8,6 +8,7 @@ import pytest
 from mtp_bench.detector.sight import HIDDEN, LARGELY, NOT_OCCLUDED, PARTLY, Sensor, covered, sight, visible_fraction
 from mtp_bench.geometry import bev_corners, bev_intersection_area
 from mtp_bench.types import Floats, Truth
+from tests.support.detector_scenes import truth_of
 
 ALL_AROUND = Sensor(reach=100.0, field_of_view=2 * np.pi)
 AHEAD = Sensor(reach=50.0, field_of_view=np.pi / 2)
@@ -24,11 +25,9 @@ def _wall(x: float, low: float, high: float) -> list[float]:
 
 
 def _truth(frames: list[list[list[float]]]) -> Truth:
-    start = np.cumsum([0, *(len(boxes) for boxes in frames)])
+    frame = np.repeat(np.arange(len(frames)), [len(boxes) for boxes in frames])
     box = np.array([row for boxes in frames for row in boxes], dtype=np.float64).reshape(-1, 7)
-    rows = len(box)
-    nobody = np.zeros(rows, dtype=bool)
-    return Truth(start, box, np.zeros((rows, 2)), np.zeros(rows, int), np.arange(rows), ~nobody, nobody)
+    return truth_of(frame, np.arange(len(box)), box, len(frames))
 
 
 def _ray_fractions(box: Floats, sensor: Floats, rays: int) -> Floats:

@@ -14,10 +14,21 @@ from mtp_bench.detector import Profile, load_profile, profile_names
 from mtp_bench.detector.draws import Kind, Whose
 from mtp_bench.detector.sight import Sensor, covered
 from mtp_bench.detector.simulate import simulate
-from mtp_bench.errors import ShapeError, UnknownNameError
+from mtp_bench.errors import ShapeError
 from mtp_bench.geometry import transform_boxes
 from mtp_bench.types import Detections, Floats, Truth
-from tests.support.detector_scenes import DT, FALSE_POSITIVES, MEMORY, crowd, detect, missing, noisy, on_grid, seen_at
+from tests.support.detector_scenes import (
+    DT,
+    FALSE_POSITIVES,
+    MEMORY,
+    crowd,
+    detect,
+    grid_truth,
+    missing,
+    noisy,
+    on_grid,
+    seen_at,
+)
 
 SENSOR = Sensor(reach=50.0, field_of_view=np.pi)
 TRAFFIC = ("car", "truck", "pedestrian")
@@ -42,16 +53,7 @@ def _traffic(frames: int = 30, objects: int = 20) -> tuple[Truth, Floats]:
     box[..., 2] = 0.8
     box[..., 3] = np.arctan2(velocity[:, 1], velocity[:, 0])
     box[..., 4:] = np.array([[4.5, 1.9, 1.6], [9.0, 2.5, 3.0], [0.8, 0.7, 1.7]])[np.arange(objects) % 3]
-    rows = frames * objects
-    truth = Truth(
-        start=np.arange(frames + 1) * objects,
-        box=box.reshape(-1, 7),
-        velocity=np.tile(velocity, (frames, 1)),
-        class_id=np.tile(np.arange(objects) % 3, frames),
-        object_id=np.tile(rng.permutation(objects) * 7 + 100, frames),
-        eligible=np.ones(rows, dtype=bool),
-        neutral=np.zeros(rows, dtype=bool),
-    )
+    truth = grid_truth(box, velocity, np.arange(objects) % 3, rng.permutation(objects) * 7 + 100)
     ego = np.zeros((frames, 4))
     ego[:, 0], ego[:, 3] = np.arange(frames) * 0.8, np.linspace(0, 0.6, frames)
     return truth, ego
@@ -211,12 +213,6 @@ def test_a_class_that_is_alike_has_the_noise_of_the_other() -> None:
     profile = profile.model_copy(update={"classes": quiet})
     np.testing.assert_array_equal(_classes_of(profile, 1), _classes_of(profile, 0))
     assert len(_classes_of(profile, 2)) != len(_classes_of(profile, 0))
-
-
-def test_an_unknown_class_is_named() -> None:
-    truth, ego = _traffic()
-    with pytest.raises(UnknownNameError, match=r"class of detector profile 'kitti_pointrcnn' 'pedestrain'.*pedestrian"):
-        simulate(truth, ego, ("car", "truck", "pedestrain"), load_profile("kitti_pointrcnn"), SENSOR, 0, DT)
 
 
 def test_a_pose_per_frame_is_needed() -> None:

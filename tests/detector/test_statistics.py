@@ -25,21 +25,6 @@ def boxes(*places: ROW) -> Floats:
     return box
 
 
-def truth(*frames: list[ROW], class_id: int = 0, neutral: tuple[int, ...] = ()) -> Truth:
-    """Object j is the j-th place of every frame; those in ``neutral`` are neutral."""
-    rows = sum(map(len, frames))
-    object_id = np.concatenate([np.arange(len(places)) for places in frames])
-    return Truth(
-        start=np.cumsum([0, *map(len, frames)]),
-        box=boxes(*(place for places in frames for place in places)),
-        velocity=np.full((rows, 2), np.nan),
-        class_id=np.full(rows, class_id),
-        object_id=object_id,
-        eligible=~np.isin(object_id, neutral),
-        neutral=np.isin(object_id, neutral),
-    )
-
-
 def detections(*frames: list[ROW], class_id: int = 0, score: float = 1.0) -> Detections:
     rows = sum(map(len, frames))
     return Detections(
@@ -49,6 +34,14 @@ def detections(*frames: list[ROW], class_id: int = 0, score: float = 1.0) -> Det
         class_id=np.full(rows, class_id),
         score=np.full(rows, score),
     )
+
+
+def truth(*frames: list[ROW], class_id: int = 0, neutral: tuple[int, ...] = ()) -> Truth:
+    """Object j is the j-th place of every frame; those in ``neutral`` are neutral."""
+    same = detections(*frames, class_id=class_id)
+    object_id = np.concatenate([np.arange(len(places)) for places in frames])
+    beside = np.isin(object_id, neutral)
+    return Truth(same.start, same.box, same.velocity, same.class_id, object_id, ~beside, beside)
 
 
 def scene(true: Truth, found: Detections) -> Scene:

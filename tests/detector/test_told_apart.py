@@ -11,6 +11,7 @@ from mtp_bench.detector import Profile, load_profile
 from mtp_bench.detector.sight import Sensor
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.types import Bools, Detections, Floats, Ints, Truth
+from tests.support.detector_scenes import grid_truth
 
 SENSOR = Sensor(reach=60.0, field_of_view=2 * np.pi)
 CLASSES = ("car", "truck", "pedestrian")
@@ -29,19 +30,9 @@ def _traffic() -> tuple[Truth, Floats]:
     box[..., 3] = rng.uniform(-np.pi, np.pi, OBJECTS)
     box[..., 4:] = SIZES[KIND] * rng.normal(1, 0.1, (OBJECTS, 3))
     box[..., 2] = box[..., 6] / 2 - 1.7
-    rows = FRAMES * OBJECTS
-    truth = Truth(
-        start=OBJECTS * np.arange(FRAMES + 1),
-        box=box.reshape(-1, 7),
-        velocity=np.tile(velocity, (FRAMES, 1)),
-        class_id=np.tile(KIND, FRAMES),
-        object_id=np.tile(np.arange(OBJECTS), FRAMES),
-        eligible=np.ones(rows, dtype=bool),
-        neutral=np.zeros(rows, dtype=bool),
-    )
     ego = np.zeros((FRAMES, 4))
     ego[:, 0] = 0.1 * np.arange(FRAMES)
-    return truth, ego
+    return grid_truth(box, velocity, KIND), ego
 
 
 def _simulated(profile: Profile) -> Detections:

@@ -131,12 +131,7 @@ def test_the_shipped_profiles_are_those_of_the_documentation() -> None:
     for name in profile_names():
         assert load_profile(name).name == name
         assert load_profile(name).source
-
-
-@pytest.mark.parametrize("name", profile_names())
-def test_every_class_of_a_profile_has_noise(name: str) -> None:
-    profile = load_profile(name)
-    assert all(profile.noise(each) is profile.classes[own] for each, own in profile.alike.items())
+        assert load_profile(name) is load_profile(name), "read once"
 
 
 @pytest.mark.parametrize("name", FITTED)
@@ -152,19 +147,12 @@ def test_hidden_and_far_objects_are_undetected_more_often(name: str) -> None:
     assert recall[3] < recall[1] - 0.1
 
 
-def test_shares_that_do_not_sum_to_one_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"bias \+ ar \+ white is 0.9, expected 1"):
-        noisy(radial={"s0": 0.1, "s1": 0.0, "nu": 4.0, "bias": 0.1, "ar": 0.3, "phi": 0.5, "white": 0.5})
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
+        ({"radial": {"bias": 0.1, "ar": 0.3, "phi": 0.5, "white": 0.5}}, r"bias \+ ar \+ white is 0.9, expected 1"),
         ({"score": {"floor": 0.5, "ceiling": 0.4}}, "expected more than the floor, 0.5"),
-        (
-            {"false_positives": {**FALSE_POSITIVES, "distance": (5.0, 4.0, *range(6, 15))}},
-            "expected ascending distances",
-        ),
+        ({"false_positives": {**FALSE_POSITIVES, "distance": (5.0, 4.0, *range(6, 15))}}, "expected ascending dist"),
         ({"false_positives": {**FALSE_POSITIVES, "distance": (5.0, 6.0)}}, "at least 11 items"),
     ],
 )
@@ -187,16 +175,7 @@ def test_messages_of_a_wrong_profile_are_short(tmp_path: Path) -> None:
         assert len(str(caught.value)) < 220
 
 
-def test_a_shipped_profile_is_read_once() -> None:
-    assert load_profile("nuscenes_megvii") is load_profile("nuscenes_megvii")
-
-
 @pytest.mark.parametrize(("steps", "expected"), [(1.0, -0.5), (2.0, 0.25), (0.3 / 0.1, -0.125), (1.5, -(0.5**1.5))])
 def test_a_negative_correlation_over_frames(steps: float, expected: float) -> None:
     assert float(decayed(np.asarray(-0.5), steps)) == pytest.approx(expected)
     assert float(decayed(np.asarray(-0.5), np.inf)) == 0.0
-
-
-def test_a_profile_that_is_not_there_is_named() -> None:
-    with pytest.raises(CardError, match="cannot be read"):
-        load_profile("no/such/profile.toml")

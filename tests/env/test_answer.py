@@ -157,6 +157,7 @@ CASES: dict[str, Case] = {
     "sample weights missing": no_object(drop("forecast_log_weight"), "forecast_log_weight: is missing"),
     "object classes of floats": no_object(cast("object_class", float), "object_class: has dtype float64"),
     "unknown key": Case(swap("comment", np.zeros(3)), "action: has keys that nobody reads"),
+    "nothing said": Case(lambda action: action.update(empty_action(TASK)), "", (), 0, 0),
     "empty action": Case(lambda action: action.clear(), "track_id: is missing", (), 0, 0, (5, 3, 4)),
 }
 
@@ -200,10 +201,6 @@ def test_anything_but_a_dict_is_an_answer_without_a_sound_row(action: object) ->
     assert examine(action, TASK).problems[0].reason == f"is a {type(action).__name__}"
 
 
-def test_saying_nothing_is_no_violation() -> None:
-    assert decode(empty_action(TASK), TASK).invalid.tolist() == [0, 0, 0]
-
-
 def test_a_hypothesis_may_be_empty() -> None:
     action = full_action(TASK)
     action["hypothesis_member"][0] = 0
@@ -226,29 +223,22 @@ def test_absent_samples_hold_zeros_whatever_was_there() -> None:
     np.testing.assert_array_equal(decode(action, TASK).forecast[:, 2:], 0)
 
 
-def test_the_agent_may_go_on_writing_into_its_arrays() -> None:
+def test_the_agent_s_arrays_are_left_alone_and_it_may_go_on_writing_into_them() -> None:
     action = full_action(TASK)
+    for array in action.values():
+        array.flags.writeable = False
     answer = decode(action, TASK)
     before = {name: np.array(value) for name, value in vars(answer).items()}
     for array in action.values():
+        array.flags.writeable = True
         array[...] = 1
     for name, value in before.items():
         np.testing.assert_array_equal(getattr(answer, name), value)
 
 
-def test_the_agent_s_arrays_are_left_alone() -> None:
-    action = full_action(TASK)
-    for array in action.values():
-        array.flags.writeable = False
-    decode(action, TASK)
-
-
 def test_a_faint_weight_is_present_and_minus_infinity_is_not() -> None:
     got = log_softmax(np.array([0.0, -1e29, -np.inf]), np.array([True, True, False]))
     assert got.tolist() == [0.0, FAINTEST, -np.inf]
-
-
-def test_log_softmax_of_nothing_present() -> None:
     assert log_softmax(np.zeros((2, 3)), np.zeros((2, 3), dtype=bool)).tolist() == [[-np.inf] * 3] * 2
 
 
@@ -273,7 +263,7 @@ def test_whatever_comes_the_answer_is_sound(wild: dict[str, Any]) -> None:
     assert np.isfinite(answer.track_box).all()
     assert np.isfinite(answer.object_box).all()
     assert np.isfinite(answer.forecast).all()
-    assert (np.hypot(answer.forecast[..., 0], answer.forecast[..., 1]) < 327.5).all()
+    assert (np.hypot(answer.forecast[..., 0], answer.forecast[..., 1]) < 32_750).all()  # cm
     assert (answer.track_box[:, 4:] > 0).all()
     assert answer.member.any(axis=1).all()
     for h in range(TASK.hypotheses):

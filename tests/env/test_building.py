@@ -47,6 +47,8 @@ def test_objects_alone_say_nothing_of_tracks() -> None:
     assert len(got.track_id) == 0
     assert np.isneginf(got.hypothesis_log_weight).all()
     assert not got.invalid.any()
+    empty = decode(answer(TASK, np.zeros((0, 7)), [], np.zeros((0, 3, 2)), ids=[]), TASK)
+    assert len(empty.track_id) == len(empty.object_box) == empty.invalid.sum() == 0
 
 
 def test_ids_make_them_the_tracks_of_one_hypothesis() -> None:
@@ -62,11 +64,6 @@ def test_samples_and_their_weights() -> None:
     got = decode(answer(TASK, BOX, CLASS, samples, [[0.0, 0.0], [1.0, -np.inf]]), TASK)
     np.testing.assert_array_equal(got.forecast[0, :2], 100 * samples[0])
     np.testing.assert_allclose(np.exp(got.forecast_log_weight), [[0.5, 0.5, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]])
-
-
-def test_an_empty_frame() -> None:
-    got = decode(answer(TASK, np.zeros((0, 7)), [], np.zeros((0, 3, 2)), ids=[]), TASK)
-    assert len(got.track_id) == len(got.object_box) == got.invalid.sum() == 0
 
 
 def test_what_does_not_fit_is_left_out_the_least_likely_first() -> None:

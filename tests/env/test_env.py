@@ -98,19 +98,21 @@ def test_later_frames_are_in_the_same_local_frame(make_env: MakeEnv) -> None:
     assert float(seen[3][0]["time"]) == pytest.approx(0.3)
 
 
-def test_every_frame_and_the_one_after_the_last_lie_in_the_space(make_env: MakeEnv) -> None:
-    for observe in ("detections", "truth"):
-        env = make_env(make_scene(empty=(0, 4, 7)), observe=observe)
-        seen, _ = play(env, echo(env))
-        assert len(seen) == 9
-        for observation, _ in seen:
-            assert env.observation_space.contains(observation)
+@pytest.mark.parametrize("keywords", [{}, {"observe": "truth"}, {"evaluation": True}], ids=str)
+def test_every_frame_and_the_one_after_the_last_lie_in_the_space(keywords: dict[str, Any], make_env: MakeEnv) -> None:
+    env = make_env(make_scene(empty=(0, 4, 7)), **keywords)
+    seen, _ = play(env, echo(env))
+    assert len(seen) == 9
+    for t, (observation, info) in enumerate(seen):
+        assert env.observation_space.contains(observation)
+        assert list(info) == INFO
+        assert all(type(value) is int for value in info.values())
+        assert info["frame"] == t
 
 
 def test_after_the_last_frame_nothing_is_seen_and_time_stands(make_env: MakeEnv) -> None:
     env = make_env(make_scene())
-    seen, _ = play(env, lambda observation: empty_action(env.task))
-    before, after = seen[-2][0], seen[-1][0]
+    (*_, (before, _), (after, _)), _ = play(env, lambda observation: empty_action(env.task))
     assert not after["detection_valid"].any()
     assert after["time"] == before["time"]
     np.testing.assert_array_equal(after["ego_pose"], before["ego_pose"])
@@ -132,6 +134,14 @@ def test_equal_scores_the_earlier_detection_stays(make_env: MakeEnv) -> None:
     assert observation["detection_class"].tolist() == [0, 0]
 
 
+def with_box(row: int, column: int | slice, value: float) -> Scene:
+    """The scene with another number in a detected box."""
+    scene = make_scene()
+    box = scene.detections.box.copy()
+    box[row, column] = value
+    return replace(scene, detections=replace(scene.detections, box=box))
+
+
 BAD_DETECTION = {
     "NaN": (0, 1, np.nan),
     "infinite": (0, 0, np.inf),
@@ -144,11 +154,7 @@ BAD_DETECTION = {
 
 @pytest.mark.parametrize("case", BAD_DETECTION, ids=str)
 def test_a_detection_outside_of_the_space_is_left_out_and_counted(case: str, make_env: MakeEnv) -> None:
-    row, column, value = BAD_DETECTION[case]
-    scene = make_scene()
-    box = scene.detections.box.copy()
-    box[row, column] = value
-    env = make_env(replace(scene, detections=replace(scene.detections, box=box)))
+    env = make_env(with_box(*BAD_DETECTION[case]))
     observation, info = env.reset()
     assert observation["detection_valid"].sum() == 2
     assert info["dropped_detections"] == 1
@@ -156,10 +162,8 @@ def test_a_detection_outside_of_the_space_is_left_out_and_counted(case: str, mak
 
 
 def test_a_detection_that_is_left_out_takes_no_one_s_place(make_env: MakeEnv) -> None:
-    scene = make_scene()
-    box = scene.detections.box.copy()
-    box[0] = np.nan  # the one with the best score
-    observation, _ = make_env(replace(scene, detections=replace(scene.detections, box=box)), detections=2).reset()
+    best = 0
+    observation, _ = make_env(with_box(best, slice(None), np.nan), detections=2).reset()
     assert observation["detection_score"].tolist() == [1.0, -2.0]
 
 
@@ -221,16 +225,12 @@ def test_only_the_last_answer_truncates_and_nothing_terminates(make_env: MakeEnv
     env.step(empty_action(env.task))
 
 
-def test_nothing_can_be_asked_before_reset(make_env: MakeEnv) -> None:
+def test_nothing_can_be_asked_before_reset_and_no_rollout_of_half_an_episode(make_env: MakeEnv) -> None:
     env = make_env(make_scene())
     with pytest.raises(ResetNeeded, match="call reset"):
         env.step(empty_action(env.task))
     with pytest.raises(ResetNeeded):
         env.rollout()
-
-
-def test_no_rollout_of_half_an_episode(make_env: MakeEnv) -> None:
-    env = make_env(make_scene())
     env.reset()
     env.step(empty_action(env.task))
     with pytest.raises(RolloutError, match="frame 1 of 8"):
@@ -289,18 +289,10 @@ def test_a_wrong_keyword_is_one_clear_error(case: str, make_env: MakeEnv) -> Non
         make_env(**keywords)
 
 
-def test_an_unknown_card_is_one_clear_error() -> None:
-    with pytest.raises(UnknownNameError, match="did you mean 'MTP-KITTI-v0'"):
-        MTPEnv("MTP-KITI-v0")
-
-
-@pytest.mark.parametrize(
-    ("options", "text"),
-    [({"scene": "oen"}, "did you mean 'one'"), ({"scenes": "one"}, "unknown reset option 'scenes'")],
-)
-def test_a_wrong_reset_option_is_one_clear_error(options: dict[str, str], text: str, make_env: MakeEnv) -> None:
-    with pytest.raises(UnknownNameError, match=text):
-        make_env().reset(options=options)
+def test_a_wrong_reset_option_is_one_clear_error(make_env: MakeEnv) -> None:
+    for options, text in (({"scene": "oen"}, "did you mean 'one'"), ({"scenes": "one"}, "reset option 'scenes'")):
+        with pytest.raises(UnknownNameError, match=text):
+            make_env().reset(options=options)
 
 
 def test_sizes_come_from_the_keywords_else_from_the_card(make_env: MakeEnv) -> None:
@@ -332,28 +324,26 @@ def test_the_rollout_holds_the_answer_in_the_frame_of_the_scene(make_env: MakeEn
     assert rollout.seconds.tolist() == [0.0] * 8
 
 
-def test_a_random_turn_and_shift_changes_what_is_seen_but_not_what_is_said(make_env: MakeEnv) -> None:
+def test_a_random_turn_and_shift_changes_what_is_seen_but_neither_answers_nor_rewards(
+    make_env: MakeEnv,
+) -> None:
     plain = make_env(make_scene())
-    still = echo_rollout(plain)
+    _, rewards = play(plain, echo(plain))
+    still = plain.rollout()
     moved = make_env(make_scene(), rigid_motion=True)
     first, _ = moved.reset(seed=1)
     assert np.abs(first["ego_pose"][:2]).min() > 1
     other, _ = moved.reset(seed=2)
     assert np.abs(first["ego_pose"] - other["ego_pose"]).max() > 1
-    rollout = echo_rollout(moved, seed=1)
+    _, turned = play(moved, echo(moved), seed=1)
+    np.testing.assert_allclose(turned, rewards, atol=0.02)
+    rollout = moved.rollout()
     for name in ("track_start", "track_id", "track_class", "member", "object_start", "object_class", "invalid"):
         np.testing.assert_array_equal(getattr(rollout, name), getattr(still, name))
     for name in ("track_box", "object_box", "hypothesis_log_weight", "forecast_log_weight"):
         np.testing.assert_allclose(getattr(rollout, name), getattr(still, name), atol=1e-4)
     assert np.abs(rollout.forecast.astype(int) - still.forecast).max() <= 1  # cm
     assert digest(echo_rollout(moved, seed=1)) == digest(rollout)
-
-
-def test_rewards_do_not_change_under_a_rigid_motion(make_env: MakeEnv) -> None:
-    plain, moved = make_env(make_scene()), make_env(make_scene(), rigid_motion=True)
-    _, rewards = play(plain, echo(plain))
-    _, turned = play(moved, echo(moved), seed=4)
-    np.testing.assert_allclose(turned, rewards, atol=0.02)
 
 
 def test_every_action_of_the_space_is_sound(make_env: MakeEnv) -> None:
@@ -476,16 +466,6 @@ def test_a_scene_elsewhere_and_at_another_time_looks_the_same(make_env: MakeEnv)
     for (observation, _), (moved, _) in zip(seen, other, strict=True):
         for key in observation:
             np.testing.assert_allclose(observation[key], moved[key], atol=1e-4)
-
-
-def test_info_always_has_the_same_whole_numbers(make_env: MakeEnv) -> None:
-    for evaluation in (False, True):
-        env = make_env(make_scene(), evaluation=evaluation)
-        seen, _ = play(env, echo(env))
-        for t, (_, info) in enumerate(seen):
-            assert list(info) == INFO
-            assert all(type(value) is int for value in info.values())
-            assert info["frame"] == t
 
 
 # ---- flattening

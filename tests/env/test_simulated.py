@@ -6,19 +6,16 @@ import json
 import os
 import subprocess
 import sys
-import warnings
 from pathlib import Path
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 
 from mtp_bench import load_submission
 from mtp_bench._bundle import baseline_names, bundled
 from mtp_bench.env import MTPEnv
-from mtp_bench.errors import MtpBenchError, UnknownNameError
+from mtp_bench.errors import MtpBenchError
 from mtp_bench.scoring import SceneScore, score_scene
 from mtp_bench.submission.loader import SubmissionFactory
 from tests.support.command_line import CommandLine
@@ -31,13 +28,6 @@ def first_scene(env_id: str, **keywords: Any) -> MTPEnv:
     """The env with nothing but its first scene, the same in all tests: it is generated once."""
     known = MTPEnv(env_id).scene_names
     return MTPEnv(env_id, scenes=known[:1], **keywords)
-
-
-@pytest.mark.parametrize("env_id", SIMULATED)
-def test_checker(env_id: str) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        check_env(gym.make(env_id, scenes=first_scene(env_id).scene_names).unwrapped)
 
 
 @pytest.mark.parametrize("env_id", SIMULATED)
@@ -94,13 +84,6 @@ def test_another_split_has_other_scenes() -> None:
     names = [set(MTPEnv("MTP-Merge-v0", split=split).scene_names) for split in ("train", "val", "test")]
     assert [len(part) for part in names] == [500, 50, 50]
     assert not (names[0] & names[1] | names[1] & names[2] | names[0] & names[2])
-
-
-def test_unknown_splits_and_detectors_are_errors() -> None:
-    with pytest.raises(UnknownNameError, match="unknown split of MTP-Merge-v0 'valid'"):
-        MTPEnv("MTP-Merge-v0", split="valid")
-    with pytest.raises(UnknownNameError, match="unknown detector profile 'lidar'"):
-        MTPEnv("MTP-Merge-v0", detector="lidar")
 
 
 def test_a_simulated_detector_on_recorded_truth(card: str, kitti: str) -> None:

@@ -9,16 +9,16 @@ from mtp_bench.sources.highway.footways import Footway, Side, cut, kept_off_road
 from mtp_bench.sources.highway.networks import build
 from mtp_bench.sources.highway.simulate import simulate_world
 from mtp_bench.sources.highway.world import CLASSES, Traffic, World
-from mtp_bench.types import Floats
+from mtp_bench.types import Floats, Ints
 
 PEDESTRIAN = CLASSES.index("pedestrian")
 
 
-def people(world: World) -> list[Floats]:
-    """Boxes of everybody on foot."""
-    truth = world.truth
+def people(world: World) -> list[tuple[Ints, Floats]]:
+    """Frames and boxes of everybody on foot."""
+    truth, frame = world.truth, world.truth.frame_of_rows
     numbers = np.unique(truth.object_id[truth.class_id == PEDESTRIAN])
-    return [truth.box[truth.object_id == number] for number in numbers]
+    return [(frame[truth.object_id == number], truth.box[truth.object_id == number]) for number in numbers]
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def busy() -> World:
 
 def test_people_cross_the_intersection_at_the_crossings(busy: World) -> None:
     crossed = 0
-    for box in people(busy):
+    for _, box in people(busy):
         x, y = np.sort(np.abs(box[:, :2]), axis=1).T  # from the middle of the nearer road, along it
         on_road = x < 6.8
         assert (np.abs(y[on_road] - 16.75) < 2.2).all()
@@ -37,19 +37,16 @@ def test_people_cross_the_intersection_at_the_crossings(busy: World) -> None:
 
 
 def test_people_come_from_afar_and_go_there(busy: World) -> None:
-    frames = len(busy.time)
-    frame = busy.truth.frame_of_rows
     ends = []
-    for number in np.unique(busy.truth.object_id[busy.truth.class_id == PEDESTRIAN]):
-        own = busy.truth.object_id == number
-        away, there = np.hypot(*busy.truth.box[own, :2].T), frame[own]
-        ends += [away[0]] * bool(there[0] > 0) + [away[-1]] * bool(there[-1] < frames - 1)
+    for frame, box in people(busy):
+        away = np.hypot(*box[:, :2].T)
+        ends += [away[0]] * bool(frame[0] > 0) + [away[-1]] * bool(frame[-1] < len(busy.time) - 1)
     assert len(ends) >= 2
     assert min(ends) > 55.0
 
 
 def test_nobody_on_foot_stands_right_in_front_of_the_sensor(busy: World) -> None:
-    assert min(np.hypot(*(box[:, :2] - busy.ego[0, :2]).T).min() for box in people(busy)) > 3.5
+    assert min(np.hypot(*(box[:, :2] - busy.ego[0, :2]).T).min() for _, box in people(busy)) > 3.5
 
 
 def _footway(direction: float, arm: int, around: bool) -> tuple[Footway, Floats]:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from mtp_bench.cards import Card, load_card, parse_card
+from mtp_bench.cards import Card
 from mtp_bench.errors import CardError, DataError, UnknownNameError
 from mtp_bench.sources import describe, open_source
 from mtp_bench.sources.kitti.files import read_detections, read_imu_to_camera, read_labels
 from mtp_bench.sources.kitti.layout import VALIDATION
 from mtp_bench.sources.kitti.poses import FRAME_PERIOD
 from mtp_bench.types import Scene
+from tests.support.source_files import assert_one_error, card_of, write
 
 QUARTER = np.pi / 2
 SIX = 6  # frames of the small sequence
@@ -22,17 +24,7 @@ CAMERA_AHEAD = 1.5  # m, camera before the GPS/IMU unit
 
 
 def kitti_card(classes: tuple[str, ...] = ("car", "pedestrian", "cyclist"), **source: Any) -> Card:
-    content = load_card("MTP-KITTI-v0").model_dump(mode="json")
-    content["source"].update(source)
-    same = dict.fromkeys(classes, 1.0)
-    content["task"].update(
-        rate=10 / content["source"]["stride"],
-        classes=list(classes),
-        forecast_gate=same,
-        miss_error=same,
-        event_gate={"measure": "center_distance", "threshold": same},
-    )
-    return parse_card(content)
+    return card_of("MTP-KITTI-v0", classes, 10 / source.get("stride", 1), **source)
 
 
 def label(
@@ -70,11 +62,6 @@ def root(tmp_path: Path) -> Path:
     for kind in ("Car", "Pedestrian", "Cyclist"):
         write(folder / f"detections/pointrcnn/{kind}/0000.txt")
     return folder
-
-
-def write(path: Path, *lines: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
 
 
 def load(root: Path, **source: Any) -> Scene:
@@ -263,11 +250,7 @@ DETECTED, SEQMAP = "detections/pointrcnn/Car/0000.txt", "evaluate_tracking.seqma
 BROKEN: dict[str, tuple[str, list[str] | None, str]] = {  # file, its lines (None: removed), what the error says
     "label row cut off": (LABELS, [PARKED, PARKED[:25]], "line 2: 9 columns, expected 17"),
     "label row too long": (LABELS, [PARKED + " 1"], "line 1: 18 columns, expected 17"),
-    "label without a number": (
-        LABELS,
-        [PARKED, "", PARKED.replace(" 10 ", " ten ")],
-        r"line 3, .* \(left\): got 'ten'",
-    ),
+    "label without a number": (LABELS, [PARKED, "", PARKED.replace(" 10 ", " ten ")], r"line 3, .*left\): got 'ten'"),
     "label not finite": (LABELS, [label(0, 1, "Car", np.nan, 1, 2, 3)], "line 1: .* is nan, expected a finite number"),
     "label without size": (LABELS, [label(0, 1, "Car", 0, 1, 2, 3, size="1 0 1")], "line 1: a box with a size"),
     "label in half a frame": (LABELS, [PARKED.replace("0", "0.5", 1)], "line 1: frame is 0.5, expected a whole"),
@@ -295,23 +278,13 @@ BROKEN: dict[str, tuple[str, list[str] | None, str]] = {  # file, its lines (Non
 @pytest.mark.parametrize("case", BROKEN)
 def test_broken_files_give_one_clear_error(root: Path, case: str) -> None:
     file, lines, text = BROKEN[case]
-    path = root / file
-    if lines is None:
-        path.unlink()
-    else:
-        path.write_bytes("".join(f"{line}\n" for line in lines).encode("utf-8", "surrogateescape"))
-    with pytest.raises(DataError, match=text) as caught:
-        load(root)
-    assert str(path) in str(caught.value)
+    assert_one_error(root / file, lines, text, lambda: load(root))
 
 
 def test_calibration_with_colons_and_long_names(root: Path) -> None:
-    names = [("R_rect", "R0_rect:"), ("Tr_velo_cam", "Tr_velo_to_cam:"), ("Tr_imu_velo", "Tr_imu_to_velo:")]
     plain = read_imu_to_camera(root / CALIB)
-    text = CALIBRATION
-    for short, long in names:
-        text = text.replace(short, long)
-    (root / CALIB).write_text(text, encoding="utf-8")
+    long = CALIBRATION.replace("R_rect", "R0_rect:").replace("velo_cam", "velo_to_cam:").replace("u_velo", "u_to_velo:")
+    write(root / CALIB, long)
     np.testing.assert_array_equal(read_imu_to_camera(root / CALIB), plain)
 
 
@@ -324,8 +297,7 @@ def test_without_ego_motion_neither_calibration_nor_gps_is_needed(root: Path) ->
 def test_train_is_every_other_sequence(root: Path) -> None:
     for name in ("0003", "0002"):
         for file in (LABELS, OXTS, CALIB):
-            copy = root / file.replace("0000", name)
-            copy.write_text((root / file).read_text(encoding="utf-8"), encoding="utf-8")
+            shutil.copy(root / file, root / file.replace("0000", name))
         for kind in ("Car", "Pedestrian", "Cyclist"):
             write(root / f"detections/pointrcnn/{kind}/{name}.txt")
     source = open_source(kitti_card(split="train"), root)
@@ -359,16 +331,11 @@ def test_without_any_root_the_user_folder_is_named(tmp_path: Path, monkeypatch: 
         open_source(kitti_card())
 
 
-@pytest.mark.parametrize(
-    ("source", "error", "text"),
-    [
-        ({"detector": "pointrnn"}, DataError, "has no detector 'pointrnn'; found: pointrcnn"),
-        ({"classes": ("car", "cyclists")}, CardError, "KITTI has no class 'cyclists': did you mean 'cyclist'"),
-    ],
-)
-def test_unknown_names(root: Path, source: dict[str, Any], error: type[Exception], text: str) -> None:
-    with pytest.raises(error, match=text):
-        open_source(kitti_card(**source), root)
+def test_unknown_names(root: Path) -> None:
+    with pytest.raises(DataError, match="has no detector 'pointrnn'; found: pointrcnn"):
+        open_source(kitti_card(detector="pointrnn"), root)
+    with pytest.raises(CardError, match="KITTI has no class 'cyclists': did you mean 'cyclist'"):
+        open_source(kitti_card(("car", "cyclists")), root)
 
 
 def test_missing_detection_folders(root: Path) -> None:
@@ -382,19 +349,9 @@ def test_missing_detection_folders(root: Path) -> None:
 
 
 def test_rate_and_stride_must_agree(root: Path) -> None:
-    content = kitti_card().model_dump(mode="json")
-    content["source"]["stride"] = 2
+    card = card_of("MTP-KITTI-v0", ("car",), 10.0, stride=2)
     with pytest.raises(CardError, match=r"task\.rate is 10 Hz, but KITTI has 10 Hz, which with stride 2 gives 5 Hz"):
-        open_source(parse_card(content), root)
-
-
-def test_status_of_a_missing_root(tmp_path: Path) -> None:
-    status = describe(kitti_card(), tmp_path)
-    assert status.root is None
-    assert status.searched == (tmp_path / "kitti_tracking", tmp_path)
-    assert not status.usable
-    for text in (status.layout, status.licence, status.citation, status.how_to_get):
-        assert text
+        open_source(card, root)
 
 
 def test_status_lists_what_is_missing_and_what_is_wrong(root: Path) -> None:

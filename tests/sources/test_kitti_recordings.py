@@ -4,35 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from mtp_bench.cards import Card, load_card
+from mtp_bench.cards import load_card
 from mtp_bench.sources import describe, open_source
 from mtp_bench.sources.kitti.files import read_imu_to_camera, read_labels, read_oxts
 from mtp_bench.sources.kitti.layout import VALIDATION
 from mtp_bench.sources.kitti.poses import FRAME_PERIOD, Poses, integrated_poses, poses_from_imu
 from mtp_bench.sources.kitti.source import read_poses
 from mtp_bench.types import Floats, Ints, Scene
+from tests.support.source_files import with_source
 
 pytestmark = pytest.mark.data
 
 
-def kitti_card(**source: Any) -> Card:
-    card = load_card("MTP-KITTI-v0")
-    return card.model_copy(update={"source": card.source.model_copy(update=source)})
+CARD = load_card("MTP-KITTI-v0")
 
 
 @pytest.fixture(scope="module")
 def scenes(data_root: Path) -> dict[str, Scene]:
-    source = open_source(kitti_card(), data_root)
+    source = open_source(CARD, data_root)
     return {name: source.load(name) for name in source.names}
 
 
 def test_counts_of_the_benchmark(data_root: Path, scenes: dict[str, Scene]) -> None:
-    status = describe(kitti_card(), data_root)
+    status = describe(CARD, data_root)
     assert {check.what: check.found for check in status.checks} == {
         check.what: check.expected for check in status.checks
     }
@@ -44,13 +42,13 @@ def test_counts_of_the_benchmark(data_root: Path, scenes: dict[str, Scene]) -> N
         assert sum(len(ids) for ids in own) == boxes
         assert sum(len(np.unique(ids)) for ids in own) == tracks
     assert all(scene.skipped == {} for scene in scenes.values())
-    train = open_source(kitti_card(split="train"), data_root)
+    train = open_source(CARD.with_split("train"), data_root)
     assert len(train.names) == 10
     assert sum(train.load(name).frames for name in train.names) == 8008 - 3908
 
 
 def test_both_frames_of_reference_hold_the_same_rows(data_root: Path, scenes: dict[str, Scene]) -> None:
-    source = open_source(kitti_card(ego_motion=False), data_root)
+    source = open_source(with_source(CARD.id, ego_motion=False), data_root)
     for name, scene in scenes.items():
         own = source.load(name)
         np.testing.assert_array_equal(own.truth.object_id, scene.truth.object_id)

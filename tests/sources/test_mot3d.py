@@ -12,6 +12,7 @@ from mtp_bench.cards import Card, load_card, parse_card
 from mtp_bench.errors import CardError, UnknownNameError
 from mtp_bench.sources import open_source
 from mtp_bench.types import Scene
+from tests.support.source_files import card_of, write
 
 SEQUENCE = "TUD-Stadtmitte"
 TEN = 10  # frames of the small sequence
@@ -35,11 +36,6 @@ def row(frame: int, object_id: int, x: float, y: float, confidence: float = 1) -
 
 def seqinfo(rate: str = "5", length: str = f"{TEN}") -> list[str]:
     return ["[Sequence]", f"name={SEQUENCE}", f"frameRate={rate}", f"seqLength={length}"]
-
-
-def write(path: Path, *lines: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
 
 
 def make_root(tmp_path: Path) -> Path:
@@ -208,11 +204,8 @@ def test_cards_that_do_not_fit(root: Path, card: dict[str, Any], text: str) -> N
 
 @pytest.mark.parametrize("classes", [["car"], ["pedestrian", "car"]])
 def test_there_are_only_pedestrians(root: Path, classes: list[str]) -> None:
-    same = dict.fromkeys(classes, 1.0)
-    gate = {"measure": "center_distance", "threshold": same}
-    task = {"classes": classes, "forecast_gate": same, "miss_error": same, "event_gate": gate}
     with pytest.raises(CardError, match="3DMOT2015 has no class 'car'"):
-        open_source(mot3d_card(task=task), root)
+        open_source(card_of("MTP-PETS-v0", classes, 7.0), root)
 
 
 def test_unknown_scene(root: Path) -> None:

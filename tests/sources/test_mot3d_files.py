@@ -9,7 +9,8 @@ import pytest
 
 from mtp_bench.errors import DataError
 from mtp_bench.sources import describe, open_source
-from tests.sources.test_mot3d import DET, GT, INI, SEQUENCE, TEN, load, make_root, mot3d_card, row, seqinfo, write
+from tests.sources.test_mot3d import DET, GT, INI, SEQUENCE, TEN, load, make_root, mot3d_card, row, seqinfo
+from tests.support.source_files import assert_one_error, write
 
 
 @pytest.fixture
@@ -21,11 +22,7 @@ BROKEN: dict[str, tuple[str, list[str] | None, str]] = {  # file, its lines (Non
     "true row cut off": (GT, [row(1, 7, 0, 0), "2,7,10,20"], r"line 2: 4 columns, expected 10 \(frame, id, left"),
     "row too long": (GT, [row(1, 7, 0, 0) + ",1"], "line 1: 11 columns, expected 10"),
     "blanks for commas": (DET, [row(1, -1, 0, 0).replace(",", " ")], "line 1: 1 columns, expected 10"),
-    "not a number": (
-        GT,
-        ["", row(1, 7, 0, 0).replace("20", "top")],
-        r"line 2, column 4 \(top\): got 'top'",
-    ),
+    "not a number": (GT, ["", row(1, 7, 0, 0).replace("20", "top")], r"line 2, column 4 \(top\): got 'top'"),
     "true NaN": (GT, [row(1, 7, np.nan, 0)], "line 1: X is nan, expected a finite number"),
     "detected NaN": (DET, [row(1, -1, 0, 0), row(2, -1, 0, np.nan)], "line 2: Y is nan, expected a finite"),
     "infinite score": (DET, [row(1, -1, 0, 0, np.inf)], "line 1: confidence is inf, expected a finite"),
@@ -49,11 +46,7 @@ BROKEN: dict[str, tuple[str, list[str] | None, str]] = {  # file, its lines (Non
     "seqinfo without section": (INI, seqinfo()[1:], "cannot be read: File contains no section headers"),
     "rate not a number": (INI, seqinfo(rate="7 Hz"), "frameRate is '7 Hz', expected a number above 0"),
     "no frames": (INI, seqinfo(length="0"), "seqLength is '0', expected a number above 0"),
-    "endless": (
-        INI,
-        seqinfo(length="99999999"),
-        r"seqLength is '99999999', expected a number above 0 and up to 1e\+06",
-    ),
+    "endless": (INI, seqinfo(length="99999999"), r"seqLength is '99999999', expected a number .* up to 1e\+06"),
     "rate out of bounds": (INI, seqinfo(rate="1e30"), r"frameRate is '1e30', expected .* and up to 1e\+06"),
     "half a length": (INI, seqinfo(length="9.5"), "seqLength is 9.5, expected a whole number"),
 }
@@ -62,14 +55,7 @@ BROKEN: dict[str, tuple[str, list[str] | None, str]] = {  # file, its lines (Non
 @pytest.mark.parametrize("case", BROKEN)
 def test_broken_files_give_one_clear_error(root: Path, case: str) -> None:
     file, lines, text = BROKEN[case]
-    path = root / file
-    if lines is None:
-        path.unlink()
-    else:
-        path.write_bytes("".join(f"{line}\n" for line in lines).encode("utf-8", "surrogateescape"))
-    with pytest.raises(DataError, match=text) as caught:
-        load(root, "0005")
-    assert str(path) in str(caught.value)
+    assert_one_error(root / file, lines, text, lambda: load(root, "0005"))
 
 
 def test_a_byte_order_mark_is_no_number(root: Path) -> None:
@@ -93,12 +79,6 @@ def test_missing_root(root: Path, tmp_path: Path) -> None:
         open_source(mot3d_card(), nowhere)
     with pytest.raises(DataError, match=r"train/PETS09-S2L1 is in none of .*; found there: TUD-Stadtmitte; name"):
         open_source(mot3d_card(sequence="PETS09-S2L1"), root)
-    status = describe(mot3d_card(), nowhere)
-    assert status.root is None
-    assert status.searched == (nowhere / "mot3d2015", nowhere / "3DMOT2015", nowhere)
-    assert not status.usable
-    for text in (status.layout, status.licence, status.citation, status.how_to_get):
-        assert text
 
 
 def test_status_lists_what_is_missing_and_what_is_wrong(root: Path) -> None:

@@ -7,20 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtp_bench.cards import Card, load_card, parse_card
+from mtp_bench.cards import Card, load_card
 from mtp_bench.scoring import find_targets
 from mtp_bench.sources import describe, open_source
 from mtp_bench.types import Floats, Scene
+from tests.support.source_files import card_of
 
 pytestmark = pytest.mark.data
 
 
 def whole_sequence(sequence: str, rate: float, frames: int) -> Card:
     """A card with the sequence as a single scene."""
-    content = load_card("MTP-PETS-v0").model_dump(mode="json")
-    content["source"] |= {"sequence": sequence, "train_scenes": 0, "scene_frames": frames}
-    content["task"]["rate"] = rate
-    return parse_card(content)
+    return card_of("MTP-PETS-v0", ["pedestrian"], rate, sequence=sequence, train_scenes=0, scene_frames=frames)
 
 
 PETS = whole_sequence("PETS09-S2L1", 7.0, 795)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,8 +12,8 @@ from mtp_bench.errors import CardError, DataError, UnknownNameError
 from mtp_bench.sources import describe, open_source
 from mtp_bench.sources.motion import backward_velocity
 from mtp_bench.sources.nuscenes.source import NuScenes
-from mtp_bench.types import Scene
 from tests.support.nuscenes_root import (
+    PREDICTION,
     SCENES,
     TIMES,
     VERSION,
@@ -22,22 +21,12 @@ from tests.support.nuscenes_root import (
     make_tables,
     make_targets,
     nuscenes_card,
+    scene,
     write_json,
-    write_root,
     write_tables,
 )
 
-PREDICTION = "nuscenes/maps/prediction/prediction_scenes.json"
 NAN = float("nan")
-
-
-@pytest.fixture
-def data(tmp_path: Path) -> Path:
-    return write_root(tmp_path)
-
-
-def scene(data: Path, name: str = "scene-0003", **source: Any) -> Scene:
-    return open_source(nuscenes_card(**source), data).load(name)
 
 
 def test_frames_and_ego(data: Path) -> None:

@@ -16,23 +16,12 @@ from mtp_bench.errors import DataError
 from mtp_bench.sources import open_source
 from mtp_bench.sources.nuscenes import folders
 from mtp_bench.sources.nuscenes.folders import file_hash
-from mtp_bench.types import Scene
-from tests.support.nuscenes_root import VERSION, make_tables, nuscenes_card, write_root, write_tables
+from tests.support.nuscenes_root import VERSION, make_tables, nuscenes_card, scene, write_root, write_tables
+
+pytestmark = pytest.mark.usefixtures("cache")
 
 LONG_AGO = 10**18  # ns
 FILES = {"detections": "nuscenes/detections/megvii_all.json", "tables": f"nuscenes/{VERSION}/sample_annotation.json"}
-
-
-@pytest.fixture
-def data(tmp_path: Path) -> Path:
-    return write_root(tmp_path / "data")
-
-
-@pytest.fixture(autouse=True)
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A cache of this test alone."""
-    monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path / "cache"))
-    return tmp_path / "cache/nuscenes"
 
 
 @pytest.fixture
@@ -41,8 +30,10 @@ def settled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(folders, "_SETTLED", -1)
 
 
-def scene(data: Path) -> Scene:
-    return open_source(nuscenes_card(), data).load("scene-0003")
+def stored_scene(cache: Path, kind: str) -> Path:
+    """The copy of a scene of the tables or of the detections."""
+    tables, detections = sorted(cache.rglob("scene-0003.npz"), key=lambda path: len(path.parent.name))
+    return tables if kind == "tables" else detections
 
 
 def rewrite(path: Path, old: str, new: str) -> None:
@@ -93,27 +84,16 @@ def test_another_root_moved_to_the_same_place(data: Path, tmp_path: Path) -> Non
     assert scene(data).detections.box[0, 0] == 55
 
 
-def without_a_scene(index: dict[str, Any]) -> None:
-    del index["scenes"]["scene-0003"]
+EDITS: dict[str, Callable[[dict[str, Any]], object]] = {
+    "without a scene": lambda index: index["scenes"].pop("scene-0003"),
+    "without counts": lambda index: index["scenes"].update({"scene-0003": {}}),
+    "other counts": lambda index: index.update(instances=1),
+    "without digest": lambda index: index.pop("digest"),
+    "other digest": lambda index: index.update(digest=3),
+}
 
 
-def without_counts(index: dict[str, Any]) -> None:
-    index["scenes"]["scene-0003"] = {}
-
-
-def other_counts(index: dict[str, Any]) -> None:
-    index["instances"] = 1
-
-
-def without_digest(index: dict[str, Any]) -> None:
-    del index["digest"]
-
-
-def other_digest(index: dict[str, Any]) -> None:
-    index["digest"] = 3
-
-
-@pytest.mark.parametrize("change", [without_a_scene, without_counts, other_counts, without_digest, other_digest])
+@pytest.mark.parametrize("change", EDITS.values(), ids=EDITS)
 def test_an_edited_index_is_not_believed(data: Path, cache: Path, change: Callable[[dict[str, Any]], None]) -> None:
     first = scene(data)
     indices = sorted(path for path in cache.rglob("index.json"))
@@ -127,7 +107,7 @@ def test_an_edited_index_is_not_believed(data: Path, cache: Path, change: Callab
     assert [path.read_text() for path in indices] == content
 
 
-@pytest.mark.parametrize("content", ["[" * 100_000, '{"scenes": ' + "9" * 5000 + "}", "[]", "{}"])
+@pytest.mark.parametrize("content", ["{", "[" * 100_000, '{"scenes": ' + "9" * 5000 + "}", "[]", "{}"])
 def test_an_index_that_cannot_be_read(data: Path, cache: Path, content: str) -> None:
     first = scene(data)
     for path in cache.rglob("index.json"):
@@ -135,12 +115,29 @@ def test_an_index_that_cannot_be_read(data: Path, cache: Path, content: str) -> 
     np.testing.assert_array_equal(scene(data).detections.box, first.detections.box)
 
 
+@pytest.mark.parametrize("content", [b"", b"no archive", None, {}], ids=["empty", "other", "gone", "edited"])
+@pytest.mark.parametrize("kind", FILES)
+def test_a_broken_file_of_the_cache_is_built_again(data: Path, cache: Path, kind: str, content: Any) -> None:
+    first, source, broken = scene(data), open_source(nuscenes_card(), data), stored_scene(cache, kind)
+    if content is None:
+        broken.unlink()
+    elif isinstance(content, bytes):
+        broken.write_bytes(content)
+    else:
+        with np.load(broken) as file:
+            arrays = {name: file[name] for name in file.files}
+        np.savez(broken, **{**arrays, "box": arrays["box"] + 1})
+    for again in (source.load("scene-0003"), scene(data)):
+        np.testing.assert_array_equal(again.truth.box, first.truth.box)
+        np.testing.assert_array_equal(again.detections.box, first.detections.box)
+    assert not list(cache.rglob("*.part"))
+
+
 @pytest.mark.parametrize("kind", FILES)
 def test_a_broken_file_is_not_built_from_other_sources(data: Path, cache: Path, kind: str) -> None:
     """The folder is named by the tables as they were; those of today belong in another one."""
     source = open_source(nuscenes_card(), data)
-    tables, detections = sorted(cache.rglob("scene-0003.npz"), key=lambda path: len(path.parent.name))
-    broken = tables if kind == "tables" else detections
+    broken = stored_scene(cache, kind)
     broken.write_bytes(b"")
     (data / FILES[kind]).write_text((data / FILES[kind]).read_text().replace("10.0", "77.0"))
     what = "the tables of v1.0-mini" if kind == "tables" else r".*megvii_all\.json"
@@ -152,7 +149,6 @@ def test_a_broken_file_is_not_built_from_other_sources(data: Path, cache: Path, 
 
 def test_a_table_that_vanishes(data: Path, cache: Path) -> None:
     source = open_source(nuscenes_card(), data)
-    next(cache.rglob("scene-0003.npz")).unlink()
     for path in cache.rglob("scene-0003.npz"):
         path.unlink()
     (data / FILES["tables"]).unlink()

@@ -15,6 +15,7 @@ from mtp_bench.sources import open_source
 from mtp_bench.types import Detections
 from tests.support.nuscenes_root import (
     AHEAD,
+    PREDICTION,
     SCENES,
     Record,
     detection,
@@ -23,16 +24,10 @@ from tests.support.nuscenes_root import (
     nuscenes_card,
     sample,
     write_json,
-    write_root,
 )
 
 T = sample("scene-0003", 1)
 NAN = float("nan")
-
-
-@pytest.fixture
-def data(tmp_path: Path) -> Path:
-    return write_root(tmp_path)
 
 
 def stored(data: Path, name: str = "megvii_all.json") -> Path:
@@ -165,7 +160,7 @@ def test_scenes_that_are_not_covered(data: Path) -> None:
 
 
 def test_only_scenes_with_targets_need_detections(data: Path) -> None:
-    write_json(data / "nuscenes/maps/prediction/prediction_scenes.json", make_targets(("scene-0003",)))
+    write_json(data / PREDICTION, make_targets(("scene-0003",)))
     write_json(stored(data), make_detections(("scene-0003",)))
     assert open_source(nuscenes_card(truth="targets"), data).names == ("scene-0003",)
 
@@ -225,22 +220,21 @@ def test_broken_detections(data: Path, case: str) -> None:
         open_source(nuscenes_card(), data)
 
 
-def test_a_sample_twice_in_a_file(data: Path) -> None:
-    text = stored(data).read_text()
-    stored(data).write_text(text.replace('"results": {', f'"results": {{"{T}": [],', 1))
-    with pytest.raises(DataError, match=f"sample '{T}': a second list of boxes"):
-        open_source(nuscenes_card(), data)
+SPOILED: dict[str, tuple[Callable[[str], str], str]] = {  # change of the text, what the error says
+    "a sample twice": (
+        lambda text: text.replace('"results": {', f'"results": {{"{T}": [],', 1),
+        f"sample '{T}': a second list of boxes",
+    ),
+    "results twice": (
+        lambda text: text.rstrip().removesuffix("}") + ', "results": {}}',
+        r"character \d+: a second 'results', expected one",
+    ),
+    "cut off": (lambda text: text[: len(text) // 2], r"character \d+: .* the file ends here: is it cut off"),
+}
 
 
-def test_results_twice_in_a_file(data: Path) -> None:
-    text = stored(data).read_text().rstrip()
-    stored(data).write_text(text.removesuffix("}") + ', "results": {}}')
-    with pytest.raises(DataError, match=r"megvii_all\.json, character \d+: a second 'results', expected one"):
-        load(data)
-
-
-def test_a_file_that_is_cut_off(data: Path) -> None:
-    text = stored(data).read_text()
-    stored(data).write_text(text[: len(text) // 2])
-    with pytest.raises(DataError, match=r"megvii_all\.json, character \d+: .* the file ends here: is it cut off"):
+@pytest.mark.parametrize(("change", "message"), SPOILED.values(), ids=SPOILED)
+def test_a_spoiled_file(data: Path, change: Callable[[str], str], message: str) -> None:
+    stored(data).write_text(change(stored(data).read_text()))
+    with pytest.raises(DataError, match=rf"megvii_all\.json, {message}"):
         open_source(nuscenes_card(), data)

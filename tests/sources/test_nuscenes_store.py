@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +11,8 @@ import pytest
 from mtp_bench.errors import DataError
 from mtp_bench.sources import describe, open_source, prepare
 from mtp_bench.sources.nuscenes import folders
-from mtp_bench.types import Scene
 from tests.support.nuscenes_root import (
+    PREDICTION,
     SCENES,
     VERSION,
     detection,
@@ -22,28 +21,10 @@ from tests.support.nuscenes_root import (
     make_targets,
     nuscenes_card,
     sample,
+    scene,
     write_json,
-    write_root,
     write_tables,
 )
-
-PREDICTION = "nuscenes/maps/prediction/prediction_scenes.json"
-
-
-@pytest.fixture
-def data(tmp_path: Path) -> Path:
-    return write_root(tmp_path)
-
-
-@pytest.fixture
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A cache of this test alone."""
-    monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path / "cache"))
-    return tmp_path / "cache/nuscenes"
-
-
-def scene(data: Path, name: str = "scene-0003", **source: Any) -> Scene:
-    return open_source(nuscenes_card(**source), data).load(name)
 
 
 def test_the_cache_is_used_until_a_file_changes(data: Path, cache: Path) -> None:
@@ -64,35 +45,6 @@ def test_the_cache_is_used_until_a_file_changes(data: Path, cache: Path) -> None
     write_json(data / PREDICTION, make_targets(SCENES[:1]))
     assert open_source(nuscenes_card(truth="targets"), data).names == ("scene-0301",)
     assert not list(cache.rglob("*.part"))
-
-
-@pytest.mark.parametrize("kind", ["tables", "detections"])
-@pytest.mark.parametrize("content", [b"", b"no archive", None], ids=["empty", "other", "gone"])
-def test_a_broken_file_of_the_cache_is_built_again(data: Path, cache: Path, kind: str, content: bytes | None) -> None:
-    first = scene(data)
-    longer = (path for path in cache.rglob("scene-0003.npz"))
-    tables, detections = sorted(longer, key=lambda path: len(path.parent.name))
-    broken = tables if kind == "tables" else detections
-    source = open_source(nuscenes_card(), data)
-    if content is None:
-        broken.unlink()
-    else:
-        broken.write_bytes(content)
-    again = source.load("scene-0003")
-    np.testing.assert_array_equal(again.truth.box, first.truth.box)
-    np.testing.assert_array_equal(again.detections.box, first.detections.box)
-    (broken.parent / "index.json").write_text("{")
-    np.testing.assert_array_equal(scene(data).detections.box, first.detections.box)
-    assert not list(cache.rglob("*.part"))
-
-
-def test_a_cache_with_other_content_is_not_believed(data: Path, cache: Path) -> None:
-    first = scene(data)
-    tables, _ = sorted(cache.rglob("scene-0003.npz"), key=lambda path: len(path.parent.name))
-    with np.load(tables) as file:
-        arrays = {name: file[name] for name in file.files}
-    np.savez(tables, **{**arrays, "box": arrays["box"] + 1})
-    np.testing.assert_array_equal(scene(data).truth.box, first.truth.box)
 
 
 def test_a_cache_that_cannot_be_written(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -130,7 +82,7 @@ def test_prepare_tells_its_pieces(data: Path, cache: Path, monkeypatch: pytest.M
     assert totals[2:] == [0]
 
 
-def test_status(data: Path, tmp_path: Path) -> None:
+def test_status(data: Path) -> None:
     status = describe(nuscenes_card(), data)
     assert (status.usable, status.verified, status.root) == (True, False, data / "nuscenes")
     assert {check.what: (check.found, check.expected) for check in status.checks} == {
@@ -143,8 +95,6 @@ def test_status(data: Path, tmp_path: Path) -> None:
     )
     assert "CC BY-NC-SA 4.0" in status.licence
     assert "Caesar" in status.citation
-    nowhere = describe(nuscenes_card(), tmp_path / "elsewhere")
-    assert (nowhere.root, nowhere.usable, nowhere.missing) == (None, False, ())
 
 
 def test_status_names_what_is_missing(data: Path) -> None:

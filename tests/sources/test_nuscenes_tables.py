@@ -10,16 +10,19 @@ import pytest
 
 from mtp_bench.errors import DataError
 from mtp_bench.sources import open_source
-from tests.support.nuscenes_root import VERSION, Record, Tables, make_tables, nuscenes_card, write_root, write_tables
-
-
-@pytest.fixture
-def data(tmp_path: Path) -> Path:
-    return write_root(tmp_path)
+from tests.support.nuscenes_root import VERSION, Record, Tables, make_tables, nuscenes_card, write_tables
 
 
 def find(tables: Tables, table: str, token: str) -> Record:
     return next(record for record in tables[table] if record["token"] == token)
+
+
+Case = tuple[Callable[[Tables], object], str, str, str]  # change, file, token, what the error says
+
+
+def wrong(table: str, token: str, message: str, /, **changes: Any) -> Case:
+    """A record with other fields, which the error names itself."""
+    return change(table, token, **changes), table, token, message
 
 
 def change(table: str, token: str, **changes: Any) -> Callable[[Tables], None]:
@@ -34,11 +37,8 @@ def repeat(table: str, original: str, **changes: Any) -> Callable[[Tables], None
     return lambda tables: tables[table].append({**find(tables, table, original), **changes})
 
 
-def without(table: str, token: str, key: str) -> Callable[[Tables], None]:
-    def drop(tables: Tables) -> None:
-        del find(tables, table, token)[key]
-
-    return drop
+def without(table: str, token: str, key: str) -> Callable[[Tables], object]:
+    return lambda tables: find(tables, table, token).pop(key)
 
 
 def scaled_times(divisor: float) -> Callable[[Tables], None]:
@@ -55,146 +55,91 @@ BOX, CAR, WALKER, T = "sample_annotation", "scene-0003-car", "scene-0003-walker"
 C1, C2 = f"{CAR}-t1", f"{CAR}-t2"
 S3, POSE, FAR, KEY = "scene-0003-token", "scene-0003-pose-1", "scene-0003-far-1", "scene-0003-lidar-1-True-2"
 NAN, INF = float("nan"), float("inf")
-BROKEN: dict[str, tuple[Callable[[Tables], None], str, str, str]] = {  # change, file, token, what the error says
+BROKEN: dict[str, Case] = {
     "sample missing in the chain": (remove("sample", T + "2"), "sample", T + "2", "is 'scene-0003-t2', but sample"),
     "sample without next": (change("sample", T + "1", next=""), "sample", T + "2", "its 'prev' does not"),
-    "sample chain goes back": (change("sample", T + "2", next=T + "0"), "sample", T + "2", "its 'next' does not"),
-    "sample repeated in the chain": (change("sample", T + "1", next=T + "1"), "sample", T + "1", "broken chain"),
+    "sample chain goes back": wrong("sample", T + "2", "its 'next' does not", next=T + "0"),
+    "sample repeated in the chain": wrong("sample", T + "1", "broken chain", next=T + "1"),
     "sample chain goes to another scene": (
-        change("sample", T + "2", scene_token="scene-0001-token"), "sample", T + "1", "belongs to another scene",
+        change("sample", T + "2", scene_token="scene-0001-token"),
+        "sample",
+        T + "1",
+        "belongs to another scene",
     ),
     "sample twice": (repeat("sample", T + "1"), "sample", T + "1", "expected one"),
-    "sample in no scene": (change("sample", T + "1", scene_token="?"), "sample", T + "1", "is '\\?', but scene"),
-    "sample with no scene": (change("sample", T + "1", scene_token=""), "sample", T + "1", "is '', but scene"),
-    "box with no instance": (change(BOX, C1, instance_token=""), BOX, C1, "instance_token is '', but instance"),
-    "instance without boxes": (
-        change("instance", CAR, first_annotation_token=""), "instance", CAR, "first_annotation_token is ''",
-    ),
-    "sample beside the chain": (
-        repeat("sample", T + "1", token="new", prev="", next=""), "scene", S3, "not one chain",
-    ),
+    "sample in no scene": wrong("sample", T + "1", "is '\\?', but scene", scene_token="?"),
+    "sample with no scene": wrong("sample", T + "1", "is '', but scene", scene_token=""),
+    "box with no instance": wrong(BOX, C1, "instance_token is '', but instance", instance_token=""),
+    "instance without boxes": wrong("instance", CAR, "first_annotation_token is ''", first_annotation_token=""),
+    "sample beside the chain": (repeat("sample", T + "1", token="new", prev="", next=""), "scene", S3, "not one chain"),
     "time stands": (change("sample", T + "1", timestamp=1), "sample", T + "0", "its 'next' is not later"),
-    "time not finite": (change("sample", T + "1", timestamp=NAN), "sample", T + "1", "timestamp is nan"),
-    "time is text": (change("sample", T + "1", timestamp="now"), "sample", T + "1", "timestamp is 'now'"),
-    "time negative": (change("sample", T + "1", timestamp=-5), "sample", T + "1", "timestamp is -5"),
-    "time too large": (change("sample", T + "1", timestamp=10**400), "sample", T + "1", "expected a time in microsec"),
-    "time is a truth value": (change("sample", T + "1", timestamp=True), "sample", T + "1", "timestamp is True"),
+    "time not finite": wrong("sample", T + "1", "timestamp is nan", timestamp=NAN),
+    "time is text": wrong("sample", T + "1", "timestamp is 'now'", timestamp="now"),
+    "time negative": wrong("sample", T + "1", "timestamp is -5", timestamp=-5),
+    "time too large": wrong("sample", T + "1", "expected a time in microsec", timestamp=10**400),
+    "time is a truth value": wrong("sample", T + "1", "timestamp is True", timestamp=True),
     "times in milliseconds": (scaled_times(1000), "sample", "scene-0001-t0", "scene-0001 are 0.0005 s .* in microsec"),
     "times in seconds": (scaled_times(1e6), "sample", "scene-0001-t0", "scene-0001 are 5e-07 s apart"),
     "times in nanoseconds": (scaled_times(0.001), "sample", "scene-0301-t0", "expected a time in microseconds"),
-    "first sample is another": (
-        change("scene", S3, first_sample_token=T + "1"), "scene", S3, "its first record",
-    ),
-    "last sample unknown": (
-        change("scene", S3, last_sample_token="x"), "scene", S3, "is 'x', but sample.json",
-    ),
-    "number of samples": (
-        change("scene", S3, nbr_samples=5), "scene", S3, "says that it has 5 .*found 4",
-    ),
-    "number of samples too large": (
-        change("scene", S3, nbr_samples=10**30), "scene", S3, r"expected a whole number up to 1e\+09",
-    ),
-    "number of samples is a truth value": (change("scene", S3, nbr_samples=True), "scene", S3, "is True, expected a"),
-    "scene name": (change("scene", S3, name="../x"), "scene", S3, "name is '../x'"),
-    "no lidar keyframe": (
-        change("sample_data", KEY, is_key_frame=False), "sample_data", T + "2", "no LIDAR_TOP",
-    ),
+    "first sample is another": wrong("scene", S3, "its first record", first_sample_token=T + "1"),
+    "last sample unknown": wrong("scene", S3, "is 'x', but sample.json", last_sample_token="x"),
+    "number of samples": wrong("scene", S3, "says that it has 5 .*found 4", nbr_samples=5),
+    "number of samples too large": wrong("scene", S3, r"expected a whole number up to 1e\+09", nbr_samples=10**30),
+    "number of samples is a truth value": wrong("scene", S3, "is True, expected a", nbr_samples=True),
+    "scene name": wrong("scene", S3, "name is '../x'", name="../x"),
+    "no lidar keyframe": (change("sample_data", KEY, is_key_frame=False), "sample_data", T + "2", "no LIDAR_TOP"),
     "two lidar keyframes": (
         change("sample_data", "scene-0003-lidar-1-False-2", is_key_frame=True),
-        "sample_data", KEY, "a second LIDAR_TOP keyframe",
+        "sample_data",
+        KEY,
+        "a second LIDAR_TOP keyframe",
     ),
-    "keyframe of no sample": (
-        change("sample_data", KEY, sample_token="x"),
-        "sample_data", KEY, "sample_token is 'x', but sample.json",
-    ),
-    "keyframe of no sensor": (
-        change("sample_data", KEY, calibrated_sensor_token="x"),
-        "sample_data", KEY, "calibrated_sensor_token is 'x'",
-    ),
-    "sensor unknown": (
-        change("calibrated_sensor", "cam-1", sensor_token="x"), "calibrated_sensor", "cam-1", "sensor_token is 'x'",
-    ),
+    "keyframe of no sample": wrong("sample_data", KEY, "sample_token is 'x', but sample.json", sample_token="x"),
+    "keyframe of no sensor": wrong("sample_data", KEY, "calibrated_sensor_token is 'x'", calibrated_sensor_token="x"),
+    "sensor unknown": wrong("calibrated_sensor", "cam-1", "sensor_token is 'x'", sensor_token="x"),
     "pose missing": (remove("ego_pose", POSE), "ego_pose", POSE, "has no record"),
     "pose twice": (repeat("ego_pose", POSE), "ego_pose", POSE, "expected one"),
     "pose that is not used twice": (repeat("ego_pose", FAR), "ego_pose", FAR, "expected one"),
     "sensor twice": (repeat("sensor", "lidar", channel="CAM"), "sensor", "lidar", "expected one"),
     "calibration twice": (
-        repeat("calibrated_sensor", "lidar-1", sensor_token="cam"), "calibrated_sensor", "lidar-1", "expected one",
+        repeat("calibrated_sensor", "lidar-1", sensor_token="cam"),
+        "calibrated_sensor",
+        "lidar-1",
+        "expected one",
     ),
     "category twice": (repeat("category", "car", name="animal"), "category", "car", "expected one"),
-    "pose too far": (change("ego_pose", POSE, translation=[1e308, 0, 0]), "ego_pose", POSE, r"up to 1e\+09"),
-    "pose not finite": (
-        change("ego_pose", POSE, translation=[0, INF, 0]), "ego_pose", POSE, "translation",
-    ),
-    "pose not turned": (
-        change("ego_pose", POSE, rotation=[0, 0, 0, 0]), "ego_pose", POSE, "expected a unit quaternion",
-    ),
-    "box missing in the chain": (
-        remove(BOX, C2), BOX, C2, f"is '{CAR}-t2', but sample_",
-    ),
+    "pose too far": wrong("ego_pose", POSE, r"up to 1e\+09", translation=[1e308, 0, 0]),
+    "pose not finite": wrong("ego_pose", POSE, "translation", translation=[0, INF, 0]),
+    "pose not turned": wrong("ego_pose", POSE, "expected a unit quaternion", rotation=[0, 0, 0, 0]),
+    "box missing in the chain": (remove(BOX, C2), BOX, C2, f"is '{CAR}-t2', but sample_"),
     "box without next": (change(BOX, C1, next=""), BOX, C2, "broken"),
-    "box of another instance": (
-        change(BOX, CAR + "-t3", instance_token=WALKER), BOX, WALKER + "-t3", "a second box",
-    ),
-    "chain of another instance": (
-        change(BOX, C2, instance_token=WALKER),
-        BOX, C1, "belongs to another instance",
-    ),
-    "two boxes in a sample": (
-        change(BOX, C2, sample_token=T + "1"), BOX, C2, "a second box",
-    ),
-    "boxes go back in time": (
-        change(BOX, WALKER + "-t0", sample_token=T + "2"), BOX, WALKER, "is not later",
-    ),
+    "box of another instance": (change(BOX, CAR + "-t3", instance_token=WALKER), BOX, WALKER + "-t3", "a second box"),
+    "chain of another instance": (change(BOX, C2, instance_token=WALKER), BOX, C1, "belongs to another instance"),
+    "two boxes in a sample": wrong(BOX, C2, "a second box", sample_token=T + "1"),
+    "boxes go back in time": (change(BOX, WALKER + "-t0", sample_token=T + "2"), BOX, WALKER, "is not later"),
     "box in another scene": (
         change(BOX, "scene-0301-car-t3", sample_token="scene-0001-t3"),
-        BOX, "scene-0301-car-t2", "'next' is in another scene",
+        BOX,
+        "scene-0301-car-t2",
+        "'next' is in another scene",
     ),
-    "box in no sample": (
-        change(BOX, C1, sample_token="x"), BOX, C1, "sample_token is 'x'",
-    ),
-    "box of no instance": (
-        change(BOX, C1, instance_token="x"), BOX, C1, "is 'x', but instance",
-    ),
-    "box not finite": (
-        change(BOX, C1, translation=[NAN, 0, 0]), BOX, C1, "translation is",
-    ),
-    "box too far": (change(BOX, C1, translation=[0, -1e25, 0]), BOX, C1, r"-1e\+25, 0.0\], expected .* up to 1e\+09"),
-    "box too far for a number": (change(BOX, C1, translation=[10**400, 0, 0]), BOX, C1, "translation is .* 3 numbers"),
-    "box at a truth value": (change(BOX, C1, translation=[True, 0, 0]), BOX, C1, r"is \[True, 0, 0\], expected 3"),
-    "box too large": (change(BOX, C1, size=[1, 100.5, 1]), BOX, C1, "and up to 100 m"),
-    "box turned without end": (change(BOX, C1, rotation=[1e308, 0, 0, 0]), BOX, C1, r"rotation is .* up to 1e\+09"),
-    "box without size": (
-        change(BOX, C1, size=[1, 0, 1]), BOX, C1, "sizes above 0",
-    ),
-    "box with two sizes": (
-        change(BOX, C1, size=[1, 2]), BOX, C1, "expected 3 numbers",
-    ),
-    "box size not finite": (
-        change(BOX, C1, size=[1, NAN, 1]), BOX, C1, "size is",
-    ),
-    "box with a text": (
-        change(BOX, C1, translation=["1", 2, 3]), BOX, C1, "expected 3",
-    ),
-    "box without rotation": (
-        without(BOX, C1, "rotation"), BOX, C1, "rotation is None",
-    ),
-    "box not turned properly": (
-        change(BOX, C1, rotation=[0.7, 0, 0, 0.6]), BOX, C1, "expected a unit quaternion",
-    ),
-    "box rotation not finite": (
-        change(BOX, C1, rotation=[NAN, 0, 0, 1]), BOX, C1, "rotation is",
-    ),
-    "number of boxes": (change("instance", CAR, nbr_annotations=3), "instance", CAR, "says that it has 3 .*found 4"),
-    "number of boxes too large": (change("instance", CAR, nbr_annotations=10**30), "instance", CAR, "a whole number"),
-    "number of boxes is text": (change("instance", CAR, nbr_annotations="4"), "instance", CAR, "a whole number"),
-    "first box is another": (change("instance", CAR, first_annotation_token=C1), "instance", CAR, "its first"),
-    "last box is of another": (
-        change("instance", CAR, last_annotation_token=WALKER + "-t3"), "instance", CAR, "its last record",
-    ),
-    "instance of no category": (change("instance", CAR, category_token="x"), "instance", CAR, "category_token is 'x'"),
+    "box in no sample": wrong(BOX, C1, "sample_token is 'x'", sample_token="x"),
+    "box of no instance": wrong(BOX, C1, "is 'x', but instance", instance_token="x"),
+    "box not finite": wrong(BOX, C1, "translation is", translation=[NAN, 0, 0]),
+    "box too far": wrong(BOX, C1, r"-1e\+25, 0.0\], expected .* up to 1e\+09", translation=[0, -1e25, 0]),
+    "box too large": wrong(BOX, C1, "and up to 100 m", size=[1, 100.5, 1]),
+    "box without size": wrong(BOX, C1, "sizes above 0", size=[1, 0, 1]),
+    "box with two sizes": wrong(BOX, C1, "expected 3 numbers", size=[1, 2]),
+    "box without rotation": (without(BOX, C1, "rotation"), BOX, C1, "rotation is None"),
+    "box not turned properly": wrong(BOX, C1, "expected a unit quaternion", rotation=[0.7, 0, 0, 0.6]),
+    "number of boxes": wrong("instance", CAR, "says that it has 3 .*found 4", nbr_annotations=3),
+    "number of boxes too large": wrong("instance", CAR, "a whole number", nbr_annotations=10**30),
+    "number of boxes is text": wrong("instance", CAR, "a whole number", nbr_annotations="4"),
+    "first box is another": wrong("instance", CAR, "its first", first_annotation_token=C1),
+    "last box is of another": wrong("instance", CAR, "its last record", last_annotation_token=WALKER + "-t3"),
+    "instance of no category": wrong("instance", CAR, "category_token is 'x'", category_token="x"),
     "instance without a token": (without("instance", CAR, "token"), "instance", "", "token is None, expected a text"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", BROKEN)

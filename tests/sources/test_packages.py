@@ -1,13 +1,15 @@
-"""Every source that a card can name has a package of its name, which opens and describes it."""
+"""Every source that a card can name has a package of its name, which also says what it is and where it looked."""
 
 from __future__ import annotations
 
 from importlib import import_module
+from pathlib import Path
 from typing import get_args
 
 import pytest
 
-from mtp_bench.cards import Source
+from mtp_bench.cards import Source, load_card
+from mtp_bench.sources import describe
 from mtp_bench.sources.base import SourcePackage
 
 NAMES = [get_args(section.model_fields["name"].annotation)[0] for section in get_args(get_args(Source)[0])]
@@ -16,3 +18,19 @@ NAMES = [get_args(section.model_fields["name"].annotation)[0] for section in get
 @pytest.mark.parametrize("name", NAMES)
 def test_a_section_has_a_package(name: str) -> None:
     assert isinstance(import_module(f"mtp_bench.sources.{name}").PACKAGE, SourcePackage)
+
+
+FOLDERS = {
+    "MTP-KITTI-v0": ["kitti_tracking", ""],
+    "MTP-nuScenes-v0": ["nuscenes", ""],
+    "MTP-WILDTRACK-v0": ["wildtrack", "Wildtrack_dataset", ""],
+    "MTP-PETS-v0": ["mot3d2015", "3DMOT2015", ""],
+}
+
+
+@pytest.mark.parametrize("env_id", FOLDERS)
+def test_status_of_a_missing_root(env_id: str, tmp_path: Path) -> None:
+    status = describe(load_card(env_id), tmp_path)
+    assert status.searched == tuple(tmp_path / folder for folder in FOLDERS[env_id])
+    assert (status.root, status.usable, status.missing) == (None, False, ())
+    assert all((status.layout, status.licence, status.citation, status.how_to_get))

@@ -9,21 +9,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.cards import Card, load_card
+from mtp_bench.cards import Card
 from mtp_bench.errors import CardError, UnknownNameError
-from mtp_bench.sources.motion import backward_velocity
 from mtp_bench.sources.people import as_places
 from mtp_bench.sources.wildtrack.source import ANNOTATIONS, DETECTIONS, SCENES, STORED, Wildtrack
 from mtp_bench.sources.wildtrack.status import wildtrack_status
 from mtp_bench.types import Detections, Scene
+from tests.support.source_files import with_source, write
 
 LAST = 1800  # number of the first frame with stored detections
 CENTRE = 240 + 480 * 720  # positionID of the middle of the area
 
 
 def wildtrack_card(**source: Any) -> Card:
-    card = load_card("MTP-WILDTRACK-v0")
-    return card.model_copy(update={"source": card.source.model_copy(update=source)})
+    return with_source("MTP-WILDTRACK-v0", **source)
 
 
 def person(identity: Any, position: Any, **views: Any) -> dict[str, Any]:
@@ -32,23 +31,16 @@ def person(identity: Any, position: Any, **views: Any) -> dict[str, Any]:
 
 
 def write_people(root: Path, number: int, *people: dict[str, Any]) -> None:
-    path = root / ANNOTATIONS / f"{number:08d}.json"
-    path.write_text(json.dumps(people), encoding="utf-8")
-
-
-def write_text(path: Path, text: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
+    write(root / ANNOTATIONS / f"{number:08d}.json", json.dumps(people))
 
 
 def make_root(tmp_path: Path) -> Path:
     """Nobody in any frame but the first of the last scene: one person in the middle, who is detected."""
     folder = tmp_path / "wildtrack"
-    (folder / ANNOTATIONS).mkdir(parents=True)
     for number in range(0, 2000, 5):
         write_people(folder, number)
     write_people(folder, LAST, person(7, CENTRE))
-    write_text(folder / DETECTIONS, f"{LAST} 240 720\n")
+    write(folder / DETECTIONS, f"{LAST} 240 720")
     return folder
 
 
@@ -74,7 +66,7 @@ def load(root: Path, name: str = STORED, **source: Any) -> Scene:
 def test_ground_plane(root: Path, cell: tuple[int, int], place: tuple[float, float]) -> None:
     """Annotations and detections are on one grid, x runs fastest; people stand on z = 0."""
     write_people(root, LAST, person(7, cell[0] + 480 * cell[1]))
-    write_text(root / DETECTIONS, f"{LAST} {cell[0]} {cell[1]}\n")
+    write(root / DETECTIONS, f"{LAST} {cell[0]} {cell[1]}")
     scene = load(root)
     for box in (scene.truth.box, scene.detections.box):
         np.testing.assert_allclose(box, [[*place, 0.875, 0, 0.6, 0.6, 1.75]], atol=1e-12)
@@ -118,7 +110,7 @@ def test_as_places_keeps_places_and_scores_alone() -> None:
 
 
 def test_detections_are_sorted_by_frame(root: Path) -> None:
-    write_text(root / DETECTIONS, "1995 8 4\n\n1800 4 0\n1805 12 0\n1800 0 0\n")
+    write(root / DETECTIONS, "1995 8 4", "", "1800 4 0", "1805 12 0", "1800 0 0")
     detections = load(root).detections
     np.testing.assert_allclose((detections.box[:, 0] + 3) / 0.025, [4, 0, 12, 8])
     np.testing.assert_array_equal(detections.start, [0, 2, *[3] * 38, 4])
@@ -147,14 +139,6 @@ def test_velocities_look_back(root: Path) -> None:
     np.testing.assert_allclose(truth.velocity[truth.object_id == 2][1:], 0, atol=1e-12)
 
 
-def test_a_velocity_knows_nothing_of_the_future() -> None:
-    frame, ids, time = np.array([0, 1, 2]), np.array([4, 4, 4]), np.array([0.0, 0.5, 1.0])
-    there = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.0]])
-    elsewhere = np.array([[0.0, 0.0], [1.0, 0.0], [9.0, 9.0]])
-    one, other = (backward_velocity(frame, ids, position, time)[:2] for position in (there, elsewhere))
-    np.testing.assert_array_equal(one, other)
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -176,20 +160,17 @@ def test_folders_in_which_it_is_found(root: Path, folder: str) -> None:
     assert Wildtrack(wildtrack_card(), root.parent / "data").root == place
 
 
-def test_status(root: Path, tmp_path: Path) -> None:
+def test_status(root: Path) -> None:
     status = wildtrack_status(wildtrack_card(), root)
     assert status.usable
     assert not status.verified
     found = {check.what: (check.found, check.expected) for check in status.checks}
     assert found == {"frames": (400, 400), "annotations": (1, 9518), "people": (1, 313), "detections": (1, 966)}
     assert status.notes[0] == "detections only for the last 40 frames; the other frames have simulated ones"
-    absent = wildtrack_status(wildtrack_card(), tmp_path / "elsewhere")
-    assert absent.root is None
-    assert len(absent.searched) == 3
 
 
 def test_status_names_what_is_missing_and_broken(root: Path) -> None:
-    write_text(root / ANNOTATIONS / "00001805.json", "[")
+    write(root / ANNOTATIONS / "00001805.json", "[")
     (root / ANNOTATIONS / "00001810.json").unlink()
     (root / DETECTIONS).unlink()
     status = wildtrack_status(wildtrack_card(), root)

@@ -11,7 +11,8 @@ import pytest
 from mtp_bench.errors import DataError
 from mtp_bench.sources.wildtrack.files import read_detections
 from mtp_bench.sources.wildtrack.source import ANNOTATIONS, DETECTIONS, Wildtrack
-from tests.sources.test_wildtrack import load, make_root, person, wildtrack_card, write_text
+from tests.sources.test_wildtrack import load, make_root, person, wildtrack_card
+from tests.support.source_files import assert_one_error, write
 
 
 @pytest.fixture
@@ -41,10 +42,7 @@ BROKEN_ANNOTATIONS = {
 @pytest.mark.parametrize("case", BROKEN_ANNOTATIONS)
 def test_broken_annotations(root: Path, case: str) -> None:
     content, message = BROKEN_ANNOTATIONS[case]
-    write_text(root / ANNOTATIONS / "00001800.json", content)
-    with pytest.raises(DataError, match=message) as caught:
-        load(root)
-    assert "00001800.json" in str(caught.value)
+    assert_one_error(root / ANNOTATIONS / "00001800.json", [content], message, lambda: load(root))
 
 
 @pytest.mark.parametrize(
@@ -67,9 +65,7 @@ def test_broken_annotations(root: Path, case: str) -> None:
     ],
 )
 def test_broken_detections(root: Path, line: str, message: str) -> None:
-    write_text(root / DETECTIONS, f"1800 0 0\n{line}\n")
-    with pytest.raises(DataError, match=message):
-        load(root)
+    assert_one_error(root / DETECTIONS, ["1800 0 0", line], message, lambda: load(root))
 
 
 def test_missing_files(root: Path, tmp_path: Path) -> None:
@@ -85,7 +81,7 @@ def test_missing_files(root: Path, tmp_path: Path) -> None:
 
 
 def test_a_file_without_detections(root: Path) -> None:
-    write_text(root / DETECTIONS, "")
+    write(root / DETECTIONS)
     assert read_detections(root / DETECTIONS).place.shape == (0, 2)
 
 

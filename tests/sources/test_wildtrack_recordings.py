@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import json
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
+from scipy.spatial.transform import Rotation
 
-from mtp_bench.cards import Card, load_card
+from mtp_bench.cards import load_card
 from mtp_bench.detector import load_profile
 from mtp_bench.detector.fit.errors import fit_position
 from mtp_bench.detector.fit.samples import RADIAL, TANGENTIAL, collect
@@ -21,24 +23,19 @@ from mtp_bench.detector.simulate import simulate
 from mtp_bench.sources.wildtrack.files import read_annotations
 from mtp_bench.sources.wildtrack.source import ANNOTATIONS, SCENES, STORED, Wildtrack
 from mtp_bench.sources.wildtrack.status import wildtrack_status
-from mtp_bench.types import Detections, Scene, Truth
-from tests.support.wildtrack_cameras import CAMERAS, read_camera, read_pixel_boxes
+from mtp_bench.types import Detections, Floats, Scene, Truth
 
 pytestmark = pytest.mark.data
 
 PEOPLE = ("pedestrian",)
 SENSOR = Sensor(reach=25.0, field_of_view=2 * np.pi)
 RADIUS = 0.5  # m
-
-
-def wildtrack_card(**source: Any) -> Card:
-    card = load_card("MTP-WILDTRACK-v0")
-    return card.model_copy(update={"source": card.source.model_copy(update=source)})
+CAMERAS = ("CVLab1", "CVLab2", "CVLab3", "CVLab4", "IDIAP1", "IDIAP2", "IDIAP3")  # in the order of ``viewNum``
 
 
 @pytest.fixture(scope="module")
 def scenes(data_root: Path) -> dict[str, Scene]:
-    sources = [Wildtrack(wildtrack_card(split=split), data_root) for split in ("train", "val")]
+    sources = [Wildtrack(load_card("MTP-WILDTRACK-v0").with_split(split), data_root) for split in ("train", "val")]
     return {name: source.load(name) for source in sources for name in source.names}
 
 
@@ -53,7 +50,7 @@ def hits(truth: Truth, detections: Detections) -> int:
 
 
 def test_counts_of_the_dataset(data_root: Path, scenes: dict[str, Scene]) -> None:
-    status = wildtrack_status(wildtrack_card(), data_root)
+    status = wildtrack_status(load_card("MTP-WILDTRACK-v0"), data_root)
     assert {check.what: check.found for check in status.checks} == {
         "frames": 400,
         "annotations": 9518,
@@ -85,6 +82,44 @@ def test_stored_detections_lie_on_the_truth(scenes: dict[str, Scene]) -> None:
     assert hits(truth, detections) / len(truth.box) == pytest.approx(0.950, abs=5e-4)
     assert hits(truth, detections) / len(detections.box) == pytest.approx(0.936, abs=5e-4)
     assert all(scene.detector == "" for name, scene in scenes.items() if name != STORED)
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A calibrated pinhole camera, as the published, undistorted images have it."""
+
+    intrinsic: Floats  # [3, 3] pixels
+    rotation: Floats  # [3, 3] world to camera (x right, y down, z forward)
+    translation: Floats  # [3] m
+
+    def project(self, points: Floats) -> Floats:
+        """Pixels ``[..., 2]`` of points ``[..., 3]`` (m, world; the ground is z = 0) in front of the camera."""
+        seen = points @ self.rotation.T + self.translation
+        pixels: Floats = (seen / seen[..., 2:] @ self.intrinsic.T)[..., :2]
+        return pixels
+
+
+def read_camera(root: Path, name: str) -> Camera:
+    inner = root / f"calibrations/intrinsic_zero/intr_{name}.xml"
+    outer = root / f"calibrations/extrinsic/extr_{name}.xml"
+    rotation = Rotation.from_rotvec(_values(outer, "rvec")).as_matrix()
+    return Camera(_values(inner, "camera_matrix").reshape(3, 3), rotation, _values(outer, "tvec") / 100)
+
+
+def _values(path: Path, key: str) -> Floats:
+    """Numbers of one node of OpenCV's XML, which writes them plain or inside of ``data``."""
+    node = ElementTree.parse(path).find(key)
+    assert node is not None
+    data = node.find("data")
+    return np.array(((node if data is None else data).text or "").split(), dtype=np.float64)
+
+
+def read_pixel_boxes(path: Path) -> Floats:
+    """Left, top, right, bottom ``[M, 7, 4]`` in pixels of the people of a frame; -1 where nobody is seen."""
+    sides = ("xmin", "ymin", "xmax", "ymax")
+    people = json.loads(path.read_text())
+    views = [sorted(person["views"], key=lambda view: int(view["viewNum"])) for person in people]
+    return np.reshape([[[view[side] for side in sides] for view in seen] for seen in views], (-1, len(CAMERAS), 4))
 
 
 def test_feet_project_to_the_lower_edges_of_the_pixel_boxes(data_root: Path) -> None:

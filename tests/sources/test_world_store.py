@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from mtp_bench.cards import Card, HighwaySource, load_card, parse_card
+from mtp_bench.cards import Card, HighwaySource
 from mtp_bench.errors import CardError, DataError, UnknownNameError
 from mtp_bench.sources import describe, open_source, prepare
 from mtp_bench.sources.base import section_of
@@ -19,6 +19,8 @@ from mtp_bench.sources.highway.source import ever_seen, traffic_of
 from mtp_bench.sources.highway.store import WorldStore
 from mtp_bench.sources.highway.world import CLASSES, Traffic, World
 from mtp_bench.types import Floats, Lane, Truth
+from tests.support.detector_scenes import grid_truth
+from tests.support.source_files import card_of
 
 FRAMES = 80  # 8 s at 10 Hz
 TRAFFIC = Traffic("intersection", "ego", FRAMES / 10, 5, 1)
@@ -30,15 +32,8 @@ def world(seed: int, traffic: Traffic = TRAFFIC) -> World:
     box[..., 0] = np.array([10.0, 300.0, 20.0]) + np.arange(FRAMES)[:, None] * 0.1
     box[..., 1] = 0.01 * seed
     box[..., 4:] = (4.0, 2.0, 1.5)
-    truth = Truth(
-        start=np.arange(0, 3 * FRAMES + 1, 3),
-        box=box.reshape(-1, 7),
-        velocity=np.tile([1.0, 0.0], (3 * FRAMES, 1)),
-        class_id=np.tile([CLASSES.index("car"), CLASSES.index("truck"), CLASSES.index("pedestrian")], FRAMES),
-        object_id=np.tile([4, 7, 9], FRAMES),
-        eligible=np.ones(3 * FRAMES, dtype=bool),
-        neutral=np.zeros(3 * FRAMES, dtype=bool),
-    )
+    kind = np.array([CLASSES.index(name) for name in ("car", "truck", "pedestrian")])
+    truth = grid_truth(box, np.tile([1.0, 0.0], (3, 1)), kind, np.array([4, 7, 9]))
     lanes = (Lane(line(0, 0), line(0, 2), line(0, -2), (1,)), Lane(line(10, 0), line(10, 2), line(10, -2)))
     return World(np.arange(FRAMES) / 10, np.zeros((FRAMES, 4)), truth, lanes, rejected=("crash", "no_ego"))
 
@@ -64,18 +59,10 @@ def made(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[int]:
     return seeds
 
 
-def card(**task: object) -> Card:
-    content = load_card("MTP-Intersection-v0").model_dump(mode="json", exclude_none=True)
-    content["source"] |= {"seconds": 8.0, "seeds": {"train": [0, 2], "val": [5, 8], "test": [9, 10]}}
-    content["task"] |= task
-    for table in (
-        content["task"]["event_gate"]["threshold"],
-        content["task"]["forecast_gate"],
-        content["task"]["miss_error"],
-    ):
-        for name in set(table) - set(content["task"]["classes"]):
-            del table[name]
-    return parse_card(content)
+def card(classes: Sequence[str] = CLASSES, rate: float = 2.0) -> Card:
+    """Three scenes of 8 s in the validation split."""
+    seeds = {"train": [0, 2], "val": [5, 8], "test": [9, 10]}
+    return card_of("MTP-Intersection-v0", classes, rate, seconds=8.0, seeds=seeds)
 
 
 def same(a: World, b: World) -> bool:
@@ -86,10 +73,8 @@ def test_a_world_survives_packing() -> None:
     before = replace(world(3), visible=np.linspace(0, 1, 3 * FRAMES))
     after = unpack(pack(before))
     assert same(before, after)
-    assert after.lanes[0].following == (1,)
-    assert after.lanes[1].following == ()
+    assert [lane.following for lane in after.lanes] == [(1,), ()]
     assert after.rejected == ("crash", "no_ego")
-    np.testing.assert_array_equal(after.lanes[1].right, before.lanes[1].right)
     np.testing.assert_array_equal(after.truth.box, before.truth.box)
 
 
@@ -108,18 +93,6 @@ def test_a_world_is_made_once(made: list[int]) -> None:
     assert same(WorldStore(TRAFFIC).get(5), first)
     assert made == [5]
     assert first.visible.shape == (3 * FRAMES,)
-
-
-def truncate(path: Path) -> None:
-    path.write_bytes(path.read_bytes()[:-200])
-
-
-def empty(path: Path) -> None:
-    path.write_bytes(b"")
-
-
-def text(path: Path) -> None:
-    path.write_text("not a zip file")
 
 
 def bytes_in_the_middle(path: Path) -> None:
@@ -142,11 +115,20 @@ def missing_array(path: Path) -> None:
     np.savez(path, **arrays)
 
 
-@pytest.mark.parametrize("damage", [truncate, empty, text, bytes_in_the_middle, another_value, missing_array])
-def test_a_broken_file_is_made_again(damage: object, made: list[int]) -> None:
+DAMAGE: dict[str, Callable[[Path], object]] = {
+    "cut off": lambda path: path.write_bytes(path.read_bytes()[:-200]),
+    "empty": lambda path: path.write_bytes(b""),
+    "no archive": lambda path: path.write_text("not a zip file"),
+    "bytes in the middle": bytes_in_the_middle,
+    "another value": another_value,
+    "missing array": missing_array,
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE)
+def test_a_broken_file_is_made_again(damage: Callable[[Path], object], made: list[int]) -> None:
     store = WorldStore(TRAFFIC)
     good = store.get(5)
-    assert callable(damage)
     damage(store.path(5))
     assert not store.has(5)
     assert same(store.get(5), good)

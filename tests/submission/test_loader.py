@@ -64,6 +64,7 @@ def built(folder: Path, **overrides: Any) -> Any:
 
 def test_a_submission_is_read(folder: Path) -> None:
     submission = load_submission(folder)
+    assert load_submission(folder / "submission.toml") == submission
     assert (submission.name, submission.authors, submission.agent) == ("silent", ("A. Author",), "agent:build")
     assert submission.parameters == {"gate": 1.5}
     assert submission.path == folder
@@ -73,10 +74,6 @@ def test_a_submission_is_read(folder: Path) -> None:
 
 def test_reading_does_not_run_its_code(tmp_path: Path) -> None:
     assert load_submission(write(tmp_path / "loud", agent="raise SystemExit")).name == "silent"
-
-
-def test_the_path_of_the_manifest_is_the_path_of_the_folder(folder: Path) -> None:
-    assert load_submission(folder / "submission.toml") == load_submission(folder)
 
 
 def test_a_relative_path_stays_valid_elsewhere(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -147,6 +144,7 @@ def test_a_linked_folder_would_escape_the_digest(folder: Path, tmp_path: Path) -
 
 def test_a_factory_works_in_another_process(folder: Path) -> None:
     factory = SubmissionFactory(str(folder), {"hypotheses": 7})
+    assert factory(TASK) is not factory(TASK), "agents share nothing"
     assert len(pickle.dumps(factory)) < 1000, "workers get the path, not the agent"
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         assert pool.submit(hypotheses_of, factory).result() == 7
@@ -155,11 +153,6 @@ def test_a_factory_works_in_another_process(folder: Path) -> None:
 def hypotheses_of(factory: SubmissionFactory) -> int:
     agent: Any = factory(TASK)
     return int(agent.hypotheses)
-
-
-def test_agents_of_one_factory_share_nothing(folder: Path) -> None:
-    factory = SubmissionFactory(str(folder))
-    assert factory(TASK) is not factory(TASK)
 
 
 WRONG_MANIFEST = {
@@ -216,20 +209,16 @@ def test_wrong_code_is_one_clear_error(tmp_path: Path, code: str, text: str) -> 
     assert text in str(caught.value)
 
 
-def test_an_unknown_parameter_names_the_nearest(folder: Path) -> None:
+def test_an_unknown_parameter_or_function_names_the_nearest(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match=r"parameter of silent 'hypothesis': did you mean 'hypotheses'\?"):
         built(folder, hypothesis=5)
+    with pytest.raises(UnknownNameError, match=r"'built': did you mean 'build'\?"):
+        built(write(tmp_path / "wrong", MANIFEST.replace(":build", ":built")))
 
 
 def test_a_build_function_may_take_any_parameter(tmp_path: Path) -> None:
     agent = AGENT.replace("hypotheses=1", "**rest").replace("gate, hypotheses)\n", "gate, rest)\n")
     assert built(write(tmp_path / "any", agent=agent), free=1).hypotheses == {"free": 1}
-
-
-def test_an_unknown_function_names_the_nearest(tmp_path: Path) -> None:
-    folder = write(tmp_path / "wrong", MANIFEST.replace(":build", ":built"))
-    with pytest.raises(UnknownNameError, match=r"'built': did you mean 'build'\?"):
-        built(folder)
 
 
 def test_a_failure_inside_build_keeps_its_own_error(tmp_path: Path) -> None:
@@ -238,13 +227,10 @@ def test_a_failure_inside_build_keeps_its_own_error(tmp_path: Path) -> None:
         built(folder)
 
 
-def test_an_unknown_name_lists_the_baselines(tmp_path: Path) -> None:
+def test_an_unknown_name_lists_the_baselines_and_a_folder_needs_a_manifest(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match="unknown submission") as caught:
         load_submission(str(tmp_path / "nowhere"))
     assert all(name in str(caught.value) for name in baseline_names())
-
-
-def test_a_folder_without_manifest(tmp_path: Path) -> None:
     with pytest.raises(SubmissionError, match=r"no submission\.toml in this folder"):
         load_submission(tmp_path)
 

@@ -39,12 +39,26 @@ def truth_of(frame: Ints, object_id: Ints, box: Floats, frames: int) -> Truth:
     return Truth(start, box, velocity, np.zeros(rows, int), object_id, np.ones(rows, bool), np.zeros(rows, bool))
 
 
+def grid_truth(box: Floats, velocity: Floats, kind: Ints, object_id: Ints | None = None) -> Truth:
+    """Objects that are there in every frame: boxes ``[F, J, 7]``; velocities ``[J, 2]``, classes and ids ``[J]``."""
+    frames, objects = box.shape[:2]
+    rows = frames * objects
+    return Truth(
+        start=objects * np.arange(frames + 1),
+        box=box.reshape(-1, 7),
+        velocity=np.tile(velocity, (frames, 1)),
+        class_id=np.tile(kind, frames),
+        object_id=np.tile(np.arange(objects) if object_id is None else object_id, frames),
+        eligible=np.ones(rows, dtype=bool),
+        neutral=np.zeros(rows, dtype=bool),
+    )
+
+
 def crowd(frames: int, objects: int) -> Truth:
     """Standing objects in a row along x, object j at x = 20 j."""
-    column = np.tile(np.arange(objects), frames)
-    box = np.tile([0.0, 5.0, 0.8, 0.3, *SIZE], (frames * objects, 1))
-    box[:, 0] = SPACING * column
-    return truth_of(np.repeat(np.arange(frames), objects), column, box, frames)
+    box = np.tile([0.0, 5.0, 0.8, 0.3, *SIZE], (frames, objects, 1))
+    box[..., 0] = SPACING * np.arange(objects)
+    return grid_truth(box, np.tile([1.0, 2.0], (objects, 1)), np.zeros(objects, int))
 
 
 def seen_at(truth: Truth, distance: float, occlusion: int = 0, bearing: float = 0.0, truncated: bool = False) -> Sight:

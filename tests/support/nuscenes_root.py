@@ -17,9 +17,13 @@ import json
 from pathlib import Path
 from typing import Any
 
-from mtp_bench.cards import Card, load_card, parse_card
+from mtp_bench.cards import Card
+from mtp_bench.sources import open_source
+from mtp_bench.types import Scene
+from tests.support.source_files import card_of
 
 VERSION = "v1.0-mini"
+PREDICTION = "nuscenes/maps/prediction/prediction_scenes.json"
 SCENES = ("scene-0301", "scene-0001", "scene-0003")  # in the order of the table
 TIMES = (0.0, 0.5, 0.9, 1.5)  # s
 CAR_Y = (0.0, 2.0, 4.0, 7.0)
@@ -155,18 +159,17 @@ def write_json(path: Path, content: Any) -> None:
 def write_root(data: Path) -> Path:
     """Write all of the root."""
     write_tables(data, make_tables())
-    write_json(data / "nuscenes/maps/prediction/prediction_scenes.json", make_targets())
+    write_json(data / PREDICTION, make_targets())
     write_json(data / "nuscenes/detections/megvii_all.json", make_detections())
     return data
 
 
 def nuscenes_card(classes: tuple[str, ...] = ("car", "pedestrian"), rate: float = 2.0, **source: Any) -> Card:
     """A card of the small root: every box of all scenes unless ``source`` says otherwise."""
-    content = load_card("MTP-nuScenes-mini-v0").model_dump(mode="json")
-    content["source"].update({"version": VERSION, "split": "all", "truth": "all", **source})
-    same = dict.fromkeys(classes, 1.0)
-    gate = {"measure": "center_distance", "threshold": same}
-    content["task"].update(
-        rate=rate, classes=list(classes), forecast_gate=same, miss_error=same, event_gate=gate
-    )  # fmt: skip
-    return parse_card(content)
+    every = {"version": VERSION, "split": "all", "truth": "all", **source}
+    return card_of("MTP-nuScenes-mini-v0", classes, rate, **every)
+
+
+def scene(data: Path, name: str = "scene-0003", **source: Any) -> Scene:
+    """A scene of the root at ``data``."""
+    return open_source(nuscenes_card(**source), data).load(name)

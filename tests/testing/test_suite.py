@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import pickle
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from mtp_bench.submission import SubmissionFactory
 from mtp_bench.submission.starting import new_submission
 from mtp_bench.testing import Finding, check_agent, check_card
 from mtp_bench.types import Observation, Task
-from tests.support.small_scenes import CARD, Action, EchoAgent, bare_scene, make_echo, write_card
+from tests.support.small_scenes import CARD, Action, EchoAgent, make_echo, write_card
 from tests.support.small_scenes import task as small_task
 
 SCENES = ["0006", "0001"]
@@ -192,7 +192,7 @@ def test_an_agent_that_raises_shows_its_own_lines(card: str, kitti: str) -> None
     assert error.traceback[0].endswith('in act: raise ValueError("no more")')
 
 
-def test_an_agent_that_cannot_be_built(card: str, kitti: str) -> None:
+def test_what_is_no_agent_or_cannot_be_built(card: str, kitti: str) -> None:
     def make(task: Task) -> EchoAgent:
         raise FileNotFoundError("weights.safetensors")
 
@@ -200,9 +200,6 @@ def test_an_agent_that_cannot_be_built(card: str, kitti: str) -> None:
     assert [finding.check for finding in findings] == ["build"]
     assert "FileNotFoundError: weights.safetensors" in only(findings).got
     assert "in make: raise FileNotFoundError" in only(findings).traceback[-1]
-
-
-def test_what_is_no_agent(card: str, kitti: str) -> None:
     findings = check(lambda task: object(), card, kitti)
     assert [str(finding) for finding in findings] == [
         "build: object without reset and act, expected reset(task) and act(observation) (build); write them"
@@ -221,17 +218,12 @@ def test_an_agent_that_fails_at_reset(card: str, kitti: str) -> None:
 def test_what_cannot_go_to_other_processes_is_a_warning(card: str, kitti: str) -> None:
     finding = only(check(lambda task: EchoAgent(), card, kitti), "warning")
     assert finding.check == "travels"
-    heavy = Heavy(np.zeros(1 << 18))
-    assert len(pickle.dumps(heavy)) > 1 << 20
+    heavy = partial(with_weights, weights=np.zeros(1 << 18))
     assert only(check(heavy, card, kitti), "warning").got == "pickles as 2 MiB"
 
 
-class Heavy:
-    def __init__(self, weights: NDArray[np.float64]) -> None:
-        self.weights = weights
-
-    def __call__(self, task: Task) -> EchoAgent:
-        return EchoAgent()
+def with_weights(task: Task, weights: NDArray[np.float64]) -> EchoAgent:
+    return EchoAgent()
 
 
 def test_scenes_and_envs_that_are_not_there(card: str, kitti: str) -> None:
@@ -244,7 +236,6 @@ def test_scenes_and_envs_that_are_not_there(card: str, kitti: str) -> None:
 
 
 def test_a_scene_without_anything_has_no_score_to_compare(card: str, kitti: str) -> None:
-    assert bare_scene().frames == 3
     findings = check(make_echo, card, kitti, ["0008"])
     assert faults(findings) == [("warning", "contract")] * 2  # no track, no forecast
 

@@ -20,12 +20,7 @@ from tests.support.small_scenes import bare_scene, make_scene
 from tests.support.tracking_scenes import kitti_task
 
 DT = 0.1
-TRUE: dict[str, Any] = {
-    "measurement": 0.1,
-    "jerkiness": [1.2, 0.4],
-    "speed": [4.0, 0.5],
-    "acceleration": [0.8, 0.3],
-}
+TRUE: dict[str, Any] = {"measurement": 0.1, "jerkiness": [1.2, 0.4], "speed": [4.0, 0.5], "acceleration": [0.8, 0.3]}
 
 
 def simulated(rng: np.random.Generator, n: int) -> tuple[Floats, Bools, Floats]:
@@ -54,8 +49,8 @@ def test_a_fit_finds_the_noise_that_made_the_windows() -> None:
     position, valid, future = simulated(np.random.default_rng(0), 1500)
     found = fit_motion_noise(position, valid, future, DT)
     assert found["measurement"] == pytest.approx(TRUE["measurement"], rel=0.25)
-    for name, tolerance in (("jerkiness", 0.35), ("acceleration", 0.35)):
-        np.testing.assert_allclose(found[name], TRUE[name], rtol=tolerance)
+    for name in ("jerkiness", "acceleration"):
+        np.testing.assert_allclose(found[name], TRUE[name], rtol=0.35)
     fresh = simulated(np.random.default_rng(1), 1500)
     reached, best = (forecast_score(*fresh, table([row]), DT) for row in (found, TRUE))
     assert reached < 1.01 * best

@@ -1,0 +1,22 @@
+"""Fixtures of the sources: the small root of nuScenes, and a cache for one test."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.support.nuscenes_root import write_root
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    """The small root of nuScenes."""
+    return write_root(tmp_path / "data")
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where nuScenes is kept in a cache of this test alone."""
+    monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache/nuscenes"
