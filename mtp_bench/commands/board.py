@@ -11,10 +11,9 @@ import typer
 
 from ..errors import MtpBenchError
 from .options import JsonOption
-from .output import count, require_writable, write_json
+from .output import counted, require_writable, show, show_numbers, write_json
 
 if TYPE_CHECKING:
-    from ..records import Record
     from ..viz.board.entries import Entry
 
 
@@ -32,7 +31,6 @@ def board(
     """Show the leaderboard: a table per environment, and a page to open in a browser."""
     from ..files import write_text
     from ..viz.board import board_json, board_page, board_tables
-    from ..viz.terminal.output import show, show_numbers
 
     require_writable(json_file, output)
     entries = read_board(records, further or (), env, output)
@@ -44,7 +42,7 @@ def board(
     if not entries:
         show("no record" + (f" of {env}" if env else "") + " yet; `mtp-bench submit` makes one")
     if output is not None:
-        show(f"{output}: {count(len(entries), 'record')}; open it in a browser")
+        show(f"{output}: {counted(len(entries), 'record')}; open it in a browser")
 
 
 def read_board(
@@ -55,16 +53,22 @@ def read_board(
     ``page`` is the file that links start from; without one there are none. Raises MtpBenchError where the folder is
     missing, RecordError where a record is broken, UnknownNameError for an env without a record that is no card either.
     """
+    from .._bundle import bundled
+    from ..cards import load_card
     from ..records import load_record, ranks, record_paths, why_unranked
     from ..viz.board import Entry, standings
 
-    paths = record_paths(_records_folder(folder))
+    folder = folder or bundled("leaderboard") / "records"
+    if not folder.is_dir():
+        raise MtpBenchError(f"{folder}: no such folder of records; name another with --records")
+    paths = record_paths(folder)
     found = {record.digest: (path, record, False) for path in paths for record in [load_record(path)]}
     for path in further:
         record = load_record(path)
         found.setdefault(record.digest, (path, record, True))
     listed = [item for item in found.values() if env_id is None or item[1].env.id == env_id]
-    _require_known(env_id, [record for _, record, _ in found.values()])
+    if env_id is not None and not listed:
+        load_card(env_id)  # an env that nobody has submitted to is fine as long as there is such an env
     records = [record for _, record, _ in listed]
     places = ranks(records)
     return standings(
@@ -88,20 +92,3 @@ def relative_address(path: Path, page: Path) -> str | None:
     except ValueError:
         return None
     return Path(relative).as_posix()
-
-
-def _records_folder(folder: Path | None) -> Path:
-    from .._bundle import bundled
-
-    folder = folder or bundled("leaderboard") / "records"
-    if not folder.is_dir():
-        raise MtpBenchError(f"{folder}: no such folder of records; name another with --records")
-    return folder
-
-
-def _require_known(env_id: str | None, records: Sequence[Record]) -> None:
-    """An env that nobody has submitted to is fine as long as there is such an env."""
-    from ..cards import load_card
-
-    if env_id is not None and all(record.env.id != env_id for record in records):
-        load_card(env_id)

@@ -9,7 +9,7 @@ import typer
 
 from ..errors import SubmissionError
 from .options import DataOption, JsonOption, SubmissionArgument
-from .output import count, number, prepare, require_writable, working, write_json
+from .output import counted, new_table, number, prepare, require_writable, show, show_numbers, working, write_json
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -31,7 +31,6 @@ def check(
     from ..parallel import Workers, cores
     from ..records.checking import SCENES, check_submission
     from ..running.options import RunOptions
-    from ..viz.terminal.output import show, show_numbers
 
     require_writable(json_file)
     options = RunOptions(root, SCENES, workers=Workers(cores()))
@@ -43,7 +42,7 @@ def check(
     if checked.scores:
         show_numbers(_score_table(checked))
     if checked.errors:
-        said = count(checked.errors, "error")
+        said = counted(checked.errors, "error")
         raise SubmissionError(f"{checked.submission} does not pass: {said}; the table says what, where and what to do")
     show(f"{checked.submission} passes; next: `mtp-bench compare {shlex.quote(path)} --env {checked.env}`")
 
@@ -69,13 +68,11 @@ def finding_table(checked: Checked) -> Table:
 def _score_table(checked: Checked) -> Table:
     """Missing-aware error per scene beside STP's."""
     from rich.markup import escape
-    from rich.table import Table
 
     from ..records.checking import BESIDE
 
-    table = Table(title="missing-aware error (m), lower is better", title_justify="left")
-    for heading in ("scene", "targets", escape(checked.submission), BESIDE, "covered"):
-        table.add_column(heading, justify="left" if heading == "scene" else "right")
+    headings = ("scene", "targets", escape(checked.submission), BESIDE, "covered")
+    table = new_table("missing-aware error (m), lower is better", headings, left=("scene",))
     for row in checked.scores:
         covered = "–" if row["coverage"] is None else f"{row['coverage']:.0%}"
         errors = (number(row[key]) for key in ("missing_aware", BESIDE))

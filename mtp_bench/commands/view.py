@@ -10,7 +10,7 @@ import typer
 
 from ..errors import MtpBenchError
 from .options import DataOption, RunCardOption, one_of
-from .output import require_writable
+from .output import require_writable, show
 
 if TYPE_CHECKING:
     from ..viz.replay import Incident, Replay
@@ -34,7 +34,6 @@ def view(
     from ..viz.rerun.arrays import LEVELS
     from ..viz.rerun.log import save_recording
     from ..viz.rerun.viewer import require_display, serve_recording, show_recording
-    from ..viz.terminal.output import show
 
     one_of(level, LEVELS, "--level")
     if save is not None and web:
@@ -79,7 +78,7 @@ def _replays(folders: Sequence[Path], scene: str | None, data: str | None, env_i
 
 
 def _sentence(replay: Replay, incident: Incident | None) -> str:
-    from ..viz.events_text import incident_text
+    from ..viz.replay import incident_text
 
     if incident is None:
         return f"scene {replay.scene.name}"

@@ -24,14 +24,10 @@ def finite(action: Mapping[str, NDArray[Any]]) -> bool:
         forecast = forecast[weight >= ABSENT_BELOW]
     numbers = (_claimed(action, "track_box", "track"), _claimed(action, "object_box", "object"), forecast)
     weights = (weight, action.get("hypothesis_log_weight", _NOTHING))
-    return all(np.isfinite(part).all() for part in numbers) and not any(_broken(part) for part in weights)
+    return all(np.isfinite(part).all() for part in numbers) and all((part < np.inf).all() for part in weights)
 
 
 def _claimed(action: Mapping[str, NDArray[Any]], name: str, kind: str) -> NDArray[Any]:
     """Rows of a field that the mask of its kind says are there; all of them without a mask."""
     array, mask = action.get(name, _NOTHING), action.get(f"{kind}_valid")
     return array if mask is None or not len(array) else array[mask != 0]
-
-
-def _broken(log_weight: NDArray[Any]) -> bool:
-    return bool((np.isnan(log_weight) | np.isposinf(log_weight)).any())

@@ -12,8 +12,8 @@ from ..agent import Observation, Tracks
 from ..errors import ShapeError
 from ..types import Floats, Ints, Task
 from .clusters import per_cluster
-from .greedy import greedy_where_asked
 from .joint import joint_k_best
+from .k_best import k_best
 from .parameters import ClassParameters, ab3dmot_parameters
 from .sparse_gains import rules_of, sparse_gains
 from .tree import HypothesisTree, Seen
@@ -81,7 +81,7 @@ class HypothesisTracker:
         if self._as_parameters:
             cost = np.full((len(tree.class_id), len(seen.box)), np.inf)
             cost[np.repeat(np.arange(len(cost)), np.diff(indptr)), column] = -gain
-            chosen = greedy_where_asked(cost, tree.class_id, self._parameters)
+            chosen = _greedy_where_asked(cost, tree.class_id, self._parameters)
             return np.zeros(1), chosen[None], np.zeros(1, dtype=np.int64)
         solve = per_cluster if self._per_cluster else joint_k_best
         return solve(indptr, column, -gain, len(seen.box), tree.member, self._cost, self._hypotheses)
@@ -115,3 +115,19 @@ def _seen(observation: Observation, measured: bool) -> Seen:
         np.asarray(observation["detection_score"], dtype=np.float64)[valid],
         velocity,
     )
+
+
+def _greedy_where_asked(cost: Floats, class_id: Ints, parameters: tuple[ClassParameters, ...]) -> Ints:
+    """Column of each row, -1 for none: cheapest pair first for greedy classes (AB3DMOT), else least total cost."""
+    column = np.full(len(cost), -1, dtype=np.int64)
+    for c, rule in enumerate(parameters):
+        rows = np.flatnonzero(class_id == c)
+        if rule.assignment == "hungarian":
+            column[rows] = k_best(cost[rows], 1)[1][0]
+            continue
+        left = cost[rows].copy()
+        while left.size and np.isfinite(left.min()):
+            i, j = np.unravel_index(np.argmin(left), left.shape)
+            column[rows[i]] = j
+            left[i, :] = left[:, j] = np.inf
+    return column

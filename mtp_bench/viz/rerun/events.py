@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...types import Ints, Scene
-from ..events_text import incident_text
-from ..replay import KINDS, Incident, Replay
+from ..replay import KINDS, Incident, Replay, incident_text
 from .agents import ShownAgent
 from .colors import EVENTS, SERIES, SWITCH, UNTRACKED, packed, tone, track_colors
 from .entities import EDGE, Log, frame_times
