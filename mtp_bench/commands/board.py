@@ -11,7 +11,7 @@ import typer
 
 from ..errors import MtpBenchError
 from .options import JsonOption
-from .output import counted, require_writable, show, show_numbers, write_json
+from .output import count, require_writable, write_json
 
 if TYPE_CHECKING:
     from ..viz.board.entries import Entry
@@ -31,6 +31,7 @@ def board(
     """Show the leaderboard: a table per environment, and a page to open in a browser."""
     from ..files import write_text
     from ..viz.board import board_json, board_page, board_tables
+    from ..viz.terminal.output import show, show_numbers
 
     require_writable(json_file, output)
     entries = read_board(records, further or (), env, output)
@@ -42,7 +43,7 @@ def board(
     if not entries:
         show("no record" + (f" of {env}" if env else "") + " yet; `mtp-bench submit` makes one")
     if output is not None:
-        show(f"{output}: {counted(len(entries), 'record')}; open it in a browser")
+        show(f"{output}: {count(len(entries), 'record')}; open it in a browser")
 
 
 def read_board(

@@ -9,7 +9,7 @@ import typer
 
 from ..errors import SubmissionError
 from .options import DataOption, JsonOption, SubmissionArgument
-from .output import counted, new_table, number, prepare, require_writable, show, show_numbers, working, write_json
+from .output import count, number, prepare, require_writable, working, write_json
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -31,6 +31,7 @@ def check(
     from ..parallel import Workers, cores
     from ..records.checking import SCENES, check_submission
     from ..running.options import RunOptions
+    from ..viz.terminal.output import show, show_numbers
 
     require_writable(json_file)
     options = RunOptions(root, SCENES, workers=Workers(cores()))
@@ -42,7 +43,7 @@ def check(
     if checked.scores:
         show_numbers(_score_table(checked))
     if checked.errors:
-        said = counted(checked.errors, "error")
+        said = count(checked.errors, "error")
         raise SubmissionError(f"{checked.submission} does not pass: {said}; the table says what, where and what to do")
     show(f"{checked.submission} passes; next: `mtp-bench compare {shlex.quote(path)} --env {checked.env}`")
 
@@ -70,6 +71,7 @@ def _score_table(checked: Checked) -> Table:
     from rich.markup import escape
 
     from ..records.checking import BESIDE
+    from ..viz.terminal.output import new_table
 
     headings = ("scene", "targets", escape(checked.submission), BESIDE, "covered")
     table = new_table("missing-aware error (m), lower is better", headings, left=("scene",))

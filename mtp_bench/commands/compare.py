@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from .options import EnvScenes, JsonOption, WorkerChoice
-from .output import counted, prepare, require_writable, show, show_report, working, write_json
+from .output import count, prepare, require_writable, show_report, working, write_json
 
 
 def compare(
@@ -23,6 +23,7 @@ def compare(
     """Run agents side by side, with true pasts and the controls beside them, and print the comparison."""
     from ..running.compare import compare as run_comparison
     from ..viz.terminal.findings import findings
+    from ..viz.terminal.output import show
 
     require_writable(json_file)
     options = on.options(workers, range(seeds))
@@ -32,7 +33,7 @@ def compare(
     report = result.report
     content = report.to_json("condition", "ranks", "paired", "details")
     write_json(json_file, {**content, "skipped": result.skipped})
-    what = f"missing-aware error (m), {counted(seeds, 'seed')} of sampling"
+    what = f"missing-aware error (m), {count(seeds, 'seed')} of sampling"
     show_report(report, what, result.reference.origin, result.skipped)
     for sentence in findings(report):
         show(f"• {sentence}")

@@ -8,7 +8,7 @@ import typer
 
 from ..errors import MtpBenchError
 from .options import DataOption, JsonOption, SplitOption
-from .output import show, write_json
+from .output import write_json
 
 
 def data(
@@ -25,6 +25,7 @@ def data(
     from ..cards import changed_card, load_card
     from ..running.reading import read_status
     from ..viz.terminal.listings import data_report, status_json
+    from ..viz.terminal.output import show
 
     if split is not None and env is None:
         raise typer.BadParameter("the splits of environments differ: name one with --env", param_hint="--split")

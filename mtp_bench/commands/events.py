@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from .options import DataOption, FolderArgument, JsonOption, RunCardOption, one_of
-from .output import progress_bar, require_writable, show, show_numbers, write_json
+from .output import require_writable, write_json
 
 
 def events(
@@ -31,6 +31,7 @@ def events(
         longest_only,
         tally_line,
     )
+    from ..viz.terminal.output import progress_bar, show, show_numbers
 
     for name in kind or ():
         one_of(name, KINDS, "--kind")

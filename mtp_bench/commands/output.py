@@ -10,13 +10,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..viz.terminal.output import counted as counted
-from ..viz.terminal.output import new_table as new_table
-from ..viz.terminal.output import number as number
-from ..viz.terminal.output import progress_bar as progress_bar
-from ..viz.terminal.output import show as show
-from ..viz.terminal.output import show_numbers as show_numbers
-
 if TYPE_CHECKING:
     from ..running.options import RunOptions
     from ..scoring import Report
@@ -26,6 +19,7 @@ if TYPE_CHECKING:
 def working(label: str, options: RunOptions) -> Iterator[RunOptions]:
     """The options with a progress bar on the error stream."""
     from ..parallel import Progress
+    from ..viz.terminal.output import progress_bar
 
     with progress_bar(label) as (started, done):
         yield replace(options, progress=Progress(started, done))
@@ -52,6 +46,7 @@ def fail(text: str) -> None:
 def show_report(report: Report, of: str, origin: str, skipped: Mapping[str, int]) -> None:
     """Print the tables of a report ``of`` something, where its subsets come from, and what could not be read."""
     from ..running.reading import skipped_line
+    from ..viz.terminal.output import show, show_numbers
     from ..viz.terminal.tables import displacement_table, error_table, parts_table
 
     title = f"{report.env} ({report.condition['split']}, {report.condition['detector']}): {of}"
@@ -88,3 +83,13 @@ def print_or_write(path: Path | None, text: str) -> None:
         sys.stdout.write(text)
     else:
         write_text(path, text)
+
+
+def count(number: int, noun: str) -> str:
+    """``1 scene``, ``2 scenes``."""
+    return f"{number} {noun}" + ("" if number == 1 else "s")
+
+
+def number(value: float | None) -> str:
+    """A number of a table with three decimals; a dash where it is not defined."""
+    return "–" if value is None else f"{value:.3f}"

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from .options import EnvScenes, SubmissionArgument, WorkerChoice
-from .output import counted, prepare, show, working
+from .output import count, prepare, working
 
 
 def run(
@@ -21,6 +21,7 @@ def run(
     """Run an agent and store what it said."""
     from ..running.reading import skipped_line
     from ..running.stored import run_and_store
+    from ..viz.terminal.output import show
 
     options = on.options(workers, [seed])
     prepare(on.env, options)
@@ -29,4 +30,4 @@ def run(
     line = skipped_line(stored.skipped)
     if line is not None:
         show(line)
-    show(f"{counted(stored.scenes, 'scene')} of {on.env} by {agent} in {output}; score with `mtp-bench score {output}`")
+    show(f"{count(stored.scenes, 'scene')} of {on.env} by {agent} in {output}; score with `mtp-bench score {output}`")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from .options import EnvOption
-from .output import counted, show
+from .output import count
 
 
 def seal(
@@ -19,10 +19,11 @@ def seal(
     """Draw secret scenes of a simulated environment and commit to them (maintainers)."""
     from ..records import seal as draw
     from ..records.sealing import commitment_path
+    from ..viz.terminal.output import show
 
     promise = draw(env, scenes, output)
     show(
-        f"{commitment_path(output)}: publish this commitment to {counted(scenes, 'hidden scene')} of {promise.env}, "
+        f"{commitment_path(output)}: publish this commitment to {count(scenes, 'hidden scene')} of {promise.env}, "
         f"sha256 {promise.commitment}"
     )
     show(f"{output}: keep this secret; `mtp-bench verify RECORD --rerun --hidden {output}` runs them")

@@ -9,7 +9,7 @@ import typer
 
 from ..errors import RecordError
 from .options import DataOption, SubmissionArgument, WorkerChoice, one_of
-from .output import counted, new_table, number, prepare, show, show_numbers, working
+from .output import count, number, prepare, working
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -45,6 +45,7 @@ def submit(
     from ..records.submitting import record_path, require_writable
     from ..running.options import RunOptions
     from ..submission.loader import load_submission
+    from ..viz.terminal.output import show, show_numbers
 
     one_of(division, DIVISIONS, "--division")
     options = RunOptions(root, scenes, range(seeds), split, workers=workers.workers())
@@ -68,6 +69,8 @@ def submit(
 
 def _record_table(record: Record) -> Table:
     """One line per subset."""
+    from ..viz.terminal.output import new_table
+
     title = f"{record.submission.name} on {record.env.id}: missing-aware error (m, less is better)"
     names = ("subset", "missing-aware", "interval", "minADE", "minFDE", "coverage", "targets", "objects", "scenes")
     table = new_table(title, names, left=("subset",))
@@ -90,5 +93,5 @@ def _sentence(record: Record) -> str:
         if frames:
             parts.append(f"{frames} {what}")
     if lost.crashed_scenes:
-        parts.append(f"{counted(lost.crashed_scenes, 'scene')} cut short ({next(iter(lost.reasons.values()), '')})")
+        parts.append(f"{count(lost.crashed_scenes, 'scene')} cut short ({next(iter(lost.reasons.values()), '')})")
     return "; ".join(parts)

@@ -9,7 +9,7 @@ import typer
 
 from ..errors import MtpBenchError, RecordError
 from .options import DataOption, JobsOption, JsonOption, WorkerChoice
-from .output import counted, number, require_writable, show, show_numbers, working, write_json
+from .output import count, number, require_writable, working, write_json
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -45,6 +45,7 @@ def verify(
     from ..records import verify as check_record
     from ..records.verifying import confirm
     from ..running.options import RunOptions
+    from ..viz.terminal.output import show, show_numbers
 
     _require_together(rerun, submission, hidden, commitment)
     require_writable(json_file)
@@ -71,7 +72,7 @@ def verify(
         if write and (checked.holds or checked.updated is not None):
             show(f"{file}: written as {confirm(checked).verification}")
         elif not checked.holds:
-            failed.append(f"{file}: {counted(len(checked.differences), 'difference')} to what was found here")
+            failed.append(f"{file}: {count(len(checked.differences), 'difference')} to what was found here")
     write_json(json_file, {"records": verdicts})
     if failed:
         raise RecordError("; ".join(failed))
@@ -118,5 +119,5 @@ def _verdict(checked: Verification) -> str:
     hidden = []
     if checked.hidden is not None:
         error = number(checked.hidden.missing_aware)
-        hidden.append(f"missing-aware error {error} m on {counted(checked.hidden.scenes, 'hidden scene')}")
+        hidden.append(f"missing-aware error {error} m on {count(checked.hidden.scenes, 'hidden scene')}")
     return ". ".join([f"{who}: {what}", *hidden, *checked.notes])

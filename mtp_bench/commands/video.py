@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from .options import DataOption, FolderArgument, RunCardOption
-from .output import progress_bar, require_writable, show
+from .output import require_writable
 
 
 def video(
@@ -28,6 +28,7 @@ def video(
     from ..running.opened import open_run
     from ..viz.drawing.video import KINDS, frames_around, pictures, require_encoder, write_video
     from ..viz.replay import replay
+    from ..viz.terminal.output import progress_bar, show
 
     suffix = output.suffix.lower()
     if suffix not in KINDS:

@@ -10,7 +10,7 @@ import typer
 
 from ..errors import MtpBenchError
 from .options import DataOption, RunCardOption, one_of
-from .output import require_writable, show
+from .output import require_writable
 
 if TYPE_CHECKING:
     from ..viz.replay import Incident, Replay
@@ -34,6 +34,7 @@ def view(
     from ..viz.rerun.arrays import LEVELS
     from ..viz.rerun.log import save_recording
     from ..viz.rerun.viewer import require_display, serve_recording, show_recording
+    from ..viz.terminal.output import show
 
     one_of(level, LEVELS, "--level")
     if save is not None and web:

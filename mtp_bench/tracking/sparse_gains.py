@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -24,19 +23,13 @@ class PairRules:
     gate: Floats  # [C]
 
 
-def pair_rules(affinity: Sequence[str], gate: Sequence[float]) -> PairRules:
-    """Rules of C classes; raises UnknownNameError for an affinity that does not exist."""
-    for name in affinity:
-        if name not in _KINDS:
-            raise UnknownNameError("affinity", name, _KINDS)
-    kinds = np.array([_KINDS[name] for name in affinity], dtype=np.int64)
-    return PairRules(kinds, np.array(gate, dtype=np.float64))
-
-
-@lru_cache(maxsize=64)
-def rules_of(parameters: tuple[ClassParameters, ...]) -> PairRules:
-    """The rules of parameters; they are the same in every frame."""
-    return pair_rules([rule.affinity for rule in parameters], [rule.gate for rule in parameters])
+def rules_of(parameters: Sequence[ClassParameters]) -> PairRules:
+    """The rules of C classes; raises UnknownNameError for an affinity that does not exist."""
+    for rule in parameters:
+        if rule.affinity not in _KINDS:
+            raise UnknownNameError("affinity", rule.affinity, _KINDS)
+    kinds = np.array([_KINDS[rule.affinity] for rule in parameters], dtype=np.int64)
+    return PairRules(kinds, np.array([rule.gate for rule in parameters], dtype=np.float64))
 
 
 def sparse_gains(

@@ -11,8 +11,7 @@ import numpy as np
 from ..agent import Observation, Tracks
 from ..errors import ShapeError
 from ..types import Floats, Ints, Task
-from .clusters import per_cluster
-from .joint import joint_k_best
+from .joint import joint_k_best, per_cluster
 from .k_best import k_best
 from .parameters import ClassParameters, ab3dmot_parameters
 from .sparse_gains import rules_of, sparse_gains
@@ -25,7 +24,7 @@ class HypothesisTracker:
     ``parameters``: one per class of the task; None takes AB3DMOT's for the task's detector. ``temperature`` turns costs
     into weights, exp(-cost / temperature). Greedy assignment, as AB3DMOT uses for pedestrians, is honoured only with
     ``assignment="as_parameters"`` and a single hypothesis: the best hypothesis of many is the Hungarian one.
-    ``per_cluster``: the alternatives of all clusters of tracks side by side (`clusters`), not the cheapest overall.
+    ``per_cluster``: the alternatives of all clusters of tracks side by side, not the cheapest overall.
     """
 
     def __init__(
