@@ -80,7 +80,13 @@ def evaluate(
         rows=report.rows,
         details=report.details[0].model_dump(mode="json"),
         per_scene=per_scene,
-        reference=_reference_part(card, reference.origin if reference else None, subsets),
+        reference=ReferencePart(
+            name=reference.subsets.reference if reference else card.reference,
+            hash=reference.subsets.hash if reference else "",
+            origin=reference.origin
+            if reference
+            else "no frozen subsets for this env and split: only 'all' has targets",
+        ),
         data_manifest=data_manifest(digest for digest, _ in scored),
         truth_complete=all(score.truth_complete for run in seeds for score in run),
         hypotheses=setting.hypotheses,
@@ -133,11 +139,3 @@ def _scene_part(scores: Sequence[SceneScore], reference: ReferenceSubsets | None
         counts={"all": len(first), **{name: int(targets.sum()) for name, targets in subsets.items()}},
         errors={"all": of_all, **of_subset},
     )
-
-
-def _reference_part(card: Card, origin: str | None, subsets: ReferenceSubsets | None) -> ReferencePart:
-    if subsets is None or origin is None:
-        return ReferencePart(
-            name=card.reference, hash="", origin="no frozen subsets for this env and split: only 'all' has targets"
-        )
-    return ReferencePart(name=subsets.reference, hash=subsets.hash, origin=origin)

@@ -137,24 +137,19 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed) -> HiddenPart:
         )
     hidden = sealed.card(card)
     try:
-        return _run(plan, record, hidden, sealed.commitment)
+        names, options = tuple(open_source(hidden).names), replace(plan.options, data=None)
+        there = replace(plan, env=hidden, card=hidden, scenes=names, scenes_of_split=len(names), options=options)
+        runs = {seed: run_seed(there, seed) for seed in record.seeds}
+        if not all(run.network_cut and run.files_hidden for results in runs.values() for run in results):
+            raise RecordError(
+                "this system cannot hide files and network from an agent, so its hidden scenes would not stay hidden: "
+                "run it on Linux with user namespaces"
+            )
+        row = evaluate_plan(there, runs).rows[0]
     finally:
         discard(hidden)
-
-
-def _run(plan: Plan, record: Record, hidden: Card, commitment: str) -> HiddenPart:
-    names = tuple(open_source(hidden).names)
-    options = replace(plan.options, data=None)
-    there = replace(plan, env=hidden, card=hidden, scenes=names, scenes_of_split=len(names), options=options)
-    runs = {seed: run_seed(there, seed) for seed in record.seeds}
-    if not all(run.network_cut and run.files_hidden for results in runs.values() for run in results):
-        raise RecordError(
-            "this system cannot hide files and network from an agent, so its hidden scenes would not stay hidden: "
-            "run it on Linux with user namespaces"
-        )
-    row = evaluate_plan(there, runs).rows[0]
     return HiddenPart(
-        commitment=commitment,
+        commitment=sealed.commitment,
         scenes=len(names),
         targets=row.targets,
         missing_aware=row.missing_aware,

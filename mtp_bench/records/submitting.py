@@ -17,7 +17,6 @@ from ..running.rollout_files import require_run_folder, save_run
 from ..running.run import library_versions
 from ..scoring import DEFINITIONS
 from ..submission.loader import Submission, load_submission
-from ..types import Rollout
 from .evaluation import Evaluation, status_of
 from .provenance import hardware, scorer_digest
 from .record import EnvPart, MissedPart, Record, ScorerPart, SubmissionPart
@@ -78,7 +77,9 @@ def submit(
     if options.workers.scheduler is not None:
         more["hardware"] = parallel_map(hardware, [()], options.workers)[0]
     record = _record(plan, runs, found, limits).model_copy(update=more)
-    _store(target, plan, rollouts_of(runs))
+    with whole_folder(target.with_suffix(ROLLOUTS)) as folder:  # in the place of those of an earlier record
+        for seed, rollouts in rollouts_of(runs).items():
+            save_run(seed_folder(folder, seed), info_of(plan, seed), rollouts)
     return save_record(record, target)
 
 
@@ -97,13 +98,6 @@ def require_writable(target: Path) -> None:
     if target.with_suffix(ROLLOUTS).exists():
         for folder in target.with_suffix(ROLLOUTS).iterdir():
             require_run_folder(folder)
-
-
-def _store(target: Path, plan: Plan, rollouts: Mapping[int, Sequence[Rollout]]) -> None:
-    """Write the rollouts of all seeds in the place of those of an earlier record."""
-    with whole_folder(target.with_suffix(ROLLOUTS)) as folder:
-        for seed, results in rollouts.items():
-            save_run(seed_folder(folder, seed), info_of(plan, seed), results)
 
 
 def _record(plan: Plan, runs: Mapping[int, Sequence[SceneRun]], found: Evaluation, limits: Limits) -> Record:

@@ -26,6 +26,7 @@ def details(table: AgentTable, card: Card) -> Details:
     """Details of one agent over all targets."""
     setting = table.setting
     first = setting.seeds[0]
+    nearness = np.exp(-(table.approach**2) / (2.0 * PLANNING_SIGMA**2))  # of a target to the ego
     frames = sum(score.frames for score in table.scores)
     false_forecasts = sum(int(score.false_forecasts.sum()) for score in table.scores)
     invalid = np.sum([score.invalid for score in table.scores], axis=0).tolist()
@@ -38,7 +39,7 @@ def details(table: AgentTable, card: Card) -> Details:
         parts=_parts(table),
         silence=ratio(table.miss_error.sum(), len(table.miss_error)),
         miss_rate=ratio((table.covered - table.hit).sum(), table.covered.sum()),
-        PI_ADE=_planning_aware(table) if card.has_ego else None,
+        PI_ADE=ratio((nearness * table.capped).sum(), nearness.sum()) if card.has_ego else None,
         EPA=_accuracy(table, table.mask["all"], false_forecasts),
         AP_f=_average_precision(table, card),
         forecasts_per_frame=table.forecasts,
@@ -60,12 +61,6 @@ def _parts(table: AgentTable) -> Parts:
         missed=ratio(table.missed.sum(), count),
         false=ratio(table.false_error.sum(), count) if table.complete else None,
     )
-
-
-def _planning_aware(table: AgentTable) -> float | None:
-    """PI-ADE: the missing-aware error of each target, weighted by how near it comes to the ego."""
-    weight = np.exp(-(table.approach**2) / (2.0 * PLANNING_SIGMA**2))
-    return ratio((weight * table.capped).sum(), weight.sum())
 
 
 def _accuracy(table: AgentTable, mask: Bools, false_forecasts: int) -> float | None:

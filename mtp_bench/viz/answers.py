@@ -21,7 +21,11 @@ class Answers:
 
     rollout: Rollout
     card: Card
-    hypotheses: Hypotheses
+
+    @cached_property
+    def hypotheses(self) -> Hypotheses:
+        """The hypotheses of the rollout with their lineage."""
+        return hypotheses(self.rollout, self.card)
 
     @cached_property
     def shown(self) -> Bools:
@@ -88,8 +92,3 @@ class Answers:
         center = self.rollout.object_box[objects, None, None, :2].astype(np.float64)
         xy: NDArray[np.float64] = center + to_metres(self.rollout.forecast[objects])
         return xy
-
-
-def answers(rollout: Rollout, card: Card) -> Answers:
-    """The answers of a rollout, with the lineage of its hypotheses."""
-    return Answers(rollout, card, hypotheses(rollout, card))

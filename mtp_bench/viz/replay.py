@@ -19,7 +19,7 @@ from ..scoring.pairs import of_columns
 from ..scoring.score import check_rollout
 from ..scoring.targets import find_targets
 from ..types import Bools, Floats, Ints, Rollout, Scene
-from .answers import Answers, answers
+from .answers import Answers
 
 KINDS = ("ids", "lost", "reacquired", "spurious")
 
@@ -115,7 +115,7 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Repla
     """
     check_rollout(scene, rollout, card)
     truth, detected = scene.truth, scene.detections
-    said = answers(rollout, card)
+    said = Answers(rollout, card)
     chosen = np.flatnonzero(said.shown)
     of_track = match_neutral_last(
         of_columns(event_pairs(truth, rollout, card), chosen, len(said.shown)), truth.neutral, len(chosen)

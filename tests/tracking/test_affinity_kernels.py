@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -181,7 +182,7 @@ def test_other_layouts_and_types() -> None:
 def test_plain_python_gives_the_same() -> None:
     rng = np.random.default_rng(8)
     a, b = random_boxes(rng, 25), random_boxes(rng, 20)
-    chosen = (("giou_3d", -0.5), ("iou_3d", 0.05), ("center_distance", 2.0))
+    chosen: Any = (("giou_3d", -0.5), ("iou_3d", 0.05), ("center_distance", 2.0))
     rules = rules_of([replace(PARAMETERS[0], affinity=name, gate=gate) for name, gate in chosen])
     given = (a, rng.integers(0, 3, 25), b, rng.integers(0, 3, 20), rules.kind, rules.gate)
     compiled, plain = sparse_pairs(*given), sparse_pairs.python(*given)
@@ -192,4 +193,4 @@ def test_plain_python_gives_the_same() -> None:
 
 def test_an_unknown_affinity_is_an_error() -> None:
     with pytest.raises(UnknownNameError, match="affinity 'giou': did you mean 'giou_3d'"):
-        rules_of([replace(PARAMETERS[0], affinity="giou")])
+        rules_of([replace(PARAMETERS[0], affinity="giou")])  # type: ignore[arg-type]

@@ -19,8 +19,7 @@ from ...scoring.subsets import SUBSETS
 from ..terminal.output import NOTHING, number
 from .columns import COLUMNS, best_texts, percent, shown
 from .entries import LEVEL_TEXT, Entry, by_env, silence_of
-from .scale import PAD, WIDTH, Scale, bar_of, scale_of
-from .scenes import scene_chart
+from .scale import PAD, WIDTH, Scale, bar_of, scale_of, scene_chart
 
 if TYPE_CHECKING:
     from jinja2 import Environment
