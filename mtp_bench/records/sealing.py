@@ -24,8 +24,7 @@ from ..errors import MtpBenchError, RecordError
 from ..files import require_file, write_text
 from ..sources import discard, open_source
 from ..strict import Section, validate
-from .differences import Difference
-from .record import HiddenPart, Record
+from .record import Difference, HiddenPart, Record
 from .running import Plan, evaluate_plan, run_seed
 from .storage import read_table
 

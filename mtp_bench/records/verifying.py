@@ -15,10 +15,9 @@ from ..scoring import DEFINITIONS
 from ..sources import open_source
 from ..submission.loader import load_submission
 from ..types import Rollout
-from .differences import Difference, unequal
 from .evaluation import Evaluation, evaluate
 from .provenance import scorer_digest
-from .record import LEVELS, HiddenPart, Level, Record
+from .record import LEVELS, Difference, HiddenPart, Level, Record, unequal
 from .running import Plan, latency, plan_run, rollout_digests, rollouts_of, run_seed, unanswered
 from .sealing import Sealed, error_when_moved, run_hidden, worse_when_hidden, worse_when_moved
 from .storage import load_record, rollouts_folder, save_record

@@ -55,17 +55,16 @@ def compare(
         jobs += jobs_of(setting.submission, env_id, keywords, scenes, seed, setting.parameters, setting.label)
     scores: list[SceneScore] = run_jobs(jobs, options, score_scene)
     runs = iter([tuple(scores[i : i + len(scenes)]) for i in range(0, len(scores), len(scenes))])
-    agents = [_agent_scores(setting, tuple(next(runs) for _ in options.seeds)) for setting in settings]
+    agents = []
+    for s in settings:
+        seeds = tuple(next(runs) for _ in options.seeds)
+        hypotheses = s.hypotheses or stated_hypotheses(seeds)
+        agents.append(AgentScores(s.label, hypotheses, s.samples, s.budget, seeds, s.ideal))
     own, first = settings[place].submission.name == card.reference, agents[place].seeds[0]
     subsets = find_reference(card, first) if own else reference_of(card, first, agents[place].agent)
     report = summarise(agents, card, subsets.subsets, stp=STP, truth=TRUTH)
     skipped = total_skipped(score.skipped for score in scores[: len(scenes)])  # every setting reads the same scenes
     return Comparison(report, subsets, tuple(settings), skipped)
-
-
-def _agent_scores(setting: Setting, seeds: tuple[tuple[SceneScore, ...], ...]) -> AgentScores:
-    hypotheses = setting.hypotheses or stated_hypotheses(seeds)
-    return AgentScores(setting.label, hypotheses, setting.samples, setting.budget, seeds, setting.ideal)
 
 
 def _reference_place(settings: Sequence[Setting], name: str) -> int:

@@ -99,7 +99,10 @@ def agent_table(setting: AgentScores, reference: ReferenceSubsets | None) -> Age
 
     Raises RolloutError without a scene, or where seeds differ in scenes or targets.
     """
-    _check(setting)
+    if not setting.seeds or not setting.seeds[0]:
+        raise RolloutError(f"agent {setting.agent!r} has no scored scene, expected at least one")
+    for run in setting.seeds[1:]:
+        require_same_targets(setting.seeds[0], run, f"the seeds of agent {setting.agent!r}")
     first = setting.seeds[0]
     covered = _over_seeds(setting, "covered")
     uncovered = 1.0 - covered / len(setting.seeds)
@@ -125,13 +128,6 @@ def agent_table(setting: AgentScores, reference: ReferenceSubsets | None) -> Age
         mask=_masks(first, reference),
         events=_events(first, reference),
     )
-
-
-def _check(setting: AgentScores) -> None:
-    if not setting.seeds or not setting.seeds[0]:
-        raise RolloutError(f"agent {setting.agent!r} has no scored scene, expected at least one")
-    for run in setting.seeds[1:]:
-        require_same_targets(setting.seeds[0], run, f"the seeds of agent {setting.agent!r}")
 
 
 def require_same_targets(a: Sequence[SceneScore], b: Sequence[SceneScore], who: str) -> None:

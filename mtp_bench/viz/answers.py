@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..cards import Card
 from ..scoring.lineage import Hypotheses, hypotheses
 from ..scoring.matching import match
 from ..scoring.pairs import box_pairs
-from ..types import Bools, Ints, Rollout, to_metres
+from ..types import Bools, Ints, Rollout
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,9 +85,3 @@ class Answers:
             lineage = np.where(before >= 0, self.hypotheses.parent[frame[row], lineage], lineage)
             past[:, k] = row = np.where(before >= 0, before, row)
         return past
-
-    def forecast_xy(self, objects: slice | Ints) -> NDArray[np.float64]:
-        """Forecast places [n, K, T, 2] of these objects, m, in the frame of reference of the scene."""
-        center = self.rollout.object_box[objects, None, None, :2].astype(np.float64)
-        xy: NDArray[np.float64] = center + to_metres(self.rollout.forecast[objects])
-        return xy

@@ -12,7 +12,7 @@ from mtp_bench.errors import UnknownNameError
 from mtp_bench.geometry import iou_3d, transform_boxes
 from mtp_bench.tracking.kernels.affinity_kernels import GIOU_3D, IOU_3D, hull_area, sparse_pairs
 from mtp_bench.tracking.parameters import Affinity, ClassParameters
-from mtp_bench.tracking.sparse_gains import rules_of, sparse_gains
+from mtp_bench.tracking.tracker import rules_of, sparse_gains
 from mtp_bench.types import Floats, Ints
 from tests.support.plain_affinity import gains
 from tests.support.plain_geometry import bev_hull_area, giou_3d, giou_reach

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...types import Ints, Scene
 from ..replay import KINDS, Incident, Replay, incident_text
-from .agents import ShownAgent
+from .arrays import ShownAgent
 from .colors import EVENTS, SERIES, SWITCH, UNTRACKED, packed, tone, track_colors
 from .entities import EDGE, Log, frame_times
 from .sdk import rr
