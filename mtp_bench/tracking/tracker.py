@@ -14,8 +14,7 @@ import numpy as np
 from ..agent import Observation, Tracks
 from ..errors import ShapeError, UnknownNameError
 from ..types import Floats, Ints, Task
-from .joint import joint_k_best, per_cluster
-from .k_best import k_best
+from .joint import joint_k_best, k_best, per_cluster
 from .kernels.affinity_kernels import CENTER_DISTANCE, GIOU_3D, IOU_3D, sparse_pairs
 from .parameters import ClassParameters, ab3dmot_parameters
 from .tree import HypothesisTree, Seen
