@@ -10,7 +10,7 @@ import numpy as np
 import mtp_bench.tracking.tracker as tracker_module
 from mtp_bench.agent import Tracks
 from mtp_bench.tracking import HypothesisTracker
-from mtp_bench.tracking.clusters import per_cluster
+from mtp_bench.tracking.joint import per_cluster
 from mtp_bench.tracks import group
 from mtp_bench.types import Ints, Task
 from tests.support.plain_tracker import PlainTracker

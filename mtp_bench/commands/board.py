@@ -14,7 +14,6 @@ from .options import JsonOption
 from .output import count, require_writable, write_json
 
 if TYPE_CHECKING:
-    from ..records import Record
     from ..viz.board.entries import Entry
 
 
@@ -55,16 +54,22 @@ def read_board(
     ``page`` is the file that links start from; without one there are none. Raises MtpBenchError where the folder is
     missing, RecordError where a record is broken, UnknownNameError for an env without a record that is no card either.
     """
+    from .._bundle import bundled
+    from ..cards import load_card
     from ..records import load_record, ranks, record_paths, why_unranked
     from ..viz.board import Entry, standings
 
-    paths = record_paths(_records_folder(folder))
+    folder = folder or bundled("leaderboard") / "records"
+    if not folder.is_dir():
+        raise MtpBenchError(f"{folder}: no such folder of records; name another with --records")
+    paths = record_paths(folder)
     found = {record.digest: (path, record, False) for path in paths for record in [load_record(path)]}
     for path in further:
         record = load_record(path)
         found.setdefault(record.digest, (path, record, True))
     listed = [item for item in found.values() if env_id is None or item[1].env.id == env_id]
-    _require_known(env_id, [record for _, record, _ in found.values()])
+    if env_id is not None and not listed:
+        load_card(env_id)  # an env that nobody has submitted to is fine as long as there is such an env
     records = [record for _, record, _ in listed]
     places = ranks(records)
     return standings(
@@ -88,20 +93,3 @@ def relative_address(path: Path, page: Path) -> str | None:
     except ValueError:
         return None
     return Path(relative).as_posix()
-
-
-def _records_folder(folder: Path | None) -> Path:
-    from .._bundle import bundled
-
-    folder = folder or bundled("leaderboard") / "records"
-    if not folder.is_dir():
-        raise MtpBenchError(f"{folder}: no such folder of records; name another with --records")
-    return folder
-
-
-def _require_known(env_id: str | None, records: Sequence[Record]) -> None:
-    """An env that nobody has submitted to is fine as long as there is such an env."""
-    from ..cards import load_card
-
-    if env_id is not None and all(record.env.id != env_id for record in records):
-        load_card(env_id)

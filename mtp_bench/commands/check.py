@@ -69,13 +69,12 @@ def finding_table(checked: Checked) -> Table:
 def _score_table(checked: Checked) -> Table:
     """Missing-aware error per scene beside STP's."""
     from rich.markup import escape
-    from rich.table import Table
 
     from ..records.checking import BESIDE
+    from ..viz.terminal.output import new_table
 
-    table = Table(title="missing-aware error (m), lower is better", title_justify="left")
-    for heading in ("scene", "targets", escape(checked.submission), BESIDE, "covered"):
-        table.add_column(heading, justify="left" if heading == "scene" else "right")
+    headings = ("scene", "targets", escape(checked.submission), BESIDE, "covered")
+    table = new_table("missing-aware error (m), lower is better", headings, left=("scene",))
     for row in checked.scores:
         covered = "–" if row["coverage"] is None else f"{row['coverage']:.0%}"
         errors = (number(row[key]) for key in ("missing_aware", BESIDE))

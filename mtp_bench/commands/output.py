@@ -27,10 +27,11 @@ def working(label: str, options: RunOptions) -> Iterator[RunOptions]:
 
 def prepare(env: str, options: RunOptions) -> None:
     """Make simulated scenes, or the compact copy of tables, that are not in the cache yet."""
-    from ..running.reading import prepare_scenes
+    from ..sources import prepare as prepare_scenes
 
     with working("prepare", options) as watched:
-        prepare_scenes(env, watched)
+        told, count = watched.progress, watched.workers.count
+        prepare_scenes(watched.card(env), watched.data, watched.scenes, count, told.started, told.done)
 
 
 def fail(text: str) -> None:

@@ -69,11 +69,11 @@ def submit(
 
 def _record_table(record: Record) -> Table:
     """One line per subset."""
-    from rich.table import Table
+    from ..viz.terminal.output import new_table
 
-    table = Table(title=f"{record.submission.name} on {record.env.id}: missing-aware error (m, less is better)")
-    for name in ("subset", "missing-aware", "interval", "minADE", "minFDE", "coverage", "targets", "objects", "scenes"):
-        table.add_column(name, justify="left" if name == "subset" else "right")
+    title = f"{record.submission.name} on {record.env.id}: missing-aware error (m, less is better)"
+    names = ("subset", "missing-aware", "interval", "minADE", "minFDE", "coverage", "targets", "objects", "scenes")
+    table = new_table(title, names, left=("subset",))
     for row in record.rows:
         shown = "–" if row.interval is None else f"{row.interval[0]:.3f} to {row.interval[1]:.3f}"
         numbers = [number(value) for value in (row.minADE, row.minFDE, row.coverage)]

@@ -79,7 +79,7 @@ def _replays(folders: Sequence[Path], scene: str | None, data: str | None, env_i
 
 
 def _sentence(replay: Replay, incident: Incident | None) -> str:
-    from ..viz.events_text import incident_text
+    from ..viz.replay import incident_text
 
     if incident is None:
         return f"scene {replay.scene.name}"

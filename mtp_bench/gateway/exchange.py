@@ -6,17 +6,21 @@ import hashlib
 import math
 import secrets
 import time
+from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 from gymnasium import spaces
+from numpy.typing import NDArray
 
+from ..env.action import ABSENT_BELOW
 from ..types import Rollout
-from .finite import finite
 from .limits import PATIENCE, Limits, SceneRun
 from .process import AgentProcess, EndedError, ExcessError, Message
 from .wire import Arrays, WireError, arrays_of
 
 Action = dict[str, Any]
+_NOTHING = np.zeros(0)
 
 
 class SceneOverError(Exception):
@@ -32,7 +36,8 @@ class Exchange:
 
     def __init__(self, process: AgentProcess, limits: Limits, space: spaces.Space[Any], seal: bytes) -> None:
         self._process, self._limits, self._seal = process, limits, seal
-        self._shapes = {name: tuple(part.shape or ()) for name, part in _parts(space).items()}
+        assert isinstance(space, spaces.Dict)
+        self._shapes = {name: tuple(part.shape or ()) for name, part in space.spaces.items()}
         self._most = min(limits.answer, sum(8 * math.prod(shape) for shape in self._shapes.values()))
         self._frame = 0
         self._open: dict[int, str] = {}  # token of every frame whose answer may still come, too late
@@ -133,7 +138,7 @@ class Exchange:
             raise SceneOverError("rejected", f"it broke the wire format: {error}") from None
         shapes = self._shapes
         fitting = {name: a for name, a in arrays.items() if a is not None and a.shape == shapes.get(name)}
-        if len(fitting) == len(arrays) and finite(fitting):
+        if len(fitting) == len(arrays) and _finite(fitting):
             return fitting
         self._malformed += 1
         return None
@@ -177,6 +182,21 @@ class Exchange:
         self._seal = chain.digest()
 
 
-def _parts(space: spaces.Space[Any]) -> dict[str, spaces.Space[Any]]:
-    assert isinstance(space, spaces.Dict)
-    return dict(space.spaces)
+def _finite(action: Mapping[str, NDArray[Any]]) -> bool:
+    """Whether every number of the tracks, hypotheses, objects and samples that are there is finite: else unanswered.
+
+    ``action``: arrays of the right shapes; fields may be missing. Rows that are not valid may hold anything, as may
+    samples whose log-weight says that they are absent; -inf is such a log-weight, NaN and +inf are none.
+    """
+    weight, forecast = _claimed(action, "forecast_log_weight", "object"), _claimed(action, "forecast", "object")
+    if len(weight) == len(forecast):  # else a field is missing: every sample counts
+        forecast = forecast[weight >= ABSENT_BELOW]
+    numbers = (_claimed(action, "track_box", "track"), _claimed(action, "object_box", "object"), forecast)
+    weights = (weight, action.get("hypothesis_log_weight", _NOTHING))
+    return all(np.isfinite(part).all() for part in numbers) and all((part < np.inf).all() for part in weights)
+
+
+def _claimed(action: Mapping[str, NDArray[Any]], name: str, kind: str) -> NDArray[Any]:
+    """Rows of a field that the mask of its kind says are there; all of them without a mask."""
+    array, mask = action.get(name, _NOTHING), action.get(f"{kind}_valid")
+    return array if mask is None or not len(array) else array[mask != 0]

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..env.environment import MTPEnv
 from ..parallel import ALONE, QUIET, Progress, Workers, parallel_map
@@ -68,8 +67,13 @@ def run_isolated(
         }
         exchange = Exchange(process, limits, env.action_space, seal_start(env.card.digest, scene, seed))
         exchange.open(setup, asdict(agent_task(env, seed)))
-        rollout = _play(env, observation, exchange)
-        return exchange.result(rollout)
+        seconds: list[float] = []
+        truncated = False
+        while not truncated:
+            action, spent = exchange.ask(observation)
+            seconds.append(spent)
+            observation, _, _, truncated, _ = env.step(action)
+        return exchange.result(replace(env.rollout(), seconds=np.array(seconds)))
 
 
 def run_isolated_scenes(
@@ -97,13 +101,3 @@ def run_isolated_scenes(
 def seal_start(card_digest: str, scene: str, seed: int) -> bytes:
     """The beginning of the hash chain of one scene."""
     return hashlib.sha256(json.dumps(["mtp-bench seal 1", card_digest, scene, seed]).encode()).digest()
-
-
-def _play(env: MTPEnv, observation: dict[str, NDArray[Any]], exchange: Exchange) -> Any:
-    seconds: list[float] = []
-    truncated = False
-    while not truncated:
-        action, spent = exchange.ask(observation)
-        seconds.append(spent)
-        observation, _, _, truncated, _ = env.step(action)
-    return replace(env.rollout(), seconds=np.array(seconds))

@@ -2,7 +2,7 @@
 
 from .hedged import HedgedPredictor as HedgedPredictor
 from .hedged import StandingStill as StandingStill
+from .k_means import KMeansSampler as KMeansSampler
 from .kalman import NoiseTable as NoiseTable
 from .kinematic import KinematicPredictor as KinematicPredictor
 from .motion_noise import stored_noise as stored_noise
-from .sampling import KMeansSampler as KMeansSampler

@@ -62,7 +62,10 @@ def check_submission(path: str, env_id: str, options: RunOptions) -> Checked:
         return Checked(submission.name, env_id, tuple(findings))
     here = run_jobs(jobs_of(submission, env_id, keywords, names))
     findings += gateway_findings(runs, here)
-    own = [_scored(env, run.rollout) for run in runs]
+    own = []
+    for run in runs:
+        env.reset(seed=0, options={"scene": run.rollout.scene})
+        own.append(score_scene(env.scene, run.rollout, env.card))
     jobs = jobs_of(load_submission(BESIDE), env_id, {"data": options.data}, names)
     beside = run_jobs(jobs, RunOptions(progress=Progress(done=told.done)), score_scene)
     return Checked(submission.name, env_id, tuple(findings), tuple(map(_row, own, beside)))
@@ -96,11 +99,6 @@ def gateway_findings(runs: Sequence[SceneRun], here: Sequence[Rollout] | None) -
         f"{max(run.peak_memory for run in runs) >> 20} MiB at most"
     )
     return found or [Finding("ok", "gateway", text)]
-
-
-def _scored(env: MTPEnv, rollout: Rollout) -> SceneScore:
-    env.reset(seed=0, options={"scene": rollout.scene})
-    return score_scene(env.scene, rollout, env.card)
 
 
 def _row(own: SceneScore, beside: SceneScore) -> dict[str, Any]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from ..cards import Card
 from ..parallel import Workers, parallel_map
+from ..running.options import RunOptions
 from ..running.reference import frozen_reference
 from ..scoring import (
     AgentScores,
@@ -26,8 +27,6 @@ from ..types import Rollout
 from .provenance import data_manifest, scene_digest
 from .record import ReferencePart, ScenePart, Status
 
-Progress = Callable[[str], object]
-
 
 @dataclass(frozen=True)
 class Evaluation:
@@ -45,22 +44,26 @@ class Evaluation:
 def evaluate(
     agent: str,
     card: Card,
-    data: str | None,
+    options: RunOptions,
     runs: Mapping[int, Sequence[Rollout]],
-    hypotheses: int | None = None,
-    ideal: bool = False,
-    workers: int = 1,
-    progress: Progress | None = None,
+    hypotheses: int | None,
+    ideal: bool,
 ) -> Evaluation:
     """Score the rollouts of each seed (``runs``: seed -> the same scenes in the same order) of one agent.
 
-    ``agent`` is its name, ``data`` the data root. ``hypotheses`` as declared; None: what the agent states. ``ideal``:
-    it saw the truth. ``workers`` processes score; ``progress`` is told the name of each scene that is done. Raises
-    RolloutError where the rollouts do not fit the scenes, DataError where data is missing.
+    ``agent`` is its name; of ``options`` data, the number of processes and progress count. ``hypotheses`` as declared;
+    None: what the agent states. ``ideal``: it saw the truth. Raises RolloutError where the rollouts do not fit the
+    scenes, DataError where data is missing.
     """
     reference = frozen_reference(card)
     subsets = reference.subsets if reference else None
-    scored = _score(card, data, list(zip(*runs.values(), strict=True)), workers, progress)
+    calls = [(card, options.data, rollouts) for rollouts in zip(*runs.values(), strict=True)]
+    scored: list[tuple[str, tuple[SceneScore, ...]]] = parallel_map(
+        _score_scene,
+        calls,
+        Workers(options.workers.count),
+        lambda place: options.progress.done(calls[place][2][0].scene),
+    )
     seeds = tuple(zip(*(scores for _, scores in scored), strict=True))
     samples = next(iter(runs.values()))[0].forecast.shape[1]
     setting = AgentScores(
@@ -77,7 +80,13 @@ def evaluate(
         rows=report.rows,
         details=report.details[0].model_dump(mode="json"),
         per_scene=per_scene,
-        reference=_reference_part(card, reference.origin if reference else None, subsets),
+        reference=ReferencePart(
+            name=reference.subsets.reference if reference else card.reference,
+            hash=reference.subsets.hash if reference else "",
+            origin=reference.origin
+            if reference
+            else "no frozen subsets for this env and split: only 'all' has targets",
+        ),
         data_manifest=data_manifest(digest for digest, _ in scored),
         truth_complete=all(score.truth_complete for run in seeds for score in run),
         hypotheses=setting.hypotheses,
@@ -110,19 +119,8 @@ def status_of(
     return "finished", ""
 
 
-def _score(
-    card: Card, data: str | None, scenes: Sequence[Sequence[Rollout]], workers: int, progress: Progress | None
-) -> list[tuple[str, tuple[SceneScore, ...]]]:
-    """Digest and scores, one per seed, of each scene; ``scenes`` holds the rollouts of all seeds of each."""
-
-    def done(place: int) -> None:
-        if progress is not None:
-            progress(scenes[place][0].scene)
-
-    return parallel_map(_score_scene, [(card, data, rollouts) for rollouts in scenes], Workers(workers), done)
-
-
 def _score_scene(card: Card, data: str | None, rollouts: Sequence[Rollout]) -> tuple[str, tuple[SceneScore, ...]]:
+    """Digest and scores, one per seed, of one scene."""
     scene = open_source(card, data).load(rollouts[0].scene)
     return scene_digest(scene), tuple(score_scene(scene, rollout, card) for rollout in rollouts)
 
@@ -141,11 +139,3 @@ def _scene_part(scores: Sequence[SceneScore], reference: ReferenceSubsets | None
         counts={"all": len(first), **{name: int(targets.sum()) for name, targets in subsets.items()}},
         errors={"all": of_all, **of_subset},
     )
-
-
-def _reference_part(card: Card, origin: str | None, subsets: ReferenceSubsets | None) -> ReferencePart:
-    if subsets is None or origin is None:
-        return ReferencePart(
-            name=card.reference, hash="", origin="no frozen subsets for this env and split: only 'all' has targets"
-        )
-    return ReferencePart(name=subsets.reference, hash=subsets.hash, origin=origin)

@@ -57,11 +57,10 @@ def _bytes(array: NDArray[np.generic]) -> bytes:
 def hardware() -> HardwarePart:
     """This machine, without names that tell whose it is."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 0
-    return HardwarePart(cpu=_cpu(), cores=cores, memory_gib=round(_memory() / 2**30, 1), gpu=_gpu())
-
-
-def _cpu() -> str:
-    return _field(Path("/proc/cpuinfo"), "model name") or platform.processor() or platform.machine()
+    cpu = _field(Path("/proc/cpuinfo"), "model name") or platform.processor() or platform.machine()
+    gpus = [_field(path, "Model") for path in sorted(Path("/proc/driver/nvidia/gpus").glob("*/information"))]
+    gpu = ", ".join(filter(None, gpus)) or None  # the models that NVIDIA's driver names
+    return HardwarePart(cpu=cpu, cores=cores, memory_gib=round(_memory() / 2**30, 1), gpu=gpu)
 
 
 def _memory() -> float:
@@ -69,12 +68,6 @@ def _memory() -> float:
         return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
     except (AttributeError, OSError, ValueError):
         return 0.0
-
-
-def _gpu() -> str | None:
-    """The models that NVIDIA's driver names; None where there is none."""
-    models = [_field(path, "Model") for path in sorted(Path("/proc/driver/nvidia/gpus").glob("*/information"))]
-    return ", ".join(model for model in models if model) or None
 
 
 def _field(path: Path, name: str) -> str:

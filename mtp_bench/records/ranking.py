@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..scoring.gap import Gap, gap_closed
 from ..scoring.rank import Entrant, enough_objects, shared_ranks
 from ..scoring.rank import why_unranked as why_entrant_unranked
+from ..scoring.statistics import Gap, gap_closed
 from ..scoring.subsets import SUBSETS, Subset
 from .record import Record
 

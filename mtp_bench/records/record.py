@@ -1,9 +1,10 @@
-"""The schema of a record."""
+"""The schema of a record, and in what two contents of it differ."""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal, get_args
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 from pydantic import Field
 
@@ -13,6 +14,7 @@ from ..strict import Section
 Status = Literal["finished", "partial", "crashed", "rejected"]
 Level = Literal["scored", "re-scored", "re-run", "hidden seeds"]
 LEVELS: tuple[Level, ...] = get_args(Level)  # from the weakest on, each includes those before it
+TOLERANCE = 1e-9  # of a number that is scored again, absolute and relative
 _FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]  # it becomes part of a path
 _Hex = Annotated[str, Field(pattern=r"^[0-9a-f]*$")]
 
@@ -169,3 +171,31 @@ def _number(value: Any) -> float | None:
     """A number of the details, whose schema is the scorer's alone; None for everything else."""
     known = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
     return float(value) if known else None
+
+
+class Difference(NamedTuple):
+    """Something that a record says and that was found to be otherwise."""
+
+    what: str
+    recorded: Any
+    found: Any
+
+
+def unequal(where: str, recorded: Any, found: Any) -> Iterator[Difference]:
+    """The leaves in which two contents of JSON differ, numbers by more than TOLERANCE."""
+    if isinstance(recorded, dict) and isinstance(found, dict):
+        for name in dict.fromkeys([*recorded, *found]):
+            path = f"{where}.{name}" if where else name
+            yield from unequal(path, recorded.get(name), found.get(name))
+    elif isinstance(recorded, list) and isinstance(found, list) and len(recorded) == len(found):
+        for index, (one, other) in enumerate(zip(recorded, found, strict=True)):
+            yield from unequal(f"{where}[{index}]", one, other)
+    elif not _same(recorded, found):
+        yield Difference(where, recorded, found)
+
+
+def _same(recorded: Any, found: Any) -> bool:
+    numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in (recorded, found))
+    if numbers:
+        return math.isclose(recorded, found, rel_tol=TOLERANCE, abs_tol=TOLERANCE)
+    return type(recorded) is type(found) and bool(recorded == found)

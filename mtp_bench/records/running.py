@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from ..env.environment import MTPEnv
 from ..env.rollouts import digest
 from ..errors import MtpBenchError
 from ..gateway import Limits, SceneRun, run_isolated_scenes
+from ..parallel import QUIET
 from ..running.options import RunOptions
 from ..running.rollout_files import RunInfo
 from ..running.run import run_info
@@ -79,11 +80,8 @@ def rollouts_of(runs: Mapping[int, Sequence[SceneRun]]) -> dict[int, list[Rollou
 
 def evaluate_plan(plan: Plan, runs: Mapping[int, Sequence[SceneRun]], *, watched: bool = False) -> Evaluation:
     """Numbers of the runs of a plan; ``watched``: the progress is told each scene that is scored."""
-    setting, options = plan.setting, plan.options
-    done = options.progress.done if watched else None
-    name, rollouts = plan.submission.name, rollouts_of(runs)
-    count = options.workers.count
-    return evaluate(name, plan.card, options.data, rollouts, setting.hypotheses, setting.ideal, count, done)
+    setting, options = plan.setting, plan.options if watched else replace(plan.options, progress=QUIET)
+    return evaluate(plan.submission.name, plan.card, options, rollouts_of(runs), setting.hypotheses, setting.ideal)
 
 
 def info_of(plan: Plan, seed: int) -> RunInfo:

@@ -1,8 +1,11 @@
-"""Hidden seeds: scenes that nobody could have seen, promised beforehand by a commitment.
+"""What nobody could know: scenes of hidden seeds, promised beforehand by a commitment, and secret motions.
 
 A maintainer draws a secret range of seeds, publishes the sha256 of it with a salt, and keeps the file. Submissions are
 later run on those scenes; when the file is published, anyone can check that it is the one that was promised. Only the
 error over all hidden scenes is published, for the name of a scene tells its seed.
+
+The seeds of a record are public, and with them how its scenes were turned and shifted: a table made for just those
+motions would score. It does not under another one; an agent that tracks and predicts scores alike.
 """
 
 from __future__ import annotations
@@ -21,12 +24,15 @@ from ..errors import MtpBenchError, RecordError
 from ..files import require_file, write_text
 from ..sources import discard, open_source
 from ..strict import Section, validate
-from .record import HiddenPart, Record
+from .record import Difference, HiddenPart, Record
 from .running import Plan, evaluate_plan, run_seed
 from .storage import read_table
 
 FIRST, LAST = 1_000_000, 2**31  # seeds are drawn from here; those of the cards are far below
 MOST_SCENES = 1000
+ALIKE = 0.1  # share of the error by which other draws may be worse; a baseline's seeds differ by 0.06 at most
+_NEGLIGIBLE = 1e-3  # m
+_FIRST, _SEEDS = 1 << 16, 1 << 31  # far from what anybody counts up to
 
 
 class SecretSeeds(Section):
@@ -130,24 +136,19 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed) -> HiddenPart:
         )
     hidden = sealed.card(card)
     try:
-        return _run(plan, record, hidden, sealed.commitment)
+        names, options = tuple(open_source(hidden).names), replace(plan.options, data=None)
+        there = replace(plan, env=hidden, card=hidden, scenes=names, scenes_of_split=len(names), options=options)
+        runs = {seed: run_seed(there, seed) for seed in record.seeds}
+        if not all(run.network_cut and run.files_hidden for results in runs.values() for run in results):
+            raise RecordError(
+                "this system cannot hide files and network from an agent, so its hidden scenes would not stay hidden: "
+                "run it on Linux with user namespaces"
+            )
+        row = evaluate_plan(there, runs).rows[0]
     finally:
         discard(hidden)
-
-
-def _run(plan: Plan, record: Record, hidden: Card, commitment: str) -> HiddenPart:
-    names = tuple(open_source(hidden).names)
-    options = replace(plan.options, data=None)
-    there = replace(plan, env=hidden, card=hidden, scenes=names, scenes_of_split=len(names), options=options)
-    runs = {seed: run_seed(there, seed) for seed in record.seeds}
-    if not all(run.network_cut and run.files_hidden for results in runs.values() for run in results):
-        raise RecordError(
-            "this system cannot hide files and network from an agent, so its hidden scenes would not stay hidden: "
-            "run it on Linux with user namespaces"
-        )
-    row = evaluate_plan(there, runs).rows[0]
     return HiddenPart(
-        commitment=commitment,
+        commitment=sealed.commitment,
         scenes=len(names),
         targets=row.targets,
         missing_aware=row.missing_aware,
@@ -173,3 +174,20 @@ def _simulated(card: Card) -> HighwaySource:
 
 def _canonical(seeds: SecretSeeds) -> str:
     return json.dumps(seeds.model_dump(), sort_keys=True, separators=(",", ":"))
+
+
+def error_when_moved(plan: Plan) -> float | None:
+    """Missing-aware error of the submission of ``plan`` under one secret seed, metres; None without a target."""
+    seed = _FIRST + secrets.randbelow(_SEEDS - _FIRST)
+    return evaluate_plan(plan, {seed: run_seed(plan, seed)}).rows[0].missing_aware
+
+
+def worse_when_moved(record: Record, error: float | None) -> Difference | None:
+    """What differs where ``error`` is worse than what the record is ranked by; None where they are alike.
+
+    The worst of its seeds would be no measure: a table for the others, and nothing for that one, would pass.
+    """
+    ranked = record.row.missing_aware
+    if error is None or ranked is None or error <= ranked * (1 + ALIKE) + _NEGLIGIBLE:
+        return None
+    return Difference("missing_aware under another motion", ranked, error)

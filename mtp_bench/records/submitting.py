@@ -10,17 +10,16 @@ from typing import Any, Literal
 from ..cards import Card, load_card
 from ..files import require_file, require_folder, whole_folder
 from ..gateway import Limits, SceneRun
-from ..parallel import Workers, parallel_map
+from ..parallel import parallel_map
 from ..running.options import DEFAULTS, RunOptions
 from ..running.reference import frozen_reference
 from ..running.rollout_files import require_run_folder, save_run
 from ..running.run import library_versions
 from ..scoring import DEFINITIONS
 from ..submission.loader import Submission, load_submission
-from ..types import Rollout
 from .evaluation import Evaluation, status_of
 from .provenance import hardware, scorer_digest
-from .record import EnvPart, HardwarePart, MissedPart, Record, ScorerPart, SubmissionPart
+from .record import EnvPart, MissedPart, Record, ScorerPart, SubmissionPart
 from .running import (
     Plan,
     evaluate_plan,
@@ -74,15 +73,14 @@ def submit(
     options.progress.started((len(options.seeds) + 1) * len(plan.scenes))
     runs = {seed: run_seed(plan, seed, limits) for seed in options.seeds}
     found = evaluate_plan(plan, runs, watched=True)
-    more = {"division": division, "training_data": [*submission.training_data, *training_data]}
-    record = _record(plan, runs, found, limits).model_copy(update={**more, "hardware": _hardware(options.workers)})
-    _store(target, plan, rollouts_of(runs))
+    more: dict[str, Any] = {"division": division, "training_data": [*submission.training_data, *training_data]}
+    if options.workers.scheduler is not None:
+        more["hardware"] = parallel_map(hardware, [()], options.workers)[0]
+    record = _record(plan, runs, found, limits).model_copy(update=more)
+    with whole_folder(target.with_suffix(ROLLOUTS)) as folder:  # in the place of those of an earlier record
+        for seed, rollouts in rollouts_of(runs).items():
+            save_run(seed_folder(folder, seed), info_of(plan, seed), rollouts)
     return save_record(record, target)
-
-
-def _hardware(workers: Workers) -> HardwarePart:
-    """Of this machine, or of a worker of the cluster."""
-    return hardware() if workers.scheduler is None else parallel_map(hardware, [()], workers)[0]
 
 
 def record_path(submission: Submission, card: Card, output: str | Path | None, split: str | None = None) -> Path:
@@ -100,13 +98,6 @@ def require_writable(target: Path) -> None:
     if target.with_suffix(ROLLOUTS).exists():
         for folder in target.with_suffix(ROLLOUTS).iterdir():
             require_run_folder(folder)
-
-
-def _store(target: Path, plan: Plan, rollouts: Mapping[int, Sequence[Rollout]]) -> None:
-    """Write the rollouts of all seeds in the place of those of an earlier record."""
-    with whole_folder(target.with_suffix(ROLLOUTS)) as folder:
-        for seed, results in rollouts.items():
-            save_run(seed_folder(folder, seed), info_of(plan, seed), results)
 
 
 def _record(plan: Plan, runs: Mapping[int, Sequence[SceneRun]], found: Evaluation, limits: Limits) -> Record:

@@ -15,16 +15,15 @@ from ..scoring import DEFINITIONS
 from ..sources import open_source
 from ..submission.loader import load_submission
 from ..types import Rollout
-from .differences import Difference, unequal
 from .evaluation import Evaluation, evaluate
-from .motion import error_when_moved, worse_when_moved
 from .provenance import scorer_digest
-from .record import LEVELS, HiddenPart, Level, MissedPart, Record
+from .record import LEVELS, Difference, HiddenPart, Level, Record, unequal
 from .running import Plan, latency, plan_run, rollout_digests, rollouts_of, run_seed, unanswered
-from .sealing import Sealed, run_hidden, worse_when_hidden
+from .sealing import Sealed, error_when_moved, run_hidden, worse_when_hidden, worse_when_moved
 from .storage import load_record, rollouts_folder, save_record
 from .submitting import judged
 
+# The parts of a record that follow from rollouts, card and data.
 _CHECKED = ("env", "status", "hypotheses", "latency", "reference", "rows", "details", "per_scene")
 
 
@@ -81,13 +80,16 @@ def verify(
     runs = _stored(path, record) if again is None else rollouts_of(again)
     changed = tuple(unequal("rollout_digests", record.rollout_digests, rollout_digests(runs)))
     if again is not None:
-        changed += tuple(unequal("missed", _lost(record.missed), _lost(unanswered(again))))
+        lost = {"malformed", "crashed_scenes"}  # on any machine; late answers are a matter of the machine
+        missed = (part.model_dump(include=lost) for part in (record.missed, unanswered(again)))
+        changed += tuple(unequal("missed", *missed))
     if changed:
         return Verification(path, record, "scored", changed, (), None)
     found = _evaluate(record, card, runs, options)
     scored = _with(record, found, len(open_source(card, options.data).names))
     scored = scored.model_copy(update=_times(record, found, runs, again is not None))
-    differences = tuple(unequal("", _checked(record), _checked(scored)))
+    parts = (each.model_dump(mode="json", include=set(_CHECKED)) for each in (record, scored))
+    differences = tuple(unequal("", *parts))
     level: Level = "scored" if differences else "re-scored" if plan is None else "re-run"
     same_task = not any(difference.what.startswith("env.") for difference in differences)
     updated = scored if scored.scorer != record.scorer and same_task else None
@@ -185,11 +187,6 @@ def _split(path: Path, record: Record) -> str | None:
     return split
 
 
-def _lost(part: MissedPart) -> dict[str, int]:
-    """What an agent loses on any machine; late answers are a matter of the machine."""
-    return {"malformed": part.malformed, "crashed_scenes": part.crashed_scenes}
-
-
 def _card_differences(record: Record, card: Card) -> tuple[Difference, ...]:
     pairs = (
         ("env.id", record.env.id, card.id),
@@ -203,9 +200,7 @@ def _evaluate(record: Record, card: Card, runs: Mapping[int, Sequence[Rollout]],
     # H is a parameter, as the submission declared, or else what its answers state
     counts = [value for value in record.submission.parameters.values() if type(value) is int]
     declared = record.hypotheses if record.hypotheses in counts else None
-    ideal = record.env.observe == "truth"
-    count, done = options.workers.count, options.progress.done
-    return evaluate(record.submission.name, card, options.data, runs, declared, ideal, count, done)
+    return evaluate(record.submission.name, card, options, runs, declared, record.env.observe == "truth")
 
 
 def _with(record: Record, found: Evaluation, scenes_of_split: int) -> Record:
@@ -228,12 +223,6 @@ def _times(record: Record, found: Evaluation, runs: Mapping[int, Sequence[Rollou
         return {"latency": latency(every, record.latency.limit_ms)}
     known = zip(found.rows, record.rows, strict=True)
     return {"rows": [row.model_copy(update={"ms_per_frame": recorded.ms_per_frame}) for row, recorded in known]}
-
-
-def _checked(record: Record) -> dict[str, Any]:
-    """The part of a record that follows from rollouts, card and data."""
-    content: dict[str, Any] = record.model_dump(mode="json", include=set(_CHECKED))
-    return content
 
 
 def _notes(record: Record) -> tuple[str, ...]:

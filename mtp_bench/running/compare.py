@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
-from ..cards import Card
 from ..env.environment import MTPEnv
 from ..errors import MtpBenchError
 from ..scoring import AgentScores, Report, SceneScore, score_scene, stated_hypotheses, summarise
@@ -50,26 +49,22 @@ def compare(
     settings = all_settings([*CONTROLS, *names, wanted], card)
     place = _reference_place(settings, wanted)
     frozen_reference(card)  # a broken file shows before anything runs
-    jobs = [job for s in settings for seed in options.seeds for job in _jobs(s, env_id, card, options, scenes, seed)]
+    jobs: list[Job] = []
+    for setting, seed in itertools.product(settings, options.seeds):
+        keywords = {**options.env_keywords, **setting.env_keywords(card)}
+        jobs += jobs_of(setting.submission, env_id, keywords, scenes, seed, setting.parameters, setting.label)
     scores: list[SceneScore] = run_jobs(jobs, options, score_scene)
     runs = iter([tuple(scores[i : i + len(scenes)]) for i in range(0, len(scores), len(scenes))])
-    agents = [_agent_scores(setting, tuple(next(runs) for _ in options.seeds)) for setting in settings]
-    subsets = _subsets(card, agents[place], own=settings[place].submission.name == card.reference)
+    agents = []
+    for s in settings:
+        seeds = tuple(next(runs) for _ in options.seeds)
+        hypotheses = s.hypotheses or stated_hypotheses(seeds)
+        agents.append(AgentScores(s.label, hypotheses, s.samples, s.budget, seeds, s.ideal))
+    own, first = settings[place].submission.name == card.reference, agents[place].seeds[0]
+    subsets = find_reference(card, first) if own else reference_of(card, first, agents[place].agent)
     report = summarise(agents, card, subsets.subsets, stp=STP, truth=TRUTH)
     skipped = total_skipped(score.skipped for score in scores[: len(scenes)])  # every setting reads the same scenes
     return Comparison(report, subsets, tuple(settings), skipped)
-
-
-def _jobs(
-    setting: Setting, env_id: str, card: Card, options: RunOptions, scenes: Sequence[str], seed: int
-) -> list[Job]:
-    keywords: dict[str, Any] = {**options.env_keywords, **setting.env_keywords(card)}
-    return jobs_of(setting.submission, env_id, keywords, scenes, seed, setting.parameters, setting.label)
-
-
-def _agent_scores(setting: Setting, seeds: tuple[tuple[SceneScore, ...], ...]) -> AgentScores:
-    hypotheses = setting.hypotheses or stated_hypotheses(seeds)
-    return AgentScores(setting.label, hypotheses, setting.samples, setting.budget, seeds, setting.ideal)
 
 
 def _reference_place(settings: Sequence[Setting], name: str) -> int:
@@ -79,8 +74,3 @@ def _reference_place(settings: Sequence[Setting], name: str) -> int:
     if not rows:
         raise MtpBenchError(f"reference {name!r} has no row with equal k in this comparison")
     return next((i for i in rows if settings[i].parameters == settings[i].submission.parameters), rows[0])
-
-
-def _subsets(card: Card, agent: AgentScores, own: bool) -> Reference:
-    """Subsets by the events of ``agent``, or the frozen ones where it is the card's ``own`` reference."""
-    return find_reference(card, agent.seeds[0]) if own else reference_of(card, agent.seeds[0], agent.agent)

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from ..cards import Card
 from ..errors import DataError
-from ..sources import DataStatus, describe, open_source, prepare
-from .options import RunOptions
+from ..sources import DataStatus, describe, open_source
 
 
 def total_skipped(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
@@ -28,12 +27,6 @@ def skipped_line(skipped: Mapping[str, int]) -> str | None:
     count = sum(skipped.values())
     reasons = ", ".join(f"{reason} ({number})" for reason, number in skipped.items())
     return f"skipped {count} row{'' if count == 1 else 's'} of the data that cannot be used: {reasons}"
-
-
-def prepare_scenes(env_id: str, options: RunOptions) -> None:
-    """Do what an env needs once per machine and is not in the cache yet (`mtp_bench.sources.prepare`)."""
-    told = options.progress
-    prepare(options.card(env_id), options.data, options.scenes, options.workers.count, told.started, told.done)
 
 
 def read_status(card: Card, data: str | Path | None = None) -> DataStatus:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from ..cards import Card
 from ..errors import MtpBenchError, SubmissionError
+from ..scoring.rows import Budget
 from ..submission.loader import Submission, load_submission
-
-Budget = Literal["equal", "free"]
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from .clear import tracking_counts as tracking_counts
 from .definitions import DEFINITIONS as DEFINITIONS
+from .details import end_to_end_accuracy as end_to_end_accuracy
+from .details import forecast_average_precision as forecast_average_precision
 from .displacement import Displacement as Displacement
 from .displacement import displacement as displacement
+from .displacement import energy_score as energy_score
 from .displacement import k_curve as k_curve
-from .end_to_end import end_to_end_accuracy as end_to_end_accuracy
-from .end_to_end import forecast_average_precision as forecast_average_precision
-from .energy import energy_score as energy_score
 from .error import mean_error as mean_error
 from .events import EventList as EventList
 from .events import Events as Events

@@ -6,12 +6,12 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..cards import Card
+from ..errors import ShapeError
 from ..types import Bools
-from .definitions import DISTANCE_BINS, PLANNING_SIGMA
-from .end_to_end import end_to_end_accuracy, forecast_average_precision
+from .definitions import DISTANCE_BINS, EPA_ALPHA, PLANNING_SIGMA
 from .rows import Bin, Clear, Details, Errors, Parts, Tracking
 from .score import KINDS
 from .statistics import ratio
@@ -20,12 +20,15 @@ from .table import AgentTable
 
 OWN = ("own_ids", "own_frag", "all_h_ids", "all_h_frag")
 _COUNTS = ("truth", "tp", "fp", "fn", "ids", "frag", "cost")
+_RECALLS = 101  # points of the precision-recall curve
+_LEAST = 0.1  # recall and precision below do not count, as in nuScenes detection
 
 
 def details(table: AgentTable, card: Card) -> Details:
     """Details of one agent over all targets."""
     setting = table.setting
     first = setting.seeds[0]
+    nearness = np.exp(-(table.approach**2) / (2.0 * PLANNING_SIGMA**2))  # of a target to the ego
     frames = sum(score.frames for score in table.scores)
     false_forecasts = sum(int(score.false_forecasts.sum()) for score in table.scores)
     invalid = np.sum([score.invalid for score in table.scores], axis=0).tolist()
@@ -38,7 +41,7 @@ def details(table: AgentTable, card: Card) -> Details:
         parts=_parts(table),
         silence=ratio(table.miss_error.sum(), len(table.miss_error)),
         miss_rate=ratio((table.covered - table.hit).sum(), table.covered.sum()),
-        PI_ADE=_planning_aware(table) if card.has_ego else None,
+        PI_ADE=ratio((nearness * table.capped).sum(), nearness.sum()) if card.has_ego else None,
         EPA=_accuracy(table, table.mask["all"], false_forecasts),
         AP_f=_average_precision(table, card),
         forecasts_per_frame=table.forecasts,
@@ -60,12 +63,6 @@ def _parts(table: AgentTable) -> Parts:
         missed=ratio(table.missed.sum(), count),
         false=ratio(table.false_error.sum(), count) if table.complete else None,
     )
-
-
-def _planning_aware(table: AgentTable) -> float | None:
-    """PI-ADE: the missing-aware error of each target, weighted by how near it comes to the ego."""
-    weight = np.exp(-(table.approach**2) / (2.0 * PLANNING_SIGMA**2))
-    return ratio((weight * table.capped).sum(), weight.sum())
 
 
 def _accuracy(table: AgentTable, mask: Bools, false_forecasts: int) -> float | None:
@@ -157,3 +154,38 @@ def _clear(count: dict[str, np.generic | NDArray[np.generic]], card: Card, compl
         MOTA=1.0 - (fn + fp + switches) / truth if complete and truth else None,
         MOTP=None if mean is None else 1.0 - mean if card.task.event_gate.measure == "iou_3d" else mean,
     )
+
+
+def end_to_end_accuracy(hits: float, false_forecasts: float, targets: float) -> float | None:
+    """EPA (ViP3D, Gu et al. 2023): (hits - alpha x false forecasts) / targets; None without a target.
+
+    A hit is a target with a matched forecast and a minFDE of at most 2 m. ViP3D matches within 2 m; the benchmark uses
+    the forecast gate of its card, which is 2 m for vehicles.
+    """
+    return float((hits - EPA_ALPHA * false_forecasts) / targets) if targets > 0 else None
+
+
+def forecast_average_precision(correct: ArrayLike, score: ArrayLike, targets: int) -> float | None:
+    """AP_f (Peri et al. 2022; Xu et al. 2024) of forecasts with a confidence; None without a target.
+
+    ``correct`` [n]: matched to a target now (2 m), and the best final point within 4 m; ``score`` [n]. The mean of the
+    precision over 101 recalls, what lies below .1 of either cut off, as nuScenes does for detection. Equal scores are
+    one point of the curve, so the order of the rows does not matter; an agent without confidences has one point.
+    Raises ShapeError for arrays that do not fit or more correct forecasts than targets.
+    """
+    right, confidence = np.asarray(correct, dtype=bool), np.asarray(score, dtype=np.float64)
+    if right.ndim != 1 or right.shape != confidence.shape:
+        raise ShapeError(f"correct has shape {right.shape} and score {confidence.shape}, expected one length for both")
+    if right.sum() > targets:
+        raise ShapeError(f"{int(right.sum())} correct forecasts of {targets} targets, expected at most one each")
+    if targets == 0:
+        return None
+    if len(right) == 0:
+        return 0.0
+    order = np.argsort(-confidence, kind="stable")
+    last = np.append(np.diff(confidence[order]) != 0, True)
+    hits = np.cumsum(right[order])[last]
+    precision, recall = hits / np.flatnonzero(np.append(False, last)), hits / targets
+    curve = np.interp(np.linspace(0.0, 1.0, _RECALLS), recall, precision, right=0.0)
+    counted = curve[round(100 * _LEAST) + 1 :]
+    return float(np.maximum(counted - _LEAST, 0.0).mean() / (1.0 - _LEAST))

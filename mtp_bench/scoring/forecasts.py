@@ -113,10 +113,13 @@ def match_neutral_last(pairs: Pairs, neutral: Bools, objects: int) -> ObjectMatc
 
     ``neutral`` [R] as in `Truth`; the boxes need not be forecasts.
     """
-    is_neutral = neutral[pairs.row]
-    matched = match(pairs.keep(~is_neutral), len(neutral))
+    return offer_neutral(match(pairs.keep(~neutral[pairs.row]), len(neutral)), pairs, neutral, objects)
+
+
+def offer_neutral(matched: Matched, pairs: Pairs, neutral: Bools, objects: int) -> ObjectMatch:
+    """The matching of evaluated truth, and of what it left over with neutral truth."""
     free = columns_to_rows(matched, objects) < 0
-    second = match(pairs.keep(is_neutral & free[pairs.column]), len(neutral))
+    second = match(pairs.keep(neutral[pairs.row] & free[pairs.column]), len(neutral))
     matched = np.where(matched >= 0, matched, second)
     return ObjectMatch(matched, columns_to_rows(matched, objects) < 0)
 

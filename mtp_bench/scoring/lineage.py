@@ -65,8 +65,11 @@ def hypotheses(rollout: Rollout, card: Card) -> Hypotheses:
     alive[~alive.any(axis=1), 0] = True
     parent = np.zeros(alive.shape, dtype=np.intp)
     if alive.shape[1] > 1:
+        gates = card.per_class(card.task.forecast_gate)
+        # farthest a track may move in a frame [C + 1], m; the last entry is for tracks without a class
+        reach = np.array([*gates, max(gates)]) + MAX_SPEED / card.task.rate
         for t in range(1, len(alive)):
-            parent[t] = _parents(rollout, member, alive[t - 1], weight[t - 1], t, _reach(card))
+            parent[t] = _parents(rollout, member, alive[t - 1], weight[t - 1], t, reach)
     return Hypotheses(alive, member, best, parent)
 
 
@@ -135,12 +138,6 @@ def _still_output(rollout: Rollout, member: Bools, t: int, old_id: Ints) -> Bool
     rows = rollout.tracks.rows(t)
     same = rollout.track_id[rows][:, None, None] == old_id
     return np.asarray((same & member[rows][:, None]).any(axis=0))
-
-
-def _reach(card: Card) -> NDArray[np.float64]:
-    """Farthest a track may move in a frame [C + 1], m; the last entry is for tracks without a class."""
-    gates = card.per_class(card.task.forecast_gate)
-    return np.array([*gates, max(gates)]) + MAX_SPEED / card.task.rate
 
 
 def _parents(rollout: Rollout, member: Bools, alive: Bools, weight: Floats, t: int, reach: NDArray[np.float64]) -> Rows:

@@ -14,10 +14,9 @@ from ..cards import Card
 from .definitions import DEFINITIONS
 from .details import details
 from .error import scene_errors
-from .gap import Gap, gap_closed
 from .rank import Entrant, enough_objects, shared_ranks, why_unranked
 from .rows import Details, PairedRow, RankRow, Row
-from .statistics import bootstrap_interval, paired_difference, ratio
+from .statistics import Gap, bootstrap_interval, gap_closed, paired_difference, ratio
 from .subsets import SUBSETS, ReferenceSubsets, Subset
 from .table import AgentScores, AgentTable, agent_table, require_same_targets
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..cards import Card
 from ..errors import RolloutError
 from ..types import Bools, Floats, Ints, Rollout, Scene
 from .error import capped_error, false_forecast_error
-from .forecasts import forecast_errors, match_objects
+from .forecasts import ForecastErrors, forecast_errors, match_objects
 from .lineage import hypotheses, lineage_events, match_hypotheses
 from .stream import StreamCounts, stream_counts
 from .subsets import event_keys
@@ -21,8 +20,8 @@ KINDS = ("ids", "lost", "wrong", "reacquired")
 
 
 @dataclass(frozen=True, eq=False)
-class SceneScore:
-    """One rollout of one scene; arrays per target [n] in the order of `find_targets`."""
+class SceneScore(ForecastErrors):
+    """One rollout of one scene: errors of its forecasts and what else is known, in the order of `find_targets`."""
 
     scene: str
     frames: int
@@ -39,14 +38,7 @@ class SceneScore:
     approach: Floats  # [n] m, nearest to the ego in the future
     moving: Bools  # [n]
     miss_error: Floats  # [n] m, c
-    covered: Bools  # [n]
-    min_ade: Floats  # [n] m, inf where not covered, as min_fde and energy_score
-    min_fde: Floats  # [n] m
-    miss: Bools  # [n] True where not covered
-    energy_score: Floats  # [n] m
     capped: Floats  # [n] m, min(min_ade, c), c where not covered
-    curve: Floats  # [n, len(ks)] m, expected minADE of k samples
-    ks: tuple[int, ...]
     own_ids: Bools  # [n] along the lineage of the best hypothesis
     own_frag: Bools  # [n]
     all_h_ids: Bools  # [n] in every hypothesis
@@ -104,14 +96,8 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         approach=targets.approach,
         moving=targets.moving,
         miss_error=of_targets,
-        covered=errors.covered,
-        min_ade=errors.min_ade,
-        min_fde=errors.min_fde,
-        miss=errors.miss,
-        energy_score=errors.energy_score,
+        **vars(errors),
         capped=capped_error(errors.min_ade, of_targets),
-        curve=errors.curve,
-        ks=errors.ks,
         own_ids=of_best.ids[targets.row, 0],
         own_frag=of_best.frag[targets.row, 0],
         all_h_ids=np.asarray(every_ids)[targets.row],
@@ -126,7 +112,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         invalid=np.asarray(rollout.invalid).sum(axis=0),
         dropped=int(np.asarray(rollout.dropped).sum()),
         skipped=scene.skipped,
-        seconds=_mean(rollout.seconds),
+        seconds=float(np.mean(rollout.seconds[len(rollout.seconds) > 1 :])) if len(rollout.seconds) else 0.0,
     )
 
 
@@ -148,7 +134,3 @@ def check_rollout(scene: Scene, rollout: Rollout, card: Card) -> None:
                 f"{name} class {int(ids.max())} in the rollout of scene {scene.name!r}, expected less than "
                 f"{len(card.task.classes)}"
             )
-
-
-def _mean(seconds: NDArray[np.floating]) -> float:
-    return float(np.mean(seconds[1:] if len(seconds) > 1 else seconds)) if len(seconds) else 0.0

@@ -1,4 +1,4 @@
-"""Uncertainty with scenes as the unit: bootstrap intervals, sign-flip tests (protocol, "Uncertainty").
+"""Uncertainty with scenes as the unit: bootstrap intervals, sign-flip tests, gaps (protocol, "Uncertainty").
 
 A mean over targets is a ratio of sums over scenes: ``numerator`` [S] and ``denominator`` [S] (the number of targets).
 """
@@ -29,7 +29,11 @@ def bootstrap_interval(numerator: ArrayLike, denominator: ArrayLike) -> tuple[fl
     Scenes without a target (denominator 0) are left out; None with fewer than two others. The resamples depend on the
     number of scenes only, so agents are compared on the same ones.
     """
-    top, bottom = _sums(numerator, denominator)
+    top, bottom = as_sums("numerator", numerator), as_sums("denominator", denominator)
+    require_shape("numerator", top, bottom.shape)
+    if (bottom < 0).any():
+        raise ShapeError(f"denominator reaches down to {bottom.min()}, expected counts of 0 or more")
+    top, bottom = top[bottom > 0], bottom[bottom > 0]
     if len(bottom) < 2:
         return None
     counts = _resamples(len(bottom))
@@ -111,17 +115,31 @@ def as_sums(name: str, values: ArrayLike) -> Array:
     return array
 
 
-def _sums(numerator: ArrayLike, denominator: ArrayLike) -> tuple[Array, Array]:
-    top, bottom = as_sums("numerator", numerator), as_sums("denominator", denominator)
-    require_shape("numerator", top, bottom.shape)
-    if (bottom < 0).any():
-        raise ShapeError(f"denominator reaches down to {bottom.min()}, expected counts of 0 or more")
-    return top[bottom > 0], bottom[bottom > 0]
-
-
 @lru_cache(maxsize=64)
 def _resamples(scenes: int) -> Array:
     """How often each scene occurs in each resample [RESAMPLES, S]."""
     rng = np.random.default_rng([_SEED, scenes])
     counts = rng.multinomial(scenes, np.full(scenes, 1.0 / scenes), size=RESAMPLES)
     return counts.astype(np.float64)
+
+
+class Gap(NamedTuple):
+    """Share of the gap that is closed."""
+
+    closed: float  # 0: as STP, 1: as on true pasts
+    interval: tuple[float, float] | None  # 95 %, over resampled scenes
+
+
+def gap_closed(error: ArrayLike, stp: ArrayLike, truth: ArrayLike, targets: ArrayLike) -> Gap | None:
+    """(E_STP - E) / (E_STP - E_truth) from errors without false forecasts, summed over the targets of each scene [S].
+
+    ``error`` is of the agent, ``stp`` of STP and ``truth`` of STP on true pasts, all with the same k; ``targets`` [S]
+    counts them. None where the interval of the denominator covers 0.
+    """
+    high: Array = as_sums("stp", stp)
+    low = as_sums("truth", truth)
+    interval = paired_interval(high, low, targets)
+    if interval is None or interval[0] <= 0.0 <= interval[1]:
+        return None
+    closed, whole = high - as_sums("error", error), high - low
+    return Gap(float(closed.sum() / whole.sum()), share_interval(closed, whole))

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from ..cards import Card
 from ..types import Ints, Rollout, Truth
 from .events import clear_identity, history
+from .forecasts import match_neutral_last, offer_neutral
 from .lineage import Hypotheses, event_pairs
-from .matching import columns_to_rows, match, match_sticky
-from .pairs import Pairs, Rows, of_columns
+from .matching import match_sticky
+from .pairs import Rows, of_columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,18 +36,18 @@ def stream_counts(truth: Truth, rollout: Rollout, lineage: Hypotheses, card: Car
     frame = rollout.tracks.frame_of_rows
     chosen = np.flatnonzero(lineage.member[np.arange(len(frame)), lineage.best[frame]])
     pairs = of_columns(event_pairs(truth, rollout, card), chosen, len(frame))
-    neutral = truth.neutral[pairs.row]
-    pairs, beside = pairs.keep(~neutral), pairs.keep(neutral)
+    own = pairs.keep(~truth.neutral[pairs.row])
     objects = history(truth.frame_of_rows, truth.object_id)
     tracks = history(frame[chosen], rollout.track_id[chosen])
-    matched = match_sticky(pairs, len(truth.box), objects.previous(), tracks.previous())
+    matched = match_sticky(own, len(truth.box), objects.previous(), tracks.previous())
     switched, begun = clear_identity(objects, matched, rollout.track_id[chosen])
     row = np.flatnonzero(matched >= 0)
     cost = np.zeros(len(truth.box))
-    hit = matched[pairs.row] == pairs.column
-    cost[pairs.row[hit]] = pairs.cost[hit]
-    wrong = _unmatched(matched, beside, len(chosen))
-    in_frame = _unmatched(match(pairs, len(truth.box)), beside, len(chosen))
+    hit = matched[own.row] == own.column
+    cost[own.row[hit]] = own.cost[hit]
+    wrong = offer_neutral(matched, pairs, truth.neutral, len(chosen)).unmatched
+    in_frame = match_neutral_last(pairs, truth.neutral, len(chosen)).unmatched
+    ids, number = np.unique(rollout.track_id[chosen], return_inverse=True)
     count = len(card.task.classes) + 1
 
     def per_class(rows: Rows) -> NDArray[np.intp]:
@@ -63,17 +64,5 @@ def stream_counts(truth: Truth, rollout: Rollout, lineage: Hypotheses, card: Car
         frag=per_class(begun),
         cost=np.bincount(truth.class_id[row], weights=cost[row], minlength=count).astype(np.float64),
         false_positives=int(in_frame.sum()),
-        false_tracks=_never_matched(rollout.track_id[chosen], in_frame),
+        false_tracks=int((np.bincount(number, weights=~in_frame, minlength=len(ids)) == 0).sum()),
     )
-
-
-def _unmatched(matched: NDArray[np.intp], beside: Pairs, columns: int) -> NDArray[np.bool_]:
-    """Columns that belong to no evaluated and, of what is left, to no neutral box."""
-    free = columns_to_rows(matched, columns) < 0
-    second = match(beside.keep(free[beside.column]), len(matched))
-    return free & (columns_to_rows(second, columns) < 0)
-
-
-def _never_matched(track_id: Ints, unmatched: NDArray[np.bool_]) -> int:
-    ids, number = np.unique(track_id, return_inverse=True)
-    return int((np.bincount(number, weights=~unmatched, minlength=len(ids)) == 0).sum())

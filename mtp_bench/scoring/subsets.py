@@ -46,7 +46,8 @@ class ReferenceSubsets:
     @property
     def hash(self) -> str:
         """sha256 of the content."""
-        return _hash(_content(self))
+        text = json.dumps(_content(self), sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()
 
     def keys(self, subset: str) -> Ints:
         """Keys of ``ids``, ``lost``, ``reacquired`` or ``frag``."""
@@ -126,11 +127,6 @@ def _content(reference: ReferenceSubsets) -> dict[str, Any]:
         "counts": {kind: len(keys) for kind, keys in events.items()},
         "events": events,
     }
-
-
-def _hash(content: dict[str, Any]) -> str:
-    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _parse(content: Any, path: Path) -> ReferenceSubsets:

@@ -99,7 +99,10 @@ def agent_table(setting: AgentScores, reference: ReferenceSubsets | None) -> Age
 
     Raises RolloutError without a scene, or where seeds differ in scenes or targets.
     """
-    _check(setting)
+    if not setting.seeds or not setting.seeds[0]:
+        raise RolloutError(f"agent {setting.agent!r} has no scored scene, expected at least one")
+    for run in setting.seeds[1:]:
+        require_same_targets(setting.seeds[0], run, f"the seeds of agent {setting.agent!r}")
     first = setting.seeds[0]
     covered = _over_seeds(setting, "covered")
     uncovered = 1.0 - covered / len(setting.seeds)
@@ -116,8 +119,8 @@ def agent_table(setting: AgentScores, reference: ReferenceSubsets | None) -> Age
         min_fde=_over_seeds(setting, "min_fde"),
         energy_score=_over_seeds(setting, "energy_score"),
         curve=_over_seeds(setting, "curve"),
-        hit=_count([~_join(run, "miss") for run in setting.seeds]),
-        near=_count([_join(run, "min_fde") <= FORECAST_AP_GATES[1] for run in setting.seeds]),
+        hit=np.sum([~_join(run, "miss") for run in setting.seeds], axis=0, dtype=np.float64),
+        near=np.sum([_join(run, "min_fde") <= FORECAST_AP_GATES[1] for run in setting.seeds], axis=0, dtype=np.float64),
         capped=np.mean([_join(run, "capped") for run in setting.seeds], axis=0),
         miss_error=_join(first, "miss_error"),
         missed=uncovered * _join(first, "miss_error"),
@@ -125,13 +128,6 @@ def agent_table(setting: AgentScores, reference: ReferenceSubsets | None) -> Age
         mask=_masks(first, reference),
         events=_events(first, reference),
     )
-
-
-def _check(setting: AgentScores) -> None:
-    if not setting.seeds or not setting.seeds[0]:
-        raise RolloutError(f"agent {setting.agent!r} has no scored scene, expected at least one")
-    for run in setting.seeds[1:]:
-        require_same_targets(setting.seeds[0], run, f"the seeds of agent {setting.agent!r}")
 
 
 def require_same_targets(a: Sequence[SceneScore], b: Sequence[SceneScore], who: str) -> None:
@@ -146,10 +142,6 @@ def require_same_targets(a: Sequence[SceneScore], b: Sequence[SceneScore], who: 
 def _join(run: Sequence[SceneScore], name: str) -> NDArray[Any]:
     """Array ``name`` of all scenes."""
     return np.concatenate([getattr(score, name) for score in run])
-
-
-def _count(masks_of_seeds: Sequence[Bools]) -> Array:
-    return np.asarray(np.sum(masks_of_seeds, axis=0), dtype=np.float64)
 
 
 def _over_seeds(setting: AgentScores, name: str) -> Array:

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from ..errors import DataError
-from ..types import Bools, Floats, Ints, Ragged, Scene, Truth
+from ..errors import DataError, ShapeError
+from ..types import Bools, Floats, Ints, Ragged, Scene
 from .definitions import MOVING_SPEED
+from .events import history
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +41,13 @@ def find_targets(scene: Scene, card: Card) -> Targets:
     truth, future = scene.truth, card.task.future
     past = 1 if scene.listed_targets else card.task.past
     frame = truth.frame_of_rows
-    order = _by_object(truth, frame, scene.name)
+    try:
+        objects = history(frame, truth.object_id)
+    except ShapeError as error:
+        raise DataError(f"scene {scene.name!r}: {error}") from None
     window = past + future
-    place = _windows(truth.object_id[order], frame[order], window)
-    rows = order[place[:, None] + np.arange(window)] if len(place) else np.zeros((0, window), dtype=np.intp)
+    place = _windows(objects.identity, objects.frame, window)
+    rows = objects.order[place[:, None] + np.arange(window)] if len(place) else np.zeros((0, window), dtype=np.intp)
     now = rows[:, past - 1]
     wanted = truth.eligible[now] & ~truth.neutral[now]
     rows = rows[wanted][np.argsort(now[wanted])]
@@ -65,17 +69,6 @@ def find_targets(scene: Scene, card: Card) -> Targets:
         approach=np.linalg.norm(xy[ahead] - ego[steps], axis=-1).min(axis=1, initial=np.inf),
         moving=travelled > MOVING_SPEED * seconds,
     )
-
-
-def _by_object(truth: Truth, frame: Ints, scene: str) -> NDArray[np.intp]:
-    """Order of the rows by object, then frame."""
-    order = np.argsort(truth.object_id, kind="stable")
-    ids, frames = truth.object_id[order], frame[order]
-    twice = np.flatnonzero((ids[1:] == ids[:-1]) & (frames[1:] == frames[:-1]))
-    if len(twice):
-        i = int(twice[0])
-        raise DataError(f"scene {scene!r}: object {ids[i]} occurs twice in frame {frames[i]}, expected once per frame")
-    return order
 
 
 def _windows(ids: Ints, frames: Ints, length: int) -> NDArray[np.intp]:

@@ -21,9 +21,10 @@ def new_submission(name: str, parent: Path) -> Path:
     MtpBenchError where nothing can be written.
     """
     if not re.fullmatch(NAME_PATTERN, name):
+        near = re.sub(r"[^a-z0-9_.-]+", "-", name.lower()).strip("-_.") or "mine"
         raise SubmissionError(
             f"{name!r} is no name for a submission: expected lower-case letters, digits and _ . - after a letter or a "
-            f"digit, such as {_nearest_name(name)!r}"
+            f"digit, such as {near!r}"
         )
     if name in baseline_names():
         raise SubmissionError(f"{name!r} is the name of a baseline, which commands would take instead: choose another")
@@ -39,7 +40,3 @@ def new_submission(name: str, parent: Path) -> Path:
     except OSError as error:
         raise SubmissionError(f"cannot write {folder}: {error.strerror or error}") from None
     return folder
-
-
-def _nearest_name(name: str) -> str:
-    return re.sub(r"[^a-z0-9_.-]+", "-", name.lower()).strip("-_.") or "mine"

@@ -1,6 +1,6 @@
 """Trackers and association, for agents; the judge never imports them."""
 
-from .k_best import k_best as k_best
+from .joint import k_best as k_best
 from .parameters import AB3DMOT as AB3DMOT
 from .parameters import ClassParameters as ClassParameters
 from .parameters import ab3dmot_parameters as ab3dmot_parameters

@@ -9,6 +9,7 @@ Sources: Murty 1968; Jonker and Volgenant 1987; Miller, Stone and Cox 1997; Motr
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
@@ -141,3 +142,80 @@ def _explain(error: int, where: int, problem: _Problem) -> NoReturn:
     if error == checks.REPEATED:
         raise ShapeError(f"row {row} has column {column[where]} twice, expected at most once")
     raise ShapeError(f"cost[{row}, {column[where]}] is {cost[where]}, expected a number or inf (forbidden)")
+
+
+def per_cluster(
+    indptr: Ints, column: Ints, cost: Floats, columns: int, member: Bools, base_cost: Floats, k: int
+) -> tuple[Floats, Ints, Ints]:
+    """Costs [k'], row_to_column [k', N] and parent [k'], cheapest first; arguments as of `joint_k_best`.
+
+    In a crowd the cheapest global hypotheses differ in one or two places only. Clusters are independent: one hypothesis
+    can hold the second choice of all of them. Child i of a parent takes the i-th best solution of every cluster (the
+    best of those that have fewer); of all children of all parents the ``k`` cheapest stay. The first is the first of
+    `joint_k_best`.
+    """
+    found = cluster_k_best(indptr, column, cost, columns, member, base_cost, k)
+    known = np.isfinite(found.cost)  # [H, C, k]
+    total = base_cost[:, None] + np.where(known, found.cost, found.cost[:, :, :1]).sum(axis=1)
+    differs = np.asarray(known.any(axis=1))
+    differs[:, 0] = True  # also without a cluster
+    parent, child = np.nonzero(differs)
+    order = np.argsort(total[parent, child], kind="stable")[:k]
+    parent, child = parent[order], child[order]
+    return total[parent, child], found.row_to_column[parent, child], parent
+
+
+def k_best(
+    cost: ArrayLike,
+    k: int,
+    parents: ArrayLike | Sequence[Iterable[int]] | None = None,
+    base_cost: ArrayLike | None = None,
+) -> tuple[Floats, Ints, Ints]:
+    """The at most ``k`` cheapest partial matchings, best first: `joint_k_best` for costs that are not gated yet.
+
+    ``cost`` [rows, columns]: what it costs to match; ``inf`` forbids, leaving a row unmatched costs 0. ``parents``: the
+    row subsets to match, a boolean mask [parents, rows] or one list of row numbers each; None is one parent with all
+    rows. Parents with equal rows are merged, the cheapest (of equal ones the first) stands for them. ``base_cost``
+    [parents] is added to the solutions of its parent.
+
+    Returns costs [k'], row_to_column [k', rows] with -1 for an unmatched or absent row, and parent [k'], where k' < k
+    if there are fewer solutions. Equal input gives equal output; which of several solutions of equal cost is the last
+    to be kept is not defined beyond that. Raises ShapeError for NaN, -inf, a wrong shape, a row that does not exist or
+    a negative k.
+    """
+    matrix = np.asarray(cost, dtype=np.float64)
+    if matrix.ndim != 2:
+        raise ShapeError(f"cost has shape {matrix.shape}, expected (rows, columns)")
+    rows, columns = matrix.shape
+    member = np.ones((1, rows), dtype=bool) if parents is None else _members(parents, rows)
+    base = np.zeros(len(member)) if base_cost is None else np.asarray(base_cost, dtype=np.float64)
+    if base.shape != (len(member),):
+        raise ShapeError(f"base_cost has shape {base.shape}, expected ({len(member)},), one per parent")
+    row, column = np.nonzero(matrix != np.inf)  # NaN too: the kernels say where it is
+    return joint_k_best(
+        np.searchsorted(row, np.arange(rows + 1)), column, matrix[row, column], columns, member, base, k
+    )
+
+
+def _members(parents: Any, rows: int) -> Bools:
+    """Rows of the parents as a mask [parents, rows]."""
+    member = np.zeros((len(parents), rows), dtype=bool)
+    for p, parent in enumerate(parents):
+        member[p, _rows_of(p, parent, rows)] = True
+    return member
+
+
+def _rows_of(p: int, parent: Any, rows: int) -> Ints:
+    """Rows of parent number ``p`` from a mask or from their numbers."""
+    given = np.asarray(list(parent) if isinstance(parent, Iterable) else parent)
+    if given.ndim == 1 and given.dtype == np.bool_:
+        if len(given) != rows:
+            raise ShapeError(f"parents[{p}] is a mask of {len(given)} rows, expected {rows} for this cost")
+        return np.flatnonzero(given)
+    if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
+        raise ShapeError(f"parents[{p}] is {parent!r}, expected row numbers or a mask over the rows")
+    subset = given.astype(np.int64)
+    if subset.size and (subset.min() < 0 or subset.max() >= rows):
+        wrong = subset.min() if subset.min() < 0 else subset.max()
+        raise ShapeError(f"parents[{p}] names row {wrong} of {rows} rows")
+    return subset

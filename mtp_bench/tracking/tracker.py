@@ -6,17 +6,20 @@ share their tracks (`tree`). With one hypothesis this is the Hungarian tracker.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..agent import Observation, Tracks
-from ..errors import ShapeError
+from ..errors import ShapeError, UnknownNameError
 from ..types import Floats, Ints, Task
-from .clusters import per_cluster
-from .greedy import greedy_where_asked
-from .joint import joint_k_best
+from .joint import joint_k_best, k_best, per_cluster
+from .kernels.affinity_kernels import CENTER_DISTANCE, GIOU_3D, IOU_3D, sparse_pairs
 from .parameters import ClassParameters, ab3dmot_parameters
-from .sparse_gains import rules_of, sparse_gains
 from .tree import HypothesisTree, Seen
+
+_KINDS: dict[str, int] = {"center_distance": CENTER_DISTANCE, "iou_3d": IOU_3D, "giou_3d": GIOU_3D}
 
 
 class HypothesisTracker:
@@ -25,7 +28,7 @@ class HypothesisTracker:
     ``parameters``: one per class of the task; None takes AB3DMOT's for the task's detector. ``temperature`` turns costs
     into weights, exp(-cost / temperature). Greedy assignment, as AB3DMOT uses for pedestrians, is honoured only with
     ``assignment="as_parameters"`` and a single hypothesis: the best hypothesis of many is the Hungarian one.
-    ``per_cluster``: the alternatives of all clusters of tracks side by side (`clusters`), not the cheapest overall.
+    ``per_cluster``: the alternatives of all clusters of tracks side by side, not the cheapest overall.
     """
 
     def __init__(
@@ -81,7 +84,7 @@ class HypothesisTracker:
         if self._as_parameters:
             cost = np.full((len(tree.class_id), len(seen.box)), np.inf)
             cost[np.repeat(np.arange(len(cost)), np.diff(indptr)), column] = -gain
-            chosen = greedy_where_asked(cost, tree.class_id, self._parameters)
+            chosen = _greedy_where_asked(cost, tree.class_id, self._parameters)
             return np.zeros(1), chosen[None], np.zeros(1, dtype=np.int64)
         solve = per_cluster if self._per_cluster else joint_k_best
         return solve(indptr, column, -gain, len(seen.box), tree.member, self._cost, self._hypotheses)
@@ -114,4 +117,55 @@ def _seen(observation: Observation, measured: bool) -> Seen:
         np.asarray(observation["detection_class"], dtype=np.int64)[valid],
         np.asarray(observation["detection_score"], dtype=np.float64)[valid],
         velocity,
+    )
+
+
+def _greedy_where_asked(cost: Floats, class_id: Ints, parameters: tuple[ClassParameters, ...]) -> Ints:
+    """Column of each row, -1 for none: cheapest pair first for greedy classes (AB3DMOT), else least total cost."""
+    column = np.full(len(cost), -1, dtype=np.int64)
+    for c, rule in enumerate(parameters):
+        rows = np.flatnonzero(class_id == c)
+        if rule.assignment == "hungarian":
+            column[rows] = k_best(cost[rows], 1)[1][0]
+            continue
+        left = cost[rows].copy()
+        while left.size and np.isfinite(left.min()):
+            i, j = np.unravel_index(np.argmin(left), left.shape)
+            column[rows[i]] = j
+            left[i, :] = left[:, j] = np.inf
+    return column
+
+
+@dataclass(frozen=True, eq=False)
+class PairRules:
+    """The rules of all classes as arrays, for `kernels.affinity_kernels.sparse_pairs`."""
+
+    kind: Ints  # [C]
+    gate: Floats  # [C]
+
+
+def rules_of(parameters: Sequence[ClassParameters]) -> PairRules:
+    """The rules of C classes; raises UnknownNameError for an affinity that does not exist."""
+    for rule in parameters:
+        if rule.affinity not in _KINDS:
+            raise UnknownNameError("affinity", rule.affinity, _KINDS)
+    kinds = np.array([_KINDS[rule.affinity] for rule in parameters], dtype=np.int64)
+    return PairRules(kinds, np.array([rule.gate for rule in parameters], dtype=np.float64))
+
+
+def sparse_gains(
+    tracks: Floats, track_class: Ints, detections: Floats, detection_class: Ints, rules: PairRules
+) -> tuple[Ints, Ints, Floats]:
+    """Allowed pairs of track boxes [N, 7] with detected boxes [D, 7]: ``indptr`` [N + 1], ``column`` and ``gain`` [E].
+
+    The pairs of track i are ``indptr[i]:indptr[i + 1]``, by ascending column; the classes [N] and [D] of both must be
+    the same. Two boxes without any volume between them, whose GIoU is 0 / 0, may or may not match.
+    """
+    return sparse_pairs(
+        np.require(tracks, np.float64, "W"),  # a view of longer rows will do, but writable
+        np.require(track_class, np.int64, ["C", "W"]),
+        np.require(detections, np.float64, "W"),
+        np.require(detection_class, np.int64, ["C", "W"]),
+        rules.kind,
+        rules.gate,
     )

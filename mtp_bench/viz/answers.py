@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..cards import Card
 from ..scoring.lineage import Hypotheses, hypotheses
 from ..scoring.matching import match
 from ..scoring.pairs import box_pairs
-from ..types import Bools, Ints, Rollout, to_metres
+from ..types import Bools, Ints, Rollout
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +20,11 @@ class Answers:
 
     rollout: Rollout
     card: Card
-    hypotheses: Hypotheses
+
+    @cached_property
+    def hypotheses(self) -> Hypotheses:
+        """The hypotheses of the rollout with their lineage."""
+        return hypotheses(self.rollout, self.card)
 
     @cached_property
     def shown(self) -> Bools:
@@ -82,14 +85,3 @@ class Answers:
             lineage = np.where(before >= 0, self.hypotheses.parent[frame[row], lineage], lineage)
             past[:, k] = row = np.where(before >= 0, before, row)
         return past
-
-    def forecast_xy(self, objects: slice | Ints) -> NDArray[np.float64]:
-        """Forecast places [n, K, T, 2] of these objects, m, in the frame of reference of the scene."""
-        center = self.rollout.object_box[objects, None, None, :2].astype(np.float64)
-        xy: NDArray[np.float64] = center + to_metres(self.rollout.forecast[objects])
-        return xy
-
-
-def answers(rollout: Rollout, card: Card) -> Answers:
-    """The answers of a rollout, with the lineage of its hypotheses."""
-    return Answers(rollout, card, hypotheses(rollout, card))

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..cards import Card
 from ..scoring.forecasts import sample_weights
-from ..types import Bools, Floats, Ints, Scene
+from ..types import Bools, Floats, Ints, Scene, to_metres
 from .answers import Answers
 from .replay import Incident, Replay
 
@@ -126,6 +126,7 @@ def said_at(answers: Answers, t: int) -> Said:
     rollout, found = answers.rollout, answers.hypotheses
     rows, objects, best = rollout.tracks.rows(t), rollout.objects.rows(t), int(found.best[t])
     held, member = answers.shown[rows], found.member[rows]
+    center = rollout.object_box[objects, None, None, :2].astype(np.float64)
     weight = rollout.hypothesis_log_weight[t]
     length = max(1, round(TRAIL_SECONDS * answers.card.task.rate))
     past = answers.past(rows.start + np.flatnonzero(held), best, min(t, length))
@@ -137,7 +138,7 @@ def said_at(answers: Answers, t: int) -> Said:
         trails=[rollout.track_box[np.unique(row), :2].astype(np.float64) for row in past],
         other_box=rollout.track_box[rows][member.any(axis=1) & ~held].astype(np.float64),
         object_box=rollout.object_box[objects].astype(np.float64),
-        forecast=answers.forecast_xy(objects),
+        forecast=center + to_metres(rollout.forecast[objects]),
         forecast_weight=sample_weights(rollout.forecast_log_weight[objects]),
     )
 

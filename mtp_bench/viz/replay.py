@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,7 +19,7 @@ from ..scoring.pairs import of_columns
 from ..scoring.score import check_rollout
 from ..scoring.targets import find_targets
 from ..types import Bools, Floats, Ints, Rollout, Scene
-from .answers import Answers, answers
+from .answers import Answers
 
 KINDS = ("ids", "lost", "reacquired", "spurious")
 
@@ -114,7 +115,7 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Repla
     """
     check_rollout(scene, rollout, card)
     truth, detected = scene.truth, scene.detections
-    said = answers(rollout, card)
+    said = Answers(rollout, card)
     chosen = np.flatnonzero(said.shown)
     of_track = match_neutral_last(
         of_columns(event_pairs(truth, rollout, card), chosen, len(said.shown)), truth.neutral, len(chosen)
@@ -218,3 +219,25 @@ def _named(incidents: list[Incident]) -> tuple[Incident, ...]:
         named.append(replace(incident, name=f"{incident.kind}-{count[incident.kind]}"))
         count[incident.kind] += 1
     return tuple(named)
+
+
+def incident_text(incident: Incident, classes: Sequence[str]) -> str:
+    """One line: what happened to whom, and what the forecast of that frame was worth."""
+    what = f"{incident.name}: {_happened(incident, classes[incident.class_id])}"
+    if incident.error is not None:
+        return f"{what}; forecast off by {incident.error:.2f} m"
+    if incident.capped is not None and incident.kind != "spurious":
+        return f"{what}; no forecast"
+    return what
+
+
+def _happened(incident: Incident, noun: str) -> str:
+    who = f"{noun} {incident.object_id}"
+    if incident.kind == "ids":
+        return f"{who} was track {incident.old_id}, is track {incident.new_id}"
+    if incident.kind == "lost":
+        return f"{who} is lost by track {incident.old_id}" + (", which is elsewhere" if incident.wrong else "")
+    if incident.kind == "reacquired":
+        return f"{who} is found again as track {incident.new_id}"
+    track = f" of track {incident.new_id}" if incident.new_id >= 0 else ""
+    return f"false forecast of a {noun}{track}, until frame {incident.until}"

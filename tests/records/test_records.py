@@ -13,9 +13,9 @@ import pytest
 from mtp_bench.errors import MtpBenchError, RecordError
 from mtp_bench.records import load_record, ranks, record_paths, save_record, why_unranked
 from mtp_bench.records.evaluation import status_of
-from mtp_bench.records.motion import worse_when_moved
 from mtp_bench.records.provenance import hardware, scene_digest
 from mtp_bench.records.record import Record
+from mtp_bench.records.sealing import worse_when_moved
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import make_scene
 from tests.support.stored_records import scene_part, write_record

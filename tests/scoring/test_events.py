@@ -48,7 +48,7 @@ def frames_of(stream: str) -> list[Any]:
     return frames
 
 
-def events_of(stream: str, frag_at: Any = "current") -> Any:
+def events_of(stream: str) -> Any:
     code = {c: i for i, c in enumerate(sorted(set(stream)))}
     frame = np.array([t for t, c in enumerate(stream) if c != "."], dtype=int)
     matched, track_frame, track_id, last = [], [], [], "a"
@@ -61,9 +61,7 @@ def events_of(stream: str, frag_at: Any = "current") -> Any:
             matched.append(len(track_id) - 1 if c.isalpha() else -1)
     ids = np.array(track_id, dtype=int)
     objects = history(frame, np.full(len(frame), 7))
-    return find_events(
-        objects, np.array(matched, dtype=int), history(np.array(track_frame, dtype=int), ids), ids, frag_at
-    )
+    return find_events(objects, np.array(matched, dtype=int), history(np.array(track_frame, dtype=int), ids), ids)
 
 
 @pytest.mark.parametrize(("stream", "want"), EVENTS.items(), ids=EVENTS.keys())
@@ -75,21 +73,11 @@ def test_events_of_one_object(stream: str, want: tuple[list[int], ...]) -> None:
     assert (counts["ids"], counts["lost"], counts["reacquired"]) == tuple(len(want[i]) for i in (0, 1, 3))
 
 
-def test_records_name_scene_object_frame_and_both_tracks() -> None:
+def test_events_name_object_frame_and_both_tracks() -> None:
     found = events_of("aab-b")
     a, b = 1, 2  # codes of the letters after "-"
-    assert found.ids.records("s") == [("s", 7, 2, a, b)]
-    assert found.lost.records("s") == [("s", 7, 3, b, -1)]
-    assert found.reacquired.records("s") == [("s", 7, 4, b, b)]
-
-
-def test_a_loss_can_be_recorded_where_the_track_still_exists() -> None:
-    found = events_of("ab-b!", "previous")
-    assert found.lost.frame.tolist() == [1, 3]
-    assert found.wrong.tolist() == [False, True]
-    assert found.reacquired.frame.tolist() == [3]
-    with pytest.raises(ShapeError, match="frag_at is 'before', expected 'current' or 'previous'"):
-        events_of("a", "before")
+    for events, want in ((found.ids, (7, 2, a, b)), (found.lost, (7, 3, b, -1)), (found.reacquired, (7, 4, b, b))):
+        assert (*events.object_id, *events.frame, *events.old_id, *events.new_id) == want
 
 
 def test_an_identity_twice_in_a_frame_is_an_error() -> None:

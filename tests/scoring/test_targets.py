@@ -97,5 +97,5 @@ def test_going_there_and_back_is_static() -> None:
 
 def test_an_object_twice_in_a_frame_is_an_error() -> None:
     scene = make_scene([[Thing(1, 0, 0)], [Thing(1, 0, 0), Thing(1, 5, 5)]], name="0001")
-    with pytest.raises(DataError, match="scene '0001': object 1 occurs twice in frame 1"):
+    with pytest.raises(DataError, match="scene '0001': identity 1 occurs twice in frame 1"):
         find_targets(scene, CARD)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -9,7 +12,7 @@ from mtp_bench.errors import UnknownNameError
 from mtp_bench.geometry import iou_3d, transform_boxes
 from mtp_bench.tracking.kernels.affinity_kernels import GIOU_3D, IOU_3D, hull_area, sparse_pairs
 from mtp_bench.tracking.parameters import Affinity, ClassParameters
-from mtp_bench.tracking.sparse_gains import pair_rules, rules_of, sparse_gains
+from mtp_bench.tracking.tracker import rules_of, sparse_gains
 from mtp_bench.types import Floats, Ints
 from tests.support.plain_affinity import gains
 from tests.support.plain_geometry import bev_hull_area, giou_3d, giou_reach
@@ -179,7 +182,8 @@ def test_other_layouts_and_types() -> None:
 def test_plain_python_gives_the_same() -> None:
     rng = np.random.default_rng(8)
     a, b = random_boxes(rng, 25), random_boxes(rng, 20)
-    rules = pair_rules(("giou_3d", "iou_3d", "center_distance"), [-0.5, 0.05, 2.0])
+    chosen: Any = (("giou_3d", -0.5), ("iou_3d", 0.05), ("center_distance", 2.0))
+    rules = rules_of([replace(PARAMETERS[0], affinity=name, gate=gate) for name, gate in chosen])
     given = (a, rng.integers(0, 3, 25), b, rng.integers(0, 3, 20), rules.kind, rules.gate)
     compiled, plain = sparse_pairs(*given), sparse_pairs.python(*given)
     for value, other in zip(compiled, plain, strict=True):
@@ -189,4 +193,4 @@ def test_plain_python_gives_the_same() -> None:
 
 def test_an_unknown_affinity_is_an_error() -> None:
     with pytest.raises(UnknownNameError, match="affinity 'giou': did you mean 'giou_3d'"):
-        pair_rules(["giou"], [1.0])
+        rules_of([replace(PARAMETERS[0], affinity="giou")])  # type: ignore[arg-type]

@@ -9,8 +9,7 @@ import pytest
 
 from mtp_bench.env import MTPEnv
 from mtp_bench.tracking import ClassParameters, HypothesisTracker
-from mtp_bench.tracking.clusters import per_cluster
-from mtp_bench.tracking.joint import joint_k_best
+from mtp_bench.tracking.joint import joint_k_best, per_cluster
 from mtp_bench.tracks import Tracks
 from tests.support.plain_tracker import PlainTracker
 from tests.support.tracking_scenes import CAR, frame, kitti_task, observation, random_frames, run

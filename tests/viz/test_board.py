@@ -14,8 +14,7 @@ from mtp_bench.records.record import LEVELS
 from mtp_bench.scoring import SUBSETS
 from mtp_bench.viz.board import Entry, board_json, board_page, board_tables
 from mtp_bench.viz.board.columns import percent
-from mtp_bench.viz.board.scale import MOST_TICKS, PAD, WIDTH, bar_of, scale_of
-from mtp_bench.viz.board.scenes import BAR, scene_chart
+from mtp_bench.viz.board.scale import BAR, MOST_TICKS, PAD, WIDTH, bar_of, scale_of, scene_chart
 from tests.support.board_records import HOSTILE, entries_of, made_up, made_up_board
 from tests.support.command_line import CommandLine, read_json
 

@@ -16,7 +16,7 @@ from mtp_bench import MtpBenchError, load_submission
 from mtp_bench.env import MTPEnv
 from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.types import Rollout
-from mtp_bench.viz.answers import answers
+from mtp_bench.viz.answers import Answers
 from mtp_bench.viz.palette import FALSE
 from mtp_bench.viz.replay import Replay, replay
 from mtp_bench.viz.rerun.arrays import TOP_HYPOTHESES, TOP_SAMPLES, true_futures
@@ -157,7 +157,7 @@ def test_an_object_that_pauses_has_a_gap_in_its_lane(run: Replay) -> None:
 
 def test_several_agents_share_the_scene(run: Replay, tmp_path: Path) -> None:
     renamed = changed(run.rollout, track_id=run.rollout.track_id + 100)
-    other = changed(run, agent="stp", said=answers(renamed, run.card))
+    other = changed(run, agent="stp", said=Answers(renamed, run.card))
     both = read(save(tmp_path / "both.rrd", run, other, changed(run, agent="mtp")))
     assert both["agents/mtp/world/hyp/00/box"][0]["labels"] == ["10", "11"]
     assert both["agents/stp/world/hyp/00/box"][0]["labels"] == ["110", "111"]
@@ -180,7 +180,7 @@ def test_two_recordings_of_a_run_are_equal(run: Replay, tmp_path: Path) -> None:
     moved = changed(run.rollout, track_box=run.rollout.track_box + np.float32(0.01))
     again = replay(make_scene(), make_rollout(), CARD, "mtp")
     first = save(tmp_path / "first.rrd", run, at=run.incident("ids-0"))
-    for other, equal in ((again, True), (changed(run, said=answers(moved, run.card)), False)):
+    for other, equal in ((again, True), (changed(run, said=Answers(moved, run.card)), False)):
         second = save(tmp_path / "second.rrd", other, at=run.incident("ids-0"))
         command = [viewer_program(), "rrd", "compare", "--unordered", str(first), str(second)]
         assert (subprocess.run(command, capture_output=True, check=False).returncode == 0) == equal

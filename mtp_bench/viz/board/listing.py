@@ -32,11 +32,12 @@ def _table(env_id: str, entries: Sequence[Entry]) -> Table:
     headings = ("rank", words[0], *numbers, *words[1:])
     table = new_table(title, headings, left=words, whole=(words[0], *numbers))
     for entry in entries:
+        bounds = entry.interval
         style = "bold green" if entry.added else "dim" if entry.rank is None else ""
         table.add_row(
             NOTHING if entry.rank is None else str(entry.rank),
             escape(printable(entry.name)) + (" (added)" if entry.added else ""),
-            _error(entry),
+            number(entry.error) + ("" if bounds is None else f" \\[{bounds[0]:.3f}, {bounds[1]:.3f}]"),
             *(shown(column, entry) for column in columns),
             entry.record.verification,
             escape(printable(entry.why)),
@@ -61,11 +62,6 @@ def _row(entry: Entry) -> dict[str, Any]:
         **{column.key: column.value(entry) for column in COLUMNS},
         **{name: getattr(entry.record, name) for name in kept},
     }
-
-
-def _error(entry: Entry) -> str:
-    value = number(entry.error)
-    return value if entry.interval is None else f"{value} \\[{entry.interval[0]:.3f}, {entry.interval[1]:.3f}]"
 
 
 def printable(text: str) -> str:

@@ -5,76 +5,24 @@ from __future__ import annotations
 import base64
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from ...errors import MtpBenchError
 from ...records.ranking import STP
-from ...records.record import LEVELS, Record
+from ...records.record import LEVELS
 from ...scoring.definitions import DEFINITIONS, RANKED_OBJECTS
 from ...scoring.rank import enough_objects
-from ...scoring.rows import Row
-from ...scoring.subsets import SUBSETS, Subset
+from ...scoring.subsets import SUBSETS
 from ..terminal.output import NOTHING, number
 from .columns import COLUMNS, best_texts, percent, shown
 from .entries import LEVEL_TEXT, Entry, by_env, silence_of
-from .scale import PAD, WIDTH, Bar, Scale, bar_of, scale_of
-from .scenes import SceneBar, scene_chart
+from .scale import PAD, WIDTH, Scale, bar_of, scale_of, scene_chart
 
 if TYPE_CHECKING:
     from jinja2 import Environment
-
-
-class _About(NamedTuple):
-    """What a card that ships says of its environment."""
-
-    summary: str
-    detections: str
-    dataset: str
-    licence: str
-
-
-@dataclass(frozen=True)
-class _Line:
-    """What the template shows of one entry."""
-
-    entry: Entry
-    record: Record
-    why: str
-    shared: bool  # another one has the same rank
-    cells: dict[str, str]  # by column, as are the next two
-    keys: dict[str, str]  # what it is sorted by
-    best: set[str]
-    level: int
-    bar: Bar | None
-    link: str | None
-    old: bool  # scored by other definitions than today's
-    subsets: list[tuple[Row, float | None]]  # with the gap that is closed
-    parts: list[tuple[str, float]]  # what the error adds up from, metres
-    scenes: list[SceneBar]
-    search: str
-
-
-@dataclass(frozen=True)
-class _Board:
-    """What the template shows of one environment."""
-
-    id: str
-    about: _About | None
-    card: list[str]
-    split: str
-    ranked: int
-    leaders: int
-    sizes: dict[Subset, Row]
-    silence: float | None
-    few: set[Subset]  # subsets with too few objects
-    scale: Scale | None
-    reference: Entry | None
-    reference_x: float | None
-    lines: list[_Line]
 
 
 def board_page(entries: Sequence[Entry]) -> str:
@@ -99,27 +47,28 @@ def board_page(entries: Sequence[Entry]) -> str:
     return f"{content}\n"
 
 
-def _board(env_id: str, entries: Sequence[Entry]) -> _Board:
+def _board(env_id: str, entries: Sequence[Entry]) -> dict[str, Any]:
+    """What the template shows of one environment."""
     reference = next((entry for entry in entries if entry.name == STP and entry.rank is not None), None)
     scale = scale_of(entries, reference.error if reference else None)
     best = {column.key: best_texts(column, entries) for column in COLUMNS}
     ranks = [entry.rank for entry in entries if entry.rank is not None]
     scored = next((entry for entry in entries if entry.rank is not None), entries[0])
-    return _Board(
-        id=env_id,
-        about=_about(env_id),
-        card=sorted({entry.record.env.card_digest for entry in entries} - {""}),
-        split=scored.record.env.split,
-        ranked=len(ranks),
-        leaders=ranks.count(1),
-        sizes={row.subset: row for row in scored.record.rows},
-        silence=silence_of(entries),
-        few={subset for subset in SUBSETS[1:] if not enough_objects(scored.row(subset).objects)},
-        scale=scale,
-        reference=reference,
-        reference_x=scale.x(reference.error) if scale and reference and reference.error is not None else None,
-        lines=[_line(entry, entries, scale, best, reference) for entry in entries],
-    )
+    return {
+        "id": env_id,
+        "about": _about(env_id),
+        "card": sorted({entry.record.env.card_digest for entry in entries} - {""}),
+        "split": scored.record.env.split,
+        "ranked": len(ranks),
+        "leaders": ranks.count(1),
+        "sizes": {row.subset: row for row in scored.record.rows},
+        "silence": silence_of(entries),
+        "few": {subset for subset in SUBSETS[1:] if not enough_objects(scored.row(subset).objects)},
+        "scale": scale,
+        "reference": reference,
+        "reference_x": scale.x(reference.error) if scale and reference and reference.error is not None else None,
+        "lines": [_line(entry, entries, scale, best, reference) for entry in entries],
+    }
 
 
 def _line(
@@ -128,31 +77,32 @@ def _line(
     scale: Scale | None,
     best: dict[str, str | None],
     reference: Entry | None,
-) -> _Line:
+) -> dict[str, Any]:
+    """What the template shows of one entry: texts by column, and what each column is sorted by."""
     record = entry.record
     cells = {column.key: shown(column, entry) for column in COLUMNS}
     parts = ((name, record.parts.get(name)) for name in ("localisation", "missed", "false"))
-    return _Line(
-        entry=entry,
-        record=record,
-        why=entry.why.removeprefix(f"{record.status}: "),
-        shared=entry.rank is not None and sum(other.rank == entry.rank for other in entries) > 1,
-        cells=cells,
-        keys={column.key: _key(column.value(entry)) for column in COLUMNS},
-        best={key for key, text in cells.items() if entry.rank is not None and text == best[key]},
-        level=LEVELS.index(record.verification),
-        bar=bar_of(scale, entry.error, entry.interval),
-        link=_address(entry.link),
-        old=record.scorer.definitions != DEFINITIONS,
-        subsets=[(row, entry.gaps.get(row.subset)) for row in record.rows],
-        parts=[(name, value) for name, value in parts if value],
-        scenes=scene_chart(entry, reference),
-        search=" ".join((entry.name, ", ".join(record.submission.authors), record.submission.description)).lower(),
-    )
+    return {
+        "entry": entry,
+        "record": record,
+        "why": entry.why.removeprefix(f"{record.status}: "),
+        "shared": entry.rank is not None and sum(other.rank == entry.rank for other in entries) > 1,
+        "cells": cells,
+        "sorting": {column.key: _key(column.value(entry)) for column in COLUMNS},
+        "best": {key for key, text in cells.items() if entry.rank is not None and text == best[key]},
+        "level": LEVELS.index(record.verification),
+        "bar": bar_of(scale, entry.error, entry.interval),
+        "link": _address(entry.link),
+        "old": record.scorer.definitions != DEFINITIONS,
+        "subsets": [(row, entry.gaps.get(row.subset)) for row in record.rows],
+        "parts": [(name, value) for name, value in parts if value],
+        "scenes": scene_chart(entry, reference),
+        "search": " ".join((entry.name, ", ".join(record.submission.authors), record.submission.description)).lower(),
+    }
 
 
-def _about(env_id: str) -> _About | None:
-    """None for an environment that does not ship."""
+def _about(env_id: str) -> dict[str, str] | None:
+    """What a card that ships says of its environment; None for another."""
     from ..._bundle import card_ids
     from ...cards import load_card
     from ...sources import describe
@@ -163,7 +113,7 @@ def _about(env_id: str) -> _About | None:
     data = describe(card)
     how = "simulated" if card.detector is not None else "stored"
     detections = f"{how} ({card.detector_name})" if card.detector_name else how
-    return _About(card.summary, detections, data.dataset, data.licence)
+    return {"summary": card.summary, "detections": detections, "dataset": data.dataset, "licence": data.licence}
 
 
 def _address(link: str | None) -> str | None:
@@ -201,9 +151,5 @@ def _templates() -> Environment:
         loader=FunctionLoader(_text), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.globals.update(width=WIDTH, pad=PAD, nothing=NOTHING)
-    environment.filters.update(number=number, percent=_percent)
+    environment.filters.update(number=number, percent=lambda share: NOTHING if share is None else percent(share))
     return environment
-
-
-def _percent(value: float | None) -> str:
-    return NOTHING if value is None else percent(value)

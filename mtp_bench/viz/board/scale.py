@@ -1,4 +1,4 @@
-"""The common scale of the intervals of one environment, in user units of the drawings."""
+"""Bars of a board: the intervals of one environment on a common scale, and the errors of an entry per scene."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 from .entries import Entry
 
-WIDTH = 190.0  # of a drawing
+WIDTH = 190.0  # of a drawing, user units
+BAR = 120.0  # width of the longest bar of a scene, user units
 PAD = 10.0  # left and right of the scale
 MOST_TICKS = 4
 FARTHEST = 3.0
@@ -78,3 +79,36 @@ def _step(least: float) -> float:
     """The smallest 1, 2 or 5 times a power of ten that is not less than ``least``."""
     power = 10.0 ** math.floor(math.log10(least))
     return next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= least * (1 - 1e-9))
+
+
+@dataclass(frozen=True)
+class SceneBar:
+    """One scene of an entry."""
+
+    scene: str
+    targets: int
+    error: float | None  # m
+    width: float  # of its bar, user units
+    reference: float | None  # where the reference's error in this scene is marked
+
+
+def scene_chart(entry: Entry, reference: Entry | None) -> list[SceneBar]:
+    """Bars of the scenes, in the order of the record; those of ``reference`` where it has the same scenes."""
+    beside = {} if reference is None or reference is entry else _errors(reference)
+    errors = _errors(entry)
+    most = max([*errors.values(), *(beside[name] for name in errors if name in beside)], default=0.0)
+    unit = BAR / most if most > 0 else 0.0
+    return [
+        SceneBar(
+            scene=part.scene,
+            targets=part.targets,
+            error=part.missing_aware,
+            width=round(unit * (part.missing_aware or 0.0), 1),
+            reference=round(unit * beside[part.scene], 1) if part.scene in beside else None,
+        )
+        for part in entry.record.per_scene
+    ]
+
+
+def _errors(entry: Entry) -> dict[str, float]:
+    return {part.scene: part.missing_aware for part in entry.record.per_scene if part.missing_aware is not None}

@@ -1,6 +1,6 @@
 """Bird's-eye pictures of a scene, for a glance: what is true, what was detected, what the agent said, what went wrong.
 
-Tracks are numbered, false tracks and forecasts red, an event is a ring with its name; boxes are drawn as `marks` says.
+Tracks are numbered, false tracks and forecasts red, an event is a ring with its name.
 """
 
 from __future__ import annotations
@@ -13,9 +13,8 @@ from ...types import Bools, Lane
 from ..frame_view import EGO_SIZE, FrameView, Said, ego_boxes, event_text
 from ..palette import EGO, FALSE, FORECAST, TRACK
 from .camera import Camera
-from .canvas import Canvas
+from .canvas import DETECTED, FALSE_DETECTION, FALSE_TRACK, OTHER, TRACK_BOX, TRACKED, UNTRACKED, VEHICLE, Canvas
 from .labels import label, scale_bar, sign
-from .marks import DETECTED, FALSE_DETECTION, FALSE_TRACK, OTHER, TRACK_BOX, TRACKED, UNTRACKED, VEHICLE
 from .panel import panel
 
 SIZE = (960, 720)  # pixels

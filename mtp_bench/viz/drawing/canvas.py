@@ -1,4 +1,8 @@
-"""A picture in metres: lines, boxes and texts at places of the world, drawn by Pillow without jagged edges."""
+"""A picture in metres: lines, boxes and texts at places of the world, drawn by Pillow without jagged edges.
+
+No meaning hangs on colour alone: truth is a bold outline (dashed where it is not tracked), a detection thin, a track
+filled, a false positive crossed.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +18,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ...geometry import bev_corners
 from ...types import Floats
-from ..palette import BLACK, EVENT, Color
-from .marks import Outline
+from ..palette import BLACK, DETECTION, EGO, EVENT, FALSE, OTHER_TRACK, TRACK, TRUTH, Color
 
 if TYPE_CHECKING:
     Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
@@ -23,6 +26,28 @@ if TYPE_CHECKING:
 FINER = 2  # everything but text is drawn this much larger and then made smaller
 DASH = 4.0  # pixels
 FAR = 20.0  # pixels that a heading may stand out of the picture
+
+
+@dataclass(frozen=True)
+class Outline:
+    """How a box is drawn."""
+
+    color: Color
+    width: float = 1.0  # pixels
+    fill: int = 0  # opacity of the inside, 0 (none) to 255
+    dashed: bool = False
+    heading: bool = False  # a tick out of the front
+    crossed: bool = False
+
+
+TRACKED = Outline(TRUTH, 2.0, heading=True)
+UNTRACKED = Outline(TRUTH, 2.0, heading=True, dashed=True)
+DETECTED = Outline(DETECTION, 1.2)
+FALSE_DETECTION = Outline(DETECTION, crossed=True)
+TRACK_BOX = Outline(TRACK, fill=95)
+FALSE_TRACK = Outline(FALSE, fill=25)
+OTHER = Outline(OTHER_TRACK, 0.8, dashed=True)
+VEHICLE = Outline(EGO, 1.5, fill=200, heading=True)
 
 
 @dataclass(frozen=True)

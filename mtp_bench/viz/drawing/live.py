@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...env.live import LiveEpisode
-from ..answers import answers
+from ..answers import Answers
 from ..frame_view import TRAIL_SECONDS, FrameView, said_at
 from .birds_eye import draw_frame
 from .camera import Camera, camera
 
+if TYPE_CHECKING:
+    from ..rerun.live import LiveRecording
 
-class Renderer(Protocol):
-    """What the env calls; it is kept over the episodes of an env."""
-
-    def render(self, episode: LiveEpisode) -> NDArray[np.uint8] | None:
-        """Show ``episode.frame``; a picture [height, width, 3], or None where it is shown elsewhere."""
-        ...
-
-    def close(self) -> None:
-        """Let go of whatever is open."""
-        ...
+    Renderer: TypeAlias = "LiveRecording | Pictures"  # what the env calls; it is kept over its episodes
 
 
 def open_renderer(mode: str) -> Renderer:
@@ -55,5 +48,5 @@ def live_view(episode: LiveEpisode) -> FrameView:
     """The frame of the last answer; true boxes are not compared with it, the judge does that afterwards."""
     scene, card, t = episode.scene, episode.card, episode.frame
     rollout = episode.rollout(max(0, t - round(TRAIL_SECONDS * card.task.rate)))
-    said = None if rollout is None else said_at(answers(rollout, card), rollout.frames - 1)
+    said = None if rollout is None else said_at(Answers(rollout, card), rollout.frames - 1)
     return FrameView(scene, card, t, said, truth_shown=episode.truth_shown)

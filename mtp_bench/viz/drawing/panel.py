@@ -9,9 +9,7 @@ from PIL import Image, ImageDraw
 
 from ..frame_view import FrameView, event_text
 from ..palette import BLACK, FALSE, FORECAST, TRACK, Color
-from .canvas import Canvas, Viewport, font, text_size
-from .labels import MIDDLE, SMALL
-from .marks import (
+from .canvas import (
     DETECTED,
     FALSE_DETECTION,
     FALSE_TRACK,
@@ -20,8 +18,13 @@ from .marks import (
     TRACKED,
     UNTRACKED,
     VEHICLE,
+    Canvas,
     Outline,
+    Viewport,
+    font,
+    text_size,
 )
+from .labels import MIDDLE, SMALL
 
 LARGE = 16
 PAPER: Color = (247, 247, 247)

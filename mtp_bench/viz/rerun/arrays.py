@@ -1,18 +1,23 @@
-"""What a recording shows of a scene and of answers, as dense arrays over all frames; no drawing library here."""
+"""What a recording shows: its agents, and dense arrays over all frames of the scene and of what they said."""
 
 from __future__ import annotations
 
+import itertools
+import re
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import MtpBenchError, UnknownNameError
 from ...scoring.events import history
 from ...types import Bools, Detections, Floats, Ragged, Scene, Truth, to_metres
 from ..answers import Answers
 from ..frame_view import ego_boxes
 from ..palette import FALSE, Color
+from ..replay import Incident, Replay
 from .colors import DETECTION, EGO, NEUTRAL, TRUTH, Colors, track_colors
 
 LEVELS = ("off", "tracks", "top", "all")  # of detail, each with what the one before it has
@@ -147,3 +152,59 @@ def _either(mask: Bools, yes: Color, no: Color) -> Colors:
 
 def _all(color: Color, count: int) -> Colors:
     return np.full((count, 3), color, dtype=np.uint8)
+
+
+@dataclass(frozen=True, eq=False)
+class ShownAgent:
+    """One agent in a recording."""
+
+    replay: Replay
+    name: str  # part of the paths of its entities; empty for the only agent
+    number: int  # of the agents shown
+    hypotheses: list[int]
+
+    @property
+    def root(self) -> str:
+        """Prefix of the paths of its entities."""
+        return f"agents/{self.name}/" if self.name else ""
+
+    @property
+    def best(self) -> int | None:
+        """The shown hypothesis that is best in most frames; None where none is shown."""
+        count = np.bincount(self.replay.said.hypotheses.best, minlength=max(self.hypotheses, default=0) + 1)
+        return max(self.hypotheses, key=lambda h: count[h], default=None)
+
+    def titled(self, text: str) -> str:
+        """``text`` for a view of this agent, with its name where there are several."""
+        return f"{self.name}: {text}" if self.name else text
+
+
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """The runs of a recording."""
+
+    agents: list[ShownAgent]
+    level: str  # of LEVELS
+    at: Incident | None  # of the first run: what the views look at
+
+
+def contents_of(replays: Sequence[Replay], level: str, at: Incident | None = None) -> Contents:
+    """What is drawn of these runs; they must be of one scene, and get different names."""
+    if level not in LEVELS:
+        raise UnknownNameError("level", level, LEVELS)
+    scenes = {replay.scene.name for replay in replays}
+    if len(scenes) != 1:
+        raise MtpBenchError(f"a recording shows one scene, got {', '.join(sorted(scenes)) or 'none'}")
+    agents: list[ShownAgent] = []
+    for replay in replays:
+        name = _name(replay.agent, {agent.name for agent in agents}) if len(replays) > 1 else ""
+        hypotheses = [] if level == "off" else heaviest_hypotheses(replay.said, level)
+        agents.append(ShownAgent(replay, name, len(agents), hypotheses))
+    return Contents(agents, level, at)
+
+
+def _name(agent: str, taken: Container[str]) -> str:
+    """Part of an entity path; a second run of an agent gets a number."""
+    base = re.sub(r"[^\w.-]", "_", agent) or "agent"
+    names = itertools.chain([base], (f"{base}-{number}" for number in itertools.count(2)))
+    return next(name for name in names if name not in taken)

@@ -11,8 +11,7 @@ import numpy as np
 from ...cards import Card
 from ...types import Floats, Scene
 from ..replay import Incident, Replay
-from .agents import Contents, ShownAgent
-from .arrays import TOP_HYPOTHESES
+from .arrays import TOP_HYPOTHESES, Contents, ShownAgent
 from .sdk import rr, rrb
 
 SHARED = ("/world/map/**", "/world/ego", "/world/gt", "/world/gt_future", "/world/at")

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...types import Ints, Scene
-from ..events_text import incident_text
-from ..replay import KINDS, Incident, Replay
-from .agents import ShownAgent
+from ..replay import KINDS, Incident, Replay, incident_text
+from .arrays import ShownAgent
 from .colors import EVENTS, SERIES, SWITCH, UNTRACKED, packed, tone, track_colors
 from .entities import EDGE, Log, frame_times
 from .sdk import rr
@@ -66,7 +65,7 @@ def _log_markers(log: Log, replay: Replay) -> None:
         columns = rr.Points3D.columns(
             positions=np.array([i.position for i in incidents]) + MARKER,
             colors=packed(np.array([EVENTS[i.kind] for i in incidents], dtype=np.uint8)),
-            labels=[_mark(i) for i in incidents],
+            labels=[f"{i.name}: {i.old_id} → {i.new_id}" if i.kind == "ids" else i.name for i in incidents],
         )
         style = rr.Points3D.from_fields(radii=rr.Radius.ui_points(6.0), show_labels=True)
         log.columns("world/events", style, columns.partition([len(each) for each in now]))
@@ -75,12 +74,6 @@ def _log_markers(log: Log, replay: Replay) -> None:
     count = np.diff(np.searchsorted(rows, replay.rollout.object_start))
     style = rr.Points3D.from_fields(radii=0.3, colors=EVENTS["spurious"])
     log.columns("world/spurious", style, places.partition(count))
-
-
-def _mark(incident: Incident) -> str:
-    if incident.kind == "ids":
-        return f"{incident.name}: {incident.old_id} → {incident.new_id}"
-    return incident.name
 
 
 def log_ring(recording: rr.RecordingStream, scene: Scene, at: Incident) -> None:

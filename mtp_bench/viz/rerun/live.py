@@ -9,7 +9,7 @@ from gymnasium import logger
 
 from ...env.live import LiveEpisode
 from ...errors import MtpBenchError
-from ..answers import answers
+from ..answers import Answers
 from .arrays import TOP_HYPOTHESES, trail_frames
 from .blueprint import live_layout
 from .entities import Log, frame_times, log_answers, log_map, log_scene
@@ -72,6 +72,6 @@ def log_frame(recording: rr.RecordingStream, episode: LiveEpisode, root: str = "
     log_scene(log, scene, card, truth_shown=episode.truth_shown)
     rollout = episode.rollout(max(0, t - trail_frames(card.task.rate)))
     if rollout is not None:
-        said = answers(rollout, card)
+        said = Answers(rollout, card)
         first = range(min(TOP_HYPOTHESES, said.hypotheses.member.shape[1]))
         log_answers(replace(log, only=rollout.frames - 1), said, first, "top")

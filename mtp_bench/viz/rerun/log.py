@@ -14,7 +14,7 @@ from ...env.rollouts import digest
 from ...errors import MtpBenchError
 from ...files import whole_file
 from ..replay import Incident, Replay
-from .agents import Contents, contents_of
+from .arrays import Contents, contents_of
 from .blueprint import layout
 from .entities import Log, frame_times, log_answers, log_map, log_scene
 from .events import log_judgement, log_ring

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from ...errors import MtpBenchError
 from ..replay import Incident, Replay
-from .agents import Contents, contents_of
+from .arrays import Contents, contents_of
 from .blueprint import layout
 from .log import log_runs, new_recording
 from .sdk import INSTALL, ViewerClient
