@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from ..errors import ShapeError
 from ..types import Bools, Ints
 from .matching import Matched
+
+FragAt = Literal["current", "previous"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +72,17 @@ def history(frame: Ints, identity: Ints) -> History:
     return History(order, who, when, follows, consecutive)
 
 
-def find_events(objects: History, matched: Matched, tracks: History, track_id: Ints) -> Events:
+def find_events(
+    objects: History, matched: Matched, tracks: History, track_id: Ints, frag_at: FragAt = "current"
+) -> Events:
     """Events of one stream of tracks.
 
     ``objects`` and ``tracks`` are the histories of the true boxes [R] and the tracks; ``matched`` [R] the row of the
-    track of each true box, -1 none; ``track_id`` the ids by row.
+    track of each true box, -1 none; ``track_id`` the ids by row. ``frag_at="previous"`` records a loss at the frame
+    before, where the track still exists (protocol, "Events").
     """
+    if frag_at not in ("current", "previous"):
+        raise ShapeError(f"frag_at is {frag_at!r}, expected 'current' or 'previous'")
     column = matched[objects.order]
     held = column >= 0
     before = np.roll(column, 1)
@@ -89,7 +96,7 @@ def find_events(objects: History, matched: Matched, tracks: History, track_id: I
     none = np.full(len(lost), -1)
     return Events(
         ids=_list(objects, switch, ids[before[switch]], ids[column[switch]]),
-        lost=_list(objects, lost, ids[before[lost]], none),
+        lost=_list(objects, lost - int(frag_at == "previous"), ids[before[lost]], none),
         wrong=_sorted(went_on[before[lost]], objects, lost),
         reacquired=_list(objects, back, ids[_last_match(column)[back]], ids[column[back]]),
     )

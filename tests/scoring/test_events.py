@@ -48,7 +48,7 @@ def frames_of(stream: str) -> list[Any]:
     return frames
 
 
-def events_of(stream: str) -> Any:
+def events_of(stream: str, frag_at: Any = "current") -> Any:
     code = {c: i for i, c in enumerate(sorted(set(stream)))}
     frame = np.array([t for t, c in enumerate(stream) if c != "."], dtype=int)
     matched, track_frame, track_id, last = [], [], [], "a"
@@ -61,7 +61,8 @@ def events_of(stream: str) -> Any:
             matched.append(len(track_id) - 1 if c.isalpha() else -1)
     ids = np.array(track_id, dtype=int)
     objects = history(frame, np.full(len(frame), 7))
-    return find_events(objects, np.array(matched, dtype=int), history(np.array(track_frame, dtype=int), ids), ids)
+    tracks = history(np.array(track_frame, dtype=int), ids)
+    return find_events(objects, np.array(matched, dtype=int), tracks, ids, frag_at)
 
 
 @pytest.mark.parametrize(("stream", "want"), EVENTS.items(), ids=EVENTS.keys())
@@ -78,6 +79,15 @@ def test_events_name_object_frame_and_both_tracks() -> None:
     a, b = 1, 2  # codes of the letters after "-"
     for events, want in ((found.ids, (7, 2, a, b)), (found.lost, (7, 3, b, -1)), (found.reacquired, (7, 4, b, b))):
         assert (*events.object_id, *events.frame, *events.old_id, *events.new_id) == want
+
+
+def test_a_loss_can_be_recorded_where_the_track_still_exists() -> None:
+    found = events_of("ab-b!", "previous")
+    assert found.lost.frame.tolist() == [1, 3]
+    assert found.wrong.tolist() == [False, True]
+    assert found.reacquired.frame.tolist() == [3]
+    with pytest.raises(ShapeError, match="frag_at is 'before', expected 'current' or 'previous'"):
+        events_of("a", "before")
 
 
 def test_an_identity_twice_in_a_frame_is_an_error() -> None:
