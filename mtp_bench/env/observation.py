@@ -81,16 +81,9 @@ def make_feed(scene: Scene, frame: LocalFrame, task: Task) -> Feed:
 
 def true_detections(scene: Scene) -> tuple[Detections, Ints]:
     """True boxes of the evaluated classes in the form of detections, and their ids."""
-    truth = scene.truth
-    shown = ~truth.neutral
-    boxes = Detections(
-        start=starts_of(np.bincount(truth.frame_of_rows[shown], minlength=truth.frames)),
-        box=truth.box[shown],
-        velocity=truth.velocity[shown],
-        class_id=truth.class_id[shown],
-        score=np.ones(int(shown.sum())),
-    )
-    return boxes, truth.object_id[shown]
+    shown = scene.truth.those(~scene.truth.neutral)
+    score = np.ones(len(shown.box))
+    return Detections(shown.start, shown.box, shown.velocity, shown.class_id, score), shown.object_id
 
 
 def _in_range(box: Floats, score: Floats, class_id: Ints, classes: int) -> Bools:

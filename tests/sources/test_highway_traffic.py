@@ -10,8 +10,7 @@ import pytest
 from mtp_bench.errors import DataError
 from mtp_bench.geometry import wrap_angle
 from mtp_bench.sources.highway import simulate
-from mtp_bench.sources.highway.overlap import overlapping
-from mtp_bench.sources.highway.simulate import simulate_world
+from mtp_bench.sources.highway.simulate import overlapping, simulate_world
 from mtp_bench.sources.highway.world import CLASSES, RATE, Traffic, World
 from mtp_bench.types import Floats
 from tests.support.highway_worlds import digest, digests_elsewhere, touching

@@ -12,7 +12,7 @@ from shapely.geometry import Polygon
 
 from mtp_bench.geometry import bev_corners
 from mtp_bench.sources.cache import content_hash
-from mtp_bench.sources.highway.packing import pack
+from mtp_bench.sources.highway.store import pack
 from mtp_bench.sources.highway.world import World
 from mtp_bench.types import Truth
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...geometry import center_distance
-from ...types import Bools, Detections, Floats, Ints, Truth, starts_of
+from ...types import Bools, Detections, Floats, Ints, Truth
 
 _GATES = {"pedestrian": 1.0, "cyclist": 1.5, "bicycle": 1.5, "motorcycle": 1.5}
 _VEHICLE_GATE = 2.0
@@ -34,14 +34,7 @@ def at_floor(detections: Detections, classes: Sequence[str], floor: Mapping[str,
     if not floor:
         return detections
     least = np.array([floor.get(name, -np.inf) for name in classes])
-    keep = detections.score >= least[detections.class_id]
-    return Detections(
-        start=starts_of(keep.astype(np.int64))[detections.start],
-        box=detections.box[keep],
-        velocity=detections.velocity[keep],
-        class_id=detections.class_id[keep],
-        score=detections.score[keep],
-    )
+    return detections.those(detections.score >= least[detections.class_id])
 
 
 def match(truth: Truth, detections: Detections, classes: Sequence[str]) -> Matches:

@@ -30,25 +30,12 @@ class Profile:
     aside: float  # m, how far right of the middle of the lane it keeps
 
 
-@dataclass(frozen=True, eq=False)
-class Entry:
-    """Who comes in, and where."""
-
-    profile: Profile
-    number: int  # never used twice in a world
-    route: int
-    lane: int
-    position: Floats  # [2] m
-    heading: float
-    speed: float
-
-
 class Driver(Vehicle):  # type: ignore[misc]
     """A vehicle that carries out the command it was given.
 
     ``LENGTH`` is the wheelbase, which is what highway-env's bicycle model turns by; the box has its own size in
     ``profile``. highway-env's collision handling is off (its response would move the vehicles): overlaps are judged by
-    `overlap.overlapping`. The lane is kept by number, for all vehicles at once, see `state.observe`.
+    `simulate.overlapping`. The lane is kept by number, for all vehicles at once, see `state.observe`.
     """
 
     position: Any  # [2] m

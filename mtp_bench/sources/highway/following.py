@@ -21,10 +21,8 @@ _CLOSE = 0.05  # m, smaller gaps count as this
 _LATERAL_RATE = 0.8  # 1/s, how fast an offset from the lane's middle is worked off
 _LATERAL_SPEED = 1.3  # m/s at most
 _HEADING_RATE = 3.3  # 1/s
-_SWERVE, _SLOW = (
-    2.2,
-    5.5,
-)  # m/s2 of lateral acceleration at most, beyond that of the bend; m/s, who is slower turns as at this
+_SWERVE = 2.2  # m/s2 of lateral acceleration at most, beyond that of the bend
+_SLOW = 5.5  # m/s, who is slower turns as at this
 _PREVIEW = 0.3  # s
 _MOST_SLIP = 0.45  # sine of the angle between heading and course, some 0.8 rad of steering
 _SLIP_RATE = 0.3  # rad/s, some 0.6 rad/s of steering

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ...types import Floats
-from .driver import Driver, Entry, Profile
+from .driver import Driver, Profile
 from .networks import RoadMap
 from .routes import Route
 from .world import CLASSES
@@ -56,8 +56,8 @@ def draw_profile(fast: bool, rng: np.random.Generator) -> Profile:
 class Gate:
     """Where vehicles come in: keeps the road at the number of vehicles that is aimed at."""
 
-    def __init__(self, town: RoadMap, vehicles: int, make: Callable[[Entry], Driver], rng: np.random.Generator) -> None:
-        self._map, self._aim, self._make, self._rng = town, vehicles, make, rng
+    def __init__(self, town: RoadMap, vehicles: int, rng: np.random.Generator) -> None:
+        self._map, self._aim, self._rng = town, vehicles, rng
         self._made = 0
         self._next: tuple[Profile, int] | None = None  # waits until there is room
         self._tries = 0
@@ -106,8 +106,10 @@ class Gate:
             return False
         way = self._map.geometry.lanes[lane]
         position = np.asarray(way.position(at, profile.aside), dtype=np.float64)
-        entry = Entry(profile, self._made, route, lane, position, float(way.heading_at(at)), speed)
-        road.vehicles.append(self._make(entry))
+        vehicle = Driver(road, position, float(way.heading_at(at)), speed, profile, self._made)
+        vehicle.route, vehicle.lane_number = route, lane
+        vehicle.snap()
+        road.vehicles.append(vehicle)
         self._made += 1
         return True
 

@@ -56,14 +56,16 @@ class HighwayTraffic:
         class_id = _class_ids(self.card.task.classes)[world.truth.class_id]
         keep = covered(world.truth, world.ego, sensor) & (class_id >= 0)
         seen = replace(world.truth, eligible=ever_seen(world.truth, world.visible))
-        truth, visible = _select(seen, world.visible, frames, keep, class_id)
+        keep &= seen.frame_of_rows % self.stride == 0
+        truth = replace(seen, class_id=class_id).those(keep)
+        truth = replace(truth, start=truth.start[np.append(frames, seen.frames)])  # no rows lie between the frames
         return Scene(
             name=name,
             time=world.time[frames],
             ego=world.ego[frames],
             truth=truth,
             detections=no_detections(len(frames)),
-            visible=visible,
+            visible=world.visible[keep],
             lanes=world.lanes,
         )
 
@@ -118,19 +120,3 @@ def _stride(card: Card) -> int:
 def _class_ids(classes: Sequence[str]) -> Ints:
     """Index into ``classes`` of each class of a world, -1 for those that the card leaves out."""
     return np.array([classes.index(name) if name in classes else -1 for name in CLASSES])
-
-
-def _select(truth: Truth, visible: Floats, frames: Ints, keep: Bools, class_id: Ints) -> tuple[Truth, Floats]:
-    """The rows to keep of the frames to keep."""
-    rows = [truth.start[t] + np.flatnonzero(keep[truth.rows(t)]) for t in frames.tolist()]
-    row = np.concatenate(rows) if rows else np.zeros(0, dtype=np.int64)
-    selected = Truth(
-        start=starts_of([len(part) for part in rows]),
-        box=truth.box[row],
-        velocity=truth.velocity[row],
-        class_id=class_id[row],
-        object_id=truth.object_id[row],
-        eligible=truth.eligible[row],
-        neutral=truth.neutral[row],
-    )
-    return selected, visible[row]
