@@ -48,8 +48,8 @@ if _typing.TYPE_CHECKING:
     from . import scoring as scoring
     from . import tracking as tracking
     from .env import MTPEnv as MTPEnv
-    from .env.scenes import load_scenes as load_scenes
     from .scoring import Report as Report
+    from .sources import load_scenes as load_scenes
 else:  # hidden from type checkers, for which it would make every misspelt attribute legal
     _LAZY = {  # modules that are imported when they are first used, alone or for the sake of a name
         "prediction": "prediction",
@@ -57,7 +57,7 @@ else:  # hidden from type checkers, for which it would make every misspelt attri
         "tracking": "tracking",
         "MTPEnv": "env",
         "Report": "scoring",
-        "load_scenes": "env.scenes",
+        "load_scenes": "sources",
     }
 
     def __getattr__(name: str) -> _typing.Any:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry import transform_boxes
+from ..geometry import rotate, transform_boxes
 from ..types import Floats, Scene
 
 
@@ -35,12 +35,3 @@ class LocalFrame:
     def to_scene(self, box: Floats) -> Floats:
         """Boxes [R, 7] of the local frame in the scene's."""
         return transform_boxes(box, -self.yaw, -rotate(self.translation, -self.yaw))
-
-
-def rotate(vector: Floats, yaw: float) -> Floats:
-    """Vectors [..., 2 or more] turned about z; components after x and y stay."""
-    turned = np.array(vector, dtype=np.float64)
-    c, s = np.cos(yaw), np.sin(yaw)
-    turned[..., 0] = c * vector[..., 0] - s * vector[..., 1]
-    turned[..., 1] = s * vector[..., 0] + c * vector[..., 1]
-    return turned

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..geometry import rotate
 from ..types import Bools, Detections, Floats, Ints, Observation, Ragged, Scene, Task, starts_of
 from .action import COORDINATE_LIMIT, SIZE_LIMIT, padded
-from .local_frame import LocalFrame, rotate
+from .local_frame import LocalFrame
 from .spaces import SCORE_LIMIT, VELOCITY_LIMIT
 
 
