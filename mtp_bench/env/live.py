@@ -10,8 +10,7 @@ import numpy as np
 from ..cards import Card
 from ..types import Detections, Ints, Rollout, Scene, Truth
 from .decoding import Answer
-from .local_frame import LocalFrame
-from .observation import Feed
+from .observation import Feed, LocalFrame
 from .rollouts import assemble
 
 

@@ -12,8 +12,7 @@ from ..running.run import agent_task
 from ..scoring import mean_error
 from ..types import Observation, Task, starts_of
 from .findings import AgentError, Finding
-from .playing import play, play_made_up
-from .suite import Suite, score_of
+from .playing import Suite, play, play_made_up, score_of
 
 MOTION_TOLERANCE = 0.05  # of the score, for the rounding of forecasts and for draws along the axes
 _FEW = 6  # frames that show whether other sizes work

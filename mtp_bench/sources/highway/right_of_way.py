@@ -108,15 +108,9 @@ class RightOfWay:
                 self._seen[number].held = before[number].held
 
     def _forget(self) -> None:
-        gone = [
-            n
-            for n in self._granted
-            if n not in self._seen or self._seen[n].rear > self.passages[self._seen[n].route].end
-        ]
-        for number in gone:
-            del self._granted[number]
-        for number in [n for n in self._asked if n not in self._seen]:
-            del self._asked[number]
+        inside = {n for n, me in self._seen.items() if me.rear <= self.passages[me.route].end}
+        self._granted = {n: yields for n, yields in self._granted.items() if n in inside}
+        self._asked = {n: time for n, time in self._asked.items() if n in self._seen}
 
     def _waiting(self, state: State) -> list[int]:
         """The first on every approach who has no right yet."""

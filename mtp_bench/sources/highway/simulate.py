@@ -11,13 +11,12 @@ from highway_env.road.road import Road
 from ...errors import DataError
 from ...types import Bools, Floats, Ints
 from .conflicts import Passage, passages
-from .driver import Driver
 from .following import HARDEST, braking, desired_speed, free_acceleration, leaders, steering
 from .lane_change import LaneChanges
 from .lane_geometry import lane_map
 from .networks import RoadMap, build
 from .pedestrians import Crowd
-from .population import Gate, boxes
+from .population import Driver, Gate, boxes
 from .recording import Recording
 from .right_of_way import RightOfWay
 from .routes import RouteTable, tabulate
@@ -117,11 +116,10 @@ class _Drivers:
         """Move everybody by 1 / `RATE` seconds; returns those who are at the end of their route."""
         state = observe(self.road.vehicles, self._map, self._routes, *self._crowd.xy())
         acceleration = self._acceleration(state, step)
-        before = np.array([vehicle.command[0] for vehicle in state.vehicles])
+        before = np.array([vehicle.action["steering"] for vehicle in state.vehicles])
         angle = steering(state, self._map.geometry, self._routes, before, 1.0 / RATE)
         for vehicle, turn, gas in zip(state.vehicles, angle.tolist(), acceleration.tolist(), strict=True):
-            vehicle.order(turn, gas)
-        self.road.act()
+            vehicle.act({"steering": turn, "acceleration": gas})
         self.road.step(1.0 / RATE)
         for vehicle in state.vehicles:
             vehicle.snap()
@@ -144,7 +142,7 @@ class _Drivers:
             result = np.minimum(result, self._changes.bounds(state, wanted))
             self._changes.decide(state, wanted, step, 1.0 / RATE)
         result = np.minimum(result, free - braking(state.speed, lines, np.zeros(1), state.temper, _AT_LINES))
-        before = np.array([vehicle.command[1] for vehicle in state.vehicles])
+        before = np.array([vehicle.action["acceleration"] for vehicle in state.vehicles])
         result = np.clip(result, before - _JERK[0] / RATE, before + _JERK[1] / RATE)
         least = np.maximum(-HARDEST, -state.speed * RATE)  # nobody drives backwards
         bounded: Floats = np.maximum(result, least)

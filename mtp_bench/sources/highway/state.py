@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...types import Bools, Floats, Ints
-from .driver import Driver
 from .networks import RoadMap
+from .population import Driver
 from .routes import NOWHERE, RouteTable
 
 DISCS = 7  # discs along a vehicle's axis that cover its box

@@ -12,7 +12,7 @@ import numpy as np
 from ...errors import DataError
 from ...types import Detections, Ints, starts_of_sorted
 from ..base import class_ids
-from ..cache import Arrays, write_arrays
+from ..cache import Arrays, read_arrays, write_arrays
 from . import folders
 from .classes import CLASSES
 from .detection_file import DetectedBoxes, read_detections
@@ -46,7 +46,7 @@ class DetectionStore:
             folders.refuse_changed(path, _folder(self.tables.folder, digest), str(self.path))
             _build(self.path, self.folder, self.tables, no_work())
 
-        return folders.arrays_of(path, build_again)
+        return folders.made(path, read_arrays, build_again)
 
 
 def bytes_left(paths: Sequence[Path], tables: Path | None) -> int:
@@ -117,7 +117,7 @@ def scene_detections(stores: Sequence[DetectionStore], name: str, frames: int, c
 def _open(path: Path, tables: TableStore, work: Work) -> DetectionStore:
     digest = folders.file_hash(path, work.on(path.name))
     folder = _folder(tables.folder, digest)
-    index = folders.index_of(folder, lambda: _build(path, folder, tables, work))
+    index = folders.made(folder, folders.read_index, lambda: _build(path, folder, tables, work))
     return DetectionStore(path, digest, tables, folder, index)
 
 

@@ -9,12 +9,14 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ...errors import DataError
 from ...files import whole_file, whole_folder
-from ..cache import VARIABLE, Arrays, cache_root, read_arrays
+from ..cache import VARIABLE, cache_root
 from .json_stream import Read
+
+Content = TypeVar("Content")
 
 FORMAT = 1  # of the arrays in the cache: a change gets a new number
 INDEX = "index.json"
@@ -92,24 +94,14 @@ def build(folder: Path, fill: Callable[[Path], None]) -> None:
         ) from None
 
 
-def index_of(folder: Path, make: Callable[[], None]) -> dict[str, Any]:
-    """The index of a folder of the cache, which ``make`` builds first where it is not there."""
-    if (index := read_index(folder)) is None:
+def made(path: Path, read: Callable[[Path], Content | None], make: Callable[[], None]) -> Content:
+    """What ``read`` finds at a path of the cache, which ``make`` writes first where it is not there or broken."""
+    if (content := read(path)) is None:
         make()
-        index = read_index(folder)
-    if index is None:
-        raise DataError(f"{folder} cannot be read back after writing it")
-    return index
-
-
-def arrays_of(path: Path, make: Callable[[], None]) -> Arrays:
-    """The arrays of a file of the cache, which ``make`` builds again where it is broken."""
-    if (arrays := read_arrays(path)) is None:
-        make()
-        arrays = read_arrays(path)
-    if arrays is None:
+        content = read(path)
+    if content is None:
         raise DataError(f"{path} cannot be read back after writing it")
-    return arrays
+    return content
 
 
 def refuse_changed(path: Path, folder: Path, what: str) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..cache import Arrays, write_arrays
+from ..cache import Arrays, read_arrays, write_arrays
 from . import folders
 from .annotations import Annotations, read_annotations
 from .layout import PREDICTION, prediction_path, table_paths
@@ -55,7 +55,7 @@ class Tables:
     def open(self, work: Work) -> TableStore:
         """The cache, built first where it is not there; DataError names the file and token that is wrong."""
         folder = self.hashed_folder(work)
-        return TableStore(self, folder, folders.index_of(folder, lambda: self.build(folder, work)))
+        return TableStore(self, folder, folders.made(folder, folders.read_index, lambda: self.build(folder, work)))
 
     def hashed_folder(self, work: Work) -> Path:
         """The cache of the tables as they are now."""
@@ -94,7 +94,7 @@ class TableStore:
             folders.refuse_changed(path, self.tables.hashed_folder(no_work()), f"the tables of {self.tables.version}")
             self.tables.build(self.folder, no_work())
 
-        return folders.arrays_of(path, build_again)
+        return folders.made(path, read_arrays, build_again)
 
 
 def _fill(folder: Path, keyframes: Keyframes, boxes: Annotations, has_list: bool) -> None:
