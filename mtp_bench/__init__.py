@@ -46,9 +46,9 @@ if _typing.TYPE_CHECKING:
     from .cards import Card as Card
     from .cards import load_card as load_card
     from .env import MTPEnv as MTPEnv
-    from .env.scenes import load_scenes as load_scenes
     from .running.compare import compare as compare
     from .scoring import Report as Report
+    from .sources import load_scenes as load_scenes
     from .submission.loader import Submission as Submission
     from .submission.loader import load_submission as load_submission
 else:  # hidden from type checkers, for which it would make every misspelt attribute legal
@@ -62,7 +62,7 @@ else:  # hidden from type checkers, for which it would make every misspelt attri
         "Submission": "submission.loader",
         "compare": "running.compare",
         "load_card": "cards",
-        "load_scenes": "env.scenes",
+        "load_scenes": "sources",
         "load_submission": "submission.loader",
     }
 

@@ -82,6 +82,8 @@ class Pipeline:
     H hypotheses. Each hypothesis contributes ``draws`` x k samples to the pool of an object; a pool that is larger than
     the task's K is reduced by the sampler.
 
+    ``tracker``: what makes tracks of detections. ``predictor``: what forecasts them. ``sampler``: what reduces pools.
+
     ``weighting``: "posterior" weighs samples by their hypothesis, "uniform" counts hypotheses alike, as in the paper.
     ``min_score``: objects whose track has a lower mean score are not reported, a number or one per class name; by
     default all are, as in the paper.

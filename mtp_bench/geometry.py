@@ -35,14 +35,19 @@ def bev_corners(box: Floats) -> Floats:
     return np.stack([x, y], axis=-1)
 
 
+def rotate(vector: Floats, yaw: Floats | float) -> Floats:
+    """Vectors ``[..., 2 or more]`` turned about z, counter-clockwise; components after x and y stay."""
+    turned = np.array(vector, dtype=np.float64)
+    c, s = np.cos(yaw), np.sin(yaw)
+    turned[..., 0] = c * vector[..., 0] - s * vector[..., 1]
+    turned[..., 1] = s * vector[..., 0] + c * vector[..., 1]
+    return turned
+
+
 def transform_boxes(box: Floats, yaw: float, translation: ArrayLike) -> Floats:
     """Boxes ``[..., 7]`` after a rigid motion: a turn by ``yaw`` about the z axis, then ``translation`` (x, y, z)."""
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    shift = np.asarray(translation, dtype=np.float64)
-    moved = np.array(box, dtype=np.float64)
-    moved[..., 0] = cos * box[..., 0] - sin * box[..., 1] + shift[0]
-    moved[..., 1] = sin * box[..., 0] + cos * box[..., 1] + shift[1]
-    moved[..., 2] += shift[2]
+    moved = rotate(box, yaw)
+    moved[..., :3] += np.asarray(translation, dtype=np.float64)
     moved[..., 3] = wrap_angle(box[..., 3] + yaw)
     return moved
 

@@ -11,8 +11,8 @@ Rows over all frames are sorted by frame; the rows of frame t are ``start[t]:sta
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,11 @@ class Ragged:
     def rows(self, t: int) -> slice:
         """Rows of frame ``t``."""
         return slice(int(self.start[t]), int(self.start[t + 1]))
+
+    def those(self, kept: Bools) -> Self:
+        """The table of the rows where ``kept`` [R]; every column but ``start`` must have a value per row."""
+        columns = {column.name: getattr(self, column.name)[kept] for column in fields(self) if column.name != "start"}
+        return replace(self, start=starts_of(kept.astype(np.int64))[self.start], **columns)
 
 
 CENTIMETRES = 100.0  # per metre: forecasts are recorded in whole centimetres

@@ -10,8 +10,7 @@ import numpy as np
 from mtp_bench import load_submission
 from mtp_bench.agent import Observation, Tracks
 from mtp_bench.env.environment import MTPEnv
-from mtp_bench.env.local_frame import LocalFrame
-from mtp_bench.env.observation import make_feed
+from mtp_bench.env.observation import LocalFrame, make_feed
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.types import Task
 

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..geometry import wrap_angle
+from ..geometry import rotate, wrap_angle
 from ..types import Bools, Floats
 from .draws import Grid, Kind, Streams, at_period, stationary, stream, two_state
 from .profile import ClassNoise, PositionNoise
@@ -24,12 +24,13 @@ _LATENT = np.linspace(0.0, 8.0, 801)  # a standard normal number beyond happens 
 def box_errors(true: Floats, grid: Grid, distance: Floats, toward: Floats, streams: Streams) -> Floats:
     """Boxes ``[R, 7]`` as the detector would estimate ``true`` ones at ``distance`` ``[R]`` m.
 
-    ``toward`` ``[R]`` rad points from the sensor to them.
+    ``true`` ``[R, 7]`` boxes; ``grid``: which frame and object each row is, and the noise of its class; ``toward``
+    ``[R]`` rad points from the sensor to them; ``streams``: random numbers, one stream per kind of error.
     """
     box = reshaped(true, grid, streams)
     radial = _position_error(grid, distance, lambda noise: noise.radial, streams.of(Kind.RADIAL))
     tangential = _position_error(grid, distance, lambda noise: noise.tangential, streams.of(Kind.TANGENTIAL))
-    box[:, :2] += turned(np.stack([radial, tangential], axis=-1), toward)
+    box[:, :2] += rotate(np.stack([radial, tangential], axis=-1), toward)
     return box
 
 
@@ -67,7 +68,7 @@ def velocities(truth_velocity: Floats, grid: Grid, toward: Floats, streams: Stre
     """Measured velocities ``[R, 2]`` m/s; NaN where the class has none or the truth is unknown."""
     deviation = grid.of_rows(lambda noise: np.nan if noise.velocity is None else noise.velocity)
     error = grid.rows_of(streams.of(Kind.VELOCITY).standard_normal((*grid.shape, 2)))
-    return truth_velocity + turned(deviation[:, None] * error, toward)
+    return truth_velocity + rotate(deviation[:, None] * error, toward)
 
 
 def duplicates(grid: Grid, toward: Floats, seed: int) -> tuple[Bools, Floats, Floats]:
@@ -79,14 +80,7 @@ def duplicates(grid: Grid, toward: Floats, seed: int) -> tuple[Bools, Floats, Fl
     uniform, normal = rng.random(grid.shape), rng.standard_normal((*grid.shape, 3))
     twice = grid.rows_of(uniform) < grid.of_rows(lambda noise: noise.duplicates)
     offset = grid.rows_of(normal)
-    return twice, turned(_BESIDE * offset[:, :2], toward), _WEAKER * np.abs(offset[:, 2])
-
-
-def turned(vector: Floats, angle: Floats) -> Floats:
-    """Vectors ``[R, 2]`` turned counter-clockwise by angles ``[R]``: errors are drawn along and across a direction."""
-    cos, sin = np.cos(angle), np.sin(angle)
-    x, y = vector[:, 0], vector[:, 1]
-    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+    return twice, rotate(_BESIDE * offset[:, :2], toward), _WEAKER * np.abs(offset[:, 2])
 
 
 def _position_error(

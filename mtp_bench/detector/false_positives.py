@@ -3,21 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from ..geometry import wrap_angle
-from ..types import Floats, Ints, Ragged, Truth
+from ..types import Detections, Floats, Ints, Ragged, Truth, starts_of
 from .box_errors import box_errors, latent_scores, scores_within, velocities
 from .draws import Grid, Kind, Streams, Whose, decayed, stream
 from .profile import ClassNoise, FalsePositives, Profile
-from .rows import Rows
 from .sight import Sensor, polar, within
 
 _SIZE_SPREAD = 0.1  # deviation of each side, share of its mean
 _SMALLEST = 0.3  # share of its mean that every side keeps
 _TRIES = 100  # bearings drawn for a run until it is inside of the area
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Detected boxes of a scene, in any order."""
+
+    frame: Ints  # [R]
+    box: Floats  # [R, 7]
+    velocity: Floats  # [R, 2] m/s, NaN where not measured
+    class_id: Ints  # [R]
+    score: Floats  # [R]
+
+    @classmethod
+    def none(cls) -> Rows:
+        """No rows."""
+        no_ints = np.zeros(0, dtype=np.int64)
+        return cls(no_ints, np.zeros((0, 7)), np.zeros((0, 2)), no_ints, np.zeros(0))
+
+
+def in_order(parts: Sequence[Rows], frames: int) -> Detections:
+    """All parts by frame; within a frame by descending score, then by x: the order does not tell what a row is."""
+    columns = [np.concatenate([getattr(part, column.name) for part in parts]) for column in fields(Rows)]
+    frame, box, velocity, class_id, score = columns
+    order = np.lexsort((box[:, 0], -score, frame))
+    start = starts_of(np.bincount(frame, minlength=frames))
+    return Detections(start, box[order], velocity[order], class_id[order], score[order])
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +75,7 @@ def more_false_positives(law: FalsePositives, factor: float) -> FalsePositives:
 def false_positives(noise: ClassNoise, labels: Labels, around: Surroundings, number: int, seed: int) -> Rows:
     """False positives of one noise over a scene; ``number`` tells the random streams of several noises apart.
 
+    ``labels``: classes and sizes that they may have; ``around``: where they may be; ``seed``: of the detector's noise.
     What appears beyond the sensor's reach is dropped, and one that the moving sensor does not cover is not seen.
     """
     if noise.false_positives is None or noise.false_positives.rate == 0:

@@ -10,9 +10,8 @@ from ..shapes import require_shape
 from ..types import Bools, Detections, Floats, Truth
 from .box_errors import box_errors, duplicates, latent_scores, reshaped, scores, velocities
 from .draws import Grid, Streams, Whose, grid_of
-from .false_positives import Surroundings, false_positives, labels_of
+from .false_positives import Rows, Surroundings, false_positives, in_order, labels_of
 from .profile import Profile
-from .rows import Rows, in_order
 from .sight import Sensor, Sight, within
 from .sight import sight as sight_of
 from .undetected import undetected

@@ -25,6 +25,7 @@ class _Ends(NamedTuple):
 def within_limits(latent: Floats, location: Floats, deviation: Floats, lowest: Floats, highest: Floats) -> Floats:
     """Truncated normal numbers with the ranks of the standard normal ones ``latent``; all ``[R]``.
 
+    ``location`` and ``deviation``: of the numbers before truncation; ``lowest`` and ``highest``: their limits.
     Without deviation: the location, brought within the limits.
     """
     from scipy.special import ndtr, ndtri
@@ -37,7 +38,10 @@ def within_limits(latent: Floats, location: Floats, deviation: Floats, lowest: F
 
 
 def latent_of(value: Floats, location: Floats, deviation: Floats, lowest: Floats, highest: Floats) -> Floats:
-    """The standard normal numbers of which `within_limits` makes ``value``; NaN stays."""
+    """The standard normal numbers of which `within_limits` makes ``value``; NaN stays.
+
+    ``location``, ``deviation``, ``lowest`` and ``highest`` as there.
+    """
     from scipy.special import ndtr, ndtri
 
     ends = _ends(location, deviation, lowest, highest)

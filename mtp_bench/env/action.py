@@ -105,16 +105,6 @@ FIELDS = (
 FIELD = {field.name: field for field in FIELDS}
 
 
-def action_table() -> str:
-    """The fields as a table in Markdown."""
-    lines = ["| field | shape | dtype | entries | meaning |", "|---|---|---|---|---|"]
-    for field in FIELDS:
-        shape, dtype = field.shape.replace(" ", ", "), np.dtype(field.content.dtype)
-        meaning = field.meaning + (" Optional." if field.optional else "")
-        lines.append(f"| `{field.name}` | ({shape}) | {dtype} | {field.content.expected} | {meaning} |")
-    return "\n".join(lines) + "\n"
-
-
 def padded(rows: NDArray[Any], size: int, dtype: type[np.generic], fill: float = 0) -> NDArray[Any]:
     """The rows [R, ...] with ``fill`` below, up to ``size`` rows."""
     array = np.full((size, *rows.shape[1:]), fill, dtype=dtype)

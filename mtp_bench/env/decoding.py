@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..geometry import rotate
 from ..types import Bools, Floats, Ints, Task, to_centimetres
 from .action import ROWS
 from .checks import Examined, examine, present
-from .local_frame import LocalFrame, rotate
+from .observation import LocalFrame
 
 FAINTEST = -1000.0  # a normalised log-weight; exp of it is 0 already
 

@@ -24,8 +24,7 @@ from .arguments import OBSERVE as OBSERVE
 from .arguments import RENDER_MODES, EnvKeywords, checked, choose, size, wanted
 from .decoding import Answer, decode
 from .live import LiveEpisode, live_episode
-from .local_frame import LocalFrame
-from .observation import Feed, make_feed
+from .observation import Feed, LocalFrame, make_feed
 from .rollouts import assemble
 from .spaces import action_space, observation_space
 

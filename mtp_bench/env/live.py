@@ -10,8 +10,7 @@ import numpy as np
 from ..cards import Card
 from ..types import Detections, Ints, Rollout, Scene, Truth
 from .decoding import Answer
-from .local_frame import LocalFrame
-from .observation import Feed
+from .observation import Feed, LocalFrame
 from .rollouts import assemble
 
 
@@ -39,7 +38,11 @@ class LiveEpisode:
 def live_episode(
     card: Card, scene: Scene, frame: LocalFrame, feed: Feed, answers: Sequence[Answer], evaluation: bool
 ) -> LiveEpisode:
-    """The episode of ``scene``; ``feed`` is what the agent sees of it, in the local ``frame``."""
+    """The episode of ``scene`` under the rules of ``card``.
+
+    ``feed`` is what the agent sees of it, in the local ``frame``; ``answers`` is what it said so far, a frame each;
+    with ``evaluation`` the truth is not shown.
+    """
     seen = Detections(
         start=np.asarray(feed.start),
         box=frame.to_scene(feed.box.astype(np.float64)),

@@ -10,10 +10,37 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..geometry import rotate, transform_boxes
 from ..types import Bools, Detections, Floats, Ints, Observation, Ragged, Scene, Task, starts_of
 from .action import COORDINATE_LIMIT, SIZE_LIMIT, padded
-from .local_frame import LocalFrame, rotate
 from .spaces import SCORE_LIMIT, VELOCITY_LIMIT
+
+
+@dataclass(frozen=True, eq=False)
+class LocalFrame:
+    """Planar rigid motion that takes the scene's frame of reference to the frame of the observations."""
+
+    yaw: float
+    translation: Floats  # [3] m, applied after the rotation
+
+    @classmethod
+    def of(cls, scene: Scene, rng: np.random.Generator | None = None) -> LocalFrame:
+        """The frame in which the first ego pose is the origin, moved at random if ``rng`` is given."""
+        x, y, z, ego_yaw = (float(value) for value in scene.ego[0])
+        turn, shift = 0.0, np.zeros(3)
+        if rng is not None:
+            turn = float(rng.uniform(-np.pi, np.pi))
+            shift = rng.uniform(-1.0, 1.0, 3) * np.array([100.0, 100.0, 1.0])
+        yaw = turn - ego_yaw
+        return cls(yaw, shift - rotate(np.array([x, y, z]), yaw))
+
+    def to_local(self, box: Floats) -> Floats:
+        """Boxes [R, 7] of the scene in the local frame."""
+        return transform_boxes(box, self.yaw, self.translation)
+
+    def to_scene(self, box: Floats) -> Floats:
+        """Boxes [R, 7] of the local frame in the scene's."""
+        return transform_boxes(box, -self.yaw, -rotate(self.translation, -self.yaw))
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,16 +108,9 @@ def make_feed(scene: Scene, frame: LocalFrame, task: Task) -> Feed:
 
 def true_detections(scene: Scene) -> tuple[Detections, Ints]:
     """True boxes of the evaluated classes in the form of detections, and their ids."""
-    truth = scene.truth
-    shown = ~truth.neutral
-    boxes = Detections(
-        start=starts_of(np.bincount(truth.frame_of_rows[shown], minlength=truth.frames)),
-        box=truth.box[shown],
-        velocity=truth.velocity[shown],
-        class_id=truth.class_id[shown],
-        score=np.ones(int(shown.sum())),
-    )
-    return boxes, truth.object_id[shown]
+    shown = scene.truth.those(~scene.truth.neutral)
+    score = np.ones(len(shown.box))
+    return Detections(shown.start, shown.box, shown.velocity, shown.class_id, score), shown.object_id
 
 
 def _in_range(box: Floats, score: Floats, class_id: Ints, classes: int) -> Bools:

@@ -90,8 +90,9 @@ def run_isolated_scenes(
 ) -> list[SceneRun]:
     """`run_isolated` of every scene, in the order of ``scenes``.
 
-    Every scene has an agent of its own, so what one of them does ends at most its scene. ``progress`` is told the name
-    of every scene that is done, in the order of completion.
+    Every scene has an agent of its own, so what one of them does ends at most its scene. ``submission``, ``env_id``,
+    ``env_keywords``, ``seed``, ``parameters`` and ``limits`` as there. ``workers`` run them, ``progress`` is told the
+    name of every scene that is done, in the order of completion.
     """
     compile_kernels()
     calls = [(submission, env_id, env_keywords, scene, seed, parameters, limits) for scene in scenes]

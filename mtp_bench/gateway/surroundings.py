@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..errors import SubmissionError
 from ..sources.cache import cache_root
-from ..sources.roots import data_root
+from ..sources.dataset import data_root
 from ..submission.loader import Submission
 
 _KERNELS = {  # those that baselines need

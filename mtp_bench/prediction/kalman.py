@@ -45,7 +45,11 @@ def rotation(heading: Floats) -> Floats:
 
 
 def filtered(position: Floats, valid: Bools, class_id: Ints, noise: NoiseTable, dt: float) -> Posterior:
-    """Posterior of tracks whose past positions [N, P, 2] were seen where ``valid`` [N, P], oldest first."""
+    """Position, velocity and covariance of tracks now, from their pasts.
+
+    ``position`` [N, P, 2] m, heading frame, oldest first; ``valid`` [N, P]: where a detection was taken; ``class_id``
+    [N] chooses the row of ``noise``; ``dt``: frame period, s.
+    """
     n, length, _ = position.shape
     r2 = noise.measurement[class_id][:, None] ** 2
     q = noise.jerkiness[class_id] ** 2

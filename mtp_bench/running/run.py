@@ -32,9 +32,9 @@ Finish = Callable[[Scene, Rollout, Card], Any]
 def run_scene(agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str | None = None) -> Rollout:
     """Rollout of ``agent`` on one scene of ``env``, with the seconds that ``act`` took per frame.
 
-    The agent's own seed depends on ``seed`` alone, so that it does not give the scene away. Raises SubmissionError,
-    naming the agent (``name``, else its class), scene and frame, if the agent raises; answers that break the contract
-    are counted in the rollout instead.
+    ``scene_name``: one of ``env.scene_names``. The agent's own seed depends on ``seed`` alone, so that it does not give
+    the scene away. Raises SubmissionError, naming the agent (``name``, else its class), scene and frame, if the agent
+    raises; answers that break the contract are counted in the rollout instead.
     """
     name = name or type(agent).__name__
     observation, _ = env.reset(seed=derived_seed(seed, scene_name, "env"), options={"scene": scene_name})

@@ -44,7 +44,8 @@ class ForecastErrors:
 def match_objects(truth: Truth, object_frame: Ints, object_box: Floats, object_class: Ints, card: Card) -> ObjectMatch:
     """Match forecast objects to true boxes by BEV centre distance, per frame and class, inside the forecast gate.
 
-    Objects have a frame [n], a box [n, 7] and a class [n]; they are sorted by frame.
+    ``truth``: true boxes of the scene; ``object_frame`` [n], ``object_box`` [n, 7] and ``object_class`` [n] of the
+    forecast objects, sorted by frame; ``card``: gates and classes.
     All evaluated true boxes take part, targets or not; objects left over are then offered to the neutral ones.
     """
     gates = card.per_class(card.task.forecast_gate)
@@ -87,9 +88,10 @@ def frame_error(
 ) -> float:
     """Missing-aware error of frame ``t``, metres: the sum over targets and false forecasts per target.
 
-    Objects [O, 7] and their classes [O], forecasts [O, K, T, 2] in absolute x y of the scene's frame, log-weights
-    [O, K], -inf for an absent sample. Without a target in the frame the sum is not divided; without a false
-    forecast either it is 0. False forecasts count where the truth is complete.
+    ``targets``: of the ``scene`` under ``card``. ``object_box`` [O, 7] and ``object_class`` [O] of the forecast
+    objects; ``forecast_xy`` [O, K, T, 2] m, absolute in the scene's frame; ``log_weight`` [O, K], -inf for an absent
+    sample. Without a target in the frame the sum is not divided; without a false forecast either it is 0. False
+    forecasts count where the truth is complete.
     """
     rows, here = scene.truth.rows(t), targets.rows(t)
     miss_error = np.asarray(card.per_class(card.task.miss_error))

@@ -90,7 +90,10 @@ def event_pairs(truth: Truth, rollout: Rollout, card: Card) -> Pairs:
 
 
 def gated_pairs(truth: Truth, start: Ints, box: Floats, class_id: Ints, card: Card) -> Pairs:
-    """Pairs of true boxes and other boxes [n, 7] inside the event gate of the card; ``start`` [F + 1] as in `Truth`."""
+    """Pairs of the boxes of ``truth`` and other boxes inside the event gate of ``card``.
+
+    ``box`` [n, 7] and ``class_id`` [n] of the others; ``start`` [F + 1]: where the rows of each frame start.
+    """
     gate = card.task.event_gate
     return box_pairs(
         truth.frame_of_rows,

@@ -42,8 +42,9 @@ def near_pairs(
 ) -> tuple[Rows, Rows, NDArray[np.float64]]:
     """All (a, b, distance) of one frame with a BEV centre distance of at most ``reach`` metres (inclusive).
 
-    Frames are integers [A], [B]; positions [A, 2], [B, 2] are finite. Pairs are sorted by a. A sweep over one sorted
-    key per table, ``frame * span + x``, visits only neighbours in x, so the cost grows with the number of close pairs.
+    ``frame_a`` [A], ``frame_b`` [B]: whole numbers; ``xy_a`` [A, 2], ``xy_b`` [B, 2]: m, finite. Pairs are sorted by a.
+    A sweep over one sorted key per table, ``frame * span + x``, visits only neighbours in x, so the cost grows with the
+    number of close pairs.
     """
     nothing = np.zeros(0, dtype=np.intp)
     if len(frame_a) == 0 or len(frame_b) == 0:
@@ -80,8 +81,9 @@ def box_pairs(
 ) -> Pairs:
     """Pairs of boxes of one frame and class inside the event gate (protocol, "Matching truth to tracks").
 
-    Boxes [A, 7], [B, 7]; ``threshold`` per class of a: least IoU for ``iou_3d`` (cost 1 - IoU), greatest BEV distance
-    in metres for ``center_distance``. A class of -1 in b fits every class.
+    ``frame_a`` [A], ``box_a`` [A, 7], ``class_a`` [A] and ``frame_b``, ``box_b``, ``class_b`` of the two tables.
+    ``measure`` is ``iou_3d`` or ``center_distance``; ``threshold`` per class of a: least IoU (the cost is 1 - IoU), or
+    greatest BEV distance in metres. A class of -1 in b fits every class.
     """
     limit = np.asarray(threshold, dtype=np.float64)
     if measure == "iou_3d":

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from importlib import import_module
 from pathlib import Path
 
-from ..cards import Card
+from ..cards import Card, load_card
+from ..errors import UnknownNameError
+from ..types import Scene
 from .base import Preparation, SourcePackage
 from .base import SceneSource as SceneSource
 from .dataset import DataCheck as DataCheck
@@ -23,6 +25,22 @@ def open_source(card: Card, data: str | Path | None = None) -> SceneSource:
     """
     source = _package(card).open(card, data)
     return source if card.detector is None else SimulatedDetections(source, card)
+
+
+def load_scenes(
+    card: str | Card, data: str | Path | None = None, names: Iterable[str] | None = None
+) -> Iterator[Scene]:
+    """The scenes of an env, truth included, read one after the other as they are asked for.
+
+    ``card``: an env id, the path of a card, or a card (`Card.with_split` chooses another split). ``data``: the data
+    root, else that of MTP_BENCH_DATA. ``names``: those scenes alone. Raises UnknownNameError or DataError.
+    """
+    source = open_source(card if isinstance(card, Card) else load_card(card), data)
+    chosen = tuple(source.names if names is None else names)
+    for name in chosen:
+        if name not in source.names:
+            raise UnknownNameError("scene", name, source.names)
+    return (source.load(name) for name in chosen)
 
 
 def describe(card: Card, data: str | Path | None = None) -> DataStatus:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, TypeVar
@@ -11,7 +11,7 @@ import numpy as np
 
 from ..cards import Card, HighwaySource, KittiSource, Mot3dSource, NuScenesSource, WildtrackSource
 from ..errors import CardError, nearest
-from ..types import Detections, Scene
+from ..types import Detections, Ints, Scene
 from .dataset import DataStatus
 
 DataRoot = str | Path | None  # None: from MTP_BENCH_DATA, else the user data folder
@@ -70,6 +70,11 @@ def require_rate(card: Card, dataset: str, rate: float, stride: int = 1) -> None
     if not np.isclose(card.task.rate * stride, rate):
         thinned = f", which with stride {stride} gives {rate / stride:g} Hz" if stride > 1 else ""
         raise CardError(f"{card.id}: task.rate is {card.task.rate:g} Hz, but {dataset} has {rate:g} Hz{thinned}")
+
+
+def class_ids(known: Sequence[str], classes: Sequence[str]) -> Ints:
+    """Place of each of the ``known`` classes of a dataset among those of a task, -1 for one that is not there."""
+    return np.array([classes.index(name) if name in classes else -1 for name in known], dtype=np.int64)
 
 
 def no_detections(frames: int) -> Detections:

@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
 from ..errors import DataError
-from .roots import data_root
 
 Read = TypeVar("Read")
+VARIABLE = "MTP_BENCH_DATA"
+
+
+def data_root(data: str | Path | None) -> tuple[Path, str]:
+    """The data root and, for messages, where its name comes from.
+
+    It is the given one, else that of MTP_BENCH_DATA, else the user data folder.
+    """
+    if data is not None:
+        return Path(data).expanduser(), "given as data root"
+    if os.environ.get(VARIABLE):
+        return Path(os.environ[VARIABLE]).expanduser(), f"from {VARIABLE}"
+    from platformdirs import user_data_path
+
+    return user_data_path("mtp_bench", appauthor=False), "the user data folder"
 
 
 @dataclass(frozen=True)
@@ -142,13 +157,9 @@ class Dataset:
             dataset=self.name,
             root=root,
             searched=searched,
-            layout=self.layout,
             missing=tuple(found.missing),
             notes=tuple(found.notes),
             problems=tuple(found.problems),
             checks=tuple(found.checks),
-            licence=self.licence,
-            citation=self.citation,
-            how_to_get=self.how_to_get,
-            generated=self.generated,
+            **{name: getattr(self, name) for name in ("layout", "licence", "citation", "how_to_get", "generated")},
         )

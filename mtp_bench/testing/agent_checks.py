@@ -12,9 +12,8 @@ from ..errors import MtpBenchError, UnknownNameError
 from ..running.run import MakeAgent
 from ..scoring import mean_error
 from .findings import AgentError, Finding
-from .playing import another_clock, first_difference, play
+from .playing import Suite, another_clock, first_difference, play, score_of
 from .stress_checks import extremes, latency, other_sizes, unmoved
-from .suite import Suite, score_of
 
 SCENES = 2  # that are checked unless named
 LARGEST_PICKLE = 1 << 20  # bytes

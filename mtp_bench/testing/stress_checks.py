@@ -7,17 +7,20 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..env.observation import Feed
 from ..running.run import agent_task
 from ..scoring import mean_error
+from ..types import Observation, Task, starts_of
 from .findings import AgentError, Finding
-from .made_up import extreme_frames
-from .playing import play, play_made_up
-from .suite import Suite, score_of
+from .playing import Suite, play, play_made_up, score_of
 
 MOTION_TOLERANCE = 0.05  # of the score, for the rounding of forecasts and for draws along the axes
 _FEW = 6  # frames that show whether other sizes work
 _SMALL = {"detections": 4, "tracks": 3, "objects": 2, "hypotheses": 1, "samples": 1}
 _MORE = {"detections": 9, "tracks": 7, "objects": 5, "hypotheses": 3, "samples": 2}
+_APART = 6.0  # m between detections
+_SPEED = 2.0  # m/s along x
+_FULL = np.array([False, True, True, True, False, False, True])
 
 
 def other_sizes(suite: Suite) -> Iterator[Finding]:
@@ -71,3 +74,28 @@ def latency(suite: Suite) -> Iterator[Finding]:
         first = 1000.0 * max(played.seconds[0] for played in suite.played)
         text = f"{p50:.1f} ms per frame (p50), {p95:.1f} ms (p95); slowest first frame {first:.0f} ms"
         yield Finding("ok", "", text)
+
+
+def extreme_frames(task: Task) -> list[tuple[str, Observation]]:
+    """Frames that no scene holds: none, a full one three times, none twice, and full again: [(what, observation)]."""
+    frames, size = len(_FULL), task.detections
+    frame, place = np.repeat(np.flatnonzero(_FULL), size), np.tile(np.arange(size), int(_FULL.sum()))
+    side = int(np.ceil(np.sqrt(size)))
+    box = np.tile([0.0, 0, 0, 0, 4.0, 1.8, 1.5], (len(place), 1))
+    box[:, 0] = _APART * (place % side) + _SPEED * frame * task.dt
+    box[:, 1] = _APART * (place // side)
+    feed = Feed(
+        start=starts_of(size * _FULL),
+        size=size,
+        box=box,
+        velocity=np.tile([_SPEED if task.velocity else 0.0, 0.0], (len(place), 1)),
+        score=np.ones(len(place)),
+        class_id=place % len(task.classes),
+        object_id=place if task.observe == "truth" else None,
+        ego=np.zeros((frames, 4)),
+        time=task.dt * np.arange(frames),
+        dt=np.where(np.arange(frames) > 0, task.dt, 0.0),
+        dropped=np.zeros(frames, dtype=np.int64),
+    )
+    words = {True: "as many detections as fit", False: "no detections"}
+    return [(f"frame {t} ({words[bool(_FULL[t])]})", feed.observe(t)) for t in range(frames)]

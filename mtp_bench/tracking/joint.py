@@ -58,7 +58,9 @@ class ClusterSolutions:
 def cluster_k_best(
     indptr: ArrayLike, column: ArrayLike, cost: ArrayLike, columns: int, member: ArrayLike, base_cost: ArrayLike, k: int
 ) -> ClusterSolutions:
-    """The ``k`` best solutions of every cluster of every parent; arguments and errors as for `joint_k_best`.
+    """The ``k`` best solutions of every cluster of every parent.
+
+    ``indptr``, ``column``, ``cost``, ``columns``, ``member``, ``base_cost`` and errors as for `joint_k_best`.
 
     Clusters share no column, so that ``row_to_column[h, i]`` is a solution of parent h for every i, and solution 0 is
     its cheapest: ``base_cost[h] + cost[h, :, 0].sum()``. Parents are not merged.
@@ -147,7 +149,9 @@ def _explain(error: int, where: int, problem: _Problem) -> NoReturn:
 def per_cluster(
     indptr: Ints, column: Ints, cost: Floats, columns: int, member: Bools, base_cost: Floats, k: int
 ) -> tuple[Floats, Ints, Ints]:
-    """Costs [k'], row_to_column [k', N] and parent [k'], cheapest first; arguments as of `joint_k_best`.
+    """Costs [k'], row_to_column [k', N] and parent [k'], cheapest first.
+
+    ``indptr``, ``column``, ``cost``, ``columns``, ``member`` and ``base_cost`` as of `joint_k_best`.
 
     In a crowd the cheapest global hypotheses differ in one or two places only. Clusters are independent: one hypothesis
     can hold the second choice of all of them. Child i of a parent takes the i-th best solution of every cluster (the

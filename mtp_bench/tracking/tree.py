@@ -74,6 +74,7 @@ class HypothesisTree:
 
         ``column`` [K, N]: the detection that each leaf takes in each new hypothesis, -1 for none; ``parent`` [K]: the
         old hypothesis that it comes from; ``max_age`` [N]: a track ends after so many frames without a detection.
+        ``seen``: the detections of the frame; ``dt``: seconds since the frame before.
         """
         leaf, detection, self.member, self._name = grow(
             column, parent, self.member, self.memory[AGE], max_age, len(seen.box)

@@ -93,7 +93,11 @@ def _row(x: Floats) -> dict[str, Any]:
 
 
 def forecast_score(position: Floats, valid: Bools, future: Floats, noise: NoiseTable, dt: float) -> float:
-    """Mean continuous ranked probability score (m) of the constant-velocity forecast of windows of one class."""
+    """Mean continuous ranked probability score (m) of the constant-velocity forecast of windows of one class.
+
+    ``position`` [n, P, 2] and ``valid`` [n, P]: pasts, heading frame; ``future`` [n, T, 2]: the truth, m; ``noise``: of
+    that class; ``dt``: frame period, s.
+    """
     state = filtered(position, valid, np.zeros(len(position), dtype=np.int64), noise, dt)
     tau = dt * np.arange(1, future.shape[1] + 1)[:, None]
     mean = state.position[:, None] + tau * state.velocity[:, None]

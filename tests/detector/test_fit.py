@@ -12,7 +12,6 @@ import pytest
 from mtp_bench.detector import Profile, load_profile, profile_names
 from mtp_bench.detector.fit import fit_profile
 from mtp_bench.detector.fit.samples import collect
-from mtp_bench.detector.fit.statistics import ClassStatistics, detector_statistics
 from mtp_bench.detector.profile import profile_text
 from mtp_bench.detector.sight import Sensor
 from mtp_bench.detector.simulate import simulate
@@ -20,6 +19,7 @@ from mtp_bench.errors import DataError
 from mtp_bench.geometry import transform_boxes
 from mtp_bench.types import Detections, Scene, Truth
 from tests.support.detector_scenes import assert_alike, grid_truth
+from tests.support.detector_statistics import ClassStatistics, detector_statistics
 
 SENSOR = Sensor(reach=60.0, field_of_view=2 * np.pi)
 CLASSES = ("car", "pedestrian")

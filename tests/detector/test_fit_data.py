@@ -11,13 +11,13 @@ import pytest
 from mtp_bench.cards import load_card
 from mtp_bench.detector import Profile, load_profile
 from mtp_bench.detector.fit import fit_profile
-from mtp_bench.detector.fit.statistics import ClassStatistics, detector_statistics
 from mtp_bench.detector.sight import Sensor, Sight, sight
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.detector.variants import with_variant
 from mtp_bench.sources import open_source
 from mtp_bench.types import Scene
 from tests.support.detector_scenes import assert_alike
+from tests.support.detector_statistics import ClassStatistics, detector_statistics
 
 pytestmark = pytest.mark.data
 

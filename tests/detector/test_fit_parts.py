@@ -7,10 +7,9 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
+from mtp_bench.detector.fit.detector import fit_false_positives, logistic
 from mtp_bench.detector.fit.errors import fit_memory
 from mtp_bench.detector.fit.samples import FalsePositiveSamples, ObjectSamples
-from mtp_bench.detector.fit.scores import fit_false_positives
-from mtp_bench.detector.fit.undetected import logistic
 from mtp_bench.detector.profile import ScoreNoise
 from mtp_bench.detector.truncated import fit_truncated, latent_of, within_limits
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mtp_bench.detector.fit.matching import at_floor, gate, match
-from mtp_bench.detector.fit.statistics import ClassStatistics, detector_statistics
+from mtp_bench.detector.fit.samples import at_floor, gate, match
 from mtp_bench.detector.sight import Sensor
 from mtp_bench.errors import DataError
 from mtp_bench.types import Detections, Floats, Scene, Truth
+from tests.support.detector_statistics import ClassStatistics, detector_statistics
 
 AHEAD = Sensor(reach=50.0, field_of_view=np.pi / 2)
 CLASSES = ("car", "pedestrian")

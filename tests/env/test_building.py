@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mtp_bench import ShapeError, Tracks, answer
-from mtp_bench.env.action import FIELDS, action_table
+from mtp_bench.env.action import FIELDS
 from mtp_bench.env.decoding import decode
 from mtp_bench.env.spaces import action_space
 from tests.support.small_scenes import task
@@ -23,6 +23,16 @@ FUTURE = np.arange(12.0).reshape(2, 3, 2)
 def said(**changes: Any) -> dict[str, Any]:
     """Two objects with one sample each, and what is to be different."""
     return {"boxes": BOX, "classes": CLASS, "forecasts": FUTURE, **changes}
+
+
+def action_table() -> str:
+    """The fields as a table in Markdown."""
+    lines = ["| field | shape | dtype | entries | meaning |", "|---|---|---|---|---|"]
+    for field in FIELDS:
+        shape, dtype = field.shape.replace(" ", ", "), np.dtype(field.content.dtype)
+        meaning = field.meaning + (" Optional." if field.optional else "")
+        lines.append(f"| `{field.name}` | ({shape}) | {dtype} | {field.content.expected} | {meaning} |")
+    return "\n".join(lines) + "\n"
 
 
 def test_the_table_is_in_the_documentation(repository: Path) -> None:

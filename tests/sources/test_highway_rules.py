@@ -10,13 +10,12 @@ from shapely.geometry import Polygon
 
 from mtp_bench.geometry import bev_corners
 from mtp_bench.sources.highway.conflicts import Passage, Zone, passages
-from mtp_bench.sources.highway.driver import Driver
 from mtp_bench.sources.highway.following import Leaders, braking, steering, sweep
 from mtp_bench.sources.highway.networks import build
-from mtp_bench.sources.highway.overlap import overlapping
-from mtp_bench.sources.highway.population import draw_profile
+from mtp_bench.sources.highway.population import Driver, draw_profile
 from mtp_bench.sources.highway.right_of_way import RightOfWay, Walk
 from mtp_bench.sources.highway.routes import NOWHERE, tabulate
+from mtp_bench.sources.highway.simulate import overlapping
 from mtp_bench.sources.highway.social_force import APART, eased, kept_apart, kept_out, social_force
 from mtp_bench.sources.highway.state import observe
 from mtp_bench.sources.highway.world import ScenarioName

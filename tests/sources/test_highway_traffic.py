@@ -17,9 +17,8 @@ from mtp_bench.errors import DataError
 from mtp_bench.geometry import bev_corners, wrap_angle
 from mtp_bench.sources.cache import content_hash
 from mtp_bench.sources.highway import simulate
-from mtp_bench.sources.highway.overlap import overlapping
-from mtp_bench.sources.highway.packing import pack
-from mtp_bench.sources.highway.simulate import simulate_world
+from mtp_bench.sources.highway.simulate import overlapping, simulate_world
+from mtp_bench.sources.highway.store import pack
 from mtp_bench.sources.highway.world import CLASSES, RATE, Traffic, World
 from mtp_bench.types import Floats
 

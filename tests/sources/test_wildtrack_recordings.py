@@ -14,10 +14,9 @@ from scipy.spatial.transform import Rotation
 
 from mtp_bench.cards import load_card
 from mtp_bench.detector import load_profile
+from mtp_bench.detector.fit.detector import fit_false_positives, fit_undetected
 from mtp_bench.detector.fit.errors import fit_position
 from mtp_bench.detector.fit.samples import RADIAL, TANGENTIAL, collect
-from mtp_bench.detector.fit.scores import fit_false_positives
-from mtp_bench.detector.fit.undetected import fit_undetected
 from mtp_bench.detector.sight import Sensor, sight
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.sources.wildtrack.files import read_annotations

@@ -14,9 +14,8 @@ from mtp_bench.errors import CardError, DataError, UnknownNameError
 from mtp_bench.sources import describe, open_source, prepare
 from mtp_bench.sources.base import section_of
 from mtp_bench.sources.cache import VARIABLE, cache_root, content_hash
-from mtp_bench.sources.highway.packing import pack, unpack
 from mtp_bench.sources.highway.source import ever_seen, traffic_of
-from mtp_bench.sources.highway.store import WorldStore
+from mtp_bench.sources.highway.store import WorldStore, pack, unpack
 from mtp_bench.sources.highway.world import CLASSES, Traffic, World
 from mtp_bench.types import Floats, Lane, Truth
 from tests.support.detector_scenes import grid_truth

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from mtp_bench.detector import Profile, load_profile
-from mtp_bench.detector.fit.statistics import ClassStatistics
 from mtp_bench.detector.sight import Sensor, Sight
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.types import Bools, Detections, Floats, Ints, Truth, starts_of_sorted
+from tests.support.detector_statistics import ClassStatistics
 
 SIZE = (4.0, 2.0, 1.6)
 SPACING = 20.0  # m between the objects of a crowd: a detection belongs to the nearest one

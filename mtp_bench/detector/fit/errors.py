@@ -8,11 +8,11 @@ from ...geometry import wrap_angle
 from ...types import Floats
 from ..profile import HeadingNoise, Memory, PositionNoise, SizeNoise
 from .samples import HEADING, HEIGHT, SIZE, ObjectSamples
-from .statistics import robust_deviation
 
 _LAGS = range(1, 9)  # frames
 _FEW = 30  # pairs or values from which a figure is taken
 _LATENT = 4.0  # bound of a latent normal number: one wild error does not make an autocorrelation
+_NORMAL_MAD = 1.4826  # standard deviation over median absolute deviation of a normal number
 _PHI = np.linspace(0.0, 0.98, 99)
 
 
@@ -126,6 +126,11 @@ def fit_velocity(objects: ObjectSamples) -> float | None:
     known = objects.velocity_error[np.isfinite(objects.velocity_error).all(axis=1)]
     deviation = robust_deviation(known.ravel()) if len(known) >= _FEW else None
     return None if deviation is None else round(deviation, 4)
+
+
+def robust_deviation(value: Floats) -> float | None:
+    """Standard deviation by the median absolute deviation; None for nothing."""
+    return float(_NORMAL_MAD * np.median(np.abs(value - np.median(value)))) if len(value) else None
 
 
 def _triple(value: Floats) -> tuple[float, float, float]:

@@ -21,10 +21,8 @@ _CLOSE = 0.05  # m, smaller gaps count as this
 _LATERAL_RATE = 0.8  # 1/s, how fast an offset from the lane's middle is worked off
 _LATERAL_SPEED = 1.3  # m/s at most
 _HEADING_RATE = 3.3  # 1/s
-_SWERVE, _SLOW = (
-    2.2,
-    5.5,
-)  # m/s2 of lateral acceleration at most, beyond that of the bend; m/s, who is slower turns as at this
+_SWERVE = 2.2  # m/s2 of lateral acceleration at most, beyond that of the bend
+_SLOW = 5.5  # m/s, who is slower turns as at this
 _PREVIEW = 0.3  # s
 _MOST_SLIP = 0.45  # sine of the angle between heading and course, some 0.8 rad of steering
 _SLIP_RATE = 0.3  # rad/s, some 0.6 rad/s of steering
@@ -100,7 +98,11 @@ def free_acceleration(speed: Floats, wanted: Floats, temper: Floats) -> Floats:
 
 
 def braking(speed: Floats, gap: Floats, leader: Floats, temper: Floats, least: Floats | float | None = None) -> Floats:
-    """What the driver model takes off the acceleration ``[N]`` for a leader at a gap."""
+    """What the driver model takes off the acceleration ``[N]``, m/s2, for a leader at a ``gap`` ``[N]`` m.
+
+    ``speed`` and ``leader`` ``[N]``: m/s of both; ``temper``: parameters of the drivers; ``least``: distance at rest,
+    m.
+    """
     a, b = temper[..., 4], temper[..., 5]
     closing = speed * (speed - leader) / (2.0 * np.sqrt(a * b))
     jam = temper[..., 3] if least is None else least
@@ -112,6 +114,7 @@ def braking(speed: Floats, gap: Floats, leader: Floats, temper: Floats, least: F
 def steering(state: State, geometry: LaneGeometry, routes: RouteTable, before: Floats, dt: float) -> Floats:
     """Steering angle ``[N]`` that brings everybody to its place in the lane and along it.
 
+    ``state``: where everybody is on the lanes of ``geometry``, on their ``routes``.
     ``before``: the angles ``[N]`` of ``dt`` seconds ago, which limit those of now.
     """
     v = np.maximum(state.speed, 1.0)

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from highway_env.road.lane import CircularLane, SineLane, StraightLane
 
 from ...errors import DataError
-from ...types import Bools, Floats, Ints
+from ...types import Bools, Floats, Ints, Lane
 
 LaneIndex = tuple[str, str, int]
+
+_STEP = 2.0  # m between two points of a polyline
+_JOINT = 0.5  # m, the end of a lane and the start of the one that continues it may be this far apart
 
 
 class LaneGeometry:
@@ -88,3 +92,27 @@ class LaneGeometry:
     def curvature(self, lane: Ints) -> Floats:
         """Change of heading per metre ``[n]`` of lanes ``[n]``; waves count as straight."""
         return self.turn[lane] / self.radius[lane]
+
+
+def lane_map(geometry: LaneGeometry) -> tuple[Lane, ...]:
+    """All lanes, z up and right-handed: centre and borders every 2 m or less, and which lanes continue which."""
+    lanes, index = geometry.lanes, geometry.index
+    centers = [_polyline(lane, 0.0) for lane in lanes]
+    result = []
+    for k, lane in enumerate(lanes):
+        half = float(lane.width_at(0.0)) / 2
+        following = tuple(
+            j
+            for j in range(len(lanes))
+            if index[j][0] == index[k][1] and np.linalg.norm(centers[j][0] - centers[k][-1]) < _JOINT
+        )
+        result.append(Lane(centers[k], _polyline(lane, -half), _polyline(lane, half), following))
+    return tuple(result)
+
+
+def _polyline(lane: Any, lateral: float) -> Floats:
+    """Points ``[n, 2]`` at a distance to the right of the middle, from the lane's start to its end."""
+    at = np.linspace(0.0, float(lane.length), max(math.ceil(float(lane.length) / _STEP), 1) + 1)
+    points: Floats = np.array([lane.position(float(s), lateral) for s in at], dtype=np.float64)
+    points[:, 1] *= -1.0
+    return points + 0.0

@@ -173,15 +173,8 @@ def _parallel(network: Any, road: tuple[str, str], x: tuple[float, float], lanes
 def _ramp(x: tuple[float, float], y: float, approaching: bool, limit: float) -> SineLane:
     middle = y + RAMP_SWING
     phase = np.pi / 2 if approaching else -np.pi / 2
-    return SineLane(
-        (x[0], middle),
-        (x[1], middle),
-        RAMP_SWING,
-        np.pi / (x[1] - x[0]),
-        phase,
-        WIDTH,
-        speed_limit=limit,
-    )
+    pulsation = np.pi / (x[1] - x[0])
+    return SineLane((x[0], middle), (x[1], middle), RAMP_SWING, pulsation, phase, WIDTH, speed_limit=limit)
 
 
 def _merge(seconds: float) -> RoadMap:

@@ -1,14 +1,15 @@
-"""Who drives: sizes and tempers drawn at random, and the places where vehicles come in."""
+"""Who drives: vehicles with a size and a temper of their own, drawn at random, and the places where they come in."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from highway_env.vehicle.kinematics import Vehicle
 
 from ...types import Floats
-from .driver import Driver, Entry, Profile
 from .networks import RoadMap
 from .routes import Route
 from .world import CLASSES
@@ -28,6 +29,64 @@ _TRIES = 6  # steps that a vehicle waits for room; then somebody else comes
 _LANE_WIDE = 2.5  # m from the middle of a lane: who is nearer is in it
 _SHARE = 0.6  # of the time gap that a vehicle comes in with
 _FIRST_ROOM = 10.0  # m, least space between two vehicles that are there from the start
+
+
+@dataclass(frozen=True)
+class Profile:
+    """What a vehicle is and how it is driven."""
+
+    class_id: int
+    length: float  # m
+    width: float
+    height: float
+    wheelbase: float
+    pace: float  # desired speed as a share of the limit
+    top_speed: float  # m/s
+    time_gap: float  # s
+    min_gap: float  # m, to a standing leader
+    acceleration: float  # m/s2
+    braking: float  # m/s2, comfortable
+    politeness: float  # 0 selfish, 1 counts others like itself
+    aside: float  # m, how far right of the middle of the lane it keeps
+
+
+class Driver(Vehicle):  # type: ignore[misc]
+    """A vehicle that does what its last ``act`` says: steering angle in rad, acceleration in m/s2.
+
+    ``LENGTH`` is the wheelbase, which is what highway-env's bicycle model turns by; the box has its own size in
+    ``profile``. highway-env's collision handling is off (its response would move the vehicles): overlaps are judged by
+    `simulate.overlapping`. The lane is kept by number, for all vehicles at once, see `state.observe`.
+    """
+
+    position: Any  # [2] m
+    heading: Any
+    speed: Any
+
+    def __init__(
+        self, road: Any, position: Floats, heading: float, speed: float, profile: Profile, number: int
+    ) -> None:
+        nowhere: Any = None  # highway-env would search the nearest of all lanes
+        super().__init__(nowhere, position, heading, speed)
+        self.road = road
+        self.LENGTH, self.WIDTH = profile.wheelbase, profile.width
+        self.check_collisions = False
+        self.impact = None
+        self.profile = profile
+        self.number = number  # never used twice in a world
+        self.route = -1
+        self.lane_number = -1
+        p = profile
+        self.traits = (p.length, p.width, p.wheelbase, p.pace, p.top_speed, p.time_gap, p.min_gap, p.acceleration,
+                       p.braking, p.politeness, p.aside)  # fmt: skip
+
+    def on_state_update(self) -> None:
+        """Nothing: the lane is found for all vehicles at once."""
+
+    def snap(self) -> None:
+        """Rounds the state to 1e-6, so that the last bits of a processor's arithmetic cannot grow."""
+        self.position = np.round(self.position, 6) + 0.0
+        self.heading = round(float(np.remainder(self.heading + np.pi, 2 * np.pi) - np.pi), 6) + 0.0
+        self.speed = round(float(self.speed), 6) + 0.0
 
 
 def draw_profile(fast: bool, rng: np.random.Generator) -> Profile:
@@ -56,8 +115,8 @@ def draw_profile(fast: bool, rng: np.random.Generator) -> Profile:
 class Gate:
     """Where vehicles come in: keeps the road at the number of vehicles that is aimed at."""
 
-    def __init__(self, town: RoadMap, vehicles: int, make: Callable[[Entry], Driver], rng: np.random.Generator) -> None:
-        self._map, self._aim, self._make, self._rng = town, vehicles, make, rng
+    def __init__(self, town: RoadMap, vehicles: int, rng: np.random.Generator) -> None:
+        self._map, self._aim, self._rng = town, vehicles, rng
         self._made = 0
         self._next: tuple[Profile, int] | None = None  # waits until there is room
         self._tries = 0
@@ -106,8 +165,10 @@ class Gate:
             return False
         way = self._map.geometry.lanes[lane]
         position = np.asarray(way.position(at, profile.aside), dtype=np.float64)
-        entry = Entry(profile, self._made, route, lane, position, float(way.heading_at(at)), speed)
-        road.vehicles.append(self._make(entry))
+        vehicle = Driver(road, position, float(way.heading_at(at)), speed, profile, self._made)
+        vehicle.route, vehicle.lane_number = route, lane
+        vehicle.snap()
+        road.vehicles.append(vehicle)
         self._made += 1
         return True
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from ...geometry import wrap_angle
 from ...types import Floats, Ints, Lane, Truth, starts_of_sorted
-from .driver import Driver
 from .pedestrians import Crowd
+from .population import Driver
 from .world import CLASSES, RATE, World
 
 _EGO_HEIGHT = 1.7  # m

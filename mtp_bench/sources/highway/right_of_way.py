@@ -66,6 +66,7 @@ class RightOfWay:
     def update(self, state: State, ahead: Leaders, walks: list[Walk], claimed: set[int], time: float) -> Floats:
         """Free metres ``[N]`` from everybody's bumper to where it must wait; inf: it need not.
 
+        ``state``: where everybody is; ``ahead``: whom they follow; ``walks``: who is on foot where; ``time``: s.
         ``claimed``: crossings where somebody on foot has waited long enough; nobody gets the right to pass them.
         """
         self._look(state, ahead)
@@ -108,15 +109,9 @@ class RightOfWay:
                 self._seen[number].held = before[number].held
 
     def _forget(self) -> None:
-        gone = [
-            n
-            for n in self._granted
-            if n not in self._seen or self._seen[n].rear > self.passages[self._seen[n].route].end
-        ]
-        for number in gone:
-            del self._granted[number]
-        for number in [n for n in self._asked if n not in self._seen]:
-            del self._asked[number]
+        inside = {n for n, me in self._seen.items() if me.rear <= self.passages[me.route].end}
+        self._granted = {n: yields for n, yields in self._granted.items() if n in inside}
+        self._asked = {n: time for n, time in self._asked.items() if n in self._seen}
 
     def _waiting(self, state: State) -> list[int]:
         """The first on every approach who has no right yet."""

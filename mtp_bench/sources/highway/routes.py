@@ -92,15 +92,10 @@ def _obligations(
 
 
 def _paths(following: Ints, length: Floats) -> tuple[Ints, Floats]:
-    routes, lanes = following.shape
-    path = np.full((routes, lanes, REACH), NOWHERE)
-    start = np.zeros((routes, lanes, REACH))
-    for r in range(routes):
-        for lane in range(lanes):
-            path[r, lane, 0] = lane
-            for k in range(1, REACH):
-                before = path[r, lane, k - 1]
-                if before != NOWHERE:
-                    path[r, lane, k] = following[r, before]
-                    start[r, lane, k] = start[r, lane, k - 1] + length[before]
+    path, start = np.full((*following.shape, REACH), NOWHERE), np.zeros((*following.shape, REACH))
+    path[..., 0] = np.arange(following.shape[1])
+    for k in range(1, REACH):
+        before = path[..., k - 1]
+        path[..., k] = np.where(before != NOWHERE, np.take_along_axis(following, before, axis=1), NOWHERE)
+        start[..., k] = np.where(before != NOWHERE, start[..., k - 1] + length[before], 0.0)
     return path, start

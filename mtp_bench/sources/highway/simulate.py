@@ -9,16 +9,14 @@ import numpy as np
 from highway_env.road.road import Road
 
 from ...errors import DataError
-from ...types import Floats
+from ...types import Bools, Floats, Ints
 from .conflicts import Passage, passages
-from .driver import Driver, Entry
 from .following import HARDEST, braking, desired_speed, free_acceleration, leaders, steering
 from .lane_change import LaneChanges
-from .lane_map import lane_map
+from .lane_geometry import lane_map
 from .networks import RoadMap, build
-from .overlap import overlapping
 from .pedestrians import Crowd
-from .population import Gate, boxes
+from .population import Driver, Gate, boxes
 from .recording import Recording
 from .right_of_way import RightOfWay
 from .routes import RouteTable, tabulate
@@ -85,7 +83,7 @@ class _Attempt:
         entries, people, self._rng = (np.random.default_rng([seed, attempt, kind]) for kind in range(3))
         self._crowd = Crowd(self._map.crossings, self._map.pavement, traffic.pedestrians, people)
         self._drivers = _Drivers(*places, self._crowd)
-        self._gate = Gate(self._map, traffic.vehicles, self._drivers.make, entries)
+        self._gate = Gate(self._map, traffic.vehicles, entries)
 
     def run(self, rejected: tuple[str, ...]) -> World | str:
         """The recorded world, or a word for what was wrong."""
@@ -101,7 +99,7 @@ class _Attempt:
                 recording.add(road.vehicles, vehicles, self._crowd, people)
             self._gate.admit(road, self._drivers.step(step, vehicles))
         sensor = None if self._traffic.sensor == "ego" else self._map.sensor
-        return recording.world(sensor, lane_map(self._map), rejected, self._rng)
+        return recording.world(sensor, lane_map(self._map.geometry), rejected, self._rng)
 
 
 class _Drivers:
@@ -114,22 +112,14 @@ class _Drivers:
         self._rules = RightOfWay(conflicts, town.first_in_first_out) if town.regulated else None
         self._changes = LaneChanges(town, routes) if town.overtaking else None
 
-    def make(self, entry: Entry) -> Driver:
-        """A vehicle for ``road``, which does not have it yet; its state is rounded."""
-        vehicle = Driver(self.road, entry.position, entry.heading, entry.speed, entry.profile, entry.number)
-        vehicle.route, vehicle.lane_number = entry.route, entry.lane
-        vehicle.snap()
-        return vehicle
-
     def step(self, step: int, vehicle_boxes: Floats) -> list[Driver]:
         """Move everybody by 1 / `RATE` seconds; returns those who are at the end of their route."""
         state = observe(self.road.vehicles, self._map, self._routes, *self._crowd.xy())
         acceleration = self._acceleration(state, step)
-        before = np.array([vehicle.command[0] for vehicle in state.vehicles])
+        before = np.array([vehicle.action["steering"] for vehicle in state.vehicles])
         angle = steering(state, self._map.geometry, self._routes, before, 1.0 / RATE)
         for vehicle, turn, gas in zip(state.vehicles, angle.tolist(), acceleration.tolist(), strict=True):
-            vehicle.order(turn, gas)
-        self.road.act()
+            vehicle.act({"steering": turn, "acceleration": gas})
         self.road.step(1.0 / RATE)
         for vehicle in state.vehicles:
             vehicle.snap()
@@ -152,8 +142,34 @@ class _Drivers:
             result = np.minimum(result, self._changes.bounds(state, wanted))
             self._changes.decide(state, wanted, step, 1.0 / RATE)
         result = np.minimum(result, free - braking(state.speed, lines, np.zeros(1), state.temper, _AT_LINES))
-        before = np.array([vehicle.command[1] for vehicle in state.vehicles])
+        before = np.array([vehicle.action["acceleration"] for vehicle in state.vehicles])
         result = np.clip(result, before - _JERK[0] / RATE, before + _JERK[1] / RATE)
         least = np.maximum(-HARDEST, -state.speed * RATE)  # nobody drives backwards
         bounded: Floats = np.maximum(result, least)
         return bounded
+
+
+def overlapping(box: Floats) -> Ints:
+    """Pairs ``[n, 2]`` of rows of boxes ``[N, 7]`` that overlap in bird's eye view (separating axes)."""
+    if len(box) < 2:
+        return np.empty((0, 2), dtype=np.int64)
+    reach = np.hypot(box[:, 4], box[:, 5]) / 2
+    dx, dy = box[:, 0, None] - box[:, 0], box[:, 1, None] - box[:, 1]
+    near = np.triu(dx * dx + dy * dy < (reach[:, None] + reach) ** 2, 1)
+    pairs: Ints = np.argwhere(near)
+    if len(pairs) == 0:
+        return pairs
+    a, b = box[pairs[:, 0]], box[pairs[:, 1]]
+    together: Ints = pairs[~(_separated(a, b) | _separated(b, a))]
+    return together
+
+
+def _separated(a: Floats, b: Floats) -> Bools:
+    """Whether an axis of box a ``[n, 7]`` separates it from box b: ``[n]`` bool."""
+    cos, sin = np.cos(a[:, 3]), np.sin(a[:, 3])
+    x, y = b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]
+    turn = b[:, 3] - a[:, 3]
+    c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+    along = (a[:, 4] + c * b[:, 4] + s * b[:, 5]) / 2
+    across = (a[:, 5] + s * b[:, 4] + c * b[:, 5]) / 2
+    return (np.abs(cos * x + sin * y) > along) | (np.abs(cos * y - sin * x) > across)

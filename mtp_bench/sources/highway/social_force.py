@@ -26,13 +26,14 @@ _STRONGEST = 3.0  # m/s2 of force
 
 
 def social_force(place: Floats, velocity: Floats, to_goal: Floats, pace: Floats, group: Ints) -> Floats:
-    """Acceleration ``[M, 2]`` of people at places ``[M, 2]`` on their way ``to_goal`` ``[M, 2]``."""
+    """Acceleration ``[M, 2]``, m/s2, of people on foot.
+
+    ``place`` ``[M, 2]`` m, ``velocity`` ``[M, 2]`` m/s, ``to_goal`` ``[M, 2]`` the way that is left, ``pace`` ``[M]``
+    the speed that they like, ``group`` ``[M]`` a number that companions share.
+    """
     far = np.hypot(to_goal[:, 0], to_goal[:, 1])
     wanted = to_goal / np.maximum(far, _TINY)[:, None] * np.minimum(pace, far / _SLOWING)[:, None]
-    between = place[:, None] - place
-    gap = np.hypot(between[..., 0], between[..., 1])
-    np.fill_diagonal(gap, np.inf)
-    unit = between / np.where(np.isinf(gap), 1.0, np.maximum(gap, _TINY))[..., None]
+    between, gap, unit = _pairs(place)
     ahead = wanted / np.maximum(np.hypot(wanted[:, 0], wanted[:, 1]), _TINY)[:, None]
     facing = -(ahead[:, None, :] * unit).sum(axis=2)
     friends: Bools = (group[:, None] == group) & np.isfinite(gap)
@@ -41,6 +42,14 @@ def social_force(place: Floats, velocity: Floats, to_goal: Floats, pace: Floats,
     push: Floats = (strength[..., None] * unit).sum(axis=1)
     force: Floats = (wanted - velocity) / _RELAX + push + _pull(between, friends)
     return shortened(force, _STRONGEST)
+
+
+def _pairs(place: Floats, least: float = _TINY) -> tuple[Floats, Floats, Floats]:
+    """Ways from everybody to everybody ``[M, M, 2]``, their lengths (inf to oneself), and the ways 1 m long."""
+    between = place[:, None] - place
+    gap = np.hypot(between[..., 0], between[..., 1])
+    np.fill_diagonal(gap, np.inf)
+    return between, gap, between / np.where(np.isinf(gap), 1.0, np.maximum(gap, least))[..., None]
 
 
 def shortened(vector: Floats, most: Floats | float) -> Floats:
@@ -60,10 +69,7 @@ def _pull(between: Floats, friends: Bools) -> Floats:
 
 def eased(place: Floats, velocity: Floats, vehicles: Floats, dt: float) -> Floats:
     """Velocities ``[M, 2]`` at which people can stop before they meet anybody or a vehicle (boxes ``[N, 7]``)."""
-    between = place[:, None] - place
-    gap = np.hypot(between[..., 0], between[..., 1])
-    np.fill_diagonal(gap, np.inf)
-    unit = between / np.where(np.isinf(gap), 1.0, np.maximum(gap, _TINY))[..., None]
+    _, gap, unit = _pairs(place)
     mine = -(velocity[:, None, :] * unit).sum(axis=2)  # how fast I come
     theirs = mine.T
     allowed = np.sqrt(2.0 * _EASY * np.maximum(np.where(np.isinf(gap), 0.0, gap) - APART, 0.0))
@@ -85,13 +91,10 @@ def eased(place: Floats, velocity: Floats, vehicles: Floats, dt: float) -> Float
 def kept_apart(place: Floats) -> Floats:
     """Places ``[M, 2]`` after pushing those apart who are too close."""
     for _ in range(3):
-        between = place[:, None] - place
-        gap = np.hypot(between[..., 0], between[..., 1])
-        np.fill_diagonal(gap, np.inf)
+        _, gap, unit = _pairs(place, 1e-6)
         short = np.maximum(APART + 1e-3 - gap, 0.0)
         if not short.any():
             break
-        unit = between / np.where(np.isinf(gap), 1.0, np.maximum(gap, 1e-6))[..., None]
         place = place + 0.5 * (short[..., None] * unit).sum(axis=1)
     return place
 

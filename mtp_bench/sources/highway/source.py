@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ...cards import Card, HighwaySource
 from ...errors import CardError, UnknownNameError
-from ...types import Bools, Floats, Ints, Scene, Truth, starts_of
-from ..base import Preparation, no_detections, require_classes, section_of
+from ...types import Bools, Floats, Scene, Truth, starts_of
+from ..base import Preparation, class_ids, no_detections, require_classes, section_of
 from .store import WorldStore
 from .world import CLASSES, RATE, Traffic, World
 
@@ -53,17 +52,19 @@ class HighwayTraffic:
             raise CardError(f"{self.card.id}: simulated traffic needs a [detector]")
         sensor = Sensor(detector.reach, float(np.deg2rad(detector.field_of_view)))
         frames = np.arange(0, len(world.time), self.stride)
-        class_id = _class_ids(self.card.task.classes)[world.truth.class_id]
+        class_id = class_ids(CLASSES, self.card.task.classes)[world.truth.class_id]
         keep = covered(world.truth, world.ego, sensor) & (class_id >= 0)
         seen = replace(world.truth, eligible=ever_seen(world.truth, world.visible))
-        truth, visible = _select(seen, world.visible, frames, keep, class_id)
+        keep &= seen.frame_of_rows % self.stride == 0
+        truth = replace(seen, class_id=class_id).those(keep)
+        truth = replace(truth, start=truth.start[np.append(frames, seen.frames)])  # no rows lie between the frames
         return Scene(
             name=name,
             time=world.time[frames],
             ego=world.ego[frames],
             truth=truth,
             detections=no_detections(len(frames)),
-            visible=visible,
+            visible=world.visible[keep],
             lanes=world.lanes,
         )
 
@@ -113,24 +114,3 @@ def _stride(card: Card) -> int:
     if stride < 1 or not np.isclose(card.task.rate * stride, RATE):
         raise CardError(f"{card.id}: task.rate is {card.task.rate} Hz, expected {RATE:g} Hz or a whole part of it")
     return stride
-
-
-def _class_ids(classes: Sequence[str]) -> Ints:
-    """Index into ``classes`` of each class of a world, -1 for those that the card leaves out."""
-    return np.array([classes.index(name) if name in classes else -1 for name in CLASSES])
-
-
-def _select(truth: Truth, visible: Floats, frames: Ints, keep: Bools, class_id: Ints) -> tuple[Truth, Floats]:
-    """The rows to keep of the frames to keep."""
-    rows = [truth.start[t] + np.flatnonzero(keep[truth.rows(t)]) for t in frames.tolist()]
-    row = np.concatenate(rows) if rows else np.zeros(0, dtype=np.int64)
-    selected = Truth(
-        start=starts_of([len(part) for part in rows]),
-        box=truth.box[row],
-        velocity=truth.velocity[row],
-        class_id=class_id[row],
-        object_id=truth.object_id[row],
-        eligible=truth.eligible[row],
-        neutral=truth.neutral[row],
-    )
-    return selected, visible[row]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...types import Bools, Floats, Ints
-from .driver import Driver
 from .networks import RoadMap
+from .population import Driver
 from .routes import NOWHERE, RouteTable
 
 DISCS = 7  # discs along a vehicle's axis that cover its box
@@ -48,7 +48,10 @@ class State:
 def observe(
     vehicles: list[Driver], town: RoadMap, routes: RouteTable, persons: Floats, persons_velocity: Floats
 ) -> State:
-    """The state of vehicles and pedestrians (places and velocities ``[M, 2]``); moves vehicles on in their routes."""
+    """The state of ``vehicles`` and pedestrians; moves vehicles on in their ``routes`` through ``town``.
+
+    ``persons`` and ``persons_velocity`` ``[M, 2]``: places and velocities of people on foot.
+    """
     n = len(vehicles)
     xy = np.array([v.position for v in vehicles], dtype=np.float64).reshape(-1, 2)
     motion = np.array([(v.heading, v.speed, v.route, v.lane_number) for v in vehicles], dtype=np.float64).reshape(-1, 4)

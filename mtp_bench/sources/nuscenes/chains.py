@@ -56,7 +56,8 @@ class Rows:
     def of(self, reference: array[int], key: str, path: Path, owners: list[str], none: bool = False) -> Ints:
         """Rows that ``reference`` means; -1 for an empty one if there may be ``none``.
 
-        Raises DataError where the table has no such record; ``owners``: tokens of the records that refer to it.
+        Raises DataError, naming the field ``key`` of the file ``path``, where the table has no such record; ``owners``:
+        tokens of the records that refer to it.
         """
         number = ints(reference)
         row = self._row[number]

@@ -11,22 +11,11 @@ import numpy as np
 
 from ...errors import DataError
 from ...types import Detections, Ints, starts_of_sorted
-from ..cache import Arrays, write_arrays
+from ..base import class_ids
+from ..cache import Arrays, read_arrays, write_arrays
+from . import folders
 from .classes import CLASSES
 from .detection_file import DetectedBoxes, read_detections
-from .folders import (
-    arrays_of,
-    build,
-    cache_folder,
-    file_hash,
-    file_size,
-    index_of,
-    joint_digest,
-    read_index,
-    refuse_changed,
-    stamped_hash,
-    write_index,
-)
 from .splits import counted
 from .store import SAMPLES, TableStore
 from .work import Work, no_work
@@ -53,19 +42,19 @@ class DetectionStore:
         path = self.folder / f"{name}.npz"
 
         def build_again() -> None:
-            digest = file_hash(self.path, no_work().on(self.path.name))
-            refuse_changed(path, _folder(self.tables.folder, digest), str(self.path))
+            digest = folders.file_hash(self.path, no_work().on(self.path.name))
+            folders.refuse_changed(path, _folder(self.tables.folder, digest), str(self.path))
             _build(self.path, self.folder, self.tables, no_work())
 
-        return arrays_of(path, build_again)
+        return folders.made(path, read_arrays, build_again)
 
 
 def bytes_left(paths: Sequence[Path], tables: Path | None) -> int:
     """Bytes to read before these files can be used; ``tables``: the cache of the tables, where it is known."""
     left = 0
     for path in paths:
-        known, size = stamped_hash(path), file_size(path)
-        built = known is not None and tables is not None and read_index(_folder(tables, known)) is not None
+        known, size = folders.stamped_hash(path), folders.file_size(path)
+        built = known is not None and tables is not None and folders.read_index(_folder(tables, known)) is not None
         left += (known is None) * size + (not built) * size
     return left
 
@@ -118,27 +107,22 @@ def scene_detections(stores: Sequence[DetectionStore], name: str, frames: int, c
     frame, box, velocity, score, kind = (
         np.concatenate([part[key] for part in parts]) for key in ("frame", "box", "velocity", "score", "class_id")
     )
-    class_id = class_ids(classes)[kind]
+    class_id = class_ids(CLASSES, classes)[kind]
     used = np.flatnonzero(class_id >= 0)
     row = used[np.argsort(frame[used], kind="stable")]
     start = starts_of_sorted(frame[row], frames)
     return Detections(start, box[row], velocity[row], class_id[row], score[row])
 
 
-def class_ids(classes: Sequence[str]) -> Ints:
-    """Place of each of `CLASSES` among ``classes``, -1 for one that is not there."""
-    return np.array([classes.index(name) if name in classes else -1 for name in CLASSES], dtype=np.int64)
-
-
 def _open(path: Path, tables: TableStore, work: Work) -> DetectionStore:
-    digest = file_hash(path, work.on(path.name))
+    digest = folders.file_hash(path, work.on(path.name))
     folder = _folder(tables.folder, digest)
-    index = index_of(folder, lambda: _build(path, folder, tables, work))
+    index = folders.made(folder, folders.read_index, lambda: _build(path, folder, tables, work))
     return DetectionStore(path, digest, tables, folder, index)
 
 
 def _folder(tables: Path, digest: str) -> Path:
-    return cache_folder() / f"{tables.name}-{joint_digest([('detections', digest)])}"
+    return folders.cache_folder() / f"{tables.name}-{folders.joint_digest([('detections', digest)])}"
 
 
 def _build(path: Path, folder: Path, tables: TableStore, work: Work) -> None:
@@ -146,7 +130,7 @@ def _build(path: Path, folder: Path, tables: TableStore, work: Work) -> None:
     row = {str(token): at for at, token in enumerate(samples["token"])}
     boxes = read_detections(path, row, work.on(path.name))
     names = tuple(tables.index["scenes"])
-    build(folder, lambda part: _fill(part, boxes, names, samples["start"]))
+    folders.build(folder, lambda part: _fill(part, boxes, names, samples["start"]))
 
 
 def _fill(folder: Path, boxes: DetectedBoxes, names: Sequence[str], start: Ints) -> None:
@@ -164,7 +148,7 @@ def _fill(folder: Path, boxes: DetectedBoxes, names: Sequence[str], start: Ints)
         }  # fmt: skip
         write_arrays(folder / f"{name}.npz", arrays)
         scenes[name] = (covered - own[0]).tolist()
-    write_index(folder, {"samples": boxes.samples, "example": boxes.example, "scenes": scenes})
+    folders.write_index(folder, {"samples": boxes.samples, "example": boxes.example, "scenes": scenes})
 
 
 def _no_match(store: DetectionStore) -> str:

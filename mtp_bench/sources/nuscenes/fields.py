@@ -46,7 +46,10 @@ def whole(path: Path, record: Record, key: str) -> int:
 
 
 def add_numbers(path: Path, record: Record, key: str, count: int, to: array[float]) -> None:
-    """Append the ``count`` numbers of a list, possibly NaN or too large."""
+    """Append the ``count`` numbers of the list ``record[key]`` to ``to``, possibly NaN or too large.
+
+    ``path`` names the file in errors.
+    """
     value = record.get(key)
     if not extended(to, value, count):
         raise DataError(f"{path}, {named(record)}: {key} is {brief(value)}, expected {count} numbers up to {LIMIT:g}")

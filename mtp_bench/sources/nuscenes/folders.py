@@ -5,16 +5,19 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ...errors import DataError
-from ...files import whole_file, whole_folder
-from ..cache import VARIABLE, Arrays, cache_root, read_arrays
+from ...files import whole_file
+from ..cache import VARIABLE, cache_root
 from .json_stream import Read
+
+Content = TypeVar("Content")
 
 FORMAT = 1  # of the arrays in the cache: a change gets a new number
 INDEX = "index.json"
@@ -81,35 +84,40 @@ def build(folder: Path, fill: Callable[[Path], None]) -> None:
     Raises DataError where the cache cannot be written.
     """
     try:
-        with whole_folder(folder) as part:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as beside:
+            part = Path(beside, folder.name)
+            part.mkdir()
             fill(part)
+            _install(part, folder)
     except OSError as error:
-        if read_index(folder) is not None:  # another process put the same content in place
-            return
         raise DataError(
             f"the compact copy of nuScenes cannot be kept in {folder.parent}: {error.strerror or error}; "
             f"{VARIABLE} names another folder"
         ) from None
 
 
-def index_of(folder: Path, make: Callable[[], None]) -> dict[str, Any]:
-    """The index of a folder of the cache, which ``make`` builds first where it is not there."""
-    if (index := read_index(folder)) is None:
-        make()
-        index = read_index(folder)
-    if index is None:
-        raise DataError(f"{folder} cannot be read back after writing it")
-    return index
+def _install(part: Path, folder: Path) -> None:
+    """A folder that is there has the same content, of another process that may be reading it, or it is broken.
+
+    So its files are replaced one by one, the index last; the folder is there all the time.
+    """
+    if not folder.exists():
+        with suppress(OSError):
+            part.rename(folder)
+            return
+    for path in sorted(part.iterdir(), key=lambda path: path.name == INDEX):
+        path.replace(folder / path.name)
 
 
-def arrays_of(path: Path, make: Callable[[], None]) -> Arrays:
-    """The arrays of a file of the cache, which ``make`` builds again where it is broken."""
-    if (arrays := read_arrays(path)) is None:
+def made(path: Path, read: Callable[[Path], Content | None], make: Callable[[], None]) -> Content:
+    """What ``read`` finds at a path of the cache, which ``make`` writes first where it is not there or broken."""
+    if (content := read(path)) is None:
         make()
-        arrays = read_arrays(path)
-    if arrays is None:
+        content = read(path)
+    if content is None:
         raise DataError(f"{path} cannot be read back after writing it")
-    return arrays
+    return content
 
 
 def refuse_changed(path: Path, folder: Path, what: str) -> None:

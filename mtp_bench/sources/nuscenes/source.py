@@ -10,11 +10,11 @@ import numpy as np
 from ...cards import Card, NuScenesSource
 from ...errors import DataError, UnknownNameError
 from ...types import Floats, Ragged, Scene, Truth, starts_of_sorted
-from ..base import Preparation, no_detections, require_classes, require_rate, section_of
+from ..base import Preparation, class_ids, no_detections, require_classes, require_rate, section_of
 from ..cache import Arrays
 from ..motion import backward_velocity
 from .classes import CLASSES
-from .detections import DetectionStore, bytes_left, class_ids, open_detections, require_covered, scene_detections
+from .detections import DetectionStore, bytes_left, open_detections, require_covered, scene_detections
 from .layout import DATASET, VERSIONS, detection_paths, require_prediction
 from .splits import counted, splits_of
 from .store import TableStore, find_tables
@@ -78,11 +78,7 @@ class NuScenes:
         )
 
 
-def prepare_nuscenes(
-    card: Card,
-    data: str | Path | None,
-    how: Preparation,
-) -> None:
+def prepare_nuscenes(card: Card, data: str | Path | None, how: Preparation) -> None:
     """Make the compact copy of the tables and detections of ``card`` where it is not there.
 
     Progress is told by hundredths of the bytes to read, with the name of the file. Raises DataError for everything that
@@ -99,7 +95,7 @@ def available_splits(tables: TableStore, targets: bool) -> dict[str, tuple[str, 
 
 def scene_truth(arrays: Arrays, time: Floats, classes: Sequence[str], listed: bool) -> Truth:
     """Truth of a scene from its cached arrays; ``listed``: of listed objects only, whose listed rows are eligible."""
-    class_id = class_ids(classes)[arrays["class_id"]]
+    class_id = class_ids(CLASSES, classes)[arrays["class_id"]]
     keep, neutral, eligible = class_id >= 0, arrays["neutral"], np.ones(len(class_id), dtype=bool)
     if listed:
         known = np.isin(arrays["object_id"], arrays["object_id"][arrays["listed"]])

@@ -9,21 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ..cache import Arrays, write_arrays
+from ..cache import Arrays, read_arrays, write_arrays
+from . import folders
 from .annotations import Annotations, read_annotations
-from .folders import (
-    arrays_of,
-    build,
-    cache_folder,
-    file_hash,
-    file_size,
-    index_of,
-    joint_digest,
-    read_index,
-    refuse_changed,
-    stamped_hash,
-    write_index,
-)
 from .layout import PREDICTION, prediction_path, table_paths
 from .tables import Keyframes, read_keyframes
 from .work import Work, no_work
@@ -48,38 +36,40 @@ class Tables:
     @property
     def known_folder(self) -> Path | None:
         """The cache of the tables, if its name is known without hashing them."""
-        hashes = [(name, stamped_hash(path)) for name, path in self.sources.items()]
+        hashes = [(name, folders.stamped_hash(path)) for name, path in self.sources.items()]
         known = [(name, found) for name, found in hashes if found is not None]
-        return self._folder(joint_digest(known)) if len(known) == len(hashes) else None
+        return self._folder(folders.joint_digest(known)) if len(known) == len(hashes) else None
 
     @property
     def bytes_left(self) -> int:
         """Bytes to read before the cache can be used, at most."""
-        size = sum(file_size(path) for path in self.sources.values())
+        size = sum(folders.file_size(path) for path in self.sources.values())
         folder = self.known_folder
         if folder is None:
-            hashed = sum(file_size(path) for path in self.sources.values() if stamped_hash(path) is None)
+            hashed = sum(
+                folders.file_size(path) for path in self.sources.values() if folders.stamped_hash(path) is None
+            )
             return size + hashed
-        return 0 if read_index(folder) else size
+        return 0 if folders.read_index(folder) else size
 
     def open(self, work: Work) -> TableStore:
         """The cache, built first where it is not there; DataError names the file and token that is wrong."""
         folder = self.hashed_folder(work)
-        return TableStore(self, folder, index_of(folder, lambda: self.build(folder, work)))
+        return TableStore(self, folder, folders.made(folder, folders.read_index, lambda: self.build(folder, work)))
 
     def hashed_folder(self, work: Work) -> Path:
         """The cache of the tables as they are now."""
-        hashes = ((name, file_hash(path, work.on(path.name))) for name, path in self.sources.items())
-        return self._folder(joint_digest(hashes))
+        hashes = ((name, folders.file_hash(path, work.on(path.name))) for name, path in self.sources.items())
+        return self._folder(folders.joint_digest(hashes))
 
     def build(self, folder: Path, work: Work) -> None:
         """Read the tables and write the cache."""
         keyframes = read_keyframes(self.paths, work.on(self.version))
         boxes = read_annotations(self.paths, self.prediction, keyframes, work.on(self.version))
-        build(folder, lambda part: _fill(part, keyframes, boxes, self.prediction is not None))
+        folders.build(folder, lambda part: _fill(part, keyframes, boxes, self.prediction is not None))
 
     def _folder(self, digest: str) -> Path:
-        return cache_folder() / f"{self.version}-{digest}"
+        return folders.cache_folder() / f"{self.version}-{digest}"
 
 
 def find_tables(root: Path, version: str) -> Tables:
@@ -101,10 +91,10 @@ class TableStore:
         path = self.folder / f"{name}.npz"
 
         def build_again() -> None:
-            refuse_changed(path, self.tables.hashed_folder(no_work()), f"the tables of {self.tables.version}")
+            folders.refuse_changed(path, self.tables.hashed_folder(no_work()), f"the tables of {self.tables.version}")
             self.tables.build(self.folder, no_work())
 
-        return arrays_of(path, build_again)
+        return folders.made(path, read_arrays, build_again)
 
 
 def _fill(folder: Path, keyframes: Keyframes, boxes: Annotations, has_list: bool) -> None:
@@ -120,7 +110,7 @@ def _fill(folder: Path, keyframes: Keyframes, boxes: Annotations, has_list: bool
         }
     tokens = np.array(keyframes.token, dtype=np.str_)
     write_arrays(folder / f"{SAMPLES}.npz", {"token": tokens, "start": keyframes.start})
-    write_index(folder, {"scenes": scenes, "instances": len(boxes.token), "boxes": boxes.boxes})
+    folders.write_index(folder, {"scenes": scenes, "instances": len(boxes.token), "boxes": boxes.boxes})
 
 
 def _scene_arrays(index: int, keyframes: Keyframes, boxes: Annotations) -> Arrays:

@@ -20,7 +20,10 @@ Spot = tuple[float, float, float, float]  # left, top, right, bottom
 
 
 def label(canvas: Canvas, ink: ImageDraw.ImageDraw, xy: Floats, text: str, color: Color, reach: float) -> bool:
-    """Write ``text`` beside a thing at ``xy`` [2] that reaches ``reach`` metres; False where there is no room."""
+    """Write ``text`` beside a thing at ``xy`` [2] that reaches ``reach`` metres; False where there is no room.
+
+    ``canvas`` knows the places that are taken, ``ink`` draws in ``color``.
+    """
     wide, high = text_size(text, SMALL)
     far = 0.7 * (reach * canvas.scale * 0.75 + 2.0)
     x, y = canvas.pixels(xy)
@@ -34,7 +37,10 @@ def label(canvas: Canvas, ink: ImageDraw.ImageDraw, xy: Floats, text: str, color
 
 
 def sign(canvas: Canvas, ink: ImageDraw.ImageDraw, xy: Floats, text: str, radius: float) -> bool:
-    """A sign that names the event in a ring of ``radius`` pixels around ``xy`` [2]; False where there is no room."""
+    """A sign that names an event by ``text``, beside its ring of ``radius`` pixels around ``xy`` [2].
+
+    ``canvas`` knows the places that are taken, ``ink`` draws. False where there is no room.
+    """
     if not canvas.inside(xy):
         return False
     x, y = (float(value) for value in canvas.pixels(xy))

@@ -20,7 +20,7 @@ PIPE_WIDTH = 180  # columns where the output is a file or a pipe
 def new_table(
     title: str, headings: Sequence[str], left: Collection[str] = (), whole: Collection[str] = (), caption: str = ""
 ) -> Table:
-    """An empty table with a column per heading, aligned right but for those of ``left``.
+    """An empty table with a column per one of ``headings``, aligned right but for those of ``left``.
 
     Cells of the columns ``whole`` are never broken into lines. ``title`` and ``caption`` may hold markup.
     """

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...types import Bools, Floats, Ints, Scene
-from ..sight import Sensor
-from .samples import HEADING, RADIAL, TANGENTIAL, FalsePositiveSamples, ObjectSamples, collect
-
-_NORMAL_MAD = 1.4826  # standard deviation over median absolute deviation of a normal number
+from mtp_bench.detector.fit.errors import robust_deviation
+from mtp_bench.detector.fit.samples import HEADING, RADIAL, TANGENTIAL, FalsePositiveSamples, ObjectSamples, collect
+from mtp_bench.detector.sight import Sensor
+from mtp_bench.types import Bools, Floats, Ints, Scene
 
 
 @dataclass(frozen=True)
@@ -78,11 +77,6 @@ def gap_lengths(objects: ObjectSamples) -> Ints:
     hit = np.flatnonzero(objects.hit)
     step, same = np.diff(hit), stretch[hit[1:]] == stretch[hit[:-1]]
     return np.asarray(step[same & (step > 1)] - 1)
-
-
-def robust_deviation(value: Floats) -> float | None:
-    """Standard deviation by the median absolute deviation; None for nothing."""
-    return float(_NORMAL_MAD * np.median(np.abs(value - np.median(value)))) if len(value) else None
 
 
 def _undetected_odds_ratio(objects: ObjectSamples) -> float | None:
