@@ -51,9 +51,9 @@ def evaluate(
 ) -> Evaluation:
     """Score the rollouts of each seed (``runs``: seed -> the same scenes in the same order) of one agent.
 
-    ``agent`` is its name, ``card`` the environment; of ``options`` data, the number of processes and progress count. ``hypotheses`` as declared;
-    None: what the agent states. ``ideal``: it saw the truth. Raises RolloutError where the rollouts do not fit the
-    scenes, DataError where data is missing.
+    ``agent`` is its name, ``card`` the environment; of ``options`` data, the number of processes and progress count.
+    ``hypotheses`` as declared; None: what the agent states. ``ideal``: it saw the truth. Raises RolloutError where the
+    rollouts do not fit the scenes, DataError where data is missing.
     """
     reference = frozen_reference(card)
     subsets = reference.subsets if reference else None

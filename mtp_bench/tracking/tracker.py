@@ -158,8 +158,8 @@ def sparse_gains(
 ) -> tuple[Ints, Ints, Floats]:
     """Allowed pairs of track boxes with detected boxes: ``indptr`` [N + 1], ``column`` and ``gain`` [E].
 
-    ``tracks`` [N, 7] of ``track_class`` [N], ``detections`` [D, 7] of ``detection_class`` [D]; ``rules``: which pairs are
-    allowed and what they gain, per class.
+    ``tracks`` [N, 7] of ``track_class`` [N], ``detections`` [D, 7] of ``detection_class`` [D]; ``rules``: which pairs
+    are allowed and what they gain, per class.
     The pairs of track i are ``indptr[i]:indptr[i + 1]``, by ascending column; the classes [N] and [D] of both must be
     the same. Two boxes without any volume between them, whose GIoU is 0 / 0, may or may not match.
     """

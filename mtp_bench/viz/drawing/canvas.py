@@ -125,8 +125,9 @@ class Canvas:
     def stroke(
         self, pixels: NDArray[np.float64], color: Color, width: float, alpha: int = 255, dashed: bool = False
     ) -> None:
-        """A polyline ``pixels`` [n, 2] of a ``color`` and ``width`` (pixels), ``dashed`` or not; ``alpha`` 255 is
-        opaque.
+        """A polyline in pixels.
+
+        ``pixels`` [n, 2] of a ``color`` and ``width`` (pixels), ``dashed`` or not; ``alpha`` 255 is opaque.
         """
         thick = max(1, round(width * FINER))
         if dashed:
