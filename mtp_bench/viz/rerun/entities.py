@@ -77,8 +77,9 @@ def log_map(recording: rr.RecordingStream, scene: Scene, root: str = "") -> None
 def log_scene(log: Log, scene: Scene, card: Card, false: Bools | None = None, truth_shown: bool = True) -> None:
     """What is the same for every agent: sensors, truth and detections, of which some are ``false`` positives [D].
 
-    ``log``: the recording and its times; ``scene``: what is logged; ``card`` says whether a vehicle carries the sensors. Without ``truth_shown``
-    the truth is left out. A frame moves along with the sensors without turning, for views.
+    ``log``: the recording and its times; ``scene``: what is logged; ``card`` says whether a vehicle carries the
+    sensors. Without ``truth_shown`` the truth is left out. A frame moves along with the sensors without turning, for
+    views.
     """
     if card.has_ego:
         log.boxes("world/ego", arrays.platform_boxes(scene.ego), "solid")
