@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from mtp_bench.types import Floats
 
 MEASURES: list[Callable[[Floats, Floats], Floats]] = [bev_intersection_area, iou_3d, center_distance]
 QUARTER = np.pi / 2
+
+multipoints: Any = shapely.multipoints  # its types know no arrays of points
 
 
 def box(x: float = 0, y: float = 0, z: float = 0, yaw: float = 0, l: float = 4, w: float = 2, h: float = 1) -> Floats:
@@ -27,7 +30,7 @@ def random_boxes(rng: np.random.Generator, rows: int, spread: float = 3.0) -> Fl
 
 def oracle_areas(a: Floats, b: Floats) -> NDArray[np.float64]:
     """Areas of the intersections by shapely."""
-    first, second = (shapely.convex_hull(shapely.multipoints(shapely.points(bev_corners(one)))) for one in (a, b))
+    first, second = (shapely.convex_hull(multipoints(shapely.points(bev_corners(one)))) for one in (a, b))
     return np.asarray(shapely.area(shapely.intersection(first, second)))
 
 

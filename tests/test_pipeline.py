@@ -126,9 +126,9 @@ class Told(StandingStill):
     def begin(self, tracks: Tracks) -> None:
         self.frames.append(tracks)
 
-    def sample(self, tracks: Tracks, *request: Any) -> Any:
+    def sample(self, tracks: Tracks, leaf: Any, draw: Any, samples: int) -> Any:
         assert tracks is self.frames[-1]
-        return super().sample(tracks, *request)
+        return super().sample(tracks, leaf, draw, samples)
 
 
 def test_a_predictor_is_told_every_frame_once_before_it_is_asked() -> None:

@@ -119,8 +119,8 @@ def agent_table(setting: AgentScores, reference: ReferenceSubsets | None) -> Age
         min_fde=_over_seeds(setting, "min_fde"),
         energy_score=_over_seeds(setting, "energy_score"),
         curve=_over_seeds(setting, "curve"),
-        hit=np.sum([~_join(run, "miss") for run in setting.seeds], axis=0, dtype=np.float64),
-        near=np.sum([_join(run, "min_fde") <= FORECAST_AP_GATES[1] for run in setting.seeds], axis=0, dtype=np.float64),
+        hit=_seeds_with([~_join(run, "miss") for run in setting.seeds]),
+        near=_seeds_with([_join(run, "min_fde") <= FORECAST_AP_GATES[1] for run in setting.seeds]),
         capped=np.mean([_join(run, "capped") for run in setting.seeds], axis=0),
         miss_error=_join(first, "miss_error"),
         missed=uncovered * _join(first, "miss_error"),
@@ -142,6 +142,11 @@ def require_same_targets(a: Sequence[SceneScore], b: Sequence[SceneScore], who: 
 def _join(run: Sequence[SceneScore], name: str) -> NDArray[Any]:
     """Array ``name`` of all scenes."""
     return np.concatenate([getattr(score, name) for score in run])
+
+
+def _seeds_with(holds: Sequence[Bools]) -> Array:
+    """In how many seeds something holds [n]."""
+    return np.asarray(np.sum(holds, axis=0), dtype=np.float64)
 
 
 def _over_seeds(setting: AgentScores, name: str) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import shapely
@@ -12,6 +13,8 @@ from mtp_bench.types import Floats
 
 _TINY = 1e-300
 
+multipoints: Any = shapely.multipoints  # its types know no arrays of points
+
 
 def bev_hull_area(a: Floats, b: Floats) -> Floats:
     """Area of the convex hull of two boxes in BEV, m2: rows ``[R, 7]`` and ``[R, 7]`` -> ``[R]``."""
@@ -19,7 +22,7 @@ def bev_hull_area(a: Floats, b: Floats) -> Floats:
     offset = np.column_stack([a[known, :2], np.zeros((known.sum(), 5))])  # around a, for the sake of precision
     corners = np.concatenate([bev_corners(a[known] - offset), bev_corners(b[known] - offset)], axis=1)
     area = np.full(len(a), np.nan)
-    area[known] = shapely.area(shapely.convex_hull(shapely.multipoints(shapely.points(corners))))
+    area[known] = shapely.area(shapely.convex_hull(multipoints(shapely.points(corners))))
     return area
 
 

@@ -98,8 +98,8 @@ class PlainTracker:
 
     def _child(self, leaf: _Leaf | None, detection: int, seen: dict[str, np.ndarray]) -> _Leaf:
         """The track after taking a detection, -1 for none; without a leaf it is a new one."""
-        if detection >= 0:
-            box = seen["detection_box"][detection]
+        box = None if detection < 0 else seen["detection_box"][detection]
+        if box is not None:
             variance = np.array([1.0] * 7 + [np.inf] * 3)
             velocity = seen["detection_velocity"][detection] if self._task.velocity else np.zeros(2)
             if velocity.any():
@@ -113,7 +113,7 @@ class PlainTracker:
             score = leaf.score + float(seen["detection_score"][detection])
             leaf = replace(_updated(leaf, measured, variance), hits=leaf.hits + 1, score=score, age=0)
         assert leaf is not None
-        past = (*leaf.past, (detection >= 0, box if detection >= 0 else leaf.mean[:7]))
+        past = (*leaf.past, (box is not None, leaf.mean[:7] if box is None else box))
         return replace(leaf, detection=detection, past=past[-self._task.past :])
 
     def _output(self) -> Tracks:

@@ -273,7 +273,8 @@ def make_env(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> MakeEnv:
     def make(scene: Scene | None = None, **keywords: Any) -> MTPEnv:
         source = MemorySource(scene or small_scenes.make_scene())
         monkeypatch.setattr("mtp_bench.env.environment.open_source", lambda card, data: source)
-        return MTPEnv(write_card(tmp_path), **{"render_mode": "rgb_array", **keywords})
+        chosen: dict[str, Any] = {"render_mode": "rgb_array", **keywords}
+        return MTPEnv(write_card(tmp_path), **chosen)
 
     return make
 

@@ -61,6 +61,7 @@ class Driver(Vehicle):  # type: ignore[misc]
     position: Any  # [2] m
     heading: Any
     speed: Any
+    action: Any  # steering and acceleration of the last step
 
     def __init__(
         self, road: Any, position: Floats, heading: float, speed: float, profile: Profile, number: int

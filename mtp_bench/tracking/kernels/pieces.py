@@ -229,7 +229,8 @@ def solve_pieces(
             forget_others(totals, low, best)
             high = low + 1
         pairs = with_room(pairs, used, k * n)
-        bound, count = Bound(best, totals, low, high, slack), -1 + 0 * k  # no literal, see compile.py
+        bound = Bound(best, totals, low, high, slack)  # pyright: ignore[reportArgumentType]
+        count = -1 + 0 * k  # no literal, see compile.py
         if i < small:
             count = try_enumeration(q, product[q], problem, pieces, space, roots, bound, saved, pairs, used)
         if count < 0:

@@ -16,7 +16,7 @@ def choices(q: int, begin: Ints, places: Ints, pair_start: Ints, most: int) -> i
         product *= pair_start[places[i] + 1] - pair_start[places[i]] + 1
         if product > most:
             return most + 1
-    return product
+    return product  # pyright: ignore[reportReturnType]
 
 
 @kernel(inline=True)

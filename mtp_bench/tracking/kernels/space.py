@@ -36,7 +36,7 @@ def largest(pieces: Pieces, width: Ints) -> tuple[int, int]:
     n, m = 1, 1
     for q in range(len(pieces.component)):
         n, m = max(n, pieces.begin[q + 1] - pieces.begin[q]), max(m, width[pieces.component[q]])
-    return n, m
+    return n, m  # pyright: ignore[reportReturnType]
 
 
 @kernel
@@ -60,7 +60,8 @@ def piece_in(space: Space, q: int, problem: Problem, pieces: Pieces) -> Piece:
         place = pieces.places[i]
         first[i - low], last[i - low] = problem.pair_start[place], problem.pair_start[place + 1]
     width = problem.width[pieces.component[q]]
-    return Piece(high - low, width, first, last, problem.pair_local, problem.pair_cost, space.banned)
+    rows = high - low
+    return Piece(rows, width, first, last, problem.pair_local, problem.pair_cost, space.banned)  # pyright: ignore[reportArgumentType]
 
 
 @kernel(inline=True)

@@ -114,8 +114,12 @@ def _gaps(record: Record, stp: Record, truth: Record) -> dict[Subset, float]:
     same = conditions(record) == conditions(stp) and record.samples == stp.samples
     if not same or record.status != "finished":
         return {}
-    gaps = {subset: record_gap(record, stp, truth, subset) for subset in SUBSETS}
-    return {subset: gap.closed for subset, gap in gaps.items() if gap is not None}
+    closed: dict[Subset, float] = {}
+    for subset in SUBSETS:
+        gap = record_gap(record, stp, truth, subset)
+        if gap is not None:
+            closed[subset] = gap.closed
+    return closed
 
 
 def _order(entry: Entry) -> tuple[str, float, float, str, str]:
