@@ -23,7 +23,7 @@ HUB = -1  # as a source or target, and what an unmatched row or column has
 
 
 @kernel
-def find_path(  # noqa: C901, PLR0912, PLR0915 - the hot loop: a call per row or column costs a tenth of the search
+def find_path(  # noqa: C901, PLR0912, PLR0915 - the hot loop, in one piece: no call per row or column
     source: int, target: int, limit: float, hub_banned: bool, piece: Piece, matching: Matching, path: Path
 ) -> tuple[float, float]:
     """Length of the shortest path from a row (or the hub) to a column (or the hub), and the distance of the hub.
