@@ -76,9 +76,9 @@ def stopwatch(pieces: Pieces) -> Iterator[dict[str, float]]:
     spent = {stage: 0.0 for _, _, stage in pieces}
 
     def timed(function: Callable[..., Any], stage: str) -> Callable[..., Any]:
-        def run(*args: Any) -> Any:
+        def run(*args: Any, **keywords: Any) -> Any:
             begin = time.perf_counter()
-            result = function(*args)
+            result = function(*args, **keywords)
             spent[stage] += time.perf_counter() - begin
             return result
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from mtp_bench import parallel as _cluster
 from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import MtpBenchError, SubmissionError
+from mtp_bench.gateway import Limits
 from mtp_bench.parallel import Done, Progress, Workers, _cluster_map, _require_backend
 from mtp_bench.records import submit
 from mtp_bench.running.options import RunOptions
@@ -30,6 +31,7 @@ from tests.support.command_line import CommandLine, read_json, write_submission
 from tests.support.small_scenes import Action, EchoAgent, make_noisy
 
 NAMES = ["0006", "0001", "0008"]
+PATIENT = Limits(frame=600.0)  # a busy machine leaves no frame unanswered
 distributed_untyped: Any = distributed
 
 
@@ -107,8 +109,10 @@ def test_a_submission_loses_nothing_with_a_worker(cluster: Any, card: str, kitti
             os.kill(first, signal.SIGKILL)
         killed.append(scene)
 
-    spread = submit(folder, card, replace(on(cluster, kill_once), data=kitti, seeds=(0, 1)), tmp_path / "there")
-    here = submit(folder, card, RunOptions(kitti, seeds=(0, 1)), tmp_path / "here")
+    spread = submit(
+        folder, card, replace(on(cluster, kill_once), data=kitti, seeds=(0, 1)), tmp_path / "there", limits=PATIENT
+    )
+    here = submit(folder, card, RunOptions(kitti, seeds=(0, 1)), tmp_path / "here", limits=PATIENT)
     assert killed
     assert (spread.status, spread.missed.crashed_scenes) == ("finished", 0)
     assert spread.rollout_digests == here.rollout_digests
