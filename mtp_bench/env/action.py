@@ -76,7 +76,9 @@ class Field:
 
     def filled(self, task: Task, rows: NDArray[Any] | None = None) -> NDArray[Any]:
         """The array under ``task`` that holds ``rows`` [R, ...], filled up; what is missing of any axis is filled."""
-        array = np.full(self.shape_in(task), self.fill, dtype=self.content.dtype)
+        array = np.zeros(self.shape_in(task), dtype=self.content.dtype)  # costs nothing where nothing is written
+        if self.fill:
+            array[...] = self.fill
         if rows is not None:
             array[tuple(slice(size) for size in rows.shape)] = rows
         return array

@@ -113,8 +113,8 @@ def _array(name: str, value: ArrayLike, kinds: str, *shapes: tuple[int | str, ..
         array = np.asarray(value)
     except ValueError as error:
         raise ShapeError(f"{name} is no array: {error}") from None
-    wanted = " or ".join(str(shape).replace("'", "") for shape in shapes)
     if not any(_fits(array.shape, shape) for shape in shapes):
+        wanted = " or ".join(str(shape).replace("'", "") for shape in shapes)
         raise ShapeError(f"{name} has shape {array.shape}, expected {wanted}")
     if array.dtype.kind not in kinds and array.size:
         raise ShapeError(f"{name} has dtype {array.dtype}, expected {'numbers' if 'f' in kinds else 'whole numbers'}")
