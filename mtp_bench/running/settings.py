@@ -87,8 +87,8 @@ def all_settings(names: Sequence[str], card: Card) -> list[Setting]:
 
 
 def _count(submission: Submission, parameters: dict[str, Any], name: str | None) -> int | None:
-    """The value of the parameter that the manifest names as a count; None where it names none."""
-    if name is None:
+    """The value of the parameter that the manifest names as a count; None where it names none, or one of its sweep."""
+    if name is None or name not in parameters:
         return None
     value = parameters[name]
     if isinstance(value, bool) or not isinstance(value, int) or value < 1:
