@@ -13,7 +13,7 @@ from mtp_bench.errors import MtpBenchError, SubmissionError, UnknownNameError
 from mtp_bench.parallel import Progress
 from mtp_bench.running.compare import compare
 from mtp_bench.running.options import RunOptions
-from mtp_bench.running.settings import expand
+from mtp_bench.running.settings import expand, setting_of
 from mtp_bench.scoring import SUBSETS
 from mtp_bench.submission import load_submission
 from tests.support.command_line import CommandLine, read_json, write_submission
@@ -221,6 +221,11 @@ SWEEPS: dict[str, tuple[str, list[tuple[Any, ...]]]] = {
         [("echo", 2, 4, "equal")],
     ),
 }
+
+
+def test_a_count_with_values_in_the_sweep_alone_is_not_declared_for_a_single_run(tmp_path: Path, loaded: Card) -> None:
+    submission = load_submission(write_submission(tmp_path / "mine", tables=H + "sweep = {hypotheses = [1, 2]}"))
+    assert setting_of(submission, loaded).hypotheses is None
 
 
 @pytest.mark.parametrize(("tables", "expected"), SWEEPS.values(), ids=SWEEPS.keys())
