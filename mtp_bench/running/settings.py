@@ -87,7 +87,7 @@ def all_settings(names: Sequence[str], card: Card) -> list[Setting]:
 
 
 def _count(submission: Submission, parameters: dict[str, Any], name: str | None) -> int | None:
-    """The value of the parameter that the manifest names as a count; None where it names none or the sweep alone has values."""
+    """The value of the parameter that the manifest names as a count; None where it names none or one without value."""
     if name is None or name not in parameters:
         return None
     value = parameters[name]
