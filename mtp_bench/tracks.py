@@ -24,6 +24,7 @@ class Tracks:
     past_valid: Bools  # [N, P] False: no detection taken, or not yet born
     member: Bools  # [H, N]
     log_weight: Floats  # [H] normalised, heaviest first
+    parent: Ints | None = None  # [H] hypothesis of the frame before, by its row there, that it descends from
 
     @classmethod
     def of_one_hypothesis(cls, track_id: Ints, box: Floats, class_id: Ints) -> Tracks:

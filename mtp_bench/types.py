@@ -122,6 +122,19 @@ class Lane:
 
 
 @dataclass(frozen=True, eq=False)
+class ImageField:
+    """What a labelled camera image can confirm: a forecast that no label could confirm is neither right nor wrong."""
+
+    projection: Floats  # [F, 3, 4] from the scene's frame of reference, homogeneous, to pixels
+    height: Floats  # [F] m, z of the camera
+    heading: Floats  # [F] rad, yaw of the platform
+    size: tuple[int, int]  # pixels, width and height
+    region: Floats  # [R, 4] pixels, left top right bottom, where labels do not care
+    region_start: Ints  # [F + 1] regions of each frame
+    box_size: Floats  # [C, 3] m, l w h that stand for an object of each class
+
+
+@dataclass(frozen=True, eq=False)
 class Scene:
     """One log: the same record for every source."""
 
@@ -136,6 +149,9 @@ class Scene:
     simulated: bool = False  # True: the detections are simulated
     visible: Floats | None = None  # [R] share of each true box in line of sight, 0 to 1; None where it is not known
     skipped: dict[str, int] = field(default_factory=dict)  # rows dropped while reading, by reason
+    recording: str = ""  # that the scene is cut from: its objects keep their ids in all scenes of it; empty: none
+    image: ImageField | None = None  # what the labels of a camera can confirm; None: everything around
+    world: Floats | None = None  # [F, 4] x y z yaw of each frame's origin, where every frame has its own; None: one
     lanes: tuple[Lane, ...] = ()  # the road map, for drawing and training; empty where there is none
 
     @property
@@ -181,12 +197,15 @@ class Rollout:
     track_class: Ints  # [R]; -1: not stated, fits every class
     member: Bools  # [R, H] the hypotheses that hold this track
     hypothesis_log_weight: Floats  # [F, H] normalised; -inf: no such hypothesis in this frame
+    hypothesis_parent: Ints  # [F, H] hypothesis of the frame before that it descends from; -1: not stated
     object_start: Ints  # [F + 1]
     object_box: Floats  # [R, 7]
     object_class: Ints  # [R]
+    object_confidence: Floats  # [R] 0 to 1, that the object is there
     forecast: Ints  # [R, K, T, 2] int16, centimetres from the object's centre
     forecast_log_weight: Floats  # [R, K] normalised; -inf: no such sample
     invalid: Ints  # [F, 3] rows rejected: tracks, hypotheses, objects
+    malformed: Ints  # [F, C + 1] false forecasts that rejected objects count as, by class; the last of no known class
     dropped: Ints  # [F] detections that did not fit into the observation
     seconds: Floats  # [F] time the agent took; not part of the digest
 

@@ -42,6 +42,8 @@ BOX = Content("fiu", np.float32, f"finite x y z yaw up to {COORDINATE_LIMIT:g}, 
 CLASS = Content("iu", np.int64, "0 to C - 1")
 CLASS_OR_NONE = Content("iu", np.int64, "-1 (not stated) to C - 1", least=-1)
 MASK = Content("biu", np.int8, "0 or 1")
+PARENT = Content("iu", np.int64, "-1 (not stated) to H - 1", least=-1)
+CONFIDENCE = Content("fiu", np.float32, "0 to 1")
 LOG_WEIGHT = Content("fiu", np.float32, "finite numbers, or -inf for what is not there")
 OFFSET = Content("fiu", np.float32, f"metres from the object's own centre, at most {FORECAST_LIMIT:g}")
 
@@ -72,7 +74,8 @@ class Field:
 
     def expected_in(self, task: Task) -> str:
         """In words, which entries are expected under ``task``."""
-        return self.content.expected.replace("C - 1", str(len(task.classes) - 1))
+        expected = self.content.expected.replace("C - 1", str(len(task.classes) - 1))
+        return expected.replace("H - 1", str(task.hypotheses - 1))
 
     def filled(self, task: Task, rows: NDArray[Any] | None = None) -> NDArray[Any]:
         """The array under ``task`` that holds ``rows`` [R, ...], filled up; what is missing of any axis is filled."""
@@ -94,9 +97,18 @@ FIELDS = (
         "hypothesis_log_weight", "hypotheses", "H", LOG_WEIGHT,
         "Logarithm of the hypothesis's weight, not necessarily normalised.", fill=-np.inf,
     ),
+    Field(
+        "hypothesis_parent", "hypotheses", "H", PARENT,
+        "The hypothesis of the frame before that it descends from; without it the judge has to guess.",
+        fill=-1, optional=True,
+    ),
     Field("object_box", "objects", "O 7", BOX, "Box now of an object that is forecast: x y z yaw l w h."),
     Field("object_class", "objects", "O", CLASS, "Class of the object."),
     Field("object_valid", "objects", "O", MASK, "Which rows hold an object; the others say nothing."),
+    Field(
+        "object_confidence", "objects", "O", CONFIDENCE,
+        "Probability that an object of this class is there.", fill=1, optional=True,
+    ),
     Field("forecast", "objects", "O K T 2", OFFSET, "Samples of the future: x y in each of the next T frames."),
     Field(
         "forecast_log_weight", "objects", "O K", LOG_WEIGHT,

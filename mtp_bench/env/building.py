@@ -16,6 +16,7 @@ from .checks import Problem, examine
 _ARGUMENT = {  # what fills a field
     "object_box": "boxes",
     "object_class": "classes",
+    "object_confidence": "confidence",
     "forecast": "forecasts",
     "forecast_log_weight": "log_weights",
     "track_id": "ids or tracks.track_id",
@@ -38,6 +39,7 @@ def answer(
     forecasts: ArrayLike,
     log_weights: ArrayLike | None = None,
     *,
+    confidence: ArrayLike | None = None,
     ids: ArrayLike | None = None,
     tracks: Tracks | None = None,
     checked: bool = True,
@@ -50,6 +52,7 @@ def answer(
     object's box, in each of the next T = ``task.future`` frames.
     ``log_weights`` [O, k]: logarithms of the samples' weights, -inf for a sample that is not there; without them all
     samples weigh alike.
+    ``confidence`` [O]: probability from 0 to 1 that each object is there; without it 1.
     ``ids`` [O]: identities, the same number in every frame. They make the objects the tracks of one hypothesis.
     ``tracks``: tracks and hypotheses, where they are more than that. Without ``ids`` and ``tracks`` nothing is said of
     tracks: the ranked error does not change, but every object counts as untracked.
@@ -68,11 +71,14 @@ def answer(
     weight = np.zeros(future.shape[:2])
     if log_weights is not None:
         weight = _array("log_weights", log_weights, "fiu", future.shape[:2])
+    sure = np.ones(objects)
+    if confidence is not None:
+        sure = _array("confidence", confidence, "fiu", (objects,))
     if ids is not None:
         if tracks is not None:
             raise ShapeError("ids and tracks are both given, expected one of them: tracks has ids of its own")
         tracks = Tracks.of_one_hypothesis(_array("ids", ids, "iu", (objects,)), box, class_id)
-    values = _object_fields(task, box, class_id, future, weight)
+    values = _object_fields(task, box, class_id, sure, future, weight)
     if tracks is not None:
         values |= _track_fields(task, tracks)
     action = {name: field.filled(task, values.get(name)) for name, field in FIELD.items()}
@@ -82,13 +88,19 @@ def answer(
 
 
 def _object_fields(
-    task: Task, box: NDArray[Any], class_id: NDArray[Any], future: NDArray[Any], weight: NDArray[Any]
+    task: Task,
+    box: NDArray[Any],
+    class_id: NDArray[Any],
+    confidence: NDArray[Any],
+    future: NDArray[Any],
+    weight: NDArray[Any],
 ) -> dict[str, NDArray[Any]]:
     fit = min(len(box), task.objects)
     return {
         "object_box": box[:fit],
         "object_class": class_id[:fit],
         "object_valid": np.ones(fit),
+        "object_confidence": confidence[:fit],
         "forecast": future[:fit],
         "forecast_log_weight": weight[:fit],
     }
@@ -104,7 +116,14 @@ def _track_fields(task: Task, tracks: Tracks) -> dict[str, NDArray[Any]]:
         "track_valid": np.ones(len(kept)),
         "hypothesis_member": tracks.member[: task.hypotheses, kept],
         "hypothesis_log_weight": tracks.log_weight[: task.hypotheses],
+        **({} if tracks.parent is None else {"hypothesis_parent": _parents(tracks.parent, task)}),
     }
+
+
+def _parents(parent: NDArray[Any], task: Task) -> NDArray[Any]:
+    """The stated parents [H] of the hypotheses that fit; one that did not fit into the answer before is not stated."""
+    kept = parent[: task.hypotheses]
+    return np.where(kept < task.hypotheses, kept, -1)
 
 
 def _array(name: str, value: ArrayLike, kinds: str, *shapes: tuple[int | str, ...]) -> NDArray[Any]:

@@ -52,6 +52,12 @@ class Examined:
     sound: dict[Rows, Bools]  # [N], [H], [O] those of them that keep the contract; the others are invalid
     problems: list[Problem]
 
+    @property
+    def readable(self) -> bool:
+        """Whether the fields of the objects could be read, so that it is known which objects are stated."""
+        unreadable = {problem.field for problem in self.problems if problem.level == "error" and not problem.example}
+        return not unreadable & {"action", *(field.name for field in FIELDS if field.rows == "objects")}
+
 
 def examine(action: object, task: Task) -> Examined:
     """What is sound in ``action`` and what is not. Never raises."""
@@ -150,6 +156,14 @@ def _no_class(values: Arrays, name: str, task: Task) -> Bools:
     return np.asarray((values[name] < FIELD[name].content.least) | (values[name] >= len(task.classes)))
 
 
+def _no_parent(values: Arrays, name: str, task: Task) -> Bools:
+    return np.asarray((values[name] < FIELD[name].content.least) | (values[name] >= task.hypotheses))
+
+
+def _no_probability(values: Arrays, name: str, task: Task) -> Bools:
+    return np.asarray(~((values[name] >= 0) & (values[name] <= 1)))  # NaN is none either
+
+
 def _no_log_weight(values: Arrays, name: str, task: Task) -> Bools:
     broken = np.isnan(values[name]) | np.isposinf(values[name])
     return np.asarray(broken.any(axis=tuple(range(1, broken.ndim))))
@@ -184,9 +198,11 @@ _CHECKS = (
     _Check("track_id", "out of range", _no_id),
     _Check("track_class", "unknown", _no_class),
     _Check("hypothesis_log_weight", "NaN or +inf", _no_log_weight),
+    _Check("hypothesis_parent", "unknown", _no_parent),
     _Check("object_box", "not finite", _not_finite),
     _Check("object_box", "out of range", _out_of_range),
     _Check("object_class", "unknown", _no_class),
+    _Check("object_confidence", "no probability", _no_probability),
     _Check("forecast_log_weight", "NaN or +inf", _no_log_weight),
     _Check("forecast_log_weight", "no sample present", _no_sample, "at least one per valid object"),
     _Check("forecast", "not finite", _sample_not_finite),

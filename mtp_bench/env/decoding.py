@@ -30,23 +30,29 @@ class Answer:
     track_class: Ints  # [R]
     member: Bools  # [R, H]
     hypothesis_log_weight: Floats  # [H] normalised, -inf: absent
+    hypothesis_parent: Ints  # [H] hypothesis of the frame before, -1: not stated
     object_box: Floats  # [S, 7]
     object_class: Ints  # [S]
+    object_confidence: Floats  # [S] 0 to 1
     forecast: Ints  # [S, K, T, 2] centimetres from the object's centre, 0 where absent
     forecast_log_weight: Floats  # [S, K] normalised, -inf: absent
     invalid: Ints  # [3] rows taken out: tracks, hypotheses, objects
+    malformed: Ints  # [C + 1] objects taken out by class, see `_malformed`
 
 
-def decode(action: object, task: Task, frame: LocalFrame | None = None) -> Answer:
+def decode(action: object, task: Task, frame: LocalFrame | None = None, detected: Ints | None = None) -> Answer:
     """The sound part of ``action`` in the scene's frame of reference, with the number of rows that were taken out.
 
-    ``frame`` is that of the observations; without one, coordinates stay as they are. Never raises. All arrays are
-    copies: an agent may go on writing into its own.
+    ``frame`` is that of the observations; without one, coordinates stay as they are. ``detected`` [C]: detections of
+    each class in the frame that is answered. Never raises. All arrays are copies: an agent may go on writing into its
+    own.
     """
-    return answer_of(examine(action, task), frame)
+    return answer_of(examine(action, task), task, frame, detected)
 
 
-def answer_of(examined: Examined, frame: LocalFrame | None = None) -> Answer:
+def answer_of(
+    examined: Examined, task: Task, frame: LocalFrame | None = None, detected: Ints | None = None
+) -> Answer:
     """The sound part of an action that was examined; see `decode`."""
     arrays, sound = examined.arrays, examined.sound
     member = (arrays["hypothesis_member"] != 0) & sound["hypotheses"][:, None] & sound["tracks"]
@@ -64,12 +70,30 @@ def answer_of(examined: Examined, frame: LocalFrame | None = None) -> Answer:
         track_class=arrays["track_class"][used].astype(np.int64),
         member=member.T[used],
         hypothesis_log_weight=log_softmax(arrays["hypothesis_log_weight"], sound["hypotheses"]).astype(np.float32),
+        hypothesis_parent=np.where(sound["hypotheses"], arrays["hypothesis_parent"], -1).astype(np.int64),
         object_box=object_box.astype(np.float32),
         object_class=arrays["object_class"][there].astype(np.int64),
+        object_confidence=arrays["object_confidence"][there].astype(np.float32),
         forecast=to_centimetres(offset),
         forecast_log_weight=log_softmax(sample_weight, sampled).astype(np.float32),
         invalid=np.array([(examined.claimed[rows] & ~sound[rows]).sum() for rows in ROWS], dtype=np.int64),
+        malformed=_malformed(examined, task, detected),
     )
+
+
+def _malformed(examined: Examined, task: Task, detected: Ints | None) -> Ints:
+    """False forecasts [C + 1] that a broken answer counts as; the last entry is of objects whose class is unreadable.
+
+    An object that is stated and taken out is one of its class. An answer without readable objects is one per detection:
+    so no broken answer is better than silence (protocol, "fixed_error").
+    """
+    classes = len(task.classes)
+    if not examined.readable and detected is not None:
+        return np.append(detected, 0).astype(np.int64)
+    broken = examined.claimed["objects"] & ~examined.sound["objects"]
+    class_id = examined.arrays["object_class"][broken]
+    class_id = np.where((class_id >= 0) & (class_id < classes), class_id, classes)
+    return np.bincount(class_id, minlength=classes + 1).astype(np.int64)
 
 
 def log_softmax(log_weight: Floats, there: Bools) -> Floats:

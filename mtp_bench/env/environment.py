@@ -114,7 +114,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         episode = self._started()
         if episode.over:
             raise ResetNeeded(f"step() after the last frame of {episode.scene.name!r}: call reset() first")
-        answer = decode(action, self.task, episode.frame)
+        answer = decode(action, self.task, episode.frame, episode.feed.of_class(episode.t, len(self.task.classes)))
         reward = 0.0 if episode.targets is None else self._reward(episode, episode.targets, answer)
         episode.answers.append(answer)
         self._follow()

@@ -58,6 +58,10 @@ class Feed(Ragged):
     dt: Floats  # [F] s since the frame before
     dropped: Ints  # [F] rows that were out of range or did not fit
 
+    def of_class(self, t: int, classes: int) -> Ints:
+        """Number of detections of each class [C] in frame ``t``."""
+        return np.bincount(self.class_id[self.rows(t)], minlength=classes)
+
     def observe(self, t: int) -> Observation:
         """Fresh arrays of frame ``t``; after the last frame, no detections at the last frame's time and pose."""
         rows = self.rows(t) if t < self.frames else slice(0, 0)

@@ -13,7 +13,7 @@ from ..types import Ints, Rollout, starts_of
 from .decoding import Answer
 
 # of every array of a Rollout, in the order of the digest: dtype, and shape in the letters of types.py;
-# R rows of tracks, S rows of forecast objects, F1 is F + 1
+# R rows of tracks, S rows of forecast objects, F1 is F + 1, C1 is C + 1
 ARRAYS: dict[str, tuple[str, tuple[str | int, ...]]] = {
     "track_start": ("<i8", ("F1",)),
     "track_id": ("<i8", ("R",)),
@@ -21,12 +21,15 @@ ARRAYS: dict[str, tuple[str, tuple[str | int, ...]]] = {
     "track_class": ("<i8", ("R",)),
     "member": ("|b1", ("R", "H")),
     "hypothesis_log_weight": ("<f4", ("F", "H")),
+    "hypothesis_parent": ("<i8", ("F", "H")),
     "object_start": ("<i8", ("F1",)),
     "object_box": ("<f4", ("S", 7)),
     "object_class": ("<i8", ("S",)),
+    "object_confidence": ("<f4", ("S",)),
     "forecast": ("<i2", ("S", "K", "T", 2)),
     "forecast_log_weight": ("<f4", ("S", "K")),
     "invalid": ("<i8", ("F", 3)),
+    "malformed": ("<i8", ("F", "C1")),
     "dropped": ("<i8", ("F",)),
     "seconds": ("<f8", ("F",)),
 }

@@ -14,6 +14,7 @@ from ..types import Task
 from .action import (
     ABSENT,
     BOX,
+    CONFIDENCE,
     COORDINATE_LIMIT,
     FIELDS,
     FORECAST_LIMIT,
@@ -22,6 +23,7 @@ from .action import (
     LOG_WEIGHT,
     MASK,
     OFFSET,
+    PARENT,
     SIZE_LIMIT,
     Field,
 )
@@ -79,8 +81,11 @@ def _space_of(field: Field, task: Task) -> spaces.Space[Any]:
         return _boxes(shape[0], smallest=0.01)
     if content is OFFSET:
         return Box(-reach, reach, shape, np.float32)
+    if content is CONFIDENCE:
+        return Box(0.0, 1.0, shape, np.float32)
     least = content.least
-    return spaces.MultiDiscrete(np.full(shape, len(task.classes) - least), start=np.full(shape, least))
+    end = task.hypotheses if content is PARENT else len(task.classes)
+    return spaces.MultiDiscrete(np.full(shape, end - least), start=np.full(shape, least))
 
 
 def _pose_bounds() -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -1,7 +1,7 @@
 """Lineages of hypotheses: which hypothesis of the frame before a hypothesis descends from, and its events.
 
-An action does not say it, so the parent is inferred: the hypothesis whose tracks had to move least. Identities are
-followed along that lineage, never by rank (protocol, "Targets and subsets").
+An agent states it (``hypothesis_parent``). Where it does not, the parent is guessed, often wrongly: the hypothesis whose
+tracks had to move least. Identities are followed along that lineage, never by rank (protocol, "Events").
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ class Hypotheses:
     member: Bools  # [R, H] tracks of alive hypotheses
     best: Ints  # [F] heaviest; the lowest index among equals
     parent: Ints  # [F, H] hypothesis of the frame before; 0 in frame 0
+    stated: Bools  # [F, H] whether the agent stated it; else it is guessed where there is a choice
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,14 +64,27 @@ def hypotheses(rollout: Rollout, card: Card) -> Hypotheses:
     best = np.argmax(weight, axis=1)
     alive = alive.copy()
     alive[~alive.any(axis=1), 0] = True
-    parent = np.zeros(alive.shape, dtype=np.intp)
+    parent, stated = _stated_parents(rollout, alive)
     if alive.shape[1] > 1:
         gates = card.per_class(card.task.forecast_gate)
         # farthest a track may move in a frame [C + 1], m; the last entry is for tracks without a class
         reach = np.array([*gates, max(gates)]) + MAX_SPEED / card.task.rate
-        for t in range(1, len(alive)):
-            parent[t] = _parents(rollout, member, alive[t - 1], weight[t - 1], t, reach)
-    return Hypotheses(alive, member, best, parent)
+        for t in (1 + np.flatnonzero((alive & ~stated)[1:].any(axis=1))).tolist():
+            guess = _parents(rollout, member, alive[t - 1], weight[t - 1], t, reach)
+            parent[t] = np.where(stated[t], parent[t], guess)
+    return Hypotheses(alive, member, best, parent, stated)
+
+
+def _stated_parents(rollout: Rollout, alive: Bools) -> tuple[Rows, Bools]:
+    """Parents [F, H] as the agent stated them, 0 where it did not, and whether it did: of one that existed."""
+    parent = np.zeros(alive.shape, dtype=np.intp)
+    stated = np.zeros(alive.shape, dtype=bool)
+    said = np.asarray(rollout.hypothesis_parent)
+    if said.shape == alive.shape and len(said):
+        known = np.take_along_axis(alive[:-1], np.clip(said[1:], 0, None), axis=1)
+        stated[1:] = (said[1:] >= 0) & known
+        parent[stated] = said[stated]
+    return parent, stated
 
 
 def match_hypotheses(truth: Truth, rollout: Rollout, member: Bools, card: Card) -> NDArray[np.intp]:

@@ -148,7 +148,7 @@ def _play(agent: Agent, task: Task, steps: Steps, where: str, scribble: bool) ->
 def _note_answer(played: Played, action: object, task: Task, place: str) -> None:
     """Keep the sound part of the answer and the problems of the rest."""
     examined = examine(action, task)
-    played.answers.append(answer_of(examined))
+    played.answers.append(answer_of(examined, task))
     for problem in examined.problems:
         where = f"{place}, {problem.example}" if problem.example else place
         seen = played.problems.setdefault((problem.field, problem.reason), Seen(problem, where))

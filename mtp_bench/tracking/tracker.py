@@ -75,7 +75,7 @@ class HypothesisTracker:
         self._tree.grow(column, parent, seen, self._max_age[self._tree.class_id], self._dt)
         kept = self._tree.merge_equal()
         self._cost = cost[kept] - cost[0]
-        return self._output()
+        return self._output(parent[kept])
 
     def _associate(self, seen: Seen) -> tuple[Floats, Ints, Ints]:
         """Costs [K] of the new hypotheses, the detection of each leaf in them [K, N], and their parents [K]."""
@@ -89,7 +89,7 @@ class HypothesisTracker:
         solve = per_cluster if self._per_cluster else joint_k_best
         return solve(indptr, column, -gain, len(seen.box), tree.member, self._cost, self._hypotheses)
 
-    def _output(self) -> Tracks:
+    def _output(self, parent: Ints) -> Tracks:
         tree = self._tree
         least = self._min_hits[tree.class_id]
         confirmed = (tree.hits >= least) | (self._frame <= least)  # a recording does not wait for its first tracks
@@ -106,6 +106,7 @@ class HypothesisTracker:
             past_valid=past_valid,
             member=tree.member.take(out, axis=1),
             log_weight=weight - np.logaddexp.reduce(weight),
+            parent=parent,
         )
 
 

@@ -43,4 +43,5 @@ class TruthTracker:
             past_valid=past_valid,
             member=np.ones((1, len(ids)), dtype=bool),
             log_weight=np.zeros(1),
+            parent=np.zeros(1, dtype=np.int64),
         )

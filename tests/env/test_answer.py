@@ -259,7 +259,7 @@ WILD = st.dictionaries(
 @given(WILD)
 def test_whatever_comes_the_answer_is_sound(wild: dict[str, Any]) -> None:
     examined = examine({**full_action(TASK), **wild}, TASK)
-    answer = answer_of(examined)
+    answer = answer_of(examined, TASK)
     assert np.isfinite(answer.track_box).all()
     assert np.isfinite(answer.object_box).all()
     assert np.isfinite(answer.forecast).all()

@@ -53,6 +53,7 @@ class Thing:
     hypotheses: tuple[int, ...] = (0,)
     forecast: Any = None  # [K, T, 2] absolute x y
     log_weight: Any = None  # [K]
+    confidence: float = 1.0
 
 
 def at(id: int, xy: Any, **more: Any) -> Thing:
@@ -125,12 +126,15 @@ def make_rollout(
         track_class=np.array([r.class_id for r in rows], dtype=np.int64),
         member=member,
         hypothesis_log_weight=given,
+        hypothesis_parent=np.full(given.shape, -1),
         object_start=_starts(objects),
         object_box=box,
         object_class=np.array([r.class_id for r in seen], dtype=np.int64),
+        object_confidence=np.array([r.confidence for r in seen], dtype=np.float32),
         forecast=forecast,
         forecast_log_weight=weight,
         invalid=np.zeros((frames, 3), dtype=np.int64),
+        malformed=np.zeros((frames, 3), dtype=np.int64),
         dropped=np.zeros(frames, dtype=np.int64),
         seconds=np.full(frames, 0.01),
     )
