@@ -71,6 +71,13 @@ def find_targets(scene: Scene, card: Card) -> Targets:
     )
 
 
+def live_frames(scene: Scene, card: Card) -> Bools:
+    """The frames [F] in which a target can exist: only there false forecasts count (protocol, "Live frames")."""
+    first = 0 if scene.listed_targets else card.task.past - 1
+    t = np.arange(scene.frames)
+    return (t >= first) & (t < scene.frames - card.task.future)
+
+
 def _windows(ids: Ints, frames: Ints, length: int) -> NDArray[np.intp]:
     """First places [n] of ``length`` consecutive frames of one object."""
     if len(ids) < length:
