@@ -7,12 +7,13 @@ from .output import prepare, working
 
 
 def freeze(env: EnvOption, root: DataOption = None, jobs: JobsOption = 0) -> None:
-    """Write the frozen subsets of a shipped environment (maintainers)."""
+    """Write the frozen event weights of a shipped environment (maintainers)."""
     from ..running.reference import freeze as write
-    from ..viz.terminal.output import show
+    from ..viz.terminal.output import counted, show
 
     options = EnvScenes(env, root).options(WorkerChoice(jobs))
     prepare(env, options)
     with working("freeze", options) as watched:
-        path, counts = write(env, watched)
-    show(f"{path}: {counts}")
+        path, reference = write(env, watched)
+    totals = ", ".join(f"{name} {total}" for name, total in reference.totals["sum_of_weights"].items())
+    show(f"{path}: {counted(reference.totals['targets'], 'target')}, sum of weights {totals}; hash {reference.digest}")

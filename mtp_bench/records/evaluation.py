@@ -8,8 +8,8 @@ from typing import Any
 
 from ..cards import Card
 from ..parallel import Workers, parallel_map
+from ..running.frozen_subsets import frozen_reference
 from ..running.options import RunOptions
-from ..running.reference import frozen_reference
 from ..scoring import (
     AgentScores,
     ReferenceSubsets,

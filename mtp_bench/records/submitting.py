@@ -11,8 +11,8 @@ from ..cards import Card, load_card
 from ..files import require_file, require_folder, whole_folder
 from ..gateway import Limits, SceneRun
 from ..parallel import parallel_map
+from ..running.frozen_subsets import frozen_reference
 from ..running.options import DEFAULTS, RunOptions
-from ..running.reference import frozen_reference
 from ..running.rollout_files import require_run_folder, save_run
 from ..running.run import library_versions
 from ..scoring import DEFINITIONS

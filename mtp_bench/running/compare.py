@@ -10,9 +10,9 @@ from ..env.environment import MTPEnv
 from ..errors import MtpBenchError
 from ..scoring import AgentScores, Report, SceneScore, score_scene, stated_hypotheses, summarise
 from ..submission.loader import load_submission
+from .frozen_subsets import Reference, find_reference, frozen_reference, reference_of
 from .options import DEFAULTS, RunOptions
 from .reading import total_skipped
-from .reference import Reference, find_reference, frozen_reference, reference_of
 from .run import Job, jobs_of, run_jobs
 from .settings import Setting, all_settings
 

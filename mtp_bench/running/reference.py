@@ -1,4 +1,4 @@
-"""The events that define the subsets of an env: frozen files, or made here from the reference baseline's run."""
+"""Event weights of an env: the frozen file of a shipped card, or made here from the scenes at hand."""
 
 from __future__ import annotations
 
@@ -7,87 +7,169 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .._bundle import bundled, card_ids
+from ..agent import Agent
 from ..cards import Card, load_card
+from ..env.decoding import decode
 from ..env.environment import MTPEnv
-from ..errors import UnknownNameError
+from ..env.observation import LocalFrame, make_feed
+from ..env.rollouts import assemble
+from ..errors import CardError, DataError, UnknownNameError
 from ..files import require_file
-from ..scoring import ReferenceSubsets, SceneScore, read_reference, reference_subsets, score_scene, write_reference
-from ..submission.loader import load_submission
+from ..parallel import parallel_map
+from ..scoring import SceneScore, score_scene
+from ..scoring.definitions import DEFINITIONS
+from ..scoring.targets import find_targets
+from ..scoring.weights import Reference, SceneWeights, count_runs, read_reference, scene_key, write_reference
+from ..scoring.weights import tracking_events as events_of
+from ..submission.loader import Submission, load_submission
+from ..types import Bools, Rollout, Scene, Task
 from .options import DEFAULTS, RunOptions
-from .run import jobs_of, run_jobs
+from .perturbation import (
+    ASSIGNMENTS,
+    RUNS,
+    MatchedDetections,
+    Perturbation,
+    assignment_of,
+    fit_perturbation,
+    matched_detections,
+    perturbed,
+)
+from .run import run_scene
 
-KINDS = ("ids", "lost", "reacquired")  # of events
-
-
-@dataclass(frozen=True)
-class Reference:
-    """Subsets of targets and where they come from."""
-
-    subsets: ReferenceSubsets
-    frozen: bool  # False: made in this run, for a split or data without a frozen file
-    differing: int = 0  # events in which this run's own reference differs from the frozen one
-
-    @property
-    def origin(self) -> str:
-        """One sentence for the report."""
-        name, short = self.subsets.reference, self.subsets.hash[:12]
-        if not self.frozen:
-            return f"subsets from the events of {name!r} in this run (hash {short}), not the frozen ones of a ranking"
-        text = f"frozen subsets of {name!r} (hash {short})"
-        if not self.differing:
-            return text
-        events = "1 event" if self.differing == 1 else f"{self.differing} events"
-        return f"{text}; {name!r} on this machine differs in {events}"
+_AT_ONCE = 12  # runs of a scene that one worker makes in one go: long scenes must not be waited for
 
 
 def frozen_path(env_id: str) -> Path:
-    """Where the frozen subsets of an env are, if there are any."""
+    """Where the frozen event weights of an env are, if there are any."""
     return bundled("envs") / "reference" / f"{env_id}.json"
 
 
 def frozen_reference(card: Card) -> Reference | None:
-    """The frozen subsets of ``card``; None where there are none, as for a card that is not the shipped one."""
-    path = frozen_path(card.id)
-    if not path.is_file() or load_card(card.id).digest != card.digest:
-        return None
-    return Reference(read_reference(path, card), frozen=True)
+    """The frozen event weights of ``card``; None where there are none, as for a card that is not the shipped one.
 
-
-def find_reference(card: Card, scores: Sequence[SceneScore]) -> Reference:
-    """The frozen subsets of ``card``, else those of ``scores``, the scenes of the reference baseline.
-
-    Raises DataError or CardError where the frozen file is broken.
+    Raises DataError where the file is broken or of other definitions.
     """
-    made = reference_subsets(scores, card)
-    reference = frozen_reference(card)
-    if reference is None:
-        return Reference(made, frozen=False)
-    frozen = reference.subsets
-    here = np.concatenate([score.truth_key for score in scores]) if scores else np.zeros(0, dtype=np.int64)
-    differing = sum(len(np.setxor1d(made.keys(kind), np.intersect1d(frozen.keys(kind), here))) for kind in KINDS)
-    return Reference(frozen, frozen=True, differing=differing)
+    path = frozen_path(card.id)
+    if not path.is_file():
+        return None
+    reference = read_reference(path)
+    if reference.env != card.id:
+        raise DataError(f"{path}: env is {reference.env!r}, expected {card.id!r}")
+    return replace(reference, frozen=True) if reference.card == card.digest else None
 
 
-def reference_of(card: Card, scores: Sequence[SceneScore], name: str) -> Reference:
-    """The events of an agent other than the card's reference baseline."""
-    return Reference(replace(reference_subsets(scores, card), reference=name), frozen=False)
+def reference_for(card: Card, scenes: Sequence[str], options: RunOptions = DEFAULTS) -> Reference:
+    """The frozen event weights of ``card`` where they hold these scenes, else weights made from these scenes.
+
+    ``card``: with all changes. ``options``: data, workers and progress. Raises DataError where the frozen file is
+    broken.
+    """
+    frozen = frozen_reference(card)
+    return frozen if frozen is not None and frozen.holds(scenes) else make_reference(card, scenes, options)
 
 
-def freeze(env_id: str, options: RunOptions = DEFAULTS) -> tuple[Path, dict[str, int]]:
-    """Run the reference baseline of a shipped env and write its events as the frozen subsets; their path and counts.
+def freeze(env_id: str, options: RunOptions = DEFAULTS) -> tuple[Path, Reference]:
+    """Make the event weights of a shipped env from all its scenes and write them; their path and what they are.
 
-    Raises UnknownNameError for the path of a card: its subsets would be found by no one.
+    Raises UnknownNameError for the path of a card: its weights would be found by no one.
     """
     if env_id not in card_ids():
-        raise UnknownNameError("environment", env_id, card_ids(), "only those that ship have frozen subsets")
-    card = load_card(env_id)
-    path = frozen_path(env_id)
+        raise UnknownNameError("environment", env_id, card_ids(), "only those that ship have frozen event weights")
+    card, path = load_card(env_id), frozen_path(env_id)
     path.parent.mkdir(exist_ok=True)
     require_file(path)
-    names = MTPEnv(env_id, data=options.data).scene_names
-    jobs = jobs_of(load_submission(card.reference), env_id, {"data": options.data}, names)
-    subsets = reference_subsets(run_jobs(jobs, options, score_scene), card)
-    write_reference(path, subsets)
-    return path, {kind: len(subsets.keys(kind)) for kind in KINDS}
+    reference = make_reference(card, MTPEnv(card, data=options.data).scene_names, options)
+    write_reference(path, reference)
+    return path, replace(reference, frozen=True)
+
+
+def make_reference(
+    card: Card, scenes: Sequence[str], options: RunOptions = DEFAULTS, seeds: Sequence[int] = range(RUNS)
+) -> Reference:
+    """Event weights from runs of the card's reference baseline on ``scenes``, one per seed.
+
+    Raises CardError where that baseline cannot be told how to assign and to make no forecasts.
+    """
+    submission = load_submission(card.reference)
+    parts = [seeds[low : low + _AT_ONCE] for low in range(0, len(seeds), _AT_ONCE)]
+    options.progress.started(len(scenes) * (1 + len(parts)))
+    plain: list[_Plain] = parallel_map(
+        _plain_run,
+        [(card, options.data, name, submission) for name in scenes],
+        options.workers,
+        lambda place: options.progress.done(scenes[place]),
+    )
+    perturbation = fit_perturbation([one.detections for one in plain], len(card.task.classes))
+    calls = [(card, options.data, name, submission, perturbation, part) for name in scenes for part in parts]
+    counts: list[NDArray[np.uint8]] = parallel_map(
+        _perturbed_runs, calls, options.workers, lambda place: options.progress.done(scenes[place // len(parts)])
+    )
+    per_scene = [counts[low : low + len(parts)] for low in range(0, len(calls), len(parts))]
+    return Reference(
+        env=card.id,
+        card=card.digest,
+        definitions=DEFINITIONS,
+        agent=submission.name,
+        runs=len(seeds),
+        parameters=perturbation.parameters(card.task.classes, seeds),
+        scenes={
+            scene_key(card.id, name): SceneWeights(np.stack(of_parts).sum(axis=0, dtype=np.uint8), *one.of_scene)
+            for name, one, of_parts in zip(scenes, plain, per_scene, strict=True)
+        },
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Plain:
+    """What the run of the reference as it is, without cut and noise, says of a scene."""
+
+    detections: MatchedDetections
+    of_scene: tuple[Bools, tuple[int, int, int], int, int]  # fields of `SceneWeights` but the counts
+
+
+def _plain_run(card: Card, data: str | None, name: str, submission: Submission) -> _Plain:
+    env = MTPEnv(card, data=data, evaluation=True)
+    rollout = run_scene(submission.build(env.task), env, name, 0, submission.name)
+    scene = env.scene
+    events = events_of(scene, rollout, card)
+    ids, lost, reacquired = events[~scene.truth.neutral].sum(axis=0).tolist()
+    false, forecasts = _stated(score_scene(scene, rollout, card))
+    flags = events[find_targets(scene, card).row]
+    return _Plain(matched_detections(scene, card), (flags, (ids, lost, reacquired), false, forecasts))
+
+
+def _stated(score: SceneScore) -> tuple[int, int]:
+    """False forecasts of a run, and all its forecasts."""
+    return int(score.false_forecasts.sum()), score.forecasts
+
+
+def _perturbed_runs(
+    card: Card, data: str | None, name: str, submission: Submission, perturbation: Perturbation, runs: Sequence[int]
+) -> NDArray[np.uint8]:
+    """Counts [n, 4] of the events of some runs on the targets of a scene."""
+    env = MTPEnv(card, data=data, samples=1, hypotheses=1, objects=1, evaluation=True)
+    env.reset(options={"scene": name})
+    scene, row = env.scene, find_targets(env.scene, card).row
+    agents = {assignment: _tracker(submission, env.task, assignment) for assignment in ASSIGNMENTS}
+    rollouts = (_track(agents[assignment_of(run)], perturbed(scene, perturbation, run), env.task) for run in runs)
+    return count_runs((events_of(scene, rollout, card)[row] for rollout in rollouts), len(row))
+
+
+def _tracker(submission: Submission, task: Task, assignment: str) -> Agent:
+    """The reference baseline with this assignment, without forecasts."""
+    try:
+        return submission.build(task, assignment=assignment, forecasts=False)
+    except UnknownNameError as error:
+        raise CardError(f"{submission.name!r} cannot be the reference of a card: {error}") from None
+
+
+def _track(agent: Agent, scene: Scene, task: Task) -> Rollout:
+    """What ``agent`` answers to the detections of ``scene``, as the env records it."""
+    frame = LocalFrame.of(scene)
+    feed = make_feed(scene, frame, task)
+    agent.reset(task)
+    answers = [decode(agent.act(feed.observe(t)), task, frame) for t in range(scene.frames)]
+    return assemble(scene.name, answers, feed.dropped)

@@ -11,10 +11,10 @@ from ..files import require_folder
 from ..scoring import AgentScores, Report, SceneScore, score_scene, stated_hypotheses, summarise
 from ..submission.loader import load_submission
 from ..types import Rollout, Scene
+from .frozen_subsets import frozen_reference
 from .opened import open_run
 from .options import DEFAULTS, RunOptions
 from .reading import total_skipped
-from .reference import frozen_reference
 from .rollout_files import require_run_folder, save_run
 from .run import jobs_of, run_info, run_jobs
 from .settings import setting_of

@@ -7,7 +7,7 @@ share their tracks (`tree`). With one hypothesis this is the Hungarian tracker.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from .kernels.affinity_kernels import CENTER_DISTANCE, GIOU_3D, IOU_3D, sparse_p
 from .parameters import ClassParameters, ab3dmot_parameters
 from .tree import HypothesisTree, Seen
 
+ASSIGNMENTS = ("hungarian", "as_parameters", "greedy")
 _KINDS: dict[str, int] = {"center_distance": CENTER_DISTANCE, "iou_3d": IOU_3D, "giou_3d": GIOU_3D}
 
 
@@ -28,6 +29,7 @@ class HypothesisTracker:
     ``parameters``: one per class of the task; None takes AB3DMOT's for the task's detector. ``temperature`` turns costs
     into weights, exp(-cost / temperature). Greedy assignment, as AB3DMOT uses for pedestrians, is honoured only with
     ``assignment="as_parameters"`` and a single hypothesis: the best hypothesis of many is the Hungarian one.
+    ``assignment="greedy"`` is greedy for every class.
     ``per_cluster``: the alternatives of all clusters of tracks side by side, not the cheapest overall.
     """
 
@@ -43,19 +45,21 @@ class HypothesisTracker:
             raise ShapeError(f"hypotheses is {hypotheses}, expected 1 or more")
         if not temperature > 0:
             raise ShapeError(f"temperature is {temperature}, expected a number above 0")
-        if assignment not in ("hungarian", "as_parameters"):
-            raise ShapeError(f"assignment is {assignment!r}, expected 'hungarian' or 'as_parameters'")
-        if assignment == "as_parameters" and hypotheses > 1:
-            raise ShapeError(f"assignment 'as_parameters' works with 1 hypothesis, got {hypotheses}")
+        if assignment not in ASSIGNMENTS:
+            raise ShapeError(f"assignment is {assignment!r}, expected {' or '.join(map(repr, ASSIGNMENTS))}")
+        if assignment != "hungarian" and hypotheses > 1:
+            raise ShapeError(f"assignment {assignment!r} works with 1 hypothesis, got {hypotheses}")
         self._hypotheses = hypotheses
         self._given = parameters
         self._temperature = temperature
         self._per_cluster = per_cluster
-        self._as_parameters = assignment == "as_parameters"
+        self._assignment = assignment
 
     def reset(self, task: Task) -> None:
         """Forget everything."""
         self._parameters = self._given or ab3dmot_parameters(task.detector, task.classes)
+        if self._assignment == "greedy":
+            self._parameters = tuple(replace(rule, assignment="greedy") for rule in self._parameters)
         if len(self._parameters) != len(task.classes):
             raise ShapeError(f"got parameters of {len(self._parameters)} classes, the task has {len(task.classes)}")
         self._rules = rules_of(self._parameters)
@@ -81,7 +85,7 @@ class HypothesisTracker:
         """Costs [K] of the new hypotheses, the detection of each leaf in them [K, N], and their parents [K]."""
         tree = self._tree
         indptr, column, gain = sparse_gains(tree.box, tree.class_id, seen.box, seen.class_id, self._rules)
-        if self._as_parameters:
+        if self._assignment != "hungarian":
             cost = np.full((len(tree.class_id), len(seen.box)), np.inf)
             cost[np.repeat(np.arange(len(cost)), np.diff(indptr)), column] = -gain
             chosen = _greedy_where_asked(cost, tree.class_id, self._parameters)
