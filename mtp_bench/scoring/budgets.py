@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .cuts import Cuts
-from .definitions import FORECASTS_PER_FRAME, SHARES
+from .definitions import BUDGETS, FORECASTS_PER_FRAME
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ def budgets_of(targets: int, stp: float, false_known: bool = True) -> Budgets:
     per live frame. Without a limit of STP it is inf.
     """
     if false_known:
-        return Budgets(np.array(SHARES) * min(float(targets), stp), stp)
+        return Budgets(np.arange(1, BUDGETS + 1) * min(float(targets), stp) / BUDGETS, stp)
     return Budgets(np.array([*FORECASTS_PER_FRAME, *([stp] if np.isfinite(stp) else [])]), stp, false_known=False)
 
 

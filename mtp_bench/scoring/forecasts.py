@@ -195,6 +195,18 @@ def final_errors(found: Candidates, grown: Grown) -> tuple[ForecastErrors, Match
     return errors, object_of_truth
 
 
+def match_objects(truth: Truth, frame: Ints, box: Floats, class_id: Ints, card: Card) -> ObjectMatch:
+    """Match boxes to true boxes by BEV centre distance, per frame and class, inside the forecast gate.
+
+    ``frame`` [n], ``box`` [n, 7] and ``class_id`` [n] of the boxes, sorted by frame. All evaluated true boxes take part;
+    boxes left over are then offered to the neutral ones.
+    """
+    gates = card.per_class(card.task.forecast_gate)
+    at = truth.frame_of_rows, truth.box, truth.class_id
+    pairs = box_pairs(*at, frame, box, class_id, "center_distance", gates)
+    return match_neutral_last(pairs, truth.neutral, len(frame))
+
+
 def match_neutral_last(pairs: Pairs, neutral: Bools, objects: int) -> ObjectMatch:
     """Match ``objects`` boxes to evaluated truth first; what is left over may belong to neutral truth.
 
