@@ -18,6 +18,8 @@ from .events import history as history
 from .forecasts import frame_error as frame_error
 from .matching import match as match
 from .matching import match_sticky as match_sticky
+from .neutral import evaluated as evaluated
+from .neutral import unconfirmable as unconfirmable
 from .pairs import Pairs as Pairs
 from .rank import shared_ranks as shared_ranks
 from .report import Report as Report

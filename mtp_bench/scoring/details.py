@@ -96,9 +96,10 @@ def _false_of_class(table: AgentTable, c: int) -> int:
 def _bins(table: AgentTable, card: Card) -> list[Bin]:
     """Errors by distance to the ego (where there is one), by class, moving or static."""
     edges = list(pairwise(DISTANCE_BINS)) if card.has_ego else []
+    names = [f"{low:g}-{high:g} m" if high < np.inf else f"beyond {low:g} m" for low, high in edges]
     bins = [
-        _bin(table, "distance", f"{low:g}-{high:g} m", (table.distance >= low) & (table.distance < high))
-        for low, high in edges
+        _bin(table, "distance", name, (table.distance >= low) & (table.distance < high))
+        for name, (low, high) in zip(names, edges, strict=True)
     ]
     for c, name in enumerate(card.task.classes):
         mask = table.class_id == c
