@@ -14,6 +14,7 @@ from .error import capped_error, fixed_error
 from .forecasts import Candidates, ForecastErrors, Forecasts, Grown, candidates, cuts, final_errors, grow
 from .lineage import hypotheses, lineage_events, match_hypotheses
 from .matching import Matched
+from .neutral import evaluated
 from .stream import StreamCounts, stream_counts
 from .targets import find_targets, live_frames
 from .units import recording_of, units
@@ -87,6 +88,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     Raises RolloutError where the rollout is of another scene or another number of frames or classes.
     """
     check_rollout(scene, rollout, card)
+    scene = evaluated(scene)
     truth, targets, live = scene.truth, find_targets(scene, card), live_frames(scene, card)
     forecasts = Forecasts.of(rollout)
     found = candidates(scene, targets, forecasts, live, card)
