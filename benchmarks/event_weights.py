@@ -1,9 +1,10 @@
 """Do event weights depend on the seeds of their runs? Two disjoint sets of 48 runs per env, and the time they take.
 
-    python benchmarks/event_weights.py [--envs MTP-Intersection-v0 ...] [--scenes N] [--jobs N] [--json FILE]
+    python benchmarks/event_weights.py [--envs MTP-Intersection-v0 ...] [--runs 48] [--scenes N] [--json FILE]
 
 For every subset: the correlation of the two sets' weights over all targets, their sums and effective numbers of targets
-(sum w)^2 / sum w^2. Recorded envs need MTP_BENCH_DATA or --data.
+(sum w)^2 / sum w^2. ``expected`` is the correlation of sets of independent runs with these weights: all that is left to
+differ are the coins that the runs throw. Recorded envs need MTP_BENCH_DATA or --data.
 """
 
 from __future__ import annotations
@@ -35,10 +36,12 @@ def weights(reference: Reference, scenes: Sequence[str], subset: str) -> NDArray
     return np.concatenate([reference.weight(name, subset) for name in scenes])
 
 
-def compare_sets(first: NDArray[np.float64], second: NDArray[np.float64]) -> dict[str, Any]:
+def compare_sets(first: NDArray[np.float64], second: NDArray[np.float64], runs: int) -> dict[str, Any]:
     """Correlation of two sets of weights of the same targets, None where one of them is constant."""
     constant = min(np.ptp(first), np.ptp(second)) == 0
+    coins = np.mean([one * (1 - one) for one in (first, second)]) / (runs - 1)  # variance of a share of the runs
     return {
+        "expected": None if constant else float(1 - coins / np.mean([first.var(), second.var()])),
         "correlation": None if constant else float(np.corrcoef(first, second)[0, 1]),
         "sums": [float(one.sum()) for one in (first, second)],
         "effective": [float(one.sum() ** 2 / max((one**2).sum(), 1e-12)) for one in (first, second)],
@@ -47,15 +50,18 @@ def compare_sets(first: NDArray[np.float64], second: NDArray[np.float64]) -> dic
     }
 
 
-def measure(env_id: str, options: RunOptions) -> dict[str, Any]:
+def measure(env_id: str, options: RunOptions, runs: int = RUNS) -> dict[str, Any]:
     """Both sets of one env; ``seconds`` of the first."""
     card = load_card(env_id)
     scenes = MTPEnv(card, data=options.data).scene_names[: options.scenes]
     start = time.perf_counter()
-    first = make_reference(card, scenes, options, range(RUNS))
+    first = make_reference(card, scenes, options, range(runs))
     seconds = time.perf_counter() - start
-    second = make_reference(card, scenes, options, range(RUNS, 2 * RUNS))
-    rows = {name: compare_sets(*(weights(one, scenes, name) for one in (first, second))) for name in SUBSETS}
+    second = make_reference(card, scenes, options, range(runs, 2 * runs))
+    rows = {}
+    for name in SUBSETS:
+        one, other = (weights(reference, scenes, name) for reference in (first, second))
+        rows[name] = compare_sets(one, other, runs)
     return {"env": env_id, "targets": first.totals["targets"], "seconds": round(seconds, 1), "subsets": rows}
 
 
@@ -63,6 +69,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--envs", nargs="+", default=ENVS)
     parser.add_argument("--data")
+    parser.add_argument("--runs", type=int, default=RUNS, help="at most 255")
     parser.add_argument("--scenes", type=int)
     parser.add_argument("--jobs", type=int, default=cores())
     parser.add_argument("--json", type=Path)
@@ -70,10 +77,10 @@ def main() -> None:
     options = RunOptions(arguments.data, arguments.scenes, workers=Workers(arguments.jobs))
     results = []
     for env_id in arguments.envs:
-        results.append(measure(env_id, options))
+        results.append(measure(env_id, options, arguments.runs))
         print(f"{env_id}: {results[-1]['targets']} targets, {results[-1]['seconds']} s")
         for name, row in results[-1]["subsets"].items():
-            correlation = "–" if row["correlation"] is None else f"{row['correlation']:.3f}"
+            correlation = "–" if row["correlation"] is None else f"{row['correlation']:.3f} of {row['expected']:.3f}"
             sums, effective = (" / ".join(f"{value:8.1f}" for value in row[key]) for key in ("sums", "effective"))
             counts = f"{row['certain']:5d} targets in 90 % of the runs, {row['rare']:5d} in up to 10 %"
             print(f"  {name:10}  r {correlation}   sums {sums}   effective {effective}   {counts}", flush=True)
