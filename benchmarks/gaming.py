@@ -214,7 +214,9 @@ def report_of(env_id: str, options: RunOptions) -> Report:
     reference = reference_for(card, scenes, options)
     played = parallel_map(play, [(env_id, options, scene) for scene in scenes], options.workers, lambda place: None)
     agents = [
-        AgentScores(name, 0, card.task.samples, "equal", tuple(zip(*(p[name] for p in played), strict=True)), name == HONEST[0])
+        AgentScores(
+            name, 0, card.task.samples, "equal", tuple(zip(*(p[name] for p in played), strict=True)), name == HONEST[0]
+        )
         for name in played[0]
     ]
     return summarise(agents, card, reference)

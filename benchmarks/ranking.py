@@ -34,9 +34,7 @@ def unit_sums(env_id: str, agent: str, options: RunOptions) -> dict[str, tuple[n
     from mtp_bench.env.environment import MTPEnv
 
     scenes = MTPEnv(env_id, **options.env_keywords).scene_names[: options.scenes]
-    jobs = [
-        job for seed in options.seeds for job in jobs_of(submission, env_id, options.env_keywords, scenes, seed)
-    ]
+    jobs = [job for seed in options.seeds for job in jobs_of(submission, env_id, options.env_keywords, scenes, seed)]
     scores = run_jobs(jobs, options, score_scene)
     reference = reference_for(card, scenes, options)
     tables = [
