@@ -50,9 +50,7 @@ def decode(action: object, task: Task, frame: LocalFrame | None = None, detected
     return answer_of(examine(action, task), task, frame, detected)
 
 
-def answer_of(
-    examined: Examined, task: Task, frame: LocalFrame | None = None, detected: Ints | None = None
-) -> Answer:
+def answer_of(examined: Examined, task: Task, frame: LocalFrame | None = None, detected: Ints | None = None) -> Answer:
     """The sound part of an action that was examined; see `decode`."""
     arrays, sound = examined.arrays, examined.sound
     member = (arrays["hypothesis_member"] != 0) & sound["hypotheses"][:, None] & sound["tracks"]
