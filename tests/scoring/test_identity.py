@@ -119,4 +119,4 @@ def test_overlap_is_its_own_similarity() -> None:
     score = score_scene(make_scene([THINGS] * 4), rollout, card)
     got = summarise([AgentScores("agent", 1, 4, "equal", ((score,),))], card).details[0].tracking.all
     assert got.IDF1 == 1.0
-    assert got.HOTA == pytest.approx(11 / 19)  # IoU 2.9 / 5.1 = .57
+    assert pytest.approx(11 / 19) == got.HOTA  # IoU 2.9 / 5.1 = .57

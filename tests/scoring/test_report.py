@@ -325,7 +325,7 @@ def test_own_events_are_shown() -> None:
     car = Clear(TP=5, FP=0, FN=0, IDS=1, FRAG=0, MOTA=0.8, MOTP=0.0, IDF1=0.8, HOTA=0.0)
     assert tracking.classes["car"].model_copy(update={"HOTA": 0.0}) == car
     # a fifth of the object's frames goes with one track, four fifths with the other
-    assert tracking.classes["car"].HOTA == pytest.approx(((0.2 + 4 * 0.8) / 5) ** 0.5)
+    assert pytest.approx(((0.2 + 4 * 0.8) / 5) ** 0.5) == tracking.classes["car"].HOTA
     assert tracking.classes["pedestrian"].MOTP is None
     assert tracking.all.FN == 5
 
