@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from ..types import Bools, Ints, Rollout, Truth
+from ..types import Bools, Floats, Ints, Rollout, Truth
 from .events import clear_identity, history, object_history
 from .forecasts import match_neutral_last, offer_neutral
 from .identity import IdentityCounts, identity_counts
@@ -78,9 +78,7 @@ def stream_counts(truth: Truth, rollout: Rollout, lineage: Hypotheses, card: Car
     )
 
 
-def _near_pairs(
-    truth: Truth, rollout: Rollout, frame: Ints, chosen: Rows, card: Card
-) -> tuple[Pairs, NDArray[np.float64], Bools]:
+def _near_pairs(truth: Truth, rollout: Rollout, frame: Ints, chosen: Rows, card: Card) -> tuple[Pairs, Floats, Bools]:
     """Pairs of true boxes and the ``chosen`` tracks, their similarity, which is above 0, and which are in the gate."""
     gate, limit = card.task.event_gate, np.array(card.per_class(card.task.event_gate.threshold))
     overlap = gate.measure == "iou_3d"

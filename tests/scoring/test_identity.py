@@ -79,7 +79,7 @@ def test_random_scenes_of_two_classes(seed: int) -> None:
         assert found == pytest.approx(trackeval(scenes, classes), abs=1e-9)
 
 
-def identity_of(scene: Scene, rollout: Rollout) -> tuple[float | None, float | None]:
+def identity_of(scene: Scene, rollout: Rollout) -> Any:
     shown = tracking(score_scene(scene, rollout, CARD)).all
     return shown.IDF1, shown.HOTA
 

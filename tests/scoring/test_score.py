@@ -40,7 +40,8 @@ seeds = st.integers(0, 10_000)
 def at_budgets(*scores: SceneScore, stp: float = STP) -> Array:
     """The error over all targets of a run at each of the budgets of "all", and at that of the subsets."""
     budgets = budgets_of(sum(map(len, scores)), stp)
-    return errors_at([score.cuts for score in scores], [*budgets.all, budgets.subsets]).error.mean(axis=1)
+    found = errors_at([score.cuts for score in scores], [*budgets.all, budgets.subsets])
+    return np.asarray(found.error.mean(axis=1))
 
 
 def levels(cuts: Cuts) -> list[Any]:
@@ -81,7 +82,7 @@ def joined(*rollouts: Rollout) -> Rollout:
     frame = np.concatenate([rollout.objects.frame_of_rows for rollout in rollouts])
     order = np.argsort(frame, kind="stable")
     names = ("object_box", "object_class", "object_confidence", "forecast", "forecast_log_weight")
-    arrays = {name: np.concatenate([getattr(rollout, name) for rollout in rollouts])[order] for name in names}
+    arrays: Any = {name: np.concatenate([getattr(rollout, name) for rollout in rollouts])[order] for name in names}
     start = np.searchsorted(frame[order], np.arange(rollouts[0].frames + 1))
     return replace(rollouts[0], object_start=start, **arrays)
 
