@@ -119,7 +119,7 @@ def test_status_names_what_is_wrong(data: Path) -> None:
     (problem,) = describe(nuscenes_card(), data).problems
     assert "no entry for sample 'scene-0003-t0'" in problem
     tables = make_tables()
-    tables["sample"][1]["next"] = ""
+    tables["sample"][1]["timestamp"] = -1
     write_tables(data, tables)
     status = describe(nuscenes_card(), data)
     assert (status.usable, status.checks) == (False, ())
