@@ -356,8 +356,8 @@ def test_status_lists_what_is_missing_and_what_is_wrong(root: Path) -> None:
     (root / OXTS).unlink()
     write(root / LABELS, "0 1 Car")
     status = describe(kitti_card(), root)
-    assert status.missing == ("training/oxts/",)
+    assert status.missing == ["training/oxts/"]
     assert "line 1: 3 columns" in status.problems[0]
     assert not status.usable
     assert describe(kitti_card(detector="other"), root).missing[-1] == "detections/other/Cyclist/"
-    assert describe(kitti_card(ego_motion=False), root).missing == ()
+    assert describe(kitti_card(ego_motion=False), root).missing == []

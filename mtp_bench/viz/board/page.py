@@ -113,7 +113,7 @@ def _about(env_id: str) -> dict[str, str] | None:
     data = describe(card)
     how = "simulated" if card.detector is not None else "stored"
     detections = f"{how} ({card.detector_name})" if card.detector_name else how
-    return {"summary": card.summary, "detections": detections, "dataset": data.dataset, "licence": data.licence}
+    return {"summary": card.summary, "detections": detections, "dataset": data.about.name, "licence": data.about.licence}
 
 
 def _address(link: str | None) -> str | None:
