@@ -113,12 +113,7 @@ def _about(env_id: str) -> dict[str, str] | None:
     data = describe(card).about
     how = "simulated" if card.detector is not None else "stored"
     detections = f"{how} ({card.detector_name})" if card.detector_name else how
-    return {
-        "summary": card.summary,
-        "detections": detections,
-        "dataset": data.about.name,
-        "licence": data.about.licence,
-    }
+    return {"summary": card.summary, "detections": detections, "dataset": data.name, "licence": data.licence}
 
 
 def _address(link: str | None) -> str | None:
