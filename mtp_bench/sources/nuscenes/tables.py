@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from ...errors import DataError
-from ...types import Floats, Ints, Ragged, starts_of
+from ...types import Floats, Ints, starts_of
 from .fields import add_numbers, check, floats, ints, named, text, time_stamp, whole, yaw_of
 from .json_stream import Read, Record, brief, read_records
 
@@ -34,11 +34,6 @@ class Keyframes:
     row: Mapping[str, int]  # row of each token
     time: Floats  # [N] microseconds
     ego: Floats  # [N, 4] x y z yaw, global frame
-
-    @property
-    def scene_of(self) -> Ints:
-        """Scene of each row [N]."""
-        return Ragged(self.start).frame_of_rows
 
 
 def read_keyframes(paths: Mapping[str, Path], read: Read) -> Keyframes:
