@@ -57,6 +57,13 @@ class Ragged:
         """Rows of frame ``t``."""
         return slice(int(self.start[t]), int(self.start[t + 1]))
 
+    def only(self, t: int) -> Self:
+        """The table with the rows of frame ``t`` alone; the other frames have none."""
+        rows = self.rows(t)
+        start = np.where(np.arange(len(self.start)) > t, rows.stop - rows.start, 0)
+        columns = {column.name: getattr(self, column.name)[rows] for column in fields(self) if column.name != "start"}
+        return replace(self, start=start, **columns)
+
     def those(self, kept: Bools) -> Self:
         """The table of the rows where ``kept`` [R]; every column but ``start`` must have a value per row."""
         columns = {column.name: getattr(self, column.name)[kept] for column in fields(self) if column.name != "start"}

@@ -16,10 +16,11 @@ from gymnasium.error import ResetNeeded
 
 from ..cards import Card, changed_card, load_card
 from ..errors import DataError, MtpBenchError, RolloutError
-from ..scoring.forecasts import frame_error
+from ..scoring.error import frame_error
+from ..scoring.forecasts import Forecasts
 from ..scoring.targets import Targets, find_targets
 from ..sources import detected, open_source
-from ..types import Action, Observation, Rollout, Scene, Task, to_metres
+from ..types import Action, Observation, Rollout, Scene, Task
 from .arguments import OBSERVE as OBSERVE
 from .arguments import RENDER_MODES, EnvKeywords, checked, choose, size, wanted
 from .decoding import Answer, decode
@@ -178,17 +179,15 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         return scene
 
     def _reward(self, episode: _Episode, targets: Targets, answer: Answer) -> float:
-        center = answer.object_box[:, None, None, :2].astype(np.float64)
-        error = frame_error(
-            episode.scene,
-            targets,
-            self.card,
-            episode.t,
-            answer.object_box,
-            answer.object_class,
-            center + to_metres(answer.forecast),
-            answer.forecast_log_weight,
+        forecasts = Forecasts(
+            frame=np.full(len(answer.object_box), episode.t),
+            box=answer.object_box,
+            class_id=answer.object_class,
+            confidence=answer.object_confidence,
+            offset=answer.forecast,
+            log_weight=answer.forecast_log_weight,
         )
+        error = frame_error(episode.scene, targets, self.card, episode.t, forecasts, answer.malformed)
         return 0.0 - error  # not -error: no -0.0
 
 

@@ -123,7 +123,7 @@ def run_info(env: MTPEnv, setting: Setting, seed: int, keywords: dict[str, Any])
         observe=env.task.observe,
         samples=env.task.samples,
         split=env.card.source.split,
-        keywords={name: value for name, value in keywords.items() if name != "samples"},
+        keywords={name: value for name, value in keywords.items() if name not in ("samples", "observe")},
         agent=submission.name,
         parameters=setting.parameters,
         hypotheses=setting.hypotheses,

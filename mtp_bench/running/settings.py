@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ..cards import Card
@@ -23,15 +23,29 @@ class Setting:
     budget: Budget
     hypotheses: int | None  # as declared; None: what the agent states will tell
     samples: int  # K
+    observe: str = "detections"
+
+    @property
+    def ends(self) -> tuple[Setting, Setting] | tuple[()] | None:
+        """The ends of its gap, STP and true pasts with its own predictor; empty: the controls; None: not stated."""
+        stated = self.submission.compare.ends
+        if stated is None or self.ideal:
+            return None
+        if stated == "controls":
+            return ()
+        parameters = {**self.parameters, **stated}
+        label = f"{self.submission.name} (end of its gap)"
+        single = replace(self, label=label, parameters=parameters, hypotheses=1)
+        return single, replace(single, observe="truth")
 
     @property
     def ideal(self) -> bool:
         """Whether the agent is fed the truth."""
-        return self.submission.compare.observe == "truth"
+        return self.observe == "truth"
 
     def env_keywords(self, card: Card) -> dict[str, Any]:
         """What the env of this setting needs beyond the card."""
-        keywords: dict[str, Any] = {"samples": self.samples}
+        keywords: dict[str, Any] = {"samples": self.samples, "observe": self.observe}
         if self.hypotheses and self.hypotheses > card.size.hypotheses:
             keywords["hypotheses"] = self.hypotheses
         return keywords
@@ -57,6 +71,7 @@ def setting_of(
         budget=budget,
         hypotheses=hypotheses,
         samples=card.task.samples * (drawn if budget == "free" else 1),
+        observe=submission.compare.observe,
     )
 
 

@@ -11,10 +11,10 @@ from ..files import require_folder
 from ..scoring import AgentScores, Report, SceneScore, score_scene, stated_hypotheses, summarise
 from ..submission.loader import load_submission
 from ..types import Rollout, Scene
-from .frozen_subsets import frozen_reference
 from .opened import open_run
 from .options import DEFAULTS, RunOptions
 from .reading import total_skipped
+from .reference import reference_for
 from .rollout_files import require_run_folder, save_run
 from .run import jobs_of, run_info, run_jobs
 from .settings import setting_of
@@ -91,11 +91,6 @@ def score_stored(folder: Path, options: RunOptions = DEFAULTS, env_id: str | Non
         seeds=(tuple(scores),),
         ideal=run.info.observe == "truth",
     )
-    reference = frozen_reference(card)
-    report = summarise([agent], card, reference.subsets if reference else None)
-    origin = (
-        reference.origin
-        if reference
-        else ("no frozen subsets for this env and split: only 'all' has targets; `mtp-bench compare` makes the others")
-    )
-    return StoredScore(report, origin, total_skipped(score.skipped for score in scores))
+    reference = reference_for(card, [rollout.scene for rollout in run.rollouts], options)
+    report = summarise([agent], card, reference)
+    return StoredScore(report, reference.origin, total_skipped(score.skipped for score in scores))

@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
-DEFINITIONS = "1.0"  # raised whenever a number of an unchanged rollout would change
+import math
+
+DEFINITIONS = "2.0"  # raised whenever a number of an unchanged rollout would change
 GOLDEN = "339a01d866a5486dbc2844de8898c1df045e68d8a915fb9a8ce9e485b7e82f5d"  # tests/scoring/test_golden_results.py
 
 MISS_RATE_GATE = 2.0  # m, a sample whose final point is farther away misses (MR, EPA)
-MOVING_SPEED = 0.5  # m/s, mean over past and future; slower targets are "static"
+MOVING_SPEED = 0.5  # m/s, straight displacement over the future by its time; slower targets are "static"
 PLANNING_SIGMA = 3.0  # m, PI-ADE weighs a target by exp(-approach^2 / (2 sigma^2))
-MOST_FORECASTS = 1.5  # times those of STP: where false ones cost nothing, agents with more are not ranked
-FALSE_FORECAST_SHARE = 0.5  # of the miss error c, per false forecast
+BUDGETS = 10  # equal steps up to min(targets, false forecasts of STP): their mean ranks "all"
+FORECASTS_PER_FRAME = (20.0, 40.0)  # budgets where false forecasts cannot be known, beside STP's own number
+CURVE_BUDGETS = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.25, 1.5, 2.0, 3.0, 5.0)  # per target
+SURE = 0.5  # confidence from which the fixed operating point takes a forecast as said
+FALSE_FORECAST_SHARE = 0.5  # of the miss error c, per false forecast at the fixed operating point
+FREE_FORECASTS = 40  # of a frame, at the fixed operating point, where false ones cannot be known
+SAMPLE_FLOOR = 0.01  # of the uniform weight; lighter samples are absent
 EPA_ALPHA = 0.5  # penalty of a false forecast in EPA
 FORECAST_AP_GATES = (2.0, 4.0)  # m, now and at the final point, of AP_f
 MAX_SPEED = 30.0  # m/s, how far a track of the same id may move in a frame when lineages are inferred
 CURVE_KS = (1, 5, 10, 20, 50, 100, 200, 400)
-DISTANCE_BINS = (0.0, 5.0, 10.0, 15.0, 30.0, 50.0)  # m to the ego
-RANKED_OBJECTS = 20  # a subset with fewer objects is shown, never ranked
+DISTANCE_BINS = (0.0, 5.0, 10.0, 15.0, 30.0, 50.0, math.inf)  # m to the ego
+RANKED_SUBSETS = ("ids", "reacquired")  # beside "all"; the others are shown
+RANKED_OBJECTS = 20  # effective number; a subset with fewer is shown, never ranked
+RANKED_UNITS = 6  # effective number of units; with fewer no test can tell agents apart
+LARGEST_SHARE = 0.25  # of the weight of an event subset that one unit may have
+SIGNIFICANT = 0.05  # p of the sign-flip test
+CAMERA_HEIGHT = 1.65  # m above the ground on which an object is put to be seen in the image
+LEAST_IMAGE_HEIGHT = 25.0  # pixels; labels confirm nothing that is seen this small
+MOST_IN_REGION = 0.5  # share in one region where labels do not care; nothing of which more lies there is confirmed
+BLOCK_SECONDS = 20.0  # units of uncertainty are blocks of recordings, at most this long

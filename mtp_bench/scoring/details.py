@@ -1,4 +1,4 @@
-"""What lies behind an agent's row: parts of the error, bins, the curve over k, tracking, own events."""
+"""What lies behind an agent's row: calibration, curves, bins, tracking, own events."""
 
 from __future__ import annotations
 
@@ -10,59 +10,89 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..cards import Card
 from ..errors import ShapeError
-from ..types import Bools
-from .definitions import DISTANCE_BINS, EPA_ALPHA, PLANNING_SIGMA
-from .rows import Bin, Clear, Details, Errors, Parts, Tracking
-from .score import KINDS
+from ..types import Bools, Floats
+from .definitions import CURVE_BUDGETS, DISTANCE_BINS, EPA_ALPHA, FORECAST_AP_GATES, PLANNING_SIGMA
+from .rows import Bin, Clear, Details, Errors, Reliability, Tracking
+from .score import EXCUSED, FALSE, KINDS, RIGHT
 from .statistics import ratio
 from .stream import StreamCounts
-from .table import AgentTable
+from .table import AgentTable, run_errors
 
 OWN = ("own_ids", "own_frag", "all_h_ids", "all_h_frag")
 _COUNTS = ("truth", "tp", "fp", "fn", "ids", "frag", "cost")
 _RECALLS = 101  # points of the precision-recall curve
 _LEAST = 0.1  # recall and precision below do not count, as in nuScenes detection
+_RANGES = 10  # of confidence
 
 
 def details(table: AgentTable, card: Card) -> Details:
     """Details of one agent over all targets."""
     setting = table.setting
     first = setting.seeds[0]
+    count = len(table.miss_error)
     nearness = np.exp(-(table.approach**2) / (2.0 * PLANNING_SIGMA**2))  # of a target to the ego
-    frames = sum(score.frames for score in table.scores)
-    false_forecasts = sum(int(score.false_forecasts.sum()) for score in table.scores)
     invalid = np.sum([score.invalid for score in table.scores], axis=0).tolist()
+    everything = np.ones(count, dtype=bool)
+    brier, reliability = _calibration(table)
+    false = sum(score.false_forecasts for score in table.scores)
     return Details(
         agent=setting.agent,
         hypotheses=setting.hypotheses,
         samples=setting.samples,
         budget=setting.budget,
         seeds=len(setting.seeds),
-        parts=_parts(table),
-        silence=ratio(table.miss_error.sum(), len(table.miss_error)),
-        miss_rate=ratio((table.covered - table.hit).sum(), table.covered.sum()),
+        silence=ratio(table.miss_error.sum(), count),
+        miss_rate=ratio(count * len(setting.seeds) - table.hit.sum(), count * len(setting.seeds)),
         PI_ADE=ratio((nearness * table.capped).sum(), nearness.sum()) if card.has_ego else None,
-        EPA=_accuracy(table, table.mask["all"], false_forecasts),
+        EPA=_accuracy(table, everything, false),
         AP_f=_average_precision(table, card),
-        forecasts_per_frame=table.forecasts,
-        spurious_per_frame=ratio(false_forecasts, frames) if table.complete else None,
+        brier=brier,
+        reliability=reliability,
+        forecasts_per_frame=sum(score.forecasts for score in table.scores) / max(table.live, 1),
+        false_per_frame=ratio(false, table.live) if table.complete else None,
+        curve=_curve(table),
         k_curve={str(k): ratio(table.curve[:, i].sum(), table.covered.sum()) for i, k in enumerate(first[0].ks)},
         bins=_bins(table, card),
         own={name: _own(table, name) for name in OWN},
-        own_events={kind: sum(len(score.events[kind]) for score in first) for kind in KINDS},
+        own_events={kind: sum(score.own_events[kind] for score in first) for kind in KINDS},
         tracking=_tracking([score.counts for score in first], card, table.complete),
         invalid=dict(zip(("tracks", "hypotheses", "objects"), invalid, strict=True)),
         dropped_detections=sum(score.dropped for score in table.scores),
     )
 
 
-def _parts(table: AgentTable) -> Parts:
-    count = len(table.capped)
-    return Parts(
-        localisation=ratio((table.capped - table.missed).sum(), count),
-        missed=ratio(table.missed.sum(), count),
-        false=ratio(table.false_error.sum(), count) if table.complete else None,
+def _curve(table: AgentTable) -> list[tuple[float, float]]:
+    """The error at budgets of false forecasts per target, mean over seeds; else of forecasts per live frame."""
+    count, budgets = len(table.miss_error), table.budgets
+    if not count:
+        return []
+    allowed = (
+        np.array(CURVE_BUDGETS) * count if budgets.false_known else np.array([1.0, 2, 5, 10, 15, 20, 30, 40, 60, 80])
     )
+    runs = [run_errors(run, allowed, budgets.false_known, "cuts").error.mean(axis=1) for run in table.setting.seeds]
+    at = allowed / count if budgets.false_known else allowed
+    return list(zip(at.tolist(), np.mean(runs, axis=0).tolist(), strict=True))
+
+
+def _calibration(table: AgentTable) -> tuple[float | None, list[Reliability]]:
+    """Brier score of the confidences against "of a true object", and the reliability curve; over all seeds."""
+    if not table.complete:
+        return None, []
+    counted = [score.outcome != EXCUSED for score in table.scores]
+    sure = np.concatenate([s.cuts.confidence[keep] for s, keep in zip(table.scores, counted, strict=True)]).astype(
+        float
+    )
+    there = np.concatenate([s.outcome[keep] > EXCUSED for s, keep in zip(table.scores, counted, strict=True)])
+    if not len(sure):
+        return None, []
+    place = np.minimum((sure * _RANGES).astype(int), _RANGES - 1)
+    ranges = [place == i for i in range(_RANGES)]
+    curve = [
+        Reliability(confidence=float(sure[here].mean()), matched=float(there[here].mean()), forecasts=int(here.sum()))
+        for here in ranges
+        if here.any()
+    ]
+    return float(((sure - there) ** 2).mean()), curve
 
 
 def _accuracy(table: AgentTable, mask: Bools, false_forecasts: int) -> float | None:
@@ -73,37 +103,44 @@ def _accuracy(table: AgentTable, mask: Bools, false_forecasts: int) -> float | N
 
 
 def _average_precision(table: AgentTable, card: Card) -> float | None:
-    """Mean over the classes with targets; the forecasts state no confidence, so each class has one point."""
+    """Mean over the classes with targets, over all seeds; forecasts of objects that are no target do not count."""
     if not table.complete:
         return None
+    class_id, sure, outcome = (
+        np.concatenate(part)
+        for part in zip(*((s.cuts.class_id, s.cuts.confidence, s.outcome) for s in table.scores), strict=True)
+    )
+    near = np.concatenate([score.final_error for score in table.scores]) <= FORECAST_AP_GATES[1]
+    counted = (outcome == FALSE) | (outcome == RIGHT)
     values = []
     for c in range(len(card.task.classes)):
-        mask = table.class_id == c
-        right = int(table.near[mask].sum())
-        wrong = int(table.covered[mask].sum()) - right + _false_of_class(table, c)
-        correct = np.repeat([True, False], [right, wrong])
-        targets = int(mask.sum()) * len(table.setting.seeds)
-        value = forecast_average_precision(correct, np.zeros(len(correct)), targets)
+        mine = counted & (class_id == c)
+        targets = int((table.class_id == c).sum()) * len(table.setting.seeds)
+        value = forecast_average_precision(near[mine], sure[mine], targets)
         if value is not None:
             values.append(value)
     return float(np.mean(values)) if values else None
 
 
 def _false_of_class(table: AgentTable, c: int) -> int:
-    return sum(int(score.false_of_class[c]) for score in table.scores)
+    return sum(int(((s.outcome == FALSE) & (s.cuts.class_id == c)).sum()) for s in table.scores)
 
 
 def _bins(table: AgentTable, card: Card) -> list[Bin]:
     """Errors by distance to the ego (where there is one), by class, moving or static."""
     edges = list(pairwise(DISTANCE_BINS)) if card.has_ego else []
     bins = [
-        _bin(table, "distance", f"{low:g}-{high:g} m", (table.distance >= low) & (table.distance < high))
+        _bin(table, "distance", _metres(low, high), (table.distance >= low) & (table.distance < high))
         for low, high in edges
     ]
     for c, name in enumerate(card.task.classes):
         mask = table.class_id == c
         bins.append(_bin(table, "class", name, mask, _accuracy(table, mask, _false_of_class(table, c))))
     return [*bins, _bin(table, "motion", "moving", table.moving), _bin(table, "motion", "static", ~table.moving)]
+
+
+def _metres(low: float, high: float) -> str:
+    return f"{low:g}-{high:g} m" if np.isfinite(high) else f"beyond {low:g} m"
 
 
 def _bin(
@@ -114,13 +151,18 @@ def _bin(
 
 def _errors(table: AgentTable, mask: Bools) -> Errors:
     targets, covered = int(mask.sum()), table.covered[mask].sum()
+
+    def mean(value: Floats) -> float | None:
+        return ratio(float(value[mask].sum()), targets)
+
     return Errors(
         minADE=ratio(table.min_ade[mask].sum(), covered),
         minFDE=ratio(table.min_fde[mask].sum(), covered),
-        missing_aware=ratio(table.capped[mask].sum(), targets),
+        error=mean(table.of_all.error),
+        plain_error=mean(table.capped),
         coverage=ratio(covered / len(table.setting.seeds), targets),
         targets=targets,
-        objects=table.objects(mask),
+        objects=len(np.unique(table.person[mask])),
         scenes=len(np.unique(table.scene[mask])),
     )
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import ShapeError
 from ..shapes import require_finite, require_shape
 from ..types import Bools, Floats
-from .definitions import MISS_RATE_GATE
+from .definitions import MISS_RATE_GATE, SAMPLE_FLOOR
 
 Array = NDArray[np.float64]
 
@@ -38,12 +38,13 @@ class Displacement:
 def displacement(samples: ArrayLike, truth: ArrayLike, weights: ArrayLike | None = None) -> Displacement:
     """Errors of ``samples`` [n, S, T, 2] against ``truth`` [n, T, 2], in metres.
 
-    ``weights`` [n, S] are at least 0 and need not sum to 1; None weighs all samples alike. A target without a sample of
+    ``weights`` [n, S] are at least 0 and need not sum to 1; None weighs all samples alike. Samples of next to no weight
+    are absent, see `floored`. A target without a sample of
     positive weight, or with a non-finite coordinate in one, is invalid: its errors are inf, never NaN and never less.
     Raises ShapeError for shapes that do not fit, a truth that is not finite, or weights below 0.
     """
     guess, true = np.asarray(samples, dtype=np.float64), np.asarray(truth, dtype=np.float64)
-    weight = _checked(guess, true, weights)
+    weight = floored(_checked(guess, true, weights))
     ade, fde, valid = sample_errors(guess, true, weight)
     min_fde = fde.min(axis=1, initial=np.inf)
     score = np.full(len(true), np.inf)
@@ -58,6 +59,18 @@ def displacement(samples: ArrayLike, truth: ArrayLike, weights: ArrayLike | None
         valid=valid,
         ade=ade,
     )
+
+
+def floored(weights: NDArray[Any]) -> Array:
+    """Weights [n, S] with 0 for the samples of less than 1 % of the uniform weight: they are absent in every number.
+
+    So a sample that costs nothing in the energy score earns nothing in minADE. Samples of weight 0 do not count as
+    stated; what is below the floor is dropped once.
+    """
+    weight = np.asarray(weights, dtype=np.float64)
+    stated = (weight > 0).sum(axis=1, keepdims=True)
+    floor = SAMPLE_FLOOR * weight.sum(axis=1, keepdims=True) / np.maximum(stated, 1)
+    return np.where(weight < floor, 0.0, weight)
 
 
 def sample_errors(guess: NDArray[Any], true: NDArray[Any], weight: NDArray[Any]) -> tuple[Array, Array, Bools]:
@@ -123,13 +136,9 @@ def _checked(guess: NDArray[np.float64], true: NDArray[np.float64], weights: Arr
 def energy_score(samples: Array, truth: Array, weights: Array) -> Array:
     """Energy score [n], metres, of ``samples`` [n, S, T, 2] for ``truth`` [n, T, 2]; ``weights`` [n, S] sum to 1.
 
-    ``sum_a w_a |x_a - y| - 1/2 sum_{a != b} c_ab |x_a - x_b|``, the norm over the flattened T x 2 divided by sqrt(T),
-    with ``c_ab = w_a w_b / (1 - min(w_a, w_b))``. Equal weights give the fair form of the protocol, 1 / (2 n (n - 1))
-    per ordered pair; a single sample has no pair term. The denominator of a weighted form has to be chosen: with
-    ``1 - sum w^2``, unbiased for weights that do not depend on the samples, a far sample of negligible weight beside
-    one of weight almost 1 would earn half its distance. This one never pays: the score is at least 0, as in the fair
-    form, because the pairs of a sample then weigh at most as much as the sample itself. All inputs are finite; absent
-    samples have weight 0.
+    ``sum_a w_a |x_a - y| - 1/2 sum_a sum_b w_a w_b |x_a - x_b|``, the norm over the flattened T x 2 divided by sqrt(T):
+    the score of the weighted samples as a distribution, at least 0 and proper (Gneiting and Raftery 2007, eq. 22). All
+    inputs are finite; absent samples have weight 0.
     """
     n, count, steps, _ = samples.shape
     flat = (samples - truth[:, None]).reshape(n, count, 2 * steps)
@@ -146,16 +155,10 @@ def energy_score(samples: Array, truth: Array, weights: Array) -> Array:
 
 
 def _pair_term(flat: Array, weight: Array) -> Array:
-    """Sum over unordered pairs of w_a w_b / (1 - min(w_a, w_b)) |x_a - x_b|, for [n, S, d] and [n, S]."""
-    order = np.argsort(weight, axis=1, kind="stable")
-    weight = np.take_along_axis(weight, order, axis=1)
-    flat = np.take_along_axis(flat, order[:, :, None], axis=1)
+    """Sum over unordered pairs of w_a w_b |x_a - x_b|, for [n, S, d] and [n, S]."""
     # centred, the Gram matrix loses least to cancellation
     flat = flat - np.einsum("ns,nsd->nd", weight, flat)[:, None]
     square = np.einsum("nsd,nsd->ns", flat, flat)
-    # ascending: the first of a pair is the lighter one; the last of all leads no pair
-    lighter = np.zeros_like(weight)
-    lighter[:, :-1] = weight[:, :-1] / (1.0 - weight[:, :-1])
     total = np.zeros(len(flat))
     for low in range(0, flat.shape[1] - 1, _BLOCK):
         rows, rest = slice(low, low + _BLOCK), slice(low, None)
@@ -167,5 +170,5 @@ def _pair_term(flat: Array, weight: Array) -> Array:
         np.sqrt(distance, out=distance)
         size = distance.shape[1]
         distance[:, :, :size] *= np.triu(np.ones((size, size)), 1)
-        total += np.einsum("na,na->n", (distance @ weight[:, rest, None])[:, :, 0], lighter[:, rows])
+        total += np.einsum("na,na->n", (distance @ weight[:, rest, None])[:, :, 0], weight[:, rows])
     return total

@@ -1,23 +1,26 @@
-"""The missing-aware error of a rollout (protocol, "Numbers per target"): the one number that ranks.
+"""The plain error of targets, and the error of decisions at a fixed operating point (protocol, "Numbers per target").
 
-A target costs min(minADE, c), and c where it has no forecast. A false forecast costs c / 2 of its class; it belongs to
-no target, so the error over all targets pays for it and that of an event subset does not.
+What ranks is the error at false-forecast budgets, see `budgets`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..types import Bools, Floats
-from .definitions import FALSE_FORECAST_SHARE
+from ..cards import Card
+from ..types import Bools, Floats, Ints, Scene
+from .cuts import Cuts
+from .definitions import FALSE_FORECAST_SHARE, FREE_FORECASTS, SURE
+from .forecasts import Forecasts, candidates, cuts, grow
+from .neutral import evaluated
+from .targets import Targets, live_frames
 
 if TYPE_CHECKING:
     from .score import SceneScore
-    from .table import AgentTable
 
 
 def capped_error(min_ade: Floats, miss_error: Floats) -> Floats:
@@ -25,28 +28,56 @@ def capped_error(min_ade: Floats, miss_error: Floats) -> Floats:
     return np.minimum(min_ade, miss_error)
 
 
-def false_forecast_error(miss_error: Floats, truth_complete: bool) -> float:
-    """Error of false forecasts, metres, from the miss error c of the class of each [n].
+def fixed_error(cut: Cuts, malformed: Ints, miss_error: Floats, truth_complete: bool) -> float:
+    """Error of the decisions to forecast what is likelier there than not, summed over targets, m: c-GOSPA.
 
-    0 where the truth is not complete, for then nobody knows which forecasts are false.
+    A target costs min(minADE, c), and c without a forecast of confidence 0.5 or more. A false forecast of such a
+    confidence costs c / 2. Where false ones cannot be known, those beyond the 40 surest of a frame cost it.
+
+    ``cut``: the forecasts of live frames. ``malformed`` [F, C + 1]: objects of live frames that were taken out of the
+    answers; they count as false forecasts, those without a class as of the largest c. ``miss_error`` [C]: c.
     """
-    return FALSE_FORECAST_SHARE * float(miss_error.sum()) if truth_complete else 0.0
+    error = float(cut.at(SURE)[0].sum())
+    share = FALSE_FORECAST_SHARE * np.append(miss_error, miss_error.max())
+    broken = malformed @ share
+    if truth_complete:
+        return error + cut.false_costs(SURE, share) + float(broken.sum())
+    said = np.flatnonzero(cut.confidence >= SURE)
+    frame = cut.frame[said]
+    order = np.argsort(frame, kind="stable")  # the surest of each frame first
+    place = np.arange(len(order)) - np.searchsorted(frame[order], frame[order])
+    beyond = said[order[place >= FREE_FORECASTS]]
+    spared = np.maximum(0, FREE_FORECASTS - np.bincount(frame, minlength=len(malformed)))
+    many = malformed.sum(axis=1)
+    part = np.divide(np.maximum(0, many - spared), many, out=np.zeros(len(many)), where=many > 0)
+    return error + float(share[cut.class_id[beyond]].sum()) + float((part * broken).sum())
 
 
-def error_sum(score: SceneScore, targets: Bools | None = None) -> float:
-    """Error of one rollout of a scene summed over its ``targets`` [n], metres; None: all, with false forecasts."""
-    if targets is None:
-        return float(score.capped.sum()) + score.false_error
-    return float(score.capped[targets].sum())
+def frame_error(scene: Scene, targets: Targets, card: Card, t: int, forecasts: Forecasts, malformed: Ints) -> float:
+    """The share of frame ``t`` in `fixed_error`, metres: over all frames the shares add up to it.
+
+    ``targets``: of the ``scene`` under ``card``; ``forecasts`` and ``malformed`` [C + 1]: what was said of frame ``t``.
+    """
+    live = live_frames(scene, card)
+    if not live[t]:
+        return 0.0
+    here = targets.only(t)
+    here = replace(here, row=here.row - scene.truth.start[t])
+    found = candidates(evaluated(replace(scene, truth=scene.truth.only(t))), here, forecasts, live, card)
+    miss_error = np.asarray(card.per_class(card.task.miss_error))
+    grown = grow(found, forecasts.confidence)
+    cut = cuts(found, grown, forecasts.confidence, miss_error[here.class_id])
+    broken = np.zeros((scene.frames, len(malformed)), dtype=np.int64)
+    broken[t] = malformed
+    return fixed_error(cut, broken, miss_error, scene.truth_complete)
 
 
-def mean_error(scores: Sequence[SceneScore]) -> float | None:
-    """Error over all targets of some scenes, metres per target; None without a target."""
+def mean_plain_error(scores: Sequence[SceneScore]) -> float | None:
+    """Error over all targets of some scenes with every forecast kept, metres; None without a target."""
     targets = sum(len(score) for score in scores)
-    return sum(error_sum(score) for score in scores) / targets if targets else None
+    return sum(float(score.capped.sum()) for score in scores) / targets if targets else None
 
 
-def scene_errors(table: AgentTable, subset: str) -> NDArray[np.float64]:
-    """Error of each scene [S] summed over the targets of a subset, metres, mean over seeds."""
-    error = table.per_scene(table.capped, table.mask[subset])
-    return error + table.false_error if subset == "all" else error
+def plain_sum(score: SceneScore, targets: Bools) -> float:
+    """Error of one rollout of a scene summed over some of its ``targets`` [n], metres, with every forecast kept."""
+    return float(score.capped[targets].sum())

@@ -1,19 +1,22 @@
-"""Forecast objects against true objects: which forecast is whose, and the missing-aware error (protocol, "Numbers")."""
+"""Forecast objects against true objects: which forecast is whose, at every cut (protocol, "Numbers per target")."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
 from ..types import Bools, Floats, Ints, Rollout, Scene, Truth, to_metres
+from .additions import NEVER, Additions, add_in_order, final_match
+from .cuts import Cuts, cuts_of
 from .definitions import CURVE_KS
-from .displacement import displacement, k_curve, sample_errors
-from .error import capped_error, false_forecast_error
+from .displacement import displacement, floored, k_curve, sample_errors
 from .matching import Matched, columns_to_rows, match
-from .pairs import Pairs, box_pairs
+from .neutral import unconfirmable
+from .pairs import Pairs, Rows, box_pairs
 from .targets import Targets
 
 _CHUNK = 1 << 19  # sample points held at a time
@@ -22,15 +25,15 @@ _ABSENT = -1e30  # log-weights below stand for "no such sample"
 
 @dataclass(frozen=True, eq=False)
 class ObjectMatch:
-    """Whose forecast object is whose; rows of the truth and rows of the objects."""
+    """Whose box is whose; rows of the truth and rows of the boxes."""
 
-    object_of_truth: Matched  # [R] forecast object of each true box, -1 none
+    object_of_truth: Matched  # [R] box of each true box, -1 none
     unmatched: Bools  # [objects] belongs to no true box at all, be it evaluated or neutral
 
 
 @dataclass(frozen=True, eq=False)
 class ForecastErrors:
-    """Errors per target; those of uncovered ones are inf, ``miss`` is True there."""
+    """Errors per target with every forecast kept; those of uncovered ones are inf, ``miss`` is True there."""
 
     covered: Bools  # [n] has a matched object with at least one sample, all samples finite
     min_ade: Floats  # [n] m
@@ -41,73 +44,167 @@ class ForecastErrors:
     ks: tuple[int, ...]  # of CURVE_KS, those up to the number of samples
 
 
-def match_objects(truth: Truth, object_frame: Ints, object_box: Floats, object_class: Ints, card: Card) -> ObjectMatch:
-    """Match forecast objects to true boxes by BEV centre distance, per frame and class, inside the forecast gate.
+@dataclass(frozen=True, eq=False)
+class Forecasts:
+    """Forecast objects of some frames, S of them, sorted by frame."""
 
-    ``truth``: true boxes of the scene; ``object_frame`` [n], ``object_box`` [n, 7] and ``object_class`` [n] of the
-    forecast objects, sorted by frame; ``card``: gates and classes.
-    All evaluated true boxes take part, targets or not; objects left over are then offered to the neutral ones.
-    """
-    gates = card.per_class(card.task.forecast_gate)
-    pairs = box_pairs(
-        truth.frame_of_rows, truth.box, truth.class_id, object_frame, object_box, object_class, "center_distance", gates
+    frame: Ints  # [S]
+    box: Floats  # [S, 7]
+    class_id: Ints  # [S]
+    confidence: Floats  # [S]
+    offset: Ints  # [S, K, T, 2] cm from the object's centre
+    log_weight: Floats  # [S, K]
+
+    @classmethod
+    def of(cls, rollout: Rollout) -> Forecasts:
+        """All forecasts of a rollout."""
+        return cls(
+            rollout.objects.frame_of_rows,
+            rollout.object_box,
+            rollout.object_class,
+            rollout.object_confidence,
+            rollout.forecast,
+            rollout.forecast_log_weight,
+        )
+
+    def paths(self, row: Ints) -> NDArray[np.float64]:
+        """Samples [n, K, T, 2] of these rows [n], m, absolute."""
+        center = np.asarray(self.box[row, :2], dtype=np.float64)
+        return center[:, None, None] + to_metres(self.offset[row])
+
+    def weights(self, row: Ints) -> NDArray[np.float64]:
+        """Weights [n, K] of the samples of these rows [n], 0 where absent."""
+        return sample_weights(self.log_weight[row])
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """All forecasts that could be some true object's, and what each would cost as the forecast of a target."""
+
+    scene: Scene
+    targets: Targets
+    forecasts: Forecasts
+    live: Bools  # [S] in a live frame
+    pairs: Pairs  # true boxes and forecasts inside the gate, the neutral boxes too
+    error: Floats  # [E] m, minADE of these pairs, inf where the forecast is not usable; 0 where the box is no target
+
+    @cached_property
+    def target_of_row(self) -> Rows:
+        """The target that each true box is [R], -1 for none."""
+        place = np.full(len(self.scene.truth.box), -1, dtype=np.intp)
+        place[self.targets.row] = np.arange(len(self.targets))
+        return place
+
+    @cached_property
+    def neutral_place(self) -> Bools:
+        """Forecasts [S] at places where no label could confirm an object."""
+        forecasts, image = self.forecasts, self.scene.image
+        if image is None:
+            return np.zeros(len(forecasts.frame), dtype=bool)
+        return unconfirmable(image, forecasts.frame, forecasts.box[:, :2], forecasts.class_id)
+
+
+def candidates(scene: Scene, targets: Targets, forecasts: Forecasts, live: Bools, card: Card) -> Candidates:
+    """The candidates among ``forecasts``; ``live`` [F]: which frames of the ``scene`` are live."""
+    truth, gates = scene.truth, card.per_class(card.task.forecast_gate)
+    boxes = forecasts.frame, forecasts.box, forecasts.class_id
+    pairs = box_pairs(truth.frame_of_rows, truth.box, truth.class_id, *boxes, "center_distance", gates)
+    place = np.full(len(truth.box), -1, dtype=np.intp)
+    place[targets.row] = np.arange(len(targets))
+    target = place[pairs.row]
+    error = np.zeros(len(pairs))
+    of_target = np.flatnonzero(target >= 0)
+    size = max(1, _CHUNK // max(1, int(np.prod(forecasts.offset.shape[1:3]))))
+    for low in range(0, len(of_target), size):
+        part = of_target[low : low + size]
+        row = pairs.column[part]
+        weight = floored(forecasts.weights(row))
+        ade, _, _ = sample_errors(forecasts.paths(row), targets.future[target[part]], weight)
+        error[part] = ade.min(axis=1, initial=np.inf)
+    return Candidates(scene, targets, forecasts, live[forecasts.frame], pairs, error)
+
+
+@dataclass(frozen=True, eq=False)
+class Grown:
+    """The matching of forecasts as they were added, the surest first."""
+
+    order: Rows  # [A] forecasts in live frames, surest first
+    additions: Additions
+    excused: Additions  # of forecasts that were left out, to neutral true boxes
+    false: Bools  # [S] false when all are kept; neither at a neutral place nor a neutral object's
+    false_step: Rows  # steps at which one more is false
+
+
+def grow(found: Candidates, confidence: Floats) -> Grown:
+    """Match the forecasts of live frames in the order of ``confidence`` [S]."""
+    live = np.flatnonzero(found.live)
+    order = live[np.argsort(-confidence[live], kind="stable")]
+    step = np.full(len(found.live), NEVER)
+    step[order] = np.arange(len(order))
+    neutral = found.scene.truth.neutral[found.pairs.row]
+    additions = add_in_order(found.pairs.keep(~neutral), step, confidence, found.error[~neutral])
+    left = np.where(found.neutral_place, NEVER, additions.dropped)
+    excused = add_in_order(found.pairs.keep(neutral), left, confidence, np.zeros(int(neutral.sum())))
+    false = excused.dropped != NEVER
+    return Grown(order, additions, excused, false, excused.dropped[false])
+
+
+def cuts(found: Candidates, grown: Grown, confidence: Floats, miss_error: Floats) -> Cuts:
+    """The cuts of the forecasts in the order of ``confidence`` [S]; ``miss_error`` [n] of the targets."""
+    additions = grown.additions
+    return cuts_of(
+        additions,
+        grown.false_step,
+        grown.order,
+        confidence,
+        found.forecasts.frame,
+        found.forecasts.class_id,
+        found.target_of_row,
+        _errors_of(found, additions),
+        miss_error,
     )
-    return match_neutral_last(pairs, truth.neutral, len(object_frame))
 
 
-def forecast_errors(targets: Targets, objects: ObjectMatch, rollout: Rollout) -> ForecastErrors:
-    """Errors of a rollout's forecasts for every target of its scene."""
-    _, samples, horizon, _ = rollout.forecast.shape
+def _errors_of(found: Candidates, additions: Additions) -> Floats:
+    """MinADE of the pairs that ``additions`` are of."""
+    columns = len(found.live)
+    key = found.pairs.row * columns + found.pairs.column
+    order = np.argsort(key)
+    return found.error[order[np.searchsorted(key[order], additions.row * columns + additions.column)]]
+
+
+def final_errors(found: Candidates, grown: Grown) -> tuple[ForecastErrors, Matched]:
+    """Errors of every target when all forecasts are kept, and the forecast of each true box [R], -1 none."""
+    targets, forecasts = found.targets, found.forecasts
+    _, samples, horizon, _ = forecasts.offset.shape
     ks = tuple(k for k in CURVE_KS if k <= samples)
     table = np.full((len(targets), 3 + len(ks)), np.inf)  # min_ade, min_fde, energy_score, curve
     covered, miss = np.zeros(len(targets), dtype=bool), np.ones(len(targets), dtype=bool)
-    column = objects.object_of_truth[targets.row]
+    object_of_truth = final_match(grown.additions, len(found.scene.truth.box))
+    column = object_of_truth[targets.row]
     matched = np.flatnonzero(column >= 0)
     size = max(1, _CHUNK // max(1, samples * horizon))
     for low in range(0, len(matched), size):
         part = matched[low : low + size]
         row = column[part]
-        center = np.asarray(rollout.object_box[row, :2], dtype=np.float64)
-        guess = center[:, None, None] + to_metres(rollout.forecast[row])
-        result = displacement(guess, targets.future[part], sample_weights(rollout.forecast_log_weight[row]))
+        result = displacement(forecasts.paths(row), targets.future[part], forecasts.weights(row))
         covered[part], miss[part] = result.valid, result.miss
         table[part, :3] = np.stack([result.min_ade, result.min_fde, result.energy_score], axis=1)
         table[part, 3:] = k_curve(result.ade, ks)
-    return ForecastErrors(covered, table[:, 0], table[:, 1], miss, table[:, 2], table[:, 3:], ks)
+    errors = ForecastErrors(covered, table[:, 0], table[:, 1], miss, table[:, 2], table[:, 3:], ks)
+    return errors, object_of_truth
 
 
-def frame_error(
-    scene: Scene,
-    targets: Targets,
-    card: Card,
-    t: int,
-    object_box: Floats,
-    object_class: Ints,
-    forecast_xy: Floats,
-    log_weight: Floats,
-) -> float:
-    """Missing-aware error of frame ``t``, metres: the sum over targets and false forecasts per target.
+def match_objects(truth: Truth, frame: Ints, box: Floats, class_id: Ints, card: Card) -> ObjectMatch:
+    """Match boxes to true boxes by BEV centre distance, per frame and class, inside the forecast gate.
 
-    ``targets``: of the ``scene`` under ``card``. ``object_box`` [O, 7] and ``object_class`` [O] of the forecast
-    objects; ``forecast_xy`` [O, K, T, 2] m, absolute in the scene's frame; ``log_weight`` [O, K], -inf for an absent
-    sample. Without a target in the frame the sum is not divided; without a false forecast either it is 0. False
-    forecasts count where the truth is complete.
+    ``frame`` [n], ``box`` [n, 7] and ``class_id`` [n] of the boxes, sorted by frame. All evaluated true boxes take
+    part; boxes left over are then offered to the neutral ones.
     """
-    rows, here = scene.truth.rows(t), targets.rows(t)
-    miss_error = np.asarray(card.per_class(card.task.miss_error))
-    box, class_id = scene.truth.box[rows], scene.truth.class_id[rows]
     gates = card.per_class(card.task.forecast_gate)
-    same = np.zeros(len(box), dtype=np.intp), np.zeros(len(object_box), dtype=np.intp)
-    pairs = box_pairs(same[0], box, class_id, same[1], object_box, object_class, "center_distance", gates)
-    objects = match_neutral_last(pairs, scene.truth.neutral[rows], len(object_box))
-    false_error = false_forecast_error(miss_error[object_class[objects.unmatched]], scene.truth_complete)
-    error = miss_error[targets.class_id[here]]
-    column = objects.object_of_truth[targets.row[here] - rows.start]
-    matched = np.flatnonzero(column >= 0)
-    row = column[matched]
-    ade, _, _ = sample_errors(forecast_xy[row], targets.future[here][matched], sample_weights(log_weight[row]))
-    error[matched] = capped_error(ade.min(axis=1, initial=np.inf), error[matched])
-    return (false_error + float(error.sum())) / max(1, len(error))
+    at = truth.frame_of_rows, truth.box, truth.class_id
+    pairs = box_pairs(*at, frame, box, class_id, "center_distance", gates)
+    return match_neutral_last(pairs, truth.neutral, len(frame))
 
 
 def match_neutral_last(pairs: Pairs, neutral: Bools, objects: int) -> ObjectMatch:

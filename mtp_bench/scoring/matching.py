@@ -112,20 +112,27 @@ def _settle_single(pairs: Pairs, matched: Matched) -> Pairs:
     return pairs.keep(~single)
 
 
-def _components(pairs: Pairs) -> _Contested:
-    """Connected components of the pairs, which are not none."""
+def component_labels(row_of: Ints, column_of: Ints) -> tuple[Ints, Ints]:
+    """The connected component of each row and of each column, from pairs [E] of consecutive numbers."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    row, row_of = np.unique(pairs.row, return_inverse=True)
-    column, column_of = np.unique(pairs.column, return_inverse=True)
-    size = len(row) + len(column)
-    graph = coo_array((np.ones(len(pairs), dtype=np.int8), (row_of, len(row) + column_of)), shape=(size, size))
-    count, node = connected_components(graph, directed=False)
-    label = node[row_of].astype(np.intp)
+    rows, columns = int(row_of.max()) + 1, int(column_of.max()) + 1
+    ones = np.ones(len(row_of), dtype=np.int8)
+    graph = coo_array((ones, (row_of, rows + column_of)), shape=(rows + columns, rows + columns))
+    node = connected_components(graph, directed=False)[1]
+    return node[:rows], node[rows:]
+
+
+def _components(pairs: Pairs) -> _Contested:
+    """Connected components of the pairs, which are not none."""
+    _, row_of = np.unique(pairs.row, return_inverse=True)
+    _, column_of = np.unique(pairs.column, return_inverse=True)
+    label_of_row, label_of_column = component_labels(row_of, column_of)
+    label, count = label_of_row[row_of].astype(np.intp), int(label_of_row.max()) + 1
     order = np.argsort(label, kind="stable")
-    rows, local_row = _numbered(node[: len(row)], count)
-    columns, local_column = _numbered(node[len(row) :], count)
+    rows, local_row = _numbered(label_of_row, count)
+    columns, local_column = _numbered(label_of_column, count)
     ordered = Pairs(pairs.row[order], pairs.column[order], pairs.cost[order])
     return _Contested(ordered, label[order], rows, columns, local_row[row_of][order], local_column[column_of][order])
 

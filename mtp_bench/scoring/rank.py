@@ -1,4 +1,4 @@
-"""Who is ranked, and in which order (protocol, "Uncertainty"): the same rules for a comparison and for records."""
+"""Who is ranked, on what, and in which order (protocol, "Uncertainty"): the same rules for comparisons and records."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..shapes import require_shape
-from .definitions import MOST_FORECASTS, RANKED_OBJECTS
+from .definitions import LARGEST_SHARE, RANKED_OBJECTS, RANKED_SUBSETS, RANKED_UNITS, SIGNIFICANT
 from .rows import Budget
-from .statistics import paired_interval
+from .statistics import effective_number, sign_flip_test
 
 
 @dataclass(frozen=True)
@@ -20,47 +20,58 @@ class Entrant:
     budget: Budget
     samples: int  # per object
     saw_truth: bool
-    truth_complete: bool
-    forecasts: float  # objects per frame
     unfinished: str = ""  # in a few words why not all of it was run; empty: all was
 
 
-def why_unranked(entrant: Entrant, stp: Entrant | None) -> str | None:
-    """Why an agent is shown, never ranked, in a few words; None where it is ranked.
-
-    ``stp`` is the one beside it: where false forecasts cost nothing because the truth is not complete, an agent that
-    forecasts far more objects than STP is not ranked either.
-    """
+def why_unranked(entrant: Entrant) -> str | None:
+    """Why an agent is shown, never ranked, in a few words; None where it is ranked."""
     if entrant.unfinished:
         return entrant.unfinished
     if entrant.saw_truth:
         return "saw the truth"
     if entrant.budget != "equal":
         return f"{entrant.samples} samples per object, not the env's own k"
-    if stp is not None and not entrant.truth_complete and entrant.forecasts > MOST_FORECASTS * stp.forecasts:
-        return f"forecasts more than {MOST_FORECASTS:g} times as many objects as stp, where false ones cost nothing"
     return None
 
 
-def enough_objects(objects: int) -> bool:
-    """Whether a subset with this number of objects is ranked; one with fewer is shown."""
-    return objects >= RANKED_OBJECTS
+def why_not_on(subset: str, objects: float, unit_weight: ArrayLike) -> str | None:
+    """Why nobody is ranked on a subset, in a few words; None where agents are.
 
-
-def shared_ranks(numerators: ArrayLike, denominator: ArrayLike) -> list[int]:
-    """Ranks, 1 = least mean, of agents [A, S] over the same targets [S].
-
-    From the best on, an agent shares the rank of the leader of the group before it if their paired interval covers 0;
-    else it leads the next group. Without an interval (fewer than two scenes) all share rank 1.
+    ``objects``: their effective number; ``unit_weight`` [U]: the weight of the targets of each unit.
     """
-    top, bottom = np.asarray(numerators, dtype=np.float64), np.asarray(denominator, dtype=np.float64)
-    require_shape("numerators", top, (None, len(bottom)))
-    order = np.argsort(top.sum(axis=1), kind="stable")
-    ranks = [1] * len(top)
-    leader, rank = -1, 1
-    for position, agent in enumerate(order.tolist()):
-        interval = paired_interval(top[agent], top[leader], bottom) if leader >= 0 else None
-        if leader < 0 or (interval is not None and interval[0] > 0):
-            leader, rank = agent, position + 1
-        ranks[agent] = rank
+    weight = np.asarray(unit_weight, dtype=np.float64)
+    if subset != "all" and subset not in RANKED_SUBSETS:
+        return "shown only"
+    if objects < RANKED_OBJECTS:
+        return f"{objects:.1f} objects, fewer than {RANKED_OBJECTS}"
+    units = effective_number(weight)
+    if units < RANKED_UNITS:
+        return f"too few recordings to rank: {units:.1f} effective units, fewer than {RANKED_UNITS}"
+    if subset != "all" and weight.max() > LARGEST_SHARE * weight.sum():
+        return f"one unit has more than {LARGEST_SHARE:.0%} of the weight"
+    return None
+
+
+def guard(error_of_all: float | None, *limits: float | None) -> str | None:
+    """Why an agent is not ranked on event subsets: over all targets it is worse than STP, one of the ``limits``."""
+    known = [limit for limit in limits if limit is not None]
+    if error_of_all is not None and any(error_of_all > limit for limit in known):
+        return "over all targets its error is above that of stp"
+    return None
+
+
+def ranks_by_test(sums: ArrayLike) -> list[int]:
+    """Rank of each agent: 1 + the number of agents that are significantly better.
+
+    ``sums`` [A, U]: weighted errors of each agent, summed over the targets of each unit, which are the same for all.
+    Better: the sum of the differences is below 0 and a sign-flip test over units has p below .05.
+    """
+    errors = np.asarray(sums, dtype=np.float64)
+    require_shape("sums", errors, (None, None))
+    ranks = [1] * len(errors)
+    for a in range(len(errors)):
+        for b in range(a):
+            difference = errors[a] - errors[b]
+            if sign_flip_test(difference) < SIGNIFICANT:
+                ranks[a if difference.sum() > 0 else b] += 1
     return ranks

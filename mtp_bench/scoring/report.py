@@ -1,24 +1,23 @@
-"""The report of a comparison: rows per agent, setting and subset, paired differences, ranks and details."""
+"""The report of a comparison: rows per agent, setting and subset, paired differences and details."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..cards import Card
 from .definitions import DEFINITIONS
 from .details import details
-from .error import scene_errors
-from .rank import Entrant, enough_objects, shared_ranks, why_unranked
-from .rows import Details, PairedRow, RankRow, Row
-from .statistics import Gap, bootstrap_interval, gap_closed, paired_difference, ratio
-from .subsets import SUBSETS, ReferenceSubsets, Subset
+from .rank import Entrant, guard, ranks_by_test, why_not_on, why_unranked
+from .rows import Details, PairedRow, Row
+from .statistics import Gap, bootstrap_interval, effective_number, gap_closed, paired_difference, ratio
+from .subsets import SUBSETS, Subset
 from .table import AgentScores, AgentTable, agent_table, require_same_targets
+from .weights import Reference
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,10 +27,9 @@ class Report:
     env: str
     definitions: str
     rows: list[Row]  # the keys of design.md, "compare --json"
-    ranks: list[RankRow]
     paired: list[PairedRow]  # differences to the controls
     details: list[Details]  # per agent
-    condition: dict[str, str] = field(default_factory=dict)  # split, detector, card digest, detections, truth
+    condition: dict[str, str] = field(default_factory=dict)  # split, detector, card digest, detections, truth, weights
 
     def to_json(self, *further: str) -> dict[str, Any]:
         """The content of ``compare --json``: env, definitions, rows, and the ``further`` fields that are named."""
@@ -42,9 +40,14 @@ class Report:
         return content
 
 
-class _Ends(NamedTuple):
-    """The agents between which gap_closed measures; None where absent."""
+class Ends(NamedTuple):
+    """The agents between which a gap is measured: the single-hypothesis pipeline, and the same on true pasts."""
 
+    stp: AgentScores
+    truth: AgentScores
+
+
+class _EndTables(NamedTuple):
     stp: AgentTable | None
     truth: AgentTable | None
 
@@ -52,42 +55,49 @@ class _Ends(NamedTuple):
 def summarise(
     agents: Sequence[AgentScores],
     card: Card,
-    reference: ReferenceSubsets | None = None,
+    reference: Reference | None = None,
     stp: str = "stp",
     truth: str = "truth_past",
     controls: Sequence[str] = ("stp", "stp_same_budget"),
+    own_ends: Mapping[str, Ends | None] | None = None,
 ) -> Report:
     """Report of ``agents`` on the same scenes of ``card``.
 
+    ``reference``: event weights, and the false forecasts of STP that set budgets; without it only "all" has targets.
     ``stp`` and ``truth`` name the agents between which gap_closed measures, ``controls`` those to which differences are
-    given; all of them with equal budget, and left out where absent. Without ``reference`` only "all" has targets.
+    given; all of them with equal budget, and left out where absent. ``own_ends``: by agent, the two ends with its own
+    predictor and presence model; None where those are ``stp`` and ``truth``, absent where they are not known.
     Raises RolloutError where agents differ in scenes or targets.
     """
     tables = [agent_table(setting, reference) for setting in agents]
     for setting in agents[1:]:
         who = f"agents {agents[0].agent!r} and {setting.agent!r}"
         require_same_targets(agents[0].seeds[0], setting.seeds[0], who)
-    ends = _Ends(_with_equal_budget(tables, stp), _with_equal_budget(tables, truth))
+    ends = _EndTables(_with_equal_budget(tables, stp), _with_equal_budget(tables, truth))
+    own = {
+        agent: _EndTables(agent_table(pair.stp, reference), agent_table(pair.truth, reference)) if pair else ends
+        for agent, pair in (own_ends or {}).items()
+    }
     others = [table for name in controls if (table := _with_equal_budget(tables, name)) is not None]
+    rows = [_row(table, subset, ends, own.get(table.setting.agent)) for table in tables for subset in SUBSETS]
     return Report(
         env=card.id,
         definitions=DEFINITIONS,
-        rows=[_row(table, subset, ends) for table in tables for subset in SUBSETS],
-        ranks=[rank for subset in SUBSETS for rank in _ranks(tables, subset, ends.stp)],
+        rows=_with_ranks(rows, tables, ends, own),
         paired=[
-            _paired_row(table, other, subset, ends)
+            _paired_row(table, other, subset)
             for other in others
             for table in tables
             if table is not other and table.setting.samples == other.setting.samples
             for subset in SUBSETS
         ],
         details=[details(table, card) for table in tables],
-        condition=_condition(tables, card),
+        condition=_condition(tables, card, reference),
     )
 
 
-def _condition(tables: Sequence[AgentTable], card: Card) -> dict[str, str]:
-    """What the numbers hold for: the card, what made the detections of how many scenes, and what is known as truth."""
+def _condition(tables: Sequence[AgentTable], card: Card, reference: Reference | None) -> dict[str, str]:
+    """What the numbers hold for: card, what made the detections, what is known as truth, what weighs the subsets."""
     scenes = tables[0].setting.seeds[0] if tables else ()
     made = Counter(score.detections for score in scenes)
     complete = all(table.complete for table in tables)
@@ -96,97 +106,149 @@ def _condition(tables: Sequence[AgentTable], card: Card) -> dict[str, str]:
         "detector": card.detector_name,
         "card": card.digest,
         "detections": "; ".join(f"{label} ({n} scene{'' if n == 1 else 's'})" for label, n in sorted(made.items())),
-        "truth": "complete" if complete else "prediction targets only: false positives are not measurable",
+        "truth": "complete" if complete else "prediction targets only: false forecasts cannot be known",
+        "weights": reference.origin if reference else "none",
     }
 
 
-def _paired_row(table: AgentTable, other: AgentTable, subset: Subset, ends: _Ends) -> PairedRow:
-    """Differences table - other: of the missing-aware error, and of minADE where both cover a target."""
-    setting, mask = table.setting, table.mask[subset]
-    count = table.targets(mask)
-    error = paired_difference(scene_errors(table, subset), scene_errors(other, subset), count)
-    both = mask & (table.covered > 0) & (other.covered > 0)
-    shared = table.targets(both)
-    ade = table.per_scene(_mean_over_seeds(table) - _mean_over_seeds(other), both)
-    gap = _gap(table, subset, ends)
+def _paired_row(table: AgentTable, other: AgentTable, subset: Subset) -> PairedRow:
+    """Differences table - other: of what ranks, and of minADE where both cover a target."""
+    setting, weight = table.setting, table.weight[subset]
+    whole = table.unit_weight(weight)
+    error = paired_difference(table.errors(subset), other.errors(subset), whole)
+    both = weight * ((table.covered > 0) & (other.covered > 0))
+    ade = table.per_unit(_mean_over_seeds(table) - _mean_over_seeds(other), both)
+    shared = table.unit_weight(both)
     return PairedRow(
         agent=setting.agent,
         hypotheses=setting.hypotheses,
         samples=setting.samples,
+        budget=setting.budget,
         other=other.setting.agent,
         subset=subset,
-        missing_aware=error and error.mean,
+        error=error and error.mean,
         interval=error and error.interval,
         p=error and error.p,
         minADE=ratio(ade.sum(), shared.sum()),
         minADE_interval=bootstrap_interval(ade, shared),
-        targets=int(count.sum()),
-        shared=int(shared.sum()),
-        scenes=int((count > 0).sum()),
-        gap_interval=gap and gap.interval,
+        targets=int((weight > 0).sum()),
+        shared=int((both > 0).sum()),
+        scenes=len(np.unique(table.scene[weight > 0])),
     )
 
 
-def _row(table: AgentTable, subset: Subset, ends: _Ends) -> Row:
-    setting, mask = table.setting, table.mask[subset]
-    targets = int(mask.sum())
-    covered = float(table.covered[mask].sum())
-    error, count = scene_errors(table, subset), table.targets(mask)
-    gap = _gap(table, subset, ends)
-    seconds = sum(score.seconds * score.frames for score in table.scores)
+def _row(table: AgentTable, subset: Subset, ends: _EndTables, own: _EndTables | None) -> Row:
+    setting, weight, ranked = table.setting, table.weight[subset], table.ranked(subset)
+    total, some = float(weight.sum()), weight > 0
+    covered = float((weight * table.covered).sum())
+    unit_weight = table.unit_weight(weight)
+    gap, same = _gap(table, subset, ends), _gap(table, subset, own)
+    beside = ends.stp if ends.stp is not None and ends.stp.setting.samples == setting.samples else None
+    stp = paired_difference(table.errors(subset), beside.errors(subset), unit_weight) if beside else None
+
+    def mean(value: Any) -> float | None:
+        return ratio(float((value * weight).sum()), total)
+
+    def mean_covered(summed: Any) -> float | None:
+        return ratio(float((summed * weight).sum()), covered)
+
     return Row(
         agent=setting.agent,
         hypotheses=setting.hypotheses,
         samples=setting.samples,
         budget=setting.budget,
         subset=subset,
-        minADE=ratio(table.min_ade[mask].sum(), covered),
-        minFDE=ratio(table.min_fde[mask].sum(), covered),
-        missing_aware=ratio(error.sum(), targets),
-        energy_score=ratio(table.energy_score[mask].sum(), covered),
-        coverage=ratio(covered / len(setting.seeds), targets),
+        minADE=mean_covered(table.min_ade),
+        minFDE=mean_covered(table.min_fde),
+        error=mean(ranked.error),
+        interval=bootstrap_interval(table.errors(subset), unit_weight),
+        localisation=mean(ranked.error - ranked.missed),
+        missed=mean(ranked.missed),
+        error_by_score=mean(ranked.by_score),
+        plain_error=mean(table.capped),
+        fixed_error=_fixed_error(table) if subset == "all" else None,
+        energy_score=mean_covered(table.energy_score),
+        coverage=ratio(covered / len(setting.seeds), total),
+        difference_to_stp=stp and stp.mean,
+        difference_interval=stp and stp.interval,
+        p=stp and stp.p,
         gap_closed=gap and gap.closed,
-        targets=targets,
+        gap_interval=gap and gap.interval,
+        gap_closed_same_predictor=same and same.closed,
+        rank=None,
+        unranked_because=None,
+        targets=int(some.sum()),
+        effective_targets=effective_number(weight),
         events=table.events[subset],
-        objects=table.objects(mask),
-        scenes=int((count > 0).sum()),
-        interval=bootstrap_interval(error, count),
-        ms_per_frame=ratio(1e3 * seconds, sum(score.frames for score in table.scores)),
+        objects=len(np.unique(table.person[some])),
+        effective_objects=_effective_objects(table, subset),
+        scenes=len(np.unique(table.scene[some])),
+        effective_units=effective_number(unit_weight),
+        seeds=len(setting.seeds),
+        ms_per_frame=ratio(
+            1e3 * sum(score.seconds * score.frames for score in table.scores),
+            sum(score.frames for score in table.scores),
+        ),
     )
 
 
-def _gap(table: AgentTable, subset: Subset, ends: _Ends) -> Gap | None:
+def _fixed_error(table: AgentTable) -> float | None:
+    """Per target, mean over seeds."""
+    summed = sum(score.fixed_error for score in table.scores) / len(table.setting.seeds)
+    return ratio(summed, len(table.unit))
+
+
+def _effective_objects(table: AgentTable, subset: Subset) -> float:
+    return effective_number(np.bincount(table.person, weights=table.weight[subset]))
+
+
+def _gap(table: AgentTable, subset: Subset, ends: _EndTables | None) -> Gap | None:
     """What an agent closes of the gap; None at another k than the ends have, or without them."""
-    if ends.stp is None or ends.truth is None or len({t.setting.samples for t in (table, ends.stp, ends.truth)}) > 1:
+    if (
+        ends is None
+        or ends.stp is None
+        or ends.truth is None
+        or len({t.setting.samples for t in (table, ends.stp, ends.truth)}) > 1
+    ):
         return None
-    mask = table.mask[subset]
-    error, stp, truth = (each.per_scene(each.capped, mask) for each in (table, ends.stp, ends.truth))
-    return gap_closed(error, stp, truth, table.targets(mask))
+    error, stp, truth = (each.errors(subset) for each in (table, ends.stp, ends.truth))
+    return gap_closed(error, stp, truth, table.unit_weight(table.weight[subset]))
 
 
-def _ranks(tables: Sequence[AgentTable], subset: Subset, stp: AgentTable | None) -> list[RankRow]:
-    """Ranks of all agents on one subset."""
-    beside = None if stp is None else _entrant(stp)
-    ranked = [i for i, table in enumerate(tables) if why_unranked(_entrant(table), beside) is None]
-    rank: dict[int, int] = {}
-    if ranked and enough_objects(tables[0].objects(tables[0].mask[subset])):
-        errors = [scene_errors(tables[i], subset) for i in ranked]
-        rank = dict(zip(ranked, shared_ranks(errors, tables[0].targets(tables[0].mask[subset])), strict=True))
-    return [
-        RankRow(
-            agent=table.setting.agent,
-            hypotheses=table.setting.hypotheses,
-            samples=table.setting.samples,
-            subset=subset,
-            rank=rank.get(i),
-        )
-        for i, table in enumerate(tables)
-    ]
+def _with_ranks(
+    rows: list[Row], tables: Sequence[AgentTable], ends: _EndTables, own: Mapping[str, _EndTables]
+) -> list[Row]:
+    """The rows, by agent and then by subset, with their ranks or the reason for none."""
+    total = [_mean_error(table) for table in tables]
+    done = []
+    for place, subset in enumerate(SUBSETS):
+        why: list[str | None] = []
+        for table, of_all in zip(tables, total, strict=True):
+            setting = table.setting
+            reason = why_unranked(Entrant(setting.budget, setting.samples, setting.ideal))
+            weight = table.unit_weight(table.weight[subset])
+            reason = reason or why_not_on(subset, _effective_objects(table, subset), weight)
+            if subset != "all" and reason is None:
+                limits = [each.stp for each in (ends, own.get(setting.agent)) if each is not None]
+                reason = guard(of_all, *(_mean_error(limit) for limit in limits if limit is not None))
+            why.append(reason)
+        ranked = [i for i, reason in enumerate(why) if reason is None]
+        ranks = ranks_by_test([tables[i].errors(subset) for i in ranked]) if ranked else []
+        rank = dict(zip(ranked, ranks, strict=True))
+        done += [
+            (
+                i,
+                place,
+                rows[i * len(SUBSETS) + place].model_copy(update={"rank": rank.get(i), "unranked_because": why[i]}),
+            )
+            for i in range(len(tables))
+        ]
+    return [row for _, _, row in sorted(done, key=lambda item: item[:2])]
 
 
-def _entrant(table: AgentTable) -> Entrant:
-    setting = table.setting
-    return Entrant(setting.budget, setting.samples, setting.ideal, table.complete, table.forecasts)
+def _mean_error(table: AgentTable) -> float | None:
+    """The error over all targets."""
+    return ratio(float(table.of_all.error.sum()), len(table.of_all.error))
 
 
 def _with_equal_budget(tables: Sequence[AgentTable], name: str) -> AgentTable | None:
@@ -194,6 +256,6 @@ def _with_equal_budget(tables: Sequence[AgentTable], name: str) -> AgentTable | 
     return next((t for t in tables if t.setting.agent == name and t.setting.budget == "equal"), None)
 
 
-def _mean_over_seeds(table: AgentTable) -> NDArray[np.float64]:
+def _mean_over_seeds(table: AgentTable) -> np.ndarray[Any, np.dtype[np.float64]]:
     """MinADE [n] of each target over the seeds that cover it, 0 where none does."""
     return np.divide(table.min_ade, table.covered, out=np.zeros_like(table.min_ade), where=table.covered > 0)

@@ -14,6 +14,7 @@ from .subsets import Subset
 
 Count = Annotated[int, Field(ge=0)]
 Interval = Annotated[tuple[float, float], Field(strict=False)]  # 95 %; JSON has a list of two
+Point = Annotated[tuple[float, float], Field(strict=False)]
 Budget = Literal["equal", "free"]
 
 
@@ -30,49 +31,50 @@ class Row(Setting):
 
     budget: Budget
     subset: Subset
-    minADE: float | None  # noqa: N815  (m; a fixed name of the files)
+    minADE: float | None  # noqa: N815  (m, over covered targets; a fixed name of the files)
     minFDE: float | None  # noqa: N815
-    missing_aware: float | None
+    error: float | None  # m, at the false-forecast budgets: what ranks
+    interval: Interval | None  # of error
+    localisation: float | None  # m, the part of error from targets with a forecast
+    missed: float | None  # m, the part of error from targets without one
+    error_by_score: float | None  # m, error with the nearest detection's score as the confidence
+    plain_error: float | None  # m, with every forecast kept
+    fixed_error: float | None  # m per target, at confidence 0.5; of "all" alone
     energy_score: float | None
     coverage: float | None
-    gap_closed: float | None
+    difference_to_stp: float | None  # m, of error
+    difference_interval: Interval | None
+    p: float | None  # sign-flip test of that difference over units
+    gap_closed: float | None  # between the kinematic ends
+    gap_interval: Interval | None
+    gap_closed_same_predictor: float | None  # between ends with the agent's own predictor and presence
+    rank: int | None  # None: shown, not ranked
+    unranked_because: str | None
     targets: Count
-    events: Count | None
+    effective_targets: float
+    events: float | None  # expected number in a run of the reference tracker; of "paper_" subsets those of plain STP
     objects: Count
+    effective_objects: float
     scenes: Count
-    interval: Interval | None  # of missing_aware
+    effective_units: float
+    seeds: Count
     ms_per_frame: float | None
-
-
-class RankRow(Setting):
-    """The rank of an agent on one subset."""
-
-    subset: Subset
-    rank: int | None  # None: shown, never ranked
 
 
 class PairedRow(Setting):
     """Differences of an agent to a control on one subset."""
 
+    budget: Budget
     other: str  # the control
     subset: Subset
-    missing_aware: float | None
-    interval: Interval | None  # of missing_aware
-    p: float | None  # sign-flip test over scenes
+    error: float | None
+    interval: Interval | None  # of error
+    p: float | None  # sign-flip test over units
     minADE: float | None  # noqa: N815  (where both cover a target)
     minADE_interval: Interval | None  # noqa: N815
     targets: Count
     shared: Count  # targets that both cover
     scenes: Count
-    gap_interval: Interval | None  # of the agent's gap_closed
-
-
-class Parts(Section):
-    """The parts that the missing-aware error of all targets adds up from, metres."""
-
-    localisation: float | None
-    missed: float | None
-    false: float | None  # None: the truth is not complete
 
 
 class Errors(Section):
@@ -80,7 +82,8 @@ class Errors(Section):
 
     minADE: float | None  # noqa: N815
     minFDE: float | None  # noqa: N815
-    missing_aware: float | None
+    error: float | None  # at the budgets of all targets
+    plain_error: float | None
     coverage: float | None
     targets: Count
     objects: Count
@@ -124,8 +127,16 @@ class Tracking(Section):
     @model_serializer
     def _flat(self) -> dict[str, Any]:
         classes = {name: clear.model_dump() for name, clear in self.classes.items()}
-        false = {"false_positives": self.false_positives, "spurious_tracks": self.false_tracks}
+        false = {"false_positives": self.false_positives, "false_tracks": self.false_tracks}
         return {"all": self.all.model_dump(), **classes, **false}
+
+
+class Reliability(Section):
+    """Forecasts of one range of confidence, and how many of them were of a true object."""
+
+    confidence: float  # mean
+    matched: float  # share
+    forecasts: Count
 
 
 class Details(Setting):
@@ -133,14 +144,16 @@ class Details(Setting):
 
     budget: Budget
     seeds: Count
-    parts: Parts
     silence: float | None  # m, what an agent that says nothing scores
-    miss_rate: float | None
+    miss_rate: float | None  # over all targets, uncovered ones missed
     PI_ADE: float | None
     EPA: float | None
     AP_f: float | None
-    forecasts_per_frame: float
-    spurious_per_frame: float | None  # false forecasts
+    brier: float | None  # of the confidences in live frames
+    reliability: list[Reliability]
+    forecasts_per_frame: float  # live frames
+    false_per_frame: float | None
+    curve: list[Point]  # false forecasts per target (forecasts per live frame where those cannot be known), error in m
     k_curve: dict[str, float | None]  # k -> expected minADE of k samples
     bins: list[Bin]
     own: dict[str, Errors]  # where the agent itself has an event: shown, never ranked

@@ -9,14 +9,18 @@ import numpy as np
 from ..cards import Card
 from ..errors import RolloutError
 from ..types import Bools, Floats, Ints, Rollout, Scene
-from .error import capped_error, false_forecast_error
-from .forecasts import ForecastErrors, forecast_errors, match_objects
+from .cuts import Cuts
+from .error import capped_error, fixed_error
+from .forecasts import Candidates, ForecastErrors, Forecasts, Grown, candidates, cuts, final_errors, grow
 from .lineage import hypotheses, lineage_events, match_hypotheses
+from .matching import Matched
+from .neutral import evaluated
 from .stream import StreamCounts, stream_counts
-from .subsets import event_keys
-from .targets import find_targets
+from .targets import find_targets, live_frames
+from .units import recording_of, units
 
 KINDS = ("ids", "lost", "wrong", "reacquired")
+FALSE, EXCUSED, BESIDE, RIGHT = range(4)  # outcomes of a forecast: of nothing, of a neutral object, no target, a target
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,31 +28,35 @@ class SceneScore(ForecastErrors):
     """One rollout of one scene: errors of its forecasts and what else is known, in the order of `find_targets`."""
 
     scene: str
+    recording: str  # that the scene is cut from; its own name where it is whole
     frames: int
+    live: int  # number of live frames
     hypotheses: int  # the most that were stated in a frame
     samples: int  # K
     truth_complete: bool
     detections: str  # what made them, in words
     classes: tuple[str, ...]
+    units: int  # into which the scene is cut
+    unit: Ints  # [n] number of the target's unit in the scene
     frame: Ints  # [n]
     object_id: Ints  # [n]
     class_id: Ints  # [n]
-    key: Ints  # [n] name of (env, scene, object, frame), see subsets
     distance: Floats  # [n] m to the ego
     approach: Floats  # [n] m, nearest to the ego in the future
     moving: Bools  # [n]
     miss_error: Floats  # [n] m, c
-    capped: Floats  # [n] m, min(min_ade, c), c where not covered
+    capped: Floats  # [n] m, min(min_ade, c), c where not covered; every forecast is kept
     own_ids: Bools  # [n] along the lineage of the best hypothesis
-    own_frag: Bools  # [n]
+    own_lost: Bools  # [n]
+    own_reacquired: Bools  # [n]
     all_h_ids: Bools  # [n] in every hypothesis
     all_h_frag: Bools  # [n]
-    truth_key: Ints  # [rows] of all evaluated true boxes, targets or not
-    events: dict[str, Ints]  # own events on all true boxes, by KINDS; "wrong" are among the "lost": keys [E]
-    forecasts: int  # objects that were forecast, over all frames
-    false_forecasts: Ints  # [F] those that match no true object
-    false_of_class: Ints  # [C] the same per class
-    false_error: float  # m, c/2 summed over them; 0 where the truth is not complete
+    own_events: dict[str, int]  # on all evaluated true boxes, targets or not, by KINDS; "wrong" are among the "lost"
+    cuts: Cuts  # of the forecasts in live frames, by their confidence
+    score_cuts: Cuts  # the same by the score of the nearest detection
+    outcome: Ints  # [A] FALSE, EXCUSED, BESIDE or RIGHT, in the order of ``cuts``
+    final_error: Floats  # [A] m, minFDE of right forecasts, else inf
+    fixed_error: float  # m, at the fixed operating point, summed
     counts: StreamCounts
     invalid: Ints  # [3] rows rejected: tracks, hypotheses, objects
     dropped: int  # detections that did not fit into the observation
@@ -58,6 +66,21 @@ class SceneScore(ForecastErrors):
     def __len__(self) -> int:
         return len(self.frame)
 
+    @property
+    def own_frag(self) -> Bools:
+        """Lost or reacquired [n]."""
+        return self.own_lost | self.own_reacquired
+
+    @property
+    def forecasts(self) -> int:
+        """Forecasts in live frames."""
+        return len(self.outcome)
+
+    @property
+    def false_forecasts(self) -> int:
+        """False ones among them."""
+        return int((self.outcome == FALSE).sum())
+
 
 def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     """Score ``rollout`` of ``scene`` under the rules of ``card``.
@@ -65,33 +88,40 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     Raises RolloutError where the rollout is of another scene or another number of frames or classes.
     """
     check_rollout(scene, rollout, card)
-    truth, targets = scene.truth, find_targets(scene, card)
-    object_frame = rollout.objects.frame_of_rows
-    matched = match_objects(truth, object_frame, rollout.object_box, rollout.object_class, card)
-    errors = forecast_errors(targets, matched, rollout)
+    scene = evaluated(scene)
+    truth, targets, live = scene.truth, find_targets(scene, card), live_frames(scene, card)
+    forecasts = Forecasts.of(rollout)
+    found = candidates(scene, targets, forecasts, live, card)
+    grown = grow(found, forecasts.confidence)
+    errors, object_of_truth = final_errors(found, grown)
+    miss_error = np.asarray(card.per_class(card.task.miss_error))
+    of_targets = miss_error[targets.class_id]
+    by_confidence = cuts(found, grown, forecasts.confidence, of_targets)
+    score = nearest_score(scene, forecasts)
     lineage = hypotheses(rollout, card)
     events = lineage_events(truth, rollout, lineage, match_hypotheses(truth, rollout, lineage.member, card))
     frame = truth.frame_of_rows
     of_best = events.of(lineage.best[frame])
     absent = ~lineage.alive[frame]
-    every_ids = (events.ids | absent).all(axis=1)
-    every_frag = (events.frag | absent).all(axis=1)
-    key = event_keys(card.id, scene.name, truth.object_id, frame)
-    miss_error = np.asarray(card.per_class(card.task.miss_error))
-    of_targets = miss_error[targets.class_id]
-    false_class = rollout.object_class[matched.unmatched]
+    every_ids = np.asarray((events.ids | absent).all(axis=1))
+    every_frag = np.asarray((events.frag | absent).all(axis=1))
+    unit = units(scene)
+    outcome, final_error = _outcomes(found, grown, object_of_truth, errors)
     return SceneScore(
         scene=scene.name,
+        recording=recording_of(scene),
         frames=scene.frames,
+        live=int(live.sum()),
         hypotheses=int(np.isfinite(rollout.hypothesis_log_weight).sum(axis=1).max(initial=0)),
         samples=rollout.forecast.shape[1],
         truth_complete=scene.truth_complete,
         detections=scene.detector,
         classes=card.task.classes,
+        units=int(unit.max(initial=0)) + 1,
+        unit=unit[targets.frame],
         frame=targets.frame,
         object_id=targets.object_id,
         class_id=targets.class_id,
-        key=key[targets.row],
         distance=targets.distance,
         approach=targets.approach,
         moving=targets.moving,
@@ -99,21 +129,54 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         **vars(errors),
         capped=capped_error(errors.min_ade, of_targets),
         own_ids=of_best.ids[targets.row, 0],
-        own_frag=of_best.frag[targets.row, 0],
-        all_h_ids=np.asarray(every_ids)[targets.row],
-        all_h_frag=np.asarray(every_frag)[targets.row],
-        truth_key=key[~truth.neutral],
-        events={kind: key[getattr(of_best, kind)[:, 0]] for kind in KINDS},
-        forecasts=len(rollout.object_box),
-        false_forecasts=np.bincount(object_frame[matched.unmatched], minlength=scene.frames),
-        false_of_class=np.bincount(false_class, minlength=len(miss_error)),
-        false_error=false_forecast_error(miss_error[false_class], scene.truth_complete),
+        own_lost=of_best.lost[targets.row, 0],
+        own_reacquired=of_best.reacquired[targets.row, 0],
+        all_h_ids=every_ids[targets.row],
+        all_h_frag=every_frag[targets.row],
+        own_events={kind: int(getattr(of_best, kind).sum()) for kind in KINDS},
+        cuts=by_confidence,
+        score_cuts=cuts(found, grow(found, score), score, of_targets),
+        outcome=outcome,
+        final_error=final_error,
+        fixed_error=fixed_error(by_confidence, rollout.malformed * live[:, None], miss_error, scene.truth_complete),
         counts=stream_counts(truth, rollout, lineage, card),
         invalid=np.asarray(rollout.invalid).sum(axis=0),
         dropped=int(np.asarray(rollout.dropped).sum()),
         skipped=scene.skipped,
         seconds=float(np.mean(rollout.seconds[len(rollout.seconds) > 1 :])) if len(rollout.seconds) else 0.0,
     )
+
+
+def nearest_score(scene: Scene, forecasts: Forecasts) -> Floats:
+    """Score [S] of the nearest detection of the same frame and class as each forecast, squeezed into (-1, 1); else -1.
+
+    As the confidence it tells what a presence model of an agent's own is worth (protocol, "Control column").
+    """
+    from scipy.spatial import cKDTree
+
+    seen = scene.detections
+    if not len(seen.box) or not len(forecasts.frame):
+        return np.full(len(forecasts.frame), -1.0)
+    apart = 1e7  # m between two frames or classes
+    tree = cKDTree(_places(seen.box, seen.frame_of_rows, seen.class_id, apart))
+    distance, nearest = tree.query(_places(forecasts.box, forecasts.frame, forecasts.class_id, apart))
+    score = seen.score[nearest]
+    return np.where(distance < apart / 2, score / (1.0 + np.abs(score)), -1.0)
+
+
+def _places(box: Floats, frame: Ints, class_id: Ints, apart: float) -> Floats:
+    return np.column_stack([box[:, :2], apart * frame, apart * class_id])
+
+
+def _outcomes(found: Candidates, grown: Grown, object_of_truth: Matched, errors: ForecastErrors) -> tuple[Ints, Floats]:
+    """What became of the forecasts in live frames [A], in the order in which they were added, and their minFDE."""
+    outcome = np.where(grown.false, FALSE, EXCUSED)
+    final_error = np.full(len(outcome), np.inf)
+    outcome[object_of_truth[object_of_truth >= 0]] = BESIDE
+    column = object_of_truth[found.targets.row]
+    outcome[column[column >= 0]] = RIGHT
+    final_error[column[column >= 0]] = errors.min_fde[column >= 0]
+    return outcome[grown.order], final_error[grown.order]
 
 
 def check_rollout(scene: Scene, rollout: Rollout, card: Card) -> None:
@@ -128,6 +191,11 @@ def check_rollout(scene: Scene, rollout: Rollout, card: Card) -> None:
     horizon = rollout.forecast.shape[2]
     if horizon != card.task.future:
         raise RolloutError(f"rollout of scene {scene.name!r} forecasts {horizon} frames, expected {card.task.future}")
+    classes = rollout.malformed.shape[1] - 1
+    if classes != len(card.task.classes):
+        raise RolloutError(
+            f"rollout of scene {scene.name!r} knows {classes} classes, expected {len(card.task.classes)}"
+        )
     for name, ids in (("track", rollout.track_class), ("object", rollout.object_class)):
         if len(ids) and int(ids.max()) >= len(card.task.classes):
             raise RolloutError(

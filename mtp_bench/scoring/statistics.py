@@ -1,6 +1,7 @@
-"""Uncertainty with scenes as the unit: bootstrap intervals, sign-flip tests, gaps (protocol, "Uncertainty").
+"""Uncertainty: studentised intervals, sign-flip tests, gaps (protocol, "Uncertainty").
 
-A mean over targets is a ratio of sums over scenes: ``numerator`` [S] and ``denominator`` [S] (the number of targets).
+Units are recordings cut into blocks of at most 20 s. A weighted mean over targets is a ratio of sums over units:
+``numerator`` [U] and ``denominator`` [U], the weight of the targets.
 """
 
 from __future__ import annotations
@@ -18,32 +19,63 @@ Array = NDArray[np.float64]
 
 RESAMPLES = 2000
 LEVEL = 0.95
-EXACT_SCENES = 14  # all sign flips up to here
+EXACT_UNITS = 14  # all sign flips up to here
 FLIPS = 10_000  # random sign flips beyond
 _SEED = 20_250_101
 
 
 def bootstrap_interval(numerator: ArrayLike, denominator: ArrayLike) -> tuple[float, float] | None:
-    """Percentile interval (95 %) of sum(numerator) / sum(denominator) over resampled scenes.
+    """Studentised bootstrap interval (95 %) of sum(numerator) / sum(denominator) over resampled units.
 
-    Scenes without a target (denominator 0) are left out; None with fewer than two others. The resamples depend on the
-    number of scenes only, so agents are compared on the same ones.
+    The error of each resample's mean is taken in units of that resample's own standard error, so that the interval is
+    wide enough where units are few and unequal; the percentile interval is not (Efron and Tibshirani 1993, ch. 12).
+    Units without weight (denominator 0) are left out; None with fewer than two others. The resamples depend on the
+    number of units only, so agents are compared on the same ones.
     """
     top, bottom = as_sums("numerator", numerator), as_sums("denominator", denominator)
     require_shape("numerator", top, bottom.shape)
     if (bottom < 0).any():
-        raise ShapeError(f"denominator reaches down to {bottom.min()}, expected counts of 0 or more")
+        raise ShapeError(f"denominator reaches down to {bottom.min()}, expected weights of 0 or more")
     top, bottom = top[bottom > 0], bottom[bottom > 0]
     if len(bottom) < 2:
         return None
-    counts = _resamples(len(bottom))
-    means = (counts @ top) / (counts @ bottom)
-    low, high = np.quantile(means, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return float(low), float(high)
+    mean, error = _mean_and_error(np.ones((1, len(bottom))), top, bottom)
+    means, errors = _mean_and_error(_resamples(len(bottom)), top, bottom)
+    known = errors > 1e-9 * max(float(error[0]), 1e-300)  # not those that drew one unit again and again
+    if error[0] == 0 or not known.any():
+        return float(mean[0]), float(mean[0])
+    t = (means[known] - mean[0]) / errors[known]
+    most = _widest(len(bottom))
+    low, high = np.clip(np.quantile(t, [(1 - LEVEL) / 2, (1 + LEVEL) / 2]), -most, most)
+    return float(mean[0] - high * error[0]), float(mean[0] - low * error[0])
+
+
+@lru_cache(maxsize=64)
+def _widest(units: int) -> float:
+    """Standard errors beyond which no interval reaches: with few units resamples hardly know their own error."""
+    from scipy.stats import t
+
+    return float(t.ppf(0.995, units - 1))
+
+
+def _mean_and_error(counts: Array, top: Array, bottom: Array) -> tuple[Array, Array]:
+    """Mean and its standard error [B] of resamples that hold each unit ``counts`` [B, U] times."""
+    weight = counts @ bottom
+    mean = (counts @ top) / weight
+    square = counts @ top**2 - 2.0 * mean * (counts @ (top * bottom)) + mean**2 * (counts @ bottom**2)
+    units = counts.sum(axis=1)
+    return mean, np.sqrt(np.maximum(square, 0.0) * units / np.maximum(units - 1.0, 1.0)) / weight
+
+
+def effective_number(weight: ArrayLike) -> float:
+    """How many equal weights are as uneven as these: (sum w)^2 / sum w^2; 0 without any."""
+    array = np.asarray(weight, dtype=np.float64)
+    square = float((array**2).sum())
+    return float(array.sum()) ** 2 / square if square > 0 else 0.0
 
 
 def paired_interval(a: ArrayLike, b: ArrayLike, denominator: ArrayLike) -> tuple[float, float] | None:
-    """Interval of the difference a - b of two means over the same targets: numerators [S], [S], denominator [S]."""
+    """Interval of the difference a - b of two means over the same targets: numerators [U], [U], denominator [U]."""
     return bootstrap_interval(as_sums("a", a) - as_sums("b", b), denominator)
 
 
@@ -51,12 +83,12 @@ class PairedDifference(NamedTuple):
     """Difference of two means over the same targets, in the unit of their numerators."""
 
     mean: float
-    interval: tuple[float, float] | None  # 95 %, over resampled scenes; None with fewer than two scenes
-    p: float  # of the sign-flip test over scenes
+    interval: tuple[float, float] | None  # 95 %, over resampled units; None with fewer than two
+    p: float  # of the sign-flip test over units
 
 
 def paired_difference(a: ArrayLike, b: ArrayLike, denominator: ArrayLike) -> PairedDifference | None:
-    """Difference a - b of two means: numerators [S], [S], denominator [S]; None where that is 0 in all scenes."""
+    """Difference a - b of two means: numerators [U], [U], denominator [U]; None where that is 0 in all units."""
     gap = as_sums("a", a) - as_sums("b", b)
     count = as_sums("denominator", denominator)
     mean = ratio(gap.sum(), count.sum())
@@ -69,9 +101,9 @@ def ratio(top: float, bottom: float) -> float | None:
 
 
 def share_interval(part: ArrayLike, whole: ArrayLike) -> tuple[float, float] | None:
-    """Percentile interval (95 %) of sum(part) / sum(whole) over resampled scenes, [S] each and of either sign.
+    """Percentile interval (95 %) of sum(part) / sum(whole) over resampled units, [U] each and of either sign.
 
-    None with fewer than two scenes, or where the whole is not above 0 in nearly all resamples.
+    None with fewer than two units, or where the whole is not above 0 in nearly all resamples.
     """
     top, bottom = as_sums("part", part), as_sums("whole", whole)
     require_shape("whole", bottom, top.shape)
@@ -87,9 +119,9 @@ def share_interval(part: ArrayLike, whole: ArrayLike) -> tuple[float, float] | N
 
 
 def sign_flip_test(difference: ArrayLike) -> float:
-    """Two-sided p of the summed difference [S] per scene, if its sign were a matter of chance in every scene.
+    """Two-sided p of the summed difference [U] per unit, if its sign were a matter of chance in every unit.
 
-    All 2^S signs up to EXACT_SCENES scenes; else FLIPS random ones and the observed one. Scenes without a difference do
+    All 2^U signs up to EXACT_UNITS units; else FLIPS random ones and the observed one. Units without a difference do
     not matter. 1.0 without any.
     """
     gap = as_sums("difference", difference)
@@ -99,7 +131,7 @@ def sign_flip_test(difference: ArrayLike) -> float:
         return 1.0
     # a sum of the same terms in another order is as extreme
     limit = abs(float(gap.sum())) - 1e-12 * float(np.abs(gap).sum())
-    if count <= EXACT_SCENES:
+    if count <= EXACT_UNITS:
         bits = (np.arange(1 << count)[:, None] >> np.arange(count)) & 1
         return float((np.abs((1.0 - 2.0 * bits) @ gap) >= limit).mean())
     signs = np.random.default_rng(_SEED).choice([-1.0, 1.0], size=(FLIPS, count))
@@ -108,7 +140,7 @@ def sign_flip_test(difference: ArrayLike) -> float:
 
 
 def as_sums(name: str, values: ArrayLike) -> Array:
-    """Sums over the targets of each scene [S] as an array; raises ShapeError for another shape or a NaN."""
+    """Sums over the targets of each unit [U] as an array; raises ShapeError for another shape or a NaN."""
     array = np.asarray(values, dtype=np.float64)
     require_shape(name, array, (None,))
     require_finite(name, array)
@@ -116,10 +148,10 @@ def as_sums(name: str, values: ArrayLike) -> Array:
 
 
 @lru_cache(maxsize=64)
-def _resamples(scenes: int) -> Array:
-    """How often each scene occurs in each resample [RESAMPLES, S]."""
-    rng = np.random.default_rng([_SEED, scenes])
-    counts = rng.multinomial(scenes, np.full(scenes, 1.0 / scenes), size=RESAMPLES)
+def _resamples(units: int) -> Array:
+    """How often each unit occurs in each resample [RESAMPLES, U]."""
+    rng = np.random.default_rng([_SEED, units])
+    counts = rng.multinomial(units, np.full(units, 1.0 / units), size=RESAMPLES)
     return counts.astype(np.float64)
 
 
@@ -127,19 +159,19 @@ class Gap(NamedTuple):
     """Share of the gap that is closed."""
 
     closed: float  # 0: as STP, 1: as on true pasts
-    interval: tuple[float, float] | None  # 95 %, over resampled scenes
+    interval: tuple[float, float] | None  # 95 %, over resampled units
 
 
-def gap_closed(error: ArrayLike, stp: ArrayLike, truth: ArrayLike, targets: ArrayLike) -> Gap | None:
-    """(E_STP - E) / (E_STP - E_truth) from errors without false forecasts, summed over the targets of each scene [S].
+def gap_closed(error: ArrayLike, stp: ArrayLike, truth: ArrayLike, weight: ArrayLike) -> Gap | None:
+    """(E_STP - E) / (E_STP - E_truth) from what ranks, summed over the targets of each unit [U].
 
-    ``error`` is of the agent, ``stp`` of STP and ``truth`` of STP on true pasts, all with the same k; ``targets`` [S]
-    counts them. None where the interval of the denominator covers 0.
+    ``error`` is of the agent, ``stp`` of STP and ``truth`` of STP on true pasts, all with the same k; ``weight`` [U] of
+    the targets. None unless STP is significantly worse than true pasts: the interval of the difference lies above 0.
     """
     high: Array = as_sums("stp", stp)
     low = as_sums("truth", truth)
-    interval = paired_interval(high, low, targets)
-    if interval is None or interval[0] <= 0.0 <= interval[1]:
+    interval = paired_interval(high, low, weight)
+    if interval is None or interval[0] <= 0.0:
         return None
     closed, whole = high - as_sums("error", error), high - low
     return Gap(float(closed.sum() / whole.sum()), share_interval(closed, whole))

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RolloutError
-from ..types import Bools, Ints
-from .definitions import FORECAST_AP_GATES
+from ..types import Bools, Floats, Ints
+from .budgets import BudgetErrors, Budgets, budgets_of, errors_at
 from .rows import Budget
 from .score import SceneScore
-from .subsets import SUBSETS, ReferenceSubsets, masks
+from .subsets import SUBSETS
+from .weights import Reference
 
 Array = NDArray[np.float64]
 
@@ -32,12 +34,24 @@ class AgentScores:
 
 
 @dataclass(frozen=True, eq=False)
+class Ranked:
+    """The number that ranks, per target [n], mean over seeds; m."""
+
+    error: Array
+    missed: Array  # the part of targets without a forecast
+    by_score: Array  # the error with the score of the nearest detection as the confidence
+
+
+@dataclass(frozen=True, eq=False)
 class AgentTable:
     """Targets [n] of all scenes; errors are summed over the seeds that cover a target, ``covered`` counts those."""
 
     setting: AgentScores
+    budgets: Budgets
     scene: Ints  # [n] index of the scene
-    object_id: Ints  # [n]
+    unit: Ints  # [n] index of the unit
+    units: int  # U
+    person: Ints  # [n] index of the object in its recording: the same in all scenes that are cut from it
     class_id: Ints  # [n]
     distance: Array  # [n] m
     approach: Array  # [n] m
@@ -48,13 +62,16 @@ class AgentTable:
     energy_score: Array  # [n] m, summed
     curve: Array  # [n, len(ks)] m, summed
     hit: Array  # [n] seeds with a final point within 2 m
-    near: Array  # [n] seeds with a final point within 4 m
     miss_error: Array  # [n] m, c
-    capped: Array  # [n] m, mean over seeds of min(minADE, c), c where not covered
-    missed: Array  # [n] m, the part of it from seeds that do not cover the target
-    false_error: Array  # [S] m of the false forecasts of each scene, mean over seeds
-    mask: dict[str, Bools]  # [n] per subset
-    events: dict[str, int | None]  # events of the reference in these scenes, on targets or not, per subset
+    capped: Array  # [n] m, mean over seeds of min(minADE, c), c where not covered; every forecast is kept
+    of_all: Ranked  # at the budgets of "all"
+    of_subsets: Ranked  # at the budget of the subsets
+    weight: dict[str, Array]  # [n] per subset
+    events: dict[str, float | None]  # per subset: expected number in a run of the reference
+
+    def ranked(self, subset: str) -> Ranked:
+        """What ranks on a subset."""
+        return self.of_all if subset == "all" else self.of_subsets
 
     @property
     def scores(self) -> list[SceneScore]:
@@ -62,31 +79,26 @@ class AgentTable:
         return [score for run in self.setting.seeds for score in run]
 
     @property
-    def scenes(self) -> int:
-        """Number of scenes S."""
-        return len(self.false_error)
-
-    @property
     def complete(self) -> bool:
         """Whether the truth of every scene is complete, so that a false forecast is known to be one."""
         return all(score.truth_complete for score in self.scores)
 
-    @property
-    def forecasts(self) -> float:
-        """Forecast objects per frame, over all seeds and scenes."""
-        return sum(score.forecasts for score in self.scores) / max(sum(score.frames for score in self.scores), 1)
+    @cached_property
+    def live(self) -> int:
+        """Live frames, over all seeds and scenes."""
+        return sum(score.live for score in self.scores)
 
-    def per_scene(self, value: Array, mask: Bools) -> Array:
-        """Sums [S] of ``value`` [n] over the targets of ``mask``."""
-        return np.bincount(self.scene[mask], weights=value[mask], minlength=self.scenes).astype(np.float64)
+    def per_unit(self, value: Array, weight: Array) -> Array:
+        """Sums [U] of ``value`` [n] times ``weight`` [n]."""
+        return np.bincount(self.unit, weights=value * weight, minlength=self.units).astype(np.float64)
 
-    def targets(self, mask: Bools) -> Array:
-        """Number of targets of ``mask`` in each scene [S]."""
-        return self.per_scene(np.ones(len(mask)), mask)
+    def unit_weight(self, weight: Array) -> Array:
+        """Weight of the targets of each unit [U]."""
+        return self.per_unit(np.ones(len(weight)), weight)
 
-    def objects(self, mask: Bools) -> int:
-        """Number of distinct objects among the targets of ``mask``."""
-        return len(np.unique(np.stack([self.scene[mask], self.object_id[mask]]), axis=1).T)
+    def errors(self, subset: str) -> Array:
+        """What ranks, times the weight of the subset, summed over the targets of each unit [U], m."""
+        return self.per_unit(self.ranked(subset).error, self.weight[subset])
 
 
 def stated_hypotheses(seeds: Sequence[Sequence[SceneScore]]) -> int:
@@ -94,40 +106,76 @@ def stated_hypotheses(seeds: Sequence[Sequence[SceneScore]]) -> int:
     return max((score.hypotheses for run in seeds for score in run), default=0)
 
 
-def agent_table(setting: AgentScores, reference: ReferenceSubsets | None) -> AgentTable:
-    """Table of one agent; without ``reference`` only the subset "all" has targets.
+def agent_table(setting: AgentScores, reference: Reference | None) -> AgentTable:
+    """Table of one agent; without ``reference`` only the subset "all" has weight, and STP sets no limit to budgets.
 
-    Raises RolloutError without a scene, or where seeds differ in scenes or targets.
+    Raises RolloutError without a scene, or where seeds differ in scenes or targets, and DataError where the reference
+    does not know a scene.
     """
     if not setting.seeds or not setting.seeds[0]:
         raise RolloutError(f"agent {setting.agent!r} has no scored scene, expected at least one")
     for run in setting.seeds[1:]:
         require_same_targets(setting.seeds[0], run, f"the seeds of agent {setting.agent!r}")
     first = setting.seeds[0]
-    covered = _over_seeds(setting, "covered")
-    uncovered = 1.0 - covered / len(setting.seeds)
+    scene = np.repeat(np.arange(len(first)), [len(score) for score in first])
+    units_before = np.concatenate([[0], np.cumsum([score.units for score in first])])
+    budgets = run_budgets(first, reference)
+    of_all, of_subsets = _ranked(setting.seeds, budgets)
     return AgentTable(
         setting=setting,
-        scene=np.repeat(np.arange(len(first)), [len(score) for score in first]),
-        object_id=_join(first, "object_id"),
+        budgets=budgets,
+        scene=scene,
+        unit=_join(first, "unit") + units_before[scene],
+        units=int(units_before[-1]),
+        person=_people(first, scene),
         class_id=_join(first, "class_id"),
         distance=_join(first, "distance"),
         approach=_join(first, "approach"),
         moving=_join(first, "moving"),
-        covered=covered,
+        covered=_over_seeds(setting, "covered"),
         min_ade=_over_seeds(setting, "min_ade"),
         min_fde=_over_seeds(setting, "min_fde"),
         energy_score=_over_seeds(setting, "energy_score"),
         curve=_over_seeds(setting, "curve"),
-        hit=_seeds_with([~_join(run, "miss") for run in setting.seeds]),
-        near=_seeds_with([_join(run, "min_fde") <= FORECAST_AP_GATES[1] for run in setting.seeds]),
+        hit=np.sum([~_join(run, "miss") for run in setting.seeds], axis=0, dtype=np.float64),
         capped=np.mean([_join(run, "capped") for run in setting.seeds], axis=0),
         miss_error=_join(first, "miss_error"),
-        missed=uncovered * _join(first, "miss_error"),
-        false_error=np.mean([[score.false_error for score in run] for run in setting.seeds], axis=0),
-        mask=_masks(first, reference),
+        of_all=of_all,
+        of_subsets=of_subsets,
+        weight=_weights(first, reference),
         events=_events(first, reference),
     )
+
+
+def run_budgets(run: Sequence[SceneScore], reference: Reference | None) -> Budgets:
+    """The budgets of one run over some scenes."""
+    complete = all(score.truth_complete for score in run)
+    if reference is None:
+        stp = np.inf
+    elif complete:
+        stp = float(reference.false_forecasts(score.scene for score in run))
+    else:
+        stp = sum(reference.of(score.scene).forecasts for score in run) / max(1, sum(score.live for score in run))
+    return budgets_of(sum(len(score) for score in run), stp, complete)
+
+
+def run_errors(run: Sequence[SceneScore], budgets: Sequence[float] | Array, known: bool, which: str) -> BudgetErrors:
+    """Errors of one run at each of the ``budgets``; ``known``: of false forecasts; ``which`` cuts of a score."""
+    live = None if known else sum(score.live for score in run)
+    return errors_at([getattr(score, which) for score in run], budgets, live)
+
+
+def _ranked(seeds: Sequence[Sequence[SceneScore]], budgets: Budgets) -> tuple[Ranked, Ranked]:
+    """What ranks at the budgets of "all", and at that of the subsets."""
+    allowed = [*budgets.all, budgets.subsets]
+    own = [run_errors(run, allowed, budgets.false_known, "cuts") for run in seeds]
+    score = [run_errors(run, allowed, budgets.false_known, "score_cuts") for run in seeds]
+    error, missed, by_score = (
+        np.mean(parts, axis=0)
+        for parts in ([run.error for run in own], [run.missed for run in own], [run.error for run in score])
+    )
+    parts = (error, missed, by_score)
+    return Ranked(*(part[:-1].mean(axis=0) for part in parts)), Ranked(*(part[-1] for part in parts))
 
 
 def require_same_targets(a: Sequence[SceneScore], b: Sequence[SceneScore], who: str) -> None:
@@ -135,18 +183,13 @@ def require_same_targets(a: Sequence[SceneScore], b: Sequence[SceneScore], who: 
     if [score.scene for score in a] != [score.scene for score in b]:
         raise RolloutError(f"{who} were scored on different scenes, expected the same scenes in the same order")
     for x, y in zip(a, b, strict=True):
-        if not np.array_equal(x.key, y.key):
+        if not (np.array_equal(x.frame, y.frame) and np.array_equal(x.object_id, y.object_id)):
             raise RolloutError(f"{who} have different targets in scene {x.scene!r}; were they scored with one card?")
 
 
 def _join(run: Sequence[SceneScore], name: str) -> NDArray[Any]:
     """Array ``name`` of all scenes."""
     return np.concatenate([getattr(score, name) for score in run])
-
-
-def _seeds_with(holds: Sequence[Bools]) -> Array:
-    """In how many seeds something holds [n]."""
-    return np.asarray(np.sum(holds, axis=0), dtype=np.float64)
 
 
 def _over_seeds(setting: AgentScores, name: str) -> Array:
@@ -159,17 +202,38 @@ def _over_seeds(setting: AgentScores, name: str) -> Array:
     return np.asarray(total, dtype=np.float64)
 
 
-def _masks(run: Sequence[SceneScore], reference: ReferenceSubsets | None) -> dict[str, Bools]:
-    if reference is None:
-        count = sum(len(score) for score in run)
-        return {name: np.full(count, name == "all") for name in SUBSETS}
-    parts = [masks(reference, score) for score in run]
-    return {name: np.concatenate([part[name] for part in parts]) for name in SUBSETS}
+def _people(run: Sequence[SceneScore], scene: Ints) -> Ints:
+    """A number for each object of each recording, of every target [n]."""
+    recording = np.unique([score.recording for score in run], return_inverse=True)[1]
+    pairs = np.stack([recording[scene], _join(run, "object_id")], axis=1)
+    return np.unique(pairs, axis=0, return_inverse=True)[1].reshape(-1)
 
 
-def _events(run: Sequence[SceneScore], reference: ReferenceSubsets | None) -> dict[str, int | None]:
+def _weights(run: Sequence[SceneScore], reference: Reference | None) -> dict[str, Array]:
+    count = sum(len(score) for score in run)
+    weights: dict[str, Array] = {name: np.zeros(count) for name in SUBSETS}
+    if reference is not None:
+        for name in SUBSETS[1:]:
+            weights[name] = np.concatenate([_of_targets(reference.weight(s.scene, name), s) for s in run])
+    return {**weights, "all": np.ones(count)}
+
+
+def _of_targets(weight: Floats, score: SceneScore) -> Floats:
+    """The weights, which must be those of the targets of the scene."""
+    if len(weight) != len(score):
+        raise RolloutError(
+            f"the event weights of scene {score.scene!r} are of {len(weight)} targets, the scene has {len(score)}: "
+            "the reference was made of other data"
+        )
+    return weight
+
+
+def _events(run: Sequence[SceneScore], reference: Reference | None) -> dict[str, float | None]:
+    """Expected events of a run of the reference on targets; of the paper's subsets those of plain STP, on all boxes."""
     if reference is None:
         return dict.fromkeys(SUBSETS)
-    truth = _join(run, "truth_key")
-    counts: dict[str, int | None] = {name: int(np.isin(truth, reference.keys(name)).sum()) for name in SUBSETS[1:]}
-    return {"all": None, **counts}
+    counts: dict[str, float | None] = {
+        name: float(sum(reference.weight(score.scene, name).sum() for score in run)) for name in SUBSETS[1:5]
+    }
+    ids, lost, back = np.sum([reference.of(score.scene).stp_events for score in run], axis=0).tolist()
+    return {"all": None, **counts, "paper_ids": float(ids), "paper_frag": float(lost + back)}

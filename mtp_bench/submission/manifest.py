@@ -26,6 +26,9 @@ class CompareSection(Section):
     observe: Literal["detections", "truth"] = "detections"  # what the env feeds; "truth" is never ranked
     hypotheses: str | None = None  # parameter that is the number H of hypotheses; None: what the agent states
     draws: str | None = None  # parameter that is the number of times k samples are drawn per hypothesis; None: once
+    # Between what its gap is measured: with these parameters it is a single-hypothesis pipeline, and takes true pasts
+    # where the env observes the truth; "controls": those with its own predictor are stp and truth_past
+    ends: Literal["controls"] | dict[str, Value] | None = None
 
 
 class Manifest(Section):

@@ -1,0 +1,167 @@
+"""Matching while forecasts are added one by one: what a cut keeps is what was added until then.
+
+Taking forecasts away changes which of the others are matched, so a cut needs a matching of its own. Adding them in
+order of confidence gives the matchings of all cuts in one pass: each addition changes the matching along one path.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..types import Floats, Ints
+from .matching import Matched, component_labels
+from .pairs import Pairs, Rows
+
+NEVER = np.iinfo(np.intp).max  # a step that does not come
+_MICRO = 1e6  # costs are whole micrometres: sums of the same terms in another order are equal
+_CONFIDENCE_BITS, _TIE_BITS = 40, 40
+_UNMATCHED = 1 << 120  # outweighs every sum of costs
+
+
+@dataclass(frozen=True, eq=False)
+class Additions:
+    """How a matching grows: at ``step`` [E], in ascending order, ``row`` [E] is matched to ``column`` [E] from then on.
+
+    A row that is matched stays so, to other columns perhaps; a column that is left unmatched stays unmatched.
+    """
+
+    step: Rows
+    row: Rows
+    column: Rows
+    dropped: Rows  # [columns] the step from which each column is unmatched, NEVER where it stays matched
+
+
+def add_in_order(pairs: Pairs, step: Rows, confidence: Floats, tie: Floats) -> Additions:
+    """Grow the matching of maximum cardinality, then least cost, as columns come at their ``step`` [columns].
+
+    At equal cost the higher ``confidence`` [columns] is matched, then the larger ``tie`` [E] of the pairs, m. Steps are
+    distinct; a column whose step is NEVER does not come. Costs count in whole micrometres.
+    """
+    come = step[pairs.column] != NEVER
+    pairs, tie = pairs.keep(come), tie[come]
+    of_row, of_column = np.bincount(pairs.row), np.bincount(pairs.column, minlength=len(step))
+    dropped = np.where(of_column > 0, NEVER, step)
+    alone = (of_row[pairs.row] == 1) & (of_column[pairs.column] == 1)
+    single, contested = pairs.keep(alone), pairs.keep(~alone)
+    changes: list[tuple[int, int, int]] = []
+    if len(contested):
+        cost = _whole_costs(contested.cost, confidence[contested.column], tie[~alone])
+        for part in _components_by_step(contested, step):
+            _grow(contested, cost, part, step, changes, dropped)
+    grown = np.array(changes, dtype=np.intp).reshape(-1, 3)
+    at = np.concatenate([step[single.column], grown[:, 0]])
+    order = np.argsort(at, kind="stable")
+    row, column = np.concatenate([single.row, grown[:, 1]]), np.concatenate([single.column, grown[:, 2]])
+    return Additions(at[order], row[order], column[order], dropped)
+
+
+def _components_by_step(pairs: Pairs, step: Rows) -> list[NDArray[np.intp]]:
+    """Places of the pairs of each connected component, those of the column that comes first first."""
+    row_of = np.unique(pairs.row, return_inverse=True)[1]
+    column_of = np.unique(pairs.column, return_inverse=True)[1]
+    label = component_labels(row_of, column_of)[0][row_of]
+    order = np.lexsort((step[pairs.column], label))
+    return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
+
+
+def final_match(additions: Additions, rows: int) -> Matched:
+    """Column matched to each row [rows] when all have come, -1 for none."""
+    matched = np.full(rows, -1, dtype=np.intp)
+    last = last_of(additions.row)
+    matched[additions.row[last]] = additions.column[last]
+    return matched
+
+
+def last_of(values: Ints) -> NDArray[np.intp]:
+    """Place of the last occurrence of each distinct value."""
+    return len(values) - 1 - np.unique(values[::-1], return_index=True)[1]
+
+
+def _whole_costs(cost: Floats, confidence: Floats, tie: Floats) -> list[int]:
+    """One whole number per pair whose order is that of cost, then confidence, then tie: sums of them are exact."""
+    main = np.rint(cost * _MICRO).astype(np.int64).tolist()
+    sure = np.rint(confidence.astype(np.float64) * 2.0**30).astype(np.int64).tolist()
+    far = np.rint(np.minimum(np.where(np.isfinite(tie), tie, 1e3), 1e3) * _MICRO).astype(np.int64).tolist()
+    return [
+        (((m << _CONFIDENCE_BITS) - s) << _TIE_BITS) - f for m, s, f in zip(main, sure, far, strict=True)
+    ]  # fmt: skip
+
+
+def _grow(
+    pairs: Pairs,
+    cost: list[int],
+    part: NDArray[np.intp],
+    step: Rows,
+    changes: list[tuple[int, int, int]],
+    dropped: Rows,
+) -> None:
+    """Add the columns of one component; appends (step, row, column) to ``changes`` and fills in ``dropped``.
+
+    The Hungarian method with one shortest path per column (Jonker and Volgenant 1987). Every column may also stay
+    unmatched, at a cost above all others. ``part``: places of the component's pairs, sorted by step.
+    """
+    edges: dict[int, list[tuple[int, int]]] = {}
+    for place, row, column in zip(part.tolist(), pairs.row[part].tolist(), pairs.column[part].tolist(), strict=True):
+        edges.setdefault(column, []).append((row, cost[place]))
+    state = _Matching(edges)
+    for column in edges:
+        path, left_out = state.add(column)
+        changes += [(int(step[column]), row, taker) for row, taker in path]
+        if left_out >= 0:
+            dropped[left_out] = step[column]
+
+
+class _Matching:
+    """The optimal matching of the columns that were added to one component, with potentials that prove it."""
+
+    def __init__(self, edges: dict[int, list[tuple[int, int]]]) -> None:
+        self._edges = edges  # column -> rows inside the gate and their costs
+        self._row_of: dict[int, int] = {}
+        self._column_of: dict[int, int] = {}
+        self._of_column: dict[int, int] = {}  # potentials
+        self._of_row = {row: 0 for near in edges.values() for row, _ in near}
+
+    def add(self, new: int) -> tuple[list[tuple[int, int]], int]:
+        """Rows and the columns that take them now, and the column that is left out now, -1 for none."""
+        self._of_column[new] = min(cost - self._of_row[row] for row, cost in self._edges[new])
+        done, before, end, left_out, total = self._shortest_path(new)
+        self._of_column[new] += total
+        for row, distance in done.items():
+            if row in self._column_of:
+                self._of_column[self._column_of[row]] += total - distance
+                self._of_row[row] -= total - distance
+        if end < 0 and left_out != new:
+            end = self._row_of.pop(left_out)
+        path = []
+        while end >= 0:
+            taker = before[end]
+            earlier = self._row_of.get(taker, -1)
+            self._row_of[taker], self._column_of[end] = end, taker
+            path.append((end, taker))
+            end = earlier
+        return path, left_out
+
+    def _shortest_path(self, new: int) -> tuple[dict[int, int], dict[int, int], int, int, int]:
+        """Distances of the rows that were reached, who reaches each, the free row at the end or -1, who is left out."""
+        distance: dict[int, int] = {}
+        before: dict[int, int] = {}
+        done: dict[int, int] = {}
+        column, base, left_out, least = new, 0, new, _UNMATCHED - self._of_column[new]
+        while True:
+            for row, cost in self._edges[column]:
+                far = base + cost - self._of_column[column] - self._of_row[row]
+                if row not in done and far < distance.get(row, far + 1):
+                    distance[row], before[row] = far, column
+            waiting = [row for row in distance if row not in done]
+            nearest = min(waiting, key=distance.__getitem__, default=-1)
+            if nearest < 0 or distance[nearest] >= least:
+                return done, before, -1, left_out, least
+            done[nearest] = base = distance[nearest]
+            if nearest not in self._column_of:
+                return done, before, nearest, -1, base
+            column = self._column_of[nearest]
+            if base + _UNMATCHED - self._of_column[column] < least:
+                left_out, least = column, base + _UNMATCHED - self._of_column[column]

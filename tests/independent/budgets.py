@@ -1,0 +1,90 @@
+"""The error at false-forecast budgets: what ranks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtp_bench.types import Bools, Floats
+
+from .forecasts import Run, judge_frame
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """The run with the forecasts of a least confidence only."""
+
+    least: float
+    false: int  # F_j
+    error: Floats  # [n] min(minADE, c), or c
+    missed: Bools  # [n]
+
+
+def cuts(run: Run) -> Iterator[Cut]:
+    """Cut 0, which keeps nothing, then one per distinct confidence of the run, downwards.
+
+    Frames where nothing is added by a cut keep their matching, which would be the same.
+    """
+    c = np.array([run.miss_errors[target.kind] for target in run.targets], dtype=float)
+    error, missed, false = c.copy(), np.ones(len(c), dtype=bool), dict.fromkeys(run.frames(), 0)
+    yield Cut(np.inf, 0, error.copy(), missed.copy())
+    touched: dict[float, set[tuple[int, int]]] = {}
+    for s, t in run.frames():
+        for r in run.rows(s, t):
+            touched.setdefault(float(run.rollouts[s].object_confidence[r]), set()).add((s, t))
+    asked: dict[tuple[int, int], list[int]] = {}
+    for i, target in enumerate(run.targets):
+        asked.setdefault((target.scene, target.t), []).append(i)
+    for least in sorted(touched, reverse=True):
+        for s, t in touched[least]:
+            rows = run.rows(s, t, least)
+            verdict = judge_frame(run, s, t, rows, run.gates)
+            false[s, t] = len(verdict.false) if run.complete else len(rows)
+            for i in asked.get((s, t), ()):
+                error[i], missed[i] = c[i], True
+            for r, g in verdict.matched.items():
+                if (s, g) in run.index:
+                    i = run.index[s, g]
+                    error[i], missed[i] = min(run.against(s, r, g).min_ade, c[i]), False
+        yield Cut(least, sum(false.values()), error.copy(), missed.copy())
+
+
+def budgets_of(run: Run, reference: float, subset: str) -> list[float]:
+    """Budgets of a subset, in false forecasts of the run.
+
+    ``reference``: false forecasts of the reference STP; where the truth is incomplete its forecasts per live frame,
+    and the budgets are numbers of forecasts in live frames, right or wrong. E(B) jumps where B meets a count, so a
+    budget that is whole but for rounding is made whole.
+    """
+    if run.complete:
+        budgets = [j * min(len(run.targets), reference) / 10 for j in range(1, 11)] if subset == "all" else [reference]
+    else:
+        budgets = [n * len(run.frames()) for n in ((20.0, 40.0, reference) if subset == "all" else (reference,))]
+    return [float(round(b)) if abs(b - round(b)) < 1e-9 * max(1.0, b) else float(b) for b in budgets]
+
+
+def at_budgets(run: Run, budgets: Sequence[float]) -> list[tuple[Floats, Floats]]:
+    """Per budget the error of each target [n], and the part of it that is missed [n]."""
+    before: dict[int, Cut] = {}
+    after: dict[int, Cut] = {}
+    for cut in cuts(run):
+        for i, budget in enumerate(budgets):
+            if i not in after:
+                (before if cut.false <= budget else after)[i] = cut
+    result = []
+    for i, budget in enumerate(budgets):
+        last, following = before[i], after.get(i)
+        error, missed = last.error, last.error * last.missed
+        if following is not None:
+            l = (budget - last.false) / (following.false - last.false)
+            error = (1 - l) * error + l * following.error
+            missed = (1 - l) * missed + l * following.error * following.missed
+        result.append((error, missed))
+    return result
+
+
+def curve(run: Run) -> list[tuple[float, float]]:
+    """False forecasts per target, and the error of "all", at every cut."""
+    return [(cut.false / len(run.targets), float(cut.error.mean())) for cut in cuts(run)]

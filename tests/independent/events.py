@@ -1,0 +1,91 @@
+"""Events of the best hypothesis against its stated parent, in frame mode."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+
+from mtp_bench.cards import Card
+from mtp_bench.geometry import iou_3d
+from mtp_bench.types import Bools, Floats, Rollout, Scene
+
+from .matching import Keys, best_pairs
+from .targets import Target, neutral_rows
+
+Event = tuple[int, int, int, int | None, int | None]  # scene, object, frame, old id, new id
+Matched = dict[int, int | None]  # object -> id of its track, None: unmatched
+
+
+def own_events(scenes: Sequence[Scene], rollouts: Sequence[Rollout], card: Card) -> dict[str, list[Event]]:
+    """Events by kind; an id that is not there is None.
+
+    Reading: `reacquired` needs an earlier matched frame of the same unbroken run of true frames, each frame seen by the
+    ancestor of the best hypothesis; where a parent is not stated, history begins.
+    """
+    found: dict[str, list[Event]] = {"ids": [], "lost": [], "reacquired": []}
+    for s, (scene, rollout) in enumerate(zip(scenes, rollouts, strict=True)):
+        neutral = neutral_rows(scene)
+        matched_ids = functools.cache(functools.partial(_matched_ids, scene, neutral, rollout, card))
+        for t in range(1, scene.frames):
+            line = _lineage(rollout, t, matched_ids)
+            if len(line) < 2:
+                continue
+            for g, new in line[0].items():
+                past = [frame[g] for frame in itertools.takewhile(lambda frame: g in frame, line[1:])]  # noqa: B023
+                if not past:
+                    continue
+                known = [i for i in past if i is not None]
+                if new is not None and past[0] is not None and new != past[0]:
+                    found["ids"].append((s, g, t, past[0], new))
+                elif new is None and past[0] is not None:
+                    found["lost"].append((s, g, t, past[0], None))
+                elif new is not None and past[0] is None and known:
+                    found["reacquired"].append((s, g, t, known[0], new))
+    return found
+
+
+def event_weights(targets: Sequence[Target], events: Iterable[Event]) -> Floats:
+    """1 for the targets that carry one of the events, else 0."""
+    there = {event[:3] for event in events}
+    return np.array([(g.scene, g.object, g.t) in there for g in targets], dtype=float)
+
+
+def _lineage(rollout: Rollout, t: int, matched_ids: Callable[[int, int], Matched]) -> list[Matched]:
+    """Matched ids of each true object at t, t - 1, ... along the ancestors of the best hypothesis of t."""
+    alone = rollout.member.shape[1] == 1
+    h = int(np.argmax(rollout.hypothesis_log_weight[t]))
+    line = []
+    while t >= 0:
+        line.append(matched_ids(t, h))
+        h = 0 if alone else int(rollout.hypothesis_parent[t, h])
+        t -= 1
+        if h < 0:
+            break
+    return line
+
+
+def _matched_ids(scene: Scene, neutral: Bools, rollout: Rollout, card: Card, t: int, h: int) -> Matched:
+    """a_t(g) of every object that is there and not neutral; None: unmatched. A track of class -1 fits every class."""
+    truth = scene.truth
+    there = [g for g in range(truth.start[t], truth.start[t + 1]) if not neutral[g]]
+    tracks = [r for r in range(rollout.track_start[t], rollout.track_start[t + 1]) if rollout.member[r, h]]
+    gate, limit = card.task.event_gate, card.per_class(card.task.event_gate.threshold)
+    pairs: dict[tuple[int, int], Keys] = {}
+    for r in tracks:
+        for g in there:
+            kind, a, b = int(truth.class_id[g]), rollout.track_box[r].astype(float), truth.box[g].astype(float)
+            if rollout.track_class[r] not in (-1, kind):
+                continue
+            far = math.dist(a[:2], b[:2])
+            inside = far <= limit[kind]
+            if gate.measure == "iou_3d":
+                overlap = float(iou_3d(a[None], b[None])[0])
+                far, inside = 1 - overlap, overlap >= limit[kind]
+            if inside:
+                pairs[r, g] = (far, 0.0, 0.0)
+    track_of = {g: r for r, g in best_pairs(pairs).items()}
+    return {int(truth.object_id[g]): int(rollout.track_id[track_of[g]]) if g in track_of else None for g in there}

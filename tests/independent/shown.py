@@ -1,0 +1,112 @@
+"""Numbers that are shown and do not rank, of one run."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mtp_bench.types import Bools, Floats
+
+from .displacement import Numbers
+from .forecasts import Run, judge_frame
+
+FREE_FORECASTS = 40  # per frame, where the truth holds targets only
+
+
+def of_targets(run: Run, least: float = -math.inf) -> list[Numbers | None]:
+    """Numbers of each target with the forecasts of at least this confidence; None where it is missing."""
+    found: list[Numbers | None] = [None] * len(run.targets)
+    for s, t in run.frames():
+        for r, g in judge_frame(run, s, t, run.rows(s, t, least), run.gates).matched.items():
+            if (s, g) in run.index:
+                found[run.index[s, g]] = run.against(s, r, g)
+    return found
+
+
+def plain_errors(run: Run, least: float = -math.inf) -> Floats:
+    """min(minADE, c), or c, of each target."""
+    c = [run.miss_errors[target.kind] for target in run.targets]
+    found = of_targets(run, least)
+    return np.array([m if x is None else min(x.min_ade, m) for x, m in zip(found, c, strict=True)], dtype=float)
+
+
+def fixed_error(run: Run) -> float:
+    """Reading: malformed rows count here only, in live frames; with targets only they stand behind all forecasts.
+
+    With targets only the most confident forecasts of a frame are the free ones.
+    """
+    price = [c / 2 for c in run.miss_errors]
+    price.append(max(price))  # class not readable
+    total = float(plain_errors(run, 0.5).sum())
+    for s, t in run.frames():
+        said, rows = run.rollouts[s], run.rows(s, t, 0.5)
+        malformed = [price[c] for c in range(len(price)) for _ in range(int(said.malformed[t, c]))]
+        if run.complete:
+            false = judge_frame(run, s, t, rows, run.gates).false
+            total += sum(price[said.object_class[r]] for r in false) + sum(malformed)
+        else:
+            ordered = sorted(rows, key=lambda r: -said.object_confidence[r])
+            total += sum([*(price[said.object_class[r]] for r in ordered), *malformed][FREE_FORECASTS:])
+    return total / len(run.targets)
+
+
+def false_per_frame(run: Run) -> float:
+    """Unmatched forecasts that are not neutral, per live frame."""
+    frames = run.frames()
+    return sum(len(judge_frame(run, s, t, run.rows(s, t), run.gates).false) for s, t in frames) / len(frames)
+
+
+def brier(run: Run) -> float | None:
+    """Reading: over the forecasts of live frames that are not neutral; "matched" to any evaluated object."""
+    squares = []
+    for s, t in run.frames():
+        verdict = judge_frame(run, s, t, run.rows(s, t), run.gates)
+        said = run.rollouts[s].object_confidence
+        squares += [(float(said[r]) - 1.0) ** 2 for r in verdict.matched]
+        squares += [float(said[r]) ** 2 for r in verdict.false]
+    return sum(squares) / len(squares) if squares else None
+
+
+def planning_aware(run: Run, error: Floats, counted: Bools) -> float | None:
+    """Mean of ``error`` [n] over the ``counted`` targets [n], weighted by how close the object will come to the ego."""
+    closest = [min(math.dist(a, b) for a, b in zip(g.future, g.ego, strict=True)) for g in run.targets]
+    weight = np.array([math.exp(-(d**2) / (2 * 3**2)) for d in closest])[counted]
+    return float((weight * error[counted]).sum() / weight.sum()) if weight.sum() > 0 else None
+
+
+def epa(run: Run) -> float:
+    """(targets with minFDE <= 2 m - .5 false forecasts) / targets.
+
+    Reading: matched anew within 2 m for every class, and classes pooled; other true objects are neither.
+    """
+    hits, false = 0, 0
+    for s, t in run.frames():
+        verdict = judge_frame(run, s, t, run.rows(s, t), [2.0] * len(run.gates))
+        false += len(verdict.false)
+        hits += sum((s, g) in run.index and not run.against(s, r, g).miss for r, g in verdict.matched.items())
+    return (hits - 0.5 * false) / len(run.targets)
+
+
+def ap_f(run: Run) -> float:
+    """Area under precision over recall; right is a match within 2 m now whose minFDE is at most 4 m.
+
+    Reading: the protocol's matching, not a greedy one; classes pooled; a match of a true object that is no target, and
+    what is neutral, is left out; equal confidences enter together; no interpolation of the precision.
+    """
+    verdicts: list[tuple[float, bool]] = []
+    for s, t in run.frames():
+        verdict = judge_frame(run, s, t, run.rows(s, t), [2.0] * len(run.gates))
+        said = run.rollouts[s].object_confidence
+        verdicts += [(float(said[r]), False) for r in verdict.false]
+        verdicts += [
+            (float(said[r]), run.against(s, r, g).min_fde <= 4.0)
+            for r, g in verdict.matched.items()
+            if (s, g) in run.index
+        ]
+    area, right_before = 0.0, 0
+    for least in sorted({confidence for confidence, _ in verdicts}, reverse=True):
+        kept = [right for confidence, right in verdicts if confidence >= least]
+        area += (sum(kept) - right_before) / len(run.targets) * sum(kept) / len(kept)
+        right_before = sum(kept)
+    return area

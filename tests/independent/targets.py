@@ -1,0 +1,99 @@
+"""What is asked: targets, live frames, and what is neutral."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtp_bench.cards import Card
+from mtp_bench.types import Bools, Floats, ImageField, Scene
+
+# Reading: a true box that the image cannot confirm is no target at its own frame; it may lie in the past and the future
+# of one. True: there it counts as absent too.
+IMAGE_TEST_IN_PAST_AND_FUTURE = False
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """An object of a scene at a frame, whose future is asked for."""
+
+    scene: int
+    object: int
+    t: int
+    row: int  # of the truth
+    kind: int  # class
+    future: Floats  # [T, 2]
+    ego: Floats  # [T, 2] where the ego is then
+    owner: tuple[str, int]  # identity of the object in the recording
+
+
+def live_frames(scene: Scene, card: Card) -> range:
+    first = 0 if scene.listed_targets else card.task.past - 1
+    return range(first, max(first, scene.frames - card.task.future))
+
+
+def find_targets(scenes: Sequence[Scene], card: Card) -> list[Target]:
+    """All targets, sorted by scene, frame and row of the truth.
+
+    Reading: ``eligible`` is asked of the row at t only; neutral rows are no true frames, of the past and future too.
+    """
+    found = []
+    for s, scene in enumerate(scenes):
+        truth, neutral = scene.truth, neutral_rows(scene)
+        absent = neutral if IMAGE_TEST_IN_PAST_AND_FUTURE else truth.neutral
+        frame = truth.frame_of_rows
+        row_of = {(int(truth.object_id[r]), int(frame[r])): r for r in range(len(frame)) if not absent[r]}
+        past = 1 if scene.listed_targets else card.task.past
+        for r in range(len(frame)):
+            g, t = int(truth.object_id[r]), int(frame[r])
+            needed = [(g, u) for u in range(t - past + 1, t + card.task.future + 1)]
+            if neutral[r] or not truth.eligible[r] or any(key not in row_of for key in needed):
+                continue
+            future = np.array([truth.box[row_of[g, t + tau], :2] for tau in range(1, card.task.future + 1)], float)
+            ego = np.array(scene.ego[t + 1 : t + 1 + card.task.future, :2], float)
+            owner = (scene.recording or scene.name, g)
+            found.append(Target(s, g, t, r, int(truth.class_id[r]), future, ego, owner))
+    return found
+
+
+def neutral_rows(scene: Scene) -> Bools:
+    """Which true boxes are neither targets nor wrong to forecast [R]."""
+    truth, neutral = scene.truth, np.array(scene.truth.neutral, dtype=bool)
+    if scene.image is not None:
+        for r, t in enumerate(truth.frame_of_rows):
+            neutral[r] |= unconfirmed(scene.image, int(t), truth.box[r, :2], int(truth.class_id[r]))
+    return neutral
+
+
+def unconfirmed(image: ImageField, t: int, xy: Floats, kind: int) -> bool:
+    """Whether no label of the image could confirm an object of class ``kind`` at ``xy``.
+
+    Reading: the 2D box is the hull of the 8 projected corners, clipped to the image; a box with any corner behind the
+    camera is outside. Height and area are those of the clipped box; a region is compared on its own, not their union.
+    """
+    l, w, h = image.box_size[kind]
+    bottom, yaw = image.height[t] - 1.65, image.heading[t]
+    u, v = [], []
+    for along in (-l / 2, l / 2):
+        for across in (-w / 2, w / 2):
+            for z in (bottom, bottom + h):
+                x = xy[0] + math.cos(yaw) * along - math.sin(yaw) * across
+                y = xy[1] + math.sin(yaw) * along + math.cos(yaw) * across
+                pixel = image.projection[t] @ np.array([x, y, z, 1.0])
+                if pixel[2] <= 0:
+                    return True
+                u.append(pixel[0] / pixel[2])
+                v.append(pixel[1] / pixel[2])
+    left, right = max(min(u), 0.0), min(max(u), float(image.size[0]))
+    top, bottom_edge = max(min(v), 0.0), min(max(v), float(image.size[1]))
+    if right <= left or bottom_edge - top <= 25:
+        return True
+    area = (right - left) * (bottom_edge - top)
+    for a, b, c, d in image.region[image.region_start[t] : image.region_start[t + 1]]:
+        common = max(0.0, min(right, c) - max(left, a)) * max(0.0, min(bottom_edge, d) - max(top, b))
+        if common > area / 2:
+            return True
+    return False
