@@ -58,13 +58,13 @@ def test_the_plain_run_and_the_counts_are_those_of_the_scenes(card: str, kitti: 
         assert known.targets == len(score) == len(known.stp)
         np.testing.assert_array_equal(known.stp[:, 0], score.own_ids)
         np.testing.assert_array_equal(made.weight(score.scene, "paper_frag") > 0, score.own_frag)
-        assert known.stp_events == tuple(len(score.events[kind]) for kind in ("ids", "lost", "reacquired"))
+        assert known.stp_events == tuple(score.own_events[kind] for kind in ("ids", "lost", "reacquired"))
         assert (known.counts <= RUNS).all()
         assert (known.counts[:, 3] >= known.counts[:, 1:3].max(axis=1)).all()
         for subset in WEIGHED:
             assert made.weight(score.scene, subset).shape == (len(score),)
     assert made.totals["sum_of_weights"]["lost"] > 0
-    assert made.false_forecasts(scenes) == sum(int(score.false_forecasts.sum()) for score in scores)
+    assert made.false_forecasts(scenes) == sum(score.false_forecasts for score in scores)
 
 
 @pytest.mark.parametrize("assignment", ["hungarian", "greedy"])
