@@ -67,9 +67,9 @@ def _row(name: str, subset: str, error: float | None, spread: float, hypotheses:
 
 def _scenes(name: str, error: float, scenes: int) -> list[Table]:
     """Scenes of one unit; the mean over all targets is the error."""
-    rng = np.random.default_rng(int(_hex(name)[:8], 16))
+    noise = 0.05 * np.random.default_rng(int(_hex(name)[:8], 16)).normal(size=scenes)
     factor = np.where(np.arange(scenes) % 4 % 3 == 0, 1.35, 0.65)
-    errors = error * (factor / factor.mean() + 0.05 * np.tile([1, -1], scenes // 2) * rng.choice([-1, 1]))
+    errors = error * (factor / factor.mean() + noise - noise.mean())
     return [
         {
             "scene": f"{i:04d}",
