@@ -53,6 +53,7 @@ def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
         raise MtpBenchError("a record is of the detections that its env names: no other detector can be chosen")
     env = MTPEnv(env_id, observe=submission.compare.observe, evaluation=True, data=options.data, split=options.split)
     keywords = setting_of(submission, env.card).env_keywords(env.card)
+    del keywords["observe"]  # the submission says it, and the record in a field of its own
     if env.card.source.split != load_card(env_id).source.split:
         keywords["split"] = env.card.source.split
     names = env.scene_names
