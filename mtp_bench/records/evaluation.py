@@ -72,7 +72,7 @@ def evaluate(
         rows=[row.model_copy(update={"rank": None}) for row in report.rows],
         silence=report.details[0].silence,
         details=report.details[0].model_dump(mode="json"),
-        per_scene=_per_scene(table),
+        per_scene=per_scene_of(table),
         reference=ReferencePart(
             name=reference.agent, hash=reference.digest, origin=reference.origin, frozen=reference.frozen
         ),
@@ -114,7 +114,7 @@ def _score_scene(card: Card, data: str | None, rollouts: Sequence[Rollout]) -> t
     return scene_digest(scene), tuple(score_scene(scene, rollout, card) for rollout in rollouts)
 
 
-def _per_scene(table: AgentTable) -> list[ScenePart]:
+def per_scene_of(table: AgentTable) -> list[ScenePart]:
     """Sums of each unit; the units of a scene are consecutive."""
     scores = table.setting.seeds[0]
     ends = np.cumsum([score.units for score in scores])[:-1]

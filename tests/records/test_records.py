@@ -120,7 +120,9 @@ def test_rows_and_scenes_must_be_complete(tmp_path: Path) -> None:
         with pytest.raises(RecordError, match="expected whole numbers from 0 on, each once"):
             load_record(tmp_path / "a.json")
     save_record(record.model_copy(update={"rows": record.rows[1:]}), tmp_path / "a.json")
-    with pytest.raises(RecordError, match="rows are of ids, lost, reacquired, frag, paper_ids, paper_frag, expected all, ids"):
+    with pytest.raises(
+        RecordError, match="rows are of ids, lost, reacquired, frag, paper_ids, paper_frag, expected all, ids"
+    ):
         load_record(tmp_path / "a.json")
     save_record(record.model_copy(update={"per_scene": record.per_scene[:1] * 2}), tmp_path / "a.json")
     with pytest.raises(RecordError, match="per_scene has 2 scenes, expected 2, each once"):
