@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from ..errors import RecordError
 from ..scoring.rows import Interval
@@ -12,8 +10,7 @@ from ..strict import Section, validate
 from .storage import read_table, record_paths
 
 
-@dataclass(frozen=True)
-class OldResult:
+class OldResult(Section):
     """What is shown of a record under earlier definitions."""
 
     path: Path
@@ -22,35 +19,8 @@ class OldResult:
     env: str
     split: str | None  # where it is not the env's
     error: float | None  # m, under those definitions, over all targets
-    interval: tuple[float, float] | None
-    coverage: float | None
-    made: str
-
-
-class _Submission(Section, extra="ignore"):
-    name: str
-
-
-class _Env(Section, extra="ignore"):
-    id: str
-    keywords: dict[str, Any]
-
-
-class _Scorer(Section, extra="ignore"):
-    definitions: str
-
-
-class _Row(Section, extra="ignore"):
-    missing_aware: float | None
     interval: Interval | None
     coverage: float | None
-
-
-class _Record(Section, extra="ignore"):
-    submission: _Submission
-    env: _Env
-    scorer: _Scorer
-    rows: list[_Row]  # the first is over all targets
     made: str
 
 
@@ -64,18 +34,20 @@ def read_history(folder: Path) -> list[OldResult]:
 
 
 def _read(path: Path) -> OldResult:
-    old = validate(_Record, read_table(path, "no such file"), str(path), RecordError)
-    if not old.rows:
-        raise RecordError(f"{path}: rows is empty, expected one over all targets first")
-    row, split = old.rows[0], old.env.keywords.get("split")
-    return OldResult(
-        path=path,
-        definitions=old.scorer.definitions,
-        submission=old.submission.name,
-        env=old.env.id,
-        split=None if split is None else str(split),
-        error=row.missing_aware,
-        interval=row.interval,
-        coverage=row.coverage,
-        made=old.made,
-    )
+    content = read_table(path, "no such file")
+    try:
+        row = content["rows"][0]  # over all targets
+        shown = {
+            "path": path,
+            "definitions": content["scorer"]["definitions"],
+            "submission": content["submission"]["name"],
+            "env": content["env"]["id"],
+            "split": content["env"]["keywords"].get("split"),
+            "error": row["missing_aware"],
+            "interval": row["interval"],
+            "coverage": row["coverage"],
+            "made": content["made"],
+        }
+    except (AttributeError, IndexError, KeyError, TypeError) as error:
+        raise RecordError(f"{path}: no result under earlier definitions: {type(error).__name__}: {error}") from None
+    return validate(OldResult, shown, str(path), RecordError)

@@ -287,6 +287,7 @@ def test_results_under_earlier_definitions_are_read_for_what_is_shown(tmp_path: 
         ("zz", 1.5, (1.0, 2.0), 0.9),
     ]
     assert read_history(tmp_path / "none") == []
-    (tmp_path / "1.0" / "a.json").write_text(json.dumps({**old, "made": 3}))
-    with pytest.raises(RecordError, match=r"a\.json: made: got 3"):
-        read_history(tmp_path)
+    for change, message in (({"made": 3}, "made: got 3"), ({"rows": []}, "no result under earlier definitions")):
+        (tmp_path / "1.0" / "a.json").write_text(json.dumps({**old, **change}))
+        with pytest.raises(RecordError, match=rf"a\.json: {message}"):
+            read_history(tmp_path)

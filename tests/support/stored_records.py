@@ -8,17 +8,19 @@ from typing import Any
 from mtp_bench.records.record import Record, ScenePart
 from mtp_bench.records.storage import sealed
 from mtp_bench.scoring import SUBSETS
+from mtp_bench.scoring.subsets import Subset
 
 EVENTS = ("lost", "frag")  # subsets that have weight in `scene_part`
 
 
 def scene_part(name: str, targets: int, *errors: float) -> ScenePart:
     """A scene whose units have as many ``targets`` each and these mean errors."""
-    some = {name: targets if name == "all" else 2 * (name in EVENTS) for name in SUBSETS}
+    some: dict[Subset, int] = {subset: 2 * (subset in EVENTS) for subset in SUBSETS}
+    some["all"] = targets
     return ScenePart(
         scene=name,
-        weight={name: [float(count)] * len(errors) for name, count in some.items()},
-        error={name: [count * error for error in errors] for name, count in some.items()},
+        weight={subset: [float(count)] * len(errors) for subset, count in some.items()},
+        error={subset: [count * error for error in errors] for subset, count in some.items()},
     )
 
 

@@ -20,6 +20,10 @@ from tests.support.command_line import CommandLine, read_json
 
 MOST_BYTES = 300_000  # of a page without records
 LINKS = [f"records/{i}.json" for i in range(13)]
+EARLIER = OldResult(
+    path=Path("x"), definitions="1.0", submission="stp", env="MTP-nuScenes-v0", split="train", error=4.745,
+    interval=(4.48, 5.01), coverage=0.769, made="2026-11-20",
+)  # fmt: skip
 
 
 class Page(HTMLParser):
@@ -181,8 +185,7 @@ def test_an_empty_board_says_how_to_take_part() -> None:
 
 
 def test_results_under_earlier_definitions_are_a_plain_table_without_ranks(entries: list[Entry], html: str) -> None:
-    old = OldResult(Path("x"), "1.0", "stp", "MTP-nuScenes-v0", "train", 4.745, (4.48, 5.01), 0.769, "2026-11-20")
-    page = board_page(entries, [(old, "history/1.0/stp/x.json")])
+    page = board_page(entries, [(EARLIER, "history/1.0/stp/x.json")])
     assert "Results under definitions 1.0: not ranked, not comparable" in page
     assert 'href="./history/1.0/stp/x.json"' in page
     assert "<td>4.745</td><td>4.480 – 5.010</td><td>77 %</td><td><bdi>2026-11-20</bdi></td>" in page
@@ -211,7 +214,7 @@ def test_what_people_write_is_text(text: str) -> None:
         per_scene=[{"scene": text, "weight": sums, "error": sums}],
     )
     harmless = board_page(board_of(made_up("a", status="partial", status_reason="b")))
-    old = OldResult(Path("x"), text, text, text, text, None, None, None, text)
+    old = EARLIER.model_copy(update={"definitions": text, "submission": text, "env": text, "split": text, "made": text})
     html = board_page(board_of(hostile, made_up("b"), links=[text, None]), [(old, text)])
     page = Page(html)
     assert len(page.all("script")) == 1
