@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..cards import Card
 from ..scoring.forecasts import match_objects
+from ..scoring.neutral import evaluated
 from ..types import Bools, Floats, Ints, Scene
 from .run import derived_seed
 
@@ -62,7 +63,7 @@ class Perturbation:
 
 def matched_detections(scene: Scene, card: Card) -> MatchedDetections:
     """The detections of ``scene`` inside the forecast gate of an evaluated object, matched one to one."""
-    truth, seen = scene.truth, scene.detections
+    truth, seen = evaluated(scene).truth, scene.detections
     matched = match_objects(truth, seen.frame_of_rows, seen.box, seen.class_id, card).object_of_truth
     row = np.flatnonzero((matched >= 0) & ~truth.neutral)
     found, true = seen.box[matched[row]], truth.box[row]

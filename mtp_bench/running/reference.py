@@ -21,6 +21,7 @@ from ..files import require_file
 from ..parallel import parallel_map
 from ..scoring import score_scene
 from ..scoring.definitions import DEFINITIONS
+from ..scoring.neutral import evaluated
 from ..scoring.targets import find_targets
 from ..scoring.weights import Reference, SceneWeights, count_runs, read_reference, scene_key, write_reference
 from ..scoring.weights import tracking_events as events_of
@@ -135,7 +136,7 @@ def _plain_run(card: Card, data: str | None, name: str, submission: Submission) 
     rollout = run_scene(submission.build(env.task), env, name, 0, submission.name)
     scene = env.scene
     events = events_of(scene, rollout, card)
-    ids, lost, reacquired = events[~scene.truth.neutral].sum(axis=0).tolist()
+    ids, lost, reacquired = events[~evaluated(scene).truth.neutral].sum(axis=0).tolist()
     score, flags = score_scene(scene, rollout, card), events[find_targets(scene, card).row]
     said = (flags, (ids, lost, reacquired), score.false_forecasts, score.forecasts)
     return _Plain(matched_detections(scene, card), said)

@@ -18,6 +18,8 @@ from .events import find_events as find_events
 from .events import history as history
 from .matching import match as match
 from .matching import match_sticky as match_sticky
+from .neutral import evaluated as evaluated
+from .neutral import unconfirmable as unconfirmable
 from .pairs import Pairs as Pairs
 from .rank import ranks_by_test as ranks_by_test
 from .report import Ends as Ends

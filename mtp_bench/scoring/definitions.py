@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 DEFINITIONS = "2.0"  # raised whenever a number of an unchanged rollout would change
 GOLDEN = "339a01d866a5486dbc2844de8898c1df045e68d8a915fb9a8ce9e485b7e82f5d"  # tests/scoring/test_golden_results.py
 
 MISS_RATE_GATE = 2.0  # m, a sample whose final point is farther away misses (MR, EPA)
-MOVING_SPEED = 0.5  # m/s, mean over past and future; slower targets are "static"
+MOVING_SPEED = 0.5  # m/s, straight displacement over the future by its time; slower targets are "static"
 PLANNING_SIGMA = 3.0  # m, PI-ADE weighs a target by exp(-approach^2 / (2 sigma^2))
 BUDGETS = 10  # equal steps up to min(targets, false forecasts of STP): their mean ranks "all"
 FORECASTS_PER_FRAME = (20.0, 40.0)  # budgets where false forecasts cannot be known, beside STP's own number
@@ -19,15 +21,12 @@ EPA_ALPHA = 0.5  # penalty of a false forecast in EPA
 FORECAST_AP_GATES = (2.0, 4.0)  # m, now and at the final point, of AP_f
 MAX_SPEED = 30.0  # m/s, how far a track of the same id may move in a frame when lineages are inferred
 CURVE_KS = (1, 5, 10, 20, 50, 100, 200, 400)
-DISTANCE_BINS = (0.0, 5.0, 10.0, 15.0, 30.0, 50.0)  # m to the ego
+DISTANCE_BINS = (0.0, 5.0, 10.0, 15.0, 30.0, 50.0, math.inf)  # m to the ego
 RANKED_SUBSETS = ("ids", "reacquired")  # beside "all"; the others are shown
 RANKED_OBJECTS = 20  # effective number; a subset with fewer is shown, never ranked
 RANKED_UNITS = 6  # effective number of units; with fewer no test can tell agents apart
 LARGEST_SHARE = 0.25  # of the weight of an event subset that one unit may have
 SIGNIFICANT = 0.05  # p of the sign-flip test
-
-
-MOVING_SPEED = 0.5  # m/s, straight displacement over the future by its time; slower targets are "static"
 CAMERA_HEIGHT = 1.65  # m above the ground on which an object is put to be seen in the image
 LEAST_IMAGE_HEIGHT = 25.0  # pixels; labels confirm nothing that is seen this small
 MOST_IN_REGION = 0.5  # share in one region where labels do not care; nothing of which more lies there is confirmed

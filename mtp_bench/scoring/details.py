@@ -124,7 +124,7 @@ def _false_of_class(table: AgentTable, c: int) -> int:
 
 def _bins(table: AgentTable, card: Card) -> list[Bin]:
     """Errors by distance to the ego (where there is one), by class, moving or static."""
-    edges = list(pairwise((*DISTANCE_BINS, np.inf))) if card.has_ego else []
+    edges = list(pairwise(DISTANCE_BINS)) if card.has_ego else []
     bins = [
         _bin(table, "distance", _metres(low, high), (table.distance >= low) & (table.distance < high))
         for low, high in edges

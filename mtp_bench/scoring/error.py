@@ -16,6 +16,7 @@ from ..types import Bools, Floats, Ints, Scene
 from .cuts import Cuts
 from .definitions import FALSE_FORECAST_SHARE, FREE_FORECASTS, SURE
 from .forecasts import Forecasts, candidates, cuts, grow
+from .neutral import evaluated
 from .targets import Targets, live_frames
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def frame_error(scene: Scene, targets: Targets, card: Card, t: int, forecasts: F
         return 0.0
     here = targets.only(t)
     here = replace(here, row=here.row - scene.truth.start[t])
-    found = candidates(replace(scene, truth=scene.truth.only(t)), here, forecasts, live, card)
+    found = candidates(evaluated(replace(scene, truth=scene.truth.only(t))), here, forecasts, live, card)
     miss_error = np.asarray(card.per_class(card.task.miss_error))
     grown = grow(found, forecasts.confidence)
     cut = cuts(found, grown, forecasts.confidence, miss_error[here.class_id])

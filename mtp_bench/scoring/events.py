@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ShapeError
-from ..types import Bools, Ints
+from ..types import Bools, Ints, Truth
 from .matching import Matched
 
 FragAt = Literal["current", "previous"]
@@ -72,14 +72,21 @@ def history(frame: Ints, identity: Ints) -> History:
     return History(order, who, when, follows, consecutive)
 
 
+def object_history(truth: Truth) -> History:
+    """History of the true boxes [R] where a neutral one counts as absent: it is an object of its own."""
+    identity = np.asarray(truth.object_id, dtype=np.int64)
+    alone = identity.max(initial=0) + 1 + np.arange(len(identity))
+    return history(truth.frame_of_rows, np.where(truth.neutral, alone, identity))
+
+
 def find_events(
     objects: History, matched: Matched, tracks: History, track_id: Ints, frag_at: FragAt = "current"
 ) -> Events:
     """Events of one stream of tracks.
 
     ``objects`` and ``tracks`` are the histories of the true boxes [R] and the tracks; ``matched`` [R] the row of the
-    track of each true box, -1 none; ``track_id`` the ids by row. ``frag_at="previous"`` records a loss at the frame
-    before, where the track still exists (protocol, "Events").
+    track of each true box, -1 none; ``track_id`` the ids by row. No event is found across frames without the object.
+    ``frag_at="previous"`` records a loss at the frame before, where the track still exists (protocol, "Events").
     """
     if frag_at not in ("current", "previous"):
         raise ShapeError(f"frag_at is {frag_at!r}, expected 'current' or 'previous'")
@@ -90,7 +97,7 @@ def find_events(
     follows_match = objects.consecutive & (before >= 0)
     switch = np.flatnonzero(follows_match & held & (ids[before] != ids[column]))
     lost = np.flatnonzero(follows_match & ~held)
-    back = np.flatnonzero(_reacquired(objects, held))
+    back = np.flatnonzero(_matched_again(objects.consecutive, held))
     went_on = np.zeros(len(tracks.order), dtype=bool)  # tracks that are output in the next frame too
     went_on[tracks.order[np.flatnonzero(tracks.consecutive) - 1]] = True
     none = np.full(len(lost), -1)
@@ -108,17 +115,18 @@ def clear_identity(objects: History, matched: Matched, track_id: Ints) -> tuple[
     place = np.flatnonzero(column >= 0)
     same = objects.identity[place[1:]] == objects.identity[place[:-1]]
     switched = place[1:][same & (track_id[column[place[1:]]] != track_id[column[place[:-1]]])]
-    return objects.order[switched], objects.order[np.flatnonzero(_reacquired(objects, column >= 0))]
+    return objects.order[switched], objects.order[np.flatnonzero(_matched_again(objects.follows, column >= 0))]
 
 
-def _reacquired(objects: History, held: Bools) -> Bools:
-    """Which rows are matched (``held``) after an unmatched one, of objects that had been matched before."""
+def _matched_again(follows: Bools, held: Bools) -> Bools:
+    """Which rows are matched (``held``) after an unmatched one that came after a matched one.
+
+    ``follows`` [R]: the row goes on the run of rows before it; runs are looked at one by one.
+    """
     count = np.cumsum(held)
-    start = ~objects.follows
-    at_start = np.maximum.accumulate(np.where(start, count - held, 0))
+    at_start = np.maximum.accumulate(np.where(follows, 0, count - held))
     before = count - held - at_start > 0
-    unmatched_before = objects.follows & ~np.roll(held, 1)
-    return held & unmatched_before & before
+    return np.asarray(held & follows & ~np.roll(held, 1) & before)
 
 
 def _last_match(column: Matched) -> NDArray[np.intp]:

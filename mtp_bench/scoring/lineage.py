@@ -1,7 +1,7 @@
 """Lineages of hypotheses: which hypothesis of the frame before a hypothesis descends from, and its events.
 
-An agent states it (``hypothesis_parent``). Where it does not, the parent is guessed, often wrongly: the hypothesis whose
-tracks had to move least. Identities are followed along that lineage, never by rank (protocol, "Events").
+An agent states it (``hypothesis_parent``). Where it does not, the parent is guessed, often wrongly: the hypothesis
+whose tracks had to move least. Identities are followed along that lineage, never by rank (protocol, "Events").
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class LineageEvents:
     lost: Bools  # [R, H]
     wrong: Bools  # [R, H] a loss whose old id is still output
     reacquired: Bools  # [R, H]
-    old: Rows  # [R, H] track that matched the object last, before this frame; -1 none
+    old: Rows  # [R, H] track that matched the object last, before this frame and since it is there; -1 none
 
     @property
     def frag(self) -> Bools:
@@ -122,30 +122,33 @@ def gated_pairs(truth: Truth, start: Ints, box: Floats, class_id: Ints, card: Ca
 
 
 def lineage_events(truth: Truth, rollout: Rollout, lineage: Hypotheses, matched: NDArray[np.intp]) -> LineageEvents:
-    """Events [R, H] of all hypotheses; ``matched`` [R, H] as `match_hypotheses` gives it."""
+    """Events [R, H] of all hypotheses; ``matched`` [R, H] as `match_hypotheses` gives it.
+
+    An object is absent where it is neutral: it has no event there, and none across such frames.
+    """
     shape = matched.shape
     ids, lost, wrong, reacquired = (np.zeros(shape, dtype=bool) for _ in range(4))
     earlier = np.full(shape, -1, dtype=np.intp)
     objects, number = np.unique(truth.object_id, return_inverse=True)
     track_id = np.append(rollout.track_id, -1)  # row -1: no track, never compared
     before = np.full((len(objects), shape[1]), -1, dtype=np.intp)  # track row in the frame before
-    last = before.copy()  # track row of the last match, at any time
-    missed = np.zeros(before.shape, dtype=bool)  # unmatched when it last existed
-    for t in range(len(truth.start) - 1):
-        parent, rows = lineage.parent[t], truth.rows(t)
-        before, last, missed = before[:, parent], last[:, parent], missed[:, parent]
+    last = before.copy()  # track row of the last match since the object is there
+    evaluated = truth.those(~truth.neutral)
+    place = np.flatnonzero(~truth.neutral)
+    for t in range(evaluated.frames):
+        parent, rows = lineage.parent[t], place[evaluated.rows(t)]
+        before, last = before[:, parent], last[:, parent]
         who, now = number[rows], matched[rows]
         old, held = before[who], now >= 0  # held: matched to a track
         earlier[rows] = last[who]
         ids[rows] = (old >= 0) & held & (track_id[old] != track_id[now])
         lost[rows] = (old >= 0) & ~held
-        reacquired[rows] = held & (last[who] >= 0) & missed[who]
+        reacquired[rows] = held & (last[who] >= 0) & (old < 0)
         if lost[rows].any():
             wrong[rows] = lost[rows] & _still_output(rollout, lineage.member, t, track_id[old])
-        before = np.full_like(before, -1)
-        before[who] = now
-        last[who] = np.where(held, now, last[who])
-        missed[who] = ~held
+        matches = np.where(held, now, last[who])
+        before, last = np.full_like(before, -1), np.full_like(last, -1)  # of who is absent nothing is remembered
+        before[who], last[who] = now, matches
     alive = lineage.alive[truth.frame_of_rows]
     return LineageEvents(ids, lost & alive, wrong & alive, reacquired, earlier)  # an absent hypothesis has lost nothing
 

@@ -14,9 +14,10 @@ from .error import capped_error, fixed_error
 from .forecasts import Candidates, ForecastErrors, Forecasts, Grown, candidates, cuts, final_errors, grow
 from .lineage import hypotheses, lineage_events, match_hypotheses
 from .matching import Matched
+from .neutral import evaluated
 from .stream import StreamCounts, stream_counts
 from .targets import find_targets, live_frames
-from .units import units
+from .units import recording_of, units
 
 KINDS = ("ids", "lost", "wrong", "reacquired")
 FALSE, EXCUSED, BESIDE, RIGHT = range(4)  # outcomes of a forecast: of nothing, of a neutral object, no target, a target
@@ -87,6 +88,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     Raises RolloutError where the rollout is of another scene or another number of frames or classes.
     """
     check_rollout(scene, rollout, card)
+    scene = evaluated(scene)
     truth, targets, live = scene.truth, find_targets(scene, card), live_frames(scene, card)
     forecasts = Forecasts.of(rollout)
     found = candidates(scene, targets, forecasts, live, card)
@@ -107,7 +109,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     outcome, final_error = _outcomes(found, grown, object_of_truth, errors)
     return SceneScore(
         scene=scene.name,
-        recording=scene.recording or scene.name,
+        recording=recording_of(scene),
         frames=scene.frames,
         live=int(live.sum()),
         hypotheses=int(np.isfinite(rollout.hypothesis_log_weight).sum(axis=1).max(initial=0)),

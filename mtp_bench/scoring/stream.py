@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..cards import Card
 from ..types import Ints, Rollout, Truth
-from .events import clear_identity, history
+from .events import clear_identity, history, object_history
 from .forecasts import match_neutral_last, offer_neutral
 from .lineage import Hypotheses, event_pairs
 from .matching import match_sticky
@@ -37,7 +37,7 @@ def stream_counts(truth: Truth, rollout: Rollout, lineage: Hypotheses, card: Car
     chosen = np.flatnonzero(lineage.member[np.arange(len(frame)), lineage.best[frame]])
     pairs = of_columns(event_pairs(truth, rollout, card), chosen, len(frame))
     own = pairs.keep(~truth.neutral[pairs.row])
-    objects = history(truth.frame_of_rows, truth.object_id)
+    objects = object_history(truth)
     tracks = history(frame[chosen], rollout.track_id[chosen])
     matched = match_sticky(own, len(truth.box), objects.previous(), tracks.previous())
     switched, begun = clear_identity(objects, matched, rollout.track_id[chosen])

@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from ..cards import Card
 from ..errors import DataError, ShapeError
+from ..geometry import rotate
 from ..types import Bools, Floats, Ints, Ragged, Scene
 from .definitions import MOVING_SPEED
 from .events import history
+from .neutral import evaluated
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +27,7 @@ class Targets(Ragged):
     future: Floats  # [n, T, 2] true x y of the next T frames, m, frame of the scene
     distance: Floats  # [n] m to the ego now (BEV)
     approach: Floats  # [n] m, nearest BEV distance to the ego over the future
-    moving: Bools  # [n] mean speed over past and future above MOVING_SPEED
+    moving: Bools  # [n] straight displacement over the future, by its time, above MOVING_SPEED
 
     def __len__(self) -> int:
         return len(self.row)
@@ -34,11 +36,12 @@ class Targets(Ragged):
 def find_targets(scene: Scene, card: Card) -> Targets:
     """Targets of ``scene``: eligible, not neutral, with P past frames (the current one included) and T future ones.
 
-    The P + T frames are consecutive. An official list names its targets itself: they need the T future frames only.
-    ``moving`` compares the straight displacement over these frames with the time it took.
+    What no label of an image could confirm is neutral. The P + T frames are consecutive, and the object may be neutral
+    in all but the current one. An official list names its targets itself: they need the T future frames only.
+    ``moving`` is measured in the world also where every frame has its own frame of reference.
     Raises DataError where an object occurs twice in a frame.
     """
-    truth, future = scene.truth, card.task.future
+    truth, future = evaluated(scene).truth, card.task.future
     past = 1 if scene.listed_targets else card.task.past
     frame = truth.frame_of_rows
     try:
@@ -56,8 +59,9 @@ def find_targets(scene: Scene, card: Card) -> Targets:
     ahead = rows[:, past:]
     steps = frame[now][:, None] + np.arange(1, future + 1)
     ego = np.asarray(scene.ego[:, :2], dtype=np.float64)
-    seconds = scene.time[frame[rows[:, -1]]] - scene.time[frame[rows[:, 0]]]
-    travelled = np.linalg.norm(xy[rows[:, -1]] - xy[rows[:, 0]], axis=-1)
+    end = rows[:, -1]
+    seconds = scene.time[frame[end]] - scene.time[frame[now]]
+    travelled = np.linalg.norm(_in_world(scene, xy[end], frame[end]) - _in_world(scene, xy[now], frame[now]), axis=-1)
     return Targets(
         start=np.searchsorted(frame[now], np.arange(scene.frames + 1)),
         row=now,
@@ -76,6 +80,11 @@ def live_frames(scene: Scene, card: Card) -> Bools:
     first = 0 if scene.listed_targets else card.task.past - 1
     t = np.arange(scene.frames)
     return (t >= first) & (t < scene.frames - card.task.future)
+
+
+def _in_world(scene: Scene, xy: Floats, frame: Ints) -> Floats:
+    """Places [n, 2] m of ``frame`` [n] in a frame of reference that all frames of the scene share."""
+    return xy if scene.world is None else rotate(xy, scene.world[frame, 3]) + scene.world[frame, :2]
 
 
 def _windows(ids: Ints, frames: Ints, length: int) -> NDArray[np.intp]:

@@ -17,7 +17,7 @@ def units(scene: Scene) -> Ints:
     """
     if scene.frames < 2:
         return np.zeros(scene.frames, dtype=np.int64)
-    seconds = scene.frames * float(np.median(np.diff(scene.time)))
+    seconds = float(scene.time[-1] - scene.time[0]) * scene.frames / (scene.frames - 1)
     count = max(1, int(np.ceil(seconds / BLOCK_SECONDS - _EXCESS)))
     return np.arange(scene.frames) * count // scene.frames
 

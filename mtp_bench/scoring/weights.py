@@ -25,6 +25,7 @@ from ..files import whole_file
 from ..types import Bools, Rollout, Scene
 from .definitions import DEFINITIONS
 from .lineage import hypotheses, lineage_events, match_hypotheses
+from .neutral import evaluated
 
 WeighedSubset = Literal["ids", "lost", "reacquired", "frag", "paper_ids", "paper_frag"]
 WEIGHED: tuple[WeighedSubset, ...] = get_args(WeighedSubset)
@@ -133,6 +134,7 @@ def scene_key(env: str, scene: str) -> str:
 
 def tracking_events(scene: Scene, rollout: Rollout, card: Card) -> Bools:
     """Events [R, 3] of EVENTS of the best hypothesis of a rollout, per true box."""
+    scene = evaluated(scene)
     lineage = hypotheses(rollout, card)
     matched = match_hypotheses(scene.truth, rollout, lineage.member, card)
     best = lineage.best[scene.truth.frame_of_rows]

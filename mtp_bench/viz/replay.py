@@ -15,6 +15,7 @@ from ..errors import UnknownNameError
 from ..scoring.error import capped_error
 from ..scoring.forecasts import Forecasts, candidates, final_errors, grow, match_neutral_last
 from ..scoring.lineage import event_pairs, gated_pairs, lineage_events, match_hypotheses
+from ..scoring.neutral import evaluated
 from ..scoring.pairs import of_columns
 from ..scoring.score import check_rollout
 from ..scoring.targets import find_targets, live_frames
@@ -115,6 +116,7 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Repla
     Raises RolloutError where the rollout is of another scene or another number of frames or classes.
     """
     check_rollout(scene, rollout, card)
+    scene = evaluated(scene)
     truth, detected = scene.truth, scene.detections
     said = Answers(rollout, card)
     chosen = np.flatnonzero(said.shown)

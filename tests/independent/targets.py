@@ -11,9 +11,9 @@ import numpy as np
 from mtp_bench.cards import Card
 from mtp_bench.types import Bools, Floats, ImageField, Scene
 
-# Reading: a true box that the image cannot confirm counts as a neutral row, in the past and future of a target too.
-# False: such a box is no target at its own frame, and nothing else.
-IMAGE_TEST_IN_PAST_AND_FUTURE = True
+# Reading: a true box that the image cannot confirm is no target at its own frame; it may lie in the past and the future
+# of one. True: there it counts as absent too.
+IMAGE_TEST_IN_PAST_AND_FUTURE = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mtp_bench.scoring import find_events, history
+from mtp_bench.scoring.events import object_history
 from mtp_bench.scoring.lineage import hypotheses, lineage_events, match_hypotheses
 from tests.support.scoring_scenes import (
     CAR,
@@ -150,23 +152,45 @@ def test_absent_hypotheses_have_no_events() -> None:
     assert not got.lost.any()
 
 
-def test_a_neutral_object_has_no_events() -> None:
-    tracks = [[held(1, 0, 0)], [held(2, 0, 0)]]
-    got, _ = events(tracks, [[0], [0]], 1, [[Thing(5, 0, 0, neutral=True)]] * 2)
-    assert not got.ids.any()
+ABSENT = {
+    # truth: "x" evaluated, "n" neutral, "." not there; tracks: an id, "-" none; frames of ids, lost, reacquired
+    "neutral always": ("nnn", "12-", ([], [], [])),
+    "neutral in between": ("xnx", "1-1", ([], [], [])),
+    "another id after a neutral frame": ("xnx", "1-2", ([], [], [])),
+    "neutral at once after a loss": ("xxnx", "1--1", ([], [1], [])),
+    "unmatched after a neutral frame": ("xnxx", "1--1", ([], [], [])),
+    "found again after a neutral frame": ("xnxxx", "1-1-1", ([], [3], [4])),
+    "a track on a neutral box": ("xnx", "121", ([], [], [])),
+    "absent in between": ("x.x", "1-1", ([], [], [])),
+    "absent after a loss": ("xx.x", "1--1", ([], [1], [])),
+    "there all the time": ("xxxx", "1-12", ([3], [1], [2])),
+}
+
+
+@pytest.mark.parametrize(("seen", "stream", "want"), ABSENT.values(), ids=ABSENT.keys())
+def test_a_frame_without_the_object_or_with_a_neutral_one_makes_no_event(
+    seen: str, stream: str, want: tuple[list[int], ...]
+) -> None:
+    truth = [[] if c == "." else [Thing(5, 0, 0, neutral=c == "n")] for c in seen]
+    tracks = [[] if c == "-" else [held(int(c), 0, 0)] for c in stream]
+    got, _ = events(tracks, [[0]] * len(seen), 1, truth)
+    frame = make_scene(truth).truth.frame_of_rows
+    found = tuple(frame[getattr(got, kind)[:, 0]].tolist() for kind in ("ids", "lost", "reacquired"))
+    assert found == want
 
 
 @settings(derandomize=True, deadline=None, max_examples=40)
 @given(st.integers(0, 10_000))
 def test_one_hypothesis_is_one_stream(seed: int) -> None:
     scene, rollout = random_case(seed, hypotheses=1)
+    neutral = scene.truth.neutral | (np.random.default_rng(seed).random(len(scene.truth.neutral)) < 0.1)
+    scene = replace(scene, truth=replace(scene.truth, neutral=neutral))
     found = hypotheses(rollout, CARD)
     matched = match_hypotheses(scene.truth, rollout, found.member, CARD)
     got = lineage_events(scene.truth, rollout, found, matched)
-    frame = scene.truth.frame_of_rows
     track_frame = rollout.tracks.frame_of_rows
     want = find_events(
-        history(frame, scene.truth.object_id), matched[:, 0], history(track_frame, rollout.track_id), rollout.track_id
+        object_history(scene.truth), matched[:, 0], history(track_frame, rollout.track_id), rollout.track_id
     )
     for name in ("ids", "lost", "reacquired"):
         assert np.flatnonzero(getattr(got, name)[:, 0]).tolist() == getattr(want, name).row.tolist()

@@ -208,7 +208,7 @@ def test_bins_and_planning() -> None:
     detail = report.details[0]
     bins = {(b.by, b.bin): b for b in detail.bins}
     assert [b for _, b in bins] == [
-        "0-5 m", "5-10 m", "10-15 m", "15-30 m", "30-50 m", "car", "pedestrian", "moving", "static",
+        "0-5 m", "5-10 m", "10-15 m", "15-30 m", "30-50 m", "beyond 50 m", "car", "pedestrian", "moving", "static",
     ]  # fmt: skip
     assert bins["distance", "0-5 m"].errors.minADE == pytest.approx(0.5)
     assert bins["distance", "30-50 m"].errors.missing_aware == 4.0
@@ -239,7 +239,7 @@ def test_every_distance_belongs_to_one_bin() -> None:
     things = [Thing(i, x, 0) for i, x in enumerate((0.0, 5.0, 10.0, 15.0, 30.0, 49.0, 50.0))]
     score = score_scene(make_scene([things] * 5), make_rollout([[]] * 5, samples=2), CARD)
     bins = summarise([agent("a", [score])], CARD).details[0].bins
-    assert [b.errors.targets for b in bins if b.by == "distance"] == [1, 1, 1, 1, 2]
+    assert [b.errors.targets for b in bins if b.by == "distance"] == [1, 1, 1, 1, 2, 1]
 
 
 def test_own_events_are_shown() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.errors import DataError
+from mtp_bench.geometry import rotate
 from mtp_bench.scoring import find_targets
 from tests.support.scoring_scenes import Thing, make_card, make_scene
 
@@ -90,12 +91,36 @@ def test_moving_is_faster_than_half_a_metre_per_second(step: float, moving: bool
     assert find_targets(scene, CARD).moving.tolist() == [moving]
 
 
-def test_going_there_and_back_is_static() -> None:
-    scene = make_scene([[Thing(1, x, 0.0)] for x in (0.0, 1.0, 2.0, 1.0, 0.0)])
-    assert find_targets(scene, CARD).moving.tolist() == [False]
+PATHS = {
+    # x in frames 0 to 4, the target is at frame 1: moving
+    "there and back": ((0.0, 1.0, 2.0, 2.0, 1.0), False),
+    "stopped before": ((0.0, 1.0, 1.0, 1.0, 1.0), False),
+    "starts now": ((0.0, 0.0, 0.0, 0.0, 1.0), True),
+}
+
+
+@pytest.mark.parametrize(("x", "moving"), PATHS.values(), ids=PATHS.keys())
+def test_moving_is_the_straight_displacement_over_the_future(x: tuple[float, ...], moving: bool) -> None:
+    scene = make_scene([[Thing(1, place, 0.0)] for place in x])
+    assert find_targets(scene, CARD).moving.tolist() == [moving]
 
 
 def test_an_object_twice_in_a_frame_is_an_error() -> None:
     scene = make_scene([[Thing(1, 0, 0)], [Thing(1, 0, 0), Thing(1, 5, 5)]], name="0001")
     with pytest.raises(DataError, match="scene '0001': identity 1 occurs twice in frame 1"):
         find_targets(scene, CARD)
+
+
+def test_moving_is_measured_in_the_world_where_every_frame_has_its_own_frame_of_reference() -> None:
+    # the platform drives 1 m per frame along y and turns left by 0.1 rad; object 1 is parked, object 2 drives beside it
+    parked, frames = np.array([8.0, 3.0]), range(5)
+    pose = np.array([[0.0, t, 0.0, 0.1 * t] for t in frames])
+
+    def seen(t: int, xy: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> tuple[float, float]:
+        x, y = rotate(xy - pose[t, :2], -pose[t, 3])
+        return float(x), float(y)
+
+    scene = make_scene([[Thing(1, *seen(t, parked)), Thing(2, *seen(t, parked + np.array([0, t])))] for t in frames])
+    assert find_targets(replace(scene, world=pose), CARD).moving.tolist() == [False, True]
+    assert find_targets(scene, CARD).moving.tolist() == [True, True]
+    assert find_targets(replace(scene, world=pose), CARD).future.tolist() == find_targets(scene, CARD).future.tolist()

@@ -43,7 +43,7 @@ def oxts(yaw: float = 0.0, east: float = 0.0, north: float = 0.0, up: float = 0.
 
 
 CALIBRATION = f"""\
-P0: 7 0 6 0 0 7 1 0 0 0 1 0
+P2: 707 0 600 0 0 707 180 0 0 0 1 0
 R_rect 1 0 0 0 1 0 0 0 1
 Tr_velo_cam 0 -1 0 0 0 0 -1 0 1 0 0 0
 Tr_imu_velo 1 0 0 {-CAMERA_AHEAD} 0 1 0 0 0 0 1 0
@@ -154,6 +154,70 @@ def test_odometry_replaces_the_gps_unit_where_it_is_given(root: Path) -> None:
     write(root / "poses_orbslam3/0000.txt", *rows[:-1])
     with pytest.raises(DataError, match=r"poses_orbslam3.0000\.txt has 5 rows, expected one for each of the 6 frames"):
         load(root)
+
+
+# Corners of a standing car of the nominal size (3.88 x 1.63 x 1.50 m) 20 m ahead and 2 m to the left, on level ground
+# 1.65 m below the camera: the near face is 18.06 m away.
+AHEAD, LEFT = 20.0, 2.0
+NEAR_TOP_RIGHT = 600 - 707 * (2 - 0.815) / 18.06, 180 + 707 * 0.15 / 18.06
+
+
+def in_image(scene: Scene, t: int) -> Any:
+    """Where the camera sees the near top right corner of that car; its place is given in the frame of reference."""
+    x, y = AHEAD - 1.94, LEFT - 0.815
+    if scene.world is None:  # from the sensor of frame t to the world
+        cos, sin = np.cos(scene.ego[t, 3]), np.sin(scene.ego[t, 3])
+        x, y = scene.ego[t, :2] + [cos * x - sin * y, sin * x + cos * y]
+    assert scene.image is not None
+    u, v, depth = scene.image.projection[t] @ [x, y, scene.image.height[t] - 0.15, 1.0]
+    assert depth == pytest.approx(18.06)
+    return u / depth, v / depth
+
+
+@pytest.mark.parametrize("ego_motion", [True, False])
+def test_the_image_sees_the_same_from_every_frame_of_reference(root: Path, ego_motion: bool) -> None:
+    """We drive a bend uphill; the car of every frame is the same as seen from the camera."""
+    write(root / "training/oxts/0000.txt", *[oxts(0.3 + 0.1 * t, 8.0, 2.0, up=0.4) for t in range(SIX)])
+    scene = load(root, ego_motion=ego_motion)
+    for t in range(SIX):
+        np.testing.assert_allclose(in_image(scene, t), NEAR_TOP_RIGHT, atol=1e-9)
+    image = scene.image
+    assert image is not None
+    np.testing.assert_allclose(image.heading, 0.1 * np.arange(SIX) if ego_motion else 0.0, atol=1e-12)
+    np.testing.assert_allclose(image.height, 0.4 * FRAME_PERIOD * np.arange(SIX) if ego_motion else 0.0, atol=1e-12)
+    assert image.size == (1224, 370)  # of the recording day whose focal length is nearest to 707
+    np.testing.assert_array_equal(image.box_size[0], [3.88, 1.63, 1.5])
+
+
+@pytest.mark.parametrize("ego_motion", [True, False])
+def test_ground_is_level_also_where_the_camera_is_not(root: Path, ego_motion: bool) -> None:
+    """Nose up by 0.1 rad: level ground at the height of the camera is seen 0.1 rad below its axis."""
+    row = oxts().split()
+    row[4] = "-0.1"
+    write(root / "training/oxts/0000.txt", *[" ".join(row)] * SIX)
+    image = load(root, ego_motion=ego_motion).image
+    assert image is not None
+    u, v, depth = image.projection[0] @ [10.0, 0.0, image.height[0], 1.0]
+    np.testing.assert_allclose([u / depth, v / depth], [600, 180 + 707 * np.tan(0.1)])
+
+
+def test_regions_that_labels_do_not_care_about(root: Path) -> None:
+    rows = [f"{t} -1 DontCare -1 -1 -10 {t} 20 {t + 50} 40 -1 -1 -1 -1000 -1000 -1000 -10" for t in (4, 1, 2, 2)]
+    write(root / LABELS, PARKED, *rows)
+    for stride, start, left in ((1, [0, 0, 1, 3, 3, 4, 4], [1, 2, 2, 4]), (2, [0, 0, 2, 3], [2, 2, 4])):
+        image = load(root, stride=stride).image
+        assert image is not None
+        assert image.region_start.tolist() == start
+        assert image.region.tolist() == [[x, 20.0, x + 50.0, 40.0] for x in left]
+        assert len(image.projection) == len(image.height) == len(image.heading) == len(start) - 1
+
+
+@pytest.mark.parametrize("stride", [1, 2])
+def test_the_world_is_known_where_every_frame_has_its_own_frame_of_reference(root: Path, stride: int) -> None:
+    write(root / OXTS, *[oxts(0.3 + 0.1 * t, 8.0, 2.0, up=0.4) for t in range(SIX)])
+    compensated, own = load(root, stride=stride), load(root, stride=stride, ego_motion=False)
+    assert compensated.world is None
+    np.testing.assert_array_equal(own.world, compensated.ego)
 
 
 def test_classes_neighbours_and_other_types(root: Path) -> None:
@@ -268,7 +332,8 @@ BROKEN: dict[str, tuple[str, list[str] | None, str]] = {  # file, its lines (Non
     "GPS/IMU not finite": (OXTS, [oxts(yaw=np.nan)] * SIX, "line 1: yaw is nan, expected a finite number"),
     "no GPS/IMU": (OXTS, None, "no file"),
     "no calibration": (CALIB, None, "no file"),
-    "calibration lacks a line": (CALIB, CALIBRATION.splitlines()[:-1], "no line 'Tr_imu_velo'; found P0, R_rect"),
+    "calibration lacks a line": (CALIB, CALIBRATION.splitlines()[:-1], "no line 'Tr_imu_velo'; found P2, R_rect"),
+    "calibration lacks the image": (CALIB, CALIBRATION.splitlines()[1:], "no line 'P2'; found R_rect"),
     "calibration line cut off": (CALIB, [*CALIBRATION.splitlines()[:-1], "Tr_imu_velo 1 2"], "must hold 12 numbers"),
     "sequence map broken": (SEQMAP, ["0000 empty 0"], "line 1: got '0000 empty 0', expected"),
     "sequence map empty": (SEQMAP, [], "names no sequence"),
@@ -286,12 +351,6 @@ def test_calibration_with_colons_and_long_names(root: Path) -> None:
     long = CALIBRATION.replace("R_rect", "R0_rect:").replace("velo_cam", "velo_to_cam:").replace("u_velo", "u_to_velo:")
     write(root / CALIB, long)
     np.testing.assert_array_equal(read_imu_to_camera(root / CALIB), plain)
-
-
-def test_without_ego_motion_neither_calibration_nor_gps_is_needed(root: Path) -> None:
-    (root / CALIB).unlink()
-    (root / OXTS).unlink()
-    assert load(root, ego_motion=False).frames == SIX
 
 
 def test_train_is_every_other_sequence(root: Path) -> None:
@@ -364,4 +423,4 @@ def test_status_lists_what_is_missing_and_what_is_wrong(root: Path) -> None:
     assert "line 1: 3 columns" in status.problems[0]
     assert not status.usable
     assert describe(kitti_card(detector="other"), root).missing[-1] == "detections/other/Cyclist/"
-    assert describe(kitti_card(ego_motion=False), root).missing == ()
+    assert describe(kitti_card(ego_motion=False), root).missing == ("training/oxts/",)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card
+from mtp_bench.scoring import evaluated, find_targets, match, unconfirmable
+from mtp_bench.scoring.pairs import box_pairs
 from mtp_bench.sources import describe, open_source
 from mtp_bench.sources.kitti.files import read_imu_to_camera, read_labels, read_oxts
-from mtp_bench.sources.kitti.layout import VALIDATION
+from mtp_bench.sources.kitti.image import BOX_SIZES
+from mtp_bench.sources.kitti.layout import TYPES, VALIDATION
 from mtp_bench.sources.kitti.poses import FRAME_PERIOD, Poses, integrated_poses, poses_from_imu
 from mtp_bench.sources.kitti.source import read_poses
 from mtp_bench.types import Floats, Ints, Scene
@@ -57,6 +61,101 @@ def test_both_frames_of_reference_hold_the_same_rows(data_root: Path, scenes: di
         frame = scene.truth.frame_of_rows
         far = np.linalg.norm(scene.truth.box[:, :3] - scene.ego[frame, :3], axis=1)
         np.testing.assert_allclose(far, np.linalg.norm(own.truth.box[:, :3], axis=1), atol=1e-9)
+
+
+def medians(folder: Path, names: Iterable[str]) -> dict[str, list[float]]:
+    """Median length, width and height of all boxes of each class in these sequences, in whole centimetres."""
+    labels = [read_labels(folder / f"training/label_02/{name}.txt") for name in names]
+    box, kind = np.concatenate([part.box for part in labels]), np.concatenate([part.type for part in labels])
+    return {name: np.median(box[kind == TYPES[name][0], 4:], axis=0).round(2).tolist() for name in TYPES}
+
+
+def test_sizes_of_classes_are_medians_outside_the_validation_split(data_root: Path) -> None:
+    names = open_source(CARD.with_split("train"), data_root).names
+    want = medians(data_root / "kitti_tracking", names)
+    assert {name: list(size) for name, size in BOX_SIZES.items()} == want
+
+
+def test_image_sizes_are_where_labels_end(data_root: Path) -> None:
+    """Boxes of objects end a pixel before the border, regions at it; most sequences have both at the right end."""
+    reached = 0
+    for split in ("val", "train"):
+        source = open_source(CARD.with_split(split), data_root)
+        for name in source.names:
+            image = source.load(name).image
+            assert image is not None
+            end = read_labels(data_root / f"kitti_tracking/training/label_02/{name}.txt").image_box[:, 2:].max(axis=0)
+            assert (end <= np.array(image.size) + 1).all()
+            reached += int(np.abs(end - image.size).max() <= 1)
+    assert reached >= 16
+
+
+def evaluated_boxes(scene: Scene) -> tuple[Ints, Ints]:
+    """Boxes of each class, vans and the like left out, and how many of them no label could confirm."""
+    kept, seen = ~scene.truth.neutral, evaluated(scene).truth
+    hidden = kept & seen.neutral
+    return np.bincount(scene.truth.class_id[kept], minlength=3), np.bincount(seen.class_id[hidden], minlength=3)
+
+
+def test_true_boxes_that_no_label_could_confirm(data_root: Path, scenes: dict[str, Scene]) -> None:
+    counts = np.sum([evaluated_boxes(scene) for scene in scenes.values()], axis=0)
+    assert counts.tolist() == [[9550, 10124, 1409], [1867, 2052, 196]]
+    # the labels' own image boxes, where only the place is taken from them here, say nearly the same
+    low = region = 0
+    for name, scene in scenes.items():
+        labels, image = read_labels(data_root / f"kitti_tracking/training/label_02/{name}.txt"), scene.image
+        assert image is not None
+        for row in np.flatnonzero(labels.type == "Car"):
+            left, top, right, bottom = labels.image_box[row]
+            of_frame = image.region[image.region_start[labels.frame[row]] : image.region_start[labels.frame[row] + 1]]
+            across = np.minimum(right, of_frame[:, 2]) - np.maximum(left, of_frame[:, 0])
+            down = np.minimum(bottom, of_frame[:, 3]) - np.maximum(top, of_frame[:, 1])
+            common = np.maximum(across, 0) * np.maximum(down, 0)
+            low += bottom - top <= 25
+            region += common.max(initial=0) > 0.5 * (right - left) * (bottom - top)
+    assert (low, region) == (1323, 901)
+
+
+# targets with everything counted and without what no label could confirm; the share of the latter that moves
+TARGETS = {
+    "MTP-KITTI-v0": (14757, 11928, 0.710),
+    "MTP-KITTI-noego-v0": (14757, 11923, 0.710),
+    "MTP-KITTI-5Hz-v0": (5309, 4254, 0.734),
+}
+
+
+@pytest.mark.parametrize(("env", "want"), TARGETS.items(), ids=TARGETS.keys())
+def test_targets_and_those_that_move(data_root: Path, env: str, want: tuple[int, int, float]) -> None:
+    card = load_card(env)
+    source = open_source(card, data_root)
+    every, kept, moving = 0, 0, 0
+    for name in source.names:
+        scene = source.load(name)
+        targets = find_targets(scene, card)
+        every += len(find_targets(replace(scene, image=None), card))
+        kept, moving = kept + len(targets), moving + int(targets.moving.sum())
+    assert (every, kept) == want[:2]
+    assert moving / kept == pytest.approx(want[2], abs=0.001)
+
+
+def test_most_unmatched_cars_are_what_no_label_could_confirm(scenes: dict[str, Scene]) -> None:
+    """Detections without a car or van within 2 m; of them by a DontCare region alone, and by any of the rules."""
+    false = region = hidden = 0
+    for scene in scenes.values():
+        truth, found, image = scene.truth, scene.detections, scene.image
+        assert image is not None
+        gate = CARD.per_class(CARD.task.forecast_gate)
+        boxes = found.frame_of_rows, found.box, found.class_id
+        pairs = box_pairs(truth.frame_of_rows, truth.box, truth.class_id, *boxes, "center_distance", gate)
+        free = found.class_id == 0
+        taken = match(pairs, len(truth.box))
+        free[taken[taken >= 0]] = False
+        place = found.frame_of_rows[free], found.box[free, :2], found.class_id[free]
+        everywhere = replace(image, region=np.zeros((0, 4)), region_start=np.zeros_like(image.region_start))
+        false += int(free.sum())
+        hidden += int(unconfirmable(image, *place).sum())
+        region += int((unconfirmable(image, *place) & ~unconfirmable(everywhere, *place)).sum())
+    assert (false, region, hidden) == (10646, 1720, 5974)
 
 
 class Sequence:

@@ -97,6 +97,11 @@ def test_scenes_of_the_card(data_root: Path, scenes: dict[str, Scene]) -> None:
     assert all(np.array_equal(scene.ego, np.tile([-6.0, -4.0, 0, 0], (scene.frames, 1))) for scene in parts)
     assert [int(scene.truth.neutral.sum()) for scene in parts] == [0, 174, 0, 0, 0, 0]
     assert all(len(find_targets(scene, card)) > 200 for scene in parts)
+    # people keep their ids across the cuts: 15 are forecast, not 29
+    assert {scene.recording for scene in parts} == {"PETS09-S2L1"}
+    np.testing.assert_array_equal(np.concatenate([scene.truth.object_id for scene in parts]), whole.truth.object_id)
+    forecast = [np.unique(find_targets(scene, card).object_id) for scene in parts[2:]]
+    assert (len(np.unique(np.concatenate(forecast))), len(np.concatenate(forecast))) == (15, 29)
 
 
 def test_people_walk(scenes: dict[str, Scene]) -> None:

@@ -19,8 +19,9 @@ from mtp_bench.detector.fit.errors import fit_position
 from mtp_bench.detector.fit.samples import RADIAL, TANGENTIAL, collect
 from mtp_bench.detector.sight import Sensor, sight
 from mtp_bench.detector.simulate import simulate
+from mtp_bench.scoring import find_targets
 from mtp_bench.sources.wildtrack.files import read_annotations
-from mtp_bench.sources.wildtrack.source import ANNOTATIONS, SCENES, STORED, Wildtrack
+from mtp_bench.sources.wildtrack.source import ANNOTATIONS, SCENES, SPLITS, STORED, Wildtrack
 from mtp_bench.sources.wildtrack.status import wildtrack_status
 from mtp_bench.types import Detections, Floats, Scene, Truth
 
@@ -65,6 +66,13 @@ def test_counts_of_the_dataset(data_root: Path, scenes: dict[str, Scene]) -> Non
     tracks = [np.sort(frame[ids == i]) for i in np.unique(ids)]
     assert len(tracks) == 313
     assert sum(bool((np.diff(track) > 1).any()) for track in tracks) == 27
+
+
+def test_people_keep_their_ids_across_scenes(scenes: dict[str, Scene]) -> None:
+    card = load_card("MTP-WILDTRACK-v0")
+    assert {scene.recording for scene in scenes.values()} == {"wildtrack"}
+    forecast = [np.unique(find_targets(scenes[name], card).object_id) for name in SPLITS["val"]]
+    assert (len(np.unique(np.concatenate(forecast))), len(np.concatenate(forecast))) == (63, 95)
 
 
 def test_people_walk(scenes: dict[str, Scene]) -> None:

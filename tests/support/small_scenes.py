@@ -225,7 +225,8 @@ def _write_sequence(folder: Path, name: str, scene: Scene) -> None:
     oxts = "49.0 8.4 115 0 0 0.3 0 5 5" + " 0" * 21
     (folder / "training/oxts" / f"{name}.txt").write_text("\n".join([oxts] * scene.frames))
     unit, turned = "1 0 0 0 1 0 0 0 1", "0 -1 0 0 0 0 -1 0 1 0 0 0"
-    calibration = f"R_rect {unit}\nTr_velo_cam {turned}\nTr_imu_velo 1 0 0 0 0 1 0 0 0 0 1 0\n"
+    calibration = "P2: 721.5377 0 609.5593 0 0 721.5377 172.854 0 0 0 1 0\n"
+    calibration += f"R_rect {unit}\nTr_velo_cam {turned}\nTr_imu_velo 1 0 0 0 0 1 0 0 0 0 1 0\n"
     (folder / "training/calib" / f"{name}.txt").write_text(calibration)
 
 

@@ -88,6 +88,15 @@ def test_reset_forgets() -> None:
     assert first[-1]
 
 
+@pytest.mark.parametrize(("assignment", "ids"), [("hungarian", [0, 1]), ("as_parameters", [0, 1]), ("greedy", [1, 2])])
+def test_greedy_takes_the_best_pair_first_whatever_the_class(assignment: str, ids: list[int]) -> None:
+    # Cars 2 m apart step by 1.2 m: the second detection of the first frame is nearest to the first one of the second.
+    frames = [frame((0.0, 0.0, CAR), (2.0, 0.0, CAR)), frame((1.2, 0.0, CAR), (3.2, 0.0, CAR))]
+    rule = ClassParameters("hungarian", "center_distance", 2.0, 1, 2)
+    *_, tracks = run(HypothesisTracker(1, (rule,), assignment=assignment), frames, kitti_task(classes=("car",)))
+    assert tracks.track_id[tracks.detection >= 0].tolist() == ids
+
+
 CAR_RULE = ClassParameters("hungarian", "iou_3d", 0.1, 1, 2)
 
 
@@ -106,8 +115,9 @@ def test_wrong_settings_are_errors() -> None:
         HypothesisTracker(temperature=0)
     with pytest.raises(ShapeError, match="assignment is 'auction'"):
         HypothesisTracker(assignment="auction")
-    with pytest.raises(ShapeError, match="works with 1 hypothesis, got 2"):
-        HypothesisTracker(2, assignment="as_parameters")
+    for assignment in ("as_parameters", "greedy"):
+        with pytest.raises(ShapeError, match=f"{assignment}' works with 1 hypothesis, got 2"):
+            HypothesisTracker(2, assignment=assignment)
     with pytest.raises(ShapeError, match="parameters of 1 classes, the task has 3"):
         HypothesisTracker(1, (CAR_RULE,)).reset(kitti_task())
     with pytest.raises(UnknownNameError, match="detector 'pointrcn': did you mean 'pointrcnn'"):

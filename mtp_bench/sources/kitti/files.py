@@ -105,24 +105,24 @@ def read_oxts(path: Path) -> Oxts:
 
 def read_imu_to_camera(path: Path) -> Floats:
     """Transform ``[4, 4]`` from the GPS/IMU unit to the rectified camera 0: R_rect x Tr_velo_cam x Tr_imu_velo."""
+    rectify = read_calibration(path, ("R_rect", "R0_rect"), 3)
+    camera_from_velo = read_calibration(path, ("Tr_velo_cam", "Tr_velo_to_cam"), 4)
+    return np.asarray(rectify @ camera_from_velo @ read_calibration(path, ("Tr_imu_velo", "Tr_imu_to_velo"), 4))
+
+
+def read_calibration(path: Path, names: tuple[str, ...], columns: int) -> Floats:
+    """The matrix of 3 rows and ``columns`` under one of these names, as a part of a unit matrix ``[4, 4]``."""
     rows = {words[0].rstrip(":"): words[1:] for words in (line.split() for line in numbered_lines(path)[1]) if words}
-
-    def matrix(names: tuple[str, ...], columns: int) -> Floats:
-        words = next((rows[name] for name in names if name in rows), None)
-        if words is None:
-            raise DataError(f"{path}: no line {names[0]!r}; found {', '.join(rows) or 'nothing'}")
-        try:
-            value = np.array(words, dtype=np.float64).reshape(3, columns)
-        except ValueError:
-            raise DataError(f"{path}: line {names[0]!r} must hold {3 * columns} numbers, got {len(words)}") from None
-        whole = np.eye(4)
-        whole[:3, :columns] = value
-        return whole
-
-    rectify = matrix(("R_rect", "R0_rect"), 3)
-    return np.asarray(
-        rectify @ matrix(("Tr_velo_cam", "Tr_velo_to_cam"), 4) @ matrix(("Tr_imu_velo", "Tr_imu_to_velo"), 4)
-    )
+    words = next((rows[name] for name in names if name in rows), None)
+    if words is None:
+        raise DataError(f"{path}: no line {names[0]!r}; found {', '.join(rows) or 'nothing'}")
+    try:
+        value = np.array(words, dtype=np.float64).reshape(3, columns)
+    except ValueError:
+        raise DataError(f"{path}: line {names[0]!r} must hold {3 * columns} numbers, got {len(words)}") from None
+    whole = np.eye(4)
+    whole[:3, :columns] = value
+    return whole
 
 
 def read_odometry(path: Path) -> Floats:

@@ -22,8 +22,8 @@ DATASET = Dataset(
     layout=f"""\
 {FOLDER}/
   training/label_02/%04d.txt        labels
-  training/calib/%04d.txt           calibration (with ego motion)
-  training/oxts/%04d.txt            GPS/IMU (with ego motion)
+  training/calib/%04d.txt           calibration
+  training/oxts/%04d.txt            GPS/IMU
   detections/<detector>/{{Car,Pedestrian,Cyclist}}/%04d.txt
   {SEQUENCE_MAP}      sequences and frames of the validation split (optional)
   poses_orbslam3/0019.txt           stereo odometry where the GPS is bad (optional)""",

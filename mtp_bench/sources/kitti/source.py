@@ -9,10 +9,11 @@ import numpy as np
 
 from ...cards import Card, KittiSource
 from ...errors import DataError, UnknownNameError
-from ...types import Bools, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
+from ...types import Bools, Detections, Floats, ImageField, Ints, Scene, Truth, starts_of_sorted
 from ..base import no_detections, require_classes, require_rate, section_of
 from ..motion import central_velocity
 from .files import Labels, StoredDetections, read_detections, read_imu_to_camera, read_labels, read_odometry, read_oxts
+from .image import image_field
 from .layout import DATASET, LABELS, TYPES, require_detector, split_names, validation_lengths
 from .poses import FRAME_PERIOD, Poses, integrated_poses, odometry_poses
 
@@ -24,7 +25,8 @@ class KittiTracking:
     """Scenes of one split of the KITTI tracking benchmark, with or without ego-motion compensation.
 
     Frames of reference: with compensation the world of `kitti.poses`; without it every frame is given in its own
-    sensor frame (x forward, y left, z up) and the ego state is all zeros. Time is frame index x 0.1036 s.
+    sensor frame (x forward, y left, z up) and the ego state is all zeros; `Scene.world` says where those frames are.
+    Time is frame index x 0.1036 s.
     """
 
     def __init__(self, card: Card, data: str | Path | None = None) -> None:
@@ -43,9 +45,11 @@ class KittiTracking:
         if name not in self.names:
             raise UnknownNameError("scene", name, self.names)
         section, length = self.section, self._length(name)
-        poses = read_poses(self.root, name, length) if section.ego_motion else None
-        frames = _Frames(length, section.stride, poses)
+        poses = read_poses(self.root, name, length)
+        frames = _Frames(length, section.stride, poses if section.ego_motion else None)
         kept = np.arange(0, length, section.stride)
+        labels = read_labels(self.root / LABELS / f"{name}.txt")
+        frames.check(self.root / LABELS / f"{name}.txt", labels)
         detections, skipped, label = no_detections(len(kept)), dict[str, int](), ""
         if self.card.detector is None:
             label = f"{section.detector}, stored detections"
@@ -54,12 +58,21 @@ class KittiTracking:
         return Scene(
             name=name,
             time=kept * FRAME_PERIOD,
-            ego=poses.ego()[kept] if poses else np.zeros((len(kept), 4)),
-            truth=_truth(self.root / LABELS / f"{name}.txt", self.card.task.classes, frames),
+            ego=poses.ego()[kept] if section.ego_motion else np.zeros((len(kept), 4)),
+            truth=_truth(labels, self.card.task.classes, frames),
             detections=detections,
             detector=label,
             skipped=skipped,
+            image=self._image(name, labels, frames, Poses(poses.rotation[kept], poses.position[kept])),
+            world=None if section.ego_motion else poses.ego()[kept],
         )
+
+    def _image(self, name: str, labels: Labels, frames: _Frames, poses: Poses) -> ImageField:
+        """What the image can confirm; ``poses`` of the frames of the scene."""
+        row = frames.select(labels.frame, labels.type == "DontCare")
+        region, start = labels.image_box[row], frames.starts(labels.frame[row])
+        path = self.root / f"training/calib/{name}.txt"
+        return image_field(path, poses, self.section.ego_motion, region, start, self.card.task.classes)
 
     def _length(self, name: str) -> int:
         if name in self._lengths:
@@ -120,9 +133,7 @@ class _Frames:
             )
 
 
-def _truth(path: Path, classes: tuple[str, ...], frames: _Frames) -> Truth:
-    labels = read_labels(path)
-    frames.check(path, labels)
+def _truth(labels: Labels, classes: tuple[str, ...], frames: _Frames) -> Truth:
     class_id = np.full(len(labels.frame), -1)
     neutral = np.zeros(len(labels.frame), dtype=bool)
     for index, name in enumerate(classes):

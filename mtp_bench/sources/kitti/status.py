@@ -37,7 +37,7 @@ def kitti_status(card: Card, data: str | Path | None) -> DataStatus:
         _require(found, card, names)
         if not (found.root / SEQUENCE_MAP).is_file():
             found.notes.append(f"{SEQUENCE_MAP} is absent: the validation split is taken as {', '.join(VALIDATION)}")
-        if card.ego_motion and "0019" in names and not (found.root / "poses_orbslam3/0019.txt").is_file():
+        if "0019" in names and not (found.root / "poses_orbslam3/0019.txt").is_file():
             found.notes.append(
                 "poses_orbslam3/0019.txt is absent: sequence 0019 uses its GPS/IMU unit, which is bad there"
             )
@@ -49,11 +49,7 @@ def kitti_status(card: Card, data: str | Path | None) -> DataStatus:
 def _require(found: Findings, card: Card, names: tuple[str, ...]) -> None:
     """Note what the card needs and is not there."""
     section = section_of(card, KittiSource)
-    folders = [LABELS]
-    if card.ego_motion:
-        folders += ["training/calib", "training/oxts"]
-    elif not (found.root / SEQUENCE_MAP).is_file() or section.split == "train":
-        folders += ["training/oxts"]  # the number of frames
+    folders = [LABELS, "training/calib", "training/oxts"]
     if card.detector is None:
         stored = f"detections/{section.detector}"
         folders += [f"{stored}/{TYPES[name][0]}" for name in card.task.classes if name in TYPES]

@@ -82,6 +82,7 @@ class Mot3d:
             detections=detections,
             detector=f"{stored}, stored detections" if stored else "",
             visible=np.ones(len(truth.box)),
+            recording=section.sequence,
         )
 
 

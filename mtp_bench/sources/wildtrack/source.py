@@ -79,6 +79,7 @@ class Wildtrack:
             detections=_detections(self.root / DETECTIONS) if stored else no_detections(SCENE_FRAMES),
             detector=f"{self.section.detector}, stored detections" if stored else "",
             visible=np.ones(len(truth.box)),  # seven cameras all around: from one point, nobody hides anybody
+            recording="wildtrack",
         )
 
 

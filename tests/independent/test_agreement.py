@@ -1,0 +1,158 @@
+"""The product's scorer against the independent one: every number of random rollouts, to 1e-9."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench.cards import Card
+from mtp_bench.scoring import SUBSETS, AgentScores, Reference, Report, score_scene, summarise
+from mtp_bench.scoring.table import agent_table
+from mtp_bench.scoring.targets import find_targets
+from mtp_bench.scoring.weights import SceneWeights, scene_key
+from mtp_bench.types import ImageField, Rollout, Scene
+from tests.independent import scorer
+from tests.independent.events import own_events
+from tests.support.scoring_scenes import make_card, random_case
+
+KINDS = ("complete", "targets only", "official list", "image", "long")
+RUNS = 48
+SHARED = (
+    "error", "localisation", "missed", "plain_error", "coverage", "targets", "objects", "effective_targets"
+)  # fmt: skip
+RENAMED = {"MR": "miss_rate"}
+
+
+def image_field(frames: int) -> ImageField:
+    """A camera 40 m behind the crowd that looks along x, with a region in the middle of its image."""
+    turn = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+    focus = np.array([[700.0, 0.0, 600.0], [0.0, 700.0, 180.0], [0.0, 0.0, 1.0]])
+    matrix = focus @ np.column_stack([turn, turn @ [40.0, 0.0, -1.65]])
+    return ImageField(
+        projection=np.tile(matrix, (frames, 1, 1)),
+        height=np.full(frames, 1.65),
+        heading=np.full(frames, 0.1),
+        size=(1242, 375),
+        region=np.tile([580.0, 100.0, 640.0, 300.0], (frames, 1)),
+        region_start=np.arange(frames + 1),
+        box_size=np.array([[4.0, 1.6, 1.5], [0.8, 0.6, 1.4]]),
+    )
+
+
+def drawn(kind: str, seed: int, place: int) -> Scene:
+    """Scene number ``place`` of a case."""
+    frames = 230 if kind == "long" else 12
+    scene, _ = random_case(100 * seed + place, frames=frames, objects=4 if kind == "long" else 7, name=f"s{place}")
+    if kind == "targets only":
+        return replace(scene, truth_complete=False)
+    if kind == "official list":
+        return replace(scene, listed_targets=True)
+    return replace(scene, image=image_field(frames)) if kind == "image" else scene
+
+
+def said(kind: str, seed: int, place: int, draw: int) -> Rollout:
+    """A rollout of that scene: confidences with ties, copies of forecasts, rows that were taken out."""
+    frames = 230 if kind == "long" else 12
+    scene, rollout = random_case(100 * seed + place, frames=frames, objects=4 if kind == "long" else 7, name=f"s{place}")
+    rng = np.random.default_rng([seed, place, draw])
+    shift = rng.normal(0, 0.5, (len(rollout.object_box), 2))
+    box = rollout.object_box.copy()
+    box[:, :2] = np.round(box[:, :2] + shift * (rng.random((len(box), 1)) < 0.5), 6)
+    confidence = np.round(rng.random(len(box)), 1).astype(np.float32)
+    parent = rng.integers(0, 3, rollout.hypothesis_parent.shape)
+    malformed = rng.poisson(0.1, (scene.frames, 3))
+    weight = rollout.forecast_log_weight.copy()
+    weight[rng.random(weight.shape) < 0.1] -= 9.0  # next to nothing
+    weight[np.isinf(weight).all(axis=1), 0] = 0.0  # an answer without a sample would have been taken out
+    return replace(
+        rollout,
+        hypothesis_parent=parent,
+        object_box=box,
+        object_confidence=confidence,
+        malformed=malformed,
+        forecast_log_weight=weight,
+    )
+
+
+def reference_of(card: Card, scenes: list[Scene], seed: int) -> Reference:
+    """Event weights drawn at random."""
+    rng = np.random.default_rng(seed)
+    of_scenes = {}
+    for scene in scenes:
+        count = len(find_targets(scene, card))
+        counts = np.minimum(rng.poisson(4.0, (count, 4)) * (rng.random((count, 4)) < 0.5), RUNS).astype(np.uint8)
+        stated = int(rng.integers(1, 20))
+        weights = SceneWeights(counts, rng.random((count, 3)) < 0.2, (3, 2, 1), stated, 4 * stated)
+        of_scenes[scene_key(card.id, scene.name)] = weights
+    return Reference(card.id, card.digest, "2.0", "stp", RUNS, {}, of_scenes)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", range(20))
+def test_both_scorers_give_the_same_numbers(kind: str, seed: int) -> None:
+    if kind == "long" and seed > 2:
+        pytest.skip("long scenes take the slow scorer a while")
+    card = make_card()
+    scenes = [drawn(kind, seed, place) for place in range(2)]
+    reference = reference_of(card, scenes, seed)
+    draws = range(1 + seed % 2)
+    runs = {
+        name: [[replace(said(kind, seed + 7 * i, p, d), scene=f"s{p}") for p in range(2)] for d in draws]
+        for i, name in enumerate(("stp", "other"))
+    }
+    agents = [agent_scores(name, scenes, seeds, card) for name, seeds in runs.items()]
+    report = summarise(agents, card, reference)
+    others: dict[str, scorer.Scored] = {}
+    for agent, seeds in zip(agents, runs.values(), strict=True):
+        table = agent_table(agent, reference)
+        subsets = {name: weight for name, weight in table.weight.items() if name != "all"}
+        own = others[agent.agent] = scorer.score(card, scenes, seeds, table.budgets.subsets, subsets)
+        assert [(t.scene, t.t, t.row) for t in own.targets] == targets_of(scenes, card)
+        for subset in SUBSETS:
+            np.testing.assert_allclose(table.ranked(subset).error, own.errors[subset], rtol=1e-9, atol=1e-9)
+            same(rows_of(report, agent.agent)[subset], own.rows[subset], SHARED)
+            if len(seeds) == 1:  # over several seeds the product pools covered targets, the other averages the means
+                same(rows_of(report, agent.agent)[subset], own.rows[subset], ("minADE", "minFDE", "energy_score"))
+        details = next(d for d in report.details if d.agent == agent.agent).model_dump()
+        whole = {**own.rows["all"], **{new: own.rows["all"][old] for old, new in RENAMED.items()}}
+        same({**rows_of(report, agent.agent)["all"], **details}, whole, ("fixed_error", "miss_rate"))
+        if len(seeds) == 1:
+            same(details, whole, ("brier", "false_per_frame"))
+            assert whole["k_curve"] is None or details["k_curve"]["1"] == close(whole["k_curve"][0])
+        for kind, found in own_events(scenes, seeds[0], card).items():
+            assert details["own_events"][kind] == len(found), kind
+    compared = scorer.compare(others)
+    for subset in SUBSETS:
+        for name, values in compared[subset].items():
+            same(rows_of(report, name)[subset], values, ("difference_to_stp", "p"))
+
+
+def agent_scores(name: str, scenes: list[Scene], seeds: list[list[Rollout]], card: Card) -> AgentScores:
+    scores = tuple(tuple(score_scene(s, r, card) for s, r in zip(scenes, run, strict=True)) for run in seeds)
+    return AgentScores(name, 3, 4, "equal", scores)
+
+
+def targets_of(scenes: list[Scene], card: Card) -> list[tuple[int, int, int]]:
+    return [
+        (place, int(t), int(row))
+        for place, scene in enumerate(scenes)
+        for found in [find_targets(scene, card)]
+        for t, row in zip(found.frame, found.row, strict=True)
+    ]
+
+
+def rows_of(report: Report, agent: str) -> dict[str, dict[str, Any]]:
+    """By subset."""
+    return {row.subset: row.model_dump() for row in report.rows if row.agent == agent}
+
+
+def same(row: dict[str, Any], other: dict[str, Any], names: tuple[str, ...]) -> None:
+    for name in names:
+        assert row[name] == close(other[name]), name
+
+
+def close(value: float | None) -> Any:
+    return None if value is None else pytest.approx(value, rel=1e-9, abs=1e-9)

@@ -1,0 +1,118 @@
+"""The runs of the reference: noise as large as the detector's, cuts and assignments by the number of the run."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench.running.perturbation import (
+    RUNS,
+    Perturbation,
+    assignment_of,
+    fit_perturbation,
+    matched_detections,
+    perturbed,
+)
+from mtp_bench.types import Detections, Scene
+from tests.support.scoring_scenes import CAR, WALKER, Thing, make_card, make_scene
+
+CARD = make_card()
+FRAMES = 500
+
+
+def seen(rows: list[list[list[float]]], score: Any) -> Detections:
+    """Detections ``x y yaw class`` per frame."""
+    flat = np.array([row for frame in rows for row in frame], dtype=np.float64).reshape(-1, 4)
+    box = np.tile([0.0, 0, 0, 0, 4, 2, 1.5], (len(flat), 1))
+    box[:, [0, 1, 3]] = flat[:, :3]
+    start = np.cumsum([0, *(len(frame) for frame in rows)])
+    return Detections(start, box, np.zeros((len(flat), 2)), flat[:, 3].astype(int), np.asarray(score, dtype=float))
+
+
+def scene_of(xy: float, yaw: float) -> Scene:
+    """A car and a walker; detections are off by errors of these sigmas, and there is a false one far away."""
+    rng = np.random.default_rng(5)
+    truth = [[Thing(1, 0, 0), Thing(2, 50, 0, class_id=WALKER)] for _ in range(FRAMES)]
+    rows = [
+        [
+            [*rng.normal(0, xy, 2), rng.normal(0, yaw), CAR],
+            [50 + rng.normal(0, xy / 2), rng.normal(0, xy / 2), 0.5 + np.pi * (t % 4 == 0), WALKER],
+            [200.0, 0.0, 0.0, CAR],
+        ]
+        for t in range(FRAMES)
+    ]
+    score = np.stack([np.linspace(0, 1, FRAMES), np.linspace(1, 3, FRAMES), np.full(FRAMES, 9.0)], axis=1).ravel()
+    return replace(make_scene(truth), detections=seen(rows, score))
+
+
+def test_noise_and_cuts_are_those_of_matched_detections() -> None:
+    found = matched_detections(scene_of(0.2, 0.03), CARD)
+    assert Counter(found.class_id.tolist()) == {CAR: FRAMES, WALKER: FRAMES}  # not the false ones
+    fitted = fit_perturbation([found], 2)
+    assert fitted.sigma_xy == pytest.approx((0.2, 0.1), rel=0.1)
+    assert fitted.sigma_yaw[CAR] == pytest.approx(0.03, rel=0.15)
+    assert fitted.sigma_yaw[WALKER] == 0.1  # at most
+    np.testing.assert_allclose(fitted.cuts, [[0.1, 1.2], [0.25, 1.5]], atol=1e-5)
+
+
+def test_neutral_truth_does_not_tell_the_noise() -> None:
+    scene = make_scene([[Thing(1, 0, 0), Thing(2, 9, 0, neutral=True)]])
+    scene = replace(scene, detections=seen([[[0.5, 0, 0, CAR], [9.0, 0, 0, CAR]]], [1, 2]))
+    assert matched_detections(scene, CARD).score.tolist() == [1]
+
+
+def test_a_class_that_was_never_matched_takes_what_all_classes_have() -> None:
+    found = matched_detections(scene_of(0.2, 0.03), CARD)
+    fitted = fit_perturbation([found], 3)
+    assert 0.1 < fitted.sigma_xy[2] < 0.2
+    assert fit_perturbation([], 2) == Perturbation((0.0, 0.0), (0.0, 0.0), ((0.0, 0.0), (0.0, 0.0)))
+
+
+def test_every_sixth_run_has_the_same_assignment_and_cut() -> None:
+    assert [assignment_of(run) for run in range(4)] == ["hungarian", "greedy", "hungarian", "greedy"]
+    scene = scene_of(0.2, 0.03)
+    fitted = replace(fit_perturbation([matched_detections(scene, CARD)], 2), sigma_xy=(0, 0), sigma_yaw=(0, 0))
+    kinds: Counter[tuple[str, int]] = Counter()
+    for run in range(RUNS):
+        left = perturbed(scene, fitted, run).detections
+        share = (left.class_id == WALKER).sum() / FRAMES
+        kind = int(np.argmin(np.abs(np.array([0.95, 0.855, 0.7125]) - share)))
+        assert kind == run // 2 % 3
+        kinds[assignment_of(run), kind] += 1
+    assert set(kinds.values()) == {RUNS // 6}
+
+
+def test_detections_are_dropped_and_moved_by_that_much() -> None:
+    scene = scene_of(0.2, 0.03)
+    still = Perturbation((0.3, 0.1), (0.05, 0.1), ((0, 0), (0, 0)))
+    moved = perturbed(scene, still, 0)
+    assert moved.truth is scene.truth
+    count = len(scene.detections.box)
+    assert 0.93 < len(moved.detections.box) / count < 0.97
+    false = moved.detections.box[moved.detections.score == 9]
+    offset = false - [200, 0, 0, 0, 4, 2, 1.5]
+    assert offset[:, :2].std() == pytest.approx(0.3, rel=0.1)
+    assert (offset[:, 2] == 0).all()
+    assert offset[:, 3].std() == pytest.approx(0.05, rel=0.1)
+    assert np.log(false[:, 4:] / [4, 2, 1.5]).std() == pytest.approx(0.05, rel=0.1)
+    assert moved.detections.start[-1] == len(moved.detections.box)
+
+
+def test_a_run_is_the_same_whenever_it_is_made_and_differs_from_others() -> None:
+    scene = scene_of(0.2, 0.03)
+    noise = fit_perturbation([matched_detections(scene, CARD)], 2)
+    box = [perturbed(one, noise, run).detections.box for one, run in ((scene, 0), (scene, 0), (scene, 6))]
+    other = perturbed(replace(scene, name="other"), noise, 0).detections.box
+    assert np.array_equal(box[0], box[1])
+    assert len({part[:5].tobytes() for part in (*box, other)}) == 3
+    assert scene.detections.box[2, 0] == 200  # the scene itself stays
+
+
+def test_a_scene_without_detections() -> None:
+    scene = make_scene([[Thing(1, 0, 0)]] * 3)
+    noise = fit_perturbation([matched_detections(scene, CARD)], 2)
+    assert len(perturbed(scene, noise, 3).detections.box) == 0

@@ -1,0 +1,170 @@
+"""Event weights of an env: frozen where the card ships, made where it does not, and never taken on trust."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mtp_bench.cards import load_card
+from mtp_bench.env import MTPEnv
+from mtp_bench.errors import CardError, DataError, UnknownNameError
+from mtp_bench.parallel import Workers
+from mtp_bench.running.options import RunOptions
+from mtp_bench.running.perturbation import RUNS
+from mtp_bench.running.reference import freeze, frozen_path, frozen_reference, make_reference, reference_for
+from mtp_bench.running.run import jobs_of, run_jobs
+from mtp_bench.scoring import score_scene
+from mtp_bench.scoring.weights import WEIGHED, read_reference
+from mtp_bench.submission import load_submission
+from tests.support.command_line import CommandLine
+from tests.support.small_scenes import CARD, write_card, write_kitti
+
+
+def scenes_of(env: str, data: str) -> tuple[str, ...]:
+    return MTPEnv(env, data=data).scene_names
+
+
+def test_what_is_frozen_is_found_again(cli: CommandLine, shipped: str, kitti: str) -> None:
+    card, scenes = load_card(shipped), scenes_of(shipped, kitti)
+    assert frozen_reference(card) is None
+    made = reference_for(card, scenes, RunOptions(kitti))
+    assert not made.frozen
+    mask = os.umask(0o077)
+    try:
+        said = cli.ok("freeze", "--env", shipped, "--data", kitti, "--jobs", 1)
+    finally:
+        os.umask(mask)
+    path = frozen_path(shipped)
+    assert said.startswith(f"{path}: {made.totals['targets']} targets, sum of weights ids ")
+    assert made.digest in said
+    assert path.stat().st_mode & 0o777 == 0o644
+    assert [p.name for p in path.parent.iterdir()] == [path.name]
+    read = reference_for(card, scenes[:1], RunOptions("nowhere"))  # nothing is run
+    assert (read.frozen, read.digest) == (True, made.digest)
+    assert (read.env, read.agent, read.card, read.runs) == (shipped, "stp", card.digest, RUNS)
+
+
+def test_the_plain_run_and_the_counts_are_those_of_the_scenes(card: str, kitti: str) -> None:
+    """Small scenes are made for this: what `compare` says of STP is in its reference."""
+    loaded, scenes = load_card(card), scenes_of(card, kitti)
+    made = make_reference(loaded, scenes, RunOptions(kitti))
+    scores = run_jobs(jobs_of(load_submission("stp"), card, {"data": kitti}, scenes), finish=score_scene)
+    for score in scores:
+        known = made.of(score.scene)
+        assert known.targets == len(score) == len(known.stp)
+        np.testing.assert_array_equal(known.stp[:, 0], score.own_ids)
+        np.testing.assert_array_equal(made.weight(score.scene, "paper_frag") > 0, score.own_frag)
+        assert known.stp_events == tuple(len(score.events[kind]) for kind in ("ids", "lost", "reacquired"))
+        assert (known.counts <= RUNS).all()
+        assert (known.counts[:, 3] >= known.counts[:, 1:3].max(axis=1)).all()
+        for subset in WEIGHED:
+            assert made.weight(score.scene, subset).shape == (len(score),)
+    assert made.totals["sum_of_weights"]["lost"] > 0
+    assert made.false_forecasts(scenes) == sum(int(score.false_forecasts.sum()) for score in scores)
+
+
+def test_workers_do_not_change_it(card: str, kitti: str) -> None:
+    loaded, scenes = load_card(card), scenes_of(card, kitti)
+    alone, two = (make_reference(loaded, scenes, RunOptions(kitti, workers=Workers(n)), range(13)) for n in (1, 2))
+    assert alone.digest == two.digest
+
+
+def test_progress_counts_every_piece_once(card: str, kitti: str) -> None:
+    from mtp_bench.parallel import Progress
+
+    total: list[int] = []
+    done: list[str] = []
+    scenes = scenes_of(card, kitti)
+    options = RunOptions(kitti, progress=Progress(total.append, done.append))
+    make_reference(load_card(card), scenes, options, range(RUNS))
+    assert total == [len(done)] == [len(scenes) * 5]
+
+
+def test_other_seeds_are_other_runs(card: str, kitti: str) -> None:
+    loaded, scenes = load_card(card), scenes_of(card, kitti)
+    first, second = (make_reference(loaded, scenes, RunOptions(kitti), seeds) for seeds in (range(6), range(6, 12)))
+    assert first.parameters["seeds"] == "0 to 5"
+    assert {k: v for k, v in first.parameters.items() if k != "seeds"} == {
+        k: v for k, v in second.parameters.items() if k != "seeds"
+    }
+    assert first.digest != second.digest
+
+
+def test_a_changed_card_or_a_scene_that_is_not_there_makes_its_own(shipped: str, tmp_path: Path, kitti: str) -> None:
+    path, frozen = freeze(shipped, RunOptions(kitti))
+    other = load_card(write_card(tmp_path, CARD.replace("miss_error = 2.0", "miss_error = 3.0")))
+    assert frozen_reference(other) is None
+    scenes = scenes_of(shipped, kitti)
+    made = reference_for(other, scenes, RunOptions(kitti))
+    assert (made.frozen, made.card) == (False, other.digest)
+    content = json.loads(path.read_text())
+    assert len(content["scenes"]) == len(scenes)
+    part = make_reference(load_card(shipped), scenes[:1], RunOptions(kitti))
+    assert part.of(scenes[0]).targets == frozen.of(scenes[0]).targets
+    assert not part.holds(scenes)
+
+
+def test_a_changed_frozen_file_is_refused(shipped: str, kitti: str) -> None:
+    path, _ = freeze(shipped, RunOptions(kitti))
+    text = path.read_text()
+    path.write_text(text.replace('"runs": 48', '"runs": 47'))
+    with pytest.raises(DataError, match=r"MTP-Small-v0\.json: hash is "):
+        frozen_reference(load_card(shipped))
+
+
+def test_a_file_of_another_env_is_refused(shipped: str, kitti: str) -> None:
+    path, _ = freeze(shipped, RunOptions(kitti))
+    path.write_bytes((Path(__file__).parents[2] / "envs/reference/MTP-Intersection-v0.json").read_bytes())
+    with pytest.raises(DataError, match="env is 'MTP-Intersection-v0', expected 'MTP-Small-v0'"):
+        frozen_reference(load_card(shipped))
+
+
+def test_only_what_ships_is_frozen(cli: CommandLine, card: str, kitti: str) -> None:
+    with pytest.raises(UnknownNameError, match="only those that ship have frozen event weights"):
+        freeze(card, RunOptions(kitti))
+    assert "only those that ship" in cli("freeze", "--env", card, "--data", kitti).error
+
+
+def test_a_failed_freeze_leaves_the_earlier_file(cli: CommandLine, shipped: str, tmp_path: Path, kitti: str) -> None:
+    path, _ = freeze(shipped, RunOptions(kitti))
+    before = path.read_bytes()
+    broken = Path(write_kitti(tmp_path / "broken"))
+    (broken / "kitti_tracking/training/calib/0006.txt").unlink()
+    assert "calib/0006.txt" in cli("freeze", "--env", shipped, "--data", broken, "--jobs", 1).error
+    assert path.read_bytes() == before
+    assert [p.name for p in path.parent.iterdir()] == [path.name]
+
+
+def test_a_baseline_that_cannot_track_alone_is_no_reference(tmp_path: Path, kitti: str) -> None:
+    card = load_card(write_card(tmp_path, 'reference = "stp_hedged"' + CARD))
+    with pytest.raises(CardError, match="'stp_hedged' cannot be the reference of a card: unknown parameter"):
+        reference_for(card, scenes_of(str(tmp_path / "MTP-Small-v0.toml"), kitti), RunOptions(kitti))
+
+
+FROZEN = sorted(path.stem for path in (Path(__file__).parents[2] / "envs" / "reference").glob("*.json"))
+
+
+@pytest.mark.parametrize("env_id", FROZEN)
+def test_the_shipped_files_fit_their_cards(env_id: str) -> None:
+    reference = frozen_reference(load_card(env_id))
+    assert reference is not None
+    assert (reference.runs, reference.agent) == (RUNS, "stp")
+    assert read_reference(frozen_path(env_id)).digest == reference.digest
+    sums = reference.totals["sum_of_weights"]
+    assert 0 < sums["ids"] < sums["lost"] <= sums["frag"]
+    assert sums["frag"] <= sums["lost"] + sums["reacquired"] + 0.02  # they are rounded
+
+
+def test_the_plain_run_is_still_that_of_the_frozen_file() -> None:
+    """Traffic, detector and tracker together: a change of any of them needs a new version or new frozen files."""
+    card = load_card("MTP-Intersection-v0")
+    frozen, scene = frozen_reference(card), MTPEnv(card).scene_names[0]
+    assert frozen is not None
+    made = make_reference(card, [scene], seeds=range(1))
+    for name in ("targets", "stp_events", "false_forecasts", "forecasts"):
+        assert getattr(made.of(scene), name) == getattr(frozen.of(scene), name)
+    np.testing.assert_array_equal(made.of(scene).stp, frozen.of(scene).stp)
