@@ -80,6 +80,8 @@ def _score_table(checked: Checked) -> Table:
     for row in checked.scores:
         covered = NOTHING if row["coverage"] is None else f"{row['coverage']:.0%}"
         errors = (number(row[key]) for key in ("plain_error", BESIDE))
-        false = (NOTHING if row[key] is None else str(row[key]) for key in ("false_forecasts", f"{BESIDE}_false_forecasts"))
+        false = (
+            NOTHING if row[key] is None else str(row[key]) for key in ("false_forecasts", f"{BESIDE}_false_forecasts")
+        )
         table.add_row(escape(row["scene"]), str(row["targets"]), *errors, covered, *false)
     return table

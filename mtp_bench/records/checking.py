@@ -102,7 +102,7 @@ def gateway_findings(runs: Sequence[SceneRun], here: Sequence[Rollout] | None) -
 
 
 def _row(own: SceneScore, beside: SceneScore) -> dict[str, Any]:
-    """Plain errors of one scene (m), coverage, and false forecasts beside the baseline's; None where it has no target."""
+    """Plain error of one scene (m), coverage and false forecasts, beside the baseline's; None where undefined."""
     return {
         "scene": own.scene,
         "targets": len(own),

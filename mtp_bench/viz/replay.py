@@ -51,8 +51,8 @@ class Replay:
 
     Rows are those of ``scene.truth`` [R], ``scene.detections`` [D], the rollout's tracks [N] and forecast objects [O],
     over all frames. Boxes are matched in ``frame`` mode inside the gates of the card, evaluated truth first; neutral
-    truth may take what is left over, which is then neither right nor wrong. Forecasts are false in live frames alone, and
-    at no place where labels confirm nothing. Nothing is false where the truth is not complete.
+    truth may take what is left over, which is then neither right nor wrong. Forecasts are false in live frames alone,
+    and at no place where labels confirm nothing. Nothing is false where the truth is not complete.
     """
 
     scene: Scene

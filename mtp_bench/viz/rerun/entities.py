@@ -47,9 +47,7 @@ class Log:
         """Polylines of the frames; a frame without any shows none."""
         strips = strips if self.only is None else at_frame(strips, self.only)
         style = rr.LineStrips3D.from_fields(radii=radius, show_labels=False)
-        columns = rr.LineStrips3D.columns(
-            strips=strips.point, colors=packed(strips.color), labels=strips.label or None
-        )
+        columns = rr.LineStrips3D.columns(strips=strips.point, colors=packed(strips.color), labels=strips.label or None)
         self.columns(path, style, columns.partition(strips.counts))
 
     def columns(self, path: str, style: Any, columns: Any) -> None:

@@ -49,8 +49,7 @@ def slim_table(title: str, headings: Sequence[str], left: Collection[str] = ()) 
         show_edge=False, padding=0,
     )  # fmt: skip
     for place, heading in enumerate(headings):
-        side = "left" if place == 0 or heading in left else "right"
-        table.add_column(heading, justify=side, no_wrap=place > 0)
+        table.add_column(heading, justify="left" if place == 0 or heading in left else "right", no_wrap=place > 0)
     table.columns[0].max_width, table.columns[0].overflow = NAME_WIDTH, "fold"
     return table
 

@@ -55,7 +55,8 @@ def notes(report: Report) -> list[str]:
     )
     rows = next(iter(_by_setting(report)), {})
     lines = [about]
-    for subset, name in (("all", "all"), ("paper_ids", "IDS"), ("paper_frag", "FRAG"), ("ids", "ids")):
+    names: dict[Subset, str] = {"all": "all", "paper_ids": "IDS", "paper_frag": "FRAG", "ids": "ids"}
+    for subset, name in names.items():
         row = rows.get(subset)
         if row is not None:
             few = "" if subset != "ids" else f" ({row.effective_targets:.1f} and {row.effective_objects:.1f} effective)"

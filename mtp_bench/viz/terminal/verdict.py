@@ -46,10 +46,11 @@ def _beside(report: Report, row: Row | None, subset: str) -> Row | None:
 
 def _cost(report: Report, stp: str, truth: str) -> str | None:
     real, ideal = _setting(report, stp), _setting(report, truth)
-    if real is None or ideal is None or real.error is None or ideal.error is None:
+    if real is None or ideal is None or ideal.difference_to_stp is None:
         return None
     return (
-        f"From true pasts the error {WHERE['all']} is {ideal.error:.3f} m, from the tracks of {stp} {real.error:.3f} m "
+        f"From true pasts the error {WHERE['all']} is {_metres(ideal.error)}, from the tracks of {stp} "
+        f"{_metres(real.error)} "
         f"({_difference(ideal.difference_to_stp, ideal.difference_interval, ideal.p)}): that is what tracking errors "
         f"cost. With every forecast kept (plain error): {_metres(ideal.plain_error)} and {_metres(real.plain_error)}."
     )
@@ -147,10 +148,8 @@ def _metres(value: float | None) -> str:
     return "unknown" if value is None else f"{value:.3f} m"
 
 
-def _difference(mean: float | None, interval: Interval | None, p: float | None) -> str:
+def _difference(mean: float, interval: Interval | None, p: float | None) -> str:
     """A difference with its interval and p, in words where it could be chance."""
-    if mean is None:
-        return "difference unknown"
     if interval is None or p is None:
         return f"{mean:+.3f} m, too few recordings for an interval"
     chance = ", could be chance" if p >= SIGNIFICANT else ""
