@@ -30,7 +30,7 @@ SCENES = {
     "MTP-Intersection-v0": 5,
     "MTP-Roundabout-v0": 5,
 }
-AGENTS = ("truth_past", "stp", "stp_same_budget", "stp_hedged", "mtp", "mtp_selective", "ab3dmot")
+AGENTS = ("truth_past", "stp", "stp_same_budget", "stp_hedged", "mtp", "ab3dmot")
 NOT_RESULTS = ("seconds", "scene")  # of a stored rollout
 TIMES = ("ms_per_frame",)  # of a row
 START = """

@@ -1,9 +1,12 @@
-"""Boxes per CPU-second of `tracking_counts` beside motmetrics and TrackEval, on the same synthetic frames.
+"""How fast the scorer is: `tracking_counts` beside motmetrics and TrackEval, and what ranks beside one plain matching.
 
     python benchmarks/scorer.py [--scenes 10] [--frames 300] [--objects 20] [--area 80] [--json FILE]
+    python benchmarks/scorer.py --env MTP-Intersection-v0 [--agent mtp] [--scenes 3] [--data ROOT]
 
-A box is a true box or a track box. The peers get their distances or similarities ready-made, before their clock starts;
-CPU time (all threads) is the least of ``--repeats`` runs.
+Without ``--env``: boxes per CPU-second on the same synthetic frames. A box is a true box or a track box. The peers get
+their distances or similarities ready-made, before their clock starts. With ``--env``: targets and forecasts per
+CPU-second of the whole score of an agent's rollouts, and of its parts; one matching with every forecast kept is the
+yardstick of the matchings at all cuts. CPU time (all threads) is the least of ``--repeats`` runs.
 """
 
 from __future__ import annotations
@@ -147,6 +150,63 @@ def measure(frames: Frames, repeats: int) -> list[dict[str, Any]]:
     return rows
 
 
+def measure_ranks(env_id: str, agent: str, scenes: int, data: str | None, repeats: int) -> None:
+    """Print the time of what ranks on rollouts of ``agent``."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from mtp_bench.env.environment import MTPEnv
+    from mtp_bench.running.run import agent_task, run_scene
+    from mtp_bench.scoring import AgentScores, find_targets, live_frames, score_scene
+    from mtp_bench.scoring.forecasts import Forecasts, candidates, grow, match_objects
+    from mtp_bench.scoring.table import agent_table
+    from mtp_bench.submission.loader import load_submission
+
+    submission = load_submission(agent)
+    env = MTPEnv(env_id, data=data, evaluation=True, observe=submission.compare.observe)
+    card, start = env.card, time.process_time()
+    runs = []
+    for name in env.scene_names[:scenes]:
+        rollout = run_scene(submission.build(agent_task(env, 0)), env, name, 0)
+        runs.append((env.scene, rollout))
+    running = time.process_time() - start
+    said = [Forecasts.of(rollout) for _, rollout in runs]
+    found = [
+        candidates(scene, find_targets(scene, card), forecasts, live_frames(scene, card), card)
+        for (scene, _), forecasts in zip(runs, said, strict=True)
+    ]
+    scores = tuple(score_scene(scene, rollout, card) for scene, rollout in runs)
+    setting = AgentScores(agent, 0, card.task.samples, "equal", (scores,))
+    steps: dict[str, Callable[[], object]] = {
+        "one matching, every forecast kept": lambda: [
+            match_objects(scene.truth, f.frame, f.box, f.class_id, card)
+            for (scene, _), f in zip(runs, said, strict=True)
+        ],
+        "matchings at all cuts": lambda: [grow(c, f.confidence) for c, f in zip(found, said, strict=True)],
+        "errors at all budgets": lambda: agent_table(setting, None),
+        "whole score": lambda: [
+            [score_scene(scene, rollout, card) for scene, rollout in runs],
+            agent_table(setting, None),
+        ],
+    }
+    targets, forecasts = sum(len(score) for score in scores), sum(len(f.frame) for f in said)
+    table = Table(title=f"{env_id}, {agent}: {len(runs)} scenes, {targets:,} targets, {forecasts:,} forecasts")
+    for column in ("step", "CPU s", "targets / CPU s", "forecasts / CPU s", "of running the agent"):
+        table.add_column(column, justify="left" if column == "step" else "right")
+    for name, step in steps.items():
+        least = min(timed(step) for _ in range(repeats))
+        share = f"{least / running:.3f}"
+        table.add_row(name, f"{least:.4f}", f"{targets / least:,.0f}", f"{forecasts / least:,.0f}", share)
+    Console().print(table)
+
+
+def timed(step: Callable[[], object]) -> float:
+    """CPU seconds of one call."""
+    start = time.process_time()
+    step()
+    return time.process_time() - start
+
+
 def show(rows: list[dict[str, Any]], title: str) -> None:
     from rich.console import Console
     from rich.table import Table
@@ -166,7 +226,13 @@ def main() -> None:
         parser.add_argument(f"--{name}", type=int, default=default)
     parser.add_argument("--area", type=float, default=80.0, help="side of the square, m; smaller is more crowded")
     parser.add_argument("--json", type=Path, default=None)
+    parser.add_argument("--env")
+    parser.add_argument("--agent", default="mtp")
+    parser.add_argument("--data")
     given = parser.parse_args()
+    if given.env:
+        measure_ranks(given.env, given.agent, given.scenes, given.data, given.repeats)
+        return
     frames = synthetic_frames(given.scenes, given.frames, given.objects, given.area)
     tracking_counts(frames[:2])  # imports happen here
     rows = measure(frames, given.repeats)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from .env.building import answer
-from .errors import ShapeError, UnknownNameError
+from .errors import ShapeError
 from .tracks import Objects as Objects
 from .tracks import Tracks as Tracks
 from .tracks import group
@@ -64,6 +62,17 @@ class FramePredictor(Predictor, Protocol):
         """The next frame has these tracks; called once, before samples of them are asked for."""
 
 
+class Presence(Protocol):
+    """Says how likely it is that the object of a track is really there."""
+
+    def reset(self, task: Task) -> None:
+        """Forget everything."""
+
+    def probability(self, tracks: Tracks, observation: Observation) -> Floats:
+        """Probability [N] of each track of this frame, from 0 to 1."""
+        ...
+
+
 class Sampler(Protocol):
     """Reduces a pool of samples to the number allowed."""
 
@@ -85,9 +94,9 @@ class Pipeline:
     ``tracker``: what makes tracks of detections. ``predictor``: what forecasts them. ``sampler``: what reduces pools.
 
     ``weighting``: "posterior" weighs samples by their hypothesis, "uniform" counts hypotheses alike, as in the paper.
-    ``min_score``: objects whose track has a lower mean score are not reported, a number or one per class name; by
-    default all are, as in the paper.
     ``min_mass``: an object is reported if hypotheses of at least this total weight hold it; 0.5 is "likelier than not".
+    ``presence``: how likely it is that a track's object is there, None: certain. An object's confidence is its mean
+    over the hypotheses by their weight, 0 in those that do not hold the object.
     """
 
     def __init__(
@@ -98,24 +107,25 @@ class Pipeline:
         draws: int = 1,
         weighting: str = "posterior",
         min_mass: float = 0.5,
-        min_score: float | Mapping[str, float] = -math.inf,
+        presence: Presence | None = None,
     ) -> None:
         if weighting not in ("posterior", "uniform"):
             raise ShapeError(f"weighting is {weighting!r}, expected 'posterior' or 'uniform'")
         self._tracker, self._predictor, self._sampler = tracker, predictor, sampler
         self._draws = draws
         self._posterior = weighting == "posterior"
-        self._min_mass, self._min_score = min_mass, min_score
+        self._min_mass, self._presence = min_mass, presence
         self.reported: Objects | None = None  # what the last answer said is there
 
     def reset(self, task: Task) -> None:
         """Forget everything; a new scene begins."""
         self._task = task
-        self._least = _per_class(self._min_score, task)
         self._frame = 0
         self.reported = None
         self._tracker.reset(task)
         self._predictor.reset(task)
+        if self._presence is not None:
+            self._presence.reset(task)
 
     def act(self, observation: Observation) -> Action:
         """Answer one frame."""
@@ -123,7 +133,7 @@ class Pipeline:
         tracks = self._tracker.step(observation)
         if isinstance(self._predictor, FramePredictor):
             self._predictor.begin(tracks)
-        objects = group(tracks, self._task.objects, self._min_mass, self._least)
+        objects = group(tracks, self._task.objects, self._min_mass)
         self.reported = objects
         rng = np.random.default_rng([self._task.seed, self._frame, 1])
         size = objects.leaf.shape[1] * self._draws * self._task.k
@@ -134,7 +144,22 @@ class Pipeline:
         ]
         samples, log_weight = (np.concatenate(part) for part in zip(*parts, strict=True))
         offset = samples - objects.box[:, None, None, :2]
-        return answer(self._task, objects.box, objects.class_id, offset, log_weight, tracks=tracks, checked=False)
+        return answer(
+            self._task,
+            objects.box,
+            objects.class_id,
+            offset,
+            log_weight,
+            confidence=self._confidence(tracks, objects, observation),
+            tracks=tracks,
+            checked=False,
+        )
+
+    def _confidence(self, tracks: Tracks, objects: Objects, observation: Observation) -> Floats:
+        """Confidence [O]: the mean over hypotheses, by their weight, of the presence of what they hold."""
+        sure = np.ones(len(tracks.box)) if self._presence is None else self._presence.probability(tracks, observation)
+        held = np.append(sure, 0.0)[objects.leaf]  # a hypothesis that holds none has leaf -1
+        return np.minimum(held @ np.exp(tracks.log_weight), 1.0)
 
     def _forecast(self, tracks: Tracks, leaf: Ints, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """Samples [O, K, T, 2] and log-weights [O, K] of objects that hypotheses hold as the tracks ``leaf`` [O, H]."""
@@ -160,13 +185,3 @@ class Pipeline:
         log_weight[row, place] = weight[slot // draws][:, None]
         size = shape[1] * k
         return pool.reshape(shape[0], size, self._task.future, 2), log_weight.reshape(shape[0], size)
-
-
-def _per_class(min_score: float | Mapping[str, float], task: Task) -> Floats:
-    """The least score of every class of the task [C]; classes that are not named have none."""
-    if not isinstance(min_score, Mapping):
-        return np.full(len(task.classes), float(min_score))
-    for name in min_score:
-        if name not in task.classes:
-            raise UnknownNameError("class in min_score", name, task.classes)
-    return np.array([float(min_score.get(name, -math.inf)) for name in task.classes])

@@ -25,6 +25,9 @@ class Tracks:
     member: Bools  # [H, N]
     log_weight: Floats  # [H] normalised, heaviest first
     parent: Ints | None = None  # [H] hypothesis of the frame before, by its row there, that it descends from
+    last_score: Floats | None = None  # [N] of the last detection that the track took
+    hits: Ints | None = None  # [N] detections that the track took
+    age: Ints | None = None  # [N] frames since its first detection, this one included
 
     @classmethod
     def of_one_hypothesis(cls, track_id: Ints, box: Floats, class_id: Ints) -> Tracks:
@@ -54,11 +57,8 @@ class Objects:
     log_mass: Floats  # [O] total weight of the hypotheses that hold the object
 
 
-def group(tracks: Tracks, most: int, min_mass: float = 0.0, min_score: float | Floats = -np.inf) -> Objects:
+def group(tracks: Tracks, most: int, min_mass: float = 0.0) -> Objects:
     """The at most ``most`` objects held by hypotheses of a total weight of at least ``min_mass``.
-
-    ``min_score``, a number or one per class [C], leaves out objects whose track, in the heaviest hypothesis that holds
-    them, scores less on average.
 
     Tracks of different hypotheses are one object if they took the same detection. A track that took none stands, in its
     hypothesis, for the object whose detection its identity took elsewhere (in the heaviest hypothesis that knows one),
@@ -71,11 +71,8 @@ def group(tracks: Tracks, most: int, min_mass: float = 0.0, min_score: float | F
     log_mass = np.logaddexp.reduce(np.where(held, tracks.log_weight, -np.inf), axis=1)
     order = np.argsort(-log_mass, kind="stable")
     enough = np.exp(log_mass[order]) >= min_mass - _ROUNDING
-    order = order[enough & held[order].any(axis=1)]
+    order = order[enough & held[order].any(axis=1)][:most]
     first = leaf[order, held[order].argmax(axis=1)]
-    least = min_score[tracks.class_id[first]] if isinstance(min_score, np.ndarray) else min_score
-    kept = np.flatnonzero(tracks.score[first] >= least)[:most]
-    order, first = order[kept], first[kept]
     return Objects(tracks.box[first], tracks.class_id[first], tracks.score[first], leaf[order], log_mass[order])
 
 

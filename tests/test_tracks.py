@@ -108,12 +108,3 @@ def test_every_track_of_every_hypothesis_is_in_one_object(seed: int) -> None:
         # A single hypothesis has its own tracks as objects; more of them only add to these.
         assert set(np.flatnonzero(tracks.member[0])) <= set(objects.leaf[:, 0])
     assert several > 20
-
-
-def test_objects_of_weak_detections_are_withheld() -> None:
-    # The score of a leaf is its number; the object is judged by the heaviest hypothesis that holds it.
-    tracks = make_tracks([(7, 0, "0"), (8, 1, "01"), (9, 0, "1")], HALVES)
-    assert group(tracks, 9).score.tolist() == [0.0, 1.0]
-    assert group(tracks, 9, min_score=1.0).leaf.tolist() == [[1, 1]]
-    assert group(tracks, 1, min_score=1.0).leaf.tolist() == [[1, 1]]
-    assert len(group(tracks, 9, min_score=1.5).box) == 0

@@ -1,22 +1,19 @@
 """Single-hypothesis tracking, then prediction."""
 
-import math
-
 import numpy as np
 
 from mtp_bench import Action, Agent, Observation, Pipeline, Task, answer
-from mtp_bench.prediction import KinematicPredictor, KMeansSampler
+from mtp_bench.prediction import KinematicPredictor, KMeansSampler, LearnedPresence
 from mtp_bench.tracking import HypothesisTracker
 
 
 def build(
     task: Task,
     hypotheses: int = 1,
-    min_score: float = -math.inf,
     assignment: str = "hungarian",
     forecasts: bool = True,
 ) -> Agent:
-    """The pipeline of the paper; with more hypotheses it is MTP. ``min_score`` withholds objects of weak detections.
+    """The pipeline of the paper; with more hypotheses it is MTP.
 
     ``assignment``: "hungarian" or "greedy". Without ``forecasts`` it says where its tracks are, and nothing else: so
     the runs that weigh the events of an env are made (envs/reference/README.md).
@@ -24,7 +21,7 @@ def build(
     tracker = HypothesisTracker(hypotheses, assignment=assignment)
     if not forecasts:
         return TracksAlone(tracker)
-    return Pipeline(tracker, KinematicPredictor(), KMeansSampler(), min_score=min_score)
+    return Pipeline(tracker, KinematicPredictor(), KMeansSampler(), presence=LearnedPresence())
 
 
 class TracksAlone:

@@ -1,7 +1,7 @@
 """Control: one hypothesis, its samples spread over several readings of the past."""
 
 from mtp_bench import Agent, Pipeline, Task
-from mtp_bench.prediction import HedgedPredictor, KinematicPredictor, KMeansSampler, StandingStill
+from mtp_bench.prediction import HedgedPredictor, KinematicPredictor, KMeansSampler, LearnedPresence, StandingStill
 from mtp_bench.tracking import HypothesisTracker
 
 PASTS = (2, 3, 5, 10)
@@ -10,4 +10,6 @@ PASTS = (2, 3, 5, 10)
 def build(task: Task) -> Agent:
     """Equal shares for each past window and one share for standing still."""
     readings = [KinematicPredictor(past=min(past, task.past)) for past in PASTS]
-    return Pipeline(HypothesisTracker(1), HedgedPredictor([*readings, StandingStill()]), KMeansSampler())
+    return Pipeline(
+        HypothesisTracker(1), HedgedPredictor([*readings, StandingStill()]), KMeansSampler(), presence=LearnedPresence()
+    )

@@ -34,9 +34,10 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 for command in (
-    envs, data, run, score, compare, view, events, video, train, fit_noise, new, check, submit, verify, seal, board,
+    envs, data, run, score, compare, view, events, video, fit_noise, new, check, submit, verify, seal, board,
 ):  # fmt: skip
     app.command(cls=Command)(opened(command))
+app.add_typer(train, name="train")
 app.command(hidden=True)(opened(freeze))
 
 

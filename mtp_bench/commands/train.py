@@ -1,4 +1,4 @@
-"""``mtp-bench train``."""
+"""``mtp-bench train``: parameters of the baselines, fitted on training splits."""
 
 from __future__ import annotations
 
@@ -6,31 +6,46 @@ from typing import Annotated
 
 import typer
 
-from .options import EnvScenes, JobsOption, TextOption, WorkerChoice, one_of
+from .options import DataOption, EnvScenes, JobsOption, TextOption, WorkerChoice, one_of, opened
 from .output import prepare, print_or_write, require_writable, working
 
-KINDS = ("motion-noise", "operating-point")
 
-
-def train(
-    what: Annotated[str, typer.Argument(help="What to fit: motion-noise or operating-point.")],
+def motion_noise(
     on: EnvScenes,
     observe: Annotated[str, typer.Option(help="detections or truth: what the pasts are made of.")] = "detections",
     jobs: JobsOption = 0,
     output: TextOption = None,
 ) -> None:
-    """Fit the parameters of a baseline on the training split of an environment (or another)."""
-    from ..training import motion_noise, operating_point
+    """Fit the motion noise of the kinematic predictors on the training split of an environment (or another)."""
+    from ..training import motion_noise
 
     require_writable(output)
-    one_of(what, KINDS, "WHAT")
-    if what == "operating-point" and observe != "detections":
-        raise typer.BadParameter("true boxes have no scores to choose by", param_hint="--observe")
     options = on.options(WorkerChoice(jobs)).on_split("train")
     prepare(on.env, options)
     with working("read", options) as watched:
-        if what == "operating-point":
-            text = operating_point.fit_env(on.env, watched)
-        else:
-            text = motion_noise.fit_env(on.env, watched, observe)
+        text = motion_noise.fit_env(on.env, watched, observe)
     print_or_write(output, text)
+
+
+def presence(
+    detector: Annotated[str, typer.Argument(help="Detector of a shipped model.")],
+    data: DataOption = None,
+    output: TextOption = None,
+) -> None:
+    """Fit how likely it is that a track's object is there, on the training scenes of a detector."""
+    from ..running.options import RunOptions
+    from ..training.presence import RECIPES, fit_detector
+
+    require_writable(output)
+    one_of(detector, tuple(RECIPES), "DETECTOR")
+    options = RunOptions(data)
+    for scenes in RECIPES[detector].scenes:
+        prepare(scenes.env, scenes.options(options))
+    with working("read", options) as watched:
+        text = fit_detector(detector, watched)
+    print_or_write(output, text)
+
+
+train = typer.Typer(help="Fit the parameters of a baseline on training splits.", no_args_is_help=True)
+train.command("motion-noise")(opened(motion_noise))
+train.command("presence")(opened(presence))

@@ -6,3 +6,4 @@ from .k_means import KMeansSampler as KMeansSampler
 from .kalman import NoiseTable as NoiseTable
 from .kinematic import KinematicPredictor as KinematicPredictor
 from .motion_noise import stored_noise as stored_noise
+from .presence import LearnedPresence as LearnedPresence

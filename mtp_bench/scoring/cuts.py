@@ -58,9 +58,9 @@ def cuts_of(
     """The cuts of one scene.
 
     ``additions``: of the forecasts in ``order`` [A], the surest first, as columns; ``false_step``: the steps at which
-    one more is false. ``confidence``, ``frame`` and ``class_id`` are those of all forecasts. ``target_of_row`` [rows]: the target
-    that each true box is, -1 for none. ``pair_error`` [E]: minADE of the pairs of ``additions``, inf where the forecast
-    is not usable; ``miss_error`` [n] of the targets.
+    one more is false. ``confidence``, ``frame`` and ``class_id`` are those of all forecasts. ``target_of_row`` [rows]:
+    the target that each true box is, -1 for none. ``pair_error`` [E]: minADE of the pairs of ``additions``, inf where
+    the forecast is not usable; ``miss_error`` [n] of the targets.
     """
     target = target_of_row[additions.row]
     of_target = target >= 0

@@ -62,11 +62,13 @@ def details(table: AgentTable, card: Card) -> Details:
 
 
 def _curve(table: AgentTable) -> list[tuple[float, float]]:
-    """The error over all targets at budgets per target, mean over seeds; per live frame where false ones are unknown."""
+    """The error at budgets of false forecasts per target, mean over seeds; else of forecasts per live frame."""
     count, budgets = len(table.miss_error), table.budgets
     if not count:
         return []
-    allowed = np.array(CURVE_BUDGETS) * count if budgets.false_known else np.array([1.0, 2, 5, 10, 15, 20, 30, 40, 60, 80])
+    allowed = (
+        np.array(CURVE_BUDGETS) * count if budgets.false_known else np.array([1.0, 2, 5, 10, 15, 20, 30, 40, 60, 80])
+    )
     runs = [run_errors(run, allowed, budgets.false_known, "cuts").error.mean(axis=1) for run in table.setting.seeds]
     at = allowed / count if budgets.false_known else allowed
     return list(zip(at.tolist(), np.mean(runs, axis=0).tolist(), strict=True))
@@ -77,7 +79,9 @@ def _calibration(table: AgentTable) -> tuple[float | None, list[Reliability]]:
     if not table.complete:
         return None, []
     counted = [score.outcome != EXCUSED for score in table.scores]
-    sure = np.concatenate([s.cuts.confidence[keep] for s, keep in zip(table.scores, counted, strict=True)]).astype(float)
+    sure = np.concatenate([s.cuts.confidence[keep] for s, keep in zip(table.scores, counted, strict=True)]).astype(
+        float
+    )
     there = np.concatenate([s.outcome[keep] > EXCUSED for s, keep in zip(table.scores, counted, strict=True)])
     if not len(sure):
         return None, []
@@ -99,7 +103,7 @@ def _accuracy(table: AgentTable, mask: Bools, false_forecasts: int) -> float | N
 
 
 def _average_precision(table: AgentTable, card: Card) -> float | None:
-    """Mean over the classes with targets, of all seeds together; forecasts of objects that are no target do not count."""
+    """Mean over the classes with targets, over all seeds; forecasts of objects that are no target do not count."""
     if not table.complete:
         return None
     class_id, sure, outcome = (

@@ -198,8 +198,8 @@ def final_errors(found: Candidates, grown: Grown) -> tuple[ForecastErrors, Match
 def match_objects(truth: Truth, frame: Ints, box: Floats, class_id: Ints, card: Card) -> ObjectMatch:
     """Match boxes to true boxes by BEV centre distance, per frame and class, inside the forecast gate.
 
-    ``frame`` [n], ``box`` [n, 7] and ``class_id`` [n] of the boxes, sorted by frame. All evaluated true boxes take part;
-    boxes left over are then offered to the neutral ones.
+    ``frame`` [n], ``box`` [n, 7] and ``class_id`` [n] of the boxes, sorted by frame. All evaluated true boxes take
+    part; boxes left over are then offered to the neutral ones.
     """
     gates = card.per_class(card.task.forecast_gate)
     at = truth.frame_of_rows, truth.box, truth.class_id

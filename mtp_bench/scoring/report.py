@@ -97,7 +97,7 @@ def summarise(
 
 
 def _condition(tables: Sequence[AgentTable], card: Card, reference: Reference | None) -> dict[str, str]:
-    """What the numbers hold for: the card, what made the detections, what is known as truth, what weighs the subsets."""
+    """What the numbers hold for: card, what made the detections, what is known as truth, what weighs the subsets."""
     scenes = tables[0].setting.seeds[0] if tables else ()
     made = Counter(score.detections for score in scenes)
     complete = all(table.complete for table in tables)
@@ -144,7 +144,7 @@ def _row(table: AgentTable, subset: Subset, ends: _EndTables, own: _EndTables | 
     unit_weight = table.unit_weight(weight)
     gap, same = _gap(table, subset, ends), _gap(table, subset, own)
     beside = ends.stp if ends.stp is not None and ends.stp.setting.samples == setting.samples else None
-    stp = beside and paired_difference(table.errors(subset), beside.errors(subset), unit_weight)
+    stp = paired_difference(table.errors(subset), beside.errors(subset), unit_weight) if beside else None
 
     def mean(value: Any) -> float | None:
         return ratio(float((value * weight).sum()), total)
@@ -204,7 +204,12 @@ def _effective_objects(table: AgentTable, subset: Subset) -> float:
 
 def _gap(table: AgentTable, subset: Subset, ends: _EndTables | None) -> Gap | None:
     """What an agent closes of the gap; None at another k than the ends have, or without them."""
-    if ends is None or ends.stp is None or ends.truth is None or len({t.setting.samples for t in (table, ends.stp, ends.truth)}) > 1:
+    if (
+        ends is None
+        or ends.stp is None
+        or ends.truth is None
+        or len({t.setting.samples for t in (table, ends.stp, ends.truth)}) > 1
+    ):
         return None
     error, stp, truth = (each.errors(subset) for each in (table, ends.stp, ends.truth))
     return gap_closed(error, stp, truth, table.unit_weight(table.weight[subset]))
@@ -231,7 +236,11 @@ def _with_ranks(
         ranks = ranks_by_test([tables[i].errors(subset) for i in ranked]) if ranked else []
         rank = dict(zip(ranked, ranks, strict=True))
         done += [
-            (i, place, rows[i * len(SUBSETS) + place].model_copy(update={"rank": rank.get(i), "unranked_because": why[i]}))
+            (
+                i,
+                place,
+                rows[i * len(SUBSETS) + place].model_copy(update={"rank": rank.get(i), "unranked_because": why[i]}),
+            )
             for i in range(len(tables))
         ]
     return [row for _, _, row in sorted(done, key=lambda item: item[:2])]

@@ -168,9 +168,7 @@ def _places(box: Floats, frame: Ints, class_id: Ints, apart: float) -> Floats:
     return np.column_stack([box[:, :2], apart * frame, apart * class_id])
 
 
-def _outcomes(
-    found: Candidates, grown: Grown, object_of_truth: Matched, errors: ForecastErrors
-) -> tuple[Ints, Floats]:
+def _outcomes(found: Candidates, grown: Grown, object_of_truth: Matched, errors: ForecastErrors) -> tuple[Ints, Floats]:
     """What became of the forecasts in live frames [A], in the order in which they were added, and their minFDE."""
     outcome = np.where(grown.false, FALSE, EXCUSED)
     final_error = np.full(len(outcome), np.inf)

@@ -160,7 +160,7 @@ def run_budgets(run: Sequence[SceneScore], reference: Reference | None) -> Budge
 
 
 def run_errors(run: Sequence[SceneScore], budgets: Sequence[float] | Array, known: bool, which: str) -> BudgetErrors:
-    """Errors of one run at each of the ``budgets``; ``known``: they count false forecasts; ``which`` cuts of a score."""
+    """Errors of one run at each of the ``budgets``; ``known``: of false forecasts; ``which`` cuts of a score."""
     live = None if known else sum(score.live for score in run)
     return errors_at([getattr(score, which) for score in run], budgets, live)
 
@@ -229,7 +229,7 @@ def _of_targets(weight: Floats, score: SceneScore) -> Floats:
 
 
 def _events(run: Sequence[SceneScore], reference: Reference | None) -> dict[str, float | None]:
-    """Expected events of a run of the reference on targets; for the paper's subsets those of plain STP, on all boxes."""
+    """Expected events of a run of the reference on targets; of the paper's subsets those of plain STP, on all boxes."""
     if reference is None:
         return dict.fromkeys(SUBSETS)
     counts: dict[str, float | None] = {

@@ -111,6 +111,9 @@ class HypothesisTracker:
             member=tree.member.take(out, axis=1),
             log_weight=weight - np.logaddexp.reduce(weight),
             parent=parent,
+            last_score=tree.last_score[out],
+            hits=tree.hits[out],
+            age=tree.age[out],
         )
 
 

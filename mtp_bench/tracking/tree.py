@@ -36,6 +36,8 @@ class HypothesisTree:
         self.state: Floats = np.zeros((0, STATE))  # the box first, see motion_kernels
         self.memory: Ints = np.zeros((4, 0), dtype=np.int64)  # class, identity, hits and age, see tree_kernels
         self.score = np.zeros(0)  # [N] sum of the scores of the detections taken
+        self.last_score = np.zeros(0)  # [N] of the last detection taken
+        self.age: Ints = np.zeros(0, dtype=np.int64)  # [N] frames since the first detection, this one included
         self.detection: Ints = np.zeros(0, dtype=np.int64)  # taken in the last frame, -1: none
         self.member = np.ones((1, 0), dtype=np.bool_)  # [H, N]
         self._name: Ints = np.zeros(1, dtype=np.int64)  # [H] equal for hypotheses that hold the same leaves
@@ -86,8 +88,18 @@ class HypothesisTree:
             leaf, detection, self.memory, self.score, seen.class_id, seen.score, self._next_id, memory, score
         )
         write_boxes(detection, seen.box, state, self._measured[layer])
+        self._remember(leaf, detection, seen.score)
         self._detections[layer, :n], self._parents[layer, :n] = detection, leaf
         self.state, self.memory, self.score, self.detection = state, memory, score, detection
+
+    def _remember(self, leaf: Ints, detection: Ints, score: Floats) -> None:
+        """Age and last score of the new leaves: old leaf (-1: a new track) and detection (-1: none) of each, [E]."""
+        old, taken = leaf >= 0, detection >= 0
+        age, last_score = np.ones(len(leaf), dtype=np.int64), np.zeros(len(leaf))
+        age[old] += self.age[leaf[old]]
+        last_score[old] = self.last_score[leaf[old]]
+        last_score[taken] = score[detection[taken]]
+        self.age, self.last_score = age, last_score
 
     def merge_equal(self) -> Ints:
         """Keep the first of the hypotheses that hold the same leaves; their numbers before."""

@@ -56,7 +56,9 @@ def drawn(kind: str, seed: int, place: int) -> Scene:
 def said(kind: str, seed: int, place: int, draw: int) -> Rollout:
     """A rollout of that scene: confidences with ties, copies of forecasts, rows that were taken out."""
     frames = 230 if kind == "long" else 12
-    scene, rollout = random_case(100 * seed + place, frames=frames, objects=4 if kind == "long" else 7, name=f"s{place}")
+    scene, rollout = random_case(
+        100 * seed + place, frames=frames, objects=4 if kind == "long" else 7, name=f"s{place}"
+    )
     rng = np.random.default_rng([seed, place, draw])
     shift = rng.normal(0, 0.5, (len(rollout.object_box), 2))
     box = rollout.object_box.copy()
@@ -122,8 +124,8 @@ def test_both_scorers_give_the_same_numbers(kind: str, seed: int) -> None:
         if len(seeds) == 1:
             same(details, whole, ("brier", "false_per_frame"))
             assert whole["k_curve"] is None or details["k_curve"]["1"] == close(whole["k_curve"][0])
-        for kind, found in own_events(scenes, seeds[0], card).items():
-            assert details["own_events"][kind] == len(found), kind
+        for event, found in own_events(scenes, seeds[0], card).items():
+            assert details["own_events"][event] == len(found), event
     compared = scorer.compare(others)
     for subset in SUBSETS:
         for name, values in compared[subset].items():

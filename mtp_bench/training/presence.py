@@ -1,0 +1,344 @@
+"""The fit of presence: whether the object of a track is really there, from tracks of training scenes.
+
+A logistic regression, fitted on all scenes; its calibration is an isotonic regression on what models that were fitted
+without a scene say of it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from ..cards import Card
+from ..env.environment import MTPEnv
+from ..errors import MtpBenchError
+from ..prediction.presence import FEATURES, History, PresenceModel, history_of, logistic
+from ..running.options import DEFAULTS, RunOptions
+from ..scoring.forecasts import match_objects
+from ..tracking import HypothesisTracker
+from ..tracks import Tracks
+from ..types import Bools, Floats, Scene, Task
+from .split import open_split
+from .windows import observations
+
+RIDGE = 0.1  # inverse weight of the squares of all coefficients
+FOLDS = 5  # of scenes
+DIGITS = 6  # of stored numbers: the same on every machine
+MOST_ROWS = 40_000  # of neighbouring frames, which say nearly the same, every second or third is enough
+KNOT_BINS = 100  # of held-out rows, of equal size, that the isotonic regression sees
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Tracks of n frames and tracks in all, and whether an object was there."""
+
+    history: History  # [n] each
+    class_name: Any  # [n] str
+    present: Bools  # [n]
+    scene: Any  # [n] str: rows of one scene are never on both sides of a split
+
+
+@dataclass(frozen=True)
+class Scenes:
+    """Where rows come from."""
+
+    env: str
+    split: str = "train"
+    detector: str | None = None  # another one than the card's
+    first: int | None = None  # so many scenes; None: all
+    without: tuple[str, ...] = ()
+
+    def options(self, options: RunOptions) -> RunOptions:
+        """``options`` on these scenes."""
+        return replace(options, split=self.split, detector=self.detector, scenes=self.first)
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How the presence of a detector is fitted."""
+
+    scenes: tuple[Scenes, ...]
+    features: tuple[str, ...] = tuple(FEATURES)
+    products: bool = True
+    calibrated: bool = True
+    terms: str = ""
+
+
+_NO_RANGE = tuple(name for name in FEATURES if name != "log_range")  # there is no ego
+_NO_SCORE = tuple(name for name in FEATURES if not name.endswith("_score"))
+_SIMULATED = 60  # scenes of each env
+
+
+def _simulated(*names: str, detector: str | None = None, first: int = _SIMULATED) -> tuple[Scenes, ...]:
+    return tuple(Scenes(f"MTP-{name}-v0", "train", detector, first) for name in names)
+
+
+RECIPES: dict[str, Recipe] = {
+    "pointrcnn": Recipe(
+        (Scenes("MTP-KITTI-v0"), Scenes("MTP-KITTI-noego-v0"), Scenes("MTP-KITTI-5Hz-v0")),
+        terms="figures derived from KITTI: CC BY-NC-SA 3.0, non-commercial",
+    ),
+    # The truth of trainval holds prediction targets only, so it is mini, with four numbers per class. The two scenes of
+    # the official split val stay out, so that no scene of MTP-nuScenes-v0 is among those fitted on.
+    "megvii": Recipe(
+        (Scenes("MTP-nuScenes-mini-v0", "all", without=("scene-0103", "scene-0916")),),
+        ("mean_score", "log_hits", "coasting"),
+        products=False,
+        calibrated=False,
+        terms="figures derived from nuScenes: CC BY-NC-SA 4.0, non-commercial",
+    ),
+    "acf": Recipe(
+        (Scenes("MTP-PETS-v0"),),
+        _NO_RANGE,
+        products=False,
+        terms="figures derived from 3DMOT2015: CC BY-NC-SA 3.0, non-commercial",
+    ),
+    "wildtrack_mvdet": Recipe(
+        (Scenes("MTP-WILDTRACK-v0"),),
+        ("log_hits", "one_by_hits", "unseen", "coasting", "miss_share", "log_misses"),
+        products=False,
+        terms="figures derived from WILDTRACK: research only",
+    ),
+    "nuscenes_megvii": Recipe(_simulated("Intersection", "Roundabout")),
+    "nuscenes_centerpoint": Recipe(_simulated("Intersection", "Roundabout", detector="nuscenes_centerpoint")),
+    "kitti_pointrcnn": Recipe(_simulated("Merge", "Highway")),
+    "clean": Recipe(_simulated("Intersection", "Roundabout", "Merge", "Highway", detector="clean", first=20)),
+    "default": Recipe(
+        _simulated("Intersection", "Roundabout", "Merge", "Highway", first=20),
+        ("log_hits", "one_by_hits", "unseen", "coasting", "miss_share", "log_misses"),
+    ),
+}
+
+
+def collect(scenes: Iterable[Scene], card: Card, task: Task) -> Rows:
+    """The tracks of the single-hypothesis tracker; a track on a neutral object is neither and left out.
+
+    An object is there if the track is matched to it by the rule for forecasts: one to one, within the forecast gate.
+    """
+    parts = [part for scene in scenes for part in _scene_rows(scene, card, task)]
+    if not parts:
+        raise MtpBenchError(f"{card.id}: no track in any training scene, so there is nothing to fit")
+    return joined(parts)
+
+
+def joined(parts: Sequence[Rows]) -> Rows:
+    """The rows of all parts."""
+    history = {f.name: np.concatenate([getattr(p.history, f.name) for p in parts]) for f in fields(History)}
+    rest = {f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Rows)[1:]}
+    return Rows(History(**history), **rest)
+
+
+def _scene_rows(scene: Scene, card: Card, task: Task) -> Iterator[Rows]:
+    tracker = HypothesisTracker()
+    tracker.reset(task)
+    said: list[tuple[Tracks, History]] = []
+    for t, observation in enumerate(observations(scene)):
+        tracks = tracker.step(observation)
+        said.append((tracks, history_of(tracks, {"ego_pose": scene.ego[t]}, task.dt)))
+    frame = np.repeat(np.arange(len(said)), [len(tracks.box) for tracks, _ in said])
+    box, class_id = (np.concatenate([getattr(tracks, key) for tracks, _ in said]) for key in ("box", "class_id"))
+    found = match_objects(scene.truth, frame, box, class_id, card)
+    present = np.zeros(len(frame), dtype=bool)
+    row = found.object_of_truth[~scene.truth.neutral]
+    present[row[row >= 0]] = True
+    kept = present | found.unmatched
+    history = History(**{f.name: np.concatenate([getattr(h, f.name) for _, h in said])[kept] for f in fields(History)})
+    if kept.any():
+        names = np.array(task.classes)[class_id[kept]]
+        yield Rows(history, names, present[kept], np.full(int(kept.sum()), scene.name))
+
+
+def training_rows(recipe: Recipe, options: RunOptions = DEFAULTS) -> tuple[Rows, list[dict[str, Any]]]:
+    """The rows of a recipe, and which scenes they are from."""
+    parts, origin = [], []
+    for wanted in recipe.scenes:
+        split = open_split(wanted.env, wanted.options(options))
+        names = [name for name in split.names if name not in wanted.without]
+        split = replace(split, names=tuple(names))
+        parts.append(collect(split.scenes(), split.card, MTPEnv(split.card, data=options.data).task))
+        origin.append({"env": wanted.env, "split": wanted.split, "detector": split.card.detector_name, "scenes": names})
+    return joined(parts), origin
+
+
+def fit(rows: Rows, recipe: Recipe) -> tuple[PresenceModel, Floats]:
+    """The model of these rows, and what is said of each of them [n] without its scene.
+
+    That is, by a model fitted on other scenes, calibrated by what such models said of yet other scenes.
+    """
+    model = fit_logistic(rows, recipe)
+    said = np.zeros(len(rows.present))
+    parts = folds(rows)
+    for away in parts:
+        said[away] = said_by(fit_logistic(_those(rows, ~away), recipe), _those(rows, away))
+    if not recipe.calibrated:
+        return model, said
+    checked = np.zeros(len(said))
+    for away in parts:
+        checked[away] = np.interp(said[away], *isotonic_knots(said[~away], rows.present[~away]))
+    return replace(model, knots=isotonic_knots(said, rows.present)), checked
+
+
+def fit_logistic(rows: Rows, recipe: Recipe) -> PresenceModel:
+    """The model before calibration, its numbers as they are stored."""
+    estimator, model = logistic_regression(rows, recipe)
+    f, names = len(model.features), sorted(set(rows.class_name))
+    coefficient = estimator.coef_[0]
+    shared = _rounded(np.concatenate([estimator.intercept_, coefficient[: len(coefficient) - len(names) * (1 + f)]]))
+    own = _rounded(coefficient[len(coefficient) - len(names) * (1 + f) :]).reshape(len(names), 1 + f)
+    return replace(model, shared=shared, classes=dict(zip(names, own, strict=True)))
+
+
+def logistic_regression(rows: Rows, recipe: Recipe) -> tuple[Any, PresenceModel]:
+    """scikit-learn's estimator on `design`, and a model that standardises as it and has no coefficients yet."""
+    from sklearn.linear_model import LogisticRegression
+
+    raw = np.stack([FEATURES[name](rows.history) for name in recipe.features], axis=1)
+    low, high = _rounded(np.quantile(raw, [0.001, 0.999], axis=0))
+    clipped = np.clip(raw, low, high)
+    scale = clipped.std(axis=0)
+    model = PresenceModel(
+        recipe.features,
+        low,
+        high,
+        _rounded(clipped.mean(axis=0)),
+        _rounded(np.where(scale > 0, scale, 1.0)),
+        np.zeros(1),
+        {},
+        np.array([[0.0, 1.0], [0.0, 1.0]]),
+    )
+    estimator = LogisticRegression(C=RIDGE, solver="newton-cholesky", tol=1e-9, max_iter=200)
+    return estimator.fit(
+        design(model.standardised(rows.history), rows.class_name, recipe.products), rows.present
+    ), model
+
+
+def design(z: Floats, class_name: Any, products: bool) -> Floats:
+    """What the logit is linear in: z [n, F], its products of two where asked for, and (1, z) of each class."""
+    parts = [z]
+    if products:
+        first, second = np.triu_indices(z.shape[1])
+        parts.append(z[:, first] * z[:, second])
+    for name in sorted(set(class_name)):
+        parts.append((class_name == name)[:, None] * np.concatenate([np.ones((len(z), 1)), z], axis=1))
+    return np.concatenate(parts, axis=1)
+
+
+def folds(rows: Rows) -> list[Bools]:
+    """The rows [n] of each fold: whole scenes, by lot, the same in every run."""
+    names, place = np.unique(rows.scene, return_inverse=True)
+    count = min(FOLDS, len(names))
+    if count < 2:
+        raise MtpBenchError("presence is calibrated and judged on held-out scenes, and there is only one scene")
+    fold = np.random.default_rng(0).permutation(len(names)) % count
+    return [fold[place] == number for number in range(count)]
+
+
+def isotonic_knots(probability: Floats, present: Bools) -> Floats:
+    """Calibration [2, knots]: isotonic regression, with straight lines between the centres of its steps.
+
+    Steps alone would make ties of what the model tells apart (centred isotonic regression: Oron, Flournoy 2017). The
+    ends are 0 and 1; steps at these values are left out, for they would be flat too.
+    """
+    from sklearn.isotonic import IsotonicRegression
+
+    order = np.argsort(probability, kind="stable")
+    bins = [part for part in np.array_split(order, min(KNOT_BINS, len(order))) if len(part)]
+    x, y = (np.array([values[part].mean() for part in bins]) for values in (probability, present))
+    weight = np.array([len(part) for part in bins])
+    level = IsotonicRegression(y_min=0, y_max=1).fit_transform(x, y, sample_weight=weight)
+    value, step = np.unique(level, return_inverse=True)
+    center = np.bincount(step, x * weight) / np.bincount(step, weight)
+    inside = (value > 0) & (value < 1) & (center > 0) & (center < 1)
+    knots = np.stack([center[inside], value[inside]])
+    return np.concatenate([[[0.0], [0.0]], _rounded(knots), [[1.0], [1.0]]], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Quality:
+    """How good probabilities are."""
+
+    rows: int
+    brier: float
+    auc: float
+    reliability: list[list[float]]  # of ten equal bins of the probability: mean, share that is there, rows
+
+    @classmethod
+    def of(cls, probability: Floats, present: Bools) -> Quality:
+        """Of probabilities [n]."""
+        from sklearn.metrics import roc_auc_score
+
+        place = np.minimum((probability * 10).astype(int), 9)
+        table = [
+            [round(float(probability[mine].mean()), 3), round(float(present[mine].mean()), 3), int(mine.sum())]
+            for mine in (place == b for b in range(10))
+            if mine.any()
+        ]
+        brier = float(np.mean((probability - present) ** 2))
+        auc = float(roc_auc_score(present, probability)) if 0 < present.mean() < 1 else float("nan")
+        return cls(len(present), round(brier, 4), round(auc, 4), table)
+
+
+def raw_score(rows: Rows) -> Floats:
+    """The mean score as a probability: as it is where scores lie in [0, 1], else as a logit."""
+    score = rows.history.mean_score
+    return score if score.min() >= 0 and score.max() <= 1 else logistic(score)
+
+
+def fit_detector(detector: str, options: RunOptions = DEFAULTS) -> str:
+    """The file of a detector of RECIPES, as `mtp_bench.prediction.LearnedPresence` reads it."""
+    recipe = RECIPES[detector]
+    rows, origin = training_rows(recipe, options)
+    rows = thinned(rows)
+    model, said = fit(rows, recipe)
+    quality = {
+        "score": vars(Quality.of(raw_score(rows), rows.present)),
+        "presence": vars(Quality.of(said, rows.present)),
+    }
+    return as_json(detector, recipe, model, origin, quality)
+
+
+def as_json(
+    detector: str, recipe: Recipe, model: PresenceModel, origin: list[dict[str, Any]], quality: dict[str, Any]
+) -> str:
+    """The text of a model's file."""
+    content: dict[str, Any] = {"detector": detector}
+    if recipe.terms:
+        content["terms"] = recipe.terms
+    content |= {"fitted_on": origin, "features": list(model.features)}
+    content |= {key: getattr(model, key).tolist() for key in ("low", "high", "center", "scale", "shared")}
+    content["classes"] = {name: row.tolist() for name, row in model.classes.items()}
+    content |= {"knots": model.knots.tolist(), "held_out": quality}
+    return lines_of(content)
+
+
+def lines_of(content: dict[str, Any]) -> str:
+    """JSON with a line per key."""
+    rows = [f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in content.items()]
+    return "{\n" + ",\n".join(rows) + "\n}\n"
+
+
+def said_by(model: PresenceModel, rows: Rows) -> Floats:
+    """Probabilities [n] of rows."""
+    names, class_id = np.unique(rows.class_name, return_inverse=True)
+    return model.probability(rows.history, class_id, names.tolist())
+
+
+def thinned(rows: Rows) -> Rows:
+    """Every so manieth row, such that there are at most MOST_ROWS."""
+    kept = np.zeros(len(rows.present), dtype=bool)
+    kept[:: -(-len(kept) // MOST_ROWS)] = True
+    return _those(rows, kept)
+
+
+def _those(rows: Rows, kept: Bools) -> Rows:
+    history = History(**{f.name: getattr(rows.history, f.name)[kept] for f in fields(History)})
+    return Rows(history, rows.class_name[kept], rows.present[kept], rows.scene[kept])
+
+
+def _rounded(values: Floats) -> Floats:
+    """To DIGITS significant digits."""
+    return np.vectorize(lambda value: float(f"{value:.{DIGITS}g}"), otypes=[np.float64])(values)
