@@ -39,7 +39,7 @@ def compare(
     further = {}
     if at is not None:
         with working("cuts", options) as watched:
-            further["sensitivity"] = sensitivity(on.env, watched, at)
+            further["sensitivity"] = sensitivity(on.env, result.reference, watched, at)
     content = result.report.to_json("condition", "paired", "details") | {"skipped": result.skipped}
     parts = {name: [row.model_dump(mode="json") for row in rows] for name, rows in further.items()}
     write_json(json_file, content | parts)

@@ -9,12 +9,11 @@ import numpy as np
 from pydantic import Field
 
 from ..env.environment import MTPEnv
-from ..scoring import AgentScores, Report, SceneScore, score_scene, summarise
+from ..scoring import AgentScores, Reference, Report, SceneScore, score_scene, summarise
 from ..scoring.rows import Count, Interval
 from ..strict import Section
 from ..submission.loader import load_submission
 from .options import DEFAULTS, RunOptions
-from .reference import reference_for
 from .run import Job, jobs_of, run_jobs
 from .settings import Setting, setting_of
 
@@ -36,10 +35,12 @@ class AtCut(Section):
     p: dict[str, float | None]
 
 
-def sensitivity(env_id: str, options: RunOptions = DEFAULTS, cuts: Sequence[float] = CUTS) -> list[AtCut]:
+def sensitivity(
+    env_id: str, reference: Reference, options: RunOptions = DEFAULTS, cuts: Sequence[float] = CUTS
+) -> list[AtCut]:
     """The baselines of `AGENTS` at each of the ``cuts``, on the same targets with the same weights.
 
-    Raises MtpBenchError for whatever the user can mend.
+    ``reference``: event weights of the scenes. Raises MtpBenchError for whatever the user can mend.
     """
     env = MTPEnv(env_id, **options.env_keywords)
     card, scenes = env.card, env.scene_names[: options.scenes]
@@ -51,7 +52,6 @@ def sensitivity(env_id: str, options: RunOptions = DEFAULTS, cuts: Sequence[floa
     scores: list[SceneScore] = run_jobs(jobs, options, score_scene)
     runs = iter([tuple(scores[i : i + len(scenes)]) for i in range(0, len(scores), len(scenes))])
     agents = [_agent(setting, tuple(next(runs) for _ in options.seeds)) for setting in settings]
-    reference = reference_for(card, scenes, options)
     at_cut = [agents[i : i + len(AGENTS)] for i in range(0, len(agents), len(AGENTS))]
     return [_at(cut, some, summarise(some, card, reference)) for cut, some in zip(cuts, at_cut, strict=True)]
 

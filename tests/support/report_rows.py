@@ -12,7 +12,7 @@ Setting = tuple[str, int, int, str]  # agent, hypotheses, samples, budget
 
 def row(setting: Setting, subset: str, **values: Any) -> Row:
     """A row of which most errors are .345 m; ``values`` replace fields."""
-    error = {name: 0.345 for name in ("error", "localisation", "missed", "energy_score")}
+    error = dict.fromkeys(("error", "energy_score"), 0.345)
     undefined = ("difference_to_stp", "difference_interval", "p", "gap_closed", "gap_interval", "rank", "events")
     base = {
         **_setting(setting), "subset": subset, "minADE": 0.123, "minFDE": 0.234, **error, "interval": (0.31, 0.38),

@@ -124,7 +124,8 @@ def test_the_error_is_that_of_the_forecast_made_then() -> None:
     said = spoken(line([1] * 3 + [2] * 5, confidence=0.75), off=0.5)
     played = replay(make_scene(line([5] * 8)), make_rollout(tracks, said), CARD)
     assert worth(played) == ("ids-0", 0.5, 0.5, 0.75)
-    assert worth(replay(make_scene(line([5] * 8)), make_rollout(tracks), CARD)) == ("ids-0", None, 10.0, None), "costs c"
+    silent = replay(make_scene(line([5] * 8)), make_rollout(tracks), CARD)
+    assert worth(silent) == ("ids-0", None, 10.0, None), "a target without a forecast costs c"
     late = replay(make_scene(line([5] * 5)), make_rollout(tracks[:5], said[:5]), CARD)
     assert worth(late) == ("ids-0", None, None, None), "too near the end to be a target"
     far = replay(make_scene(line([5] * 8)), make_rollout(tracks, spoken(tracks, off=30.0)), CARD)

@@ -38,9 +38,11 @@ def report(table: list[Row], paired: list[PairedRow] | None = None, env: str = "
 def test_what_tracking_errors_cost() -> None:
     ideal = rows(TRUTH, error=2.0, plain_error=0.5, difference_to_stp=-1.0, difference_interval=(-1.5, -0.5), p=0.0001)
     assert verdict(report(ideal + rows(STP, error=3.0, plain_error=1.0)), []) == [
-        "From true pasts the error over all targets is 2.000 m, from the tracks of stp 3.000 m (-1.000 m, 95 % -1.500 "
-        "to -0.500, p < 0.001): that is what tracking errors cost. With every forecast kept (plain error): 0.500 m and "
-        "1.000 m."
+        (
+            "From true pasts the error over all targets is 2.000 m, from the tracks of stp 3.000 m (-1.000 m, 95 "
+            "% -1.500 to -0.500, p < 0.001): that is what tracking errors cost. With every forecast kept (plain "
+            "error): 0.500 m and 1.000 m."
+        )
     ]
 
 
@@ -65,9 +67,11 @@ def test_an_agent_against_as_many_samples_from_one_hypothesis() -> None:
     paired = [pair(MINE, "stp_same_budget", "all", error=-0.1, interval=(-0.3, 0.1), p=0.4)]
     paired += [pair(MINE, "stp_same_budget", "ids", error=-0.42, **CLEAR), pair(MINE, "stp", "all", error=-0.9)]
     assert verdict(report(rows(MINE), paired), ["mine"]) == [
-        "mine (H = 3) against stp_same_budget, as many samples from one hypothesis: over all targets -0.100 m, 95 % "
-        "-0.300 to +0.100, p = 0.400, could be chance; on ids -0.420 m, 95 % -0.600 to -0.200, p = 0.012. The second is "
-        "the honest gain of hypotheses."
+        (
+            "mine (H = 3) against stp_same_budget, as many samples from one hypothesis: over all targets -0.100 "
+            "m, 95 % -0.300 to +0.100, p = 0.400, could be chance; on ids -0.420 m, 95 % -0.600 to -0.200, p = "
+            "0.012. The second is the honest gain of hypotheses."
+        )
     ]
 
 
@@ -100,9 +104,11 @@ def test_who_is_ranked_and_why_others_are_not() -> None:
     table = ranked(TRUTH, unranked_because="saw the truth") + ranked(STP, rank=2) + ranked(MTP, rank=1)
     table += ranked(MINE, unranked_because="stopped after 3 scenes") + ranked(FREE, unranked_because="400 samples")
     assert verdict(report(table), []) == [
-        "Ranks over all targets: 1 mtp (H = 20), 2 stp. Not ranked there: mine (H = 3) (stopped after 3 scenes). Nobody "
-        "is ranked on ids (5.0 objects, fewer than 20; stopped after 3 scenes). Never ranked, as they saw the truth: "
-        "truth_past."
+        (
+            "Ranks over all targets: 1 mtp (H = 20), 2 stp. Not ranked there: mine (H = 3) (stopped after 3 "
+            "scenes). Nobody is ranked on ids (5.0 objects, fewer than 20; stopped after 3 scenes). Never ranked,"
+            " as they saw the truth: truth_past."
+        )
     ]
 
 
@@ -111,8 +117,11 @@ def test_what_is_said_where_false_forecasts_cannot_be_known() -> None:
     partly = replace(known, condition={"truth": "prediction targets only: false forecasts cannot be known"})
     assert verdict(known, []) == []
     assert verdict(partly, []) == [
-        "The truth holds prediction targets only, so false forecasts cannot be known: the error is taken at budgets of "
-        "forecasts per live frame, 20, 40 and the number of stp (12.3), on ids and reacquired at the last alone."
+        (
+            "The truth holds prediction targets only, so false forecasts cannot be known: the error is taken at "
+            "budgets of forecasts per live frame, 20, 40 and the number of stp (12.3), on ids and reacquired at "
+            "the last alone."
+        )
     ]
     assert "averaged over budgets of forecasts per live frame; on ids" in notes(partly)[0]
 
@@ -264,8 +273,9 @@ def test_the_counts_of_subsets_in_words() -> None:
 def test_the_table_of_sensitivity() -> None:
     errors = {"stp": 12.3, "mtp": 11.1, "stp_same_budget": 9.9}
     at = AtCut(
-        cut=0.1, switches=1234, switches_on_targets=567, ids=errors, all=errors, beyond_control={"ids": -0.25, "all": 0.5},
-        interval={"ids": (-0.75, 0.125), "all": None}, p={"ids": 0.1, "all": 1.0},
+        cut=0.1, switches=1234, switches_on_targets=567, ids=errors, all=errors,
+        beyond_control={"ids": -0.25, "all": 0.5}, interval={"ids": (-0.75, 0.125), "all": None},
+        p={"ids": 0.1, "all": 1.0},
     )  # fmt: skip
     text = render(sensitivity_table([at]))
     assert max(map(len, text.splitlines())) <= TEXT_WIDTH
