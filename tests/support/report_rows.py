@@ -44,12 +44,12 @@ def detail(setting: Setting) -> Details:
         minADE=0.1, minFDE=0.2, error=7.125, plain_error=0.3, coverage=0.9, targets=17, objects=9, scenes=11
     )  # fmt: skip
     clear = Clear(TP=1, FP=2, FN=3, IDS=4, FRAG=5, MOTA=0.89, MOTP=0.3)
-    bins = [{"by": by, "bin": name, "errors": errors} for by, name in (("class", "car"), ("motion", "moving"))]
+    bins = [Bin(by="class", bin="car", errors=errors), Bin(by="motion", bin="moving", errors=errors)]
     content: dict[str, Any] = {
         **_setting(setting), "seeds": 3, "silence": 20.0, "miss_rate": 0.333, "PI_ADE": 0.444, "EPA": 0.781,
         "AP_f": 0.222, "brier": 0.155, "reliability": [Reliability(confidence=0.95, matched=0.66, forecasts=9)],
         "forecasts_per_frame": 12.3, "false_per_frame": 4.5, "curve": [(i / 10, 3.75) for i in range(12)],
-        "k_curve": {"1": 0.5}, "bins": [Bin(**one) for one in bins], "own": {"all_h_ids": errors},
+        "k_curve": {"1": 0.5}, "bins": bins, "own": {"all_h_ids": errors},
         "own_events": {"ids": 34, "lost": 462, "wrong": 3, "reacquired": 99},
         "tracking": Tracking(all=clear, classes={}, false_positives=6, false_tracks=7),
         "invalid": {}, "dropped_detections": 0,

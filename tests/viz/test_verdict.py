@@ -271,7 +271,7 @@ def test_the_counts_of_subsets_in_words() -> None:
 
 
 def test_the_table_of_sensitivity() -> None:
-    errors = {"stp": 12.3, "mtp": 11.1, "stp_same_budget": 9.9}
+    errors: dict[str, float | None] = {"stp": 12.3, "mtp": 11.1, "stp_same_budget": 9.9}
     at = AtCut(
         cut=0.1, switches=1234, switches_on_targets=567, ids=errors, all=errors,
         beyond_control={"ids": -0.25, "all": 0.5}, interval={"ids": (-0.75, 0.125), "all": None},
