@@ -38,18 +38,18 @@ class Watched(HypothesisTracker):
 
 
 def fits(before: Tracks, now: Tracks) -> bool:
-    """Whether every track goes on from one of its hypothesis's parent, unless it is new or was not output before."""
+    """Whether every track that the parent of its hypothesis held too goes on from what it was there.
+
+    Tracks that are new, or that the parent had not seen often enough to output them, have nothing to fit.
+    """
     if now.parent is None:
         return False
-    known = {(int(i), p.tobytes()) for i, p in zip(before.track_id, before.past[:, 1:], strict=True)}
     for hypothesis, parent in zip(now.member, now.parent, strict=True):
-        held = before.member[parent]
-        of_parent = {(int(before.track_id[n]), before.past[n, 1:].tobytes()) for n in np.flatnonzero(held)}
+        held = np.flatnonzero(before.member[parent])
+        past = dict(zip(before.track_id[held].tolist(), before.past[held, 1:], strict=True))
         for n in np.flatnonzero(hypothesis):
-            key = int(now.track_id[n]), now.past[n, :-1].tobytes()
-            if key in known and key not in of_parent:
-                return False
-            if key not in known and int(now.track_id[n]) in before.track_id[held]:
+            known = past.get(int(now.track_id[n]))
+            if known is not None and not np.array_equal(known, now.past[n, :-1]):
                 return False
     return True
 

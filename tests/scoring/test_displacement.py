@@ -35,8 +35,8 @@ def test_by_hand() -> None:
     assert got.min_ade.tolist() == [1.5]  # each minimised on its own
     assert got.min_fde.tolist() == [2.0]
     assert got.miss.tolist() == [False]  # 2 m is inside
-    # mean distance over 4 coordinates, less half the distance between the two samples
-    assert got.energy_score[0] == pytest.approx(((3 + np.sqrt(8)) / 2 - np.sqrt(4 + 1) / 2) / np.sqrt(2))
+    # mean distance over 4 coordinates, less a quarter of the distance between the two samples
+    assert got.energy_score[0] == pytest.approx(((3 + np.sqrt(8)) / 2 - np.sqrt(4 + 1) / 4) / np.sqrt(2))
     assert got.valid.tolist() == [True]
 
 
@@ -132,12 +132,34 @@ def test_order_scale_of_weights_and_place_do_not_matter(seed: int, yaw: float) -
 
 @steady
 @given(seeds)
-def test_a_copy_of_all_samples_changes_no_minimum_and_the_energy_score_for_the_worse(seed: int) -> None:
+def test_a_copy_of_all_samples_changes_nothing(seed: int) -> None:
     samples, truth, weight = random_samples(seed)
     want = displacement(samples, truth, weight)
     got = displacement(np.concatenate([samples, samples], axis=1), truth, np.concatenate([weight, weight], axis=1))
     assert np.array_equal(got.min_ade, want.min_ade)
-    assert (got.energy_score >= want.energy_score - 1e-9).all()
+    np.testing.assert_allclose(got.energy_score, want.energy_score, atol=1e-9)
+
+
+FLOOR = {
+    # weights of four samples of errors 1, 2, 3, 4 m: minADE
+    "just enough": ([0.0025, 0.5, 0.2, 0.2975], 1.0),
+    "next to nothing": ([0.0024, 0.5, 0.2, 0.2976], 2.0),
+    "absent samples raise the floor": ([0.0034, 0.0, 0.5, 0.4966], 1.0),
+    "... of those that are there": ([0.0033, 0.0, 0.5, 0.4967], 3.0),
+    "dropped once": ([0.0024, 0.002501, 0.001, 0.994099], 2.0),  # of the two that are left it would be too light
+    "any scale": ([24.0, 5000.0, 2000.0, 2976.0], 2.0),
+}
+
+
+@pytest.mark.parametrize(("weight", "want"), FLOOR.values(), ids=FLOOR.keys())
+def test_a_sample_of_next_to_no_weight_is_absent(weight: list[float], want: float) -> None:
+    samples = np.arange(1.0, 5.0)[None, :, None, None] * np.array([1.0, 0.0])
+    got = displacement(samples, np.zeros((1, 1, 2)), [weight])
+    assert (got.min_ade[0], got.min_fde[0]) == (want, want)
+    there = np.isfinite(got.ade[0])
+    without = displacement(samples[:, there], np.zeros((1, 1, 2)), [np.array(weight)[there]])
+    if weight[3] < 0.9:  # else those that are left would be dropped in turn
+        assert got.energy_score == pytest.approx(without.energy_score)
 
 
 # ---- the curve over k
@@ -191,7 +213,7 @@ def by_sums(samples: NDArray[Any], truth: NDArray[Any], weight: NDArray[Any]) ->
     first = sum(w * np.linalg.norm(x - truth) for x, w in zip(samples, weight, strict=True))
     pairs = 0.0
     for (x, v), (y, w) in itertools.permutations(zip(samples, weight, strict=True), 2):
-        pairs += v * w / (1 - min(v, w)) * float(np.linalg.norm(x - y))
+        pairs += v * w * float(np.linalg.norm(x - y))
     return float((first - pairs / 2) / np.sqrt(len(truth)))
 
 
@@ -222,14 +244,16 @@ def test_energy_score_is_never_negative(seed: int) -> None:
     assert (energy_score(samples, rng.normal(size=(4, 2, 2)), weight) >= 0).all()
 
 
-@pytest.mark.parametrize("weight", [1e-12, 1e-3, 0.1])
-def test_a_far_sample_of_little_weight_earns_nothing(weight: float) -> None:
-    # with 1 - sum w^2 as the denominator this would be about -500 m
-    truth = np.zeros((1, 1, 2))
-    honest = energy_score(np.full((1, 1, 1, 2), 1.0), truth, np.ones((1, 1)))
-    samples = np.array([[[[1.0, 1.0]], [[1000.0, 0.0]]]])
-    got = energy_score(samples, truth, np.array([[1 - weight, weight]]))
-    assert got[0] >= honest[0] - weight * 1.5
+@pytest.mark.parametrize("far", [100.0, 1000.0])
+def test_a_pair_far_apart_costs(far: float) -> None:
+    # divided by 1 - sum w^2 two far samples of weight 1/2 would cancel
+    truth, near = np.zeros((1, 1, 2)), np.array([[[[1.0, 0.0]], [[0.0, 1.0]], [[far, 0.0]], [[-far, 0.0]]]])
+    honest = energy_score(near, truth, np.array([[0.5, 0.5, 0.0, 0.0]]))[0]
+    pair = energy_score(near, truth, np.array([[0.0, 0.0, 0.5, 0.5]]))[0]
+    assert pair == pytest.approx(far / 2)
+    mixed = [energy_score(near, truth, np.array([[0.5 - w, 0.5 - w, w, w]]))[0] for w in (0.0, 0.005, 0.05, 0.25)]
+    assert mixed[0] == honest
+    assert sorted(mixed) == mixed
 
 
 def test_the_true_distribution_scores_best_on_average() -> None:

@@ -1,4 +1,4 @@
-"""Whose forecast is whose; the missing-aware error; EPA and AP_f."""
+"""Whose forecast is whose; the error at the fixed operating point; EPA and AP_f."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from mtp_bench.errors import ShapeError
 from mtp_bench.scoring import end_to_end_accuracy, find_targets, forecast_average_precision, frame_error, score_scene
-from mtp_bench.scoring.forecasts import match_objects
+from mtp_bench.scoring.forecasts import Forecasts, match_objects
 from mtp_bench.types import Scene
 from tests.support.scoring_scenes import WALKER, Thing, make_card, make_rollout, make_scene, random_case
 
@@ -55,71 +55,83 @@ def test_objects(truth: list[Thing], objects: list[Thing], want: list[int], fals
     assert found.unmatched.tolist() == false
 
 
-# ---- missing-aware error of a frame: a car at rest and a walker at rest are targets in frame 1
+# ---- error at the fixed operating point, of a frame: a car at rest and a walker at rest are targets in frame 1
+
+NOTHING = (0, 0, 0)  # malformed objects: cars, walkers, without a class
 
 
-def still(*things: Thing) -> Scene:
-    return make_scene([list(things)] * 5)
+def still(*things: Thing, **more: Any) -> Scene:
+    return make_scene([list(things)] * 5, **more)
 
 
-def error(scene: Scene, objects: Sequence[Thing], t: int = 1) -> float:
-    rollout = make_rollout([[]] * 5, [*[[]] * t, list(objects)])
-    xy = rollout.object_box[:, None, None, :2] + rollout.forecast / 100.0
-    targets, weight = find_targets(scene, CARD), rollout.forecast_log_weight
-    return frame_error(scene, targets, CARD, t, rollout.object_box, rollout.object_class, xy, weight)
+def error(scene: Scene, objects: Sequence[Thing], t: int = 1, malformed: Sequence[int] = NOTHING) -> float:
+    said = Forecasts.of(make_rollout([[]] * 5, [*[[]] * t, list(objects)]))
+    return frame_error(scene, find_targets(scene, CARD), CARD, t, said, np.array(malformed))
 
 
 TARGETS = (car(0), Thing(2, 30, 0, class_id=WALKER))
 SEEN = (car(0.5, forecast=[[[1, 0]] * 3]), Thing(2, 30, 0, class_id=WALKER, forecast=[[[30, 3]] * 3]))
+UNSURE = tuple(replace(thing, confidence=0.49) for thing in SEEN)
+MANY = tuple(car(60.0 + 5 * i, id=i) for i in range(40))
 
-ERRORS: dict[str, tuple[Scene, Sequence[Thing], float]] = {
-    "both covered": (still(*TARGETS), SEEN, (1 + 3) / 2),
-    "a perfect answer": (still(*TARGETS), tuple(replace(i, forecast=[[[i.x, 0]] * 3]) for i in TARGETS), 0.0),
-    "car missing": (still(*TARGETS), SEEN[1:], (10 + 3) / 2),
-    "nothing said": (still(*TARGETS), (), (10 + 4) / 2),
-    "worse than missing is capped": (still(*TARGETS), (car(0, forecast=[[[99, 0]] * 3]), SEEN[1]), (10 + 3) / 2),
-    "a false car": (still(*TARGETS), (*SEEN, car(60)), (1 + 3 + 5) / 2),
-    "a false walker": (still(*TARGETS), (*SEEN, Thing(9, 60, 0, class_id=WALKER)), (1 + 3 + 2) / 2),
-    "absent sample": (still(car(0)), [car(0, forecast=[[[0, 0]] * 3], log_weight=[-np.inf])], 10.0),
-    "no target": (still(van(0)), [car(0.1)], 0.0),
-    "no target and a false car": (still(van(0)), [car(0.1), car(50)], 5.0),
-    "nothing at all": (still(), [], 0.0),
-    "false forecasts where the truth has holes": (
-        make_scene([list(TARGETS)] * 5, truth_complete=False),
-        (*SEEN, car(60)),
-        2.0,
+ERRORS: dict[str, tuple[Scene, Sequence[Thing], Sequence[int], float]] = {
+    # scene, objects, malformed, error
+    "both covered": (still(*TARGETS), SEEN, NOTHING, 1 + 3),
+    "a perfect answer": (still(*TARGETS), [replace(i, forecast=[[[i.x, 0]] * 3]) for i in TARGETS], NOTHING, 0),
+    "car missing": (still(*TARGETS), SEEN[1:], NOTHING, 10 + 3),
+    "nothing said": (still(*TARGETS), (), NOTHING, 10 + 4),
+    "unsure is not said": (still(*TARGETS), (*UNSURE, car(60, confidence=0.49)), NOTHING, 10 + 4),
+    "just sure": (still(*TARGETS), [replace(i, confidence=0.5) for i in SEEN], NOTHING, 1 + 3),
+    "worse than missing is capped": (still(*TARGETS), (car(0, forecast=[[[99, 0]] * 3]), SEEN[1]), NOTHING, 10 + 3),
+    "a false car": (still(*TARGETS), (*SEEN, car(60)), NOTHING, 1 + 3 + 5),
+    "a false walker": (still(*TARGETS), (*SEEN, Thing(9, 60, 0, class_id=WALKER)), NOTHING, 1 + 3 + 2),
+    "malformed objects": (still(*TARGETS), SEEN, (1, 2, 3), 1 + 3 + 5 + 2 * 2 + 3 * 5),
+    "absent sample": (still(car(0)), [car(0, forecast=[[[0, 0]] * 3], log_weight=[-np.inf])], NOTHING, 10),
+    "no target": (still(van(0)), [car(0.1)], NOTHING, 0),
+    "no target, a false car and a malformed walker": (still(van(0)), [car(0.1), car(50)], (0, 1, 0), 5 + 2),
+    "nothing at all": (still(), [], NOTHING, 0),
+    "targets only: 40 are free": (still(*TARGETS, truth_complete=False), (*SEEN, *MANY[2:]), NOTHING, 1 + 3),
+    "targets only: the 41st is not": (still(*TARGETS, truth_complete=False), (*SEEN, *MANY[1:]), NOTHING, 1 + 3 + 5),
+    "targets only: malformed ones are among the 40": (
+        still(*TARGETS, truth_complete=False),
+        (*SEEN, *MANY[4:]),
+        (1, 0, 1),
+        1 + 3,
+    ),
+    "targets only: more malformed ones than are free": (
+        still(*TARGETS, truth_complete=False),
+        (*SEEN, *MANY[2:]),
+        (1, 1, 0),
+        1 + 3 + 5 + 2,
     ),
 }
 
 
-@pytest.mark.parametrize(("scene", "objects", "want"), ERRORS.values(), ids=ERRORS.keys())
-def test_error_of_a_frame(scene: Scene, objects: Sequence[Thing], want: float) -> None:
-    assert error(scene, objects) == pytest.approx(want)
+@pytest.mark.parametrize(("scene", "objects", "malformed", "want"), ERRORS.values(), ids=ERRORS.keys())
+def test_error_of_a_frame(scene: Scene, objects: Sequence[Thing], malformed: Sequence[int], want: float) -> None:
+    assert error(scene, objects, malformed=malformed) == pytest.approx(want)
 
 
-def test_frames_without_targets_cost_their_false_forecasts() -> None:
+def test_only_live_frames_cost() -> None:
     scene = still(*TARGETS)
-    assert error(scene, [car(0)], t=0) == 0.0  # the first frame has no past: nothing to forecast, nothing wrong
-    assert error(scene, [car(60)], t=4) == 5.0
+    assert [error(scene, [car(60)], t, (1, 1, 1)) for t in range(5)] == [0, 10 + 4 + 5 + 5 + 2 + 5, 0, 0, 0]
 
 
 @settings(derandomize=True, deadline=None, max_examples=40)
-@given(st.integers(0, 10_000))
-def test_frames_add_up_to_the_scene(seed: int) -> None:
+@given(st.integers(0, 10_000), st.booleans())
+def test_frames_add_up_to_the_scene(seed: int, complete: bool) -> None:
     card = make_card()
     scene, rollout = random_case(seed)
-    targets = find_targets(scene, card)
-    score = score_scene(scene, rollout, card)
-    total = 0.0
+    scene = replace(scene, truth_complete=complete)
+    malformed = np.random.default_rng(seed).poisson(0.5 if complete else 30.0, (scene.frames, 3))
+    rollout = replace(rollout, malformed=malformed)
+    targets, said = find_targets(scene, card), Forecasts.of(rollout)
+    parts = []
     for t in range(scene.frames):
         rows = rollout.objects.rows(t)
-        xy = rollout.object_box[rows, None, None, :2] + rollout.forecast[rows] / 100.0
-        part = frame_error(scene, targets, card, t, rollout.object_box[rows], rollout.object_class[rows], xy,
-                           rollout.forecast_log_weight[rows])  # fmt: skip
-        count = int((targets.frame == t).sum())
-        assert (part == 0.0) == (count == 0 and score.false_forecasts[t] == 0)
-        total += part * max(1, count)
-    assert total == pytest.approx(score.capped.sum() + score.false_error)
+        now = Forecasts(**{name: value[rows] for name, value in vars(said).items()})
+        parts.append(frame_error(scene, targets, card, t, now, malformed[t]))
+    assert sum(parts) == pytest.approx(score_scene(scene, rollout, card).fixed_error)
 
 
 # ---- EPA and AP_f

@@ -4,46 +4,58 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from mtp_bench.errors import RolloutError
+from mtp_bench.errors import DataError, RolloutError
 from mtp_bench.scoring import (
     DEFINITIONS,
     SUBSETS,
     AgentScores,
-    ReferenceSubsets,
+    Ends,
+    Reference,
     Report,
     SceneScore,
-    reference_subsets,
     score_scene,
+    stated_hypotheses,
     summarise,
 )
-from mtp_bench.scoring.rows import Clear, Row
+from mtp_bench.scoring.rows import Clear, PairedRow, Row
+from mtp_bench.scoring.weights import SceneWeights, scene_key
 from tests.support.scoring_scenes import WALKER, Thing, make_card, make_rollout, make_scene, random_case
 
 CARD = make_card(past=2, future=3, samples=2)
-KEYS = {
-    "agent", "hypotheses", "samples", "budget", "subset", "minADE", "minFDE", "missing_aware", "energy_score",
-    "coverage", "gap_closed", "targets", "events", "objects", "scenes", "interval", "ms_per_frame",
-}  # fmt: skip
+RUNS = 4
 
 
-def answer(error: float, false: int = 0, seen: bool = True, switch: bool = False, name: str = "s") -> SceneScore:
+def answer(
+    error: float, false: int = 0, seen: bool = True, switch: bool = False, name: str = "s", sure: float = 1.0
+) -> SceneScore:
     """A car and a walker at rest are targets in frame 1; the forecasts of the car are ``error`` off, twice."""
     things = [Thing(1, 3, 0), Thing(2, 30, 0, class_id=WALKER)]
-    objects = [Thing(1, 3, 0, forecast=np.tile([3 + error, 0.0], (2, 3, 1)))] if seen else []
+    objects = [Thing(1, 3, 0, forecast=np.tile([3 + error, 0.0], (2, 3, 1)), confidence=sure)] if seen else []
     objects += [Thing(9, 60 + 9 * i, 0) for i in range(false)]
     tracks = [[Thing(1, 3, 0)], [Thing(2 if switch else 1, 3, 0)], *[[Thing(2 if switch else 1, 3, 0)]] * 3]
     rollout = make_rollout(tracks, [[], objects], samples=2, name=name)
     return score_scene(make_scene([things] * 5, name), rollout, CARD)
 
 
-def agent(name: str, *runs: list[SceneScore], samples: int = 2, budget: Any = "equal") -> AgentScores:
+def agent(name: str, *runs: Sequence[SceneScore], samples: int = 2, budget: Any = "equal") -> AgentScores:
     return AgentScores(name, 1, samples, budget, tuple(tuple(run) for run in runs), ideal=name == "truth_past")
+
+
+def reference(names: Sequence[str] = ("s",), counts: Any = ((0,) * 4, (0,) * 4), **more: Any) -> Reference:
+    """Weights of the car and the walker: in how many of four runs they have ids, lost, reacquired, frag."""
+    plain = np.zeros((len(counts), 3), dtype=bool)
+    plain[0, 0] = True
+    whole: dict[str, Any] = {"stp_events": (3, 2, 1), "false_forecasts": 2, "forecasts": 30, **more}
+    weights = SceneWeights(np.array(counts, dtype=np.uint8), plain, **whole)
+    scenes = {scene_key(CARD.id, name): weights for name in names}
+    return Reference(CARD.id, CARD.digest, DEFINITIONS, "stp", RUNS, {}, scenes)
 
 
 def row(report: Report, subset: str = "all", agent: int = 0) -> Row:
@@ -51,156 +63,205 @@ def row(report: Report, subset: str = "all", agent: int = 0) -> Row:
 
 
 def test_a_row_by_hand() -> None:
-    got = row(summarise([agent("a", [answer(0.5, false=1)])], CARD))
-    assert got.minADE == got.minFDE == pytest.approx(0.5)
-    assert got.energy_score == pytest.approx(0.5)
+    report = summarise([agent("a", [answer(0.5, false=1)])], CARD, reference(counts=[[1, 0, 0, 0], [3, 0, 0, 0]]))
+    got = row(report)
+    assert got.minADE == got.minFDE == got.energy_score == pytest.approx(0.5)
     assert got.coverage == 0.5
-    assert got.missing_aware == pytest.approx((0.5 + 4.0 + 5.0) / 2)  # the walker is missing, and a false forecast
-    assert (got.targets, got.objects, got.scenes, got.events) == (2, 2, 1, None)
-    assert got.interval is None  # one scene
-    assert got.gap_closed is None
+    assert got.plain_error == pytest.approx((0.5 + 4) / 2)  # the walker is missing
+    assert got.fixed_error == pytest.approx((0.5 + 4 + 5) / 2)
+    # budgets are 0.2, 0.4, ... 2 false forecasts: up to one the agent is silent for the rest, at 7 m
+    assert got.error == pytest.approx(0.2 * 7 + 0.8 * 2.25)
+    assert got.missed == pytest.approx(0.2 * 7 + 0.8 * 2)
+    assert got.localisation == pytest.approx(0.8 * 0.25)
+    assert got.error_by_score == got.error  # there are no detections: all alike
+    assert (got.targets, got.objects, got.scenes, got.events, got.seeds) == (2, 2, 1, None, 1)
+    assert (got.effective_targets, got.effective_objects, got.effective_units) == (2, 2, 1)
+    assert got.interval is got.gap_closed is got.p is None  # one unit, no ends
     assert got.ms_per_frame == pytest.approx(10.0)
+    ids = row(report, "ids")
+    assert ids.error == ids.plain_error == pytest.approx((0.5 + 3 * 4) / 4)  # at STP's two false forecasts
+    assert ids.fixed_error is None
+    assert (ids.events, ids.targets, ids.objects) == (1.0, 2, 2)
+    assert ids.effective_targets == pytest.approx(16 / 10)
+    lost = row(report, "lost")
+    assert (lost.error, lost.events, lost.targets) == (None, 0, 0)
+    paper = row(report, "paper_ids")
+    assert (paper.error, paper.minADE, paper.targets, paper.events) == (pytest.approx(0.5), pytest.approx(0.5), 1, 3)
+    assert row(report, "paper_frag").events == 3
 
 
 def test_an_agent_that_says_nothing_has_no_errors_but_pays() -> None:
-    got = row(summarise([agent("a", [answer(0, seen=False)])], CARD))
+    report = summarise([agent("a", [answer(0, seen=False)])], CARD, reference(counts=[[1] * 4, [3] * 4]))
+    got, ids = row(report), row(report, "ids")
     assert got.minADE is got.minFDE is got.energy_score is None
     assert got.coverage == 0.0
-    assert got.missing_aware == pytest.approx((10 + 4) / 2)
+    assert got.error == got.missed == got.plain_error == got.fixed_error == 7 == report.details[0].silence
+    assert ids.error == (10 + 3 * 4) / 4
 
 
-def test_silence_is_what_an_agent_without_forecasts_scores() -> None:
-    report = summarise([agent("loud", [answer(0.5, false=9)]), agent("silent", [answer(0, seen=False)])], CARD)
-    assert report.details[0].silence == report.details[1].silence == row(report, agent=1).missing_aware
-    loud, silence = row(report, agent=0).missing_aware, report.details[0].silence
-    assert loud is not None
-    assert silence is not None
-    assert loud > silence
+def test_without_a_reference_only_all_targets_have_weight_and_budgets_go_up_to_one_per_target() -> None:
+    report = summarise([agent("a", [answer(0.5, false=4)])], CARD)
+    assert row(report).error == pytest.approx(7 - (7 - 2.25) * np.mean(np.arange(1, 11) / 5 / 4))
+    assert (row(report, "ids").events, row(report, "ids").targets, row(report, "ids").error) == (None, 0, None)
+    assert report.condition["weights"] == "none"
 
 
 def test_seeds_are_averaged_per_target() -> None:
-    report = summarise([agent("a", [answer(0.5)], [answer(1.5, false=1)], [answer(0, seen=False)])], CARD)
+    known = reference(counts=[[4, 0, 0, 0], [0, 0, 0, 0]])
+    report = summarise([agent("a", [answer(0.5)], [answer(1.5, false=1)], [answer(0, seen=False)])], CARD, known)
     got = row(report)
     assert got.minADE == pytest.approx(1.0)  # over the two seeds that cover the car
     assert got.coverage == pytest.approx(2 / 6)
-    assert got.missing_aware == pytest.approx(((0.5 + 1.5 + 10) / 3 + 4 + 5 / 3) / 2)
-    parts = report.details[0].parts
-    assert parts.localisation == pytest.approx(2.0 / 3 / 2)
-    assert parts.missed == pytest.approx((10 / 3 + 4) / 2)
-    assert parts.false == pytest.approx(5 / 3 / 2)
-    assert sum(parts.model_dump().values()) == pytest.approx(got.missing_aware)
+    assert got.plain_error == pytest.approx(((0.5 + 1.5 + 10) / 3 + 4) / 2)
+    assert got.error == pytest.approx((2.25 + (0.2 * 7 + 0.8 * 2.75) + 7) / 3)
+    assert got.fixed_error == pytest.approx((2.25 + 2.75 + 2.5 + 7) / 3)
+    assert row(report, "ids").error == pytest.approx((0.5 + 1.5 + 10) / 3)
+    assert got.seeds == 3
 
 
-def test_event_subsets_have_no_false_term_and_no_targets_without_a_reference() -> None:
-    reference = reference_subsets([answer(0, switch=True)], CARD)
-    agents = [agent("a", [answer(0.5, false=1)])]
-    got = summarise(agents, CARD, reference)
-    assert row(got, "ids").missing_aware == pytest.approx(0.5)
-    assert (row(got, "ids").events, row(got, "ids").targets, row(got, "ids").objects) == (1, 1, 1)
-    assert (row(got, "lost").events, row(got, "lost").targets) == (0, 0)
-    bare = row(summarise(agents, CARD), "ids")
-    assert (bare.events, bare.targets, bare.missing_aware) == (None, 0, None)
-
-
-def test_events_that_are_no_targets_are_counted_too() -> None:
-    # the switch happens in the last frame, where there is no future
-    tracks = [[Thing(1, 3, 0)]] * 4 + [[Thing(2, 3, 0)]]
-    score = score_scene(make_scene([[Thing(1, 3, 0)]] * 5), make_rollout(tracks, samples=2), CARD)
-    got = row(summarise([agent("a", [score])], CARD, reference_subsets([score], CARD)), "ids")
-    assert (got.events, got.targets) == (1, 0)
-
-
-def test_false_forecasts_are_free_where_the_truth_has_holes() -> None:
+def test_where_the_truth_holds_targets_only_budgets_are_of_forecasts() -> None:
     things = [Thing(1, 3, 0)]
-    objects = [Thing(1, 3, 0, forecast=np.tile([3.0, 0.0], (2, 3, 1))), Thing(9, 60, 0)]
+    said = [Thing(1, 3, 0, forecast=np.tile([4.0, 0.0], (2, 3, 1)), confidence=0.5)]
+    said += [Thing(9, 60 + 9 * i, 0) for i in range(24)]
     scene = make_scene([things] * 5, truth_complete=False)
-    score = score_scene(scene, make_rollout([[]] * 5, [[], objects], samples=2), CARD)
-    report = summarise([agent("a", [score])], CARD)
-    assert row(report).missing_aware == 0.0
+    score = score_scene(scene, make_rollout([[]] * 5, [[], said], samples=2), CARD)
+    report = summarise([agent("a", [score])], CARD, reference(counts=[[4] * 4], forecasts=24))
+    assert row(report).error == pytest.approx((10 + 1 + 10) / 3)  # 20, 40, and 24 of STP per live frame
+    assert row(report, "ids").error == 10
     detail = report.details[0]
-    assert detail.EPA is detail.AP_f is detail.spurious_per_frame is detail.parts.false is None
-    assert detail.tracking.all.MOTA is None
-    assert detail.forecasts_per_frame == pytest.approx(2 / 5)
-    assert report.condition["truth"].endswith("false positives are not measurable")
+    assert detail.EPA is detail.AP_f is detail.brier is detail.false_per_frame is None
+    assert detail.tracking.all.FP is detail.tracking.all.MOTA is detail.tracking.false_tracks is None
+    assert detail.forecasts_per_frame == 25
+    assert dict(detail.curve)[30.0] == 1.0
+    assert report.condition["truth"].endswith("false forecasts cannot be known")
 
 
 # ---- several scenes: STP, the truth, and agents between them
 
-SCENES = [f"s{i}" for i in range(6)]
+SCENES = [f"s{i}" for i in range(12)]
+ALIKE = reference(SCENES, counts=[[2, 1, 2, 2], [2, 0, 2, 2]])
 
 
 def run(error: float, **more: Any) -> list[SceneScore]:
-    return [answer(error + 0.01 * i, name=name, **more) for i, name in enumerate(SCENES)]
+    return [answer(error + 0.01 * (i % 5), name=name, **more) for i, name in enumerate(SCENES)]
 
 
-def comparison(*others: AgentScores, reference: ReferenceSubsets | None = None, stp: float = 1.0) -> Report:
+def comparison(*others: AgentScores, stp: float = 1.0, own: Mapping[str, Ends | None] | None = None) -> Report:
     ends = agent("stp", run(stp)), agent("truth_past", run(0.2))
-    return summarise([*ends, *others], CARD, reference)
+    return summarise([*ends, *others], CARD, ALIKE, own_ends=own)
 
 
 def test_gap_closed() -> None:
-    report = comparison(agent("half", run(0.6)), agent("worse", run(1.4)), agent("noisy", run(0.6, false=3)))
-    closed = [row(report, agent=i).gap_closed for i in range(5)]
-    assert closed == pytest.approx([0.0, 1.0, 0.5, -0.5, 0.5])  # no false term
+    report = comparison(agent("half", run(0.6)), agent("worse", run(1.4)), agent("noisy", run(0.6, false=1)))
+    closed = [row(report, "ids", agent=i).gap_closed for i in range(5)]
+    assert closed == pytest.approx([0.0, 1.0, 0.5, -0.5, 0.5])  # one false forecast per scene is within the budget
+    assert row(report, agent=2).gap_closed == pytest.approx(0.5)
+    noisy = row(report, agent=4).gap_closed
+    assert noisy is not None
+    assert noisy < 0.5
+    assert row(report, agent=2).gap_interval == pytest.approx((0.5, 0.5))
+    assert row(report, "lost", agent=2).gap_closed == pytest.approx(0.5)  # shown, though never ranked
 
 
 def test_gap_closed_is_undefined_at_another_k_and_where_there_is_no_gap() -> None:
     free = agent("half", run(0.6), samples=40, budget="free")
     assert row(comparison(free), agent=2).gap_closed is None
     assert row(comparison(agent("half", run(0.6)), stp=0.2), agent=2).gap_closed is None
+    assert row(comparison(agent("half", run(0.6)), stp=0.1), agent=2).gap_closed is None
     assert row(summarise([agent("half", run(0.6))], CARD)).gap_closed is None
 
 
-def test_intervals_hold_the_error_and_pairs_their_difference() -> None:
+def test_the_same_predictor_at_both_ends() -> None:
+    ends = Ends(agent("learned stp", run(0.7)), agent("learned truth", run(0.3)))
+    report = comparison(agent("half", run(0.6)), own={"half": ends, "stp": None})
+    assert row(report, agent=2).gap_closed == pytest.approx(0.5)
+    assert [row(report, agent=i).gap_closed_same_predictor for i in range(3)] == [0, None, pytest.approx(0.25)]
+
+
+def test_differences_to_the_controls() -> None:
     report = comparison(agent("half", run(0.6)))
     for i in range(3):
         got = row(report, agent=i)
         assert got.interval is not None
-        assert got.missing_aware is not None
-        assert got.interval[0] <= got.missing_aware <= got.interval[1]
-        assert got.scenes == 6
-    pairs = {(p.agent, p.other, p.subset): p for p in report.paired}
+        assert got.error is not None
+        assert got.interval[0] <= got.error <= got.interval[1]
+        assert (got.scenes, got.effective_units) == (12, pytest.approx(12))
+    got = row(report, agent=2)
+    assert got.difference_to_stp == pytest.approx(-0.2)  # half of the targets are cars
+    assert got.difference_interval == pytest.approx((-0.2, -0.2))
+    assert got.p == 2 / 2**12
+    pairs: dict[Any, PairedRow] = {(p.agent, p.other, p.subset): p for p in report.paired}
     pair = pairs["half", "stp", "all"]
-    assert pair.missing_aware == pytest.approx(-0.2)  # half of the targets are cars
-    assert pair.interval == pytest.approx([-0.2, -0.2])
-    assert pair.p == 2 / 2**6
+    assert (pair.error, pair.interval, pair.p) == (got.difference_to_stp, got.difference_interval, got.p)
     assert pair.minADE == pytest.approx(-0.4)
-    assert (pair.targets, pair.shared, pair.scenes) == (12, 6, 6)
-    assert pairs["half", "stp", "ids"].p is None
+    assert (pair.targets, pair.shared, pair.scenes) == (24, 12, 12)
+    assert pairs["half", "stp", "frag"].error == pytest.approx(-0.2)
     assert ("stp", "stp", "all") not in pairs
 
 
-def test_ranks_need_twenty_objects_and_equal_budget() -> None:
-    agents = [agent("a", run(0.6)), agent("b", run(0.3))]
-    assert {r.rank for r in comparison(*agents).ranks} == {None}  # 12 objects
+RANKS = {
+    # agent beside stp (1.0 m) and the truth: rank on all, reason; rank on ids, reason
+    "better": (agent("a", run(0.6)), 1, None, 1, None),
+    "as good": (agent("a", run(1.0)), 1, None, 1, None),
+    "worse": (agent("a", run(1.5)), 2, None, None, "over all targets its error is above that of stp"),
+    "better on events, worse on all": (
+        agent("a", run(0.9, false=2)),
+        2,
+        None,
+        None,
+        "over all targets its error is above that of stp",
+    ),
+    "more samples": (
+        agent("a", run(0.6), samples=40, budget="free"),
+        None,
+        "40 samples per object, not the env's own k",
+        None,
+        "40 samples per object, not the env's own k",
+    ),
+}
 
-    def many(error: float) -> list[SceneScore]:
-        return [answer(error + 0.01 * (i % 3), name=f"s{i}") for i in range(12)]
 
-    free = agent("free", many(0.1), samples=40, budget="free")
-    agents = [
-        agent("stp", many(1.0)),
-        agent("a", many(0.6)),
-        agent("same", many(0.6)),
-        free,
-        agent("truth_past", many(0)),
-    ]
-    ranks = [r.rank for r in summarise(agents, CARD).ranks if r.subset == "all"]
-    assert ranks == [3, 1, 1, None, None]
-
-
-@pytest.mark.parametrize(("complete", "forecasts", "rank"), [(False, 3, 1), (False, 4, None), (True, 4, 1)])
-def test_a_flood_is_not_ranked_where_false_forecasts_cost_nothing(
-    complete: bool, forecasts: int, rank: int | None
+@pytest.mark.parametrize(("other", "of_all", "why", "of_ids", "why_ids"), RANKS.values(), ids=RANKS.keys())
+def test_ranks(
+    other: AgentScores, of_all: int | None, why: str | None, of_ids: int | None, why_ids: str | None
 ) -> None:
-    def many(error: float, count: int) -> list[SceneScore]:
-        scores = [answer(error, name=f"s{i}") for i in range(12)]
-        return [replace(score, truth_complete=complete, forecasts=count) for score in scores]
+    report = comparison(other)
+    assert (row(report, agent=2).rank, row(report, agent=2).unranked_because) == (of_all, why)
+    assert (row(report, "ids", 2).rank, row(report, "ids", 2).unranked_because) == (of_ids, why_ids)
+    assert (row(report, agent=1).rank, row(report, agent=1).unranked_because) == (None, "saw the truth")
+    assert row(report).rank == (2 if other is RANKS["better"][0] else 1)
+    assert {row(report, name, 2).rank for name in ("lost", "frag", "paper_ids", "paper_frag")} == {None}
 
-    agents = [agent("stp", many(1.0, 2)), agent("flood", many(0.1, forecasts))]
-    ranks = {r.agent: r.rank for r in summarise(agents, CARD).ranks if r.subset == "all"}
-    assert ranks["flood"] == rank
-    assert ranks["stp"] == (1 if rank is None else 2)
+
+def test_the_guard_knows_the_agent_s_own_pipeline_too() -> None:
+    ends = Ends(agent("learned stp", run(0.5)), agent("learned truth", run(0.2)))
+    report = comparison(agent("a", run(0.6)), own={"a": ends})
+    assert (row(report, agent=2).rank, row(report, "ids", 2).rank) == (1, None)
+
+
+def test_few_objects_are_not_ranked() -> None:
+    report = summarise([agent("a", run(0.6)[:9])], CARD, ALIKE)
+    assert row(report).unranked_because == "18.0 objects, fewer than 20"
+
+
+def test_confidence_against_what_is_there() -> None:
+    # two forecasts are right and one is false; a fourth, on a neutral object, does not count
+    things = [Thing(1, 0, 0), Thing(2, 20, 0), Thing(3, 40, 0, neutral=True)]
+    said = [Thing(0, x, 0, confidence=c) for x, c in ((0, 0.95), (20, 0.55), (60, 0.5), (40, 0.1))]
+    score = score_scene(make_scene([things] * 5), make_rollout([[]] * 5, [[], said], samples=2), CARD)
+    detail = summarise([agent("a", [score])], CARD).details[0]
+    assert detail.brier == pytest.approx((0.05**2 + 0.45**2 + 0.5**2) / 3)
+    found = [(r.confidence, r.matched, r.forecasts) for r in detail.reliability]
+    assert found == [(pytest.approx(0.525), 0.5, 2), (pytest.approx(0.95), 1.0, 1)]
+    assert (detail.forecasts_per_frame, detail.false_per_frame) == (4, 1)
+
+
+def test_the_curve_begins_at_silence_and_ends_at_the_plain_error() -> None:
+    report = summarise([agent("a", [answer(0.5, false=2)])], CARD)
+    curve = dict(report.details[0].curve)
+    assert curve[0.0] == report.details[0].silence == 7
+    assert curve[0.5] == pytest.approx((7 + 2.25) / 2)  # one false forecast of the two
+    assert curve[1.0] == curve[5.0] == row(report).plain_error == 2.25
 
 
 def test_bins_and_planning() -> None:
@@ -211,7 +272,7 @@ def test_bins_and_planning() -> None:
         "0-5 m", "5-10 m", "10-15 m", "15-30 m", "30-50 m", "beyond 50 m", "car", "pedestrian", "moving", "static",
     ]  # fmt: skip
     assert bins["distance", "0-5 m"].errors.minADE == pytest.approx(0.5)
-    assert bins["distance", "30-50 m"].errors.missing_aware == 4.0
+    assert bins["distance", "30-50 m"].errors.error == bins["distance", "30-50 m"].errors.plain_error == 4.0
     assert bins["distance", "5-10 m"].errors.minADE is None
     assert (bins["motion", "moving"].errors.targets, bins["motion", "static"].errors.targets) == (0, 2)
     assert bins["class", "car"].EPA == 1.0
@@ -220,6 +281,7 @@ def test_bins_and_planning() -> None:
     assert pytest.approx((near * 0.5 + far * 4.0) / (near + far)) == detail.PI_ADE
     assert detail.EPA == 0.5
     assert detail.AP_f == pytest.approx(0.5)  # car 1, pedestrian 0
+    assert detail.miss_rate == 0.5
     assert detail.k_curve == {"1": pytest.approx(0.5)}
 
 
@@ -240,6 +302,17 @@ def test_every_distance_belongs_to_one_bin() -> None:
     score = score_scene(make_scene([things] * 5), make_rollout([[]] * 5, samples=2), CARD)
     bins = summarise([agent("a", [score])], CARD).details[0].bins
     assert [b.errors.targets for b in bins if b.by == "distance"] == [1, 1, 1, 1, 2, 1]
+
+
+def test_objects_are_those_of_the_recording() -> None:
+    cut = [replace(score, recording="whole" if i < 9 else score.scene) for i, score in enumerate(run(0.6))]
+    got = row(summarise([agent("a", cut)], CARD))
+    assert (got.objects, got.effective_objects, got.scenes) == (8, pytest.approx(24**2 / (2 * 81 + 6)), 12)
+
+
+def test_the_most_hypotheses_of_a_frame() -> None:
+    scores = [score_scene(*random_case(seed, hypotheses=2, name=f"s{seed}"), make_card()) for seed in range(2)]
+    assert (stated_hypotheses([scores, scores]), stated_hypotheses([[]])) == (2, 0)
 
 
 def test_own_events_are_shown() -> None:
@@ -265,26 +338,26 @@ def test_motp_of_an_overlap_gate_is_the_mean_overlap() -> None:
 def test_everything_can_be_written_as_json_without_nan() -> None:
     card = make_card()
     scores = [score_scene(*random_case(seed, name=f"s{seed}"), card) for seed in range(4)]
-    reference = reference_subsets(scores, card)
-    agents = [agent("stp", scores, scores, samples=4), agent("truth_past", scores, samples=4)]
-    report = summarise(agents, card, reference)
-    content = report.to_json("ranks", "paired", "details")
-    json.dumps(content, allow_nan=False)
-    assert (content["env"], content["definitions"]) == ("MTP-Test-v0", DEFINITIONS)
-    assert all(set(r) == KEYS for r in content["rows"])
+    silent = [replace(score, truth_complete=False) for score in scores]
+    for runs in ((scores, scores), (silent,)):
+        report = summarise([agent("stp", *runs, samples=4), agent("truth_past", *runs, samples=4)], card)
+        content = report.to_json("condition", "paired", "details")
+        json.dumps(content, allow_nan=False)
+        assert (content["env"], content["definitions"]) == ("MTP-Test-v0", DEFINITIONS)
+        assert all(set(r) == set(Row.model_fields) for r in content["rows"])
     assert [(r.agent, r.subset) for r in report.rows] == [(a, s) for a in ("stp", "truth_past") for s in SUBSETS]
 
 
 def test_order_of_agents_does_not_change_their_rows() -> None:
     agents = [agent("stp", run(1.0)), agent("truth_past", run(0.2)), agent("a", run(0.6))]
-    one, two = summarise(agents, CARD), summarise(agents[::-1], CARD)
+    one, two = summarise(agents, CARD, ALIKE), summarise(agents[::-1], CARD, ALIKE)
     assert sorted(map(repr, one.rows)) == sorted(map(repr, two.rows))
 
 
 def test_an_empty_scene_is_no_error() -> None:
     empty = score_scene(make_scene([[]] * 3), make_rollout([[]] * 3, samples=2), CARD)
     got = row(summarise([agent("a", [empty])], CARD))
-    assert (got.targets, got.missing_aware, got.scenes) == (0, None, 0)
+    assert (got.targets, got.error, got.plain_error, got.fixed_error, got.scenes) == (0, None, None, None, 0)
 
 
 def test_agents_on_different_targets_are_an_error() -> None:
@@ -293,8 +366,12 @@ def test_agents_on_different_targets_are_an_error() -> None:
         summarise([one, other], CARD)
     with pytest.raises(RolloutError, match="the seeds of agent 'a' were scored on different scenes"):
         summarise([agent("a", run(0.5), run(0.5)[::-1])], CARD)
-    strange = [replace(score, key=score.key + 1) for score in run(0.5)]
+    strange = [replace(score, frame=score.frame + 1) for score in run(0.5)]
     with pytest.raises(RolloutError, match="agents 'a' and 'b' have different targets in scene 's0'"):
         summarise([one, agent("b", strange)], CARD)
     with pytest.raises(RolloutError, match="agent 'c' has no scored scene"):
         summarise([agent("c")], CARD)
+    with pytest.raises(DataError, match="no event weights of scene 's3'"):
+        summarise([one], CARD, reference(SCENES[:3]))
+    with pytest.raises(RolloutError, match="the event weights of scene 's' are of 3 targets, the scene has 2"):
+        summarise([agent("a", [answer(0)])], CARD, reference(counts=[[0] * 4] * 3))

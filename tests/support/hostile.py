@@ -88,9 +88,9 @@ class Court:
         return run_scene(small_scenes.EchoAgent(), MTPEnv(self.card, self.data, evaluation=True), scene, 0)
 
     def error(self, rollout: Rollout) -> float:
-        """The ranked error of one scene, summed: what is uncovered costs, what is false too."""
+        """Error at the fixed operating point, summed: what is uncovered costs, what is false too."""
         env = MTPEnv(self.card, self.data, evaluation=True)
         env.reset(options={"scene": rollout.scene})
         score = score_scene(env.scene, rollout, load_card(self.card))
         assert len(score), "a scene without targets shows nothing"
-        return float(score.capped.sum()) + score.false_error
+        return score.fixed_error

@@ -141,11 +141,15 @@ def make_rollout(
 
 
 def random_case(
-    seed: int, frames: int = 12, objects: int = 6, hypotheses: int = 3, name: str = "s"
+    seed: int, frames: int = 12, objects: int = 6, hypotheses: int = 3, name: str = "s", apart: float = 0.0
 ) -> tuple[Scene, Rollout]:
-    """A crowd with gaps, and a rollout with misses, switches, false forecasts and absent samples (4, 3 frames)."""
+    """A crowd with gaps, and a rollout with misses, switches, false forecasts and absent samples (4, 3 frames).
+
+    Confidences are eighths, so many are equal. ``apart``: metres by which every object is away from the next.
+    """
     rng = np.random.default_rng(seed)
     where = rng.uniform(-8, 8, (objects, 2)) + rng.normal(0, 0.4, (objects, 2)) * np.arange(frames)[:, None, None]
+    where[..., 0] += apart * np.arange(objects)
     kind = rng.integers(0, 2, objects)
     truth: list[list[Thing]] = []
     tracks: list[list[Thing]] = []
@@ -174,7 +178,9 @@ def random_case(
             xy = rng.uniform(-8, 8, 2)
             seen[-1].append(at(99, xy, forecast=np.tile(xy, (4, 3, 1))))
     weight = np.log(rng.dirichlet(np.ones(hypotheses), frames))
-    return make_scene(truth, name), make_rollout(tracks, seen, weight, name, 4, 3, hypotheses)
+    rollout = make_rollout(tracks, seen, weight, name, 4, 3, hypotheses)
+    confidence = rng.integers(0, 9, len(rollout.object_box)) / 8
+    return make_scene(truth, name), replace(rollout, object_confidence=confidence.astype(np.float32))
 
 
 def moved(scene: Scene, rollout: Rollout, yaw: float, shift: tuple[float, float, float]) -> tuple[Scene, Rollout]:
@@ -211,6 +217,7 @@ def take_objects(rollout: Rollout, rows: Array) -> Rollout:
         object_start=np.searchsorted(frame, np.arange(rollout.frames + 1)),
         object_box=rollout.object_box[rows],
         object_class=rollout.object_class[rows],
+        object_confidence=rollout.object_confidence[rows],
         forecast=rollout.forecast[rows],
         forecast_log_weight=rollout.forecast_log_weight[rows],
     )

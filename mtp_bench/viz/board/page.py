@@ -110,10 +110,10 @@ def _about(env_id: str) -> dict[str, str] | None:
     if env_id not in card_ids():
         return None
     card = load_card(env_id)
-    data = describe(card)
+    data = describe(card).about
     how = "simulated" if card.detector is not None else "stored"
     detections = f"{how} ({card.detector_name})" if card.detector_name else how
-    return {"summary": card.summary, "detections": detections, "dataset": data.dataset, "licence": data.licence}
+    return {"summary": card.summary, "detections": detections, "dataset": data.name, "licence": data.licence}
 
 
 def _address(link: str | None) -> str | None:
