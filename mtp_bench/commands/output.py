@@ -59,7 +59,7 @@ def show_report(report: Report, of: str, skipped: Mapping[str, int], full: bool)
     show_numbers(main_table(report))
     show_lines(notes(report))
     data = f"split {condition['split']}, {condition['detections']}; truth: {condition['truth']}"
-    show_lines([f"{of}; {data}", condition["weights"]])
+    show_lines([f"{of}; {data}", condition["weights"], *([condition["trained"]] if "trained" in condition else [])])
     show_lines([line for line in [skipped_line(skipped)] if line is not None])
     for table in full_tables(report) if full else ():
         show("")
