@@ -8,6 +8,7 @@ Both are of MTP-Intersection-v0, three frames each: true boxes grey, detections 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,7 +62,7 @@ class Panel:
         points = " ".join(f"{px:.1f},{py:.1f}" for px, py in self.place(np.array([x, y]) + corners @ turn))
         return f'<polygon points="{points}" {style}/>'
 
-    def draw(self, title: str, colors: dict[int, str]) -> list[str]:
+    def draw(self, title: str, colors: Mapping[int, str]) -> list[str]:
         """The lines of the SVG."""
         truth, seen, said = self.scene.truth, self.scene.detections, self.rollout
         frame = f'x="{self.left}" y="{self.top}" width="{WIDTH}" height="{HEIGHT}"'

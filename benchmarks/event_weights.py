@@ -3,8 +3,9 @@
     python benchmarks/event_weights.py [--envs MTP-Intersection-v0 ...] [--runs 48] [--scenes N] [--json FILE]
 
 For every subset: the correlation of the two sets' weights over all targets, their sums and effective numbers of targets
-(sum w)^2 / sum w^2. ``expected`` is the correlation of sets of independent runs with these weights: all that is left to
-differ are the coins that the runs throw. Recorded envs need MTP_BENCH_DATA or --data.
+(sum w)^2 / sum w^2. The second correlation is what sets of as many independent runs with these weights would have; a
+set takes every assignment and cut equally often, so its own is a little higher. Recorded envs need MTP_BENCH_DATA or
+--data.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from .events import events
 from .fit_noise import fit_noise
 from .freeze import freeze
 from .new import new
-from .options import opened
+from .options import Command, opened
 from .output import fail
 from .run import run
 from .score import score
@@ -36,7 +36,7 @@ app = typer.Typer(
 for command in (
     envs, data, run, score, compare, view, events, video, fit_noise, new, check, submit, verify, seal, board,
 ):  # fmt: skip
-    app.command()(opened(command))
+    app.command(cls=Command)(opened(command))
 app.add_typer(train, name="train")
 app.command(hidden=True)(opened(freeze))
 

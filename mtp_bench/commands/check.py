@@ -45,6 +45,7 @@ def check(
     if checked.errors:
         said = count(checked.errors, "error")
         raise SubmissionError(f"{checked.submission} does not pass: {said}; the table says what, where and what to do")
+    show("with every forecast kept; what ranks is the error at budgets of false forecasts, which `compare` gives")
     show(f"{checked.submission} passes; next: `mtp-bench compare {shlex.quote(path)} --env {checked.env}`")
 
 
@@ -67,16 +68,20 @@ def finding_table(checked: Checked) -> Table:
 
 
 def _score_table(checked: Checked) -> Table:
-    """Missing-aware error per scene beside STP's."""
+    """Plain error and false forecasts per scene beside STP's."""
     from rich.markup import escape
 
     from ..records.checking import BESIDE
-    from ..viz.terminal.output import new_table
+    from ..viz.terminal.output import NOTHING, new_table
 
-    headings = ("scene", "targets", escape(checked.submission), BESIDE, "covered")
-    table = new_table("missing-aware error (m), lower is better", headings, left=("scene",))
+    own = escape(checked.submission)
+    headings = ("scene", "targets", own, BESIDE, "covered", f"false, {own}", f"false, {BESIDE}")
+    table = new_table("plain error (m), lower is better, and false forecasts", headings, left=("scene",))
     for row in checked.scores:
-        covered = "–" if row["coverage"] is None else f"{row['coverage']:.0%}"
-        errors = (number(row[key]) for key in ("missing_aware", BESIDE))
-        table.add_row(escape(row["scene"]), str(row["targets"]), *errors, covered)
+        covered = NOTHING if row["coverage"] is None else f"{row['coverage']:.0%}"
+        errors = (number(row[key]) for key in ("plain_error", BESIDE))
+        false = (
+            NOTHING if row[key] is None else str(row[key]) for key in ("false_forecasts", f"{BESIDE}_false_forecasts")
+        )
+        table.add_row(escape(row["scene"]), str(row["targets"]), *errors, covered, *false)
     return table

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from .options import EnvScenes, JsonOption, WorkerChoice
+from .options import EnvScenes, FullOption, JsonOption, WorkerChoice
 from .output import count, prepare, require_writable, show_report, working, write_json
 
 
@@ -15,25 +15,46 @@ def compare(
     on: EnvScenes,
     workers: WorkerChoice,
     seeds: Annotated[int, typer.Option(min=1, help="Runs with different random draws.")] = 3,
-    reference: Annotated[
-        str | None, typer.Option(help="Take the subsets from this agent's events, not the frozen ones.")
+    full: FullOption = False,
+    cuts: Annotated[
+        str | None,
+        typer.Option(help="Also stp, mtp and their control with detections above these scores; alone: .1,.2,.3."),
     ] = None,
     json_file: JsonOption = None,
 ) -> None:
-    """Run agents side by side, with true pasts and the controls beside them, and print the comparison."""
+    """Run agents side by side, with true pasts and the controls beside them: the verdict, and one table."""
+    from ..running.compare import CONTROLS
     from ..running.compare import compare as run_comparison
-    from ..viz.terminal.findings import findings
-    from ..viz.terminal.output import show
+    from ..running.sensitivity import sensitivity
+    from ..viz.terminal.output import show, show_lines, show_numbers
+    from ..viz.terminal.tables import sensitivity_table
+    from ..viz.terminal.verdict import verdict
 
+    at = None if cuts is None else scores_of(cuts)
     require_writable(json_file)
     options = on.options(workers, range(seeds))
     prepare(on.env, options)
     with working("compare", options) as watched:
-        result = run_comparison(agents, on.env, watched, reference)
-    report = result.report
-    content = report.to_json("condition", "ranks", "paired", "details")
-    write_json(json_file, {**content, "skipped": result.skipped})
-    what = f"missing-aware error (m), {count(seeds, 'seed')} of sampling"
-    show_report(report, what, result.reference.origin, result.skipped)
-    for sentence in findings(report):
-        show(f"• {sentence}")
+        result = run_comparison(agents, on.env, watched)
+    further = {}
+    if at is not None:
+        with working("cuts", options) as watched:
+            further["sensitivity"] = sensitivity(on.env, result.reference, watched, at)
+    content = result.report.to_json("condition", "paired", "details") | {"skipped": result.skipped}
+    parts = {name: [row.model_dump(mode="json") for row in rows] for name, rows in further.items()}
+    write_json(json_file, content | parts)
+    ran = dict.fromkeys(setting.submission.name for setting in result.settings)
+    show_lines(verdict(result.report, [name for name in ran if name in agents or name not in CONTROLS]), "- ")
+    show("")
+    show_report(result.report, count(seeds, "seed"), result.skipped, full)
+    for rows in further.values():
+        show("")
+        show_numbers(sensitivity_table(rows))
+
+
+def scores_of(text: str) -> list[float]:
+    """Scores as they are written on the command line, separated by commas; wrong usage for others."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise typer.BadParameter(f"{text!r}, expected numbers such as .1,.2,.3", param_hint="--cuts") from None

@@ -13,7 +13,9 @@ from .output import require_writable, write_json
 def events(
     folder: FolderArgument,
     scene: Annotated[str | None, typer.Option(help="Only this scene.")] = None,
-    kind: Annotated[list[str] | None, typer.Option(help="Only ids, lost, reacquired or spurious; repeatable.")] = None,
+    kind: Annotated[
+        list[str] | None, typer.Option(help="Only ids, lost, reacquired or spurious (false forecasts); repeatable.")
+    ] = None,
     root: DataOption = None,
     env: RunCardOption = None,
     json_file: JsonOption = None,

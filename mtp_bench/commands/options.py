@@ -3,24 +3,33 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, is_dataclass
 from functools import wraps
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from ..errors import MtpBenchError
+from .output import json_alone
 
 if TYPE_CHECKING:
     from ..parallel import Workers
     from ..running.options import RunOptions
 
+ALONE = {"--cuts": ".1,.2,.3"}  # option -> its value where no number follows
 DataOption = Annotated[
     str | None, typer.Option("--data", help="Data root; else MTP_BENCH_DATA, else the user data folder.")
 ]
-JsonOption = Annotated[Path | None, typer.Option("--json", help="Write the table's content to this file.")]
+JsonOption = Annotated[
+    Path | None,
+    typer.Option("--json", callback=json_alone, help="Write the table's content to this file; -: print it instead."),
+]
+FullOption = Annotated[bool, typer.Option("--full", help="All tables, not only the first.")]
 EnvOption = Annotated[str, typer.Option("--env", help="Environment id; `mtp-bench envs` lists them.")]
 JobsOption = Annotated[int, typer.Option("--jobs", min=0, help="Processes; 0 takes one per core.")]
 ScenesOption = Annotated[int | None, typer.Option("--scenes", min=1, help="Only the first N scenes.")]
@@ -78,6 +87,17 @@ class WorkerChoice:
             return Workers(self.jobs or cores(), self.backend, self.scheduler)
         except MtpBenchError as error:
             raise typer.BadParameter(str(error), param_hint="--backend, --scheduler") from None
+
+
+class Command(TyperCommand):
+    """A command with options that may stand alone, for a value of their own."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read ``args``, with the values that are left out put in."""
+        whole: list[str] = []
+        for word, following in zip_longest(args, args[1:], fillvalue=""):
+            whole += [word, *([ALONE[word]] if word in ALONE and not re.fullmatch(r"[\d.,]+", following) else [])]
+        return super().parse_args(ctx, whole)
 
 
 def opened(command: Callable[..., None]) -> Callable[..., None]:

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import io
 import json
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
+
+import typer
 
 if TYPE_CHECKING:
     from ..running.options import RunOptions
     from ..scoring import Report
+
+STANDARD_OUTPUT = Path("-")  # of `--json`
 
 
 @contextmanager
@@ -44,19 +49,21 @@ def fail(text: str) -> None:
     raise SystemExit(1)
 
 
-def show_report(report: Report, of: str, origin: str, skipped: Mapping[str, int]) -> None:
-    """Print the tables of a report ``of`` something, where its subsets come from, and what could not be read."""
+def show_report(report: Report, of: str, skipped: Mapping[str, int], full: bool) -> None:
+    """Print the table of a report ``of`` something, what its numbers hold for, and with ``full`` all other tables."""
     from ..running.reading import skipped_line
-    from ..viz.terminal.output import show, show_numbers
-    from ..viz.terminal.tables import displacement_table, error_table, parts_table
+    from ..viz.terminal.output import show, show_lines, show_numbers
+    from ..viz.terminal.tables import full_tables, main_table, notes
 
-    title = f"{report.env} ({report.condition['split']}, {report.condition['detector']}): {of}"
-    for table in (error_table(report, title), displacement_table(report), parts_table(report)):
+    condition = report.condition
+    show_numbers(main_table(report))
+    show_lines(notes(report))
+    data = f"split {condition['split']}, {condition['detections']}; truth: {condition['truth']}"
+    show_lines([f"{of}; {data}", condition["weights"], *([condition["trained"]] if "trained" in condition else [])])
+    show_lines([line for line in [skipped_line(skipped)] if line is not None])
+    for table in full_tables(report) if full else ():
+        show("")
         show_numbers(table)
-    show(f"detections: {report.condition['detections']}; truth: {report.condition['truth']}")
-    for line in (origin, skipped_line(skipped)):
-        if line is not None:
-            show(line)
 
 
 def require_writable(*paths: Path | None) -> None:
@@ -64,16 +71,34 @@ def require_writable(*paths: Path | None) -> None:
     from ..files import require_file
 
     for path in paths:
-        if path is not None:
+        if path is not None and path != STANDARD_OUTPUT:
             require_file(path)
 
 
+class _Muted(io.StringIO):
+    """Takes what is printed, so that the JSON stands alone on the ``output``."""
+
+    def __init__(self, output: TextIO) -> None:
+        super().__init__()
+        self.output = output
+
+
+def json_alone(context: typer.Context, path: Path | None) -> Path | None:
+    """What ``--json`` names; where that is standard output, the command prints nothing else on it."""
+    if path == STANDARD_OUTPUT:
+        context.with_resource(redirect_stdout(_Muted(sys.stdout)))
+    return path
+
+
 def write_json(path: Path | None, content: dict[str, Any]) -> None:
-    """Write what a table shows, where a file is named."""
+    """Write what a table shows, where a file or standard output is named."""
     from ..files import write_text
 
-    if path is not None:
-        write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+    text = json.dumps(content, indent=1, allow_nan=False) + "\n"
+    if path == STANDARD_OUTPUT:
+        (sys.stdout.output if isinstance(sys.stdout, _Muted) else sys.stdout).write(text)
+    elif path is not None:
+        write_text(path, text)
 
 
 def print_or_write(path: Path | None, text: str) -> None:

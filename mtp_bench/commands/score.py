@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from .options import DataOption, FolderArgument, JsonOption, RunCardOption
+from .options import DataOption, FolderArgument, FullOption, JsonOption, RunCardOption
 from .output import require_writable, show_report, working, write_json
 
 
 def score(
-    folder: FolderArgument, root: DataOption = None, env: RunCardOption = None, json_file: JsonOption = None
+    folder: FolderArgument,
+    root: DataOption = None,
+    env: RunCardOption = None,
+    full: FullOption = False,
+    json_file: JsonOption = None,
 ) -> None:
     """Score stored rollouts."""
     from ..running.options import RunOptions
@@ -18,4 +22,4 @@ def score(
         scored = score_stored(folder, options, env)
     report = scored.report
     write_json(json_file, {**report.to_json("condition", "details"), "skipped": scored.skipped})
-    show_report(report, folder.name, scored.origin, scored.skipped)
+    show_report(report, folder.name, scored.skipped, full)

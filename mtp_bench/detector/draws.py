@@ -148,8 +148,7 @@ class Grid:
 
     def rows_of(self, values: NDArray[ScalarT]) -> NDArray[ScalarT]:
         """What the rows of the truth have of ``values`` ``[F, J, ...]``: ``[R, ...]``."""
-        taken: NDArray[ScalarT] = values[self.frame, self.column]
-        return taken
+        return values[self.frame, self.column]
 
     def latent(self, memory: Callable[[ClassNoise], Memory], rng: np.random.Generator) -> Floats:
         """Standard normal numbers with memory for every row ``[R]``: object bias, autoregression and white share."""

@@ -12,7 +12,7 @@ from ..gateway import SceneRun, run_isolated_scenes
 from ..parallel import Progress
 from ..running.options import RunOptions
 from ..running.run import jobs_of, run_jobs
-from ..scoring import SceneScore, mean_error, score_scene
+from ..scoring import SceneScore, mean_plain_error, score_scene
 from ..submission import SubmissionFactory, load_submission
 from ..testing import Finding, check_agent
 from ..types import Rollout
@@ -28,7 +28,7 @@ class Checked:
     submission: str
     env: str
     findings: tuple[Finding, ...]
-    scores: tuple[dict[str, Any], ...] = ()  # per scene: scene, targets, missing_aware and stp (m), coverage
+    scores: tuple[dict[str, Any], ...] = ()  # per scene, see `_row`
 
     @property
     def errors(self) -> int:
@@ -102,11 +102,13 @@ def gateway_findings(runs: Sequence[SceneRun], here: Sequence[Rollout] | None) -
 
 
 def _row(own: SceneScore, beside: SceneScore) -> dict[str, Any]:
-    """Scores of one scene beside the baseline's; None where there is no target."""
+    """Plain error of one scene (m), coverage and false forecasts, beside the baseline's; None where undefined."""
     return {
         "scene": own.scene,
         "targets": len(own),
-        "missing_aware": mean_error([own]),
-        BESIDE: mean_error([beside]),
+        "plain_error": mean_plain_error([own]),
+        BESIDE: mean_plain_error([beside]),
         "coverage": float(own.covered.mean()) if len(own) else None,
+        "false_forecasts": own.false_forecasts if own.truth_complete else None,
+        f"{BESIDE}_false_forecasts": beside.false_forecasts if own.truth_complete else None,
     }

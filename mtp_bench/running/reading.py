@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from pathlib import Path
 
 from ..cards import Card
@@ -32,18 +31,19 @@ def skipped_line(skipped: Mapping[str, int]) -> str | None:
 def read_status(card: Card, data: str | Path | None = None) -> DataStatus:
     """Status of the data of ``card`` after reading all its scenes: broken files are problems, skipped rows a note."""
     status = describe(card, data)
-    if status.root is None or status.missing or status.generated:
+    if status.root is None or status.missing or status.about.generated:
         return status
-    problems, skipped = list(status.problems), []
     try:
         source = open_source(card, data)
     except DataError as error:
-        return replace(status, problems=tuple(dict.fromkeys([*problems, str(error)])))
+        status.add_problem(error)
+        return status
+    skipped = []
     for name in source.names:
         try:
             skipped.append(source.load(name).skipped)
         except DataError as error:
-            problems.append(str(error))
+            status.add_problem(error)
     line = skipped_line(total_skipped(skipped))
-    notes = status.notes if line is None else (*status.notes, line)
-    return replace(status, problems=tuple(dict.fromkeys(problems)), notes=notes)
+    status.notes += [] if line is None else [line]
+    return status

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
@@ -43,70 +43,6 @@ class DataCheck:
 
 
 @dataclass(frozen=True)
-class DataStatus:
-    """What a card needs of a dataset and what of it was found."""
-
-    dataset: str
-    root: Path | None  # None: not found
-    searched: tuple[Path, ...]  # folders that were looked at for the root
-    layout: str  # the expected tree, to be shown as it is
-    missing: tuple[str, ...]  # files and folders that the card needs, relative to the root
-    notes: tuple[str, ...]  # what is absent but optional
-    problems: tuple[str, ...]  # files that cannot be read, one sentence each
-    checks: tuple[DataCheck, ...]
-    licence: str
-    citation: str
-    how_to_get: str
-    generated: bool = False  # made by the library: there are no files to read and check
-
-    @property
-    def usable(self) -> bool:
-        """True if the card's scenes can be read: everything needed is there and sound."""
-        return self.root is not None and not self.missing and not self.problems
-
-    @property
-    def verified(self) -> bool:
-        """True if the data is usable and every count is the known total."""
-        return self.usable and all(check.ok for check in self.checks)
-
-
-class Findings:
-    """What was found below the root of a dataset, collected step by step; names are relative to the root."""
-
-    def __init__(self, root: Path) -> None:
-        self.root = root
-        self.missing: list[str] = []
-        self.notes: list[str] = []
-        self.problems: list[str] = []
-        self.checks: list[DataCheck] = []
-
-    def require(self, *names: str) -> None:
-        """Note the files that are not there as missing."""
-        self.missing += [name for name in names if not (self.root / name).is_file()]
-
-    def require_all(self, folder: str, names: Sequence[str]) -> None:
-        """The same for the files ``names`` of ``folder``; the folder stands for them if it has none of them."""
-        absent = [f"{folder}/{name}" for name in names if not (self.root / folder / name).is_file()]
-        self.missing += [f"{folder}/"] if len(absent) == len(names) else absent
-
-    def attempt(self, read: Callable[[Path], Read], name: str) -> Read | None:
-        """What ``read`` makes of a file; None if it is absent, or wrong, which is noted as a problem."""
-        path = self.root / name
-        if not path.is_file():
-            return None
-        try:
-            return read(path)
-        except DataError as error:
-            self.problems.append(str(error))
-            return None
-
-    def count(self, totals: Mapping[str, int], found: Iterable[int]) -> None:
-        """Note counts beside the known totals, in their order."""
-        pairs = zip(totals.items(), found, strict=True)
-        self.checks += [DataCheck(what, number, total) for (what, total), number in pairs]
-
-
-@dataclass(frozen=True)
 class Dataset:
     """What is known of a dataset, whatever of it is on this machine."""
 
@@ -116,7 +52,7 @@ class Dataset:
     licence: str
     citation: str
     how_to_get: str
-    generated: bool = False
+    generated: bool = False  # made by the library: there are no files to read and check
 
     def searched(self, data: str | Path | None) -> tuple[Path, ...]:
         """Folders in which the dataset may lie, best first."""
@@ -139,27 +75,71 @@ class Dataset:
             + f"; name another root with --data or MTP_BENCH_DATA, or get the data: {self.how_to_get}"
         )
 
-    def status(self, data: str | Path | None, holds: str, inspect: Callable[[Findings], None]) -> DataStatus:
+    def status(self, data: str | Path | None, holds: str, inspect: Callable[[DataStatus], None]) -> DataStatus:
         """What ``inspect`` finds in the folder that holds ``holds``; a dataset that is not there is no error."""
         try:
-            found = Findings(self.find(data, holds))
+            root = self.find(data, holds)
         except DataError:
-            return self._status(None, self.searched(data), Findings(Path()))
+            return DataStatus(self, None, self.searched(data))
+        found = DataStatus(self, root, (root,))
         inspect(found)
-        return self.report(found)
+        return found
 
-    def report(self, found: Findings) -> DataStatus:
-        """The status with what was found below a root."""
-        return self._status(found.root, (found.root,), found)
 
-    def _status(self, root: Path | None, searched: tuple[Path, ...], found: Findings) -> DataStatus:
-        return DataStatus(
-            dataset=self.name,
-            root=root,
-            searched=searched,
-            missing=tuple(found.missing),
-            notes=tuple(found.notes),
-            problems=tuple(found.problems),
-            checks=tuple(found.checks),
-            **{name: getattr(self, name) for name in ("layout", "licence", "citation", "how_to_get", "generated")},
-        )
+@dataclass
+class DataStatus:
+    """What a card needs of a dataset and what of it was found, step by step; names are relative to the root."""
+
+    about: Dataset
+    root: Path | None  # None: not found
+    searched: tuple[Path, ...]  # folders that were looked at for the root
+    missing: list[str] = field(default_factory=list)  # files and folders that the card needs
+    notes: list[str] = field(default_factory=list)  # what is absent but optional
+    problems: list[str] = field(default_factory=list)  # files that cannot be read, one sentence each
+    checks: list[DataCheck] = field(default_factory=list)
+
+    @property
+    def usable(self) -> bool:
+        """True if the card's scenes can be read: everything needed is there and sound."""
+        return self.root is not None and not self.missing and not self.problems
+
+    @property
+    def verified(self) -> bool:
+        """True if the data is usable and every count is the known total."""
+        return self.usable and all(check.ok for check in self.checks)
+
+    @property
+    def folder(self) -> Path:
+        """The root, of a dataset that was found."""
+        assert self.root is not None
+        return self.root
+
+    def require(self, *names: str) -> None:
+        """Note the files that are not there as missing."""
+        self.missing += [name for name in names if not (self.folder / name).is_file()]
+
+    def require_all(self, folder: str, names: Sequence[str]) -> None:
+        """The same for the files ``names`` of ``folder``; the folder stands for them if it has none of them."""
+        absent = [f"{folder}/{name}" for name in names if not (self.folder / folder / name).is_file()]
+        self.missing += [f"{folder}/"] if len(absent) == len(names) else absent
+
+    def attempt(self, read: Callable[[Path], Read], name: str) -> Read | None:
+        """What ``read`` makes of a file; None if it is absent, or wrong, which is noted as a problem."""
+        path = self.folder / name
+        if not path.is_file():
+            return None
+        try:
+            return read(path)
+        except DataError as error:
+            self.add_problem(error)
+            return None
+
+    def add_problem(self, error: DataError) -> None:
+        """Note what an error says, once."""
+        if str(error) not in self.problems:
+            self.problems.append(str(error))
+
+    def count(self, totals: Mapping[str, int], found: Iterable[int]) -> None:
+        """Note counts beside the known totals, in their order."""
+        pairs = zip(totals.items(), found, strict=True)
+        self.checks += [DataCheck(what, number, total) for (what, total), number in pairs]

@@ -10,7 +10,7 @@ from typing import Any
 from ..env.environment import MTPEnv
 from ..errors import MtpBenchError, UnknownNameError
 from ..running.run import MakeAgent
-from ..scoring import mean_error
+from ..scoring import mean_plain_error
 from .findings import AgentError, Finding
 from .playing import Suite, another_clock, first_difference, play, score_of
 from .stress_checks import extremes, latency, other_sizes, unmoved
@@ -96,7 +96,7 @@ def _contract(suite: Suite) -> Iterator[Finding]:
     for scene in suite.scenes:
         suite.played.append(play(agent, suite.env, scene, suite.seed))
         scores.append(score_of(suite.env))
-    suite.score = mean_error(scores)
+    suite.score = mean_plain_error(scores)
     found = [seen.finding("") for seen in suite.problems.values()]
     yield from found
     if not any(finding.level == "error" for finding in found):

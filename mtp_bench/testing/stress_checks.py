@@ -9,7 +9,7 @@ import numpy as np
 
 from ..env.observation import Feed
 from ..running.run import agent_task
-from ..scoring import mean_error
+from ..scoring import mean_plain_error
 from ..types import Observation, Task, starts_of
 from .findings import AgentError, Finding
 from .playing import Suite, play, play_made_up, score_of
@@ -57,11 +57,11 @@ def unmoved(suite: Suite) -> Iterator[Finding]:
     for scene in suite.scenes:
         play(suite.agent(env), env, scene, suite.seed, turn=1)
         scores.append(score_of(env))
-    moved = mean_error(scores)
+    moved = mean_plain_error(scores)
     if moved is None or suite.score is None:  # no targets
         return
     if abs(moved - suite.score) > MOTION_TOLERANCE * max(moved, suite.score):
-        got = f"the error is {moved:.3f} m with turned and shifted coordinates, {suite.score:.3f} m without"
+        got = f"the plain error is {moved:.3f} m with turned and shifted coordinates, {suite.score:.3f} m without"
         advice = "nothing may depend on where the scene lies or on the axes"
         yield Finding("error", "", got, f"the same within {MOTION_TOLERANCE:.0%}", suite.where, advice)
 

@@ -27,6 +27,7 @@ class Said:
     weight: float  # of the heaviest, 0 to 1
     track_box: Floats  # [N, 7] of the heaviest hypothesis
     track_id: Ints  # [N]
+    track_confidence: Floats  # [N] of the forecast of each, NaN without one
     trails: Sequence[Floats]  # N of [n, 2], the newest place last
     other_box: Floats  # [n, 7] tracks that only other hypotheses hold
     object_box: Floats  # [O, 7]
@@ -135,6 +136,7 @@ def said_at(answers: Answers, t: int) -> Said:
         weight=float(np.exp(weight[best])) if len(weight) else 0.0,
         track_box=rollout.track_box[rows][held].astype(np.float64),
         track_id=rollout.track_id[rows][held],
+        track_confidence=answers.track_confidence[rows][held],
         trails=[rollout.track_box[np.unique(row), :2].astype(np.float64) for row in past],
         other_box=rollout.track_box[rows][member.any(axis=1) & ~held].astype(np.float64),
         object_box=rollout.object_box[objects].astype(np.float64),
@@ -154,4 +156,9 @@ def event_text(incident: Incident) -> str:
             same = incident.old_id == incident.new_id
             return f"again {incident.new_id}" if same else f"again {incident.old_id} > {incident.new_id}"
         case _:
-            return f"spurious {incident.new_id}" if incident.new_id >= 0 else "spurious"
+            return f"false forecast {incident.new_id}" if incident.new_id >= 0 else "false forecast"
+
+
+def track_text(track_id: int, confidence: float) -> str:
+    """The number of a track, and how sure the agent is of its object unless it is quite sure or says nothing."""
+    return f"{track_id} {100 * confidence:.0f}%" if confidence < 0.995 else str(track_id)

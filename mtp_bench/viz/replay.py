@@ -12,24 +12,24 @@ from numpy.typing import NDArray
 
 from ..cards import Card
 from ..errors import UnknownNameError
-from ..scoring.definitions import FALSE_FORECAST_SHARE
-from ..scoring.forecasts import ObjectMatch, forecast_errors, match_neutral_last, match_objects
+from ..scoring.error import capped_error
+from ..scoring.forecasts import Forecasts, candidates, final_errors, grow, match_neutral_last
 from ..scoring.lineage import event_pairs, gated_pairs, lineage_events, match_hypotheses
 from ..scoring.neutral import evaluated
 from ..scoring.pairs import of_columns
 from ..scoring.score import check_rollout
-from ..scoring.targets import find_targets
+from ..scoring.targets import find_targets, live_frames
 from ..types import Bools, Floats, Ints, Rollout, Scene
 from .answers import Answers
 
-KINDS = ("ids", "lost", "reacquired", "spurious")
+KINDS = ("ids", "lost", "reacquired", "spurious")  # the last: false forecasts
 
 
 @dataclass(frozen=True)
 class Incident:
     """One event of the best hypothesis along its lineage, or a run of false forecasts of one track."""
 
-    kind: str  # of KINDS; "spurious" is a run of false forecasts
+    kind: str  # of KINDS
     frame: int
     until: int  # last frame: that of the event itself, but of a run its end
     row: int  # of the truth; of a run: of its first forecast object
@@ -40,8 +40,9 @@ class Incident:
     old_id: int = -1  # track that matched the object last, before this frame; -1 none
     new_id: int = -1  # track that matches it now; of a run its own track; -1 none
     wrong: bool = False  # a loss whose old track is still output, but outside the gate
-    error: float | None = None  # m, minADE of the target's forecast at this frame; None: no target, or not covered
-    capped: float | None = None  # m, min(minADE, c), c if not covered; a run: c/2 per frame; None: no target
+    minADE: float | None = None  # noqa: N815  (m, of the target's forecast then; None: no target, or not covered)
+    error: float | None = None  # m, min(minADE, c), c if not covered; None: no target
+    confidence: float | None = None  # of the object's forecast then; of a run the highest; None: no forecast
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +51,8 @@ class Replay:
 
     Rows are those of ``scene.truth`` [R], ``scene.detections`` [D], the rollout's tracks [N] and forecast objects [O],
     over all frames. Boxes are matched in ``frame`` mode inside the gates of the card, evaluated truth first; neutral
-    truth may take what is left over, which is then neither right nor wrong. Nothing is false where the truth is not
-    complete.
+    truth may take what is left over, which is then neither right nor wrong. Forecasts are false in live frames alone,
+    and at no place where labels confirm nothing. Nothing is false where the truth is not complete.
     """
 
     scene: Scene
@@ -60,7 +61,7 @@ class Replay:
     truth_track: Ints  # [R] track of the best hypothesis matched to each true box, -1 none
     track_false: Bools  # [N] in the best hypothesis, and of no true object
     detection_false: Bools  # [D] false positives, by the event gate
-    forecast_false: Bools  # [O] by the forecast gate
+    forecast_false: Bools  # [O] by the forecast gate, every forecast kept
     incidents: tuple[Incident, ...]  # in the order of frames
 
     @property
@@ -124,8 +125,7 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Repla
     )
     detection_pairs = gated_pairs(truth, detected.start, detected.box, detected.class_id, card)
     of_detection = match_neutral_last(detection_pairs, truth.neutral, len(detected.box))
-    object_frame = rollout.objects.frame_of_rows
-    of_object = match_objects(truth, object_frame, rollout.object_box, rollout.object_class, card)
+    worth, forecast_false = _forecasts(scene, rollout, card)
     track_false = said.shown.copy()
     track_false[chosen] = of_track.unmatched
     run = Replay(
@@ -135,25 +135,32 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Repla
         truth_track=np.append(chosen, -1)[of_track.object_of_truth],
         track_false=track_false & scene.truth_complete,
         detection_false=of_detection.unmatched & scene.truth_complete,
-        forecast_false=of_object.unmatched & scene.truth_complete,
+        forecast_false=forecast_false & scene.truth_complete,
         incidents=(),
     )
-    return replace(run, incidents=_named([*_identity_incidents(run, _target_errors(run, of_object)), *_runs(run)]))
+    return replace(run, incidents=_named([*_identity_incidents(run, worth), *_runs(run)]))
 
 
-def _target_errors(run: Replay, found: ObjectMatch) -> NDArray[np.float64]:
-    """MinADE and its capped form of each true box [R, 2]; NaN where it is no target, minADE also where not covered."""
-    targets = find_targets(run.scene, run.card)
-    errors = forecast_errors(targets, found, run.rollout)
-    worst = np.asarray(run.card.per_class(run.card.task.miss_error))[targets.class_id]
-    table = np.full((len(run.scene.truth.box), 2), np.nan)
+def _forecasts(scene: Scene, rollout: Rollout, card: Card) -> tuple[NDArray[np.float64], Bools]:
+    """What the forecast of each true box [R, 3] is worth, and which forecasts [O] are false.
+
+    MinADE, error and confidence, NaN where there is none: of minADE and error where the box is no target, of minADE
+    where it is not covered.
+    """
+    targets = find_targets(scene, card)
+    found = candidates(scene, targets, Forecasts.of(rollout), live_frames(scene, card), card)
+    grown = grow(found, rollout.object_confidence)
+    errors, forecast = final_errors(found, grown)
+    worst = np.asarray(card.per_class(card.task.miss_error))[targets.class_id]
+    table = np.full((len(scene.truth.box), 3), np.nan)
     table[targets.row, 0] = np.where(errors.covered, errors.min_ade, np.nan)
-    table[targets.row, 1] = np.minimum(errors.min_ade, worst)
-    return table
+    table[targets.row, 1] = capped_error(errors.min_ade, worst)
+    table[:, 2] = np.append(rollout.object_confidence, np.nan)[forecast]
+    return table, grown.false
 
 
-def _identity_incidents(run: Replay, error: Floats) -> list[Incident]:
-    """Switches, losses and re-acquisitions; ``error`` [R, 2] of the forecasts made then."""
+def _identity_incidents(run: Replay, worth: Floats) -> list[Incident]:
+    """Switches, losses and re-acquisitions; ``worth`` [R, 3] as of `_forecasts`."""
     truth, rollout, found = run.scene.truth, run.rollout, run.said.hypotheses
     frame = truth.frame_of_rows
     matched = match_hypotheses(truth, rollout, found.member, run.card)
@@ -171,8 +178,9 @@ def _identity_incidents(run: Replay, error: Floats) -> list[Incident]:
             old_id=int(track_id[events.old[row, 0]]),
             new_id=int(track_id[run.truth_track[row]]),
             wrong=bool(events.wrong[row, 0]),
-            error=_known(error[row, 0]),
-            capped=_known(error[row, 1]),
+            minADE=_known(worth[row, 0]),
+            error=_known(worth[row, 1]),
+            confidence=_known(worth[row, 2]),
         )
         for kind in ("ids", "lost", "reacquired")
         for row in np.flatnonzero(getattr(events, kind)[:, 0])
@@ -182,7 +190,6 @@ def _identity_incidents(run: Replay, error: Floats) -> list[Incident]:
 def _runs(run: Replay) -> list[Incident]:
     """Runs of false forecasts: of one track in consecutive frames; a forecast without a track stands alone."""
     rollout = run.rollout
-    cost = FALSE_FORECAST_SHARE * np.asarray(run.card.per_class(run.card.task.miss_error))
     frame, track_id = rollout.objects.frame_of_rows, run.said.object_track_id
     row = np.flatnonzero(run.forecast_false)
     row = row[np.lexsort((frame[row], track_id[row], rollout.object_class[row]))]
@@ -199,7 +206,7 @@ def _runs(run: Replay) -> list[Incident]:
             class_id=int(kind[i]),
             position=_position(rollout.object_box[row[i]]),
             new_id=int(who[i]),
-            capped=float(cost[kind[i]] * (j - i + 1)),
+            confidence=float(rollout.object_confidence[row[i : j + 1]].max()),
         )
         for i, j in zip(first, last, strict=True)
     ]
@@ -226,11 +233,11 @@ def _named(incidents: list[Incident]) -> tuple[Incident, ...]:
 def incident_text(incident: Incident, classes: Sequence[str]) -> str:
     """One line: what happened to whom, and what the forecast of that frame was worth."""
     what = f"{incident.name}: {_happened(incident, classes[incident.class_id])}"
-    if incident.error is not None:
-        return f"{what}; forecast off by {incident.error:.2f} m"
-    if incident.capped is not None and incident.kind != "spurious":
+    if incident.minADE is not None:
+        what += f"; forecast off by {incident.minADE:.2f} m"
+    elif incident.error is not None:
         return f"{what}; no forecast"
-    return what
+    return what if incident.confidence is None else f"{what}; confidence {incident.confidence:.2f}"
 
 
 def _happened(incident: Incident, noun: str) -> str:

@@ -35,7 +35,7 @@ def edit(folder: Path, old: str, new: str) -> None:
 def test_a_sound_submission_passes_with_its_score_beside_stp(folder: Path, cli: CommandLine, tmp_path: Path) -> None:
     out = cli.ok("check", folder, "--json", tmp_path / "check.json")
     assert "mine on MTP-Intersection-v0" in out
-    assert "missing-aware error (m), lower is better" in out
+    assert "plain error (m), lower is better, and false forecasts" in out
     assert "mine passes; next: `mtp-bench compare" in out
     content = read_json(tmp_path / "check.json")
     assert {finding["level"] for finding in content["findings"]} == {"ok"}
@@ -43,9 +43,10 @@ def test_a_sound_submission_passes_with_its_score_beside_stp(folder: Path, cli: 
     assert len(content["scores"]) == 3
     for row in content["scores"]:
         assert row["targets"] > 100
-        assert 0 < row["missing_aware"] < 10
+        assert 0 < row["plain_error"] < 10
         assert 0 < row["stp"] < 10
-        assert f"{row['missing_aware']:.3f}" in out
+        assert f"{row['plain_error']:.3f}" in out
+        assert 0 < row["false_forecasts"] < row["stp_false_forecasts"]  # the template waits for a second detection
 
 
 def test_an_agent_that_raises_shows_file_line_and_text(folder: Path, cli: CommandLine) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
@@ -19,8 +20,8 @@ from mtp_bench.commands.app import app
 from tests.support.command_line import CommandLine, copy_sequence, read_json, write_submission
 from tests.support.small_scenes import write_kitti
 
-COMMANDS = ["envs", "data", "run", "score", "compare", "view", "events", "video", "train", "fit-noise"]
-COMMANDS += ["new", "check", "submit", "verify", "seal", "board"]
+COMMANDS = ["envs", "data", "run", "score", "compare", "view", "events", "video", "fit-noise"]
+COMMANDS += ["new", "check", "submit", "verify", "seal", "board", "train"]
 TABLES = ["envs", "data", "score", "compare", "events", "check", "verify", "board"]  # what prints one
 HEAVY = ["torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "pandas", "matplotlib", "jinja2"]
 
@@ -46,7 +47,7 @@ def python(code: str, *arguments: str, **keywords: Any) -> subprocess.CompletedP
 def test_the_commands_are_those_of_the_design() -> None:
     shown = [name for name, command in registered().items() if not command.hidden]
     assert shown == COMMANDS
-    for name in [*shown[1:10], "check", "submit", "verify"]:
+    for name in [*shown[1:9], "check", "submit", "verify"]:
         assert "--data" in options(name)
     for name in TABLES:
         assert "--json" in options(name)
@@ -109,6 +110,7 @@ WRONG_USAGE = {
     "no backend for it": ["run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", "--scheduler", "tcp://a:1"],
     "no folder": ["score"],
     "two folders": ["score", "one", "two"],
+    "cuts in words": ["compare", "stp", "--env", "MTP-KITTI-v0", "--cuts=low"],
     "nothing known to fit": ["train", "motion-nosie", "--env", "MTP-KITTI-v0"],
 }
 
@@ -133,7 +135,6 @@ UNKNOWN = {
     "card file": (["run", "stp", "--env", "none.toml"], "no card file at none.toml"),
     "agent beside others": (["compare", "stp", "mpt", "--env", "CARD"], "unknown submission 'mpt': did you mean 'mtp'"),
     "env of a comparison": (["compare", "stp", "--env", "KITTI-v0"], "did you mean 'MTP-KITTI-v0'?"),
-    "reference": (["compare", "stp", "--env", "CARD", "--reference", "spt"], "did you mean 'stp'?"),
     "env of a fit": (["train", "motion-noise", "--env", "MTP-KITI-v0"], "did you mean 'MTP-KITTI-v0'?"),
     "observe": (["train", "motion-noise", "--env", "CARD", "--observe", "thruth"], "did you mean 'truth'?"),
     "env of data": (["data", "--env", "MTP-KITI-v0"], "did you mean 'MTP-KITTI-v0'?"),
@@ -159,6 +160,39 @@ def test_envs(cli: CommandLine, tmp_path: Path) -> None:
     for env_id in card_ids():
         assert env_id in printed
         assert content[env_id]["digest"] == load_card(env_id).digest
+
+
+def test_json_on_standard_output_stands_alone(
+    cli: CommandLine, tmp_path: Path, events_run: Path, known: list[str]
+) -> None:
+    for command in (["envs"], ["data", "--data", known[-1]], ["events", events_run, *known]):
+        printed = cli.ok(*command, "--json", "-")
+        cli.ok(*command, "--json", tmp_path / "a.json")
+        assert json.loads(printed) == read_json(tmp_path / "a.json")
+    assert cli.ok("envs").startswith("Environments"), "the next command prints again"
+
+
+def test_json_on_standard_output_leaves_errors_where_they_are(cli: CommandLine, tmp_path: Path) -> None:
+    output = cli("data", "--data", tmp_path, "--env", "MTP-KITTI-v0", "--json", "-")
+    assert json.loads(output.out)["MTP-KITTI-v0"]["root"] is None
+    assert output.error.startswith("data is missing or broken for MTP-KITTI-v0")
+
+
+CUTS: dict[str, tuple[list[str], str | None]] = {
+    "none": ([], None),
+    "alone": (["--cuts"], ".1,.2,.3"),
+    "before an option": (["--cuts", "--full"], ".1,.2,.3"),
+    "before an agent": (["--cuts", "mtp"], ".1,.2,.3"),
+    "numbers": (["--cuts", ".25,.5"], ".25,.5"),
+    "one number": (["--cuts=.5"], ".5"),
+}
+
+
+@pytest.mark.parametrize(("words", "cuts"), CUTS.values(), ids=CUTS)
+def test_an_option_that_may_stand_alone(words: list[str], cuts: str | None) -> None:
+    context = registered()["compare"].make_context("compare", ["stp", "--env", "MTP-KITTI-v0", *words])
+    assert context.params["cuts"] == cuts
+    assert context.params["agents"] == ["stp", *(["mtp"] if "mtp" in words else [])]
 
 
 def test_data(cli: CommandLine, tmp_path: Path, kitti: str) -> None:

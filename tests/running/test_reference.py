@@ -15,10 +15,10 @@ from mtp_bench.errors import CardError, DataError, UnknownNameError
 from mtp_bench.parallel import Workers
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.perturbation import RUNS
-from mtp_bench.running.reference import freeze, frozen_path, frozen_reference, make_reference, reference_for
-from mtp_bench.running.run import jobs_of, run_jobs
+from mtp_bench.running.reference import freeze, frozen_path, frozen_reference, make_reference, reference_for, track
+from mtp_bench.running.run import jobs_of, run_jobs, run_scene
 from mtp_bench.scoring import score_scene
-from mtp_bench.scoring.weights import WEIGHED, read_reference
+from mtp_bench.scoring.weights import WEIGHED, read_reference, tracking_events
 from mtp_bench.submission import load_submission
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import CARD, write_card, write_kitti
@@ -58,13 +58,31 @@ def test_the_plain_run_and_the_counts_are_those_of_the_scenes(card: str, kitti: 
         assert known.targets == len(score) == len(known.stp)
         np.testing.assert_array_equal(known.stp[:, 0], score.own_ids)
         np.testing.assert_array_equal(made.weight(score.scene, "paper_frag") > 0, score.own_frag)
-        assert known.stp_events == tuple(len(score.events[kind]) for kind in ("ids", "lost", "reacquired"))
+        assert known.stp_events == tuple(score.own_events[kind] for kind in ("ids", "lost", "reacquired"))
         assert (known.counts <= RUNS).all()
         assert (known.counts[:, 3] >= known.counts[:, 1:3].max(axis=1)).all()
         for subset in WEIGHED:
             assert made.weight(score.scene, subset).shape == (len(score),)
     assert made.totals["sum_of_weights"]["lost"] > 0
-    assert made.false_forecasts(scenes) == sum(int(score.false_forecasts.sum()) for score in scores)
+    assert made.false_forecasts(scenes) == sum(score.false_forecasts for score in scores)
+
+
+@pytest.mark.parametrize("assignment", ["hungarian", "greedy"])
+def test_tracks_are_recorded_as_the_env_records_them(assignment: str) -> None:
+    card, chosen = load_card("MTP-Intersection-v0"), {"assignment": assignment, "forecasts": False}
+    env = MTPEnv(card, evaluation=True)
+    agent, name = load_submission("stp").build(env.task, **chosen), env.scene_names[0]
+    whole = run_scene(agent, env, name, seed=0)
+    light = track(agent, env.scene, env.task)
+    for part in ("track_start", "track_id", "track_box", "track_class"):
+        got, wanted = getattr(light, part), getattr(whole, part)
+        assert got.dtype == wanted.dtype
+        np.testing.assert_array_equal(got, wanted)
+    assert len(whole.track_id) > 100
+    assert len(whole.object_box) == 0
+    events, others = (tracking_events(env.scene, rollout, card) for rollout in (whole, light))
+    np.testing.assert_array_equal(events, others)
+    assert events.any()
 
 
 def test_workers_do_not_change_it(card: str, kitti: str) -> None:

@@ -222,17 +222,3 @@ def test_giving_up_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(simulate, "ATTEMPTS", 2)
     with pytest.raises(DataError, match=r"all 2 attempts were rejected \(2 x no_ego\)"):
         simulate_world(Traffic("intersection", "ego", 40.0, 1, 0), 0)
-
-
-@pytest.mark.parametrize(
-    ("traffic", "text"),
-    [
-        (Traffic("merge", "ego", 5.0, 10, 3), "pedestrians = 3"),
-        (Traffic("merge", "ego", 5.0, 0, 0), "vehicles = 0"),
-        (Traffic("merge", "ego", 0.0, 10, 0), "seconds = 0"),
-        (Traffic("intersection", "ego", 5.0, 10, -1), "pedestrians = -1"),
-    ],
-)
-def test_nonsense_is_refused(traffic: Traffic, text: str) -> None:
-    with pytest.raises(DataError, match=text):
-        simulate_world(traffic, 0)

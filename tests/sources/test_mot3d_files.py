@@ -92,7 +92,7 @@ def test_status_lists_what_is_missing_and_what_is_wrong(root: Path) -> None:
     (root / DET).unlink()
     (root / INI).unlink()
     status = describe(mot3d_card(), root)
-    assert status.missing == (INI, DET)
+    assert status.missing == [INI, DET]
     assert [problem.partition(": ")[2] for problem in status.problems] == [
         "3 columns, expected 10 (frame, id, left, top, width, height, confidence, X, Y, Z): is the file cut off?"
     ]

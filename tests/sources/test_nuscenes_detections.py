@@ -183,23 +183,21 @@ def second_box(**changes: object) -> Callable[[Record], object]:
 BROKEN: dict[str, tuple[Callable[[Record], object], str]] = {  # change, what the error says after file and sample
     "box not finite": (
         second_box(translation=[NAN, 0, 0]),
-        r"box 1: translation is \[nan, 0\.0, 0\.0\], expected finite",
+        r"box 1: translation is \[None, 0, 0\], expected 3 numbers",
     ),
-    "size not finite": (second_box(size=[NAN, 1, 1]), "box 1: size is .* expected finite"),
+    "size not finite": (second_box(size=[NAN, 1, 1]), "box 1: size is .* expected 3 numbers"),
     "no size": (second_box(size=[1, 0, 1]), "box 1: size is .* expected sizes above 0"),
-    "score not finite": (second_box(detection_score=NAN), "box 1: detection_score is nan, expected finite"),
+    "score not finite": (second_box(detection_score=NAN), "box 1: detection_score is None, expected a number"),
     "no score": (second_box(detection_score=None), "box 1: detection_score is None, expected a number"),
     "quaternion of norm 2": (second_box(rotation=[2, 0, 0, 0]), "box 1: rotation is .* expected a unit quaternion"),
-    "quaternion not finite": (second_box(rotation=[NAN, 0, 0, 1]), "box 1: rotation is .* expected finite"),
+    "quaternion not finite": (second_box(rotation=[NAN, 0, 0, 1]), "box 1: rotation is .* expected 4 numbers"),
     "three numbers for a quaternion": (second_box(rotation=[1, 0, 0]), "box 1: rotation is .* expected 4 numbers"),
     "text for a number": (second_box(translation=["1", 2, 3]), "box 1: translation is .* expected 3 numbers"),
     "box at no place": (second_box(translation=[1e300, 0, 0]), r"box 1: translation is \[1e\+300.*up to 1e\+09"),
-    "box too far for a number": (second_box(translation=[10**400, 0, 0]), "box 1: translation is .* expected 3 number"),
     "truth value for a number": (second_box(translation=[True, 0, 0]), r"box 1: translation is \[True, 0, 0\], expect"),
     "box too large": (second_box(size=[101, 1, 1]), r"box 1: size is .* expected sizes above 0 and up to 100 m"),
     "too fast": (second_box(velocity=[1e308, 0]), r"box 1: velocity is \[1e\+308, 0.0\], expected .* up to 1e\+09"),
     "score too large": (second_box(detection_score=1e30), r"box 1: detection_score is 1e\+30, expected finite"),
-    "score too large for a number": (second_box(detection_score=10**400), r"box 1: detection_score is 1000.* up to"),
     "truth value for a score": (second_box(detection_score=True), "box 1: detection_score is True, expected a number"),
     "quaternion of norm 1e308": (second_box(rotation=[1e308, 0, 0, 0]), "box 1: rotation is .* expected finite"),
     "unknown name": (second_box(detection_name="tram"), "box 1: detection_name is 'tram', expected one of car, truck"),
@@ -223,18 +221,15 @@ def test_broken_detections(data: Path, case: str) -> None:
 SPOILED: dict[str, tuple[Callable[[str], str], str]] = {  # change of the text, what the error says
     "a sample twice": (
         lambda text: text.replace('"results": {', f'"results": {{"{T}": [],', 1),
-        f"sample '{T}': a second list of boxes",
+        f", sample '{T}': a second list of boxes",
     ),
-    "results twice": (
-        lambda text: text.rstrip().removesuffix("}") + ', "results": {}}',
-        r"character \d+: a second 'results', expected one",
-    ),
-    "cut off": (lambda text: text[: len(text) // 2], r"character \d+: .* the file ends here: is it cut off"),
+    "cut off": (lambda text: text[: len(text) // 2], " cannot be read as JSON: .* the file ends here: is it cut off"),
+    "a number too large": (lambda text: text.replace("10.0", "1" * 400, 1), " cannot be read as JSON: .* overflow"),
 }
 
 
 @pytest.mark.parametrize(("change", "message"), SPOILED.values(), ids=SPOILED)
 def test_a_spoiled_file(data: Path, change: Callable[[str], str], message: str) -> None:
     stored(data).write_text(change(stored(data).read_text()))
-    with pytest.raises(DataError, match=rf"megvii_all\.json, {message}"):
+    with pytest.raises(DataError, match=rf"megvii_all\.json{message}"):
         open_source(nuscenes_card(), data)

@@ -48,7 +48,7 @@ def test_records_do_not_depend_on_where_a_chunk_ends(
     path.write_text(json.dumps(CONTENT, indent=indent, ensure_ascii=ascii_only) + " \n", encoding=encoding)
     sizes: list[int] = []
     assert list(read_records(path, sizes.append)) == CONTENT
-    assert sum(sizes) == path.stat().st_size
+    assert sum(sizes) == path.stat().st_size - 3 * (encoding == "utf-8-sig")
     nested = {"meta": -1.25e-70, "more": 3e200, "results": {"one": [1, 2], "two": []}, "after": CONTENT}
     path.write_text(json.dumps(nested, indent=indent, ensure_ascii=ascii_only), encoding=encoding)
     assert list(read_entries(path, "results", ignore)) == [("one", [1, 2]), ("two", [])]
@@ -76,19 +76,19 @@ def test_a_table_may_be_empty(tmp_path: Path, content: str) -> None:
 
 
 BAD_JSON: dict[str, tuple[str, str]] = {  # text, what the error says
-    "empty": ("", "character 0: expected a list of records; the file ends here: is it cut off"),
-    "no list": ('{"a": 1}', "character 0: expected a list of records"),
-    "cut off between records": ('[{"a": 1},', "character 10: .* the file ends here"),
-    "cut off after a record": ('[{"a": 1}', "character 9: expected ',' or ']'; the file ends here"),
-    "cut off within a record": ('[{"a": 1}, {"a": [1, 2', "character 22: .* the file ends here"),
-    "cut off within a text": ('[{"a": "bc', "character 7: Unterminated string .* the file ends here"),
-    "no comma": ('[{"a": 1} {"a": 2}]', "character 10: expected ',' or ']'"),
-    "wrong literal": ('[{"a": 1}, {"a": nul}]', "character 17: Expecting value"),
-    "too many digits": ('[{"a": ' + "9" * 5000 + "}]", "character 1: a number with too many digits"),
-    "nested too deeply": ("[" * 100_000, "character 1: nested too deeply"),
+    "empty": ("", r"got b'', expected a text that begins with '\['"),
+    "no list": ('{"a": 1}', r"expected a text that begins with '\['"),
+    "cut off between records": ('[{"a": 1},', "the file ends here: is it cut off"),
+    "cut off after a record": ('[{"a": 1}', "the file ends here: is it cut off"),
+    "cut off within a record": ('[{"a": 1}, {"a": [1, 2', "the file ends here: is it cut off"),
+    "cut off within a text": ('[{"a": "bc', "the file ends here: is it cut off"),
+    "no comma": ('[{"a": 1} {"a": 2}]', "expect ',' or ']'"),
+    "wrong literal": ('[{"a": 1}, {"a": nul}]', "invalid string in json text"),
+    "not a number of JSON": ('[{"a": Infinity}]', "invalid char in json text"),
+    "too many digits": ('[{"a": ' + "9" * 5000 + "}]", "integer overflow"),
     "deep, but not too deep": ("[" * 500 + "]" * 500, r"got '\[+\.\.\.\]+', expected a record"),
     "no record": ("[1, 2]", "got '1', expected a record"),
-    "more after the end": ('[{"a": 1}] []', "character 11: expected the end of the file"),
+    "more after the end": ('[{"a": 1}] []', "trailing garbage"),
 }
 
 
@@ -104,11 +104,19 @@ def test_bad_json(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, case: str, ch
     assert str(path) in str(caught.value)
 
 
+@pytest.mark.parametrize("chunk", [1, 2, 3, 4, 5, 7, 64])
+def test_nan_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, chunk: int) -> None:
+    monkeypatch.setattr(json_stream, "_CHUNK", chunk)
+    path = tmp_path / "table.json"
+    path.write_text('[{"a": NaN, "b": [NaN,1.5, NaN], "N": "Na"}, {"NaN": "aNaN"}]')
+    assert records(path) == [{"a": None, "b": [None, 1.5, None], "N": "Na"}, {"NaN": "aNaN"}]
+
+
 def test_an_error_in_the_middle_is_found_without_reading_on(tmp_path: Path) -> None:
     path = tmp_path / "table.json"
     path.write_text('[{"a": }, ' + '{"b": 1}, ' * 500_000 + "{}]")
     sizes: list[int] = []
-    with pytest.raises(DataError, match="character 7"):
+    with pytest.raises(DataError, match="unallowed token"):
         list(read_records(path, sizes.append))
     assert sum(sizes) < path.stat().st_size / 2
 
@@ -116,7 +124,7 @@ def test_an_error_in_the_middle_is_found_without_reading_on(tmp_path: Path) -> N
 def test_binary_files_and_missing_keys(tmp_path: Path) -> None:
     path = tmp_path / "table.json"
     path.write_bytes(b'[{"a": "\xff\xfe"}]')
-    with pytest.raises(DataError, match="cannot be read as text"):
+    with pytest.raises(DataError, match="invalid bytes in UTF8"):
         records(path)
     path.write_text('{"meta": {}}')
     with pytest.raises(DataError, match="has no 'results'"):

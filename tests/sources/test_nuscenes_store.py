@@ -89,38 +89,38 @@ def test_status(data: Path) -> None:
         "scenes": (3, 10), "keyframes": (12, 404),
         "prediction targets of mini_train": (0, 742), "prediction targets of mini_val": (0, 61),
     }  # fmt: skip
-    assert status.notes == (
+    assert status.notes == [
         "v1.0-mini has the splits train (1 scene), train_val (1 scene), val (1 scene)",
         "detections: megvii_all.json",
-    )
-    assert "CC BY-NC-SA 4.0" in status.licence
-    assert "Caesar" in status.citation
+    ]
+    assert "CC BY-NC-SA 4.0" in status.about.licence
+    assert "Caesar" in status.about.citation
 
 
 def test_status_names_what_is_missing(data: Path) -> None:
     other = describe(nuscenes_card(version="v1.0-trainval", detector="x"), data)
-    assert other.missing == ("v1.0-trainval/", "detections/x*.json")
-    assert other.notes == ("versions found: v1.0-mini",)
+    assert other.missing == ["v1.0-trainval/", "detections/x*.json"]
+    assert other.notes == ["versions found: v1.0-mini"]
     (data / PREDICTION).unlink()
     (data / "nuscenes/detections/megvii_all.json").unlink()
     status = describe(nuscenes_card(truth="targets"), data)
-    assert status.missing == ("maps/prediction/prediction_scenes.json", "detections/megvii*.json")
+    assert status.missing == ["maps/prediction/prediction_scenes.json", "detections/megvii*.json"]
     assert [check.found for check in status.checks] == [3, 12]
     (line,) = describe(nuscenes_card(detections_file="none.json"), data).missing
     assert "no file none.json" in line
     (data / "nuscenes" / VERSION / "scene.json").unlink()
-    assert describe(nuscenes_card(), data).missing == ("v1.0-mini/scene.json", "detections/megvii*.json")
+    assert describe(nuscenes_card(), data).missing == ["v1.0-mini/scene.json", "detections/megvii*.json"]
 
 
 def test_status_names_what_is_wrong(data: Path) -> None:
     status = describe(nuscenes_card(split="mini_val"), data)
-    assert (status.missing, status.problems) == (("scenes of split 'mini_val' in v1.0-mini/",), ())
+    assert (status.missing, status.problems) == (["scenes of split 'mini_val' in v1.0-mini/"], [])
     write_json(data / "nuscenes/detections/megvii_all.json", make_detections(SCENES[:2]))
     (problem,) = describe(nuscenes_card(), data).problems
     assert "no entry for sample 'scene-0003-t0'" in problem
     tables = make_tables()
-    tables["sample"][1]["next"] = ""
+    tables["sample"][1]["timestamp"] = -1
     write_tables(data, tables)
     status = describe(nuscenes_card(), data)
-    assert (status.usable, status.checks) == (False, ())
+    assert (status.usable, status.checks) == (False, [])
     assert "sample.json" in status.problems[0]

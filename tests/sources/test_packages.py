@@ -32,5 +32,6 @@ FOLDERS = {
 def test_status_of_a_missing_root(env_id: str, tmp_path: Path) -> None:
     status = describe(load_card(env_id), tmp_path)
     assert status.searched == tuple(tmp_path / folder for folder in FOLDERS[env_id])
-    assert (status.root, status.usable, status.missing) == (None, False, ())
-    assert all((status.layout, status.licence, status.citation, status.how_to_get))
+    assert (status.root, status.usable, status.missing) == (None, False, [])
+    about = status.about
+    assert all((about.layout, about.licence, about.citation, about.how_to_get))

@@ -174,7 +174,7 @@ def test_status_names_what_is_missing_and_broken(root: Path) -> None:
     (root / ANNOTATIONS / "00001810.json").unlink()
     (root / DETECTIONS).unlink()
     status = wildtrack_status(wildtrack_card(), root)
-    assert status.missing == ("annotations_positions/00001810.json", "detections/mvdet_test.txt")
+    assert status.missing == ["annotations_positions/00001810.json", "detections/mvdet_test.txt"]
     assert len(status.problems) == 1
     assert "00001805.json" in status.problems[0]
-    assert wildtrack_status(wildtrack_card(split="train"), root).missing == ()
+    assert wildtrack_status(wildtrack_card(split="train"), root).missing == []

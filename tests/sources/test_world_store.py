@@ -235,7 +235,7 @@ def open_source_traffic(of: Card) -> Traffic:
 def notes(of: Card) -> Sequence[str]:
     status = describe(of)
     assert status.usable
-    assert status.generated
+    assert status.about.generated
     return status.notes
 
 

@@ -22,7 +22,7 @@ from mtp_bench.running.stored import run_and_store
 from mtp_bench.scoring import score_scene
 from mtp_bench.scoring.lineage import match_hypotheses
 from mtp_bench.types import Rollout, Scene
-from mtp_bench.viz.replay import Incident, replay
+from mtp_bench.viz.replay import Incident, Replay, replay
 from tests.support.scoring_scenes import (
     CAR,
     WALKER,
@@ -113,37 +113,45 @@ def spoken(things: list[list[Thing]], off: float = 0.0) -> list[list[Thing]]:
     ]
 
 
+def worth(played: Replay) -> tuple[str, float | None, float | None, float | None]:
+    """Name, minADE, error and confidence of the only incident."""
+    (incident,) = played.incidents
+    return incident.name, incident.minADE, incident.error, incident.confidence
+
+
 def test_the_error_is_that_of_the_forecast_made_then() -> None:
-    tracks, said = line([1] * 3 + [2] * 5), spoken(line([1] * 3 + [2] * 5), off=0.5)
+    tracks = line([1] * 3 + [2] * 5)
+    said = spoken(line([1] * 3 + [2] * 5, confidence=0.75), off=0.5)
     played = replay(make_scene(line([5] * 8)), make_rollout(tracks, said), CARD)
-    (switch,) = played.incidents
-    assert (switch.name, switch.error, switch.capped) == ("ids-0", 0.5, 0.5)
-    (switch,) = replay(make_scene(line([5] * 8)), make_rollout(tracks), CARD).incidents
-    assert (switch.error, switch.capped) == (None, 10.0), "a target without a forecast costs c"
-    (switch,) = replay(make_scene(line([5] * 5)), make_rollout(tracks[:5], said[:5]), CARD).incidents
-    assert (switch.error, switch.capped) == (None, None), "too near the end to be a target"
+    assert worth(played) == ("ids-0", 0.5, 0.5, 0.75)
+    silent = replay(make_scene(line([5] * 8)), make_rollout(tracks), CARD)
+    assert worth(silent) == ("ids-0", None, 10.0, None), "a target without a forecast costs c"
+    late = replay(make_scene(line([5] * 5)), make_rollout(tracks[:5], said[:5]), CARD)
+    assert worth(late) == ("ids-0", None, None, None), "too near the end to be a target"
     far = replay(make_scene(line([5] * 8)), make_rollout(tracks, spoken(tracks, off=30.0)), CARD)
-    assert (far.incidents[0].error, far.incidents[0].capped) == (30.0, 10.0)
+    assert worth(far) == ("ids-0", 30.0, 10.0, 1.0)
 
 
 def test_false_forecasts_are_listed_as_runs_of_their_track() -> None:
-    ghost = line([8, 8, None, 8, 9], y=50.0)
-    walker = [[Thing(0, 70.0, 70.0, class_id=WALKER)], [], [], [], []]
-    tracks, said = together(line([1] * 5), ghost), spoken(together(line([1] * 5), ghost, walker))
-    scene = make_scene(line([5] * 5))
+    ghost = line([8, 8, 8, None, 8, 9, 9], y=50.0, confidence=0.25)
+    walker = [[], [Thing(0, 70.0, 70.0, class_id=WALKER, confidence=0.5)], *[[] for _ in range(5)]]
+    tracks, said = together(line([1] * 7), ghost), spoken(together(line([1] * 7), ghost, walker))
+    said[2][1] = replace(said[2][1], confidence=0.5)
+    scene = make_scene(line([5] * 9))  # live: frames 1 to 5
+    said, tracks = [*said, [], []], [*tracks, [], []]
     played = replay(scene, make_rollout(tracks, said), CARD)
-    runs = [(i.name, i.frame, i.until, i.new_id, i.class_id, i.capped) for i in played.incidents]
-    assert runs == [
-        ("spurious-0", 0, 1, 8, CAR, 10.0),
-        ("spurious-1", 0, 0, -1, WALKER, 2.0),  # without a track
-        ("spurious-2", 3, 3, 8, CAR, 5.0),
-        ("spurious-3", 4, 4, 9, CAR, 5.0),
+    found = [i for i in played.incidents if i.kind == "spurious"]
+    assert [(i.name, i.frame, i.until, i.new_id, i.class_id, i.confidence) for i in found] == [
+        ("spurious-0", 1, 2, 8, CAR, 0.5),
+        ("spurious-1", 1, 1, -1, WALKER, 0.5),  # without a track
+        ("spurious-2", 4, 4, 8, CAR, 0.25),
+        ("spurious-3", 5, 5, 9, CAR, 0.25),
     ]
     assert played.forecast_false.sum() == 5
-    assert (played.said.object_track >= 0).sum() == 9
-    assert played.counts["FP"].tolist() == [1, 1, 0, 1, 1]
+    assert (played.said.object_track >= 0).sum() == 13
+    assert played.counts["FP"].tolist() == [1, 1, 1, 0, 1, 1, 1, 0, 0]
     unknown = replay(replace(scene, truth_complete=False), make_rollout(tracks, said), CARD)
-    assert unknown.incidents == ()
+    assert {incident.kind for incident in unknown.incidents} == {"lost"}
     assert not unknown.forecast_false.any()
     assert not unknown.track_false.any()
 
@@ -164,22 +172,21 @@ def assert_same_as_the_score(scene: Scene, rollout: Rollout, card: Any) -> None:
     events = {kind: [i for i in played.incidents if i.kind == kind] for kind in ("ids", "lost", "reacquired")}
     frame = scene.truth.frame_of_rows
     for kind, incidents in events.items():
-        assert len(incidents) == len(score.events[kind])
+        assert len(incidents) == score.own_events[kind]
         assert all((frame[i.row], scene.truth.object_id[i.row]) == (i.frame, i.object_id) for i in incidents)
-    assert sum(i.wrong for i in played.incidents) == len(score.events["wrong"])
+    assert sum(i.wrong for i in played.incidents) == score.own_events["wrong"]
     runs = [i for i in played.incidents if i.kind == "spurious"]
-    assert sum(i.until - i.frame + 1 for i in runs) == (score.false_forecasts.sum() if scene.truth_complete else 0)
-    assert sum(i.capped or 0.0 for i in runs) == pytest.approx(score.false_error)
+    assert sum(i.until - i.frame + 1 for i in runs) == (score.false_forecasts if scene.truth_complete else 0)
     if scene.truth_complete:
         assert played.counts["FP"].sum() == score.counts.false_positives
     assert played.counts["TP"].sum() + played.counts["FN"].sum() == (~scene.truth.neutral).sum()
     target = {(int(t), int(g)): i for i, (t, g) in enumerate(zip(score.frame, score.object_id, strict=True))}
     for incident in played.events:
         row = target.get((incident.frame, incident.object_id))
-        assert (incident.capped is None) == (row is None)
+        assert (incident.error is None) == (row is None)
         if row is not None:
-            assert incident.capped == score.capped[row]
-            assert incident.error == (score.min_ade[row] if score.covered[row] else None)
+            assert incident.error == score.capped[row]
+            assert incident.minADE == (score.min_ade[row] if score.covered[row] else None)
     found = played.said.hypotheses
     matched = match_hypotheses(scene.truth, rollout, found.member, card)[np.arange(len(frame)), found.best[frame]]
     np.testing.assert_array_equal(matched, np.where(scene.truth.neutral, -1, played.truth_track))

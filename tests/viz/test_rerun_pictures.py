@@ -43,7 +43,7 @@ def colours(image: NDArray[np.uint8]) -> int:
     ("env_id", "agent", "scene"),
     [
         ("MTP-Intersection-v0", "stp", None),
-        pytest.param("MTP-KITTI-v0", "mtp", "0006", marks=pytest.mark.data),
+        pytest.param("MTP-KITTI-noego-v0", "mtp", "0014", marks=pytest.mark.data),
     ],
 )
 def test_an_identity_switch_is_seen(

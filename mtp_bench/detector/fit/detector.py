@@ -12,7 +12,7 @@ from ...types import Bools, Floats, Scene
 from ..profile import ClassNoise, FalsePositives, Profile, ScoreNoise, UndetectedNoise
 from ..sight import Sensor
 from ..truncated import fit_truncated, latent_of
-from .errors import fit_heading, fit_height, fit_memory, fit_position, fit_size, fit_velocity
+from .errors import fit_heading, fit_height, fit_memory, fit_position, fit_size, fit_velocity, triple
 from .samples import RADIAL, TANGENTIAL, FalsePositiveSamples, ObjectSamples, collect
 
 LEAST_HITS = 100  # detections of true boxes that a class needs to be fitted
@@ -87,12 +87,13 @@ def fit_score(objects: ObjectSamples, floor: float) -> ScoreNoise:
     parabola, deviation = fit_truncated(score[hit], power[hit], floor, ceiling)
     every = np.ones(len(score))
     latent = latent_of(score, power @ parabola, deviation * every, floor * every, ceiling * every)
-    memory = fit_memory(objects, latent if deviation else 0 * score)
     return ScoreNoise(
-        quadratic=(round(float(parabola[0]), 4), round(float(parabola[1]), 4), round(float(parabola[2]), 4)),
-        deviation=round(deviation, 4), floor=floor, ceiling=1.0 if probability else None,
-        bias=memory.bias, ar=memory.ar, phi=memory.phi, white=memory.white,
-    )  # fmt: skip
+        quadratic=triple(parabola),
+        deviation=round(deviation, 4),
+        floor=floor,
+        ceiling=1.0 if probability else None,
+        **fit_memory(objects, latent if deviation else 0 * score).model_dump(),
+    )
 
 
 def fit_false_score(score: Floats, limits: ScoreNoise) -> tuple[float, float]:
@@ -114,7 +115,6 @@ def fit_false_positives(false: FalsePositiveSamples, limits: ScoreNoise) -> Fals
     enough = judged.sum() >= _FEW
     dispersion = max(float(false.own.var() / false.own.mean()), 1.0) if enough else 1.0
     survive = min(float(np.mean(false.followed[judged])), _LONGEST) if enough else 0.0
-    size = false.size[own].mean(axis=0)
     distance = np.maximum(np.quantile(false.distance[own], np.linspace(0.0, 1.0, 11)), _NEAREST)
     score, deviation = fit_false_score(false.score[own], limits)
     return FalsePositives(
@@ -123,7 +123,7 @@ def fit_false_positives(false: FalsePositiveSamples, limits: ScoreNoise) -> Fals
         survive=round(survive, 4),
         score=round(score, 4),
         score_deviation=round(deviation, 4),
-        size=(round(float(size[0]), 4), round(float(size[1]), 4), round(float(size[2]), 4)),
+        size=triple(false.size[own].mean(axis=0)),
         distance=tuple(round(float(one), 2) for one in distance),
     )
 

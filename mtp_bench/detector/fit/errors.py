@@ -24,11 +24,8 @@ def fit_position(objects: ObjectSamples, column: int) -> PositionNoise:
     s0, s1, nu = _student(error[objects.hit], distance[objects.hit])
     latent = np.full(len(error), np.nan)
     latent[objects.hit] = ndtri(stdtr(nu, error[objects.hit] / (s0 + s1 * distance[objects.hit])))
-    memory = fit_memory(objects, latent)
-    return PositionNoise(
-        s0=round(s0, 4), s1=round(s1, 4), nu=round(nu, 4),
-        bias=memory.bias, ar=memory.ar, phi=memory.phi, white=memory.white,
-    )  # fmt: skip
+    memory = fit_memory(objects, latent).model_dump()
+    return PositionNoise(s0=round(s0, 4), s1=round(s1, 4), nu=round(nu, 4), **memory)
 
 
 def _student(error: Floats, distance: Floats) -> tuple[float, float, float]:
@@ -112,7 +109,7 @@ def fit_size(objects: ObjectSamples) -> SizeNoise:
     product = [latent[a] * latent[b] for a, b in (objects.hit_pairs(lag) for lag in _LAGS)]
     kept = float(np.mean(np.concatenate(product))) if sum(map(len, product)) >= _FEW else 0.0
     white = min(max(1.0 - kept, 0.0), 1.0)
-    return SizeNoise(mean=_triple(mean), deviation=_triple(deviation), white=round(white, 4))
+    return SizeNoise(mean=triple(mean), deviation=triple(deviation), white=round(white, 4))
 
 
 def fit_height(objects: ObjectSamples) -> tuple[float, float]:
@@ -133,5 +130,6 @@ def robust_deviation(value: Floats) -> float | None:
     return float(_NORMAL_MAD * np.median(np.abs(value - np.median(value)))) if len(value) else None
 
 
-def _triple(value: Floats) -> tuple[float, float, float]:
+def triple(value: Floats) -> tuple[float, float, float]:
+    """Three figures of a profile, rounded."""
     return round(float(value[0]), 4), round(float(value[1]), 4), round(float(value[2]), 4)

@@ -30,6 +30,11 @@ class Zone:
     other_end: float
     merging: bool  # both go on together from the end
 
+    @property
+    def mirrored(self) -> Zone:
+        """The same, as the other route has it."""
+        return Zone(self.other_start, self.other_end, self.start, self.end, self.merging)
+
 
 @dataclass(frozen=True)
 class Stripe:
@@ -70,7 +75,7 @@ def passages(town: RoadMap, routes: RouteTable) -> tuple[Passage, ...]:
             found = () if arms[p] == arms[q] else _zones(way, ways[q])
             if found:
                 zones[p][q] = found
-                zones[q][p] = tuple(Zone(z.other_start, z.other_end, z.start, z.end, z.merging) for z in found)
+                zones[q][p] = tuple(zone.mirrored for zone in found)
     return tuple(_passage(town, r, ways[r], zones[r], routes) for r in range(len(ways)))
 
 

@@ -87,8 +87,7 @@ def desired_speed(state: State, geometry: LaneGeometry, routes: RouteTable) -> F
     limit = geometry.limit[lanes] * state.temper[:, 0, None]
     allowed = np.sqrt(limit**2 + 2.0 * 1.3 * distance)
     allowed = np.where(lanes >= 0, allowed, np.inf)
-    speed: Floats = np.minimum(allowed.min(axis=1), state.temper[:, 1])
-    return speed
+    return np.asarray(np.minimum(allowed.min(axis=1), state.temper[:, 1]))
 
 
 def free_acceleration(speed: Floats, wanted: Floats, temper: Floats) -> Floats:
@@ -107,8 +106,7 @@ def braking(speed: Floats, gap: Floats, leader: Floats, temper: Floats, least: F
     closing = speed * (speed - leader) / (2.0 * np.sqrt(a * b))
     jam = temper[..., 3] if least is None else least
     wanted = jam + np.maximum(speed * temper[..., 2] + closing, 0.0)
-    share: Floats = a * (wanted / np.maximum(gap, _CLOSE)) ** 2
-    return share
+    return a * (wanted / np.maximum(gap, _CLOSE)) ** 2
 
 
 def steering(state: State, geometry: LaneGeometry, routes: RouteTable, before: Floats, dt: float) -> Floats:
@@ -132,5 +130,4 @@ def steering(state: State, geometry: LaneGeometry, routes: RouteTable, before: F
     rate = np.clip(_HEADING_RATE * error, bend - most, bend + most)
     turn = np.arcsin(np.clip(state.wheelbase / 2 * rate / v, -_MOST_SLIP, _MOST_SLIP))
     now = np.arctan(np.tan(before) / 2)
-    angle: Floats = np.arctan(2 * np.tan(np.clip(turn, now - _SLIP_RATE * dt, now + _SLIP_RATE * dt)))
-    return angle
+    return np.asarray(np.arctan(2 * np.tan(np.clip(turn, now - _SLIP_RATE * dt, now + _SLIP_RATE * dt))))

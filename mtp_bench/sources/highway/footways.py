@@ -90,16 +90,14 @@ def slowed_at_kerb(place: Floats, velocity: Floats, pavement: Pavement, on_sidew
     outwards, room = _kerb(place, pavement)
     towards = (velocity * outwards).sum(axis=1)
     excess = np.maximum(towards - np.sqrt(2.0 * _EASY * np.maximum(room, 0.0)), 0.0) * on_sidewalk
-    slowed: Floats = velocity - excess[:, None] * outwards
-    return slowed
+    return np.asarray(velocity - excess[:, None] * outwards)
 
 
 def kept_off_road(place: Floats, pavement: Pavement, on_sidewalk: Bools) -> Floats:
     """Places ``[M, 2]`` with those ``on_sidewalk`` ``[M]`` brought back to it."""
     outwards, room = _kerb(place, pavement)
     back = np.maximum(-room, 0.0) * on_sidewalk
-    kept: Floats = place - back[:, None] * outwards
-    return kept
+    return place - back[:, None] * outwards
 
 
 def _kerb(place: Floats, pavement: Pavement) -> tuple[Floats, Floats]:

@@ -165,7 +165,7 @@ class RightOfWay:
                 if self._soonest(me, zone.start) > self._latest(other, zone) + _AFTER:
                     yields.append((number, zone))
                 elif self._may_go_before(me, other, zone):
-                    before.append((number, _mirrored(zone)))
+                    before.append((number, zone.mirrored))
                 else:
                     return None
         return yields, before
@@ -173,7 +173,7 @@ class RightOfWay:
     def _may_go_before(self, me: _Vehicle, other: _Vehicle, zone: Zone) -> bool:
         if self.first_in_first_out or other.front > zone.other_start:
             return False
-        return self._latest(me, _mirrored(zone)) + _BEFORE < self._soonest(other, zone.other_start)
+        return self._latest(me, zone.mirrored) + _BEFORE < self._soonest(other, zone.other_start)
 
     def _wait_inside(self, me: _Vehicle, yields: list[tuple[int, Zone]], walks: list[Walk]) -> float:
         """Free metres for somebody with the right to pass."""
@@ -214,10 +214,6 @@ class RightOfWay:
 def _left(other: _Vehicle, zone: Zone) -> bool:
     """Whether the other one has left the shared stretch, or is ahead on the common way."""
     return (other.front + other.rear) / 2 > zone.other_end if zone.merging else other.rear > zone.other_end
-
-
-def _mirrored(zone: Zone) -> Zone:
-    return Zone(zone.other_start, zone.other_end, zone.start, zone.end, zone.merging)
 
 
 def _time(distance: float, speed: float, acceleration: float, cruise: float) -> float:

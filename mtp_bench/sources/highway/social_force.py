@@ -55,16 +55,14 @@ def _pairs(place: Floats, least: float = _TINY) -> tuple[Floats, Floats, Floats]
 def shortened(vector: Floats, most: Floats | float) -> Floats:
     """Vectors ``[M, 2]`` that are no longer than ``most``."""
     length = np.hypot(vector[:, 0], vector[:, 1])
-    short: Floats = vector * np.minimum(1.0, most / np.maximum(length, _TINY))[:, None]
-    return short
+    return vector * np.minimum(1.0, most / np.maximum(length, _TINY))[:, None]
 
 
 def _pull(between: Floats, friends: Bools) -> Floats:
     count = friends.sum(axis=1)
     to_middle = -(between * friends[..., None]).sum(axis=1) / np.maximum(count, 1)[:, None]
     away = np.hypot(to_middle[:, 0], to_middle[:, 1]) > _TOGETHER
-    pull: Floats = to_middle * np.where(away, _PULL, 0.0)[:, None]
-    return pull
+    return np.asarray(to_middle * np.where(away, _PULL, 0.0)[:, None])
 
 
 def eased(place: Floats, velocity: Floats, vehicles: Floats, dt: float) -> Floats:
@@ -84,8 +82,7 @@ def eased(place: Floats, velocity: Floats, vehicles: Floats, dt: float) -> Float
     coming = (before - _clearance(place + dt * velocity, vehicles)) / dt
     allowed = np.sqrt(2.0 * _EASY * np.maximum(before - _ROOM, 0.0))
     share = np.where(coming > allowed, allowed / np.maximum(coming, _TINY), 1.0).min(axis=1)
-    slowed: Floats = velocity * share[:, None]
-    return slowed
+    return np.asarray(velocity * share[:, None])
 
 
 def kept_apart(place: Floats) -> Floats:
@@ -114,5 +111,4 @@ def _clearance(points: Floats, boxes: Floats) -> Floats:
     dx, dy = points[:, :1] - boxes[:, 0], points[:, 1:] - boxes[:, 1]
     along = np.abs(cos * dx + sin * dy) - boxes[:, 4] / 2
     across = np.abs(cos * dy - sin * dx) - boxes[:, 5] / 2
-    clearance: Floats = np.maximum(along, across)
-    return clearance
+    return np.maximum(along, across)

@@ -6,7 +6,7 @@ from collections import Counter
 
 from ...cards import Card
 from ..cache import VARIABLE
-from ..dataset import DataCheck, Dataset, DataStatus, Findings
+from ..dataset import DataCheck, Dataset, DataStatus
 from .source import HighwayTraffic, seed_of
 
 DATASET = Dataset(
@@ -23,7 +23,7 @@ DATASET = Dataset(
 def highway_status(card: Card, data: object = None) -> DataStatus:
     """What is in the cache; nothing is ever missing, since a scene is made when it is first used."""
     source = HighwayTraffic(card)
-    found = Findings(source.store.folder)
+    found = DataStatus(DATASET, source.store.folder, (source.store.folder,))
     worlds = [world for world in (source.store.read(seed_of(name)) for name in source.names) if world is not None]
     found.notes.append("simulated scenes are generated when they are first used, and kept")
     if worlds:
@@ -35,4 +35,4 @@ def highway_status(card: Card, data: object = None) -> DataStatus:
             f"{card.id}: {share:.0f} % of {attempts} attempts rejected{listed}; all scenes are crash-free"
         )
     found.checks.append(DataCheck("scenes generated", len(worlds), len(source.names)))
-    return DATASET.report(found)
+    return found

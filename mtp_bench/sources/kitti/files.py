@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...errors import DataError
 from ...geometry import wrap_angle
 from ...types import Floats, Ints
-from ..text import numbered_lines, read_table
+from ..text import Table, numbered_lines, read_table
 
 _BOX = "height width length x y z rotation_y"  # in camera axes
 LABEL = f"frame id type truncated occluded alpha left top right bottom {_BOX}"
@@ -33,13 +33,10 @@ SENSOR_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.
 class Labels:
     """Rows of ``label_02/%04d.txt`` in the order of the file, all types included."""
 
-    line: Ints  # [R] line in the file, from 1
+    table: Table  # columns `LABEL`
     frame: Ints  # [R]
     object_id: Ints  # [R] -1 for DontCare
     type: NDArray[np.str_]  # [R] Car, Van, Truck, Pedestrian, Person, Cyclist, Tram, Misc, DontCare
-    truncated: Floats  # [R] -1 for DontCare
-    occluded: Ints  # [R] 0 visible, 1 partly, 2 largely, 3 unknown; -1 for DontCare
-    alpha: Floats  # [R] rad
     image_box: Floats  # [R, 4] left top right bottom, pixels
     box: Floats  # [R, 7] sensor frame; NaN for DontCare
 
@@ -48,13 +45,10 @@ class Labels:
 class StoredDetections:
     """Rows of ``detections/<detector>/<class>/%04d.txt`` in the order of the file."""
 
-    line: Ints  # [R] line in the file, from 1
+    table: Table  # columns `DETECTION`
     frame: Ints  # [R]
-    type_code: Ints  # [R] 1 Pedestrian, 2 Car, 3 Cyclist
-    image_box: Floats  # [R, 4] left top right bottom, pixels
     score: Floats  # [R] raw logit
     box: Floats  # [R, 7] sensor frame; may hold NaN or sizes that are not positive
-    alpha: Floats  # [R] rad
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,23 +70,20 @@ def read_labels(path: Path) -> Labels:
     table.refuse_second_box(frame, object_id, np.flatnonzero(boxed))
     box = sensor_boxes(value[:, 10:13], value[:, 13:16], value[:, 16])
     box[~boxed] = np.nan
-    return Labels(
-        line=table.line, frame=frame, object_id=object_id, type=table.text, truncated=value[:, 3],
-        occluded=table.whole("occluded"), alpha=value[:, 5], image_box=value[:, 6:10], box=box,
-    )  # fmt: skip
+    return Labels(table, frame, object_id, table.text, value[:, 6:10], box)
 
 
-def read_detections(path: Path) -> StoredDetections:
+def read_detections(path: Path, kind: str, code: int) -> StoredDetections:
     """Detections of one sequence and class; an empty file gives no rows. DataError names the line that is wrong.
 
-    NaN and sizes that are not positive are kept: what to do with such rows is the caller's decision.
+    ``code``: what the file has for the class ``kind`` (1 Pedestrian, 2 Car, 3 Cyclist). NaN and
+    sizes that are not positive are kept: what to do with such rows is the caller's decision.
     """
     table = read_table(path, DETECTION, ",")
-    value = table.value
-    return StoredDetections(
-        line=table.line, frame=table.whole("frame"), type_code=table.whole("type"), image_box=value[:, 2:6],
-        score=value[:, 6], box=sensor_boxes(value[:, 7:10], value[:, 10:13], value[:, 13]), alpha=value[:, 14],
-    )  # fmt: skip
+    value, found = table.value, table.whole("type")
+    table.refuse(found != code, lambda at: f"type {found[at]}, expected {code} ({kind})")
+    box = sensor_boxes(value[:, 7:10], value[:, 10:13], value[:, 13])
+    return StoredDetections(table, table.whole("frame"), value[:, 6], box)
 
 
 def read_oxts(path: Path) -> Oxts:

@@ -49,7 +49,7 @@ class KittiTracking:
         frames = _Frames(length, section.stride, poses if section.ego_motion else None)
         kept = np.arange(0, length, section.stride)
         labels = read_labels(self.root / LABELS / f"{name}.txt")
-        frames.check(self.root / LABELS / f"{name}.txt", labels)
+        frames.check(labels)
         detections, skipped, label = no_detections(len(kept)), dict[str, int](), ""
         if self.card.detector is None:
             label = f"{section.detector}, stored detections"
@@ -123,14 +123,10 @@ class _Frames:
         """Boxes in the frame of reference of the scene."""
         return self.poses.to_world(box, frame) if self.poses else box
 
-    def check(self, path: Path, rows: Labels | StoredDetections) -> None:
+    def check(self, rows: Labels | StoredDetections) -> None:
         """Raise DataError for a row outside of the sequence."""
-        bad = (rows.frame < 0) | (rows.frame >= self.length)
-        if bad.any():
-            at = int(np.argmax(bad))
-            raise DataError(
-                f"{path}, line {rows.line[at]}: frame {rows.frame[at]}, but the sequence has {self.length} frames"
-            )
+        outside = (rows.frame < 0) | (rows.frame >= self.length)
+        rows.table.refuse(outside, lambda at: f"frame {rows.frame[at]}, but the sequence has {self.length} frames")
 
 
 def _truth(labels: Labels, classes: tuple[str, ...], frames: _Frames) -> Truth:
@@ -162,13 +158,8 @@ def _detections(
     skipped: dict[str, int] = {}
     for index, class_name in enumerate(classes):
         kind, code = TYPES[class_name]
-        path = folder / kind / f"{name}.txt"
-        rows = read_detections(path)
-        frames.check(path, rows)
-        wrong = rows.type_code != code
-        if wrong.any():
-            at = int(np.argmax(wrong))
-            raise DataError(f"{path}, line {rows.line[at]}: type {rows.type_code[at]}, expected {code} ({kind})")
+        rows = read_detections(folder / kind / f"{name}.txt", kind, code)
+        frames.check(rows)
         row = frames.select(rows.frame, np.ones(len(rows.frame), dtype=bool))
         row = row[_sound(rows.box[row], rows.score[row], skipped)]
         parts.append((rows.frame[row], rows.box[row], rows.score[row], np.full(len(row), index)))

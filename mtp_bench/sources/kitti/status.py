@@ -9,7 +9,7 @@ import numpy as np
 from ...cards import Card, KittiSource
 from ...types import Ints
 from ..base import section_of
-from ..dataset import DataStatus, Findings
+from ..dataset import DataStatus
 from .files import Labels, read_labels, read_oxts, read_sequence_map
 from .layout import DATASET, LABELS, SEQUENCE_MAP, TYPES, VALIDATION
 
@@ -30,14 +30,14 @@ VALIDATION_TOTALS = {
 def kitti_status(card: Card, data: str | Path | None) -> DataStatus:
     """Files that ``card`` needs, and counts over the label files beside the known totals."""
 
-    def inspect(found: Findings) -> None:
+    def inspect(found: DataStatus) -> None:
         validation = tuple(found.attempt(read_sequence_map, SEQUENCE_MAP) or VALIDATION)
         training = tuple(name for name in SEQUENCES if name not in validation)
         names = validation if section_of(card, KittiSource).split == "val" else training
         _require(found, card, names)
-        if not (found.root / SEQUENCE_MAP).is_file():
+        if not (found.folder / SEQUENCE_MAP).is_file():
             found.notes.append(f"{SEQUENCE_MAP} is absent: the validation split is taken as {', '.join(VALIDATION)}")
-        if "0019" in names and not (found.root / "poses_orbslam3/0019.txt").is_file():
+        if "0019" in names and not (found.folder / "poses_orbslam3/0019.txt").is_file():
             found.notes.append(
                 "poses_orbslam3/0019.txt is absent: sequence 0019 uses its GPS/IMU unit, which is bad there"
             )
@@ -46,7 +46,7 @@ def kitti_status(card: Card, data: str | Path | None) -> DataStatus:
     return DATASET.status(data, LABELS, inspect)
 
 
-def _require(found: Findings, card: Card, names: tuple[str, ...]) -> None:
+def _require(found: DataStatus, card: Card, names: tuple[str, ...]) -> None:
     """Note what the card needs and is not there."""
     section = section_of(card, KittiSource)
     folders = [LABELS, "training/calib", "training/oxts"]
@@ -57,7 +57,7 @@ def _require(found: Findings, card: Card, names: tuple[str, ...]) -> None:
         found.require_all(folder, [f"{name}.txt" for name in names])
 
 
-def _count(found: Findings, validation: tuple[str, ...]) -> None:
+def _count(found: DataStatus, validation: tuple[str, ...]) -> None:
     """Counts over all sequences that are there and over those of the validation split."""
     labels: dict[str, Labels] = {}
     frames: dict[str, int] = {}

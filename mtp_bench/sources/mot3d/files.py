@@ -53,10 +53,8 @@ KNOWN = {"PETS09-S2L1": SequenceInfo(7.0, 795), "TUD-Stadtmitte": SequenceInfo(2
 class Rows:
     """Rows of ``gt.txt`` or ``det.txt`` in the order of the file."""
 
-    line: Ints  # [R] line in the file, from 1
     frame: Ints  # [R] from 1
     object_id: Ints  # [R] -1 for detections
-    image_box: Floats  # [R, 4] left top width height, pixels
     confidence: Floats  # [R] detections: score; truth: 0 = not to be evaluated
     ground: Floats  # [R, 3] m, X Y Z of the foot point
 
@@ -118,9 +116,7 @@ def _read_table(path: Path, length: int) -> Table:
 
 
 def _rows(table: Table) -> Rows:
-    value = table.value
-    frame, object_id = table.whole("frame"), table.whole("id")
-    return Rows(table.line, frame, object_id, value[:, 2:6], value[:, 6], value[:, 7:])
+    return Rows(table.whole("frame"), table.whole("id"), table.value[:, 6], table.value[:, 7:])
 
 
 def _number(path: Path, parser: configparser.ConfigParser, key: str) -> float:

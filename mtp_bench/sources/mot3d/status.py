@@ -9,7 +9,7 @@ import numpy as np
 
 from ...cards import Card, Mot3dSource
 from ..base import section_of
-from ..dataset import DataStatus, Findings
+from ..dataset import DataStatus
 from .files import DATASET, DETECTIONS, KNOWN, SEQINFO, TRUTH, Rows, read_detections, read_sequence_info, read_truth
 from .source import needed
 
@@ -29,7 +29,7 @@ def mot3d_status(card: Card, data: str | Path | None) -> DataStatus:
     sequence = section_of(card, Mot3dSource).sequence
     folder = f"train/{sequence}"
 
-    def inspect(found: Findings) -> None:
+    def inspect(found: DataStatus) -> None:
         found.require(*(f"{folder}/{name}" for name in needed(card)))
         _count(found, folder, dict(TOTALS[sequence]), stored=card.detector is None)
 
@@ -37,7 +37,7 @@ def mot3d_status(card: Card, data: str | Path | None) -> DataStatus:
     return replace(DATASET, name=f"{DATASET.name} {sequence}", citation=cited).status(data, folder, inspect)
 
 
-def _count(found: Findings, folder: str, totals: dict[str, int], stored: bool) -> None:
+def _count(found: DataStatus, folder: str, totals: dict[str, int], stored: bool) -> None:
     """Counts of the sequence; what the card does not need is not read."""
     info = found.attempt(read_sequence_info, f"{folder}/{SEQINFO}")
     # Without seqinfo.ini the rows are still counted, against the length that the sequence is known to have.

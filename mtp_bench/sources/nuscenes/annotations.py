@@ -12,11 +12,10 @@ import numpy as np
 from ...errors import DataError
 from ...types import Bools, Floats, Ints
 from ..text import read_json
-from .chains import Chains, Rows, Tokens
 from .classes import NEUTRAL_OF, class_index
 from .fields import add_numbers, check, floats, ints, text, upright_boxes, whole
-from .json_stream import Read, brief, read_records
-from .tables import Keyframes, by_token
+from .json_stream import Read, brief
+from .tables import Keyframes, by_token, known, require_counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,43 +33,30 @@ class Annotations:
 
 
 @dataclass(frozen=True, eq=False)
-class _Instances:
-    tokens: Tokens
-    category: list[str]
-    first: array[int]
-    last: array[int]
-    count: array[int]
-
-
-@dataclass(frozen=True, eq=False)
 class _Table:
     """Rows of ``sample_annotation.json``."""
 
-    rows: Rows
-    previous: array[int]
-    following: array[int]
-    sample: Ints
-    instance: array[int]
-    box: Floats
+    token: list[str]
+    sample: Ints  # [R] row of the keyframe
+    instance: Ints  # [R]
+    box: Floats  # [R, 7]
 
 
 def read_annotations(
     paths: Mapping[str, Path], prediction: Path | None, keyframes: Keyframes, read: Read
 ) -> Annotations:
     """Read all boxes; ``prediction``: the list of targets, if any. DataError names the file and token that is wrong."""
-    refer = Tokens(paths["sample_annotation"])
-    instances = _read_instances(paths, refer, read)
-    table = _read_table(paths["sample_annotation"], refer, instances.tokens, keyframes, read)
-    path, owner = paths["instance"], instances.tokens.resolve()
-    instance = owner.of(table.instance, "instance_token", table.rows.path, table.rows.token)
-    _require_single(table, instance)
-    _check_chains(path, table, instance, instances, owner, keyframes)
+    owner, categories, count = _read_instances(paths, read)
+    table = _read_table(paths["sample_annotation"], owner, keyframes, read)
+    instance = table.instance
+    _require_single(paths["sample_annotation"], table)
+    require_counts(paths["instance"], owner, count, instance, paths["sample_annotation"])
     listed = np.zeros(len(instance), dtype=bool)
     if prediction is not None:
         key = instance * len(keyframes.token) + table.sample
-        listed = np.isin(key, _read_targets(prediction, owner.token, keyframes, key))
-    class_of = np.array([class_index(name) for name in instances.category], dtype=np.int64)
-    beside = np.array([name in NEUTRAL_OF for name in instances.category], dtype=bool)
+        listed = np.isin(key, _read_targets(prediction, owner, keyframes, key))
+    class_of = np.array([class_index(name) for name in categories], dtype=np.int64)
+    beside = np.array([name in NEUTRAL_OF for name in categories], dtype=bool)
     used = np.flatnonzero(class_of[instance] >= 0)
     row = used[np.argsort(table.sample[used], kind="stable")]
     return Annotations(
@@ -80,84 +66,46 @@ def read_annotations(
         class_id=class_of[instance[row]],
         neutral=beside[instance[row]],
         listed=listed[row],
-        token=owner.token,
+        token=owner,
         boxes=len(instance),
     )
 
 
-def _read_instances(paths: Mapping[str, Path], annotations: Tokens, read: Read) -> _Instances:
+def _read_instances(paths: Mapping[str, Path], read: Read) -> tuple[list[str], list[str], Ints]:
+    """Token, category and number of boxes of each instance."""
     categories = {token: text(paths["category"], record, "name") for token, record in by_token(paths["category"], read)}
-    path = paths["instance"]
-    found = _Instances(Tokens(path), [], array("q"), array("q"), array("q"))
-    for record in read_records(path, read):
-        token = found.tokens.add(record)
-        category = text(path, record, "category_token")
-        if category not in categories:
-            raise DataError(
-                f"{path}, record {token!r}: category_token is {category!r}, but category.json has no such record"
-            )
-        found.category.append(categories[category])
-        found.first.append(annotations.refer(text(path, record, "first_annotation_token")))
-        found.last.append(annotations.refer(text(path, record, "last_annotation_token")))
-        found.count.append(whole(path, record, "nbr_annotations"))
-    return found
+    path, tokens, category, count = paths["instance"], list[str](), list[str](), array("q")
+    for token, record in by_token(path, read):
+        tokens.append(token)
+        category.append(known(categories, record, path, "category"))
+        count.append(whole(path, record, "nbr_annotations"))
+    return tokens, category, ints(count)
 
 
-def _read_table(path: Path, refer: Tokens, instances: Tokens, keyframes: Keyframes, read: Read) -> _Table:
-    previous, following, instance, sample = array("q"), array("q"), array("q"), array("q")
+def _read_table(path: Path, instances: list[str], keyframes: Keyframes, read: Read) -> _Table:
+    row = {token: at for at, token in enumerate(instances)}
+    tokens, instance, sample = list[str](), array("q"), array("q")
     translation, size, rotation = array("d"), array("d"), array("d")
-    for record in read_records(path, read):
-        token = refer.add(record)
-        at = keyframes.row.get(text(path, record, "sample_token"), -1)
-        if at < 0:
-            raise DataError(
-                f"{path}, record {token!r}: sample_token is {record['sample_token']!r}, "
-                "but sample.json has no such record"
-            )
-        sample.append(at)
-        instance.append(instances.refer(text(path, record, "instance_token")))
-        previous.append(refer.refer(text(path, record, "prev")))
-        following.append(refer.refer(text(path, record, "next")))
+    for token, record in by_token(path, read):
+        tokens.append(token)
+        sample.append(known(keyframes.row, record, path, "sample"))
+        instance.append(known(row, record, path, "instance"))
         add_numbers(path, record, "translation", 3, translation)
         add_numbers(path, record, "size", 3, size)
         add_numbers(path, record, "rotation", 4, rotation)
-    rows = refer.resolve()
     fields = {"translation": floats(translation, 3), "size": floats(size, 3), "rotation": floats(rotation, 4)}
-    check(path, rows.token, fields)
-    return _Table(rows, previous, following, ints(sample), instance, upright_boxes(**fields))
+    check(path, tokens, fields)
+    return _Table(tokens, ints(sample), ints(instance), upright_boxes(**fields))
 
 
-def _require_single(table: _Table, instance: Ints) -> None:
+def _require_single(path: Path, table: _Table) -> None:
     """An instance has one box in a sample."""
-    order = np.lexsort((table.sample, instance))
-    same = (np.diff(instance[order]) == 0) & (np.diff(table.sample[order]) == 0)
+    order = np.lexsort((table.sample, table.instance))
+    same = (np.diff(table.instance[order]) == 0) & (np.diff(table.sample[order]) == 0)
     if same.any():
         at = int(np.argmax(same))
-        first, second = (table.rows.token[int(row)] for row in order[at : at + 2])
-        raise DataError(
-            f"{table.rows.path}, record {second!r}: a second box of its instance in its sample, beside {first!r}"
-        )
-
-
-def _check_chains(
-    path: Path, table: _Table, instance: Ints, instances: _Instances, owner: Rows, keyframes: Keyframes
-) -> None:
-    """The boxes of an instance follow each other in time, within one scene."""
-    rows, own = table.rows, table.rows.path
-    chains = Chains(
-        rows, rows.of(table.previous, "prev", own, rows.token, none=True),
-        rows.of(table.following, "next", own, rows.token, none=True),
-        instance, keyframes.time[table.sample], path, "instance", owner.token,
-        rows.of(instances.first, "first_annotation_token", path, owner.token),
-        rows.of(instances.last, "last_annotation_token", path, owner.token), ints(instances.count),
-    )  # fmt: skip
-    chains.check()
-    scene = keyframes.scene_of[table.sample]
-    ahead = chains.following >= 0
-    leaves = scene[ahead] != scene[chains.following[ahead]]
-    if leaves.any():
-        token = rows.token[int(np.flatnonzero(ahead)[np.argmax(leaves)])]
-        raise DataError(f"{own}, record {token!r}: broken chain, its 'next' is in another scene")
+        first, second = (table.token[int(row)] for row in order[at : at + 2])
+        raise DataError(f"{path}, record {second!r}: a second box of its instance in its sample, beside {first!r}")
 
 
 def _read_targets(path: Path, instances: list[str], keyframes: Keyframes, known: Ints) -> Ints:

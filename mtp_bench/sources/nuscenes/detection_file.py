@@ -56,11 +56,11 @@ def read_detections(path: Path, row: Mapping[str, int], read: Read) -> DetectedB
         rows.add(token, boxes)
     sample = np.array([row[token] for token in rows.tokens], dtype=np.int64)[ints(rows.entry)]
     fields = {key: floats(rows.numbers[key], count) for key, count in _COUNTS.items()}
-    velocity, score = fields.pop("velocity"), floats(rows.score, 1)[:, 0]
+    score = floats(rows.score, 1)[:, 0]
     for key, value in {**fields, "detection_score": score}.items():
         rows.refuse_first(first_wrong(key, value))
-    rows.refuse_first(first_wrong("velocity", np.where(np.isnan(velocity), 0.0, velocity)))  # NaN: unknown
-    unknown = np.isnan(velocity).any(axis=1) | (velocity == 0).all(axis=1)
+    velocity = fields.pop("velocity")
+    unknown = (velocity == 0).all(axis=1)
     order = np.argsort(sample, kind="stable")
     return DetectedBoxes(
         samples=count,
@@ -110,8 +110,8 @@ class _Rows:
         self.class_id.append(_CLASS_INDEX[name])
         for key, count in _COUNTS.items():
             value = box.get(key)
-            if key == "velocity" and value is None:
-                value = [0.0, 0.0]
+            if key == "velocity" and (value is None or (isinstance(value, list) and None in value)):
+                value = [0.0, 0.0]  # unknown
             if not extended(self.numbers[key], value, count):
                 self._refuse(entry, place, f"{key} is {brief(value)}, expected {count} numbers up to {LIMIT:g}")
 

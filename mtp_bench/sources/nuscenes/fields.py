@@ -46,7 +46,7 @@ def whole(path: Path, record: Record, key: str) -> int:
 
 
 def add_numbers(path: Path, record: Record, key: str, count: int, to: array[float]) -> None:
-    """Append the ``count`` numbers of the list ``record[key]`` to ``to``, possibly NaN or too large.
+    """Append the ``count`` numbers of the list ``record[key]`` to ``to``, possibly too large.
 
     ``path`` names the file in errors.
     """
@@ -56,13 +56,10 @@ def add_numbers(path: Path, record: Record, key: str, count: int, to: array[floa
 
 
 def extended(to: array[float], value: Any, count: int) -> bool:
-    """Append a list of ``count`` numbers; False for anything else, and for whole numbers that no float can hold."""
+    """Append a list of ``count`` numbers; False for anything else."""
     if type(value) is not list or len(value) != count or not _NUMBERS.issuperset(map(type, value)):
         return False
-    try:
-        to.extend(value)
-    except OverflowError:
-        return False
+    to.extend(value)
     return True
 
 

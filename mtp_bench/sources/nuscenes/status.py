@@ -7,7 +7,7 @@ from pathlib import Path
 from ...cards import Card, NuScenesSource
 from ...errors import DataError
 from ..base import section_of
-from ..dataset import DataCheck, DataStatus, Findings
+from ..dataset import DataCheck, DataStatus
 from .layout import (
     DATASET,
     PREDICTION,
@@ -40,20 +40,20 @@ def nuscenes_status(card: Card, data: str | Path | None) -> DataStatus:
     Makes the compact copy of the tables and detections, if they are whole and it is not there.
     """
 
-    def inspect(found: Findings) -> None:
+    def inspect(found: DataStatus) -> None:
         version = section_of(card, NuScenesSource).version
         found.require_all(version, [f"{name}.json" for name in TABLES])
         whole = not found.missing
         detections = _require(found, card)
         if not whole:
-            found.notes.append(f"versions found: {', '.join(versions(found.root))}")
+            found.notes.append(f"versions found: {', '.join(versions(found.folder))}")
             return
         try:
-            tables = find_tables(found.root, version)
+            tables = find_tables(found.folder, version)
             with working(tables.bytes_left, None, None) as work:
                 store = tables.open(work)
         except DataError as error:
-            found.problems.append(str(error))
+            found.add_problem(error)
             return
         _look_into(found, card, store)
         if detections:
@@ -62,29 +62,29 @@ def nuscenes_status(card: Card, data: str | Path | None) -> DataStatus:
             try:
                 NuScenes(card, data)
             except DataError as error:  # stops the card's scenes from being read
-                found.problems.append(str(error))
+                found.add_problem(error)
         _count(found, store)
 
     return DATASET.status(data, VERSIONS, inspect)
 
 
-def _require(found: Findings, card: Card) -> tuple[Path, ...]:
+def _require(found: DataStatus, card: Card) -> tuple[Path, ...]:
     """Note what the card needs beside the tables and is not there; its detection files."""
     section = section_of(card, NuScenesSource)
     if section.truth == "targets":
         found.require(PREDICTION)
     try:
-        return detection_paths(found.root, card)
+        return detection_paths(found.folder, card)
     except DataError as error:
         named = section.detections_file is not None or section.detections_sha256 is not None
         found.missing.append(str(error) if named else detection_pattern(card))
         return ()
 
 
-def _look_into(found: Findings, card: Card, store: TableStore) -> None:
+def _look_into(found: DataStatus, card: Card, store: TableStore) -> None:
     """Note the splits that the tables have; that of the card is missing if it has no scenes."""
     section = section_of(card, NuScenesSource)
-    splits = available_splits(store, section.truth == "targets" and prediction_path(found.root) is not None)
+    splits = available_splits(store, section.truth == "targets" and prediction_path(found.folder) is not None)
     if not splits:
         return
     found.notes.append(f"{section.version} has the splits {counted(splits)}")
@@ -92,7 +92,7 @@ def _look_into(found: Findings, card: Card, store: TableStore) -> None:
         found.missing.append(f"scenes of split {section.split!r} in {section.version}/")
 
 
-def _count(found: Findings, store: TableStore) -> None:
+def _count(found: DataStatus, store: TableStore) -> None:
     """Counts over the tables, whatever the card's split."""
     version, scenes = store.tables.version, store.index["scenes"]
     numbers = {

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import re
 from array import array
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
 from ...errors import DataError
-from ...types import Floats, Ints, Ragged, starts_of
-from .chains import Chains, Tokens
+from ...types import Floats, Ints, starts_of
 from .fields import add_numbers, check, floats, ints, named, text, time_stamp, whole, yaw_of
 from .json_stream import Read, Record, brief, read_records
 
@@ -35,11 +35,6 @@ class Keyframes:
     time: Floats  # [N] microseconds
     ego: Floats  # [N, 4] x y z yaw, global frame
 
-    @property
-    def scene_of(self) -> Ints:
-        """Scene of each row [N]."""
-        return Ragged(self.start).frame_of_rows
-
 
 def read_keyframes(paths: Mapping[str, Path], read: Read) -> Keyframes:
     """Read the tables of scenes, samples, sensors and ego poses; DataError names the file and token that is wrong."""
@@ -52,43 +47,49 @@ def read_keyframes(paths: Mapping[str, Path], read: Read) -> Keyframes:
 
 def _read_samples(paths: Mapping[str, Path], read: Read) -> tuple[tuple[str, ...], Ints, list[str], Floats]:
     """Scene names [S] and row starts [S + 1], sample tokens [N] and times [N]."""
-    path, scenes = paths["scene"], Tokens(paths["scene"])
-    samples = Tokens(paths["sample"])
-    names, first, last, count = list[str](), array("q"), array("q"), array("q")
-    for record in read_records(path, read):
-        scenes.add(record)
-        names.append(_scene_name(path, record))
-        first.append(samples.refer(text(path, record, "first_sample_token")))
-        last.append(samples.refer(text(path, record, "last_sample_token")))
-        count.append(whole(path, record, "nbr_samples"))
-    if len(set(names)) < len(names):
-        twice = next(name for at, name in enumerate(names) if name in names[:at])
-        raise DataError(f"{path} has several scenes {twice!r}, expected one")
-    table = paths["sample"]
-    previous, following, group, time = _read_sample_table(table, samples, scenes, read)
-    owner, rows = scenes.resolve(), samples.resolve()
-    chains = Chains(
-        rows, rows.of(previous, "prev", table, rows.token, none=True),
-        rows.of(following, "next", table, rows.token, none=True),
-        owner.of(group, "scene_token", table, rows.token), time, path, "scene", owner.token,
-        rows.of(first, "first_sample_token", path, owner.token),
-        rows.of(last, "last_sample_token", path, owner.token), ints(count),
-    )  # fmt: skip
-    chains.check()
-    by_name = np.argsort(np.array(names, dtype=np.str_), kind="stable")
-    place = np.empty(len(names), dtype=np.int64)
-    place[by_name] = np.arange(len(names))
-    order = np.lexsort((time, place[chains.group]))
-    start = starts_of(chains.count[by_name])
-    scene, token = tuple(names[i] for i in by_name), [rows.token[i] for i in order]
-    _check_steps(table, scene, start, token, time[order])
-    return scene, start, token, time[order]
+    path, table = paths["scene"], paths["sample"]
+    scenes = sorted(
+        (_scene_name(path, record), token, whole(path, record, "nbr_samples")) for token, record in by_token(path, read)
+    )
+    names, own = tuple(name for name, _, _ in scenes), [token for _, token, _ in scenes]
+    for name, following in pairwise(names):
+        if name == following:
+            raise DataError(f"{path} has several scenes {name!r}, expected one")
+    place = {token: at for at, token in enumerate(own)}
+    samples, group, times = list[str](), array("q"), array("d")
+    for token, record in by_token(table, read):
+        samples.append(token)
+        group.append(known(place, record, table, "scene"))
+        times.append(time_stamp(table, record, "timestamp"))
+    count, scene = np.array([number for _, _, number in scenes], dtype=np.int64), ints(group)
+    require_counts(path, own, count, scene, table)
+    time = floats(times, 1)[:, 0]
+    order = np.lexsort((time, scene))
+    start, ordered, time = starts_of(count), [samples[i] for i in order], time[order]
+    _check_steps(table, names, start, ordered, time)
+    return names, start, ordered, time
+
+
+def require_counts(path: Path, token: Sequence[str], said: Ints, group: Ints, table: Path) -> None:
+    """Raise DataError unless each record of ``path`` has as many rows of ``table`` as it says, and at least one.
+
+    ``token`` and ``said``: of the records [G]; ``group``: the record of each row [R].
+    """
+    found = np.bincount(group, minlength=len(token))
+    for at in np.flatnonzero((found != said) | (found == 0))[:1]:
+        raise DataError(
+            f"{path}, record {token[at]!r}: says that it has {said[at]} records in {table.name}, found {found[at]}"
+        )
 
 
 def _check_steps(path: Path, scene: tuple[str, ...], start: Ints, token: list[str], time: Floats) -> None:
     """Raise DataError for a scene whose steps are not about half a second: its times have another unit."""
     for name, first, end in zip(scene, start[:-1], start[1:], strict=True):
-        step = float(np.median(np.diff(time[first:end]))) / SECOND if end - first > 1 else STEPS[0]
+        steps = np.diff(time[first:end])
+        if not steps.all():
+            at = first + int(np.argmin(steps))
+            raise DataError(f"{path}, record {token[at]!r}: another sample of {name} has its time")
+        step = float(np.median(steps)) / SECOND if len(steps) else STEPS[0]
         if not STEPS[0] <= step <= STEPS[1]:
             raise DataError(
                 f"{path}, record {token[first]!r}: the samples of {name} are {step:g} s apart (median), expected "
@@ -104,34 +105,18 @@ def _scene_name(path: Path, record: Record) -> str:
     return name
 
 
-def _read_sample_table(
-    path: Path, samples: Tokens, scenes: Tokens, read: Read
-) -> tuple[array[int], array[int], array[int], Floats]:
-    previous, following, group, time = array("q"), array("q"), array("q"), array("d")
-    for record in read_records(path, read):
-        samples.add(record)
-        previous.append(samples.refer(text(path, record, "prev")))
-        following.append(samples.refer(text(path, record, "next")))
-        group.append(scenes.refer(text(path, record, "scene_token")))
-        time.append(time_stamp(path, record, "timestamp"))
-    return previous, following, group, floats(time, 1)[:, 0]
-
-
 def _read_lidar_poses(paths: Mapping[str, Path], row: Mapping[str, int], read: Read) -> list[str]:
     """Token [N] of the ego pose of each sample: that of its LIDAR_TOP keyframe."""
     path = paths["sample_data"]
     channel = {token: text(paths["sensor"], record, "channel") for token, record in by_token(paths["sensor"], read)}
     mounted: dict[str, str] = {}
     for token, record in by_token(paths["calibrated_sensor"], read):
-        sensor = text(paths["calibrated_sensor"], record, "sensor_token")
-        mounted[token] = _known(channel, sensor, record, paths["calibrated_sensor"], "sensor")
+        mounted[token] = known(channel, record, paths["calibrated_sensor"], "sensor")
     pose = [""] * len(row)
     for record in read_records(path, read):
-        sensor = text(path, record, "calibrated_sensor_token")
-        sensor_channel = _known(mounted, sensor, record, path, "calibrated_sensor")
-        if sensor_channel != LIDAR or record.get("is_key_frame") is not True:
+        if known(mounted, record, path, "calibrated_sensor") != LIDAR or record.get("is_key_frame") is not True:
             continue
-        at = _known(row, text(path, record, "sample_token"), record, path, "sample")
+        at = known(row, record, path, "sample")
         if pose[at]:
             raise DataError(f"{path}, record {record.get('token')!r}: a second {LIDAR} keyframe of its sample")
         pose[at] = text(path, record, "ego_pose_token")
@@ -172,8 +157,9 @@ def by_token(path: Path, read: Read) -> Iterator[tuple[str, Record]]:
         yield token, record
 
 
-def _known(table: Mapping[str, Value], token: str, record: Record, path: Path, name: str) -> Value:
-    """Entry of ``table``; DataError where there is none."""
+def known(table: Mapping[str, Value], record: Record, path: Path, name: str) -> Value:
+    """Entry of ``table`` for the token of a ``name`` in a record of ``path``; DataError where there is none."""
+    token = text(path, record, f"{name}_token")
     if token not in table:
         raise DataError(
             f"{path}, record {record.get('token')!r}: {name}_token is {token!r}, but {name}.json has no such record"

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
-from typing import Any
 
 PIECES = 100  # of any work, however large
-PATIENCE = 1.0  # s without a progress bar
 
 
 class Work:
@@ -50,38 +47,21 @@ def no_work() -> Work:
 def working(
     size: int, started: Callable[[int], object] | None, progress: Callable[[str], object] | None
 ) -> Iterator[Work]:
-    """Work of ``size`` bytes; without callbacks a progress bar shows on the error stream if it takes a while."""
-    bar = _Bar() if started is None and progress is None else None
-    try:
-        work = Work(size, started or (lambda _: None), bar.advance if bar else progress or (lambda _: None))
+    """Work of ``size`` bytes; without callbacks a progress bar shows on the error stream, if that is a terminal."""
+    with ExitStack() as stack:
+        if size and started is None and progress is None and sys.stderr.isatty():
+            progress = stack.enter_context(_bar())
+        work = Work(size, started or (lambda _: None), progress or (lambda _: None))
         yield work
         work.finish()
-    finally:
-        if bar:
-            bar.stop()
 
 
-class _Bar:
-    """A transient progress bar, on a terminal only, that appears after a while."""
+@contextmanager
+def _bar() -> Iterator[Callable[[str], object]]:
+    """A transient progress bar; the function that tells it the name of the file at hand, once per piece."""
+    from rich.console import Console
+    from rich.progress import Progress
 
-    def __init__(self) -> None:
-        self._begin = time.monotonic()
-        self._done = 0
-        self._shown: tuple[Any, Any] | None = None
-
-    def advance(self, name: str) -> None:
-        self._done += 1
-        if self._shown is None and time.monotonic() - self._begin > PATIENCE and sys.stderr.isatty():
-            from rich.console import Console
-            from rich.progress import Progress
-
-            shown = Progress(console=Console(stderr=True), transient=True)
-            shown.start()
-            self._shown = shown, shown.add_task("", total=PIECES)
-        if self._shown is not None:
-            shown, task = self._shown
-            shown.update(task, completed=self._done, description=f"reading {name} (once)")
-
-    def stop(self) -> None:
-        if self._shown is not None:
-            self._shown[0].stop()
+    with Progress(console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task("", total=PIECES)
+        yield lambda name: shown.update(task, advance=1, description=f"reading {name} (once)")

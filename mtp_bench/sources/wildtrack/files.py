@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import DataError
 from ...types import Floats, Ints
-from ..text import LIMIT, read_json, read_table
+from ..text import LIMIT, Table, read_json, read_table
 
 GRID = 480, 1440  # cells of the annotated area along x and y
 CELL = 0.025  # m
@@ -30,7 +30,7 @@ class Annotations:
 class StoredDetections:
     """Rows of a file ``frame gx gy``."""
 
-    line: Ints  # [R] in the file, from 1
+    table: Table
     frame: Ints  # [R] the number of the annotation file
     place: Floats  # [R, 2] m on the ground plane
 
@@ -65,7 +65,7 @@ def read_detections(path: Path) -> StoredDetections:
         original < np.arange(len(original)),
         lambda at: f"a second detection at the place of line {table.line[original[at]]}",
     )
-    return StoredDetections(table.line, frame, metres(cell))
+    return StoredDetections(table, frame, metres(cell))
 
 
 def metres(cell: Floats | Ints) -> Floats:

@@ -100,13 +100,11 @@ def _detections(path: Path) -> Detections:
     """MVDet's detections, sorted by frame, otherwise in the order of the file."""
     rows = read_detections(path)
     frame, beside = np.divmod(rows.frame - SCENES[STORED], STEP)
-    bad = (beside != 0) | (frame < 0) | (frame >= SCENE_FRAMES)
-    if bad.any():
-        at, first = int(np.argmax(bad)), SCENES[STORED]
-        raise DataError(
-            f"{path}, line {rows.line[at]}: frame {rows.frame[at]} is not among the annotated test frames, "
-            f"{first}, {first + STEP}, ..., {first + STEP * (SCENE_FRAMES - 1)}"
-        )
+    expected = f"{SCENES[STORED]}, {SCENES[STORED] + STEP}, ..., {SCENES[STORED] + STEP * (SCENE_FRAMES - 1)}"
+    rows.table.refuse(
+        (beside != 0) | (frame < 0) | (frame >= SCENE_FRAMES),
+        lambda at: f"frame {rows.frame[at]} is not among the annotated test frames, {expected}",
+    )
     order = np.argsort(frame, kind="stable")
     # The file has no scores.
     return people_detections(frame[order], rows.place[order], np.ones(len(frame)), SCENE_FRAMES)

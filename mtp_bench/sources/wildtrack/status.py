@@ -8,7 +8,7 @@ import numpy as np
 
 from ...cards import Card, WildtrackSource
 from ..base import section_of
-from ..dataset import DataStatus, Findings
+from ..dataset import DataStatus
 from .files import read_annotations, read_detections
 from .source import ANNOTATIONS, DATASET, DETECTIONS, FRAMES, SCENE_FRAMES, SCENES, SPLITS, STEP, needs_detections
 
@@ -19,7 +19,7 @@ def wildtrack_status(card: Card, data: str | Path | None) -> DataStatus:
     """Files that ``card`` needs, and counts over all files beside the known totals."""
     section = section_of(card, WildtrackSource)
 
-    def inspect(found: Findings) -> None:
+    def inspect(found: DataStatus) -> None:
         numbers = [SCENES[scene] + STEP * t for scene in SPLITS[section.split] for t in range(SCENE_FRAMES)]
         found.require_all(ANNOTATIONS, [f"{number:08d}.json" for number in numbers])
         if needs_detections(card):
@@ -33,8 +33,8 @@ def wildtrack_status(card: Card, data: str | Path | None) -> DataStatus:
     return DATASET.status(data, ANNOTATIONS, inspect)
 
 
-def _count(found: Findings) -> None:
-    names = sorted(path.name for path in (found.root / ANNOTATIONS).glob("*.json"))
+def _count(found: DataStatus) -> None:
+    names = sorted(path.name for path in (found.folder / ANNOTATIONS).glob("*.json"))
     frames = [found.attempt(read_annotations, f"{ANNOTATIONS}/{name}") for name in names]
     people = np.concatenate([np.zeros(0, dtype=np.int64), *(frame.person for frame in frames if frame is not None)])
     detections = found.attempt(read_detections, DETECTIONS)

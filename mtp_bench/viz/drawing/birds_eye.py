@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from PIL import ImageDraw
 
 from ...types import Bools, Lane
-from ..frame_view import EGO_SIZE, FrameView, Said, ego_boxes, event_text
+from ..frame_view import EGO_SIZE, FrameView, Said, ego_boxes, event_text, track_text
 from ..palette import EGO, FALSE, FORECAST, TRACK
 from .camera import Camera
 from .canvas import DETECTED, FALSE_DETECTION, FALSE_TRACK, OTHER, TRACK_BOX, TRACKED, UNTRACKED, VEHICLE, Canvas
@@ -103,4 +103,5 @@ def _write(canvas: Canvas, ink: ImageDraw.ImageDraw, view: FrameView) -> None:
     false = judged.track_false if judged else _none(said.track_box)
     for i in np.argsort(false, kind="stable"):
         box = said.track_box[i]
-        label(canvas, ink, box[:2], str(said.track_id[i]), FALSE if false[i] else TRACK, reach=float(box[4]) / 2)
+        text = track_text(int(said.track_id[i]), float(said.track_confidence[i]))
+        label(canvas, ink, box[:2], text, FALSE if false[i] else TRACK, reach=float(box[4]) / 2)

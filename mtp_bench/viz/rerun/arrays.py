@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Container, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
@@ -42,6 +42,7 @@ class Strips(Ragged):
 
     point: NDArray[np.float32]  # [S, points, 3]
     color: Colors  # [S, 3]
+    label: list[str] = field(default_factory=list)  # [S], or empty
 
 
 Shape = TypeVar("Shape", Boxes, Strips)
@@ -118,7 +119,8 @@ def forecasts(said: Answers, level: str) -> Strips:
     point = np.repeat(rollout.object_box[row, None, :3].astype(np.float64), rollout.forecast.shape[2] + 1, axis=1)
     point[:, 1:, :2] += to_metres(rollout.forecast[row, sample])
     start = np.searchsorted(row, rollout.object_start)
-    return Strips(start, _single(point), track_colors(said.object_track_id[row]))
+    sure = [f"confidence {value:.2f}" for value in rollout.object_confidence[row]]
+    return Strips(start, _single(point), track_colors(said.object_track_id[row]), sure)
 
 
 def true_futures(truth: Truth, future: int) -> Strips:

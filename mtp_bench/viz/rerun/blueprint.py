@@ -102,7 +102,7 @@ def _middle(place: Floats) -> Floats:
 
 
 def _paths(agent: ShownAgent) -> list[str]:
-    return [f"/{agent.root}world/{name}" for name in ("forecast", "events", "spurious")]
+    return [f"/{agent.root}world/{name}" for name in ("forecast", "events", "false_forecast")]
 
 
 def _hypothesis(agent: ShownAgent, number: int) -> str:

@@ -46,8 +46,9 @@ class Log:
     def strips(self, path: str, strips: Strips, radius: float) -> None:
         """Polylines of the frames; a frame without any shows none."""
         strips = strips if self.only is None else at_frame(strips, self.only)
-        columns = rr.LineStrips3D.columns(strips=strips.point, colors=packed(strips.color))
-        self.columns(path, rr.LineStrips3D.from_fields(radii=radius), columns.partition(strips.counts))
+        style = rr.LineStrips3D.from_fields(radii=radius, show_labels=False)
+        columns = rr.LineStrips3D.columns(strips=strips.point, colors=packed(strips.color), labels=strips.label or None)
+        self.columns(path, style, columns.partition(strips.counts))
 
     def columns(self, path: str, style: Any, columns: Any) -> None:
         """Values of the frames, and what is the same in all of them."""

@@ -33,7 +33,7 @@ def log_judgement(log: Log, agent: ShownAgent) -> None:
 
 
 def _title(kind: str) -> str:
-    return "IDS" if kind == "ids" else kind
+    return {"ids": "IDS", "spurious": "false_forecast"}.get(kind, kind)
 
 
 def _series(replay: Replay) -> dict[str, Ints]:
@@ -73,7 +73,7 @@ def _log_markers(log: Log, replay: Replay) -> None:
     places = rr.Points3D.columns(positions=replay.rollout.object_box[rows, :3].astype(np.float32))
     count = np.diff(np.searchsorted(rows, replay.rollout.object_start))
     style = rr.Points3D.from_fields(radii=0.3, colors=EVENTS["spurious"])
-    log.columns("world/spurious", style, places.partition(count))
+    log.columns("world/false_forecast", style, places.partition(count))
 
 
 def log_ring(recording: rr.RecordingStream, scene: Scene, at: Incident) -> None:

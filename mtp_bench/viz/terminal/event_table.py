@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 LONGEST = 3  # runs of false forecasts of a scene in the table, unless their kind is asked for
-_HEADINGS = ("scene", "frame", "time", "event", "object", "class", "track", "minADE", "costs", "to look at it")
+_HEADINGS = ("scene", "frame", "time", "event", "object", "class", "track", "minADE", "error", "sure", "to look at it")
 _LEFT = ("scene", "event", "class", "track", "to look at it")
 
 
@@ -136,9 +136,9 @@ def events_json(rows: Sequence[EventRow], tally: Tally, env_id: str, agent: str)
 
 
 _CAPTION = (
-    "minADE: of the forecast made then, metres; – where the object is no target, or was not forecast. costs: what the "
-    "score counts,\nmin(minADE, c), c where it was not forecast; of a run of false forecasts c/2 per frame. (wrong): "
-    "the old track is still output, outside the gate."
+    "minADE: of the forecast made then, metres; – where the object is no target, or was not forecast. error: "
+    "min(minADE, c), c where it\nwas not forecast. sure: the forecast's confidence; of a run of false forecasts "
+    "(spurious) the highest. (wrong): the old track is\nstill output, outside the gate."
 )
 
 
@@ -156,8 +156,9 @@ def _cells(row: EventRow) -> tuple[str, ...]:
         _id(event.object_id),
         row.class_name,
         _id(event.new_id) if event.kind == "spurious" else f"{_id(event.old_id)} → {_id(event.new_id)}",
+        number(event.minADE, 2),
         number(event.error, 2),
-        number(event.capped, 2),
+        number(event.confidence, 2),
         row.view,
     )
 
@@ -177,8 +178,9 @@ def _record(row: EventRow) -> dict[str, Any]:
         "new_id": _known(event.new_id),
         "position": list(event.position),
         "wrong": event.wrong,
-        "minADE": event.error,
-        "missing_aware": event.capped,
+        "minADE": event.minADE,
+        "error": event.error,
+        "confidence": event.confidence,
         "view": row.view,
     }
 

@@ -43,8 +43,8 @@ def data_report(statuses: Mapping[str, DataStatus]) -> Group:
             if line not in shown:
                 shown.add(line)
                 parts.append(Text(f"  {line}", no_wrap=True, overflow="ignore"))  # a path stays whole
-        if status.dataset not in shown:
-            shown.add(status.dataset)
+        if status.about.name not in shown:
+            shown.add(status.about.name)
             parts.append(Text(_about(status)))
     return Group(*parts)
 
@@ -52,14 +52,14 @@ def data_report(statuses: Mapping[str, DataStatus]) -> Group:
 def status_json(status: DataStatus) -> dict[str, Any]:
     """What was found of one environment's data, as a record that can be written as JSON."""
     return {
-        "dataset": status.dataset,
+        "dataset": status.about.name,
         "root": None if status.root is None else str(status.root),
         "searched": [str(path) for path in status.searched],
         "usable": status.usable,
         "verified": status.verified,
-        "missing": list(status.missing),
-        "problems": list(status.problems),
-        "notes": list(status.notes),
+        "missing": status.missing,
+        "problems": status.problems,
+        "notes": status.notes,
         "checks": [{"what": check.what, "found": check.found, "known": check.expected} for check in status.checks],
     }
 
@@ -78,12 +78,12 @@ def _status_table(statuses: Mapping[str, DataStatus]) -> Table:
         if checks and beside != env_id:
             checks = f"as {beside}"
         root = str(status.root) if status.root else "looked in " + ", ".join(map(str, status.searched))
-        table.add_row(env_id, status.dataset, _state(status), escape(root), checks)
+        table.add_row(env_id, status.about.name, _state(status), escape(root), checks)
     return table
 
 
 def _state(status: DataStatus) -> str:
-    if status.generated:
+    if status.about.generated:
         return "[green]generated[/green]" if status.verified else "[green]made when used[/green]"
     if status.verified:
         return "[green]complete[/green]"
@@ -93,5 +93,6 @@ def _state(status: DataStatus) -> str:
 
 
 def _about(status: DataStatus) -> str:
-    missing = "" if status.usable else f"\nExpected layout:\n{status.layout}\n\nHow to get it: {status.how_to_get}"
-    return f"\n{status.dataset}\nLicence: {status.licence}\nPlease cite: {status.citation}{missing}"
+    about = status.about
+    missing = "" if status.usable else f"\nExpected layout:\n{about.layout}\n\nHow to get it: {about.how_to_get}"
+    return f"\n{about.name}\nLicence: {about.licence}\nPlease cite: {about.citation}{missing}"

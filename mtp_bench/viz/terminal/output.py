@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Collection, Iterator, Sequence
+import textwrap
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 
 NOTHING = "–"  # where a number is not defined
 PIPE_WIDTH = 180  # columns where the output is a file or a pipe
+TEXT_WIDTH = 80  # columns of reports
+NAME_WIDTH = 16  # columns of the first column of a report's table; longer names are folded
 
 
 def new_table(
@@ -32,6 +35,32 @@ def new_table(
     return table
 
 
+def slim_table(title: str, headings: Sequence[str], left: Collection[str] = ()) -> Table:
+    """An empty table without borders for a report, of at most TEXT_WIDTH columns where its cells are short.
+
+    The first column and those of ``left`` are aligned left; names in the first are folded. ``title`` is text.
+    """
+    from rich import box
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(
+        title=escape(title), title_justify="left", title_style="bold", header_style="", box=box.SIMPLE_HEAD,
+        show_edge=False, padding=0,
+    )  # fmt: skip
+    for place, heading in enumerate(headings):
+        table.add_column(heading, justify="left" if place == 0 or heading in left else "right", no_wrap=place > 0)
+    table.columns[0].max_width, table.columns[0].overflow = NAME_WIDTH, "fold"
+    return table
+
+
+def short(value: float | None) -> str:
+    """A number in at most five letters, without sign and below ten thousand."""
+    if value is None:
+        return NOTHING
+    return f"{value:.{3 if abs(value) < 9.9995 else 2 if abs(value) < 99.995 else 1 if abs(value) < 999.95 else 0}f}"
+
+
 def number(value: float | None, digits: int = 3, absent: str = NOTHING) -> str:
     """A number with ``digits`` digits after the point; ``absent`` where there is none."""
     return absent if value is None else f"{value:.{digits}f}"
@@ -47,6 +76,13 @@ def show(content: RenderableType) -> None:
     console = _console()
     text = isinstance(content, str)
     console.print(content, highlight=False, markup=not text, crop=False, soft_wrap=text and not console.is_terminal)
+
+
+def show_lines(texts: Iterable[str], sign: str = "") -> None:
+    """Print texts of a report in lines of at most TEXT_WIDTH columns, each with a ``sign`` before it."""
+    for text in texts:
+        lines = textwrap.wrap(text, TEXT_WIDTH, initial_indent=sign, subsequent_indent=" " * len(sign))
+        show("\n".join(lines))
 
 
 def show_numbers(table: Table, console: Console | None = None) -> None:

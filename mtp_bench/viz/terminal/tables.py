@@ -1,169 +1,254 @@
-"""Reports as tables for the terminal."""
+"""Reports as tables of at most 80 columns: the one that a comparison shows, and all others for who wants more."""
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Iterable, Sequence
-from functools import cache
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from textwrap import wrap
+from typing import TYPE_CHECKING
 
-from ...scoring import SUBSETS, Report
-from ...scoring.definitions import MOST_FORECASTS
-from ...scoring.rank import enough_objects
-from ...scoring.rows import Details, RankRow, Row
-from .output import NOTHING, counted, new_table, number
+from ...running.sensitivity import AtCut
+from ...scoring import Report
+from ...scoring.definitions import RANKED_SUBSETS
+from ...scoring.rows import Details, Interval, PairedRow, Row
+from ...scoring.subsets import SUBSETS, Subset
+from .output import NOTHING, counted, short, slim_table
+from .paper import has_paper, paper_figures
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-NOT_MEASURABLE = "not measurable"
-_SETTING = ("agent", "H", "K")
-_PARTS = ("localisation", "missed", "false", "forecasts/frame", "false/frame", "EPA", "MOTA")
-_OWN = ("own ids", "own lost", "ids in all H")
+_EVENTS: tuple[Subset, ...] = ("ids", "reacquired", "lost", "frag")  # the first two may rank
+_PAPER: dict[Subset, str] = {"all": "all", "paper_ids": "ids", "paper_frag": "frag"}  # subset -> its name in the paper
+_POINTS = 9  # of a curve that are shown
 
 
-def error_table(report: Report, title: str) -> Table:
-    """Missing-aware error per agent and subset with its 95 % interval, coverage, rank and time: what is ranked."""
-    from rich.markup import escape
-
-    headings = (*_SETTING, *SUBSETS, "gap closed ids / frag", "covered", "rank", "ms/frame")
-    table = new_table(escape(title), headings, left=("agent",), whole=("agent",), caption=_caption(report))
-    ranks = {_key(rank): rank.rank for rank in report.ranks if rank.subset == "all"}
-    for rows in _by_agent(report.rows):
-        first = rows["all"]
-        rank = ranks.get(_key(first)) if first.budget == "equal" else None
-        table.add_row(
-            *_name(first),
-            *(_with_interval(rows[subset]) for subset in SUBSETS),
-            f"{number(rows['ids'].gap_closed, 2)} / {number(rows['frag'].gap_closed, 2)}",
-            NOTHING if first.coverage is None else f"{100 * first.coverage:.1f} %",
-            NOTHING if rank is None else str(rank),
-            number(first.ms_per_frame, 1),
-        )
+def main_table(report: Report) -> Table:
+    """What an agent's forecasts are worth as in the paper, and by the number that ranks."""
+    headings = (
+        "agent", "H", "minADE/FDE\nall", "\nIDS", "\nFRAG", "\ncov.", "error\nall", "\n#", "error\nids", "\n#"
+    )  # fmt: skip
+    table = slim_table(f"{report.env}: m, less is better", headings)
+    blocks = list(_by_setting(report))
+    for rows in [block for block in blocks if block["all"].budget == "equal"] or blocks:
+        first, paper = rows["all"], paper_figures(report.env, rows["all"])
+        cells = []
+        for subset, name in _PAPER.items():
+            theirs = f"\n[dim]{short(paper[name][0])}/{short(paper[name][1])}[/dim]" if name in paper else ""
+            cells.append(f"{short(rows[subset].minADE)}/{short(rows[subset].minFDE)}{theirs}")
+        ranked = [cell for row in (first, rows["ids"]) for cell in (short(row.error), _count(row.rank))]
+        table.add_row(_agent(first), str(first.hypotheses), *cells, _percent(first.coverage), *ranked)
     return table
 
 
-def displacement_table(report: Report) -> Table:
-    """Table of minADE / minFDE of the covered targets per agent and subset, with the paper's figures below them."""
-    headings = (*_SETTING, *SUBSETS)
-    table = new_table("minADE / minFDE (m) on covered targets", headings, left=("agent",), whole=headings)
-    if report.env in _paper()["dataset"]:
-        table.caption = (
-            "[dim]Below ours: the figures of the paper[/dim], its FRAG beside lost and frag. Its predictor and its "
-            "detections differ: compare relations."
-        )
-    for rows in _by_agent(report.rows):
-        paper = paper_figures(report.env, rows["all"])
+def notes(report: Report) -> list[str]:
+    """What the columns of the main table mean, and how many targets they are of."""
+    allowed = "averaged over how many false forecasts are allowed, up to one per target or as many as STP makes"
+    if report.condition.get("truth", "complete") != "complete":
+        allowed = "averaged over budgets of forecasts per live frame"
+    silence = next((detail.silence for detail in report.details), None)
+    said = "" if silence is None else f" Saying nothing: {short(silence)}."
+    paper = " Below ours, dim: the paper's." if has_paper(report.env) else ""
+    about = (
+        f"minADE/FDE: of the targets with a forecast (cov.); IDS, FRAG: where plain STP has that event.{paper} error: "
+        f"{allowed}; on ids as many as STP makes.{said} #: rank, {NOTHING} shown only. "
+        f"Definitions {report.definitions}."
+    )
+    rows = next(iter(_by_setting(report)), {})
+    lines = [about]
+    names: dict[Subset, str] = {"all": "all", "paper_ids": "IDS", "paper_frag": "FRAG", "ids": "ids"}
+    for subset, name in names.items():
+        row = rows.get(subset)
+        if row is not None:
+            few = "" if subset != "ids" else f" ({row.effective_targets:.1f} and {row.effective_objects:.1f} effective)"
+            on = f"{counted(row.targets, 'target')} on {counted(row.objects, 'object')}{few}"
+            lines.append(f"{name}: {on} in {counted(row.scenes, 'scene')}")
+    return lines
+
+
+def full_tables(report: Report) -> Iterator[Table]:
+    """Everything else."""
+    yield _subset_table(report)
+    yield _event_errors(report)
+    yield _displacements(report)
+    if report.paired:
+        yield _paired_table(report)
+    yield _grid(report, "What the error is made of (all targets, m)", _PARTS)
+    yield _grid(report, "Other numbers (all targets; forecasts and false ones per live frame)", _OTHERS)
+    yield _grid(report, "Tracking of the first seed", _TRACKING)
+    if any(detail.reliability for detail in report.details):
+        yield _reliability_table(report)
+    if any(detail.curve for detail in report.details):
+        yield _curve_table(report)
+    yield from _bin_tables(report)
+
+
+def sensitivity_table(cuts: Sequence[AtCut]) -> Table:
+    """What the score cut of the input decides."""
+    headings = ("cut", "switches\nof stp", "\non targets", "ids\nstp", "\nmtp", "all\nstp", "\nmtp")
+    table = slim_table(
+        "Detections above a score: errors (m), and mtp less its control (below: 95 %)",
+        (*headings, "ids: less\nstp_same_budget", "all: less\nstp_same_budget"),
+    )
+    for at in cuts:
+        errors = [short(errors.get(agent)) for errors in (at.ids, at.all) for agent in ("stp", "mtp")]
+        less = [f"{_signed(at.beyond_control.get(s))}\n{_between(at.interval.get(s))}" for s in ("ids", "all")]
+        table.add_row(f"{at.cut:g}", str(at.switches), str(at.switches_on_targets), *errors, *less)
+    return table
+
+
+def _subset_table(report: Report) -> Table:
+    """How much is in each subset."""
+    headings = ("subset", "events", "targets", "effective", "objects", "effective", "scenes", "units")
+    table = slim_table("Subsets (units: effective number of blocks of at most 20 s)", headings)
+    for row in next(iter(_by_setting(report)), {}).values():
+        events = NOTHING if row.events is None else f"{row.events:.1f}"
+        effective = f"{row.effective_targets:.1f}", f"{row.effective_objects:.1f}", f"{row.effective_units:.1f}"
+        objects = str(row.objects), effective[1], str(row.scenes), effective[2]
+        table.add_row(row.subset, events, str(row.targets), effective[0], *objects)
+    return table
+
+
+def _event_errors(report: Report) -> Table:
+    """What ranks on all targets and on events, with intervals and ranks."""
+    shown: tuple[Subset, ...] = ("all", *_EVENTS)
+    table = slim_table("Error on events (m, # rank; below: 95 % interval)", ("agent", "H", "K", *shown))
+    for rows in _by_setting(report):
         cells = []
-        for subset in SUBSETS:
-            ours = f"{number(rows[subset].minADE)} / {number(rows[subset].minFDE)}"
-            theirs = paper.get("frag" if subset == "lost" else subset)
-            cells.append(ours + (f"\n[dim]{theirs[0]:.3f} / {theirs[1]:.3f}[/dim]" if theirs else ""))
+        for row in (rows[subset] for subset in shown):
+            rank = "" if row.rank is None else f" #{row.rank}"
+            low, high = row.interval or (0.0, 0.0)
+            cells.append(f"{short(row.error)}{rank}" + (f"\n{low:.3g} {high:.3g}" if row.interval else ""))
         table.add_row(*_name(rows["all"]), *cells)
     return table
 
 
-def parts_table(report: Report) -> Table:
-    """How the missing-aware error of all targets adds up, and tracking figures of each agent."""
-    title = "What the error is made of (all targets) and the agent's own tracking"
-    headings = (*_SETTING, *_PARTS, *_OWN)
-    table = new_table(title, headings, left=("agent",), whole=("agent",), caption=_parts_caption(report))
-    unknown = NOTHING if measurable(report) else NOT_MEASURABLE
-    for detail in report.details:
-        table.add_row(
-            *_name(detail),
-            number(detail.parts.localisation),
-            number(detail.parts.missed),
-            number(detail.parts.false, absent=unknown),
-            number(detail.forecasts_per_frame, 1),
-            number(detail.spurious_per_frame, 2, unknown),
-            number(detail.EPA, 2, unknown),
-            number(detail.tracking.all.MOTA, 2, unknown),
-            str(detail.own_events["ids"]),
-            str(detail.own_events["lost"]),
-            str(detail.own["all_h_ids"].targets),
-        )
+def _displacements(report: Report) -> Table:
+    table = slim_table("minADE/minFDE on events (m, of targets with a forecast)", ("agent", "H", "K", *_EVENTS))
+    for rows in _by_setting(report):
+        pairs = (f"{short(rows[subset].minADE)}/{short(rows[subset].minFDE)}" for subset in _EVENTS)
+        table.add_row(*_name(rows["all"]), *pairs)
     return table
 
 
-def _parts_caption(report: Report) -> str:
-    if not measurable(report):
-        return (
-            "localisation + missed = missing-aware error. Objects outside the truth exist, so an unmatched forecast or "
-            f"track is not called false: {NOT_MEASURABLE}.\nWhoever forecasts more than {MOST_FORECASTS:g} times the "
-            "objects of stp is not ranked: repeating old forecasts costs nothing here."
-        )
-    return (
-        "localisation + missed + false = missing-aware error. Every track is a forecast unless the agent withholds it: "
-        "a detector's false positives are paid for here."
-    )
+def _paired_table(report: Report) -> Table:
+    """Differences to the controls."""
+    headings = ("agent", "H", "less", "subset", "error", "interval", "p", "minADE")
+    table = slim_table("Differences to the controls (m)", headings, left=("less", "subset"))
+    shown = ("all", *RANKED_SUBSETS)
+    known = [row for row in report.paired if row.error is not None and row.subset in shown]
+    for row in sorted(known, key=lambda row: (row.other, SUBSETS.index(row.subset))):
+        p = NOTHING if row.p is None else f"{row.p:.3f}"
+        numbers = _signed(row.error), _between(row.interval), p, _signed(row.minADE)
+        table.add_row(_agent(row), str(row.hypotheses), row.other, row.subset, *numbers)
+    return table
 
 
-def paper_figures(env_id: str, row: Row) -> dict[str, list[float]]:
-    """The paper's [minADE, minFDE] per subset for the env and setting of ``row``; empty where it has none."""
-    paper = _paper()
-    figures: Any = paper.get(paper["dataset"].get(env_id, ""), {}).get(row.agent, {})
-    if row.agent == "mtp":
-        figures = figures.get(row.budget, {}).get(str(row.hypotheses), {})
-    return dict(figures)
+def _signed(value: float | None) -> str:
+    return NOTHING if value is None else f"{value:+.3f}"
 
 
-@cache
-def _paper() -> dict[str, Any]:
-    return tomllib.loads(Path(__file__).with_name("paper.toml").read_text(encoding="utf-8"))
+def _between(interval: Interval | None) -> str:
+    return NOTHING if interval is None else f"{interval[0]:+.3f} {interval[1]:+.3f}"
 
 
-def subset_line(report: Report) -> str:
-    """Events, targets and objects of each subset, in words."""
-    rows = {row.subset: row for row in report.rows[: len(SUBSETS)]}
-    parts = [f"all: {targets_on_objects(rows['all'])}"]
-    for subset in SUBSETS[1:]:
-        row = rows[subset]
-        few = "" if enough_objects(row.objects) else ", not ranked"
-        where = f"{targets_on_objects(row)} in {counted(row.scenes, 'scene')}"
-        parts.append(f"{subset}: {counted(row.events, 'event')}, {where}{few}")
-    return "\n".join(parts)
+Cell = Callable[[Row, Details], str]
+_PARTS: dict[str, Cell] = {
+    "error": lambda row, _: short(row.error),
+    "locali-\nsation": lambda row, _: short(row.localisation),
+    "\nmissed": lambda row, _: short(row.missed),
+    "plain\nerror": lambda row, _: short(row.plain_error),
+    "fixed\nerror": lambda row, _: short(row.fixed_error),
+    "by\nscore": lambda row, _: short(row.error_by_score),
+    "energy\nscore": lambda row, _: short(row.energy_score),
+}
+_OTHERS: dict[str, Cell] = {
+    "Brier": lambda _, detail: short(detail.brier),
+    "EPA": lambda _, detail: short(detail.EPA),
+    "AP_f": lambda _, detail: short(detail.AP_f),
+    "MR": lambda _, detail: short(detail.miss_rate),
+    "PI-ADE": lambda _, detail: short(detail.PI_ADE),
+    "fore-\ncasts": lambda _, detail: f"{detail.forecasts_per_frame:.1f}",
+    "\nfalse": lambda _, detail: NOTHING if detail.false_per_frame is None else f"{detail.false_per_frame:.1f}",
+    "ms per\nframe": lambda row, _: NOTHING if row.ms_per_frame is None else f"{row.ms_per_frame:.1f}",
+}
+_TRACKING: dict[str, Cell] = {
+    "MOTA": lambda _, detail: short(detail.tracking.all.MOTA),
+    "MOTP": lambda _, detail: short(detail.tracking.all.MOTP),
+    "CLEAR\nIDS": lambda _, detail: str(detail.tracking.all.IDS),
+    "\nFRAG": lambda _, detail: str(detail.tracking.all.FRAG),
+    "false\ntracks": lambda _, detail: _count(detail.tracking.false_tracks),
+    "own\nids": lambda _, detail: str(detail.own_events["ids"]),
+    "\nlost": lambda _, detail: str(detail.own_events["lost"]),
+    "reac-\nquired": lambda _, detail: str(detail.own_events["reacquired"]),
+    "ids in\nall H": lambda _, detail: str(detail.own["all_h_ids"].targets),
+}
 
 
-def targets_on_objects(row: Row) -> str:
-    """Targets and objects of a row, in words."""
-    return f"{counted(row.targets, 'target')} on {counted(row.objects, 'object')}"
+def _grid(report: Report, title: str, columns: dict[str, Cell]) -> Table:
+    """A row per setting."""
+    table = slim_table(title, ("agent", "H", "K", *columns))
+    for rows, detail in zip(_by_setting(report), report.details, strict=True):
+        table.add_row(*_name(detail), *(cell(rows["all"], detail) for cell in columns.values()))
+    return table
 
 
-def measurable(report: Report) -> bool:
-    """Whether false positives are known to be false: the truth is complete."""
-    return report.condition.get("truth", "complete") == "complete"
+def _reliability_table(report: Report) -> Table:
+    ranges = [f"{i / 10:g}-" for i in range(10)]
+    table = slim_table("Share of forecasts that are of a true object, by confidence", ("agent", "H", *ranges))
+    for detail in _details(report):
+        share = {min(int(10 * part.confidence), 9): f"{part.matched:.2f}" for part in detail.reliability}
+        table.add_row(*_name(detail)[:2], *(share.get(i, NOTHING) for i in range(10)))
+    return table
 
 
-def _caption(report: Report) -> str:
-    false = (
-        "'all' pays c/2 for every false forecast."
-        if measurable(report)
-        else "The truth holds prediction targets only, so nobody pays for false forecasts."
-    )
-    return (
-        f"Missing-aware error in metres (lower is better) with 95 % bootstrap intervals over scenes. {false}\n"
-        "H hypotheses, K samples per object; rows whose K is not the task's k are never ranked. "
-        f"Definitions {report.definitions}.\n{subset_line(report)}"
-    )
+def _curve_table(report: Report) -> Table:
+    """The error over all targets at some budgets."""
+    curve = next(detail.curve for detail in report.details if detail.curve)
+    places = sorted({round(i * (len(curve) - 1) / (_POINTS - 1)) for i in range(_POINTS)})
+    complete = report.condition.get("truth", "complete") == "complete"
+    what = "false forecasts per target" if complete else "forecasts per live frame"
+    table = slim_table(f"Error (m) by {what}", ("agent", "H", *(f"{curve[i][0]:.3g}" for i in places)))
+    for detail in _details(report):
+        table.add_row(*_name(detail)[:2], *(short(detail.curve[i][1]) for i in places))
+    return table
 
 
-def _by_agent(rows: Sequence[Row]) -> Iterable[dict[str, Row]]:
+def _bin_tables(report: Report) -> Iterator[Table]:
+    """The error by distance, class and motion."""
+    for by in ("distance", "class", "motion"):
+        found = [[b for b in detail.bins if b.by == by] for detail in _details(report)]
+        if found and found[0]:
+            names = ["\n".join([*wrap(b.bin.replace("_", " "), 8), str(b.errors.targets)]) for b in found[0]]
+            table = slim_table(f"Error (m) by {by}, targets", ("agent", "H", *names))
+            for detail, bins in zip(_details(report), found, strict=True):
+                table.add_row(*_name(detail)[:2], *(short(part.errors.error) for part in bins))
+            yield table
+
+
+def _details(report: Report) -> list[Details]:
+    """Those with the task's number of samples; all of them where there is none."""
+    return [detail for detail in report.details if detail.budget == "equal"] or report.details
+
+
+def _by_setting(report: Report) -> Iterable[dict[Subset, Row]]:
     """The rows of one agent and setting after the other, by subset."""
-    for i in range(0, len(rows), len(SUBSETS)):
-        yield {row.subset: row for row in rows[i : i + len(SUBSETS)]}
+    for i in range(0, len(report.rows), len(SUBSETS)):
+        yield {row.subset: row for row in report.rows[i : i + len(SUBSETS)]}
 
 
-def _key(row: Row | RankRow) -> tuple[str, int, int]:
-    return row.agent, row.hypotheses, row.samples
+def _name(row: Row | Details) -> Sequence[str]:
+    return _agent(row), str(row.hypotheses), str(row.samples)
 
 
-def _name(row: Row | Details) -> tuple[str, str, str]:
-    free = "" if row.budget == "equal" else " (all samples)"
-    return f"{row.agent}{free}", str(row.hypotheses), str(row.samples)
+def _agent(row: Row | Details | PairedRow) -> str:
+    from rich.markup import escape
+
+    return escape(row.agent)
 
 
-def _with_interval(row: Row) -> str:
-    value = number(row.missing_aware)
-    return value if row.interval is None else f"{value}\n[dim]{row.interval[0]:.2f}–{row.interval[1]:.2f}[/dim]"
+def _count(value: int | None) -> str:
+    return NOTHING if value is None else str(value)
+
+
+def _percent(share: float | None) -> str:
+    return NOTHING if share is None else f"{100 * share:.0f}%"

@@ -1,0 +1,44 @@
+"""The figures of the paper, to stand beside ours."""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from ...scoring.rows import Row
+
+Figures = dict[str, list[float]]  # subset -> minADE, minFDE in metres
+
+
+def paper_figures(env_id: str, row: Row) -> Figures:
+    """The paper's figures for the env and setting of ``row``; empty where it has none."""
+    return _figures(env_id, row.agent, row.budget, row.hypotheses)
+
+
+def paper_gap(env_id: str, row: Row) -> float | None:
+    """What the agent of ``row`` closes of the gap on IDS in the paper, by minADE; None where it is not there."""
+    ends = [_figures(env_id, agent, row.budget, 1).get("ids") for agent in ("truth_past", "stp")]
+    own = paper_figures(env_id, row).get("ids")
+    if own is None or ends[0] is None or ends[1] is None:
+        return None
+    return (ends[1][0] - own[0]) / (ends[1][0] - ends[0][0])
+
+
+def has_paper(env_id: str) -> bool:
+    """Whether the paper has figures for this env."""
+    return env_id in _paper()["dataset"]
+
+
+def _figures(env_id: str, agent: str, budget: str, hypotheses: int) -> Figures:
+    paper = _paper()
+    figures: Any = paper.get(paper["dataset"].get(env_id, ""), {}).get(agent, {})
+    if agent == "mtp":
+        figures = figures.get(budget, {}).get(str(hypotheses), {})
+    return dict(figures)
+
+
+@cache
+def _paper() -> dict[str, Any]:
+    return tomllib.loads(Path(__file__).with_name("paper.toml").read_text(encoding="utf-8"))

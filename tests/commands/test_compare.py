@@ -1,0 +1,67 @@
+"""`mtp-bench compare` and `score`: the verdict, one table of 80 columns, the rest when asked."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from mtp_bench.running import sensitivity
+from mtp_bench.submission.loader import load_submission
+from tests.support.command_line import CommandLine, read_json, write_submission
+
+
+@pytest.fixture(scope="module")
+def mine(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An agent that answers with the detections."""
+    return write_submission(tmp_path_factory.mktemp("agents") / "mine", "mine")
+
+
+def test_a_comparison(
+    mine: Path, cli: CommandLine, known: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # of the table of sensitivity the agents are others, which take every parameter
+    folders = {name: write_submission(tmp_path / name, name) for name in sensitivity.AGENTS}
+    monkeypatch.setattr(sensitivity, "load_submission", lambda name: load_submission(str(folders[name])))
+    file = tmp_path / "a.json"
+    printed = cli.ok("compare", mine, *known, "--seeds", 1, "--jobs", 1, "--full", "--cuts", "--json", file)
+    assert max(len(line.rstrip()) for line in printed.splitlines()) <= 80
+    verdict, table, *further = printed.split("\n\n")
+
+    assert verdict.startswith("- From true pasts the error over all targets is ")
+    text = " ".join(verdict.split())
+    assert "- mine (H = 2) against stp over all targets: " in text
+    assert "- mine (H = 2) against stp_same_budget, as many samples from one hypothesis: " in text
+    assert "- Nobody is ranked over all targets (" in text
+    assert "mtp (H" not in text
+
+    assert table.startswith("MTP-Small-v0: m, less is better")
+    agents = [line.split()[0] for line in table.splitlines() if line.count("/") == 3]
+    assert agents == ["truth_past", "truth_past", "stp", "stp_same_budget", "stp_hedged", "mine"]
+    assert "event weights of 48 runs of 'stp' on these scenes" in " ".join(table.split())
+
+    titles = [part.split()[0] for part in further]
+    assert titles[:4] == ["Subsets", "Error", "minADE/minFDE", "Differences"]
+    assert titles[-1] == "Detections"
+    assert [line.split()[0] for line in further[-1].splitlines() if line.startswith("0.")] == ["0.1", "0.2", "0.3"]
+
+    content = read_json(file)
+    assert list(content) == [
+        "env", "definitions", "rows", "condition", "paired", "details", "skipped", "sensitivity",
+    ]  # fmt: skip
+    assert [at["cut"] for at in content["sensitivity"]] == [0.1, 0.2, 0.3]
+    assert list(content["sensitivity"][0]["all"]) == list(sensitivity.AGENTS)
+    assert content["sensitivity"][0]["beyond_control"]["all"] == 0.0, "the agents are the same"
+
+
+def test_a_stored_run_has_the_same_table(mine: Path, cli: CommandLine, known: list[str], tmp_path: Path) -> None:
+    cli.ok("run", mine, *known, "-o", tmp_path / "run", "--jobs", 1)
+    printed = cli.ok("score", tmp_path / "run", *known, "--full")
+    assert printed.startswith("MTP-Small-v0: m, less is better")
+    assert [line.split()[:2] for line in printed.split("\n\n")[0].splitlines() if line.startswith("mine")] == [
+        ["mine", "2"]
+    ]
+    assert "\nSubsets" in printed
+    content = json.loads(cli.ok("score", tmp_path / "run", *known, "--json", "-"))
+    assert list(content) == ["env", "definitions", "rows", "condition", "details", "skipped"]

@@ -1,0 +1,290 @@
+"""Sentences and tables from reports made by hand."""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from mtp_bench.running.reading import skipped_line, total_skipped
+from mtp_bench.running.sensitivity import AtCut
+from mtp_bench.scoring import SUBSETS, Report
+from mtp_bench.scoring.rows import PairedRow, Row
+from mtp_bench.scoring.subsets import Subset
+from mtp_bench.viz.terminal.output import TEXT_WIDTH, short, show, show_lines, show_numbers
+from mtp_bench.viz.terminal.paper import paper_figures, paper_gap
+from mtp_bench.viz.terminal.tables import full_tables, main_table, notes, sensitivity_table
+from mtp_bench.viz.terminal.verdict import verdict
+from tests.support.command_line import TERMINAL
+from tests.support.report_rows import Setting, detail, pair, row, rows
+
+STP, TRUTH, CONTROL = ("stp", 1, 20, "equal"), ("truth_past", 1, 20, "equal"), ("stp_same_budget", 1, 20, "equal")
+MTP, MINE = ("mtp", 20, 20, "equal"), ("mine", 3, 20, "equal")
+FREE = ("mtp", 20, 400, "free")
+CLEAR = {"interval": (-0.6, -0.2), "p": 0.0123}
+
+
+def report(table: list[Row], paired: list[PairedRow] | None = None, env: str = "MTP-KITTI-v0") -> Report:
+    settings = dict.fromkeys((r.agent, r.hypotheses, r.samples, r.budget) for r in table)
+    condition = {"truth": "complete", "weights": "none"}
+    return Report(env, "2.0", table, paired or [], [detail(setting) for setting in settings], condition)
+
+
+def test_what_tracking_errors_cost() -> None:
+    ideal = rows(TRUTH, error=2.0, plain_error=0.5, difference_to_stp=-1.0, difference_interval=(-1.5, -0.5), p=0.0001)
+    assert verdict(report(ideal + rows(STP, error=3.0, plain_error=1.0)), []) == [
+        (
+            "From true pasts the error over all targets is 2.000 m, from the tracks of stp 3.000 m (-1.000 m, 95 "
+            "% -1.500 to -0.500, p < 0.001): that is what tracking errors cost. With every forecast kept (plain "
+            "error): 0.500 m and 1.000 m."
+        )
+    ]
+
+
+AGAINST: dict[str, tuple[dict[str, Any], str]] = {
+    "clear": ({"difference_interval": (-0.6, -0.2), "p": 0.01}, "-0.400 m, 95 % -0.600 to -0.200, p = 0.010"),
+    "chance": (
+        {"difference_interval": (-0.6, 0.2), "p": 0.2},
+        "-0.400 m, 95 % -0.600 to +0.200, p = 0.200, could be chance",
+    ),
+    "one recording": ({"difference_interval": None, "p": 1.0}, "-0.400 m, too few recordings for an interval"),
+}
+
+
+@pytest.mark.parametrize(("values", "said"), AGAINST.values(), ids=AGAINST)
+def test_an_agent_against_stp(values: dict[str, Any], said: str) -> None:
+    table = rows(STP, error=3.0) + rows(MINE, error=2.6, difference_to_stp=-0.4, **values)
+    expected = f"mine (H = 3) against stp over all targets: 2.600 m instead of 3.000 m ({said})."
+    assert expected in verdict(report(table), ["mine"])
+
+
+def test_an_agent_against_as_many_samples_from_one_hypothesis() -> None:
+    paired = [pair(MINE, "stp_same_budget", "all", error=-0.1, interval=(-0.3, 0.1), p=0.4)]
+    paired += [pair(MINE, "stp_same_budget", "ids", error=-0.42, **CLEAR), pair(MINE, "stp", "all", error=-0.9)]
+    assert verdict(report(rows(MINE), paired), ["mine"]) == [
+        (
+            "mine (H = 3) against stp_same_budget, as many samples from one hypothesis: over all targets -0.100 "
+            "m, 95 % -0.300 to +0.100, p = 0.400, could be chance; on ids -0.420 m, 95 % -0.600 to -0.200, p = "
+            "0.012. The second is the honest gain of hypotheses."
+        )
+    ]
+
+
+def test_the_gap_between_both_kinds_of_ends_and_in_the_paper() -> None:
+    ends = rows(TRUTH, plain_error=1.0) + rows(STP, plain_error=2.0)
+    closed = {"gap_closed": 0.345, "gap_interval": (0.101, 0.404), "plain_error": 1.25}
+    (sentence,) = verdict(report(ends + rows(MTP, **closed, gap_closed_same_predictor=0.2)), ["mtp"])[-1:]
+    shares = "34.5 % (95 % 10.1 to 40.4 %) over all targets and 34.5 % (95 % 10.1 to 40.4 %) on ids"
+    assert sentence == (
+        f"mtp (H = 20) closes {shares} of the gap between stp and true pasts; between ends with its own predictor and "
+        "presence 20.0 % over all targets and 20.0 % on ids; by the plain error 75.0 % over all targets and 75.0 % on "
+        "ids; in the paper, by minADE on IDS, 76.2 %."
+    )
+    (sentence,) = verdict(report(ends + rows(MINE, **closed)), ["mine"])[-1:]
+    assert "its own ends are not stated; by" in sentence
+    assert "paper" not in sentence
+    assert verdict(report(ends + rows(MINE)), ["mine"]) == [
+        "mine (H = 3): no share of the gap is given, for stp is not significantly worse than true pasts."
+    ]
+
+
+def test_who_is_ranked_and_why_others_are_not() -> None:
+    def ranked(setting: Setting, **why: Any) -> list[Row]:
+        return [
+            row(setting, "all", **why),
+            row(setting, "ids", unranked_because=why.get("unranked_because") or "5.0 objects, fewer than 20"),
+            row(setting, "lost", unranked_because="shown only"),
+        ]
+
+    table = ranked(TRUTH, unranked_because="saw the truth") + ranked(STP, rank=2) + ranked(MTP, rank=1)
+    table += ranked(MINE, unranked_because="stopped after 3 scenes") + ranked(FREE, unranked_because="400 samples")
+    assert verdict(report(table), []) == [
+        (
+            "Ranks over all targets: 1 mtp (H = 20), 2 stp. Not ranked there: mine (H = 3) (stopped after 3 "
+            "scenes). Nobody is ranked on ids (5.0 objects, fewer than 20; stopped after 3 scenes). Never ranked,"
+            " as they saw the truth: truth_past."
+        )
+    ]
+
+
+def test_what_is_said_where_false_forecasts_cannot_be_known() -> None:
+    known = report(rows(STP))
+    partly = replace(known, condition={"truth": "prediction targets only: false forecasts cannot be known"})
+    assert verdict(known, []) == []
+    assert verdict(partly, []) == [
+        (
+            "The truth holds prediction targets only, so false forecasts cannot be known: the error is taken at "
+            "budgets of forecasts per live frame, 20, 40 and the number of stp (12.3), on ids and reacquired at "
+            "the last alone."
+        )
+    ]
+    assert "averaged over budgets of forecasts per live frame; on ids" in notes(partly)[0]
+
+
+def test_the_setting_that_is_spoken_of() -> None:
+    """The name itself before one with other parameters, and the most hypotheses at equal k."""
+    values = {"difference_to_stp": -0.1}
+    table = rows(
+        STP, ("mtp", 5, 20, "equal"), MTP, ("mtp noise=1", 40, 20, "equal"), ("mtp", 40, 800, "free"), **values
+    )
+    (sentence,) = [text for text in verdict(report(table), ["mtp"]) if "against stp over" in text]
+    assert sentence.startswith("mtp (H = 20) against")
+    one = rows(STP, ("noisy noise=1", 1, 20, "equal"), **values)
+    assert any(text.startswith("noisy noise=1 against stp over") for text in verdict(report(one), ["noisy"]))
+
+
+@pytest.mark.parametrize("table", [[], rows(MINE), rows(FREE), rows(STP, MINE, error=None)], ids=str)
+def test_nothing_is_said_without_the_numbers(table: list[Row]) -> None:
+    assert verdict(report(table), ["mine", "mtp", "nobody"]) == []
+
+
+def test_the_words_of_skipped_rows() -> None:
+    assert total_skipped([{}, {"b": 1}, {"a": 2, "b": 1}]) == {"a": 2, "b": 2}
+    assert skipped_line({}) is None
+    assert skipped_line({"a": 1}) == "skipped 1 row of the data that cannot be used: a (1)"
+
+
+LARGE = [
+    *rows(TRUTH, minADE=0.100, minFDE=0.171),
+    *rows(STP, rank=2, gap_closed=0.0),
+    *rows(MTP, rank=10, error=12.345, interval=(11.25, 13.75)),
+    *rows(FREE, minADE=None, minFDE=None, error=None, interval=None, coverage=None),
+    *rows(("a_submission_with_quite_a_long_name noise=0.5", 100, 20, "equal"), minADE=98.765, minFDE=123.456),
+]
+
+
+def render(content: Any, width: int = TEXT_WIDTH) -> str:
+    console = Console(file=io.StringIO(), width=width)
+    show_numbers(content, console)
+    stream: Any = console.file
+    return str(stream.getvalue())
+
+
+def lines_of(text: str, agent: str) -> list[list[str]]:
+    """Words of the lines of a rendered table that begin with ``agent``."""
+    return [line.split() for line in text.splitlines() if line.split()[:1] == [agent]]
+
+
+def test_one_table_of_80_columns() -> None:
+    paired = [pair(s, "stp", subset, error=-10.5, interval=(-13.123, 10.111), minADE=-10.2)
+              for s in (MTP, CONTROL) for subset in SUBSETS]  # fmt: skip
+    for table in (main_table(report(LARGE)), *full_tables(report(LARGE, paired))):
+        text = render(table)
+        assert max(map(len, text.splitlines())) <= TEXT_WIDTH
+        assert "…" not in text
+    text = render(main_table(report(LARGE)))
+    assert lines_of(text, "truth_past") == [
+        ["truth_past", "1", "0.100/0.171", "0.100/0.171", "0.100/0.171", "90%", "0.345", "–", "0.345", "–"]
+    ]
+    assert lines_of(text, "mtp") == [  # more samples than k stand elsewhere: different k never share a column
+        ["mtp", "20", "0.123/0.234", "0.123/0.234", "0.123/0.234", "90%", "12.35", "10", "12.35", "10"]
+    ]
+    assert "98.77/123.5" in text
+    assert "0.747/1.173" in text, "the paper's figures below ours"
+    assert "2.820/4.514" in text
+    assert [line for line in text.splitlines() if "a_submission_wit" in line]
+
+
+def test_a_run_with_more_samples_has_a_table_of_its_own() -> None:
+    assert len(lines_of(render(main_table(report(rows(FREE)))), "mtp")) == 1
+
+
+def test_all_numbers_are_in_the_full_tables() -> None:
+    paired = [pair(MTP, "stp_same_budget", "ids", error=-0.417, interval=(-0.6, -0.2), p=0.012, minADE=-0.777)]
+    text = "".join(map(render, full_tables(report(LARGE, paired))))
+    for number in (
+        "-0.417",
+        "-0.600 -0.200",
+        "0.012",
+        "-0.777",  # differences
+        "12.35 #10",
+        "11.2 13.8",  # ranked errors
+        "0.456",
+        "0.111",
+        "0.567",
+        "0.678",
+        "0.789",  # fixed, by score, localisation, missed, plain
+        "0.155",
+        "0.781",
+        "0.222",
+        "0.333",
+        "0.444",  # Brier, EPA, AP_f, MR, PI-ADE
+        "0.89",
+        "462",
+        "17",
+        "0.66",
+        "3.75",
+        "7.125",
+    ):  # MOTA, events, reliability, curve, bins
+        assert number in text, number
+
+
+def test_names_are_no_markup(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in TERMINAL:
+        monkeypatch.delenv(name, raising=False)
+    assert "[red]x[/x]" in render(main_table(report(rows(("[red]x[/x]", 1, 20, "equal")))))
+    show("3 scenes in /tmp/[bold]/[/oh] " + "x" * 300)
+    assert capsys.readouterr().out == "3 scenes in /tmp/[bold]/[/oh] " + "x" * 300 + "\n"
+    show_lines(["word " * 20], "- ")
+    assert capsys.readouterr().out == "- " + " ".join(["word"] * 15) + "\n  " + " ".join(["word"] * 5) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(None, "–"), (0.12345, "0.123"), (9.9996, "10.00"), (12.345, "12.35"), (99.996, "100.0"), (1234.5, "1234")],
+)
+def test_a_number_has_five_letters(value: float | None, text: str) -> None:
+    assert short(value) == text
+
+
+def test_the_figures_of_the_paper() -> None:
+    assert paper_figures("MTP-KITTI-v0", row(STP, "all"))["ids"] == [2.820, 4.514]
+    assert paper_figures("MTP-KITTI-v0", row(MTP, "all"))["ids"] == [0.747, 1.173]
+    assert paper_figures("MTP-KITTI-v0", row(FREE, "all"))["ids"] == [0.707, 1.093]
+    assert paper_figures("MTP-KITTI-v0", row(("mtp", 7, 20, "equal"), "all")) == {}
+    assert paper_figures("MTP-KITTI-v0", row(CONTROL, "all")) == {}
+    assert paper_figures("MTP-KITTI-5Hz-v0", row(STP, "all")) == {}
+    assert paper_figures("MTP-nuScenes-v0", row(("mtp", 20, 10, "equal"), "all"))["frag"] == [8.476, 12.105]
+    assert paper_figures("MTP-nuScenes-mini-v0", row(STP, "all")) == {}
+    assert paper_figures("MTP-WILDTRACK-v0", row(STP, "all")) == {"all": [1.024, 1.335]}
+    gaps = {"MTP-KITTI-v0": 0.762, "MTP-nuScenes-v0": 0.562}  # protocol, "gap closed"
+    for env, gap in gaps.items():
+        assert paper_gap(env, row(MTP, "all")) == pytest.approx(gap, abs=5e-4)
+    assert paper_gap("MTP-WILDTRACK-v0", row(MTP, "all")) is None
+
+
+def test_the_counts_of_subsets_in_words() -> None:
+    some: dict[Subset, dict[str, Any]] = {"paper_ids": {"targets": 1, "objects": 1, "scenes": 1}}
+    table = [row(STP, subset, **some.get(subset, {})) for subset in SUBSETS]
+    assert notes(report(table))[1:] == [
+        "all: 40 targets on 25 objects in 11 scenes",
+        "IDS: 1 target on 1 object in 1 scene",
+        "FRAG: 40 targets on 25 objects in 11 scenes",
+        "ids: 40 targets on 25 objects (38.0 and 24.0 effective) in 11 scenes",
+    ]
+    assert "Saying nothing: 20.00." in notes(report(table))[0]
+
+
+def test_the_table_of_sensitivity() -> None:
+    errors: dict[str, float | None] = {"stp": 12.3, "mtp": 11.1, "stp_same_budget": 9.9}
+    at = AtCut(
+        cut=0.1, switches=1234, switches_on_targets=567, ids=errors, all=errors,
+        beyond_control={"ids": -0.25, "all": 0.5}, interval={"ids": (-0.75, 0.125), "all": None},
+        p={"ids": 0.1, "all": 1.0},
+    )  # fmt: skip
+    text = render(sensitivity_table([at]))
+    assert max(map(len, text.splitlines())) <= TEXT_WIDTH
+    assert lines_of(text, "0.1") == [["0.1", "1234", "567", "12.30", "11.10", "12.30", "11.10", "-0.250", "+0.500"]]
+    assert "-0.750 +0.125" in text
+
+
+def test_every_figure_of_the_paper_is_in_its_table(repository: Path) -> None:
+    text = (repository / "mtp_bench/viz/terminal/paper.toml").read_text()
+    figures = re.findall(r"^(\w+) = \[([\d.]+), ([\d.]+)\]$", text, flags=re.MULTILINE)
+    assert len(figures) == 42  # KITTI 23, nuScenes 17, WILDTRACK 2
+    assert all(float(ade) < float(fde) for _, ade, fde in figures)
