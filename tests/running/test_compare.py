@@ -145,11 +145,7 @@ def test_two_submissions_of_one_name_are_refused(names: list[str], tmp_path: Pat
         compare(folders, card, RunOptions(kitti))
 
 
-def test_a_card_may_name_another_reference(tmp_path: Path, kitti: str) -> None:
-    path = write_card(tmp_path, 'reference = "mtp"' + CARD)
-    result = compare([], path, RunOptions(kitti, scenes=1))
-    assert (result.reference.agent, result.reference.frozen) == ("mtp", False)
-    assert "48 runs of 'mtp' on these scenes" in result.report.condition["weights"]
+def test_an_unknown_reference_of_a_card_is_one_clear_error(tmp_path: Path, kitti: str) -> None:
     wrong = write_card(tmp_path, 'reference = "spt"' + CARD)
     with pytest.raises(UnknownNameError, match="unknown submission 'spt': did you mean 'stp'"):
         compare([], wrong, RunOptions(kitti, scenes=1))
