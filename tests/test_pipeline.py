@@ -14,7 +14,7 @@ from mtp_bench.agent import Action, Agent, Pipeline
 from mtp_bench.errors import ShapeError
 from mtp_bench.prediction import KinematicPredictor, KMeansSampler, StandingStill
 from mtp_bench.tracking import HypothesisTracker
-from mtp_bench.tracks import Tracks
+from mtp_bench.tracks import Tracks, group
 from mtp_bench.types import Task
 from tests.support.tracking_scenes import CYCLIST, Frame, at_once, frame, kitti_task, observation, random_frames
 
@@ -110,6 +110,44 @@ def test_objects_of_small_mass_are_left_out() -> None:
     assert counts[0].sum() < counts[1].sum()
     for a, b in zip(few, many, strict=True):
         np.testing.assert_array_equal(a["track_box"], b["track_box"])  # the tracks are all there
+
+
+class Halves:
+    """Every second track is certainly there, the others by one half."""
+
+    def reset(self, task: Task) -> None:
+        self.frames = 0
+
+    def probability(self, tracks: Tracks, observation: Any) -> Any:
+        self.frames += 1
+        return np.where(np.arange(len(tracks.box)) % 2, 0.5, 1.0)
+
+
+def test_confidence_is_the_mean_presence_over_hypotheses() -> None:
+    several = 0
+    agent = pipeline(8, min_mass=0.0, presence=Halves())
+    tracker = HypothesisTracker(8, at_once())
+    tracker.reset(TASK)
+    for detections, action in zip(CROWD, answers(agent), strict=True):
+        tracks = tracker.step(observation(detections))
+        objects = group(tracks, TASK.objects)
+        weight = np.exp(tracks.log_weight)
+        expected = [
+            sum(w * (0.5 if leaf % 2 else 1.0) for w, leaf in zip(weight, row, strict=True) if leaf >= 0)
+            for row in objects.leaf
+        ]
+        np.testing.assert_allclose(action["object_confidence"][: len(expected)], expected, rtol=1e-6)
+        several += sum(0.5 < value < 0.99 for value in expected)
+    assert several > 20
+
+
+def test_without_presence_confidence_is_the_mass() -> None:
+    for action in answers(pipeline(1)):
+        assert (action["object_confidence"][action["object_valid"] == 1] == 1).all()
+    confidence = [a["object_confidence"][a["object_valid"] == 1] for a in answers(pipeline(20))]
+    assert min(values.min() for values in confidence if len(values)) >= 0.5 - 1e-6  # min_mass
+    assert max(values.max() for values in confidence if len(values)) <= 1
+    assert any((values < 0.99).any() for values in confidence)
 
 
 def test_an_unknown_weighting_is_an_error() -> None:

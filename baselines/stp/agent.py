@@ -1,5 +1,7 @@
 """Single-hypothesis tracking, then prediction."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from mtp_bench import Action, Agent, Observation, Pipeline, Task, answer
@@ -10,15 +12,17 @@ from mtp_bench.tracking import HypothesisTracker
 def build(
     task: Task,
     hypotheses: int = 1,
+    min_detection_score: float | Mapping[str, float] | None = None,
     assignment: str = "hungarian",
     forecasts: bool = True,
 ) -> Agent:
     """The pipeline of the paper; with more hypotheses it is MTP.
 
+    ``min_detection_score``: weaker detections are not tracked, a number or one per class.
     ``assignment``: "hungarian" or "greedy". Without ``forecasts`` it says where its tracks are, and nothing else: so
     the runs that weigh the events of an env are made (envs/reference/README.md).
     """
-    tracker = HypothesisTracker(hypotheses, assignment=assignment)
+    tracker = HypothesisTracker(hypotheses, assignment=assignment, min_detection_score=min_detection_score)
     if not forecasts:
         return TracksAlone(tracker)
     return Pipeline(tracker, KinematicPredictor(), KMeansSampler(), presence=LearnedPresence())

@@ -29,19 +29,26 @@ def board(
     json_file: JsonOption = None,
 ) -> None:
     """Show the leaderboard: a table per environment, and a page to open in a browser."""
+    from .._bundle import bundled
     from ..files import write_text
+    from ..records import read_history
     from ..viz.board import board_json, board_page, board_tables
     from ..viz.terminal.output import show, show_numbers
 
     require_writable(json_file, output)
     entries = read_board(records, further or (), env, output)
+    folder = records or bundled("leaderboard") / "records"
+    history = [old for old in read_history(folder.parent / "history") if env in (None, old.env)]
     write_json(json_file, board_json(entries))
     if output is not None:
-        write_text(output, board_page(entries))
+        links = [relative_address(old.path, output) for old in history]
+        write_text(output, board_page(entries, list(zip(history, links, strict=True))))
     for table in board_tables(entries):
         show_numbers(table)
     if not entries:
         show("no record" + (f" of {env}" if env else "") + " yet; `mtp-bench submit` makes one")
+    if history:
+        show(f"{count(len(history), 'result')} under earlier definitions: on the page (-o), never ranked")
     if output is not None:
         show(f"{output}: {count(len(entries), 'record')}; open it in a browser")
 
@@ -56,33 +63,21 @@ def read_board(
     """
     from .._bundle import bundled
     from ..cards import load_card
-    from ..records import load_record, ranks, record_paths, why_unranked
-    from ..viz.board import Entry, standings
+    from ..records import load_record, record_paths
+    from ..viz.board import entries_of
 
-    folder = folder or bundled("leaderboard") / "records"
-    if not folder.is_dir():
+    if folder is not None and not folder.is_dir():
         raise MtpBenchError(f"{folder}: no such folder of records; name another with --records")
-    paths = record_paths(folder)
-    found = {record.digest: (path, record, False) for path in paths for record in [load_record(path)]}
+    paths = record_paths(folder or bundled("leaderboard") / "records")  # there are none yet where it is missing
+    found = {record.digest: (record, path, False) for path in paths for record in [load_record(path)]}
     for path in further:
         record = load_record(path)
-        found.setdefault(record.digest, (path, record, True))
-    listed = [item for item in found.values() if env_id is None or item[1].env.id == env_id]
+        found.setdefault(record.digest, (record, path, True))
+    listed = [item for item in found.values() if env_id is None or item[0].env.id == env_id]
     if env_id is not None and not listed:
         load_card(env_id)  # an env that nobody has submitted to is fine as long as there is such an env
-    records = [record for _, record, _ in listed]
-    places = ranks(records)
-    return standings(
-        [
-            Entry(
-                record=record,
-                rank=places[record.digest]["all"],
-                why=why_unranked(record, records) or "",
-                link=None if page is None else relative_address(path, page),
-                added=added,
-            )
-            for path, record, added in listed
-        ]
+    return entries_of(
+        [(record, None if page is None else relative_address(path, page), added) for record, path, added in listed]
     )
 
 

@@ -71,14 +71,14 @@ def _record_table(record: Record) -> Table:
     """One line per subset."""
     from ..viz.terminal.output import new_table
 
-    title = f"{record.submission.name} on {record.env.id}: missing-aware error (m, less is better)"
-    names = ("subset", "missing-aware", "interval", "minADE", "minFDE", "coverage", "targets", "objects", "scenes")
+    title = f"{record.submission.name} on {record.env.id}: error at the false-forecast budgets (m, less is better)"
+    names = ("subset", "error", "interval", "plain", "minADE", "minFDE", "coverage", "targets", "objects", "scenes")
     table = new_table(title, names, left=("subset",))
     for row in record.rows:
         shown = "–" if row.interval is None else f"{row.interval[0]:.3f} to {row.interval[1]:.3f}"
-        numbers = [number(value) for value in (row.minADE, row.minFDE, row.coverage)]
+        numbers = [number(value) for value in (row.plain_error, row.minADE, row.minFDE, row.coverage)]
         counts = [str(value) for value in (row.targets, row.objects, row.scenes)]
-        table.add_row(row.subset, number(row.missing_aware), shown, *numbers, *counts)
+        table.add_row(row.subset, number(row.error), shown, *numbers, *counts)
     return table
 
 
@@ -88,7 +88,7 @@ def _sentence(record: Record) -> str:
     parts = [f"{record.status}{f' ({record.status_reason})' if record.status_reason else ''}"]
     if latency.p50_ms is not None and latency.p95_ms is not None:
         parts.append(f"{latency.p50_ms:.1f} ms per frame, 95 % within {latency.p95_ms:.1f} ms")
-    parts.append(f"{record.peak_memory_mib:.0f} MiB")
+    parts += [f"{record.peak_memory_mib:.0f} MiB", record.reference.origin]
     for frames, what in ((lost.late, "late frames"), (lost.malformed, "malformed answers")):
         if frames:
             parts.append(f"{frames} {what}")

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from .options import DataOption, EnvScenes, JobsOption, TextOption, WorkerChoice, one_of, opened
 from .output import prepare, print_or_write, require_writable, working
+
+if TYPE_CHECKING:
+    from ..running.options import RunOptions
 
 
 def motion_noise(
@@ -27,25 +32,38 @@ def motion_noise(
     print_or_write(output, text)
 
 
-def presence(
-    detector: Annotated[str, typer.Argument(help="Detector of a shipped model.")],
-    data: DataOption = None,
-    output: TextOption = None,
-) -> None:
+DetectorArgument = Annotated[str, typer.Argument(help="A detector whose training scenes are known.")]
+
+
+def presence(detector: DetectorArgument, data: DataOption = None, output: TextOption = None) -> None:
     """Fit how likely it is that a track's object is there, on the training scenes of a detector."""
+    from ..training.presence import fit_detector
+
+    _of_detector(detector, data, output, fit_detector)
+
+
+def cut(detector: DetectorArgument, data: DataOption = None, output: TextOption = None) -> None:
+    """Choose the scores below which detections are better not tracked, on the training scenes of a detector."""
+    from ..training.detection_cuts import fit_detector
+
+    _of_detector(detector, data, output, fit_detector)
+
+
+def _of_detector(detector: str, data: str | None, output: Path | None, fit: Callable[[str, RunOptions], str]) -> None:
     from ..running.options import RunOptions
-    from ..training.presence import RECIPES, fit_detector
+    from ..training.presence import DETECTORS, scenes_of
 
     require_writable(output)
-    one_of(detector, tuple(RECIPES), "DETECTOR")
+    one_of(detector, DETECTORS, "DETECTOR")
     options = RunOptions(data)
-    for scenes in RECIPES[detector].scenes:
+    for scenes in scenes_of(detector):
         prepare(scenes.env, scenes.options(options))
     with working("read", options) as watched:
-        text = fit_detector(detector, watched)
+        text = fit(detector, watched)
     print_or_write(output, text)
 
 
 train = typer.Typer(help="Fit the parameters of a baseline on training splits.", no_args_is_help=True)
 train.command("motion-noise")(opened(motion_noise))
 train.command("presence")(opened(presence))
+train.command("cut")(opened(cut))

@@ -28,7 +28,7 @@ def verify(
         Path | None, typer.Option(help="Folder to run again; else the baseline of that name.")
     ] = None,
     write: Annotated[
-        bool, typer.Option("--write", help="Write the level reached, or new numbers where the scorer changed.")
+        bool, typer.Option("--write", help="Write the level reached, or new numbers where scorer or weights changed.")
     ] = False,
     hidden: Annotated[
         Path | None, typer.Option(help="Secret of `mtp-bench seal`: with --rerun, run its scenes too.")
@@ -118,6 +118,5 @@ def _verdict(checked: Verification) -> str:
     what = f"holds, {checked.level}" if checked.holds else "does not hold"
     hidden = []
     if checked.hidden is not None:
-        error = number(checked.hidden.missing_aware)
-        hidden.append(f"missing-aware error {error} m on {count(checked.hidden.scenes, 'hidden scene')}")
+        hidden.append(f"error {number(checked.hidden.error)} m on {count(checked.hidden.scenes, 'hidden scene')}")
     return ". ".join([f"{who}: {what}", *hidden, *checked.notes])

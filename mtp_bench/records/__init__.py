@@ -5,7 +5,10 @@ signature. What cannot be forged without being found is a record whose stored ro
 a submission that is run again.
 """
 
-from .ranking import ranks as ranks
+from .history import OldResult as OldResult
+from .history import read_history as read_history
+from .ranking import Standing as Standing
+from .ranking import standings as standings
 from .ranking import why_unranked as why_unranked
 from .record import Record as Record
 from .sealing import open_seal as open_seal

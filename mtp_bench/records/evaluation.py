@@ -6,22 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from ..cards import Card
 from ..parallel import Workers, parallel_map
-from ..running.frozen_subsets import frozen_reference
 from ..running.options import RunOptions
-from ..scoring import (
-    AgentScores,
-    ReferenceSubsets,
-    SceneScore,
-    masks,
-    mean_error,
-    score_scene,
-    stated_hypotheses,
-    summarise,
-)
-from ..scoring.error import error_sum
+from ..scoring import SUBSETS, AgentScores, Reference, SceneScore, score_scene, stated_hypotheses, summarise
 from ..scoring.rows import Row
+from ..scoring.table import AgentTable, agent_table
 from ..sources import open_source
 from ..types import Rollout
 from .provenance import data_manifest, scene_digest
@@ -32,7 +24,8 @@ from .record import ReferencePart, ScenePart, Status
 class Evaluation:
     """The part of a record that follows from rollouts, card, data and scorer."""
 
-    rows: list[Row]
+    rows: list[Row]  # without ranks
+    silence: float | None
     details: dict[str, Any]  # as JSON
     per_scene: list[ScenePart]
     reference: ReferencePart
@@ -46,17 +39,17 @@ def evaluate(
     card: Card,
     options: RunOptions,
     runs: Mapping[int, Sequence[Rollout]],
+    reference: Reference,
     hypotheses: int | None,
     ideal: bool,
 ) -> Evaluation:
     """Score the rollouts of each seed (``runs``: seed -> the same scenes in the same order) of one agent.
 
-    ``agent`` is its name, ``card`` the environment; of ``options`` data, the number of processes and progress count.
-    ``hypotheses`` as declared; None: what the agent states. ``ideal``: it saw the truth. Raises RolloutError where the
-    rollouts do not fit the scenes, DataError where data is missing.
+    ``agent`` is its name, ``card`` the environment, ``reference`` the event weights of these scenes; of ``options``
+    data, the number of processes and progress count. ``hypotheses`` as declared; None: what the agent states.
+    ``ideal``: it saw the truth. Raises RolloutError where the rollouts do not fit the scenes, DataError where data is
+    missing.
     """
-    reference = frozen_reference(card)
-    subsets = reference.subsets if reference else None
     calls = [(card, options.data, rollouts) for rollouts in zip(*runs.values(), strict=True)]
     scored: list[tuple[str, tuple[SceneScore, ...]]] = parallel_map(
         _score_scene,
@@ -74,21 +67,17 @@ def evaluate(
         seeds=seeds,
         ideal=ideal,
     )
-    report = summarise([setting], card, subsets)
-    per_scene = [_scene_part(scores, subsets) for _, scores in scored]
+    report, table = summarise([setting], card, reference), agent_table(setting, reference)
     return Evaluation(
-        rows=report.rows,
+        rows=[row.model_copy(update={"rank": None}) for row in report.rows],
+        silence=report.details[0].silence,
         details=report.details[0].model_dump(mode="json"),
-        per_scene=per_scene,
+        per_scene=per_scene_of(table),
         reference=ReferencePart(
-            name=reference.subsets.reference if reference else card.reference,
-            hash=reference.subsets.hash if reference else "",
-            origin=reference.origin
-            if reference
-            else "no frozen subsets for this env and split: only 'all' has targets",
+            name=reference.agent, hash=reference.digest, origin=reference.origin, frozen=reference.frozen
         ),
         data_manifest=data_manifest(digest for digest, _ in scored),
-        truth_complete=all(score.truth_complete for run in seeds for score in run),
+        truth_complete=table.complete,
         hypotheses=setting.hypotheses,
     )
 
@@ -125,17 +114,17 @@ def _score_scene(card: Card, data: str | None, rollouts: Sequence[Rollout]) -> t
     return scene_digest(scene), tuple(score_scene(scene, rollout, card) for rollout in rollouts)
 
 
-def _scene_part(scores: Sequence[SceneScore], reference: ReferenceSubsets | None) -> ScenePart:
-    """Errors of a scene, one score per seed."""
-    first = scores[0]
-    subsets = {name: targets for name, targets in masks(reference, first).items() if name != "all"} if reference else {}
-    of_subset = {name: [error_sum(score, targets) for score in scores] for name, targets in subsets.items()}
-    of_all = [error_sum(score) for score in scores]
-    return ScenePart(
-        scene=first.scene,
-        targets=len(first),
-        missing_aware=sum(of_all) / len(scores) / len(first) if len(first) else None,
-        seeds=[mean_error([score]) for score in scores],
-        counts={"all": len(first), **{name: int(targets.sum()) for name, targets in subsets.items()}},
-        errors={"all": of_all, **of_subset},
-    )
+def per_scene_of(table: AgentTable) -> list[ScenePart]:
+    """Sums of each unit; the units of a scene are consecutive."""
+    scores = table.setting.seeds[0]
+    ends = np.cumsum([score.units for score in scores])[:-1]
+    weight = {name: np.split(table.unit_weight(table.weight[name]), ends) for name in SUBSETS}
+    error = {name: np.split(table.errors(name), ends) for name in SUBSETS}
+    return [
+        ScenePart(
+            scene=score.scene,
+            weight={name: weight[name][i].tolist() for name in SUBSETS},
+            error={name: error[name][i].tolist() for name in SUBSETS},
+        )
+        for i, score in enumerate(scores)
+    ]

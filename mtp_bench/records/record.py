@@ -9,6 +9,8 @@ from typing import Annotated, Any, Literal, NamedTuple, get_args
 from pydantic import Field
 
 from ..scoring.rows import Count, Interval, Row
+from ..scoring.statistics import ratio
+from ..scoring.subsets import Subset
 from ..strict import Section
 
 Status = Literal["finished", "partial", "crashed", "rejected"]
@@ -27,6 +29,7 @@ class SubmissionPart(Section):
     description: str
     digest: _Hex  # over all files of the folder
     parameters: dict[str, Any]
+    ends: Literal["controls", "own"] | None  # of its gap: stp and truth_past have its predictor, or it states others
 
 
 class EnvPart(Section):
@@ -39,7 +42,7 @@ class EnvPart(Section):
     scenes: Count
     scenes_of_split: Count
     observe: Literal["detections", "truth"]
-    truth_complete: bool  # False: false forecasts cost nothing
+    truth_complete: bool  # False: false forecasts are not known, all forecasts count against the budgets
     keywords: dict[str, Any]  # settings of the env beyond the card
 
 
@@ -51,11 +54,12 @@ class ScorerPart(Section):
 
 
 class ReferencePart(Section):
-    """The frozen subsets."""
+    """The event weights."""
 
-    name: str
-    hash: _Hex  # empty: there are none
+    name: str  # the baseline whose events they are
+    hash: _Hex
     origin: str
+    frozen: bool  # those that ship for the env; False: made from the scenes of this record
 
 
 class HardwarePart(Section):
@@ -93,30 +97,42 @@ class IsolationPart(Section):
 
 
 class ScenePart(Section):
-    """Errors of one scene: enough to pair two records without their rollouts."""
+    """What ranks, summed over the targets of each unit of one scene: enough to rank records without their rollouts."""
 
     scene: str
-    targets: Count
-    missing_aware: float | None  # m, mean over targets and seeds; null without a target
-    seeds: list[float | None]  # m, the same per seed
-    counts: dict[str, int]  # targets per subset
-    errors: dict[str, list[float]]  # m, missing-aware error summed over the targets of a subset, per seed
+    weight: dict[Subset, list[float]]  # [units of the scene] of the targets
+    error: dict[Subset, list[float]]  # [units] m, weighted, at the budgets of the whole record, mean over seeds
+
+    @property
+    def targets(self) -> int:
+        """Their number."""
+        return round(sum(self.weight["all"]))
+
+    @property
+    def mean_error(self) -> float | None:
+        """Over all targets, m; None without any."""
+        return ratio(sum(self.error["all"]), sum(self.weight["all"]))
 
 
 class HiddenPart(Section):
     """Error on scenes of secret seeds, over all of them: the name of a scene tells its seed."""
 
     commitment: _Hex  # sha256 of the secret
+    weights: _Hex  # hash of their event weights, which are made once per seal
     scenes: Count
     targets: Count
-    missing_aware: float | None
+    error: float | None
     interval: Interval | None
 
 
 class Record(Section):
-    """One submission on one env."""
+    """One submission on one env.
 
-    format: Literal[1] = 1
+    The rows have no ranks: those depend on the records beside it. ``gap_closed`` is null in them for the same reason,
+    and so is ``gap_closed_same_predictor``, unless the ends were run with the submission.
+    """
+
+    format: Literal[2] = 2
     submission: SubmissionPart
     division: Literal["closed", "open"]
     training_data: list[str]  # as declared
@@ -137,6 +153,7 @@ class Record(Section):
     hypotheses: Count
     samples: Count
     rows: list[Row]  # one per subset
+    silence: float | None  # m, what an agent that says nothing scores
     details: dict[str, Any]  # as `Details` of the scorer are written
     per_scene: list[ScenePart]
     seals: dict[str, str]  # "scene|seed" -> hash chain over the answers as they came
@@ -147,30 +164,19 @@ class Record(Section):
     @property
     def row(self) -> Row:
         """The row of the subset "all"."""
-        return next(row for row in self.rows if row.subset == "all")
+        return self.row_of("all")
 
-    @property
-    def silence(self) -> float | None:
-        """What an agent that says nothing scores here, metres; None where it is not known."""
-        return _number(self.details.get("silence"))
+    def row_of(self, subset: Subset) -> Row:
+        """The row of one subset."""
+        return next(row for row in self.rows if row.subset == subset)
 
-    @property
-    def parts(self) -> dict[str, float]:
-        """The parts that the error over all targets adds up from, metres, as far as they are known."""
-        parts = self.details.get("parts")
-        known = {name: _number(value) for name, value in parts.items()} if isinstance(parts, dict) else {}
-        return {name: value for name, value in known.items() if value is not None}
+    def unit_weight(self, subset: Subset) -> list[float]:
+        """Weight of the targets of each unit, over all scenes."""
+        return [value for scene in self.per_scene for value in scene.weight[subset]]
 
-    @property
-    def forecasts_per_frame(self) -> float:
-        """Objects that are forecast in a frame, mean over seeds; 0 where it is not known."""
-        return _number(self.details.get("forecasts_per_frame")) or 0.0
-
-
-def _number(value: Any) -> float | None:
-    """A number of the details, whose schema is the scorer's alone; None for everything else."""
-    known = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    return float(value) if known else None
+    def unit_error(self, subset: Subset) -> list[float]:
+        """What ranks, times the weight, summed over the targets of each unit, m."""
+        return [value for scene in self.per_scene for value in scene.error[subset]]
 
 
 class Difference(NamedTuple):

@@ -18,6 +18,7 @@ from ..running.options import RunOptions
 from ..running.rollout_files import RunInfo
 from ..running.run import run_info
 from ..running.settings import Setting, setting_of
+from ..scoring import Reference
 from ..submission.loader import Submission
 from ..types import Rollout
 from .evaluation import Evaluation, evaluate
@@ -52,6 +53,7 @@ def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
         raise MtpBenchError("a record is of the detections that its env names: no other detector can be chosen")
     env = MTPEnv(env_id, observe=submission.compare.observe, evaluation=True, data=options.data, split=options.split)
     keywords = setting_of(submission, env.card).env_keywords(env.card)
+    del keywords["observe"]  # the submission says it, and the record in a field of its own
     if env.card.source.split != load_card(env_id).source.split:
         keywords["split"] = env.card.source.split
     names = env.scene_names
@@ -78,10 +80,13 @@ def rollouts_of(runs: Mapping[int, Sequence[SceneRun]]) -> dict[int, list[Rollou
     return {seed: [run.rollout for run in results] for seed, results in runs.items()}
 
 
-def evaluate_plan(plan: Plan, runs: Mapping[int, Sequence[SceneRun]], *, watched: bool = False) -> Evaluation:
+def evaluate_plan(
+    plan: Plan, runs: Mapping[int, Sequence[SceneRun]], reference: Reference, *, watched: bool = False
+) -> Evaluation:
     """Numbers of the runs of a plan; ``watched``: the progress is told each scene that is scored."""
     setting, options = plan.setting, plan.options if watched else replace(plan.options, progress=QUIET)
-    return evaluate(plan.submission.name, plan.card, options, rollouts_of(runs), setting.hypotheses, setting.ideal)
+    name, rollouts = plan.submission.name, rollouts_of(runs)
+    return evaluate(name, plan.card, options, rollouts, reference, setting.hypotheses, setting.ideal)
 
 
 def info_of(plan: Plan, seed: int) -> RunInfo:

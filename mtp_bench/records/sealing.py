@@ -13,6 +13,7 @@ from __future__ import annotations
 import hashlib
 import json
 import secrets
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -22,6 +23,9 @@ from pydantic import Field
 from ..cards import Card, HighwaySource, load_card
 from ..errors import MtpBenchError, RecordError
 from ..files import require_file, write_text
+from ..running.options import RunOptions
+from ..running.reference import make_reference
+from ..scoring import Reference, read_reference, write_reference
 from ..sources import discard, open_source
 from ..strict import Section, validate
 from .record import Difference, HiddenPart, Record
@@ -62,6 +66,7 @@ class Sealed:
 
     seeds: SecretSeeds
     commitment: str
+    weights: Path  # file of the event weights, as secret: their keys are hashes of names that tell the seeds
 
     def card(self, card: Card) -> Card:
         """``card`` with the hidden scenes as its test split."""
@@ -70,6 +75,17 @@ class Sealed:
         ranges = source.seeds.model_copy(update={"test": (first, first + self.seeds.count)})
         hidden = source.model_copy(update={"split": "test", "seeds": ranges})
         return card.model_copy(update={"source": hidden})
+
+    def reference(self, hidden: Card, scenes: Sequence[str], options: RunOptions) -> Reference:
+        """Event weights of the hidden scenes of `card`, made once per seal and kept beside the secret."""
+        if self.weights.is_file():
+            known = read_reference(self.weights)
+            if known.card == hidden.digest and known.holds(scenes):
+                return known
+        reference = make_reference(hidden, scenes, options)
+        write_reference(self.weights, reference)
+        self.weights.chmod(0o600)
+        return reference
 
 
 def seal(env_id: str, count: int, path: str | Path) -> Commitment:
@@ -109,7 +125,7 @@ def open_seal(path: str | Path, commitment: str | Path | None = None) -> Sealed:
     found = commitment_of(seeds)
     if (promise.commitment, promise.env, promise.count) != (found, seeds.env, seeds.count):
         raise RecordError(f"{path}: has the sha256 {found[:12]}, {public} promises {promise.commitment[:12]}")
-    return Sealed(seeds, found)
+    return Sealed(seeds, found, path.with_name(f"{path.stem}.weights.json"))
 
 
 def commitment_path(path: Path) -> Path:
@@ -144,14 +160,16 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed) -> HiddenPart:
                 "this system cannot hide files and network from an agent, so its hidden scenes would not stay hidden: "
                 "run it on Linux with user namespaces"
             )
-        row = evaluate_plan(there, runs).rows[0]
+        reference = sealed.reference(hidden, names, options)
+        row = evaluate_plan(there, runs, reference).rows[0]
     finally:
         discard(hidden)
     return HiddenPart(
         commitment=sealed.commitment,
+        weights=reference.digest,
         scenes=len(names),
         targets=row.targets,
-        missing_aware=row.missing_aware,
+        error=row.error,
         interval=row.interval,
     )
 
@@ -176,10 +194,10 @@ def _canonical(seeds: SecretSeeds) -> str:
     return json.dumps(seeds.model_dump(), sort_keys=True, separators=(",", ":"))
 
 
-def error_when_moved(plan: Plan) -> float | None:
-    """Missing-aware error of the submission of ``plan`` under one secret seed, metres; None without a target."""
+def error_when_moved(plan: Plan, reference: Reference) -> float | None:
+    """Error of the submission of ``plan`` under one secret seed, metres; None without a target."""
     seed = _FIRST + secrets.randbelow(_SEEDS - _FIRST)
-    return evaluate_plan(plan, {seed: run_seed(plan, seed)}).rows[0].missing_aware
+    return evaluate_plan(plan, {seed: run_seed(plan, seed)}, reference).rows[0].error
 
 
 def worse_when_moved(record: Record, error: float | None) -> Difference | None:
@@ -187,7 +205,7 @@ def worse_when_moved(record: Record, error: float | None) -> Difference | None:
 
     The worst of its seeds would be no measure: a table for the others, and nothing for that one, would pass.
     """
-    ranked = record.row.missing_aware
+    ranked = record.row.error
     if error is None or ranked is None or error <= ranked * (1 + ALIKE) + _NEGLIGIBLE:
         return None
-    return Difference("missing_aware under another motion", ranked, error)
+    return Difference("error under another motion", ranked, error)

@@ -56,9 +56,10 @@ def load_record(path: str | Path) -> Record:
     """
     path = Path(path)
     content = read_table(path, "no such record; `mtp-bench submit` makes one")
-    if content.get("format") != 1:
+    if content.get("format") != 2:
         raise RecordError(
-            f"{path}: format {content.get('format')!r}, expected 1: made by another version of mtp-bench?"
+            f"{path}: format {content.get('format')!r}, expected 2: those of definitions 1.0 rank no more; make it "
+            "again with `mtp-bench submit`"
         )
     record = validate(Record, content, str(path), RecordError)
     _require_complete(path, record)
@@ -103,9 +104,11 @@ def _require_complete(path: Path, record: Record) -> None:
     if not record.seeds or len(set(record.seeds)) != len(record.seeds) or min(record.seeds) < 0:
         raise RecordError(f"{path}: seeds are {record.seeds}, expected whole numbers from 0 on, each once")
     for scene in record.per_scene:
-        wrong = [name for name, sums in scene.errors.items() if len(sums) != len(record.seeds)]
-        if wrong or scene.errors.keys() != scene.counts.keys() or len(scene.seeds) != len(record.seeds):
-            raise RecordError(f"{path}: per_scene of {scene.scene!r} lacks errors, expected one per subset and seed")
+        sums = [part.get(subset, []) for part in (scene.weight, scene.error) for subset in SUBSETS]
+        if {len(of_units) for of_units in sums} != {max(1, len(sums[0]))} or min(min(part) for part in sums) < 0:
+            raise RecordError(
+                f"{path}: per_scene of {scene.scene!r} lacks sums, expected one of 0 or more per subset and unit"
+            )
 
 
 def _plain(record: Record) -> dict[str, Any]:

@@ -11,8 +11,8 @@ from ..cards import Card, load_card
 from ..files import require_file, require_folder, whole_folder
 from ..gateway import Limits, SceneRun
 from ..parallel import parallel_map
-from ..running.frozen_subsets import frozen_reference
 from ..running.options import DEFAULTS, RunOptions
+from ..running.reference import reference_for
 from ..running.rollout_files import require_run_folder, save_run
 from ..running.run import library_versions
 from ..scoring import DEFINITIONS
@@ -69,10 +69,10 @@ def submit(
     plan = plan_run(submission, env_id, options)
     target = record_path(submission, load_card(env_id), output, options.split)
     require_writable(target)
-    frozen_reference(plan.card)  # a broken file shows before anything runs
+    reference = reference_for(plan.card, plan.scenes, options)
     options.progress.started((len(options.seeds) + 1) * len(plan.scenes))
     runs = {seed: run_seed(plan, seed, limits) for seed in options.seeds}
-    found = evaluate_plan(plan, runs, watched=True)
+    found = evaluate_plan(plan, runs, reference, watched=True)
     more: dict[str, Any] = {"division": division, "training_data": [*submission.training_data, *training_data]}
     if options.workers.scheduler is not None:
         more["hardware"] = parallel_map(hardware, [()], options.workers)[0]
@@ -104,13 +104,7 @@ def _record(plan: Plan, runs: Mapping[int, Sequence[SceneRun]], found: Evaluatio
     lost, rollouts, submission, card = unanswered(runs), rollouts_of(runs), plan.submission, plan.card
     every = [rollout for results in rollouts.values() for rollout in results]
     return Record(
-        submission=SubmissionPart(
-            name=submission.name,
-            authors=list(submission.authors),
-            description=submission.description,
-            digest=submission.digest,
-            parameters=submission.parameters,
-        ),
+        submission=said_of(submission),
         division="closed",
         training_data=[],
         env=EnvPart(
@@ -139,6 +133,19 @@ def _record(plan: Plan, runs: Mapping[int, Sequence[SceneRun]], found: Evaluatio
     )
 
 
+def said_of(submission: Submission) -> SubmissionPart:
+    """What a record says of a submission."""
+    ends = submission.compare.ends
+    return SubmissionPart(
+        name=submission.name,
+        authors=list(submission.authors),
+        description=submission.description,
+        digest=submission.digest,
+        parameters=submission.parameters,
+        ends="own" if isinstance(ends, dict) else ends,
+    )
+
+
 def judged(
     found: Evaluation, lost: MissedPart, runs: int, scenes_of_split: int, keywords: Mapping[str, Any]
 ) -> dict[str, Any]:
@@ -160,6 +167,7 @@ def judged(
         "status_reason": reason,
         "hypotheses": found.hypotheses,
         "rows": found.rows,
+        "silence": found.silence,
         "details": found.details,
         "per_scene": found.per_scene,
     }

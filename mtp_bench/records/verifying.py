@@ -10,8 +10,9 @@ from typing import Any
 from ..cards import Card
 from ..errors import RecordError
 from ..running.options import DEFAULTS, RunOptions
+from ..running.reference import reference_for
 from ..running.rollout_files import load_run
-from ..scoring import DEFINITIONS
+from ..scoring import DEFINITIONS, Reference
 from ..sources import open_source
 from ..submission.loader import load_submission
 from ..types import Rollout
@@ -21,10 +22,10 @@ from .record import LEVELS, Difference, HiddenPart, Level, Record, unequal
 from .running import Plan, latency, plan_run, rollout_digests, rollouts_of, run_seed, unanswered
 from .sealing import Sealed, error_when_moved, run_hidden, worse_when_hidden, worse_when_moved
 from .storage import load_record, rollouts_folder, save_record
-from .submitting import judged
+from .submitting import judged, said_of
 
 # The parts of a record that follow from rollouts, card and data.
-_CHECKED = ("env", "status", "hypotheses", "latency", "reference", "rows", "details", "per_scene")
+_CHECKED = ("env", "status", "hypotheses", "latency", "reference", "rows", "silence", "details", "per_scene")
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Verification:
     level: Level  # reached by this check
     differences: tuple[Difference, ...]  # none: the record holds
     notes: tuple[str, ...]  # what changed since and made no difference, in sentences
-    updated: Record | None  # with the numbers of today's scorer, where it changed and the rollouts are the record's
+    updated: Record | None  # with the numbers of today's scorer and weights, where these changed
     hidden: HiddenPart | None = None  # what it scored on hidden scenes
 
     @property
@@ -75,41 +76,45 @@ def verify(
     if stale:
         return Verification(path, record, "scored", stale, (), None)
     plan = _plan(path, record, env_id, submission, options) if rerun or sealed is not None else None
+    runs = _stored(path, record) if plan is None else {}
+    reference = reference_for(card, [scene.scene for scene in record.per_scene], options)
     options.progress.started(_work(record, plan, sealed))
     again = None if plan is None else {seed: run_seed(plan, seed) for seed in record.seeds}
-    runs = _stored(path, record) if again is None else rollouts_of(again)
+    runs = runs if again is None else rollouts_of(again)
     changed = tuple(unequal("rollout_digests", record.rollout_digests, rollout_digests(runs)))
-    if again is not None:
+    if plan is not None and again is not None:
+        changed += tuple(unequal("submission", record.submission.model_dump(), said_of(plan.submission).model_dump()))
         lost = {"malformed", "crashed_scenes"}  # on any machine; late answers are a matter of the machine
         missed = (part.model_dump(include=lost) for part in (record.missed, unanswered(again)))
         changed += tuple(unequal("missed", *missed))
     if changed:
         return Verification(path, record, "scored", changed, (), None)
-    found = _evaluate(record, card, runs, options)
+    found = _evaluate(record, card, runs, reference, options)
     scored = _with(record, found, len(open_source(card, options.data).names))
     scored = scored.model_copy(update=_times(record, found, runs, again is not None))
     parts = (each.model_dump(mode="json", include=set(_CHECKED)) for each in (record, scored))
     differences = tuple(unequal("", *parts))
     level: Level = "scored" if differences else "re-scored" if plan is None else "re-run"
     same_task = not any(difference.what.startswith("env.") for difference in differences)
-    updated = scored if scored.scorer != record.scorer and same_task else None
-    checked = Verification(path, record, level, differences, _notes(record), updated)
+    other_rules = (scored.scorer, scored.reference) != (record.scorer, record.reference)
+    updated = scored if other_rules and same_task else None
+    checked = Verification(path, record, level, differences, _notes(record, reference), updated)
     if plan is None or differences:
         return checked
-    moved = worse_when_moved(record, error_when_moved(plan))
+    moved = worse_when_moved(record, error_when_moved(plan, reference))
     if moved is not None:
         return replace(checked, level="scored", differences=(moved,), updated=None)
     return checked if sealed is None else _on_hidden(checked, plan, sealed)
 
 
 def confirm(checked: Verification) -> Record:
-    """Write what a check showed into the record: its level, or the numbers of today's scorer where that changed.
+    """Write what a check showed into the record: its level, or today's numbers where scorer or weights changed.
 
-    Raises RecordError where the record differs for another reason than a changed scorer.
+    Raises RecordError where the record differs for another reason.
     """
     record = checked.updated or checked.record
     if checked.differences and checked.updated is None:
-        raise RecordError(f"{checked.path}: differs, and not because the scorer changed: make the record again")
+        raise RecordError(f"{checked.path}: differs, and not because scorer or weights changed: make the record again")
     reached: Level = "re-scored" if checked.differences else checked.level  # by today's scorer, from its own rollouts
     level = max(reached, record.verification, key=LEVELS.index)
     hidden = checked.hidden or record.hidden
@@ -121,7 +126,7 @@ def _on_hidden(checked: Verification, plan: Plan, sealed: Sealed) -> Verificatio
     hidden = run_hidden(plan, checked.record, sealed)
     if worse_when_hidden(checked.record, hidden):
         row = checked.record.row
-        worse = Difference("missing_aware on hidden scenes", row.interval, hidden.interval)
+        worse = Difference("error on hidden scenes", row.interval, hidden.interval)
         return replace(checked, level="scored", differences=(worse,), updated=None)
     return replace(checked, level="hidden seeds", hidden=hidden)
 
@@ -196,11 +201,13 @@ def _card_differences(record: Record, card: Card) -> tuple[Difference, ...]:
     return tuple(Difference(*pair) for pair in pairs if pair[1] != pair[2])
 
 
-def _evaluate(record: Record, card: Card, runs: Mapping[int, Sequence[Rollout]], options: RunOptions) -> Evaluation:
+def _evaluate(
+    record: Record, card: Card, runs: Mapping[int, Sequence[Rollout]], reference: Reference, options: RunOptions
+) -> Evaluation:
     # H is a parameter, as the submission declared, or else what its answers state
     counts = [value for value in record.submission.parameters.values() if type(value) is int]
     declared = record.hypotheses if record.hypotheses in counts else None
-    return evaluate(record.submission.name, card, options, runs, declared, record.env.observe == "truth")
+    return evaluate(record.submission.name, card, options, runs, reference, declared, record.env.observe == "truth")
 
 
 def _with(record: Record, found: Evaluation, scenes_of_split: int) -> Record:
@@ -225,10 +232,13 @@ def _times(record: Record, found: Evaluation, runs: Mapping[int, Sequence[Rollou
     return {"rows": [row.model_copy(update={"ms_per_frame": recorded.ms_per_frame}) for row, recorded in known]}
 
 
-def _notes(record: Record) -> tuple[str, ...]:
+def _notes(record: Record, reference: Reference) -> tuple[str, ...]:
     notes = []
     if record.scorer.definitions != DEFINITIONS:
         notes.append(f"scored by definitions {record.scorer.definitions}, today's are {DEFINITIONS}")
-    if record.scorer.source_digest != scorer_digest():
-        notes.append("the scorer changed since; --write takes over the numbers of today's")
+    changed = {
+        "the scorer": record.scorer.source_digest != scorer_digest(),
+        "the event weights": record.reference.hash != reference.digest,
+    }
+    notes += [f"{what} changed since; --write takes over today's numbers" for what, other in changed.items() if other]
     return tuple(notes)

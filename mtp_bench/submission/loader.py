@@ -36,6 +36,7 @@ class Submission:
     agent: str  # "module:function", relative to the folder
     description: str = ""
     training_data: tuple[str, ...] = ()  # what it was trained or fitted on, in words
+    trained_on_scored: dict[str, str] = field(default_factory=dict)  # env id -> what was fitted on scenes it scores
     parameters: dict[str, Any] = field(default_factory=dict)
     compare: CompareSection = field(default_factory=CompareSection)
 
@@ -43,6 +44,11 @@ class Submission:
     def digest(self) -> str:
         """The sha256 over names and contents of all files of the folder; ``__pycache__`` and ``.git`` do not count."""
         return _digest(self.path, _files(self.path))
+
+    def note_on(self, env_id: str) -> str | None:
+        """What tables and records have to say beside scores in an env: what was trained on the scenes that it scores."""
+        what = self.trained_on_scored.get(env_id)
+        return None if what is None else f"{what} trained on scored scenes"
 
     def build(self, task: Task, **overrides: Any) -> Agent:
         """A new agent for ``task``; ``overrides`` win over the parameters of the manifest.

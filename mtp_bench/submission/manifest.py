@@ -39,6 +39,7 @@ class Manifest(Section):
     agent: Annotated[str, Field(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*$")]
     description: str = ""
     training_data: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    trained_on_scored: dict[str, str] = Field(default_factory=dict)  # env id -> what was fitted on scenes it scores
     parameters: dict[str, Value] = Field(default_factory=dict)
     compare: CompareSection = CompareSection()
 

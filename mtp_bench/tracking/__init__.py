@@ -1,5 +1,6 @@
 """Trackers and association, for agents; the judge never imports them."""
 
+from .detection_cuts import stored_cuts as stored_cuts
 from .joint import k_best as k_best
 from .parameters import AB3DMOT as AB3DMOT
 from .parameters import ClassParameters as ClassParameters

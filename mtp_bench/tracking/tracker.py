@@ -6,7 +6,7 @@ share their tracks (`tree`). With one hypothesis this is the Hungarian tracker.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,6 +31,7 @@ class HypothesisTracker:
     ``assignment="as_parameters"`` and a single hypothesis: the best hypothesis of many is the Hungarian one.
     ``assignment="greedy"`` is greedy for every class.
     ``per_cluster``: the alternatives of all clusters of tracks side by side, not the cheapest overall.
+    ``min_detection_score``: weaker detections are ignored, a number or one per class name; None: none is.
     """
 
     def __init__(
@@ -40,6 +41,7 @@ class HypothesisTracker:
         temperature: float = 1.0,
         assignment: str = "hungarian",
         per_cluster: bool = False,
+        min_detection_score: float | Mapping[str, float] | None = None,
     ) -> None:
         if hypotheses < 1:
             raise ShapeError(f"hypotheses is {hypotheses}, expected 1 or more")
@@ -54,6 +56,7 @@ class HypothesisTracker:
         self._temperature = temperature
         self._per_cluster = per_cluster
         self._assignment = assignment
+        self._min_detection_score = min_detection_score
 
     def reset(self, task: Task) -> None:
         """Forget everything."""
@@ -65,6 +68,7 @@ class HypothesisTracker:
         self._rules = rules_of(self._parameters)
         self._min_hits = np.array([p.min_hits for p in self._parameters])
         self._max_age = np.array([p.max_age for p in self._parameters])
+        self._least = _per_class(self._min_detection_score, task)
         self._velocity, self._dt = task.velocity, task.dt
         self._frame = 0
         self._tree = HypothesisTree(task.past)
@@ -72,14 +76,15 @@ class HypothesisTracker:
 
     def step(self, observation: Observation) -> Tracks:
         """Tracks to output after this frame: hit often enough, and not unseen for too long."""
-        seen = _seen(observation, self._velocity)
+        rows = _rows(observation, self._least)
+        seen = _seen(observation, rows, self._velocity)
         self._frame += 1
         self._tree.predict()
         cost, column, parent = self._associate(seen)
         self._tree.grow(column, parent, seen, self._max_age[self._tree.class_id], self._dt)
         kept = self._tree.merge_equal()
         self._cost = cost[kept] - cost[0]
-        return self._output(parent[kept])
+        return self._output(parent[kept], rows)
 
     def _associate(self, seen: Seen) -> tuple[Floats, Ints, Ints]:
         """Costs [K] of the new hypotheses, the detection of each leaf in them [K, N], and their parents [K]."""
@@ -93,7 +98,7 @@ class HypothesisTracker:
         solve = per_cluster if self._per_cluster else joint_k_best
         return solve(indptr, column, -gain, len(seen.box), tree.member, self._cost, self._hypotheses)
 
-    def _output(self, parent: Ints) -> Tracks:
+    def _output(self, parent: Ints, rows: Ints) -> Tracks:
         tree = self._tree
         least = self._min_hits[tree.class_id]
         confirmed = (tree.hits >= least) | (self._frame <= least)  # a recording does not wait for its first tracks
@@ -105,7 +110,7 @@ class HypothesisTracker:
             box=tree.box[out],
             class_id=tree.class_id[out],
             score=tree.score[out] / tree.hits[out],
-            detection=tree.detection[out],
+            detection=np.append(rows, -1)[tree.detection[out]],
             past=past,
             past_valid=past_valid,
             member=tree.member.take(out, axis=1),
@@ -117,13 +122,29 @@ class HypothesisTracker:
         )
 
 
-def _seen(observation: Observation, measured: bool) -> Seen:
-    valid = np.asarray(observation["detection_valid"]).astype(bool)
-    velocity = np.asarray(observation["detection_velocity"], dtype=np.float64)[valid] if measured else np.zeros((0, 2))
+def _per_class(least: float | Mapping[str, float] | None, task: Task) -> Floats:
+    """The least score of each class of the task [C]; raises UnknownNameError for a name that is none of them."""
+    if not isinstance(least, Mapping):
+        return np.full(len(task.classes), -np.inf if least is None else least)
+    for name in least:
+        if name not in task.classes:
+            raise UnknownNameError("class in min_detection_score", name, task.classes)
+    return np.array([least.get(name, -np.inf) for name in task.classes])
+
+
+def _rows(observation: Observation, least: Floats) -> Ints:
+    """The rows of the detections that count, of ``least`` score by class [C]."""
+    rows = np.flatnonzero(np.asarray(observation["detection_valid"]))
+    score, class_id = observation["detection_score"][rows], observation["detection_class"][rows]
+    return rows[score >= least[class_id]]
+
+
+def _seen(observation: Observation, rows: Ints, measured: bool) -> Seen:
+    velocity = np.asarray(observation["detection_velocity"], dtype=np.float64)[rows] if measured else np.zeros((0, 2))
     return Seen(
-        np.asarray(observation["detection_box"], dtype=np.float64)[valid],
-        np.asarray(observation["detection_class"], dtype=np.int64)[valid],
-        np.asarray(observation["detection_score"], dtype=np.float64)[valid],
+        np.asarray(observation["detection_box"], dtype=np.float64)[rows],
+        np.asarray(observation["detection_class"], dtype=np.int64)[rows],
+        np.asarray(observation["detection_score"], dtype=np.float64)[rows],
         velocity,
     )
 

@@ -29,6 +29,7 @@ RIDGE = 0.1  # inverse weight of the squares of all coefficients
 FOLDS = 5  # of scenes
 DIGITS = 6  # of stored numbers: the same on every machine
 MOST_ROWS = 40_000  # of neighbouring frames, which say nearly the same, every second or third is enough
+SCORE_RANKS = 16  # numbers of boxes at which the scores of two detectors are compared
 KNOT_BINS = 100  # of held-out rows, of equal size, that the isotonic regression sees
 
 
@@ -68,8 +69,7 @@ class Recipe:
     terms: str = ""
 
 
-_NO_RANGE = tuple(name for name in FEATURES if name != "log_range")  # there is no ego
-_NO_SCORE = tuple(name for name in FEATURES if not name.endswith("_score"))
+_NO_SCORE = ("log_hits", "one_by_hits", "unseen", "coasting", "miss_share", "log_misses")
 _SIMULATED = 60  # scenes of each env
 
 
@@ -92,14 +92,15 @@ RECIPES: dict[str, Recipe] = {
         terms="figures derived from nuScenes: CC BY-NC-SA 4.0, non-commercial",
     ),
     "acf": Recipe(
-        (Scenes("MTP-PETS-v0"),),
-        _NO_RANGE,
+        (Scenes("MTP-PETS-v0"),),  # two: too few to calibrate on
+        ("mean_score", "log_hits", "coasting", "miss_share"),
         products=False,
+        calibrated=False,
         terms="figures derived from 3DMOT2015: CC BY-NC-SA 3.0, non-commercial",
     ),
     "wildtrack_mvdet": Recipe(
         (Scenes("MTP-WILDTRACK-v0"),),
-        ("log_hits", "one_by_hits", "unseen", "coasting", "miss_share", "log_misses"),
+        _NO_SCORE,
         products=False,
         terms="figures derived from WILDTRACK: research only",
     ),
@@ -109,9 +110,32 @@ RECIPES: dict[str, Recipe] = {
     "clean": Recipe(_simulated("Intersection", "Roundabout", "Merge", "Highway", detector="clean", first=20)),
     "default": Recipe(
         _simulated("Intersection", "Roundabout", "Merge", "Highway", first=20),
-        ("log_hits", "one_by_hits", "unseen", "coasting", "miss_share", "log_misses"),
+        _NO_SCORE,
     ),
 }
+
+
+@dataclass(frozen=True)
+class Like:
+    """A detector that takes another one's model, with its scores put in place of those of equal rank."""
+
+    detector: str
+    scenes: Scenes  # that both detectors saw
+    terms: str = ""
+
+
+LIKE = {
+    "centerpoint": Like("megvii", Scenes("MTP-nuScenes-mini-v0", "val"), RECIPES["megvii"].terms),
+}
+DETECTORS = (*RECIPES, *LIKE)
+
+
+def scenes_of(detector: str) -> tuple[Scenes, ...]:
+    """The scenes that the model of a detector of DETECTORS is made of."""
+    if detector in LIKE:
+        like = LIKE[detector]
+        return tuple(replace(like.scenes, detector=name) for name in (detector, like.detector))
+    return RECIPES[detector].scenes
 
 
 def collect(scenes: Iterable[Scene], card: Card, task: Task) -> Rows:
@@ -278,7 +302,7 @@ class Quality:
             if mine.any()
         ]
         brier = float(np.mean((probability - present) ** 2))
-        auc = float(roc_auc_score(present, probability)) if 0 < present.mean() < 1 else float("nan")
+        auc = float(roc_auc_score(present, probability)) if 0 < present.mean() < 1 else 0.5
         return cls(len(present), round(brier, 4), round(auc, 4), table)
 
 
@@ -289,7 +313,9 @@ def raw_score(rows: Rows) -> Floats:
 
 
 def fit_detector(detector: str, options: RunOptions = DEFAULTS) -> str:
-    """The file of a detector of RECIPES, as `mtp_bench.prediction.LearnedPresence` reads it."""
+    """The file of a detector of DETECTORS, as `mtp_bench.prediction.LearnedPresence` reads it."""
+    if detector in LIKE:
+        return fit_scores(detector, LIKE[detector], options)
     recipe = RECIPES[detector]
     rows, origin = training_rows(recipe, options)
     rows = thinned(rows)
@@ -299,6 +325,38 @@ def fit_detector(detector: str, options: RunOptions = DEFAULTS) -> str:
         "presence": vars(Quality.of(said, rows.present)),
     }
     return as_json(detector, recipe, model, origin, quality)
+
+
+def fit_scores(detector: str, like: Like, options: RunOptions = DEFAULTS) -> str:
+    """The file of a detector whose scores stand for those of another one; no truth is looked at."""
+    here, there = (open_split(scenes.env, scenes.options(options)) for scenes in scenes_of(detector))
+    classes = here.card.task.classes
+    scores = [_scores(list(split.scenes()), len(classes)) for split in (here, there)]
+    table = {name: score_table(mine, other).tolist() for name, mine, other in zip(classes, *scores, strict=True)}
+    content = {"detector": detector, "terms": like.terms, "like": like.detector}
+    return lines_of({**content, "score_map": {name: rows for name, rows in table.items() if len(rows[0]) > 2}})
+
+
+def score_table(here: Floats, there: Floats) -> Floats:
+    """Scores [2, n] of equal rank, counted from the top, of two detectors on the same scenes; the ends are 0 and 1.
+
+    Ranks count boxes, not shares: the detector that keeps more weak boxes is not taken to be better for it.
+    """
+    least = min(len(here), len(there))
+    rank = np.unique(np.geomspace(1, max(least, 1), SCORE_RANKS).astype(int))[:least][::-1]
+    pairs = np.stack([np.sort(scores)[::-1][rank - 1] for scores in (here, there)])
+    inside = (pairs > 0).all(axis=0) & (pairs < 1).all(axis=0)
+    fresh = np.append(True, np.diff(pairs[0][inside]) > 0) if inside.any() else np.zeros(0, dtype=bool)
+    knots = _rounded(pairs[:, inside][:, fresh])
+    return np.concatenate([[[0.0], [0.0]], knots, [[1.0], [1.0]]], axis=1)
+
+
+def _scores(scenes: Sequence[Scene], classes: int) -> list[Floats]:
+    """Scores of all detections of each class."""
+    class_id, score = (
+        np.concatenate([getattr(scene.detections, key) for scene in scenes]) for key in ("class_id", "score")
+    )
+    return [score[class_id == number] for number in range(classes)]
 
 
 def as_json(

@@ -11,32 +11,37 @@ from typing import Any
 import pytest
 
 from mtp_bench.errors import MtpBenchError, RecordError
-from mtp_bench.records import load_record, ranks, record_paths, save_record, why_unranked
+from mtp_bench.records import load_record, read_history, record_paths, save_record, standings, why_unranked
 from mtp_bench.records.evaluation import status_of
 from mtp_bench.records.provenance import hardware, scene_digest
 from mtp_bench.records.record import Record
 from mtp_bench.records.sealing import worse_when_moved
+from mtp_bench.scoring.subsets import Subset
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import make_scene
 from tests.support.stored_records import scene_part, write_record
 
-SCENES = "abcdefgh"
+
+def ranks(*records: Record, subset: Subset = "all") -> list[int | None]:
+    found = standings(records)
+    return [found[record.digest].places[subset].rank for record in records]
 
 
-def record_of(*errors: float, name: str = "echo", **changes: Any) -> Record:
-    return write_record({scene: [error] for scene, error in zip(SCENES, errors, strict=False)}, name, **changes)
+def reasons(*records: Record, subset: Subset = "all") -> list[str]:
+    found = standings(records)
+    return [found[record.digest].places[subset].why for record in records]
 
 
 def test_a_record_comes_back_as_it_was(tmp_path: Path) -> None:
-    record = save_record(record_of(1.0, 2.0), tmp_path / "new" / "a.json")
+    record = save_record(write_record(1.0, 2.0), tmp_path / "new" / "a.json")
     assert load_record(tmp_path / "new" / "a.json") == record
     assert len(record.digest) == 64
 
 
 def test_what_users_write_is_kept_verbatim(tmp_path: Path) -> None:
     text = "<script>alert('ä')</script> [bold] & \"x\" \u202e"
-    part = {"name": "echo", "authors": [text], "description": text, "digest": "aa", "parameters": {text: text}}
-    save_record(record_of(1.0, submission=part, training_data=[text]), tmp_path / "a.json")
+    part = {"authors": [text], "description": text, "parameters": {text: text}}
+    save_record(write_record(1.0, submission=part, training_data=[text]), tmp_path / "a.json")
     read = load_record(tmp_path / "a.json")
     assert read.submission.authors == [text]
     assert read.submission.description == text
@@ -45,7 +50,7 @@ def test_what_users_write_is_kept_verbatim(tmp_path: Path) -> None:
 
 
 def test_the_digest_is_of_the_content_not_of_the_file_or_the_level(tmp_path: Path) -> None:
-    record = save_record(record_of(1.0), tmp_path / "a.json")
+    record = save_record(write_record(1.0), tmp_path / "a.json")
     again = save_record(record.model_copy(update={"verification": "re-run"}), tmp_path / "b.json")
     assert again.digest == record.digest
     content = json.loads((tmp_path / "a.json").read_text())
@@ -54,7 +59,7 @@ def test_the_digest_is_of_the_content_not_of_the_file_or_the_level(tmp_path: Pat
 
 
 CHANGES: dict[str, Callable[[dict[str, Any]], None]] = {
-    "error": lambda content: content["rows"][0].update(missing_aware=0.9),
+    "error": lambda content: content["rows"][0].update(error=0.9),
     "name": lambda content: content["submission"].update(name="other"),
     "digest": lambda content: content.update(digest=""),
     "status": lambda content: content.update(status="finished"),
@@ -64,7 +69,7 @@ CHANGES: dict[str, Callable[[dict[str, Any]], None]] = {
 @pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
 def test_a_changed_record_is_refused(change: Callable[[dict[str, Any]], None], tmp_path: Path) -> None:
     path = tmp_path / "a.json"
-    save_record(record_of(1.0, status="partial", status_reason="1 of 2 scenes"), path)
+    save_record(write_record(1.0, status="partial", status_reason="1 of 2 scenes"), path)
     content = json.loads(path.read_text())
     change(content)
     path.write_text(json.dumps(content))
@@ -77,10 +82,10 @@ def test_a_changed_record_is_refused(change: Callable[[dict[str, Any]], None], t
     [
         ("{", "not valid JSON"),
         ("[]", "holds list, expected a table"),
-        ('{"format": 2}', "format 2, expected 1"),
-        ('{"format": 1, "seeds": [NaN]}', "NaN is no number of JSON"),
-        ('{"format": 1, "seedz": []}', r"unknown key 'seedz': did you mean 'seeds'\?"),
-        ('{"format": 1}', "key 'submission' is missing"),
+        ('{"format": 1}', r"format 1, expected 2: those of definitions 1\.0 rank no more"),
+        ('{"format": 2, "seeds": [NaN]}', "NaN is no number of JSON"),
+        ('{"format": 2, "seedz": []}', r"unknown key 'seedz': did you mean 'seeds'\?"),
+        ('{"format": 2}', "key 'submission' is missing"),
         ("[" * 100_000, "not valid JSON"),
     ],
     ids=["cut", "list", "format", "nan", "typo", "empty", "deep"],
@@ -91,22 +96,33 @@ def test_what_is_no_record_is_refused(text: str, message: str, tmp_path: Path) -
         load_record(tmp_path / "a.json")
 
 
-def test_errors_that_do_not_fit_the_seeds_are_refused(tmp_path: Path) -> None:
-    part = scene_part("a", 10, [1.0]).model_dump()
-    part["errors"]["all"] = []
-    save_record(record_of(1.0, per_scene=[part]), tmp_path / "a.json")
-    with pytest.raises(RecordError, match="'a' lacks errors"):
+BROKEN: dict[str, Callable[[dict[str, Any]], None]] = {
+    "missing": lambda part: part["error"].pop("ids"),
+    "another number of units": lambda part: part["weight"]["ids"].append(1.0),
+    "none": lambda part: part.update(weight={}, error={}),
+    "negative": lambda part: part["error"].update(all=[-1.0, 2.0]),
+}
+
+
+@pytest.mark.parametrize("change", BROKEN.values(), ids=BROKEN)
+def test_sums_that_do_not_fit_each_other_are_refused(change: Callable[[dict[str, Any]], None], tmp_path: Path) -> None:
+    part = scene_part("a", 10, 1.0, 2.0).model_dump()
+    change(part)
+    save_record(write_record(1.0, per_scene=[part]), tmp_path / "a.json")
+    with pytest.raises(RecordError, match="'a' lacks sums"):
         load_record(tmp_path / "a.json")
 
 
 def test_rows_and_scenes_must_be_complete(tmp_path: Path) -> None:
-    record = record_of(1.0, 2.0)
+    record = write_record(1.0, 2.0)
     for seeds in ([], [0, 0], [-1]):
         save_record(record.model_copy(update={"seeds": seeds}), tmp_path / "a.json")
         with pytest.raises(RecordError, match="expected whole numbers from 0 on, each once"):
             load_record(tmp_path / "a.json")
     save_record(record.model_copy(update={"rows": record.rows[1:]}), tmp_path / "a.json")
-    with pytest.raises(RecordError, match="rows are of ids, lost, reacquired, frag, expected all, ids"):
+    with pytest.raises(
+        RecordError, match="rows are of ids, lost, reacquired, frag, paper_ids, paper_frag, expected all, ids"
+    ):
         load_record(tmp_path / "a.json")
     save_record(record.model_copy(update={"per_scene": record.per_scene[:1] * 2}), tmp_path / "a.json")
     with pytest.raises(RecordError, match="per_scene has 2 scenes, expected 2, each once"):
@@ -118,32 +134,77 @@ def test_a_missing_record_and_a_folder_that_cannot_be_written(tmp_path: Path) ->
         load_record(tmp_path / "none.json")
     (tmp_path / "file").touch()
     with pytest.raises(MtpBenchError, match="is a file, expected a folder"):
-        save_record(record_of(1.0), tmp_path / "file" / "x" / "a.json")
+        save_record(write_record(1.0), tmp_path / "file" / "x" / "a.json")
 
 
 def test_rollouts_are_no_records(tmp_path: Path) -> None:
-    save_record(record_of(1.0), tmp_path / "echo" / "a.json")
+    save_record(write_record(1.0), tmp_path / "echo" / "a.json")
     (tmp_path / "echo" / "a.rollouts" / "seed-0").mkdir(parents=True)
     (tmp_path / "echo" / "a.rollouts" / "seed-0" / "run.json").touch()
     assert record_paths(tmp_path) == [tmp_path / "echo" / "a.json"]
 
 
-def test_entries_whose_interval_covers_zero_share_a_rank() -> None:
-    best = record_of(1.0, 2.0, 3.0, 4.0, name="best")
-    close = record_of(1.1, 1.9, 3.1, 4.0, name="close")
-    far = record_of(2.0, 3.0, 4.0, 5.0, name="far")
-    found = ranks([far, close, best])
-    assert [found[record.digest]["all"] for record in (best, close, far)] == [1, 1, 3]
-    assert found[best.digest]["lost"] is None  # 5 objects
-    assert found[best.digest]["ids"] is None
+EIGHT = (1.0, 2.0, 3.0, 4.0, 1.5, 2.5, 3.5, 4.5)
+
+
+def times(factor: float, *more: float) -> list[float]:
+    return [factor * error + extra for error, extra in zip(EIGHT, more or [0.0] * 8, strict=True)]
+
+
+def test_who_is_not_significantly_better_shares_a_rank() -> None:
+    best = write_record(*EIGHT, name="best")
+    close = write_record(*times(1.0, 0.2, -0.1, 0.3, -0.2, 0.1, -0.1, 0.0, 0.1), name="close")
+    far = write_record(*times(1.4), name="far")
+    assert ranks(far, close, best) == [3, 1, 1]
+    for subset in ("ids", "lost", "paper_ids"):
+        assert ranks(far, close, best, subset=subset) == [None] * 3
+    assert reasons(far, subset="ids") == ["5.0 objects, fewer than 20"]
+    assert reasons(far, subset="lost") == ["shown only"]
+
+
+def test_units_rank_not_scenes() -> None:
+    part = scene_part("a", 10, *EIGHT)
+    assert ranks(write_record(1.0, per_scene=[part.model_dump()])) == [1]
+
+
+def test_four_recordings_rank_nobody() -> None:
+    two = write_record(*EIGHT[:4], name="a"), write_record(*times(2.0)[:4], name="b")
+    assert ranks(*two) == [None, None]
+    assert reasons(*two) == ["too few recordings to rank: 4.0 effective units, fewer than 6"] * 2
+    assert all(standing.compared for standing in standings(two).values())
+
+
+def on_ids(record: Record) -> Record:
+    """The record with as much weight on ids as on all targets."""
+    scenes = [
+        part.model_copy(update={n: {**getattr(part, n), "ids": getattr(part, n)["all"]} for n in ("weight", "error")})
+        for part in record.per_scene
+    ]
+    rows = [row.model_copy(update={"effective_objects": 40.0}) for row in record.rows]
+    return record.model_copy(update={"per_scene": scenes, "rows": rows})
+
+
+def test_who_is_worse_than_stp_over_all_targets_is_not_ranked_on_events() -> None:
+    stp, good, poor = (
+        on_ids(write_record(*times(factor), name=name)) for factor, name in ((1.0, "stp"), (0.9, "a"), (1.1, "b"))
+    )
+    assert ranks(stp, good, poor) == [2, 1, 3]
+    assert ranks(stp, good, poor, subset="ids") == [2, 1, None]
+    assert reasons(stp, good, poor, subset="ids")[2] == "over all targets its error is above that of stp"
+    assert ranks(good, poor, subset="ids") == [1, 2]  # nothing to compare with
 
 
 def test_divisions_and_envs_are_ranked_apart() -> None:
-    env = {**record_of(1.0).env.model_dump(), "data_manifest": "00"}
-    closed, opened = record_of(2.0, 2.0), record_of(1.0, 1.0, name="open", division="open")
-    other = record_of(0.5, 0.5, name="other", env=env)
-    found = ranks([closed, opened, other])
-    assert [found[record.digest]["all"] for record in (closed, opened, other)] == [1, 1, 1]
+    closed, opened = write_record(*times(2.0)), write_record(*EIGHT, name="open", division="open")
+    other = write_record(*times(0.5), name="other", env={"id": "MTP-Other-v0"})
+    assert ranks(closed, opened, other) == [1, None, 1]
+    assert reasons(closed, opened)[1] == "open division: rank 1 there"
+
+
+@pytest.mark.parametrize("other", [{"env": {"data_manifest": "00"}}, {"reference": {"hash": "00"}}], ids=str)
+def test_other_data_or_weights_are_not_compared(other: dict[str, Any]) -> None:
+    found = ranks(write_record(*EIGHT, name="a"), write_record(*EIGHT, name="b"), write_record(*times(0.5), **other))
+    assert found == [1, 1, None]
 
 
 @pytest.mark.parametrize(
@@ -157,40 +218,22 @@ def test_divisions_and_envs_are_ranked_apart() -> None:
     ],
 )
 def test_some_are_shown_never_ranked(changes: dict[str, Any], reason: str) -> None:
-    if "env" in changes:
-        changes = {"env": {**record_of(1.0).env.model_dump(), **changes["env"]}}
-    odd, sound = record_of(0.1, 0.1, name="odd", **changes), record_of(1.0, 1.0)
+    odd, sound = write_record(*times(0.1), name="odd", **changes), write_record(*EIGHT)
     assert why_unranked(odd) == reason
-    found = ranks([odd, sound])
-    assert (found[odd.digest]["all"], found[sound.digest]["all"]) == (None, 1)
+    assert ranks(odd, sound) == [None, 1]
+    assert reasons(odd, sound) == [reason, ""]
 
 
 def test_who_dies_in_a_scene_is_not_ranked() -> None:
-    """Where false forecasts outweigh the right ones, falling silent would gain."""
     lost = {"late": 0, "malformed": 0, "crashed_scenes": 1, "reasons": {"0001|0": "crashed: it fell"}}
-    sound, cut = record_of(9.0, 9.0, name="sound"), record_of(1.0, 1.0, name="cut", missed=lost)
+    sound, cut = write_record(*times(9.0), name="sound"), write_record(*EIGHT, name="cut", missed=lost)
     assert why_unranked(cut) == f"1 of {len(cut.seals)} scenes and seeds were cut short"
-    found = ranks([sound, cut])
-    assert (found[sound.digest]["all"], found[cut.digest]["all"]) == (1, None)
-
-
-def test_flooding_is_not_ranked_where_false_forecasts_cost_nothing() -> None:
-    env = {**record_of(1.0).env.model_dump(), "truth_complete": False}
-    stp = record_of(1.0, 1.0, name="stp", env=env)
-    flood = record_of(0.1, 0.1, name="flood", env=env, details={"forecasts_per_frame": 4.6})
-    assert why_unranked(flood, [stp, flood]) == (
-        "forecasts more than 1.5 times as many objects as stp, where false ones cost nothing"
-    )
-    assert ranks([stp, flood])[flood.digest]["all"] is None
-    assert ranks([flood])[flood.digest]["all"] == 1  # nothing to compare with
-    complete = [record_of(1.0, 1.0, name="stp"), record_of(0.1, 0.1, details={"forecasts_per_frame": 4.6})]
-    assert why_unranked(complete[1], complete) is None
+    assert ranks(sound, cut) == [1, None]
 
 
 @pytest.mark.parametrize(("error", "worse"), [(1.0, False), (1.15, False), (1.17, True), (2.0, True), (None, False)])
 def test_a_submission_scores_alike_under_another_motion(error: float | None, worse: bool) -> None:
-    record = write_record({"a": [0.1, 2.0]})  # a table for one seed, and nothing for the other
-    assert record.row.missing_aware == pytest.approx(1.05)
+    record = write_record(1.05)
     assert (worse_when_moved(record, error) is not None) is worse
 
 
@@ -227,3 +270,24 @@ def test_where_a_number_comes_from() -> None:
 
 def test_a_folder_without_records(cli: CommandLine, tmp_path: Path) -> None:
     assert cli("verify", tmp_path).error == f"{tmp_path}: no record there, expected files <submission>/<env id>.json"
+
+
+def test_results_under_earlier_definitions_are_read_for_what_is_shown(tmp_path: Path) -> None:
+    row = {"missing_aware": 1.5, "interval": [1.0, 2.0], "coverage": 0.9, "targets": 7}
+    old: dict[str, Any] = {
+        "format": 1, "submission": {"name": "stp", "digest": "aa"}, "env": {"id": "MTP-A-v0", "keywords": {}},
+        "scorer": {"definitions": "1.0"}, "rows": [row, {**row, "missing_aware": None}], "made": "2026-11-20",
+    }  # fmt: skip
+    (tmp_path / "1.0").mkdir()
+    (tmp_path / "1.0" / "b.json").write_text(json.dumps(old))
+    (tmp_path / "1.0" / "a.json").write_text(json.dumps({**old, "submission": {"name": "zz"}}))
+    found = read_history(tmp_path)
+    assert [(each.submission, each.error, each.interval, each.coverage) for each in found] == [
+        ("stp", 1.5, (1.0, 2.0), 0.9),
+        ("zz", 1.5, (1.0, 2.0), 0.9),
+    ]
+    assert read_history(tmp_path / "none") == []
+    for change, message in (({"made": 3}, "made: got 3"), ({"rows": []}, "no result under earlier definitions")):
+        (tmp_path / "1.0" / "a.json").write_text(json.dumps({**old, **change}))
+        with pytest.raises(RecordError, match=rf"a\.json: {message}"):
+            read_history(tmp_path)

@@ -17,6 +17,7 @@ from mtp_bench.records import load_record, open_seal, seal, submit
 from mtp_bench.records.record import HiddenPart
 from mtp_bench.records.sealing import worse_when_hidden
 from mtp_bench.running.options import RunOptions
+from mtp_bench.scoring import read_reference
 from mtp_bench.sources.highway.source import HighwayTraffic
 from tests.support.command_line import CommandLine
 from tests.support.stored_records import write_record
@@ -93,13 +94,16 @@ def test_a_submission_on_hidden_scenes(cli: CommandLine, short: str, tmp_path: P
         pytest.skip("this system cannot hide files and network from an agent")
     path = tmp_path / "stp" / f"{ENV}.json"
     said = cli.ok("verify", path, "--env", short, "--rerun", "--hidden", secret, "--jobs", 1, "--write")
-    assert "holds, hidden seeds. missing-aware error" in said
+    assert "holds, hidden seeds. error " in said
     record = load_record(path)
     assert (record.verification, record.digest) == ("hidden seeds", made.digest)
     assert record.hidden is not None
     assert record.hidden.scenes == 2
     sealed = open_seal(secret)
     assert record.hidden.commitment == sealed.commitment
+    weights = tmp_path / "s.weights.json"  # made once per seal
+    assert stat.S_IMODE(weights.stat().st_mode) == 0o600
+    assert read_reference(weights).digest == record.hidden.weights
     kept = HighwayTraffic(load_card(short)).store
     assert kept.has(10000)
     assert not kept.path(sealed.seeds.first).exists(), "a hidden scene can be read in the cache"
@@ -117,7 +121,7 @@ def test_a_seal_of_another_card_is_refused(short: str, cli: CommandLine, tmp_pat
 
 @pytest.mark.parametrize(("low", "worse"), [(1.9, False), (2.1, True), (None, False)])
 def test_an_agent_that_knows_the_public_scenes_is_worse_on_hidden_ones(low: float | None, worse: bool) -> None:
-    record = write_record({"a": [1.0], "b": [2.0]}, interval=[1.0, 2.0])
+    record = write_record(1.0, 2.0, interval=[1.0, 2.0])
     interval = None if low is None else (low, 3.0)
-    hidden = HiddenPart(commitment="aa", scenes=9, targets=90, missing_aware=2.5, interval=interval)
+    hidden = HiddenPart(commitment="aa", weights="bb", scenes=9, targets=90, error=2.5, interval=interval)
     assert worse_when_hidden(record, hidden) is worse

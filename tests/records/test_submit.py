@@ -8,17 +8,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from mtp_bench.errors import MtpBenchError, RecordError, RolloutError, UnknownNameError
 from mtp_bench.parallel import Workers
-from mtp_bench.records import Record, load_record, save_record, submit, verify
-from mtp_bench.records.ranking import why_unranked
+from mtp_bench.records import Record, load_record, save_record, submit, verify, why_unranked
 from mtp_bench.records.verifying import confirm
 from mtp_bench.running.opened import open_run
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run, save_run
+from mtp_bench.scoring import SUBSETS
 from tests.support.command_line import CommandLine, read_json, write_submission
 from tests.support.small_scenes import CARD, CARD_ID, write_card
 
@@ -71,7 +70,7 @@ def test_what_a_record_says(made: Path, submission: Path, card: str) -> None:
         3,
         ["drives", "KITTI"],
     )
-    assert [row.subset for row in record.rows] == ["all", "ids", "lost", "reacquired", "frag"]
+    assert [row.subset for row in record.rows] == list(SUBSETS)
     assert sorted(record.seals) == sorted(record.rollout_digests) == [
         f"{scene}|{seed}" for scene in ("0001", "0006", "0008") for seed in (0, 1)
     ]  # fmt: skip
@@ -84,10 +83,18 @@ def test_what_a_record_says(made: Path, submission: Path, card: str) -> None:
 
 def test_errors_per_scene_add_up_to_the_row(made: Path) -> None:
     record = load_record(made)
-    total = sum(np.mean(scene.errors["all"]) for scene in record.per_scene)
-    assert record.row.missing_aware == pytest.approx(total / sum(scene.targets for scene in record.per_scene))
-    assert record.row.targets == sum(scene.counts["all"] for scene in record.per_scene)
-    assert [scene.missing_aware for scene in record.per_scene][2] is None  # nothing in it
+    for row in record.rows:
+        weight, error = sum(record.unit_weight(row.subset)), sum(record.unit_error(row.subset))
+        assert row.error == (pytest.approx(error / weight) if weight else None)
+    assert record.row.targets == sum(scene.targets for scene in record.per_scene) > 0
+    assert [scene.mean_error for scene in record.per_scene][2] is None  # nothing in it
+    assert {row.rank for row in record.rows} == {None}
+
+
+def test_weights_of_a_card_that_does_not_ship_are_made_from_its_scenes(made: Path) -> None:
+    reference = load_record(made).reference
+    assert (reference.name, reference.frozen, len(reference.hash)) == ("stp", False, 64)
+    assert reference.origin.startswith("event weights of 48 runs of 'stp' on these scenes")
 
 
 def test_the_same_submission_and_seeds_give_the_same_record(
@@ -118,6 +125,14 @@ def test_running_again_counts_what_was_unanswered(path: Path, submission: Path, 
     assert [difference.what for difference in checked.differences] == ["missed.malformed"]
 
 
+def test_running_again_checks_what_the_record_says_of_the_submission(
+    path: Path, submission: Path, card: str, kitti: str
+) -> None:
+    resign(path, lambda content: content["submission"].update(ends="controls"))
+    checked = verify(path, RunOptions(kitti), card, submission=submission, rerun=True)
+    assert [difference.what for difference in checked.differences] == ["submission.ends"]
+
+
 def test_another_submission_is_not_run_in_its_place(path: Path, card: str, kitti: str) -> None:
     with pytest.raises(RecordError, match="name the right folder with --submission"):
         verify(path, RunOptions(kitti), card, submission="stp", rerun=True)
@@ -126,12 +141,13 @@ def test_another_submission_is_not_run_in_its_place(path: Path, card: str, kitti
 
 
 def lower(content: dict[str, Any]) -> None:
-    content["rows"][0]["missing_aware"] -= 1e-6
+    content["rows"][0]["error"] -= 1e-6
 
 
 FORGED: dict[str, Callable[[dict[str, Any]], Any]] = {  # what differs -> how it was changed
-    "rows[0].missing_aware": lower,
-    "per_scene[0].errors.all[0]": lambda content: content["per_scene"][0]["errors"]["all"].__setitem__(0, 0.0),
+    "rows[0].error": lower,
+    "per_scene[0].error.all[0]": lambda content: content["per_scene"][0]["error"]["all"].__setitem__(0, 0.0),
+    "silence": lambda content: content.update(silence=9.0),
     "env.data_manifest": lambda content: content["env"].update(data_manifest="00"),
     "env.split": lambda content: content["env"].update(split="train"),
     "latency.p95_ms": lambda content: content["latency"].update(p95_ms=content["latency"]["p95_ms"] / 10),
@@ -155,11 +171,11 @@ def test_the_command_says_what_differs(cli: CommandLine, path: Path, card: str, 
     found = path.parent / "found.txt"
     output = cli("verify", path, "--env", card, "--data", kitti, "--jobs", 1, "--json", found)
     assert output.error == f"{path}: 1 difference to what was found here"
-    assert "rows[0].missing_aware" in output.out
+    assert "rows[0].error" in output.out
     assert "does not hold" in output.out
     verdict = read_json(found)["records"][0]
     assert (verdict["holds"], verdict["level"]) == (False, "scored")
-    assert verdict["differences"][0]["what"] == "rows[0].missing_aware"
+    assert verdict["differences"][0]["what"] == "rows[0].error"
 
 
 def test_a_changed_rollout_does_not_hold(path: Path, card: str, kitti: str) -> None:
@@ -211,6 +227,14 @@ def test_records_follow_a_changed_scorer(cli: CommandLine, path: Path, card: str
     assert load_record(path) == true.model_copy(update={"verification": "re-scored"})
 
 
+def test_records_follow_changed_weights(path: Path, card: str, kitti: str) -> None:
+    true = load_record(path)
+    resign(path, lambda content: content["reference"].update(hash="00"))
+    checked = verify(path, RunOptions(kitti), card)
+    assert checked.notes == ("the event weights changed since; --write takes over today's numbers",)
+    assert confirm(checked) == true.model_copy(update={"verification": "re-scored"})
+
+
 def test_one_bad_record_of_a_folder_does_not_hide_the_others(
     cli: CommandLine, path: Path, card: str, kitti: str
 ) -> None:
@@ -238,7 +262,7 @@ def test_another_split_is_run_and_never_ranked(cli: CommandLine, submission: Pat
     said = cli.ok(*arguments, "--split", "val")
     assert f"{path}: partial (3 of 3 scenes of split 'val', not the env's); " in said
     record = load_record(path)
-    assert (record.env.split, record.env.keywords["split"], record.reference.hash) == ("val", "val", "")
+    assert (record.env.split, record.env.keywords["split"]) == ("val", "val")
     assert why_unranked(record) == "partial: 3 of 3 scenes of split 'val', not the env's"
     for how in ((), ("--rerun", "--submission", submission)):
         assert "holds" in cli.ok("verify", path, "--env", card, "--data", kitti, "--jobs", 1, *how)
@@ -272,7 +296,7 @@ def test_a_lookup_table_of_coordinates_is_of_no_use(card: str, kitti: str, tmp_p
     records = [
         submit(folder, card, RunOptions(kitti, seeds=(0, 1)), tmp_path / folder.name) for folder in (lookup, silent)
     ]
-    assert records[0].row.missing_aware == records[1].row.missing_aware
+    assert records[0].row.error == records[1].row.error == records[0].silence
     assert records[0].row.coverage == 0
 
 

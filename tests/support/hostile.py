@@ -88,7 +88,7 @@ class Court:
         return run_scene(small_scenes.EchoAgent(), MTPEnv(self.card, self.data, evaluation=True), scene, 0)
 
     def error(self, rollout: Rollout) -> float:
-        """Error at the fixed operating point, summed: what is uncovered costs, what is false too."""
+        """The error of one scene at the fixed operating point, summed: what is uncovered costs, what is false too."""
         env = MTPEnv(self.card, self.data, evaluation=True)
         env.reset(options={"scene": rollout.scene})
         score = score_scene(env.scene, rollout, load_card(self.card))

@@ -8,27 +8,34 @@ from typing import Any
 from mtp_bench.records.record import Record, ScenePart
 from mtp_bench.records.storage import sealed
 from mtp_bench.scoring import SUBSETS
+from mtp_bench.scoring.subsets import Subset
+
+EVENTS = ("lost", "frag")  # subsets that have weight in `scene_part`
 
 
-def scene_part(name: str, targets: int, errors: Sequence[float]) -> ScenePart:
-    """A scene with these mean errors, one per seed."""
-    sums = [targets * error for error in errors]
+def scene_part(name: str, targets: int, *errors: float) -> ScenePart:
+    """A scene whose units have as many ``targets`` each and these mean errors."""
+    some: dict[Subset, int] = {subset: 2 * (subset in EVENTS) for subset in SUBSETS}
+    some["all"] = targets
     return ScenePart(
         scene=name,
-        targets=targets,
-        missing_aware=sum(errors) / len(errors) if targets else None,
-        seeds=[error if targets else None for error in errors],
-        counts={"all": targets, "ids": 0, "lost": 2, "reacquired": 0, "frag": 2},
-        errors={subset: [2 * e for e in errors] if subset in ("lost", "frag") else sums for subset in SUBSETS},
+        weight={subset: [float(count)] * len(errors) for subset, count in some.items()},
+        error={subset: [count * error for error in errors] for subset, count in some.items()},
     )
 
 
 def make_row(agent: str, subset: str, error: float | None, **changed: Any) -> dict[str, Any]:
     """A row as JSON: ``error`` stands for every error."""
+    objects = changed.get("objects", 25)
     return {
         "agent": agent, "hypotheses": 1, "samples": 4, "budget": "equal", "subset": subset, "minADE": error,
-        "minFDE": error, "missing_aware": error, "energy_score": error, "coverage": 1.0, "gap_closed": None,
-        "targets": 40, "events": None, "objects": 25, "scenes": 11, "interval": None, "ms_per_frame": 1.0, **changed,
+        "minFDE": error, "error": error, "interval": None, "localisation": error and 0.7 * error,
+        "missed": error and 0.3 * error, "error_by_score": error, "plain_error": error, "fixed_error": None,
+        "energy_score": error, "coverage": 1.0, "difference_to_stp": None, "difference_interval": None, "p": None,
+        "gap_closed": None, "gap_interval": None, "gap_closed_same_predictor": None, "rank": None,
+        "unranked_because": None, "targets": 40, "effective_targets": 40.0, "events": None, "objects": objects,
+        "effective_objects": float(objects), "scenes": 11, "effective_units": 11.0, "seeds": 1, "ms_per_frame": 1.0,
+        **changed,
     }  # fmt: skip
 
 
@@ -37,16 +44,18 @@ def make_record(
 ) -> Record:
     """A finished record with its digest; ``changed`` replaces fields, those of a section one by one."""
     content: dict[str, Any] = {
-        "format": 1,
-        "submission": {"name": name, "authors": ["A"], "description": "", "digest": "aa", "parameters": {}},
+        "format": 2,
+        "submission": {
+            "name": name, "authors": ["A"], "description": "", "digest": "aa", "parameters": {}, "ends": "controls",
+        },
         "division": "closed",
         "training_data": [],
         "env": {
             "id": "MTP-Small-v0", "card_digest": "cc", "split": "val", "data_manifest": "dd", "scenes": len(scenes),
             "scenes_of_split": len(scenes), "observe": "detections", "truth_complete": True, "keywords": {},
         },
-        "scorer": {"definitions": "1.0", "source_digest": "ee"},
-        "reference": {"name": "stp", "hash": "ff", "origin": "frozen"},
+        "scorer": {"definitions": "2.0", "source_digest": "ee"},
+        "reference": {"name": "stp", "hash": "ff", "origin": "frozen event weights", "frozen": True},
         "seeds": [0],
         "status": "finished",
         "status_reason": "",
@@ -60,6 +69,7 @@ def make_record(
         "hypotheses": rows[0]["hypotheses"],
         "samples": rows[0]["samples"],
         "rows": rows,
+        "silence": None,
         "details": {},
         "per_scene": scenes,
         "seals": {},
@@ -73,17 +83,16 @@ def make_record(
 
 
 def write_record(
-    errors: Mapping[str, Sequence[float]],
+    *errors: float,
     name: str = "echo",
     objects: int = 40,
     interval: list[float] | None = None,
     budget: str = "equal",
     **changed: Any,
 ) -> Record:
-    """A record on ten targets per scene; ``errors``: scene -> mean error per seed. ``changed`` replaces fields."""
-    scenes = [scene_part(scene, 10, values) for scene, values in errors.items()]
-    mean = sum(part.missing_aware or 0.0 for part in scenes) / len(scenes)
+    """A record on ten targets per scene, one unit each, with these mean errors. ``changed`` replaces fields."""
+    scenes = [scene_part(chr(ord("a") + i), 10, error).model_dump() for i, error in enumerate(errors)]
     counts = {"targets": 10 * len(scenes), "scenes": len(scenes), "interval": interval, "budget": budget}
+    mean = sum(errors) / len(errors)
     rows = [make_row(name, s, mean, **counts, objects=objects if s == "all" else 5) for s in SUBSETS]
-    known = {"seeds": list(range(len(next(iter(errors.values()))))), "details": {"forecasts_per_frame": 3.0}}
-    return make_record(name, rows, [part.model_dump() for part in scenes], **{**known, **changed})
+    return make_record(name, rows, scenes, **changed)

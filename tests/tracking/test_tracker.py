@@ -11,6 +11,7 @@ from tests.support.tracking_scenes import (
     CAR,
     CYCLIST,
     PEDESTRIAN,
+    at_once,
     frame,
     kitti_task,
     observation,
@@ -137,3 +138,20 @@ def test_the_truth_tracker_follows_true_ids() -> None:
     assert tracks.track_id.tolist() == [9, 4]
     assert tracks.past_valid.tolist() == [[True, True, True], [True, False, True]]
     assert tracks.past[:, :, 0].tolist() == [[10.0, 11.0, 12.0], [5.0, 0.0, 7.0]]
+
+
+def test_weak_detections_are_ignored() -> None:
+    # Car, cyclist, cyclist with scores 1, 2, 3; the track says which row of the observation it took.
+    seen = observation(frame((0.0, 0.0, 0), (20.0, 0.0, CYCLIST), (40.0, 0.0, CYCLIST)))
+
+    def rows(least: float | dict[str, float] | None) -> list[int]:
+        tracker = HypothesisTracker(1, at_once(), min_detection_score=least)
+        tracker.reset(kitti_task())
+        return tracker.step(seen).detection.tolist()
+
+    assert rows(None) == rows(-np.inf) == [0, 1, 2]
+    assert rows(2.0) == [1, 2]
+    assert rows({"cyclist": 2.5}) == [0, 2]
+    assert rows({"car": 9.0, "cyclist": 9.0}) == []
+    with pytest.raises(UnknownNameError, match="unknown class in min_detection_score 'cars'"):
+        rows({"cars": 1.0})

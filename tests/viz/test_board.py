@@ -9,16 +9,21 @@ from typing import Any
 
 import pytest
 
-from mtp_bench.records import Record, save_record
+from mtp_bench.records import OldResult, Record, save_record
 from mtp_bench.records.record import LEVELS
 from mtp_bench.scoring import SUBSETS
 from mtp_bench.viz.board import Entry, board_json, board_page, board_tables
 from mtp_bench.viz.board.columns import percent
 from mtp_bench.viz.board.scale import BAR, MOST_TICKS, PAD, WIDTH, bar_of, scale_of, scene_chart
-from tests.support.board_records import HOSTILE, entries_of, made_up, made_up_board
+from tests.support.board_records import HOSTILE, board_of, made_up, made_up_board
 from tests.support.command_line import CommandLine, read_json
 
 MOST_BYTES = 300_000  # of a page without records
+LINKS = [f"records/{i}.json" for i in range(13)]
+EARLIER = OldResult(
+    path=Path("x"), definitions="1.0", submission="stp", env="MTP-nuScenes-v0", split="train", error=4.745,
+    interval=(4.48, 5.01), coverage=0.769, made="2026-11-20",
+)  # fmt: skip
 
 
 class Page(HTMLParser):
@@ -42,15 +47,9 @@ class Page(HTMLParser):
         return [attributes for name, attributes in self.tags if name == tag]
 
 
-def listed(*records: Record) -> list[Entry]:
-    """Entries ranked in the order of their errors."""
-    return entries_of(records, range(1, len(records) + 1))
-
-
 @pytest.fixture(scope="module")
 def entries() -> list[Entry]:
-    records, ranks, reasons = made_up_board()
-    return entries_of(records, ranks, reasons, [f"records/{i}.json" for i in range(len(records))], {3})
+    return board_of(*made_up_board(), links=LINKS, added="late_decider")
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +79,7 @@ def test_entries_stand_by_rank_and_the_unranked_below_by_error(entries: list[Ent
 
 
 def test_every_unranked_entry_says_why(entries: list[Entry]) -> None:
-    assert {entry.name: entry.why for entry in entries if entry.rank is None} == {
+    assert {entry.name: entry.why for entry in entries[:10] if entry.rank is None} == {
         "truth_past": "saw the truth",
         "pooled_many": "open division: rank 1 there",
         "short_of_breath": "partial: 3 of 12 scenes were cut short",
@@ -90,33 +89,41 @@ def test_every_unranked_entry_says_why(entries: list[Entry]) -> None:
 
 def test_what_cannot_be_compared_with_most_is_not_ranked() -> None:
     old = made_up("old", 0.5, scorer={"definitions": "0.9"})
-    entries = entries_of([made_up("a", 0.8), made_up("b", 0.9), old], [1, 2, 1])
+    entries = board_of(made_up("a", 0.8), made_up("b", 0.9), old)
     assert [(entry.name, entry.rank) for entry in entries] == [("a", 1), ("b", 2), ("old", None)]
-    assert "other data, split, card or definitions" in entries[-1].why
+    assert "other data, split, card, weights or definitions" in entries[-1].why
 
 
-def gaps(*records: Record, ranks: list[int | None]) -> dict[str, float | None]:
-    return {entry.name: entry.gaps.get("all") for entry in entries_of(records, ranks)}
+def test_too_few_recordings_are_said_once_above_the_table(html: str, entries: list[Entry]) -> None:
+    reason = "too few recordings to rank: 4.0 effective units, fewer than 6"
+    assert [entry.rank for entry in entries[10:]] == [None] * 3
+    assert [entry.name for entry in entries[10:]] == ["braided_paths", "stp", "calm_hedge"]  # by error
+    assert f"<span><b>{reason}</b></span>" in html
+    assert f'class="why"><bdi>{reason}' not in html
+
+
+def gaps(*records: Record) -> dict[str, float | None]:
+    return {entry.name: entry.standing.gaps.get("all") for entry in board_of(*records)}
 
 
 def test_the_gap_closed_comes_from_the_records_of_both_ends() -> None:
     ends = made_up("stp", 1.0), made_up("truth_past", 0.4, env={"observe": "truth"})
-    found = gaps(*ends, made_up("a", 0.7), made_up("b", 1.6, status="partial"), ranks=[2, None, 1, None])
+    found = gaps(*ends, made_up("a", 0.7), made_up("b", 1.6, status="partial"))
     assert found == {"stp": 0.0, "truth_past": 1.0, "a": pytest.approx(0.5), "b": None}
-    assert gaps(ends[0], made_up("a", 0.7), ranks=[2, 1]) == {"a": None, "stp": None}
+    assert gaps(ends[0], made_up("a", 0.7)) == {"a": None, "stp": None}
 
 
 def test_a_gap_between_other_data_or_no_gap_at_all_is_not_closed() -> None:
     stp, other = made_up("stp", 1.0), made_up("truth_past", 0.4, env={"data_manifest": "00"})
-    assert gaps(stp, other, ranks=[1, None]) == {"stp": None, "truth_past": None}
-    assert gaps(stp, made_up("truth_past", 1.0), ranks=[1, None]) == {"stp": None, "truth_past": None}
+    assert gaps(stp, made_up("a"), other) == {"stp": None, "a": None, "truth_past": None}
+    assert gaps(stp, made_up("truth_past", 1.0, env={"observe": "truth"})) == {"stp": None, "truth_past": None}
 
 
-def test_false_forecasts_are_no_part_of_the_gap() -> None:
-    parts = {"parts": {"localisation": 0.5, "missed": 0.2, "false": 0.3}}
-    ends = made_up("stp", 1.0, details=parts), made_up("truth_past", 0.4, details={"parts": {"false": 0.0}})
-    found = gaps(*ends, made_up("a", 0.65, details={"parts": {"false": 0.1}}), ranks=[2, None, 1])
-    assert found["a"] == pytest.approx((0.7 - 0.55) / (0.7 - 0.4))
+def test_the_gap_with_the_same_predictor_is_known_where_the_controls_have_it() -> None:
+    ends = made_up("stp", 1.0), made_up("truth_past", 0.4, env={"observe": "truth"})
+    other = made_up("learned", 0.7, submission={"ends": "own"})
+    found = {entry.name: entry.same_predictor_gap("all") for entry in board_of(*ends, made_up("a", 0.7), other)}
+    assert found == {"stp": 0.0, "truth_past": 1.0, "a": pytest.approx(0.5), "learned": None}
 
 
 def test_cells_hold_what_they_are_sorted_by(page: Page) -> None:
@@ -130,8 +137,7 @@ def test_cells_hold_what_they_are_sorted_by(page: Page) -> None:
         "224",
     )
     assert (crashed["rank"], crashed["error"], crashed["ids"]) == ("", "", "")
-    for subset in SUBSETS[1:]:
-        assert float(first[subset]) > float(first["error"]) * 0.9
+    assert float(first["reacquired"]) == pytest.approx(1.8 * float(first["error"]))
 
 
 def test_every_column_can_be_sorted_and_states_what_is_better(page: Page) -> None:
@@ -147,18 +153,14 @@ def test_unranked_and_added_entries_are_marked(page: Page) -> None:
 
 
 def test_a_shared_rank_a_badge_and_the_reason_show(html: str) -> None:
-    assert html.count('class="tie"') == 4
+    assert html.count('class="tie"') == 2
     assert all(f"</svg>{level}</span>" in html for level in LEVELS)
     assert "the process ended by signal 9" in html
     assert 'href="./records/0.json"' in html
 
 
 def test_equal_entries_give_equal_bytes(html: str) -> None:
-    records, ranks, reasons = made_up_board()
-    backwards = entries_of(
-        records[::-1], ranks[::-1], reasons[::-1], [f"records/{12 - i}.json" for i in range(13)], {9}
-    )
-    assert board_page(backwards) == html
+    assert board_page(board_of(*made_up_board()[::-1], links=LINKS[::-1], added="late_decider")) == html
 
 
 def test_the_page_needs_nothing_else(html: str, page: Page) -> None:
@@ -175,9 +177,19 @@ def test_the_page_needs_nothing_else(html: str, page: Page) -> None:
 def test_an_empty_board_says_how_to_take_part() -> None:
     html = board_page([])
     assert len(html.encode()) < MOST_BYTES
+    assert "No record under definitions 2.0 yet" in html
     for command in ("new", "check", "submit", "board --with"):
         assert f"<code>mtp-bench {command}" in html
     assert Page(html).entries == []
+    assert "not comparable" not in html
+
+
+def test_results_under_earlier_definitions_are_a_plain_table_without_ranks(entries: list[Entry], html: str) -> None:
+    page = board_page(entries, [(EARLIER, "history/1.0/stp/x.json")])
+    assert "Results under definitions 1.0: not ranked, not comparable" in page
+    assert 'href="./history/1.0/stp/x.json"' in page
+    assert "<td>4.745</td><td>4.480 – 5.010</td><td>77 %</td><td><bdi>2026-11-20</bdi></td>" in page
+    assert Page(page).entries == Page(html).entries
 
 
 HOSTILE_TEXTS = [HOSTILE, "<!--", "\u2028", '" onmouseover="window.hacked=1', "{{ 7 * 7 }}", "'><svg/onload=hacked()>"]
@@ -185,6 +197,7 @@ HOSTILE_TEXTS = [HOSTILE, "<!--", "\u2028", '" onmouseover="window.hacked=1', "{
 
 @pytest.mark.parametrize("text", HOSTILE_TEXTS)
 def test_what_people_write_is_text(text: str) -> None:
+    sums = {subset: [3.0] for subset in SUBSETS}
     hostile = made_up(
         "hostile",
         submission={"authors": [text], "description": text},
@@ -194,17 +207,15 @@ def test_what_people_write_is_text(text: str) -> None:
         hardware={"cpu": text, "gpu": text},
         missed={"reasons": {text: text}},
         env={"split": text},
-        reference={"name": text},
+        reference={"origin": text},
         scorer={"definitions": text},
         made=text,
-        details={"parts": {text: 1.0, "false": text}, "silence": [text]},
-        per_scene=[
-            {"scene": text, "targets": 3, "missing_aware": 1.0, "seeds": [1.0] * 3, "counts": {"all": 3},
-             "errors": {"all": [3.0] * 3}}
-        ],
-    )  # fmt: skip
-    harmless = board_page(entries_of([made_up("a", status="partial", status_reason="b")], [None]))
-    html = board_page(entries_of([hostile, made_up("b")], [None, None], [text, ""], [text, None]))
+        details={text: text},
+        per_scene=[{"scene": text, "weight": sums, "error": sums}],
+    )
+    harmless = board_page(board_of(made_up("a", status="partial", status_reason="b")))
+    old = EARLIER.model_copy(update={"definitions": text, "submission": text, "env": text, "split": text, "made": text})
+    html = board_page(board_of(hostile, made_up("b"), links=[text, None]), [(old, text)])
     page = Page(html)
     assert len(page.all("script")) == 1
     assert {tag for tag, _ in page.tags} <= {tag for tag, _ in Page(harmless).tags} | {"a", "ul", "li", "nav"}
@@ -215,7 +226,7 @@ def test_what_people_write_is_text(text: str) -> None:
 
 @pytest.mark.parametrize("link", ["javascript:alert(1)", " javascript:alert(1)", "data:text/html,x", "//host/x", "a b"])
 def test_a_link_is_never_a_script(link: str) -> None:
-    (address,) = [a["href"] for a in Page(board_page(entries_of([made_up("a")], [1], links=[link]))).all("a")]
+    (address,) = [a["href"] for a in Page(board_page(board_of(made_up("a"), links=[link]))).all("a")]
     assert address is not None
     assert ":" not in address
     assert " " not in address
@@ -223,13 +234,13 @@ def test_a_link_is_never_a_script(link: str) -> None:
 
 
 def test_an_old_record_is_marked_and_an_unknown_env_has_no_summary() -> None:
-    html = board_page(listed(made_up("a", env_id="MTP-Nowhere-v0", scorer={"definitions": "0.1"})))
+    html = board_page(board_of(made_up("a", env_id="MTP-Nowhere-v0", scorer={"definitions": "0.1"})))
     assert "old scorer" in html
     assert "Licence:" not in html
 
 
 def test_the_scale_holds_the_ranked_and_the_reference() -> None:
-    ranked = listed(made_up("a", 0.71, spread=0.01), made_up("b", 0.93, spread=0.01))
+    ranked = board_of(made_up("a", 0.71, spread=0.01), made_up("b", 0.93, spread=0.01))
     scale = scale_of(ranked, 1.21)
     assert scale is not None
     assert scale.low <= 0.70
@@ -246,7 +257,7 @@ def test_the_scale_holds_the_ranked_and_the_reference() -> None:
 
 @pytest.mark.parametrize("error", [0.0, 1e-9, 1e6, 0.5])
 def test_a_single_point_has_a_scale_too(error: float) -> None:
-    scale = scale_of(listed(made_up("a", error, spread=0.0)), None)
+    scale = scale_of(board_of(made_up("a", error, spread=0.0)), None)
     assert scale is not None
     assert scale.low <= error <= scale.high
     assert scale.low < scale.high
@@ -254,18 +265,18 @@ def test_a_single_point_has_a_scale_too(error: float) -> None:
 
 
 def test_one_entry_far_off_leaves_the_scale_to_the_others() -> None:
-    scale = scale_of(listed(made_up("a", 0.7), made_up("b", 0.8), made_up("c", 90.0)), None)
+    scale = scale_of(board_of(made_up("a", 0.7), made_up("b", 0.8), made_up("c", 90.0)), None)
     assert scale is not None
     assert scale.high < 2.0
 
 
 def test_without_a_number_there_is_no_scale() -> None:
-    assert scale_of(entries_of([made_up("a", None)], [None]), 1.0) is None
+    assert scale_of(board_of(made_up("a", None)), 1.0) is None
     assert bar_of(None, 1.0, None) is None
 
 
 def test_bars_of_scenes_share_a_scale_with_the_reference() -> None:
-    first, second = listed(made_up("a", 0.5), made_up("stp", 1.0))
+    first, second = board_of(made_up("a", 0.5), made_up("stp", 1.0))
     bars = scene_chart(first, second)
     assert [bar.scene for bar in bars[:2]] == ["0000", "0001"]
     assert max(bar.reference or 0.0 for bar in bars) == BAR
@@ -279,10 +290,11 @@ def test_shares_are_whole_percentages(share: float, text: str) -> None:
 
 
 def test_what_saying_nothing_scores_stands_above_the_table() -> None:
-    known, unknown = made_up("one", 1.0, details={"silence": 2.0}), made_up("two", 2.0)
-    assert "saying nothing scores <b>2.000</b>" in board_page(listed(known))
-    assert "saying nothing scores 2.000" in str(board_tables(listed(known))[0].title)
-    for entries in (listed(unknown), entries_of([known], [None])):
+    known, unknown = made_up("one", 1.0, silence=2.0), made_up("two", 2.0)
+    outside = made_up("one", 1.0, silence=2.0, division="open")
+    assert "saying nothing scores <b>2.000</b>" in board_page(board_of(known))
+    assert "saying nothing scores 2.000" in str(board_tables(board_of(known))[0].title)
+    for entries in (board_of(unknown), board_of(outside)):
         assert "saying nothing" not in board_page(entries)
         assert "saying nothing" not in str(board_tables(entries)[0].title)
 
@@ -296,15 +308,13 @@ def test_tables_of_the_terminal(entries: list[Entry]) -> None:
 
 
 def test_markup_and_escapes_do_not_reach_the_terminal() -> None:
-    (table,) = board_tables(
-        entries_of([made_up("a", None, status="partial", status_reason="")], [None], ["[red]a\x1b[2J"])
-    )
-    assert list(table.columns[-1].cells) == ["\\[red]a�[2J"]
+    (table,) = board_tables(board_of(made_up("a", None, status="partial", status_reason="[red]a\x1b[2J")))
+    assert list(table.columns[-1].cells) == ["partial: \\[red]a�[2J"]
 
 
 def test_json_holds_what_the_tables_show(entries: list[Entry]) -> None:
     content = board_json(entries)
-    assert list(content) == ["MTP-Intersection-v0", "MTP-KITTI-v0"]
+    assert list(content) == ["MTP-Intersection-v0", "MTP-PETS-v0"]
     row = content["MTP-Intersection-v0"][6]
     assert (row["submission"], row["rank"], row["not_ranked_because"]) == ("truth_past", None, "saw the truth")
     assert row["error"] == pytest.approx(0.381)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mtp_bench.viz.board import board_page
-from tests.support.board_records import HOSTILE, entries_of, made_up, made_up_board
+from tests.support.board_records import HOSTILE, board_of, made_up, made_up_board
 from tests.support.browser import CHROMIUM, DRIVER, ENTER, MISSING, Browser, chromium
 
 pytestmark = pytest.mark.skipif(not (CHROMIUM and DRIVER), reason=MISSING)
@@ -29,9 +29,8 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    records, ranks, reasons = made_up_board()
     path = tmp_path_factory.mktemp("page") / "board of all.html"
-    path.write_text(board_page(entries_of(records, ranks, reasons, ["record.json"] * len(records))))
+    path.write_text(board_page(board_of(*made_up_board(), links=["record.json"] * 13)))
     return path
 
 
@@ -126,11 +125,11 @@ def test_selections_filter(opened: Browser, control: str, value: str, kept: list
 
 
 def test_one_env_is_shown_alone(opened: Browser) -> None:
-    choose(opened, "env", "MTP-KITTI-v0")
+    choose(opened, "env", "MTP-PETS-v0")
     shown = (
         "return [...document.querySelectorAll('.board')].filter((b) => b.checkVisibility()).map((b) => b.dataset.env)"
     )
-    assert opened.script(shown) == ["MTP-KITTI-v0"]
+    assert opened.script(shown) == ["MTP-PETS-v0"]
     assert opened.script("return document.getElementById('count').textContent") == "3 of 13 entries"
 
 
@@ -190,11 +189,13 @@ def luminance(color: str) -> float:
 def test_hostile_texts_do_not_run(browser: Browser, tmp_path: Path) -> None:
     texts = [HOSTILE, "<script>window.hacked=1</script>", "<!-- <script>", '" autofocus onfocus="window.hacked=1']
     records = [
-        made_up(f"hostile_{i}", 1.0 + i, submission={"authors": [text], "description": text}, status_reason=text)
-        for i, text in enumerate(texts)
+        made_up(
+            f"hostile_{i}", 1.0 + i, submission={"authors": [x], "description": x}, status="partial", status_reason=x
+        )
+        for i, x in enumerate(texts)
     ]
     path = tmp_path / "hostile.html"
-    path.write_text(board_page(entries_of(records, [None] * 4, texts, ["javascript:window.hacked=1"] * 4)))
+    path.write_text(board_page(board_of(*records, links=["javascript:window.hacked=1"] * 4)))
     with only(browser, path):
         assert names(browser) == [record.submission.name for record in records]
         browser.click(f"{FIRST} tbody.entry .open")
@@ -220,4 +221,4 @@ def test_an_empty_board_opens(browser: Browser, tmp_path: Path) -> None:
     path = tmp_path / "empty.html"
     path.write_text(board_page([]))
     with only(browser, path):
-        assert "mtp-bench submit" in browser.script("return document.querySelector('main').innerText")
+        assert "mtp-bench submit" in browser.script("return document.querySelector('.empty').innerText")

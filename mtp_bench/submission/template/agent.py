@@ -51,8 +51,13 @@ class NearestAgent:
         new = np.setdiff1d(np.arange(len(box)), detection)
         self._begin(box[new], observation["detection_velocity"][valid][new], observation["detection_class"][valid][new])
         sure = np.flatnonzero(self._hits > 1)  # a forecast of what is not there costs
+        # That it is there is likelier the more often it was seen, and the more lately.
+        confidence = self._hits[sure] / (self._hits[sure] + 1) * np.exp(-self._unseen[sure])
         tracks = Tracks.of_one_hypothesis(self._id, self._box, self._class)
-        return answer(self._task, self._box[sure], self._class[sure], self._forecasts(sure), tracks=tracks)
+        forecasts = self._forecasts(sure)
+        return answer(
+            self._task, self._box[sure], self._class[sure], forecasts, confidence=confidence, tracks=tracks
+        )
 
     def _pairs(self, box: Array, class_id: Array) -> tuple[Array, Array]:
         """Tracks and the detections they take, the nearest pair first."""

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
-from ...records.ranking import STP, conditions, record_gap
+from ...records.ranking import Standing, standings
 from ...records.record import Level, Record
-from ...scoring.rows import Row
-from ...scoring.subsets import SUBSETS, Subset
+from ...scoring.subsets import Subset
 
-TRUTH = "truth_past"
 LEVEL_TEXT: dict[Level, str] = {
     "scored": "scored by its authors",
     "re-scored": "scored again from its stored rollouts",
@@ -26,11 +23,9 @@ class Entry:
     """One line of a leaderboard."""
 
     record: Record
-    rank: int | None  # None: shown, not ranked
-    why: str = ""  # the reason for that; "" where it is ranked
+    standing: Standing
     link: str | None = None  # relative address of the record's file
     added: bool = False  # not part of the leaderboard: where it would stand
-    gaps: Mapping[Subset, float] = field(default_factory=dict)  # what it closes of the gap, where that is known
 
     @property
     def env(self) -> str:
@@ -42,24 +37,50 @@ class Entry:
         """Name of the submission."""
         return self.record.submission.name
 
-    def row(self, subset: Subset = "all") -> Row:
-        """The row of one subset."""
-        return next(row for row in self.record.rows if row.subset == subset)
+    @property
+    def rank(self) -> int | None:
+        """Its rank over all targets; None: shown, not ranked."""
+        return self.standing.places["all"].rank
+
+    @property
+    def why(self) -> str:
+        """Why it has none; empty where it has one."""
+        return self.standing.places["all"].why
+
+    @property
+    def compared(self) -> bool:
+        """Whether it stands in the main ranking of its environment, even where that has too few recordings to rank."""
+        return self.standing.compared
 
     @property
     def error(self) -> float | None:
-        """What ranks: the missing-aware error over all targets, metres."""
-        return self.row().missing_aware
+        """What ranks over all targets, metres."""
+        return self.record.row.error
 
     @property
     def interval(self) -> tuple[float, float] | None:
         """The 95 % interval of the error, metres."""
-        return self.row().interval
+        return self.record.row.interval
+
+    def same_predictor_gap(self, subset: Subset) -> float | None:
+        """What it closes of the gap between ends with its own predictor, where that is known."""
+        if self.record.submission.ends == "controls":
+            return self.standing.gaps.get(subset)
+        return self.record.row_of(subset).gap_closed_same_predictor
+
+
+def entries_of(found: Sequence[tuple[Record, str | None, bool]]) -> list[Entry]:
+    """The entries in the order of the leaderboard: by environment, rank, error and name.
+
+    ``found``: records, each with its link and whether it is added.
+    """
+    places = standings([record for record, _, _ in found])
+    return sorted((Entry(record, places[record.digest], link, added) for record, link, added in found), key=_order)
 
 
 def silence_of(entries: Sequence[Entry]) -> float | None:
-    """What an agent that says nothing scores in the ranking of one environment, metres; None where it is not known."""
-    return next((entry.record.silence for entry in entries if entry.rank is not None), None)
+    """What an agent that says nothing scores in one environment, metres; None where it is not known."""
+    return next((entry.record.silence for entry in entries if entry.compared), None)
 
 
 def by_env(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
@@ -70,59 +91,7 @@ def by_env(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
     return boards
 
 
-def standings(entries: Sequence[Entry]) -> list[Entry]:
-    """The entries in the order of the leaderboard: by environment, rank, error and name, with the gaps they close.
-
-    What cannot be compared with most of its environment loses its rank, and so does the open division beside a closed
-    one.
-    """
-    listed = [entry for of_env in by_env(entries).values() for entry in _with_gaps(_one_ranking(of_env))]
-    return sorted(listed, key=_order)
-
-
-def _one_ranking(entries: Sequence[Entry]) -> list[Entry]:
-    """The entries of one environment with the ranks of its main ranking alone."""
-    ranked = [entry for entry in entries if entry.rank is not None and entry.record.division == "closed"]
-    sizes = Counter(conditions(entry.record) for entry in ranked)
-    main = max(sizes, key=lambda condition: (sizes[condition], condition), default=None)
-    return [entry if entry in ranked and conditions(entry.record) == main else _outside(entry) for entry in entries]
-
-
-def _outside(entry: Entry) -> Entry:
-    """An entry that was ranked among others than those of the main ranking, if it was."""
-    if entry.rank is None:
-        return entry
-    if entry.record.division == "open":
-        return replace(entry, rank=None, why=f"open division: rank {entry.rank} there")
-    return replace(entry, rank=None, why="other data, split, card or definitions than the ranked ones")
-
-
-def _with_gaps(entries: Sequence[Entry]) -> Sequence[Entry]:
-    """The entries of one environment with what they close of the gap between STP and the one that saw the truth.
-
-    A record alone cannot tell; without both of these nothing is known.
-    """
-    stp = next((entry.record for entry in entries if entry.name == STP and entry.rank is not None), None)
-    finished = (entry.record for entry in entries if entry.record.status == "finished")
-    truth = next((record for record in finished if record.submission.name == TRUTH), None)
-    if stp is None or truth is None or conditions(stp) != conditions(truth):
-        return entries
-    return [replace(entry, gaps=_gaps(entry.record, stp, truth)) for entry in entries]
-
-
-def _gaps(record: Record, stp: Record, truth: Record) -> dict[Subset, float]:
-    same = conditions(record) == conditions(stp) and record.samples == stp.samples
-    if not same or record.status != "finished":
-        return {}
-    closed: dict[Subset, float] = {}
-    for subset in SUBSETS:
-        gap = record_gap(record, stp, truth, subset)
-        if gap is not None:
-            closed[subset] = gap.closed
-    return closed
-
-
-def _order(entry: Entry) -> tuple[str, float, float, str, str]:
+def _order(entry: Entry) -> tuple[str, float, bool, float, str, str]:
     rank = math.inf if entry.rank is None else entry.rank
     error = math.inf if entry.error is None else entry.error
-    return entry.env, rank, error, entry.name, entry.record.digest
+    return entry.env, rank, not entry.compared, error, entry.name, entry.record.digest

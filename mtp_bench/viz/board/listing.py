@@ -12,7 +12,7 @@ from .entries import Entry, by_env, silence_of
 if TYPE_CHECKING:
     from rich.table import Table
 
-_SHOWN = ("ids", "frag", "gap", "p95")
+_SHOWN = ("ids", "reacquired", "gap", "p95")
 
 
 def board_tables(entries: Sequence[Entry]) -> list[Table]:
@@ -26,14 +26,14 @@ def _table(env_id: str, entries: Sequence[Entry]) -> Table:
     columns = [column for column in COLUMNS if column.key in _SHOWN]
     silence = silence_of(entries)
     said = "" if silence is None else f"; saying nothing scores {silence:.3f}"
-    title = f"{escape(env_id)}: missing-aware error (m){said}"
+    title = f"{escape(env_id)}: error at the false-forecast budgets (m){said}"
     numbers = ("error ↓ [dim]95 % interval[/dim]", *(f"{column.label} {column.arrow}".strip() for column in columns))
     words = ("submission", "verified", "not ranked because")
     headings = ("rank", words[0], *numbers, *words[1:])
     table = new_table(title, headings, left=words, whole=(words[0], *numbers))
     for entry in entries:
         bounds = entry.interval
-        style = "bold green" if entry.added else "dim" if entry.rank is None else ""
+        style = "bold green" if entry.added else "" if entry.compared else "dim"
         table.add_row(
             NOTHING if entry.rank is None else str(entry.rank),
             escape(printable(entry.name)) + (" (added)" if entry.added else ""),

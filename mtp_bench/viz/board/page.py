@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from ...errors import MtpBenchError
+from ...records.history import OldResult
 from ...records.ranking import STP
 from ...records.record import LEVELS
-from ...scoring.definitions import DEFINITIONS, RANKED_OBJECTS
-from ...scoring.rank import enough_objects
+from ...scoring.definitions import DEFINITIONS, RANKED_OBJECTS, RANKED_UNITS
 from ...scoring.subsets import SUBSETS
 from ..terminal.output import NOTHING, number
 from .columns import COLUMNS, best_texts, percent, shown
@@ -25,20 +25,23 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 
-def board_page(entries: Sequence[Entry]) -> str:
-    """HTML of the leaderboards of ``entries`` (from `standings`), a table per environment.
+def board_page(entries: Sequence[Entry], history: Sequence[tuple[OldResult, str | None]] = ()) -> str:
+    """HTML of the leaderboards of ``entries`` (from `entries_of`), a table per environment.
 
-    Equal entries give equal bytes: no date, no path, no random id is added.
+    ``history``: results under earlier definitions with the links to them, in a plain table below. Equal entries give
+    equal bytes: no date, no path, no random id is added.
     """
     style, script = _text("board.css"), _text("board.js")
     page = _templates().get_template("page.html")
     content = page.render(
         boards=[_board(env_id, listed) for env_id, listed in by_env(entries).items()],
+        history=[(old, _address(link)) for old, link in history],
         columns=COLUMNS,
         levels=LEVELS,
         level_text=LEVEL_TEXT,
         few_objects=RANKED_OBJECTS,
-        definitions=sorted({entry.record.scorer.definitions for entry in entries}) or [DEFINITIONS],
+        few_units=RANKED_UNITS,
+        definitions=DEFINITIONS,
         latest=max((entry.record.made[:10] for entry in entries), default=""),
         style=style,
         script=script,
@@ -49,21 +52,23 @@ def board_page(entries: Sequence[Entry]) -> str:
 
 def _board(env_id: str, entries: Sequence[Entry]) -> dict[str, Any]:
     """What the template shows of one environment."""
-    reference = next((entry for entry in entries if entry.name == STP and entry.rank is not None), None)
+    compared = [entry for entry in entries if entry.compared]
+    scored = next(iter(compared), entries[0])
+    reference = next((entry for entry in compared if entry.name == STP), None)
     scale = scale_of(entries, reference.error if reference else None)
     best = {column.key: best_texts(column, entries) for column in COLUMNS}
     ranks = [entry.rank for entry in entries if entry.rank is not None]
-    scored = next((entry for entry in entries if entry.rank is not None), entries[0])
     return {
         "id": env_id,
         "about": _about(env_id),
         "card": sorted({entry.record.env.card_digest for entry in entries} - {""}),
         "split": scored.record.env.split,
         "ranked": len(ranks),
+        "nobody": scored.why if compared and not ranks else "",
         "leaders": ranks.count(1),
         "sizes": {row.subset: row for row in scored.record.rows},
         "silence": silence_of(entries),
-        "few": {subset for subset in SUBSETS[1:] if not enough_objects(scored.row(subset).objects)},
+        "few": {name for name in SUBSETS[1:] if all(each.standing.places[name].rank is None for each in entries)},
         "scale": scale,
         "reference": reference,
         "reference_x": scale.x(reference.error) if scale and reference and reference.error is not None else None,
@@ -79,23 +84,25 @@ def _line(
     reference: Entry | None,
 ) -> dict[str, Any]:
     """What the template shows of one entry: texts by column, and what each column is sorted by."""
-    record = entry.record
+    record, standing = entry.record, entry.standing
     cells = {column.key: shown(column, entry) for column in COLUMNS}
-    parts = ((name, record.parts.get(name)) for name in ("localisation", "missed", "false"))
     return {
         "entry": entry,
         "record": record,
-        "why": entry.why.removeprefix(f"{record.status}: "),
+        "why": "" if entry.compared else entry.why.removeprefix(f"{record.status}: "),
         "shared": entry.rank is not None and sum(other.rank == entry.rank for other in entries) > 1,
         "cells": cells,
         "sorting": {column.key: _key(column.value(entry)) for column in COLUMNS},
-        "best": {key for key, text in cells.items() if entry.rank is not None and text == best[key]},
+        "best": {key for key, text in cells.items() if entry.compared and text == best[key]},
         "level": LEVELS.index(record.verification),
         "bar": bar_of(scale, entry.error, entry.interval),
         "link": _address(entry.link),
         "old": record.scorer.definitions != DEFINITIONS,
-        "subsets": [(row, entry.gaps.get(row.subset)) for row in record.rows],
-        "parts": [(name, value) for name, value in parts if value],
+        "subsets": [
+            (row, standing.places[row.subset], standing.gaps.get(row.subset), entry.same_predictor_gap(row.subset))
+            for row in record.rows
+        ],
+        "parts": [(name, value) for name in ("localisation", "missed") if (value := getattr(record.row, name))],
         "scenes": scene_chart(entry, reference),
         "search": " ".join((entry.name, ", ".join(record.submission.authors), record.submission.description)).lower(),
     }

@@ -42,11 +42,11 @@ class Bar:
 
 
 def scale_of(entries: Sequence[Entry], reference: float | None) -> Scale | None:
-    """A scale that holds the intervals of the ranked entries (of all, where none is ranked) and the reference.
+    """A scale that holds the intervals of the compared entries (of all, where none is) and the reference.
 
     What is more than FARTHEST times as bad as the median is left off, so that the others can be told apart.
     """
-    shown = [entry for entry in entries if entry.rank is not None] or list(entries)
+    shown = [entry for entry in entries if entry.compared] or list(entries)
     values = [end for entry in shown for end in (*(entry.interval or ()), entry.error) if end is not None]
     errors = [entry.error for entry in shown if entry.error is not None]
     if not errors:
@@ -102,8 +102,8 @@ def scene_chart(entry: Entry, reference: Entry | None) -> list[SceneBar]:
         SceneBar(
             scene=part.scene,
             targets=part.targets,
-            error=part.missing_aware,
-            width=round(unit * (part.missing_aware or 0.0), 1),
+            error=part.mean_error,
+            width=round(unit * errors.get(part.scene, 0.0), 1),
             reference=round(unit * beside[part.scene], 1) if part.scene in beside else None,
         )
         for part in entry.record.per_scene
@@ -111,4 +111,4 @@ def scene_chart(entry: Entry, reference: Entry | None) -> list[SceneBar]:
 
 
 def _errors(entry: Entry) -> dict[str, float]:
-    return {part.scene: part.missing_aware for part in entry.record.per_scene if part.missing_aware is not None}
+    return {part.scene: error for part in entry.record.per_scene if (error := part.mean_error) is not None}

@@ -1,0 +1,153 @@
+"""The choice of input cuts: below which score the detections of a class are better not tracked.
+
+By MOTA of the single-hypothesis tracker on training scenes, per class:
+1 - (false positives + misses + switches) / true boxes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..cards import Card
+from ..env.environment import MTPEnv
+from ..errors import MtpBenchError
+from ..prediction.presence import file_of, read_model
+from ..running.options import DEFAULTS, RunOptions
+from ..scoring.forecasts import match_objects
+from ..tracking import HypothesisTracker
+from ..types import Floats, Ints, Scene, Task
+from .presence import LIKE, Scenes, scenes_of
+from .split import open_split
+from .windows import observations
+
+QUANTILES = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)  # of the scores of detections of true objects
+LEAST_TRUTH = 200  # true boxes of a class, without which it gets no cut
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Of one class over training scenes, with one cut."""
+
+    cut: float
+    truth: int
+    false: int
+    missed: int
+    switches: int
+
+    @property
+    def mota(self) -> float:
+        """Multi-object tracking accuracy."""
+        return 1 - (self.false + self.missed + self.switches) / max(self.truth, 1)
+
+
+def fit_detector(detector: str, options: RunOptions = DEFAULTS) -> str:
+    """TOML of the cuts of a detector of `presence.DETECTORS`, as `mtp_bench.tracking.stored_cuts` reads them.
+
+    A detector that takes another one's presence takes its cuts too, at scores of equal rank.
+    """
+    if detector in LIKE:
+        return as_toml(detector, _of_equal_rank(detector, best_cuts(LIKE[detector].detector, options)))
+    return as_toml(detector, best_cuts(detector, options))
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """Training scenes of one env."""
+
+    scenes: Sequence[Scene]
+    card: Card
+    task: Task
+
+
+def best_cuts(detector: str, options: RunOptions = DEFAULTS) -> dict[str, float]:
+    """The cut of each class with the greatest MOTA; classes that are best without a cut are left out."""
+    drives = [_drive(wanted, options) for wanted in scenes_of(detector)]
+    best = {}
+    for name, tried in tried_cuts(drives).items():
+        top = max(tried, key=lambda counts: counts.mota)
+        if tried[0].truth >= LEAST_TRUTH and top.mota > tried[0].mota:
+            best[name] = top.cut
+    return best
+
+
+def _drive(wanted: Scenes, options: RunOptions) -> Drive:
+    split = open_split(wanted.env, wanted.options(options))
+    split = replace(split, names=tuple(name for name in split.names if name not in wanted.without))
+    scenes = list(split.scenes())
+    if not all(scene.truth_complete for scene in scenes):
+        raise MtpBenchError(f"{wanted.env}: the truth is not complete, so false positives cannot be told")
+    return Drive(scenes, split.card, MTPEnv(split.card, data=options.data).task)
+
+
+def tried_cuts(drives: Sequence[Drive]) -> dict[str, list[Counts]]:
+    """What comes of a cut at each of QUANTILES, by class name; the first is none."""
+    scores: dict[str, list[Floats]] = {}
+    for drive in drives:
+        for name, mine in zip(drive.task.classes, _true_scores(drive), strict=True):
+            scores.setdefault(name, []).append(mine)
+    joined = {name: np.concatenate(parts) for name, parts in scores.items()}
+    tried: dict[str, list[Counts]] = {name: [] for name in joined}
+    for quantile in QUANTILES:
+        cut = {
+            name: float(f"{np.quantile(mine, quantile):.3g}") if quantile and len(mine) else -np.inf
+            for name, mine in joined.items()
+        }
+        total = {name: np.zeros(4, dtype=np.int64) for name in joined}
+        for drive in drives:
+            names = drive.task.classes
+            tracker = HypothesisTracker(min_detection_score={name: cut[name] for name in names})
+            for scene in drive.scenes:
+                for name, row in zip(names, _count(scene, drive, tracker), strict=True):
+                    total[name] += row
+        for name, row in total.items():
+            tried[name].append(Counts(cut[name], *row.tolist()))
+    return tried
+
+
+def as_toml(detector: str, cuts: dict[str, float]) -> str:
+    """The table of one detector."""
+    return "\n".join([f"[{detector}]", *(f"{name} = {cut:.3g}" for name, cut in cuts.items()), ""])
+
+
+def _true_scores(drive: Drive) -> list[Floats]:
+    """Scores of the detections of true objects, by class."""
+    parts: list[list[Floats]] = [[] for _ in drive.task.classes]
+    for scene in drive.scenes:
+        seen = scene.detections
+        found = match_objects(scene.truth, seen.frame_of_rows, seen.box, seen.class_id, drive.card)
+        row = found.object_of_truth[~scene.truth.neutral]
+        row = row[row >= 0]
+        for number, part in enumerate(parts):
+            part.append(seen.score[row[seen.class_id[row] == number]])
+    return [np.concatenate(part) for part in parts]
+
+
+def _count(scene: Scene, drive: Drive, tracker: HypothesisTracker) -> Ints:
+    """True boxes, false positives, misses and switches of each class [C, 4]."""
+    tracker.reset(drive.task)
+    said = [tracker.step(observation) for observation in observations(scene)]
+    frame = np.repeat(np.arange(len(said)), [len(tracks.box) for tracks in said])
+    box, class_id, track_id = (
+        np.concatenate([getattr(tracks, key) for tracks in said]) for key in ("box", "class_id", "track_id")
+    )
+    found = match_objects(scene.truth, frame, box, class_id, drive.card)
+    true = ~scene.truth.neutral
+    row, kind = found.object_of_truth[true], scene.truth.class_id[true]
+    matched = row >= 0
+    order = np.argsort(scene.truth.object_id[true][matched], kind="stable")  # frames stay in order
+    thing, track = scene.truth.object_id[true][matched][order], track_id[row[matched]][order]
+    switched = (thing[1:] == thing[:-1]) & (track[1:] != track[:-1])
+    switches = np.bincount(kind[matched][order][1:][switched], minlength=len(drive.task.classes))
+    counted = [
+        np.bincount(ids, minlength=len(drive.task.classes)) for ids in (kind, class_id[found.unmatched], kind[~matched])
+    ]
+    return np.stack([*counted, switches], axis=1)
+
+
+def _of_equal_rank(detector: str, cuts: dict[str, float]) -> dict[str, float]:
+    scores = read_model(file_of(detector))[1]
+    tables = {} if scores is None else scores.classes
+    return {name: float(np.interp(cut, *tables[name][::-1])) for name, cut in cuts.items() if name in tables}

@@ -1,0 +1,164 @@
+"""Presence: features of tracks, the models that ship, and what stands in for a model that is not there."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench import load_submission
+from mtp_bench.cards import load_card
+from mtp_bench.prediction import LearnedPresence
+from mtp_bench.prediction.presence import (
+    FEATURES,
+    MODELS,
+    History,
+    PresenceModel,
+    ScoreMap,
+    file_of,
+    fitted_on,
+    history_of,
+    read_model,
+)
+from mtp_bench.tracking import HypothesisTracker
+from mtp_bench.tracks import Tracks
+from tests.support.tracking_scenes import CYCLIST, at_once, frame, kitti_task, observation, run
+
+SHIPPED = sorted(path.stem for path in MODELS.glob("*.json"))
+CHANGES = {"last_score": 1.0, "mean_score": 2.0, "hits": 3, "age": 6, "unseen": 0, "range": 20.0, "speed": 1.0}
+
+
+def history(**changes: Any) -> History:
+    """One track."""
+    return History(**{name: np.array([value]) for name, value in {**CHANGES, **changes}.items()})
+
+
+def test_the_history_of_a_track() -> None:
+    # A cyclist: seen at x = 0, 0.5, not, 1.5, and then not.
+    frames = [frame((0.0, 4.0, CYCLIST)), frame((0.5, 4.0, CYCLIST)), frame(), frame((1.5, 4.0, CYCLIST)), frame()]
+    *_, tracks = run(HypothesisTracker(1, at_once()), frames)
+    tracks = replace(tracks, score=np.array([0.25]), last_score=np.array([0.75]))
+    got = history_of(tracks, {"ego_pose": np.array([tracks.box[0, 0], 1.0, 0, 0])}, dt=0.1)
+    assert (got.hits.tolist(), got.age.tolist(), got.unseen.tolist()) == ([3], [5], [1])
+    assert (got.mean_score[0], got.last_score[0]) == (0.25, 0.75)
+    np.testing.assert_allclose(got.range, abs(tracks.box[0, 1] - 1.0))
+    np.testing.assert_allclose(got.speed, np.linalg.norm(tracks.past[0, -1, :2] - [0, 4]) / 0.4)
+    assert {name: float(make(got)[0]) for name, make in FEATURES.items() if "score" not in name} == pytest.approx(
+        {
+            "log_hits": np.log(3), "one_by_hits": 1 / 3, "unseen": 1, "coasting": 1, "miss_share": 0.4,
+            "log_misses": np.log(3), "log_range": np.log1p(got.range[0]), "log_speed": np.log1p(got.speed[0]),
+        }
+    )  # fmt: skip
+
+
+def test_the_tracker_remembers_the_last_score_and_the_age() -> None:
+    def scored(score: float, *places: float) -> Any:
+        seen = observation(frame(*((x, 4.0, CYCLIST) for x in places)))
+        return {**seen, "detection_score": np.full(len(seen["detection_valid"]), score)}
+
+    tracker = HypothesisTracker(1, at_once())
+    tracker.reset(kitti_task())
+    steps = [tracker.step(seen) for seen in (scored(3.0, 0), scored(1.0, 0, 90), scored(0.0), scored(5.0, 0))]
+    got = [dict(zip(t.track_id.tolist(), zip(t.last_score, t.hits, t.age, strict=True), strict=True)) for t in steps]  # type: ignore[arg-type]
+    assert got == [
+        {0: (3, 1, 1)},
+        {0: (1, 2, 2), 1: (1, 1, 1)},
+        {0: (1, 2, 3), 1: (1, 1, 2)},
+        {0: (5, 3, 4), 1: (1, 1, 3)},
+    ]
+
+
+def test_tracks_that_say_less() -> None:
+    bare = Tracks.of_one_hypothesis(np.array([1]), np.ones((1, 7)), np.array([0]))
+    got = history_of(bare, {}, 0.1)
+    assert (got.hits[0], got.age[0], got.unseen[0], got.speed[0], got.last_score[0]) == (1, 1, 0, 0, 1)
+
+
+def test_a_model_by_hand() -> None:
+    # z = ((1 - 0) / 2, clip(3, 0, 2) - 1) = (0.5, 1): 0.1 + 0.2 z1 + 0.3 z2 + z1 z1 + 2 z1 z2 + 3 z2 z2 = 4.75
+    model = PresenceModel(
+        ("last_score", "mean_score"), np.array([0.0, 0.0]), np.array([9.0, 2.0]), np.array([0.0, 1.0]),
+        np.array([2.0, 1.0]), np.array([0.1, 0.2, 0.3, 1.0, 2.0, 3.0]), {"car": np.array([-4.75, 0.0, 0.5])},
+        np.array([[0.0, 0.5, 1.0], [0.0, 0.2, 1.0]]),
+    )  # fmt: skip
+    one = history(mean_score=3.0)
+    assert model.logits(model.standardised(one), np.array([1]), ["bus", "car"])[0] == pytest.approx(0.5)
+    assert model.logits(model.standardised(one), np.array([0]), ["bus", "car"])[0] == pytest.approx(4.75)
+    p = 1 / (1 + np.exp(-0.5))
+    assert model.probability(one, np.array([1]), ["bus", "car"])[0] == pytest.approx(0.2 + (p - 0.5) / 0.5 * 0.8)
+
+
+def test_scores_in_place_of_those_of_another_detector() -> None:
+    scores = ScoreMap({"car": np.array([[0.0, 0.4, 1.0], [0.0, 0.2, 1.0]])})
+    got = scores.mapped(np.array([0.2, 0.2, 0.7]), np.array([0, 1, 0]), ["car", "bus"])
+    np.testing.assert_allclose(got, [0.1, 0.2, 0.6])
+
+
+@pytest.mark.parametrize("detector", SHIPPED)
+def test_the_models_that_ship(detector: str) -> None:
+    content = json.loads((MODELS / f"{detector}.json").read_text())
+    model, _ = read_model(file_of(detector))
+    assert content["detector"] == detector
+    assert (np.diff(model.knots) > 0).all()
+    assert model.knots[:, [0, -1]].tolist() == [[0, 1], [0, 1]]
+    assert len(fitted_on(detector)) > 0
+    if "held_out" in content:
+        assert content["held_out"]["presence"]["brier"] < content["held_out"]["score"]["brier"]
+    names = [*model.classes, "unicycle"]
+    n = len(names)
+    said = model.probability(History(**{key: np.full(n, value) for key, value in CHANGES.items()}), np.arange(n), names)
+    assert ((said > 0) & (said < 1)).all()
+
+
+def test_every_env_has_a_model_but_unknown_detectors_go_by_the_default(repository: Path) -> None:
+    for path in (repository / "envs").glob("*.toml"):
+        assert file_of(load_card(path.stem).detector_name).stem != "default"
+    assert file_of("megvii-my_file").stem == "megvii"
+    assert file_of("yolo").stem == "default"
+
+
+def test_more_evidence_makes_it_likelier() -> None:
+    def said(detector: str, **changes: Any) -> float:
+        model, _ = read_model(file_of(detector))
+        return float(model.probability(history(**changes), np.array([0]), ["car"])[0])
+
+    assert said("pointrcnn", mean_score=8.0, last_score=8.0) > said("pointrcnn", mean_score=-1.0, last_score=-1.0)
+    assert said("megvii", mean_score=0.9) > said("megvii", mean_score=0.2)
+    for detector in ("pointrcnn", "megvii", "nuscenes_megvii", "default", "yolo"):
+        assert said(detector, mean_score=0.4, last_score=0.4, hits=9, age=9) > said(
+            detector, mean_score=0.4, last_score=0.4, hits=1, age=2, unseen=1
+        )
+
+
+def test_a_file_of_ones_own(tmp_path: Path) -> None:
+    file = tmp_path / "mine.json"
+    file.write_text(
+        json.dumps(
+            {"features": ["log_hits"], "low": [0], "high": [1], "center": [0], "scale": [1], "shared": [0, 0],
+             "classes": {}, "knots": [[0, 1], [0, 0.5]]}
+        )
+    )  # fmt: skip
+    presence = LearnedPresence(file)
+    presence.reset(kitti_task())
+    tracks = Tracks.of_one_hypothesis(np.array([1, 2]), np.ones((2, 7)), np.array([0, 1]))
+    assert presence.probability(tracks, {}).tolist() == [0.25, 0.25]
+    none = Tracks.of_one_hypothesis(np.zeros(0, dtype=np.int64), np.zeros((0, 7)), np.zeros(0, dtype=np.int64))
+    assert presence.probability(none, {}).shape == (0,)
+
+
+BASELINES = ["stp", "mtp", "ab3dmot", "stp_same_budget", "stp_hedged", "stp_cut", "mtp_cut"]
+
+
+def test_the_baselines_say_what_was_trained_on_scored_scenes() -> None:
+    scored = {"scene-0061", "scene-0553", "scene-0655", "scene-0757", "scene-0796", "scene-1077", "scene-1094"}
+    assert scored < set(fitted_on("megvii")) == set(fitted_on("centerpoint"))
+    assert not {"scene-0103", "scene-0916"} & set(fitted_on("megvii"))  # of the official split val
+    for name in BASELINES:
+        note = load_submission(name).note_on("MTP-nuScenes-mini-v0")
+        assert note is not None
+        assert note.endswith("presence trained on scored scenes")
+        assert load_submission(name).note_on("MTP-KITTI-v0") is None

@@ -1,0 +1,60 @@
+"""Records rank as the comparison of the same runs does."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mtp_bench.records import standings
+from mtp_bench.records.evaluation import per_scene_of
+from mtp_bench.scoring import SUBSETS, AgentScores, Reference, SceneScore, score_scene, summarise
+from mtp_bench.scoring.table import agent_table
+from mtp_bench.scoring.weights import SceneWeights, scene_key
+from tests.support.scoring_scenes import make_card, random_case, take_objects
+from tests.support.stored_records import make_record
+
+CARD = make_card(samples=4)
+NAMES = [f"s{i}" for i in range(9)]
+KEPT = {"truth_past": 1.0, "best": 0.95, "stp": 0.6, "poor": 0.2}  # share of its forecasts that an agent makes
+
+
+def scores_of(kept: float) -> tuple[SceneScore, ...]:
+    scores = []
+    for i, name in enumerate(NAMES):
+        scene, rollout = random_case(i, name=name)
+        rows = np.random.default_rng(i).random(len(rollout.object_class)) < kept
+        scores.append(score_scene(scene, take_objects(rollout, np.flatnonzero(rows)), CARD))
+    return tuple(scores)
+
+
+def weights_of(scores: tuple[SceneScore, ...]) -> Reference:
+    rng = np.random.default_rng(0)
+    scenes = {}
+    for score in scores:
+        counts, flags = rng.integers(0, 9, (len(score), 4)).astype(np.uint8), rng.random((len(score), 3)) < 0.3
+        scenes[scene_key(CARD.id, score.scene)] = SceneWeights(counts, flags, (3, 3, 3), 40, 80)
+    return Reference(CARD.id, CARD.digest, "2.0", "stp", 48, {}, scenes)
+
+
+def test_records_rank_as_the_comparison_of_the_same_runs_does() -> None:
+    agents = [
+        AgentScores(name, 1, 4, "equal", (scores_of(kept),), ideal=name == "truth_past") for name, kept in KEPT.items()
+    ]
+    reference = weights_of(agents[0].seeds[0])
+    report = summarise(agents, CARD, reference)
+    records = []
+    for i, agent in enumerate(agents):
+        rows = [row.model_dump(mode="json") for row in report.rows[i * len(SUBSETS) : (i + 1) * len(SUBSETS)]]
+        scenes = [part.model_dump() for part in per_scene_of(agent_table(agent, reference))]
+        observe = "truth" if agent.ideal else "detections"
+        records.append(make_record(agent.agent, rows, scenes, env={"observe": observe}))
+    found = standings(records)
+    places = [
+        (found[record.digest].places[s].rank, found[record.digest].places[s].why) for record in records for s in SUBSETS
+    ]
+    assert places == [(row.rank, row.unranked_because or "") for row in report.rows]
+    gaps = [found[record.digest].gaps.get(subset) for record in records for subset in SUBSETS]
+    assert gaps == [row.gap_closed for row in report.rows]
+    ranks = {row.rank for row in report.rows}
+    assert {None, 1, 2, 3} <= ranks
+    assert "over all targets its error is above that of stp" in {why for _, why in places}
+    assert any(gap is not None for gap in gaps)

@@ -1,0 +1,155 @@
+"""The fit of presence: rows and their labels, scikit-learn against our evaluation, calibration on held-out scenes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mtp_bench.cards import load_card
+from mtp_bench.env import MTPEnv
+from mtp_bench.errors import MtpBenchError
+from mtp_bench.prediction.presence import FEATURES, MODELS, History, logistic, read_model
+from mtp_bench.running.options import RunOptions
+from mtp_bench.sources import load_scenes
+from mtp_bench.training import presence
+from mtp_bench.training.presence import Quality, Recipe, Rows, design, isotonic_knots
+from mtp_bench.types import Floats
+from tests.support.command_line import CommandLine
+
+FULL = Recipe((), terms="of nobody")
+SMALL = Recipe((), ("mean_score", "log_hits", "coasting"), products=False, calibrated=False)
+
+
+def made_up(n: int = 4000, scenes: int = 8, seed: int = 0) -> tuple[Rows, Floats]:
+    """Rows of scenes, and the true probability of each."""
+    rng = np.random.default_rng(seed)
+    hits = rng.integers(1, 9, n)
+    unseen = rng.integers(0, 3, n)
+    score = rng.normal(0.4, 0.2, n)
+    names = rng.choice(["car", "bus"], n)
+    truth = logistic(4 * score + hits - 2.5 * unseen - 3.0 * (names == "bus") - 1.5)
+    history = History(score, score, hits, hits + unseen, unseen, rng.uniform(0, 50, n), rng.uniform(0, 9, n))
+    scene = np.array([f"s{i}" for i in rng.integers(0, scenes, n)])
+    return Rows(history, names, rng.random(n) < truth, scene), truth
+
+
+@pytest.mark.parametrize("recipe", [FULL, SMALL], ids=["full", "small"])
+def test_evaluated_as_by_scikit_learn(recipe: Recipe, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(presence, "DIGITS", 17)
+    rows, _ = made_up()
+    estimator, bare = presence.logistic_regression(rows, recipe)
+    columns = design(bare.standardised(rows.history), rows.class_name, recipe.products)
+    ours = presence.said_by(presence.fit_logistic(rows, recipe), rows)
+    np.testing.assert_allclose(ours, estimator.predict_proba(columns)[:, 1], rtol=0, atol=1e-9)
+
+
+def test_calibration_is_isotonic_regression_at_the_centres_of_its_steps() -> None:
+    from sklearn.isotonic import IsotonicRegression
+
+    rng = np.random.default_rng(1)
+    p = np.sort(rng.random(100))  # one row per bin
+    present = rng.random(100) < p**2
+    level = IsotonicRegression(y_min=0, y_max=1).fit_transform(p, present)
+    knots = isotonic_knots(p, present)
+    assert (np.diff(knots) > 0).all()
+    for value in np.unique(level):
+        if 0 < value < 1:
+            assert np.interp(p[level == value].mean(), *knots) == pytest.approx(value, abs=1e-5)
+
+
+def test_calibration_without_anything_to_learn_from_changes_nothing() -> None:
+    p = np.linspace(0.1, 0.9, 50)
+    for present in (np.zeros(50, dtype=bool), np.ones(50, dtype=bool)):
+        assert isotonic_knots(p, present).tolist() == [[0, 1], [0, 1]]
+
+
+def test_a_fit_finds_the_probability_that_made_the_rows() -> None:
+    rows, truth = made_up(20_000)
+    model, said = presence.fit(rows, FULL)
+    fresh, fresh_truth = made_up(5000, seed=1)
+    assert np.abs(presence.said_by(model, fresh) - fresh_truth).mean() < 0.02
+    assert np.abs(said - truth).mean() < 0.03
+    assert Quality.of(said, rows.present).brier < Quality.of(presence.raw_score(rows), rows.present).brier
+    assert len(np.unique(presence.said_by(model, fresh))) > 4900  # no ties
+
+
+def test_scenes_are_never_on_both_sides() -> None:
+    rows, _ = made_up()
+    folds = presence.folds(rows)
+    assert np.sum(folds, axis=0).tolist() == [1] * len(rows.present)
+    for away in folds:
+        assert not set(rows.scene[away]) & set(rows.scene[~away])
+    with pytest.raises(MtpBenchError, match="there is only one scene"):
+        presence.folds(replace(rows, scene=np.full(len(rows.scene), "s")))
+
+
+def test_the_same_rows_give_the_same_file() -> None:
+    texts = []
+    for _ in range(2):
+        rows, _ = made_up()
+        model, said = presence.fit(rows, FULL)
+        quality = {"presence": vars(Quality.of(said, rows.present))}
+        texts.append(presence.as_json("mine", FULL, model, [], quality))
+    assert texts[0] == texts[1]
+    assert json.loads(texts[0])["terms"] == "of nobody"
+
+
+def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:
+    rows, _ = made_up()
+    model, _ = presence.fit(rows, FULL)
+    file = tmp_path / "mine.json"
+    file.write_text(presence.as_json("mine", FULL, model, [], {}))
+    stored, scores = read_model(file)
+    assert scores is None
+    np.testing.assert_array_equal(presence.said_by(stored, rows), presence.said_by(model, rows))
+
+
+def test_labels_are_those_of_the_rule_for_forecasts(card: str, kitti: str) -> None:
+    env = MTPEnv(card, kitti)
+    rows = presence.collect(load_scenes(card, data=kitti), load_card(card), env.task)
+    assert rows.present.any()
+    assert set(rows.class_name) <= set(env.task.classes)
+    assert len({len(getattr(rows.history, name)) for name in CHANGED} | {len(rows.present), len(rows.scene)}) == 1
+    assert all(np.isfinite(make(rows.history)).all() for make in FEATURES.values())
+
+
+CHANGED = ("last_score", "mean_score", "hits", "age", "unseen", "range", "speed")
+
+
+def test_scores_of_equal_rank() -> None:
+    here, there = np.array([0.9, 0.5, 0.4, 0.3]), np.array([0.8, 0.6, 0.1, 0.05, 0.01])
+    knots = presence.score_table(here, there)
+    assert knots.tolist() == [[0, 0.3, 0.4, 0.5, 0.9, 1], [0, 0.05, 0.1, 0.6, 0.8, 1]]
+    assert presence.score_table(np.zeros(0), there).tolist() == [[0, 1], [0, 1]]
+
+
+def test_the_quality_of_probabilities() -> None:
+    got = Quality.of(np.array([0.05, 0.05, 0.95, 1.0]), np.array([False, True, True, True]))
+    assert (got.rows, got.auc) == (4, round(2.5 / 3, 4))
+    assert got.reliability == [[0.05, 0.5, 2], [0.975, 1.0, 2]]
+    assert Quality.of(np.array([0.5]), np.array([True])).auc == 0.5
+
+
+def test_wrong_usage(cli: CommandLine) -> None:
+    assert cli("train", "presence", "megvi").status == 2
+    assert cli("train", "cut", "megvi").status == 2
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("detector", ["acf", "megvii", "centerpoint", "wildtrack_mvdet"])
+def test_the_command_gives_the_file_that_ships(cli: CommandLine, data_root: Path, detector: str) -> None:
+    assert cli.ok("train", "presence", detector, "--data", data_root) == (MODELS / f"{detector}.json").read_text()
+
+
+@pytest.mark.data
+def test_no_scored_scene_of_another_split_is_fitted_on(data_root: Path) -> None:
+    from mtp_bench.prediction.presence import fitted_on
+    from mtp_bench.training.split import open_split
+
+    for env_id in ("MTP-KITTI-v0", "MTP-PETS-v0", "MTP-WILDTRACK-v0"):
+        split = open_split(env_id, RunOptions(str(data_root)))
+        assert not set(split.names) & set(fitted_on(split.card.detector_name))
