@@ -48,7 +48,8 @@ def test_a_comparison(
 
     content = read_json(file)
     assert list(content) == [
-        "env", "definitions", "rows", "condition", "paired", "details", "skipped", "sensitivity",
+        "env", "definitions", "rows", "condition", "paired", "details", "skipped", "trained_on_scored",
+        "sensitivity",
     ]  # fmt: skip
     assert [at["cut"] for at in content["sensitivity"]] == [0.1, 0.2, 0.3]
     assert list(content["sensitivity"][0]["all"]) == list(sensitivity.AGENTS)
