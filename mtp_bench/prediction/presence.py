@@ -115,7 +115,8 @@ class PresenceModel:
 
     def calibrated(self, probability: Floats) -> Floats:
         """Probabilities after calibration."""
-        return np.interp(probability, *self.knots)
+        before, after = self.knots
+        return np.asarray(np.interp(probability, before, after))
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +137,7 @@ class ScoreMap:
 
 def logistic(logit: Floats) -> Floats:
     """1 / (1 + exp(-logit)), without overflow."""
-    return 0.5 * (1 + np.tanh(0.5 * logit))
+    return np.asarray(0.5 * (1 + np.tanh(0.5 * logit)))
 
 
 @final
