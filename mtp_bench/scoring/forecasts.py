@@ -15,7 +15,7 @@ from .cuts import Cuts, cuts_of
 from .definitions import CURVE_KS
 from .displacement import displacement, floored, k_curve, sample_errors
 from .matching import Matched, columns_to_rows, match
-from .neutral import unconfirmable
+from .neutral import neutral_places
 from .pairs import Pairs, Rows, box_pairs
 from .targets import Targets
 
@@ -98,10 +98,8 @@ class Candidates:
     @cached_property
     def neutral_place(self) -> Bools:
         """Forecasts [S] at places where no label could confirm an object."""
-        forecasts, image = self.forecasts, self.scene.image
-        if image is None:
-            return np.zeros(len(forecasts.frame), dtype=bool)
-        return unconfirmable(image, forecasts.frame, forecasts.box[:, :2], forecasts.class_id)
+        forecasts = self.forecasts
+        return neutral_places(self.scene, forecasts.frame, forecasts.box[:, :2], forecasts.class_id)
 
 
 def candidates(scene: Scene, targets: Targets, forecasts: Forecasts, live: Bools, card: Card) -> Candidates:

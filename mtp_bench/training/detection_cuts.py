@@ -17,6 +17,7 @@ from ..errors import MtpBenchError
 from ..prediction.presence import file_of, read_model
 from ..running.options import DEFAULTS, RunOptions
 from ..scoring.forecasts import match_objects
+from ..scoring.neutral import evaluated, neutral_places
 from ..tracking import HypothesisTracker
 from ..types import Floats, Ints, Scene, Task
 from .presence import LIKE, Scenes, scenes_of
@@ -115,7 +116,7 @@ def as_toml(detector: str, cuts: dict[str, float]) -> str:
 def _true_scores(drive: Drive) -> list[Floats]:
     """Scores of the detections of true objects, by class."""
     parts: list[list[Floats]] = [[] for _ in drive.task.classes]
-    for scene in drive.scenes:
+    for scene in map(evaluated, drive.scenes):
         seen = scene.detections
         found = match_objects(scene.truth, seen.frame_of_rows, seen.box, seen.class_id, drive.card)
         row = found.object_of_truth[~scene.truth.neutral]
@@ -133,7 +134,9 @@ def _count(scene: Scene, drive: Drive, tracker: HypothesisTracker) -> Ints:
     box, class_id, track_id = (
         np.concatenate([getattr(tracks, key) for tracks in said]) for key in ("box", "class_id", "track_id")
     )
+    scene = evaluated(scene)
     found = match_objects(scene.truth, frame, box, class_id, drive.card)
+    false = found.unmatched & ~neutral_places(scene, frame, box[:, :2], class_id)
     true = ~scene.truth.neutral
     row, kind = found.object_of_truth[true], scene.truth.class_id[true]
     matched = row >= 0
@@ -142,7 +145,7 @@ def _count(scene: Scene, drive: Drive, tracker: HypothesisTracker) -> Ints:
     switched = (thing[1:] == thing[:-1]) & (track[1:] != track[:-1])
     switches = np.bincount(kind[matched][order][1:][switched], minlength=len(drive.task.classes))
     counted = [
-        np.bincount(ids, minlength=len(drive.task.classes)) for ids in (kind, class_id[found.unmatched], kind[~matched])
+        np.bincount(ids, minlength=len(drive.task.classes)) for ids in (kind, class_id[false], kind[~matched])
     ]
     return np.stack([*counted, switches], axis=1)
 

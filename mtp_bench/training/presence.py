@@ -19,6 +19,7 @@ from ..errors import MtpBenchError
 from ..prediction.presence import FEATURES, History, PresenceModel, history_of, logistic
 from ..running.options import DEFAULTS, RunOptions
 from ..scoring.forecasts import match_objects
+from ..scoring.neutral import evaluated, neutral_places
 from ..tracking import HypothesisTracker
 from ..tracks import Tracks
 from ..types import Bools, Floats, Scene, Task
@@ -165,11 +166,12 @@ def _scene_rows(scene: Scene, card: Card, task: Task) -> Iterator[Rows]:
         said.append((tracks, history_of(tracks, {"ego_pose": scene.ego[t]}, task.dt)))
     frame = np.repeat(np.arange(len(said)), [len(tracks.box) for tracks, _ in said])
     box, class_id = (np.concatenate([getattr(tracks, key) for tracks, _ in said]) for key in ("box", "class_id"))
-    found = match_objects(scene.truth, frame, box, class_id, card)
+    truth = evaluated(scene).truth
+    found = match_objects(truth, frame, box, class_id, card)
     present = np.zeros(len(frame), dtype=bool)
-    row = found.object_of_truth[~scene.truth.neutral]
+    row = found.object_of_truth[~truth.neutral]
     present[row[row >= 0]] = True
-    kept = present | found.unmatched
+    kept = present | (found.unmatched & ~neutral_places(scene, frame, box[:, :2], class_id))
     history = History(**{f.name: np.concatenate([getattr(h, f.name) for _, h in said])[kept] for f in fields(History)})
     if kept.any():
         names = np.array(task.classes)[class_id[kept]]
@@ -399,4 +401,4 @@ def _those(rows: Rows, kept: Bools) -> Rows:
 
 def _rounded(values: Floats) -> Floats:
     """To DIGITS significant digits."""
-    return np.asarray(np.vectorize(lambda value: float(f"{value:.{DIGITS}g}"), otypes=[np.float64])(values))
+    return np.array([float(f"{value:.{DIGITS}g}") for value in values.ravel()]).reshape(values.shape)

@@ -61,7 +61,12 @@ class Annotations:
     def ignored(self, class_name: str) -> Bools:
         """Rows that count neither as found nor as missed."""
         beside = np.isin(self.labels.type, NEIGHBOURS[class_name])
-        return np.asarray(beside | (self.labels.truncated > 0) | (self.labels.occluded > MAX_OCCLUSION))
+        return beside | hidden_in_image(self.labels)
+
+
+def hidden_in_image(labels: Labels) -> Bools:
+    """Rows that AB3DMOT's evaluation ignores: cut off at the border of the image, or occluded."""
+    return np.asarray((labels.table.whole("truncated") > 0) | (labels.table.whole("occluded") > MAX_OCCLUSION))
 
 
 @dataclass
@@ -93,9 +98,12 @@ def read_annotations(root: Path, scene: Scene, ego_motion: bool) -> Annotations:
 
 def detection_image_boxes(root: Path, scene: Scene, classes: tuple[str, ...]) -> Floats:
     """Image boxes [R, 4] of the detections of ``scene``, in their order."""
-    parts = [read_detections(root / f"detections/pointrcnn/{TYPES[name][0]}/{scene.name}.txt") for name in classes]
+    parts = [
+        read_detections(root / f"detections/pointrcnn/{kind}/{scene.name}.txt", kind, code)
+        for kind, code in (TYPES[name] for name in classes)
+    ]
     order = np.argsort(np.concatenate([part.frame for part in parts]), kind="stable")
-    image_box = np.concatenate([part.image_box for part in parts])[order]
+    image_box = np.concatenate([part.table.value[:, 2:6] for part in parts])[order]
     np.testing.assert_array_equal(np.concatenate([part.score for part in parts])[order], scene.detections.score)
     return image_box
 

@@ -26,6 +26,7 @@ from tests.support.kitti_mot import (
     count_scene,
     detection_image_boxes,
     finish,
+    hidden_in_image,
     read_annotations,
 )
 from tests.support.tracking_scenes import kitti_task
@@ -141,7 +142,7 @@ def count_events(runs: list[Run], card: Card, vans: bool = False) -> Counter[str
 def hidden(run: Run, keep: Bools) -> Bools:
     """True boxes that AB3DMOT's evaluation ignores."""
     labels = run.truth.labels
-    ignored = (labels.truncated > 0) | (labels.occluded > 2)
+    ignored = hidden_in_image(labels)
     by_name = dict(zip(zip(labels.frame.tolist(), labels.object_id.tolist(), strict=True), ignored, strict=True))
     frame, object_id = run.scene.truth.frame_of_rows[keep], run.scene.truth.object_id[keep]
     return np.array([by_name[t, o] for t, o in zip(frame.tolist(), object_id.tolist(), strict=True)])
