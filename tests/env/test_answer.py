@@ -151,6 +151,21 @@ CASES: dict[str, Case] = {
     "sample weight +inf": thing(put("forecast_log_weight", (0, 0), np.inf), "forecast_log_weight: NaN or +inf"),
     "one sample absent": Case(put("forecast_log_weight", (0, 0), -np.inf)),
     "all samples absent": thing(put("forecast_log_weight", 0, -2e30), "forecast_log_weight: no sample present"),
+    "confidence NaN": thing(put("object_confidence", 0, np.nan), "object_confidence: no probability"),
+    "confidence above 1": thing(put("object_confidence", 0, 1.001), "object_confidence: no probability"),
+    "confidence below 0": thing(put("object_confidence", 0, -1e-3), "object_confidence: no probability"),
+    "confidence 0 and 1": Case(put("object_confidence", slice(0, 2), [0, 1])),
+    "no confidence": Case(drop("object_confidence")),
+    "confidences of another shape": no_object(
+        swap("object_confidence", np.ones(5)), "object_confidence: has shape (5,)"
+    ),
+    "no parents": Case(drop("hypothesis_parent")),
+    "parents of floats": Case(
+        cast("hypothesis_parent", float), "hypothesis_parent: has dtype float64", (), hypotheses=0, counted=(0, 2, 0)
+    ),
+    "an unknown parent": Case(
+        put("hypothesis_parent", 0, 3), "hypothesis_parent: unknown", (10, 11, 12), 2, 1, (0, 1, 0)
+    ),
     "object mask missing": no_object(drop("object_valid"), "object_valid: is missing", 4),
     "forecasts missing": no_object(drop("forecast"), "forecast: is missing"),
     "forecasts with another k": no_object(swap("forecast", np.zeros((4, 5, 3, 2))), "forecast: has shape (4, 5, 3, 2)"),
@@ -172,6 +187,7 @@ def test_broken_rows_are_taken_out_counted_and_named(case: str) -> None:
     assert len(answer.object_box) == len(answer.forecast) == len(answer.forecast_log_weight) == objects
     assert np.isfinite(answer.hypothesis_log_weight).sum() == hypotheses
     assert tuple(answer.invalid) == counted
+    assert answer.malformed.sum() == counted[2]
     for weight in (answer.hypothesis_log_weight, *answer.forecast_log_weight):
         assert np.exp(weight).sum() == pytest.approx(1.0 if np.isfinite(weight).any() else 0.0)
     assert np.isfinite(answer.track_box).all()
@@ -215,6 +231,38 @@ def test_tracks_keep_what_was_said_of_them() -> None:
     np.testing.assert_array_equal(answer.track_box, action["track_box"][:4])
     np.testing.assert_array_equal(answer.member, action["hypothesis_member"][:, :4].T.astype(bool))
     np.testing.assert_allclose(answer.hypothesis_log_weight[:2], [-np.log1p(np.exp(-1)), -1 - np.log1p(np.exp(-1))])
+
+
+def test_confidences_and_parents_are_those_said_or_1_and_none() -> None:
+    answer = decode(full_action(TASK), TASK)
+    assert answer.object_confidence.tolist() == [0.75, 0.75]
+    assert answer.hypothesis_parent.tolist() == [1, 0, -1]
+    silent = decode(
+        {k: v for k, v in full_action(TASK).items() if k not in ("object_confidence", "hypothesis_parent")}, TASK
+    )
+    assert silent.object_confidence.tolist() == [1.0, 1.0]
+    assert silent.hypothesis_parent.tolist() == [-1, -1, -1]
+
+
+MALFORMED: dict[str, tuple[Break, list[int]]] = {
+    # what is broken, false forecasts that it counts as: cars, walkers, without a class (5 cars and 1 walker are seen)
+    "nothing": (lambda action: None, [0, 0, 0]),
+    "a walker": (both(put("object_class", 1, 1), put("object_box", (1, 0), np.nan)), [0, 1, 0]),
+    "an unknown class": (put("object_class", 1, 7), [0, 0, 1]),
+    "what is not there": (put("object_box", (3, 0), np.nan), [0, 0, 0]),
+    "no forecasts": (drop("forecast"), [5, 1, 0]),
+    "no mask": (drop("object_valid"), [5, 1, 0]),
+    "tracks only": (drop("track_box"), [0, 0, 0]),
+    "nothing said at all": (lambda action: action.clear(), [5, 1, 0]),
+}
+
+
+@pytest.mark.parametrize(("change", "want"), MALFORMED.values(), ids=MALFORMED.keys())
+def test_what_a_broken_answer_counts_as(change: Break, want: list[int]) -> None:
+    action = full_action(TASK)
+    change(action)
+    assert decode(action, TASK, detected=np.array([5, 1])).malformed.tolist() == want
+    assert decode(None, TASK, detected=np.array([5, 1])).malformed.tolist() == [5, 1, 0]
 
 
 def test_absent_samples_hold_zeros_whatever_was_there() -> None:

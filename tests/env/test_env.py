@@ -441,7 +441,7 @@ def test_breaking_the_contract_never_pays(case: str, complete: bool, make_env: M
     answer = echo(env)
 
     def broken(observation: dict[str, Any]) -> Action:
-        action = answer(observation)
+        action = {**answer(observation), "object_confidence": np.ones(4, dtype=np.float32)}
         CASES[case].change(action)
         return action
 
@@ -464,8 +464,9 @@ def test_breaking_the_contract_never_pays(case: str, complete: bool, make_env: M
 
 def test_an_answer_that_cannot_be_read_is_a_false_forecast_per_detection(make_env: MakeEnv) -> None:
     env = make_env(make_scene(empty=(2,)))
-    for nothing in (None, {}, "forecast", {"forecast": 3}):
-        _, rewards = play(env, lambda observation: nothing)  # type: ignore[arg-type]  # noqa: B023
+    unreadable: list[Any] = [None, {}, "forecast", {"forecast": 3}]
+    for nothing in unreadable:
+        _, rewards = play(env, lambda observation, said=nothing: said)  # type: ignore[misc]
         assert rewards[1] == rewards[3] == -(3 * 2.0 + 3 * 1.0)
         assert rewards[2] == -3 * 2.0
         assert sum(rewards) == -fixed_error(env)

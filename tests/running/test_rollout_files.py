@@ -255,4 +255,4 @@ def test_the_digest_is_of_values() -> None:
 
 
 def test_the_digest_stays() -> None:
-    assert digest(make_rollout()) == "d6fb456c0c3ab33195d3b7f537224413fa36f597d6cb899900c0b7b55dfc287c"
+    assert digest(make_rollout()) == "61a4a7ede357ccfb8cdb1bdff89c2cff6c56370c87777eb5e34d166b9c048b1c"

@@ -144,6 +144,8 @@ def full_action(rules: Task) -> Action:
     action["object_box"][:2, 0] = [1, 5]
     action["forecast"][:2, :2] = [[[1, 0], [2, 0], [3, 0]], [[0, 1], [0, 2], [0, 3]]]
     action["forecast_log_weight"][:2, :2] = [0.0, -0.5]
+    action["object_confidence"] = np.full(rules.objects, 0.75, dtype=np.float32)
+    action["hypothesis_parent"] = np.array([1, 0, *[-1] * (rules.hypotheses - 2)])
     return action
 
 
