@@ -127,13 +127,13 @@ def crowded(scene: Scene, rollout: Rollout) -> NDArray[np.float64]:
         return np.zeros(0)
     place = np.column_stack([rollout.object_box[:, :2], 1e4 * frames_of(rollout)])
     near = cKDTree(place).query_ball_point(place, 5.0, return_length=True) - 1
-    return np.minimum(near / 4.0, 1.0)
+    return np.asarray(np.minimum(near / 4.0, 1.0))
 
 
 def moving(scene: Scene, rollout: Rollout) -> NDArray[np.float64]:
     """How far each forecast goes, as a share of 10 m."""
     end = rollout.forecast[:, :, -1].astype(np.float64).mean(axis=1) / 100.0
-    return np.minimum(np.hypot(end[:, 0], end[:, 1]) / 10.0, 1.0)
+    return np.asarray(np.minimum(np.hypot(end[:, 0], end[:, 1]) / 10.0, 1.0))
 
 
 def sure(rollout: Rollout) -> NDArray[np.float64]:

@@ -13,11 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from mtp_bench import Observation, Tracks
+from mtp_bench import Observation, Pipeline, Tracks
 from mtp_bench.env.environment import MTPEnv
-from mtp_bench.running.run import agent_task, run_scene
+from mtp_bench.prediction import KinematicPredictor, KMeansSampler
+from mtp_bench.running.run import run_scene
 from mtp_bench.scoring import AgentScores, SceneScore, score_scene, summarise
-from mtp_bench.submission.loader import load_submission
 from mtp_bench.tracking import HypothesisTracker
 
 
@@ -25,15 +25,15 @@ class Watched(HypothesisTracker):
     """A tracker that counts the frames in which its stated parents fit."""
 
     frames = fitting = 0
-    _before: Tracks | None = None
+    before: Tracks | None = None
 
     def step(self, observation: Observation) -> Tracks:
         """Tracks after this frame."""
         tracks = super().step(observation)
-        if self._before is not None:
+        if self.before is not None:
             self.frames += 1
-            self.fitting += fits(self._before, tracks)
-        self._before = tracks
+            self.fitting += fits(self.before, tracks)
+        self.before = tracks
         return tracks
 
 
@@ -67,16 +67,14 @@ def main() -> None:
     table = Table(title=given.env)
     for column in ("H", "parents", "frames that fit", "ids", "lost", "reacquired", "ids in all", "frag in all"):
         table.add_column(column, justify="right")
-    submission = load_submission("mtp")
     for count in given.hypotheses:
         env = MTPEnv(given.env, data=given.data, evaluation=True)
         tracker = Watched(count)
+        agent = Pipeline(tracker, KinematicPredictor(), KMeansSampler())
         stated: list[SceneScore] = []
         guessed: list[SceneScore] = []
         for name in env.scene_names[: given.scenes]:
-            agent = submission.build(agent_task(env, 0), hypotheses=count)
-            tracker._before = None
-            agent._tracker = tracker
+            tracker.before = None
             rollout = run_scene(agent, env, name, 0)
             stated.append(score_scene(env.scene, rollout, env.card))
             unsaid = replace(rollout, hypothesis_parent=np.full_like(rollout.hypothesis_parent, -1))

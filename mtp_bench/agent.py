@@ -159,7 +159,7 @@ class Pipeline:
         """Confidence [O]: the mean over hypotheses, by their weight, of the presence of what they hold."""
         sure = np.ones(len(tracks.box)) if self._presence is None else self._presence.probability(tracks, observation)
         held = np.append(sure, 0.0)[objects.leaf]  # a hypothesis that holds none has leaf -1
-        return np.minimum(held @ np.exp(tracks.log_weight), 1.0)
+        return np.asarray(np.minimum(held @ np.exp(tracks.log_weight), 1.0))
 
     def _forecast(self, tracks: Tracks, leaf: Ints, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """Samples [O, K, T, 2] and log-weights [O, K] of objects that hypotheses hold as the tracks ``leaf`` [O, H]."""

@@ -40,15 +40,13 @@ def compare(
     if at is not None:
         with working("cuts", options) as watched:
             further["sensitivity"] = sensitivity(on.env, result.reference, watched, at)
-    ran = {setting.submission.name: setting.submission for setting in result.settings}
-    trained = {name: note for name, each in ran.items() if (note := each.note_on(result.report.env)) is not None}
-    content = result.report.to_json("condition", "paired", "details")
-    content |= {"skipped": result.skipped, "trained_on_scored": trained}
+    content = result.report.to_json("condition", "paired", "details") | {"skipped": result.skipped}
     parts = {name: [row.model_dump(mode="json") for row in rows] for name, rows in further.items()}
     write_json(json_file, content | parts)
+    ran = dict.fromkeys(setting.submission.name for setting in result.settings)
     show_lines(verdict(result.report, [name for name in ran if name in agents or name not in CONTROLS]), "- ")
     show("")
-    show_report(result.report, count(seeds, "seed"), result.skipped, full, trained)
+    show_report(result.report, count(seeds, "seed"), result.skipped, full)
     for rows in further.values():
         show("")
         show_numbers(sensitivity_table(rows))

@@ -49,13 +49,8 @@ def fail(text: str) -> None:
     raise SystemExit(1)
 
 
-def show_report(
-    report: Report, of: str, skipped: Mapping[str, int], full: bool, trained: Mapping[str, str] | None = None
-) -> None:
-    """Print the table of a report ``of`` something, what its numbers hold for, and with ``full`` all other tables.
-
-    ``trained``: what has to be said of a submission that was trained on scored scenes, by its name.
-    """
+def show_report(report: Report, of: str, skipped: Mapping[str, int], full: bool) -> None:
+    """Print the table of a report ``of`` something, what its numbers hold for, and with ``full`` all other tables."""
     from ..running.reading import skipped_line
     from ..viz.terminal.output import show, show_lines, show_numbers
     from ..viz.terminal.tables import full_tables, main_table, notes
@@ -64,10 +59,7 @@ def show_report(
     show_numbers(main_table(report))
     show_lines(notes(report))
     data = f"split {condition['split']}, {condition['detections']}; truth: {condition['truth']}"
-    show_lines([f"{of}; {data}", condition["weights"]])
-    known = trained or {}
-    for note in dict.fromkeys(known.values()):
-        show_lines([f"{note}: {', '.join(name for name in known if known[name] == note)}"])
+    show_lines([f"{of}; {data}", condition["weights"], *([condition["trained"]] if "trained" in condition else [])])
     show_lines([line for line in [skipped_line(skipped)] if line is not None])
     for table in full_tables(report) if full else ():
         show("")

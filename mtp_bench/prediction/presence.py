@@ -136,7 +136,7 @@ class ScoreMap:
 
 def logistic(logit: Floats) -> Floats:
     """1 / (1 + exp(-logit)), without overflow."""
-    return 0.5 * (1 + np.tanh(0.5 * logit))
+    return np.asarray(0.5 * (1 + np.tanh(0.5 * logit)))
 
 
 @final

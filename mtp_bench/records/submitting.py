@@ -73,7 +73,9 @@ def submit(
     options.progress.started((len(options.seeds) + 1) * len(plan.scenes))
     runs = {seed: run_seed(plan, seed, limits) for seed in options.seeds}
     found = evaluate_plan(plan, runs, reference, watched=True)
-    more: dict[str, Any] = {"division": division, "training_data": [*submission.training_data, *training_data]}
+    note = submission.note_on(plan.card.id)
+    declared = [*submission.training_data, *training_data, *([note] if note else [])]
+    more: dict[str, Any] = {"division": division, "training_data": declared}
     if options.workers.scheduler is not None:
         more["hardware"] = parallel_map(hardware, [()], options.workers)[0]
     record = _record(plan, runs, found, limits).model_copy(update=more)

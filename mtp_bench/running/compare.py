@@ -57,8 +57,19 @@ def compare(names: Sequence[str], env_id: str, options: RunOptions = DEFAULTS) -
     own = {name: Ends(*(of_end[further.index(end)] for end in pair)) if pair else None for name, pair in ends.items()}
     reference = reference_for(card, scenes, options)
     report = summarise(agents[: len(settings)], card, reference, stp=STP, truth=TRUTH, own_ends=own)
+    report.condition.update(_notes(settings, card.id))
     skipped = total_skipped(score.skipped for score in scores[: len(scenes)])  # every setting reads the same scenes
     return Comparison(report, reference, tuple(settings), skipped)
+
+
+def _notes(settings: Sequence[Setting], env_id: str) -> dict[str, str]:
+    """Who was trained on what these scores are of, under the one key "trained"; nothing where nobody was."""
+    told: dict[str, list[str]] = {}
+    for submission in {s.submission.name: s.submission for s in settings}.values():
+        note = submission.note_on(env_id)
+        if note is not None:
+            told.setdefault(note, []).append(submission.name)
+    return {"trained": "; ".join(f"{note}: {', '.join(names)}" for note, names in told.items())} if told else {}
 
 
 def _agent(setting: Setting, seeds: Sequence[tuple[SceneScore, ...]]) -> AgentScores:

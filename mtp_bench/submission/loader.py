@@ -46,7 +46,7 @@ class Submission:
         return _digest(self.path, _files(self.path))
 
     def note_on(self, env_id: str) -> str | None:
-        """What tables and records have to say beside scores in an env: what was trained on the scenes that it scores."""
+        """What tables and records say beside scores in an env: what was trained on the scenes that it scores."""
         what = self.trained_on_scored.get(env_id)
         return None if what is None else f"{what} trained on scored scenes"
 

@@ -399,4 +399,4 @@ def _those(rows: Rows, kept: Bools) -> Rows:
 
 def _rounded(values: Floats) -> Floats:
     """To DIGITS significant digits."""
-    return np.vectorize(lambda value: float(f"{value:.{DIGITS}g}"), otypes=[np.float64])(values)
+    return np.asarray(np.vectorize(lambda value: float(f"{value:.{DIGITS}g}"), otypes=[np.float64])(values))

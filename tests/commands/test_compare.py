@@ -48,8 +48,7 @@ def test_a_comparison(
 
     content = read_json(file)
     assert list(content) == [
-        "env", "definitions", "rows", "condition", "paired", "details", "skipped", "trained_on_scored",
-        "sensitivity",
+        "env", "definitions", "rows", "condition", "paired", "details", "skipped", "sensitivity",
     ]  # fmt: skip
     assert [at["cut"] for at in content["sensitivity"]] == [0.1, 0.2, 0.3]
     assert list(content["sensitivity"][0]["all"]) == list(sensitivity.AGENTS)

@@ -55,9 +55,7 @@ class NearestAgent:
         confidence = self._hits[sure] / (self._hits[sure] + 1) * np.exp(-self._unseen[sure])
         tracks = Tracks.of_one_hypothesis(self._id, self._box, self._class)
         forecasts = self._forecasts(sure)
-        return answer(
-            self._task, self._box[sure], self._class[sure], forecasts, confidence=confidence, tracks=tracks
-        )
+        return answer(self._task, self._box[sure], self._class[sure], forecasts, confidence=confidence, tracks=tracks)
 
     def _pairs(self, box: Array, class_id: Array) -> tuple[Array, Array]:
         """Tracks and the detections they take, the nearest pair first."""
