@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..cards import Card
 from ..errors import ShapeError
 from ..types import Bools, Floats
 from .definitions import CURVE_BUDGETS, DISTANCE_BINS, EPA_ALPHA, FORECAST_AP_GATES, PLANNING_SIGMA
+from .identity import hota, idf1
 from .rows import Bin, Clear, Details, Errors, Reliability, Tracking
 from .score import EXCUSED, FALSE, KINDS, RIGHT
 from .statistics import ratio
@@ -20,6 +21,7 @@ from .table import AgentTable, run_errors
 
 OWN = ("own_ids", "own_frag", "all_h_ids", "all_h_frag")
 _COUNTS = ("truth", "tp", "fp", "fn", "ids", "frag", "cost")
+_IDENTITY = ("shared", "hits", "association")
 _RECALLS = 101  # points of the precision-recall curve
 _LEAST = 0.1  # recall and precision below do not count, as in nuScenes detection
 _RANGES = 10  # of confidence
@@ -173,18 +175,19 @@ def _own(table: AgentTable, name: str) -> Errors:
 
 
 def _tracking(counts: list[StreamCounts], card: Card, complete: bool) -> Tracking:
-    """CLEAR numbers of all classes and per class; false output only where the truth is complete."""
+    """Tracking numbers of all classes and per class; false output only where the truth is complete."""
     summed = {name: np.sum([getattr(count, name) for count in counts], axis=0) for name in _COUNTS}
+    summed |= {name: np.sum([getattr(count.identity, name) for count in counts], axis=0) for name in _IDENTITY}
     classes = enumerate(card.task.classes)
     return Tracking(
-        all=_clear({name: value.sum() for name, value in summed.items()}, card, complete),
+        all=_clear({name: value.sum(axis=0) for name, value in summed.items()}, card, complete),
         classes={name: _clear({k: v[i] for k, v in summed.items()}, card, complete) for i, name in classes},
         false_positives=sum(count.false_positives for count in counts) if complete else None,
         false_tracks=sum(count.false_tracks for count in counts) if complete else None,
     )
 
 
-def _clear(count: dict[str, np.generic | NDArray[np.generic]], card: Card, complete: bool) -> Clear:
+def _clear(count: dict[str, Any], card: Card, complete: bool) -> Clear:
     truth, tp, fp, fn, switches, fragments, cost = (float(count[name]) for name in _COUNTS)
     mean = ratio(cost, tp)
     return Clear(
@@ -195,6 +198,8 @@ def _clear(count: dict[str, np.generic | NDArray[np.generic]], card: Card, compl
         FRAG=int(fragments),
         MOTA=1.0 - (fn + fp + switches) / truth if complete and truth else None,
         MOTP=None if mean is None else 1.0 - mean if card.task.event_gate.measure == "iou_3d" else mean,
+        IDF1=idf1(float(count["shared"]), truth, tp + fp) if complete else None,
+        HOTA=hota(count["hits"], count["association"], truth, tp + fp) if complete else None,
     )
 
 

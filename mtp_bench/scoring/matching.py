@@ -65,6 +65,25 @@ def match(pairs: Pairs, rows: int) -> Matched:
     return matched
 
 
+def match_best(pairs: Pairs, rows: int) -> Matched:
+    """Column matched to each row [rows], -1 for none: of least total cost, whatever the number of pairs.
+
+    All costs are below 0, so no pair is left out that could be added.
+    """
+    matched = np.full(rows, -1, dtype=np.intp)
+    rest = _settle_single(pairs, matched)
+    if len(rest):
+        contested = _components(rest)
+        star = np.minimum(contested.rows, contested.columns) == 1
+        _settle_star(contested.keep(star), matched)
+        large = contested.keep(~star)
+        row, column, cost = large.pairs.row, large.pairs.column, large.pairs.cost
+        for low, high in large.parts():
+            chosen = low + _cheapest(large.local_row[low:high], large.local_column[low:high], cost[low:high])
+            matched[row[chosen]] = column[chosen]
+    return matched
+
+
 def match_sticky(pairs: Pairs, rows: int, earlier_row: Ints, earlier_column: Ints) -> Matched:
     """Column matched to each row [rows], -1 for none; pairs of the previous frame that are still inside are kept first.
 
@@ -174,14 +193,18 @@ def _assign(row: Rows, column: Rows, cost: Floats) -> Rows:
     rows, columns = int(row.max()) + 1, int(column.max()) + 1
     if min(rows, columns) == 1:
         return np.array([np.argmin(cost)], dtype=np.intp)
-    from scipy.optimize import linear_sum_assignment
-
     least = float(cost.min())
     spread = float(cost.max()) - least
     # one more pair always outweighs any sum of costs, without the rounding that a fixed huge number brings
-    dense = np.full((rows, columns), (min(rows, columns) + 1) * spread if spread > 0 else 1.0)
-    dense[row, column] = cost - least
-    place = np.full((rows, columns), -1, dtype=np.intp)
-    place[row, column] = np.arange(len(row))
+    return _cheapest(row, column, cost - least, (min(rows, columns) + 1) * spread if spread > 0 else 1.0)
+
+
+def _cheapest(row: Rows, column: Rows, cost: Floats, absent: float = 0.0) -> Rows:
+    """Places of the pairs of the cheapest full assignment, in which a pair that is not there costs ``absent``."""
+    from scipy.optimize import linear_sum_assignment
+
+    shape = int(row.max()) + 1, int(column.max()) + 1
+    dense, place = np.full(shape, absent), np.full(shape, -1, dtype=np.intp)
+    dense[row, column], place[row, column] = cost, np.arange(len(row))
     chosen = place[linear_sum_assignment(dense)]
     return np.asarray(chosen[chosen >= 0])

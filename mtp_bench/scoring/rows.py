@@ -105,7 +105,7 @@ class Bin(Section):
 
 
 class Clear(Section):
-    """CLEAR numbers; None where a false positive cannot be known because the truth is not complete."""
+    """Tracking numbers; None where a false positive cannot be known because the truth is not complete."""
 
     TP: Count
     FP: Count | None
@@ -114,10 +114,12 @@ class Clear(Section):
     FRAG: Count
     MOTA: float | None
     MOTP: float | None  # mean IoU or mean distance in metres, as the event gate measures
+    IDF1: float | None
+    HOTA: float | None
 
 
 class Tracking(Section):
-    """CLEAR numbers of the first seed, and its false output."""
+    """Tracking numbers of the first seed, and its false output."""
 
     all: Clear
     classes: dict[str, Clear]

@@ -1,4 +1,4 @@
-"""CLEAR counts of what an agent outputs: the tracks of its best hypothesis of every frame, by their ids as given."""
+"""Tracking counts of what an agent outputs: the tracks of its best hypothesis of every frame, by their ids as given."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from ..types import Ints, Rollout, Truth
+from ..types import Bools, Floats, Ints, Rollout, Truth
 from .events import clear_identity, history, object_history
 from .forecasts import match_neutral_last, offer_neutral
-from .lineage import Hypotheses, event_pairs
-from .matching import match_sticky
-from .pairs import Rows, of_columns
+from .identity import IdentityCounts, identity_counts
+from .lineage import Hypotheses
+from .matching import columns_to_rows, match_sticky
+from .pairs import Pairs, Rows, box_pairs
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,13 +30,15 @@ class StreamCounts:
     cost: NDArray[np.float64]  # summed over matched pairs: m, or 1 - IoU, as the event gate measures
     false_positives: int  # unmatched boxes in frame mode
     false_tracks: int  # ids matched in no frame of their life, in frame mode
+    identity: IdentityCounts
 
 
 def stream_counts(truth: Truth, rollout: Rollout, lineage: Hypotheses, card: Card) -> StreamCounts:
     """CLEAR counts (sticky mode) and false output (frame mode) of the best hypothesis of every frame."""
     frame = rollout.tracks.frame_of_rows
     chosen = np.flatnonzero(lineage.member[np.arange(len(frame)), lineage.best[frame]])
-    pairs = of_columns(event_pairs(truth, rollout, card), chosen, len(frame))
+    near, similarity, inside = _near_pairs(truth, rollout, frame, chosen, card)
+    pairs = near.keep(inside)
     own = pairs.keep(~truth.neutral[pairs.row])
     objects = object_history(truth)
     tracks = history(frame[chosen], rollout.track_id[chosen])
@@ -49,6 +52,10 @@ def stream_counts(truth: Truth, rollout: Rollout, lineage: Hypotheses, card: Car
     in_frame = match_neutral_last(pairs, truth.neutral, len(chosen)).unmatched
     ids, number = np.unique(rollout.track_id[chosen], return_inverse=True)
     count = len(card.task.classes) + 1
+    excused = ~wrong & (columns_to_rows(matched, len(chosen)) < 0)
+    object_of = np.where(truth.neutral, -1, np.unique(truth.object_id, return_inverse=True)[1])
+    track_of = np.where(excused, -1, number)
+    counted = (object_of[near.row] >= 0) & (track_of[near.column] >= 0)
 
     def per_class(rows: Rows) -> NDArray[np.intp]:
         return np.bincount(truth.class_id[rows], minlength=count)
@@ -65,4 +72,23 @@ def stream_counts(truth: Truth, rollout: Rollout, lineage: Hypotheses, card: Car
         cost=np.bincount(truth.class_id[row], weights=cost[row], minlength=count).astype(np.float64),
         false_positives=int(in_frame.sum()),
         false_tracks=int((np.bincount(number, weights=~in_frame, minlength=len(ids)) == 0).sum()),
+        identity=identity_counts(
+            near.keep(counted), similarity[counted], inside[counted], object_of, track_of, truth.class_id, count
+        ),
     )
+
+
+def _near_pairs(truth: Truth, rollout: Rollout, frame: Ints, chosen: Rows, card: Card) -> tuple[Pairs, Floats, Bools]:
+    """Pairs of true boxes and the ``chosen`` tracks, their similarity, which is above 0, and which are in the gate."""
+    gate, limit = card.task.event_gate, np.array(card.per_class(card.task.event_gate.threshold))
+    overlap = gate.measure == "iou_3d"
+    reach = np.full(len(limit), 1e-9) if overlap else 2.0 * limit  # half as similar as can be at the gate
+    boxes = frame[chosen], rollout.track_box[chosen], rollout.track_class[chosen]
+    at = truth.frame_of_rows, truth.box, truth.class_id
+    near = box_pairs(*at, *boxes, gate.measure, tuple(reach.tolist()))
+    here = limit[truth.class_id[near.row]]
+    if overlap:
+        return near, 1.0 - near.cost, 1.0 - near.cost >= here
+    similarity = 1.0 - near.cost / (2.0 * here)
+    positive = similarity > 0
+    return near.keep(positive), similarity[positive], (near.cost <= here)[positive]

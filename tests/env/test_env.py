@@ -15,10 +15,10 @@ from gymnasium.error import ResetNeeded
 from mtp_bench import load_scenes
 from mtp_bench.cards import load_card
 from mtp_bench.env import MTPEnv
+from mtp_bench.env.checks import examine
 from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import DataError, MtpBenchError, RolloutError, UnknownNameError
-from mtp_bench.scoring.forecasts import frame_error
-from mtp_bench.scoring.targets import find_targets
+from mtp_bench.scoring import live_frames, score_scene
 from mtp_bench.types import Rollout, Scene
 from tests.env.test_answer import CASES
 from tests.support.small_scenes import (
@@ -380,31 +380,64 @@ def test_violations_are_counted_in_info_and_rollout(make_env: MakeEnv) -> None:
 # ---- what it earns, and what is never told
 
 
-def test_the_reward_is_the_error_of_what_is_recorded(make_env: MakeEnv, tmp_path: Path) -> None:
+def fixed_error(env: MTPEnv) -> float:
+    """What the scorer makes of the episode, summed."""
+    return score_scene(env.scene, env.rollout(), env.card).fixed_error
+
+
+def targets_only(scene: Scene) -> Scene:
+    return replace(scene, truth_complete=False)
+
+
+EPISODES = {
+    "complete": make_scene(empty=(4,)),
+    "targets only": targets_only(make_scene(empty=(4,))),
+    "an official list": replace(targets_only(make_scene()), listed_targets=True),
+    "no target": make_scene(frames=4),
+    "nothing at all": bare_scene(frames=6),
+}
+
+
+@pytest.mark.parametrize("scene", EPISODES.values(), ids=EPISODES.keys())
+@pytest.mark.parametrize("wild", [False, True], ids=["echo", "anything"])
+def test_rewards_add_up_to_the_error_at_the_fixed_operating_point(scene: Scene, wild: bool, make_env: MakeEnv) -> None:
+    env = make_env(scene)
+    answer, rng = echo(env), np.random.default_rng(0)
+
+    def said(observation: dict[str, Any]) -> Action:
+        action = answer(observation)
+        if wild:  # rows that are malformed, unsure or nowhere, and answers that cannot be read
+            action["object_confidence"] = rng.random(4).astype(np.float32)
+            action["object_box"][rng.random(4) < 0.3, 0] = rng.choice([np.nan, 1e5, 3.0])
+            action["object_class"][rng.random(4) < 0.3] = 9
+            action["object_valid"][rng.random(4) < 0.5] = 1
+            if rng.random() < 0.3:
+                action = {} if rng.random() < 0.5 else {**action, "forecast": np.zeros(3)}
+        return action
+
+    for _ in range(1 + 5 * wild):
+        _, rewards = play(env, said)
+        live = live_frames(env.scene, env.card)
+        assert sum(rewards) == pytest.approx(-fixed_error(env))
+        assert not any(reward for t, reward in enumerate(rewards) if t == scene.frames or not live[t])
+
+
+def test_the_reward_of_a_frame(make_env: MakeEnv) -> None:
     env = make_env(make_scene())
     _, rewards = play(env, echo(env))
-    rollout, scene, card = env.rollout(), env.scene, load_card(write_card(tmp_path))
-    targets = find_targets(scene, card)
-    assert len(targets) == 3 * 4  # three objects, 8 frames without the first and the last three
-    for t, reward in enumerate(rewards):
-        rows = rollout.objects.rows(t)
-        center = rollout.object_box[rows, None, None, :2].astype(np.float64)
-        forecast = center + rollout.forecast[rows] / 100
-        weight = rollout.forecast_log_weight[rows]
-        error = frame_error(
-            scene, targets, card, t, rollout.object_box[rows], rollout.object_class[rows], forecast, weight
-        )
-        assert reward == -error
     # Cars move 0.8 and 0.5 m per frame and a sample says so; all boxes are 0.1 m off. The walker stands still, his
     # best sample moves 0.5 m per frame.
-    assert rewards[2] == pytest.approx(-(0.1 + 0.1 + 1.0) / 3, abs=0.06)
-    assert rewards[7] == 0.0
+    assert rewards[2] == pytest.approx(-(0.1 + 0.1 + 1.0), abs=0.18)
+    assert rewards[0] == rewards[7] == 0.0  # nothing could be a target there
+    _, silent = play(env, lambda observation: empty_action(env.task))
+    assert silent == [0.0, -6.0, -6.0, -6.0, -6.0, 0.0, 0.0, 0.0]
 
 
 @pytest.mark.parametrize("case", [name for name, case in CASES.items() if case.counted[2]])
-def test_breaking_the_contract_never_pays(case: str, make_env: MakeEnv) -> None:
-    env = make_env(make_scene())
-    _, honest = play(env, echo(env))
+@pytest.mark.parametrize("complete", [True, False])
+def test_breaking_the_contract_never_pays(case: str, complete: bool, make_env: MakeEnv) -> None:
+    """Neither more than an honest answer, nor more than one that leaves the broken objects out."""
+    env = make_env(make_scene() if complete else targets_only(make_scene()))
     answer = echo(env)
 
     def broken(observation: dict[str, Any]) -> Action:
@@ -412,9 +445,30 @@ def test_breaking_the_contract_never_pays(case: str, make_env: MakeEnv) -> None:
         CASES[case].change(action)
         return action
 
+    def left_out(observation: dict[str, Any]) -> Action:
+        action, sound = answer(observation), examine(broken(observation), env.task).sound["objects"]
+        action["object_valid"] = (sound[: len(action["object_valid"])]).astype(np.int8)
+        return action
+
+    _, honest = play(env, answer)
     _, rewards = play(env, broken)
+    _, without = play(env, left_out)
+    _, silent = play(env, lambda observation: empty_action(env.task))
     assert all(got <= best for got, best in zip(rewards, honest, strict=True))
     assert sum(rewards) < sum(honest)
+    assert all(got <= other for got, other in zip(rewards, without, strict=True))
+    if CASES[case].objects == 0:
+        assert all(got <= none for got, none in zip(rewards, silent, strict=True))
+        assert not complete or sum(rewards) < sum(silent)
+
+
+def test_an_answer_that_cannot_be_read_is_a_false_forecast_per_detection(make_env: MakeEnv) -> None:
+    env = make_env(make_scene(empty=(2,)))
+    for nothing in (None, {}, "forecast", {"forecast": 3}):
+        _, rewards = play(env, lambda observation: nothing)  # type: ignore[arg-type]  # noqa: B023
+        assert rewards[1] == rewards[3] == -(3 * 2.0 + 3 * 1.0)
+        assert rewards[2] == -3 * 2.0
+        assert sum(rewards) == -fixed_error(env)
 
 
 def other_truth(scene: Scene) -> Scene:

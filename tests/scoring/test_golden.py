@@ -22,7 +22,8 @@ from mtp_bench.scoring import (
     tracking_counts,
 )
 from mtp_bench.scoring.pairs import Pairs, near_pairs
-from tests.support.scoring_scenes import at, make_card, make_rollout, make_scene
+from mtp_bench.types import Rollout, Scene
+from tests.support.scoring_scenes import Thing, at, make_card, make_rollout, make_scene
 
 GOLDEN = Path(__file__).parent / "golden"
 
@@ -111,6 +112,27 @@ def test_sticky_mode_against_trackeval(name: str) -> None:
 def test_sticky_mode_against_nuscenes(name: str) -> None:
     got = tracking_counts(frames(name), mode="sticky")
     assert_counts(got, PEERS[name]["nusc"], "TP FP FN IDS FRAG MOTA", NUSCENES_OTHER.get(name, {}))
+
+
+def scene_of(name: str) -> tuple[Scene, Rollout]:
+    """The frames of a case as a scene and a rollout."""
+    number: dict[Any, int] = {}
+    sides: list[list[list[Thing]]] = [[], []]
+    for frame in frames(name):
+        for side, (ids, xy) in zip(sides, (frame[2:4], frame[4:6]), strict=True):
+            side.append([at(number.setdefault(i, len(number)), p) for i, p in zip(ids, xy, strict=True)])
+    return make_scene(sides[0]), make_rollout(sides[1])
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_idf1_and_hota_are_those_of_trackeval_and_motmetrics(name: str) -> None:
+    card = make_card(samples=1)
+    score = score_scene(*scene_of(name), card)
+    report = summarise([AgentScores("agent", 1, 1, "equal", ((score,),))], card)
+    got, peer = report.details[0].tracking, PEERS[name]["trackeval"]
+    assert got.all == got.classes["car"]
+    assert pytest.approx(peer["IDF1"], abs=1e-9) == got.all.IDF1 == pytest.approx(PEERS[name]["motmetrics"]["IDF1"])
+    assert pytest.approx(peer["HOTA"], abs=1e-9) == got.all.HOTA
 
 
 def test_motmetrics_remembers_a_pair_across_frames_without_a_match() -> None:
@@ -241,7 +263,7 @@ def test_the_whole_scorer_on_the_twelve_agents() -> None:
     assert row.coverage == pytest.approx(10 / 12)
     assert row.plain_error == pytest.approx((10 * row.minADE + 2 * 10) / 12)
     # budgets are 1.2, 2.4, ... 12 false forecasts; all four come at once, so 70 %, 40 % and 10 % stay silent
-    assert row.error == pytest.approx(0.12 * 10 + 0.88 * row.plain_error)
+    assert row.error == pytest.approx(0.12 * 10 + 0.88 * (10 * row.minADE + 2 * 10) / 12)
     assert row.fixed_error == pytest.approx((10 * row.minADE + 2 * 10 + 4 * 5) / 12)
     assert detail.EPA == pytest.approx(FORECAST["vip3d"]["EPA"])  # noqa: SIM300  (EPA is no constant)
     assert detail.miss_rate == pytest.approx((10 * FORECAST["vip3d"]["MR"] + 2) / 12)  # ours is over all targets

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mtp_bench.scoring import Pairs, match, match_sticky
+from mtp_bench.scoring.matching import match_best
 from mtp_bench.scoring.pairs import box_pairs, near_pairs
 
 steady = settings(derandomize=True, deadline=None, max_examples=200)
@@ -64,6 +65,16 @@ def test_equals_enumeration_under_ties(cost: NDArray[np.float64]) -> None:
     matched = match(pairs_of(cost), len(cost))
     assert value(matched, cost) == best(cost)
     assert np.array_equal(matched, match(pairs_of(cost), len(cost)))
+
+
+@steady
+@given(costs(st.integers(1, 8).map(lambda c: -float(c))))
+def test_the_best_total_equals_enumeration(cost: NDArray[np.float64]) -> None:
+    full = np.where(np.isfinite(cost), cost, 0.0)
+    rows, columns = cost.shape
+    full = np.pad(full, ((0, 0), (0, rows)))  # every row may stay alone
+    want = min(full[range(rows), chosen].sum() for chosen in itertools.permutations(range(columns + rows), rows))
+    assert value(match_best(pairs_of(cost), rows), cost)[1] == want
 
 
 INF = np.inf
