@@ -174,7 +174,6 @@ _OTHERS: dict[str, Cell] = {
 }
 _TRACKING: dict[str, Cell] = {
     "MOTA": lambda _, detail: short(detail.tracking.all.MOTA),
-    "MOTP": lambda _, detail: short(detail.tracking.all.MOTP),
     "IDF1": lambda _, detail: short(detail.tracking.all.IDF1),
     "HOTA": lambda _, detail: short(detail.tracking.all.HOTA),
     "CLEAR\nIDS": lambda _, detail: str(detail.tracking.all.IDS),
