@@ -115,7 +115,8 @@ class PresenceModel:
 
     def calibrated(self, probability: Floats) -> Floats:
         """Probabilities after calibration."""
-        return np.interp(probability, *self.knots)
+        before, after = self.knots
+        return np.asarray(np.interp(probability, before, after))
 
 
 @dataclass(frozen=True, eq=False)

@@ -399,4 +399,4 @@ def _those(rows: Rows, kept: Bools) -> Rows:
 
 def _rounded(values: Floats) -> Floats:
     """To DIGITS significant digits."""
-    return np.asarray(np.vectorize(lambda value: float(f"{value:.{DIGITS}g}"), otypes=[np.float64])(values))
+    return np.array([float(f"{value:.{DIGITS}g}") for value in values.ravel()]).reshape(values.shape)

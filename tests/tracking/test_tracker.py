@@ -147,7 +147,7 @@ def test_weak_detections_are_ignored() -> None:
     def rows(least: float | dict[str, float] | None) -> list[int]:
         tracker = HypothesisTracker(1, at_once(), min_detection_score=least)
         tracker.reset(kitti_task())
-        return tracker.step(seen).detection.tolist()
+        return [int(row) for row in tracker.step(seen).detection]
 
     assert rows(None) == rows(-np.inf) == [0, 1, 2]
     assert rows(2.0) == [1, 2]
