@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 
 RESAMPLES = 2000
 LEVEL = 0.95
+LEAST_UNITS = 3  # of an interval
 EXACT_UNITS = 14  # all sign flips up to here
 FLIPS = 10_000  # random sign flips beyond
 _SEED = 20_250_101
@@ -29,15 +30,15 @@ def bootstrap_interval(numerator: ArrayLike, denominator: ArrayLike) -> tuple[fl
 
     The error of each resample's mean is taken in units of that resample's own standard error, so that the interval is
     wide enough where units are few and unequal; the percentile interval is not (Efron and Tibshirani 1993, ch. 12).
-    Units without weight (denominator 0) are left out; None with fewer than two others. The resamples depend on the
-    number of units only, so agents are compared on the same ones.
+    Units without weight (denominator 0) are left out; None with fewer than three others: resamples of two know nothing
+    of their error. The resamples depend on the number of units only, so agents are compared on the same ones.
     """
     top, bottom = as_sums("numerator", numerator), as_sums("denominator", denominator)
     require_shape("numerator", top, bottom.shape)
     if (bottom < 0).any():
         raise ShapeError(f"denominator reaches down to {bottom.min()}, expected weights of 0 or more")
     top, bottom = top[bottom > 0], bottom[bottom > 0]
-    if len(bottom) < 2:
+    if len(bottom) < LEAST_UNITS:
         return None
     mean, error = _mean_and_error(np.ones((1, len(bottom))), top, bottom)
     means, errors = _mean_and_error(_resamples(len(bottom)), top, bottom)
@@ -83,7 +84,7 @@ class PairedDifference(NamedTuple):
     """Difference of two means over the same targets, in the unit of their numerators."""
 
     mean: float
-    interval: tuple[float, float] | None  # 95 %, over resampled units; None with fewer than two
+    interval: tuple[float, float] | None  # 95 %, over resampled units; None with fewer than three
     p: float  # of the sign-flip test over units
 
 

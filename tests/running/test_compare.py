@@ -14,14 +14,17 @@ from mtp_bench.parallel import Progress
 from mtp_bench.running.compare import compare
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.settings import expand, setting_of
-from mtp_bench.scoring import SUBSETS
+from mtp_bench.scoring import DEFINITIONS, SUBSETS
 from mtp_bench.submission import load_submission
 from tests.support.command_line import CommandLine, read_json, write_submission
 from tests.support.small_scenes import CARD, write_card
 
 KEYS = [
-    "agent", "hypotheses", "samples", "budget", "subset", "minADE", "minFDE", "missing_aware", "energy_score",
-    "coverage", "gap_closed", "targets", "events", "objects", "scenes", "interval", "ms_per_frame",
+    "agent", "hypotheses", "samples", "budget", "subset", "minADE", "minFDE", "error", "interval", "localisation",
+    "missed", "error_by_score", "plain_error", "fixed_error", "energy_score", "coverage", "difference_to_stp",
+    "difference_interval", "p", "gap_closed", "gap_interval", "gap_closed_same_predictor", "rank", "unranked_because",
+    "targets", "effective_targets", "events", "objects", "effective_objects", "scenes", "effective_units", "seeds",
+    "ms_per_frame",
 ]  # fmt: skip
 CONTROLS = [
     ("truth_past", 1, 4, "equal"),
@@ -56,9 +59,9 @@ def test_the_file_has_the_keys_that_others_script_against(
     cli: CommandLine, tmp_path: Path, card: str, kitti: str
 ) -> None:
     content = written(cli, tmp_path / "a.json", card, kitti, "stp", "mtp", "--jobs", 1)
-    assert list(content) == ["env", "definitions", "rows", "condition", "ranks", "paired", "details", "skipped"]
+    assert list(content) == ["env", "definitions", "rows", "condition", "paired", "details", "skipped"]
     assert (content["condition"]["split"], content["condition"]["detector"]) == ("val", "pointrcnn")
-    assert (content["env"], content["definitions"], content["skipped"]) == ("MTP-Small-v0", "1.0", {})
+    assert (content["env"], content["definitions"], content["skipped"]) == ("MTP-Small-v0", DEFINITIONS, {})
     rows = content["rows"]
     assert all(list(row) == KEYS for row in rows)
     assert settings_of(rows) == CONTROLS + MTP
@@ -66,19 +69,21 @@ def test_the_file_has_the_keys_that_others_script_against(
     everything = rows[0]
     assert (everything["targets"], everything["objects"], everything["scenes"]) == (24, 6, 2)
     assert everything["events"] is None
-    assert len(everything["interval"]) == 2
+    assert everything["unranked_because"] == "saw the truth"
     assert everything["ms_per_frame"] > 0
 
 
 def test_what_is_undefined_is_null(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
     rows = written(cli, tmp_path / "a.json", card, kitti, "stp", "--jobs", 1)["rows"]
     stp = {row["subset"]: row for row in rows if row["agent"] == "stp"}
-    nothing = ["minADE", "minFDE", "missing_aware", "energy_score", "coverage", "gap_closed", "interval"]
-    assert {key: stp["ids"][key] for key in nothing} == dict.fromkeys(nothing)
-    assert [stp["ids"][key] for key in ("targets", "events", "objects", "scenes")] == [0, 0, 0, 0]
+    nothing = ["minADE", "minFDE", "error", "interval", "plain_error", "energy_score", "coverage", "gap_closed", "rank"]
+    assert {key: stp["paper_ids"][key] for key in nothing} == dict.fromkeys(nothing)
+    assert [stp["paper_ids"][key] for key in ("targets", "events", "objects", "scenes")] == [0, 0, 0, 0]
     # the tracker loses both cars where the detections have a gap: targets that nobody covers
-    assert [stp["lost"][key] for key in ("targets", "events", "objects", "scenes")] == [2, 4, 2, 1]
-    assert (stp["lost"]["minADE"], stp["lost"]["coverage"], stp["lost"]["missing_aware"]) == (None, 0.0, 2.0)
+    lost = stp["paper_frag"]
+    assert [lost[key] for key in ("targets", "events", "objects", "scenes")] == [2, 6, 2, 1]
+    assert (lost["minADE"], lost["coverage"], lost["plain_error"], lost["missed"]) == (None, 0.0, 2.0, 2.0)
+    assert stp["all"]["interval"] is None  # two scenes
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
@@ -109,9 +114,8 @@ def test_more_seeds_are_more_draws_of_the_same_targets(card: str, kitti: str) ->
     one, other, both = (compare([], card, options).report.to_json()["rows"] for options in runs)
     pair = [next(row for row in rows if row["agent"] == "stp") for rows in (one, other, both)]
     assert [row["targets"] for row in pair] == [24, 24, 24]
-    assert pair[0]["missing_aware"] != pair[1]["missing_aware"]
-    mean = (pair[0]["missing_aware"] + pair[1]["missing_aware"]) / 2
-    assert pair[2]["missing_aware"] == pytest.approx(mean)
+    assert pair[0]["error"] != pair[1]["error"]
+    assert pair[2]["error"] == pytest.approx((pair[0]["error"] + pair[1]["error"]) / 2)
 
 
 def test_fewer_scenes_are_the_first_ones(card: str, kitti: str) -> None:
@@ -120,7 +124,8 @@ def test_fewer_scenes_are_the_first_ones(card: str, kitti: str) -> None:
     options = RunOptions(kitti, scenes=1, progress=Progress(total.append, done.append))
     result = compare([], card, options)
     assert set(done) == {"0001"}
-    assert total == [len(CONTROLS)] == [len(done)]
+    assert total[0] == len(CONTROLS)  # the rest are runs of the reference
+    assert sum(total) == len(done)
     row = result.report.to_json()["rows"][0]
     assert (row["scenes"], row["targets"], row["interval"]) == (1, 15, None)
     with pytest.raises(MtpBenchError, match="scenes is 0, expected at least 1"):
@@ -140,34 +145,7 @@ def test_two_submissions_of_one_name_are_refused(names: list[str], tmp_path: Pat
         compare(folders, card, RunOptions(kitti))
 
 
-def test_the_events_of_another_agent_define_the_subsets_on_demand(tmp_path: Path, card: str, kitti: str) -> None:
-    # its tracks are the detections: identities change with every row
-    folder = str(write_submission(tmp_path / "mine"))
-    own = compare([], card, RunOptions(kitti))
-    other = compare([], card, RunOptions(kitti), reference=folder)
-    rows = other.report.to_json()["rows"]
-    assert settings_of(rows) == [*CONTROLS, ("echo", 2, 4, "equal")]  # it declares none and states two
-    assert (own.reference.subsets.reference, other.reference.subsets.reference) == ("stp", "echo")
-    assert not other.reference.frozen
-    assert "'echo' in this run" in other.reference.origin
-    events = [{row["subset"]: row["events"] for row in result.report.to_json()["rows"][:5]} for result in (own, other)]
-    assert events[0] != events[1]
-
-
-def test_the_reference_is_taken_with_its_own_parameters(card: str, kitti: str) -> None:
-    result = compare([], card, RunOptions(kitti), reference="mtp")
-    alone = compare([], card, RunOptions(kitti), reference="stp")
-    assert result.reference.subsets.reference == "mtp"
-    details = {(d.agent, d.hypotheses, d.budget): d.own_events for d in result.report.details}
-    row = next(row for row in result.report.to_json()["rows"] if row["subset"] == "lost")
-    assert row["events"] == details["mtp", 20, "equal"]["lost"]
-    assert alone.reference.subsets.reference == "stp"
-
-
-def test_a_card_may_name_another_reference(tmp_path: Path, kitti: str) -> None:
-    path = write_card(tmp_path, 'reference = "stp_hedged"' + CARD)
-    result = compare([], path, RunOptions(kitti, scenes=1))
-    assert (result.reference.subsets.reference, result.reference.frozen) == ("stp_hedged", False)
+def test_an_unknown_reference_of_a_card_is_one_clear_error(tmp_path: Path, kitti: str) -> None:
     wrong = write_card(tmp_path, 'reference = "spt"' + CARD)
     with pytest.raises(UnknownNameError, match="unknown submission 'spt': did you mean 'stp'"):
         compare([], wrong, RunOptions(kitti, scenes=1))
@@ -238,9 +216,10 @@ def test_swept_values_reach_the_agent_and_its_env(tmp_path: Path, loaded: Card) 
     tables = "[parameters]\nnoise = 0.5\n" + H + 'sweep = {hypotheses = [2, 9]}\nbudgets = ["free"]'
     small, large = expand(load_submission(write_submission(tmp_path / "mine", tables=tables)), loaded)
     assert small.parameters == {"noise": 0.5, "hypotheses": 2}
-    assert small.env_keywords(loaded) == {"samples": 8}
-    assert large.env_keywords(loaded) == {"samples": 36, "hypotheses": 9}  # the card has 3
-    assert replace(large, hypotheses=3).env_keywords(loaded) == {"samples": 36}
+    assert small.env_keywords(loaded) == {"samples": 8, "observe": "detections"}
+    many = {"samples": 36, "observe": "detections"}
+    assert large.env_keywords(loaded) == {**many, "hypotheses": 9}  # the card has 3
+    assert replace(large, hypotheses=3).env_keywords(loaded) == many
 
 
 @pytest.mark.parametrize("value", ['"many"', "2.0", "true", "0", "-1"])
@@ -265,5 +244,5 @@ def test_two_real_sequences(cli: CommandLine, tmp_path: Path, data_root: Path) -
     assert rows["stp", "all"]["scenes"] == 2
     assert 0.5 < rows["stp", "all"]["coverage"] <= 1.0
     assert rows["truth_past", "all"]["coverage"] == 1.0
-    assert rows["truth_past", "all"]["missing_aware"] < rows["stp", "all"]["missing_aware"]
+    assert rows["truth_past", "all"]["error"] < rows["stp", "all"]["error"]
     assert rows["stp_same_budget", "all"]["minADE"] < rows["stp", "all"]["minADE"]

@@ -173,7 +173,8 @@ def test_the_shipped_files_fit_their_cards(env_id: str) -> None:
     assert (reference.runs, reference.agent) == (RUNS, "stp")
     assert read_reference(frozen_path(env_id)).digest == reference.digest
     sums = reference.totals["sum_of_weights"]
-    assert 0 < sums["ids"] < sums["lost"] <= sums["frag"]
+    assert sums["ids"] > 0
+    assert 0 < sums["lost"] <= sums["frag"]
     assert sums["frag"] <= sums["lost"] + sums["reacquired"] + 0.02  # they are rounded
 
 

@@ -12,39 +12,64 @@ import pytest
 
 from mtp_bench.cards import Card
 from mtp_bench.records.provenance import scorer_digest
-from mtp_bench.scoring import AgentScores, SceneScore, error, reference_subsets, score_scene, summarise
+from mtp_bench.scoring import (
+    AgentScores,
+    Reference,
+    budgets,
+    error,
+    find_targets,
+    mean_plain_error,
+    score_scene,
+    summarise,
+)
 from mtp_bench.scoring.definitions import GOLDEN
-from mtp_bench.scoring.error import error_sum
+from mtp_bench.scoring.weights import SceneWeights, scene_key
+from mtp_bench.types import Rollout, Scene
 from tests.support.scoring_scenes import make_card, random_case, take_objects
 
 AGENTS = {"stp": 4.0, "truth_past": 0.5, "stp_same_budget": 2.5, "mtp": 1.5}  # size of the errors of forecasts
+SCENES, RUNS = 8, 16
 
 
-def scores(card: Card, scale: float, seed: int, truth_complete: bool) -> tuple[SceneScore, ...]:
-    """Eight scenes with eight samples per object; an agent of another seed leaves other objects out."""
-    scored = []
-    for number in range(8):
-        scene, rollout = random_case(number, hypotheses=2, name=f"s{number}")
-        path = scale * np.concatenate([rollout.forecast, -0.5 * rollout.forecast], axis=1)
-        weight = np.tile(rollout.forecast_log_weight, 2)
-        rollout = replace(rollout, forecast=np.round(path).astype(np.int16), forecast_log_weight=weight)
-        rollout = take_objects(rollout, np.delete(np.arange(len(rollout.object_box)), slice(None, None, 9 + seed)))
-        scored.append(score_scene(replace(scene, truth_complete=truth_complete), rollout, card))
-    return tuple(scored)
+def case(number: int, truth_complete: bool) -> tuple[Scene, Rollout]:
+    scene, rollout = random_case(number, hypotheses=2, name=f"s{number}")
+    return replace(scene, truth_complete=truth_complete), rollout
+
+
+def said(number: int, scale: float, seed: int) -> Rollout:
+    """Eight samples per object; an agent of another seed leaves other objects out."""
+    _, rollout = case(number, truth_complete=True)
+    path = scale * np.concatenate([rollout.forecast, -0.5 * rollout.forecast], axis=1)
+    weight = np.tile(rollout.forecast_log_weight, 2)
+    weight[np.isinf(weight).all(axis=1), 0] = 0.0  # an answer without a sample would have been taken out
+    rollout = replace(rollout, forecast=np.round(path).astype(np.int16), forecast_log_weight=weight)
+    return take_objects(rollout, np.delete(np.arange(len(rollout.object_box)), slice(None, None, 9 + seed)))
+
+
+def reference(card: Card) -> Reference:
+    """Event weights that are drawn."""
+    scenes = {}
+    for number in range(SCENES):
+        rng, (scene, _) = np.random.default_rng(number), case(number, truth_complete=True)
+        size = len(find_targets(scene, card))
+        counts = rng.integers(0, RUNS, (size, 4), dtype=np.uint8)
+        scenes[scene_key(card.id, scene.name)] = SceneWeights(counts, rng.random((size, 3)) < 0.2, (3, 2, 1), 3, 30)
+    return Reference(card.id, card.digest, "2.0", "stp", RUNS, {}, scenes)
 
 
 def results(measure: str, truth_complete: bool) -> list[Any]:
-    """The report of all agents with the events of the first one as reference, and errors and events per scene."""
+    """The report of all agents, and events and errors per scene."""
     card = make_card(samples=8, measure=measure)
-    agents = [
-        AgentScores(name, 2, 8, "equal", tuple(scores(card, scale, seed, truth_complete) for seed in range(2)))
-        for name, scale in AGENTS.items()
-    ]
-    agents[1] = replace(agents[1], ideal=True)
-    report = summarise(agents, card, reference_subsets(agents[0].seeds[0], card)).to_json("ranks", "paired", "details")
+    agents = []
+    for name, scale in AGENTS.items():
+        runs = tuple(
+            tuple(score_scene(case(i, truth_complete)[0], said(i, scale, seed), card) for i in range(SCENES))
+            for seed in range(2)
+        )
+        agents.append(AgentScores(name, 2, 8, "equal", runs, ideal=name == "truth_past"))
+    report = summarise(agents, card, reference(card)).to_json("paired", "details")
     scenes = [score for agent in agents for run in agent.seeds for score in run]
-    events = [{kind: keys.tolist() for kind, keys in score.events.items()} for score in scenes]
-    return [report, events, [(error_sum(score), error_sum(score, score.moving)) for score in scenes]]
+    return [report, [(score.own_events, score.fixed_error, mean_plain_error([score])) for score in scenes]]
 
 
 def rounded(content: Any) -> Any:
@@ -67,6 +92,9 @@ def test_the_golden_results_are_those_of_the_definitions() -> None:
     assert len(scorer_digest()) == 64
 
 
-def test_a_changed_number_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(error, "FALSE_FORECAST_SHARE", 0.5 + 1e-6)
+@pytest.mark.parametrize(
+    ("module", "name", "value"), [(error, "FALSE_FORECAST_SHARE", 0.5 + 1e-6), (budgets, "BUDGETS", 9)], ids=str
+)
+def test_a_changed_number_is_seen(module: Any, name: str, value: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, name, value)
     assert golden_digest() != GOLDEN

@@ -75,9 +75,16 @@ def test_scenes_without_targets_do_not_count() -> None:
     assert with_empty == bootstrap_interval([1.0, 5.0, 2.0], [1, 2, 1])
 
 
-@pytest.mark.parametrize("count", [[], [3], [3, 0], [0, 0, 0]])
-def test_fewer_than_two_scenes_have_no_interval(count: list[int]) -> None:
+@pytest.mark.parametrize("count", [[], [3], [3, 1], [3, 0, 1], [0, 0, 0]])
+def test_fewer_than_three_units_have_no_interval(count: list[int]) -> None:
     assert bootstrap_interval(np.ones(len(count)), count) is None
+
+
+@pytest.mark.parametrize("units", [3, 4, 5])
+def test_few_units_that_differ_have_a_wide_interval(units: int) -> None:
+    interval = bootstrap_interval(np.arange(units), np.ones(units))
+    assert interval is not None
+    assert interval[1] - interval[0] > 2 * 1.96 * np.std(np.arange(units), ddof=1) / units**0.5
 
 
 def test_pairing_removes_what_scenes_have_in_common() -> None:
@@ -150,7 +157,7 @@ def test_the_gap_that_is_closed() -> None:
         assert found.interval == pytest.approx((share, share))
 
 
-@pytest.mark.parametrize("gain", [[1.0, -1.0, 1.0, -1.0, 1.0, -0.9], [0.0] * 6, [-1.0] * 6, [1.0]], ids=str)
+@pytest.mark.parametrize("gain", [[1.0, -1.0, 1.0, -1.0, 1.0, -0.9], [0.0] * 6, [-1.0] * 6, [1.0], [1.0, 1.0]], ids=str)
 def test_there_is_no_gap_unless_the_pipeline_is_surely_worse_than_true_pasts(gain: list[float]) -> None:
     truth = np.full(len(gain), 3.0)
     assert gap_closed(truth, truth + gain, truth, np.ones(len(gain))) is None
