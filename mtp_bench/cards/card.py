@@ -39,7 +39,7 @@ class TaskSection(Section):
     classes: Annotated[tuple[str, ...], Field(min_length=1, strict=False)]  # TOML has lists only
     event_gate: EventGate
     forecast_gate: PerClass  # m, BEV centre distance
-    miss_error: PerClass  # m, c of the missing-aware error
+    miss_error: PerClass  # m, c: what a target without a forecast costs
 
 
 class SizeSection(Section):

@@ -40,10 +40,10 @@ def compare(
     if at is not None:
         with working("cuts", options) as watched:
             further["sensitivity"] = sensitivity(on.env, result.reference, watched, at)
-    ran = {setting.submission.name: setting.submission for setting in result.settings}
     content = result.report.to_json("condition", "paired", "details") | {"skipped": result.skipped}
     parts = {name: [row.model_dump(mode="json") for row in rows] for name, rows in further.items()}
     write_json(json_file, content | parts)
+    ran = dict.fromkeys(setting.submission.name for setting in result.settings)
     show_lines(verdict(result.report, [name for name in ran if name in agents or name not in CONTROLS]), "- ")
     show("")
     show_report(result.report, count(seeds, "seed"), result.skipped, full)

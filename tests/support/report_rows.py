@@ -43,7 +43,7 @@ def detail(setting: Setting) -> Details:
     errors = Errors(
         minADE=0.1, minFDE=0.2, error=7.125, plain_error=0.3, coverage=0.9, targets=17, objects=9, scenes=11
     )  # fmt: skip
-    clear = Clear(TP=1, FP=2, FN=3, IDS=4, FRAG=5, MOTA=0.89, MOTP=0.3, IDF1=0.77, HOTA=0.66)
+    clear = Clear(TP=1, FP=2, FN=3, IDS=4, FRAG=5, MOTA=0.89, MOTP=0.3, IDF1=0.61, HOTA=0.52)
     bins = [Bin(by="class", bin="car", errors=errors), Bin(by="motion", bin="moving", errors=errors)]
     content: dict[str, Any] = {
         **_setting(setting), "seeds": 3, "silence": 20.0, "miss_rate": 0.333, "PI_ADE": 0.444, "EPA": 0.781,

@@ -11,6 +11,7 @@ from ...scoring import Report
 from ...scoring.definitions import RANKED_SUBSETS
 from ...scoring.rows import Details, Interval, PairedRow, Row
 from ...scoring.subsets import SUBSETS, Subset
+from ...scoring.weights import EVENTS
 from .output import NOTHING, counted, short, slim_table
 from .paper import has_paper, paper_figures
 
@@ -173,13 +174,12 @@ _OTHERS: dict[str, Cell] = {
 }
 _TRACKING: dict[str, Cell] = {
     "MOTA": lambda _, detail: short(detail.tracking.all.MOTA),
-    "MOTP": lambda _, detail: short(detail.tracking.all.MOTP),
+    "IDF1": lambda _, detail: short(detail.tracking.all.IDF1),
+    "HOTA": lambda _, detail: short(detail.tracking.all.HOTA),
     "CLEAR\nIDS": lambda _, detail: str(detail.tracking.all.IDS),
     "\nFRAG": lambda _, detail: str(detail.tracking.all.FRAG),
     "false\ntracks": lambda _, detail: _count(detail.tracking.false_tracks),
-    "own\nids": lambda _, detail: str(detail.own_events["ids"]),
-    "\nlost": lambda _, detail: str(detail.own_events["lost"]),
-    "reac-\nquired": lambda _, detail: str(detail.own_events["reacquired"]),
+    "own ids/\nlost/reac.": lambda _, detail: "/".join(str(detail.own_events[kind]) for kind in EVENTS),
     "ids in\nall H": lambda _, detail: str(detail.own["all_h_ids"].targets),
 }
 
