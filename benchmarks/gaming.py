@@ -45,7 +45,7 @@ def choose(rollout: Rollout, row: Rows, frame: Rows, **changed: Any) -> Rollout:
 
 
 def frames_of(rollout: Rollout) -> Rows:
-    return np.asarray(rollout.objects.frame_of_rows)
+    return np.asarray(rollout.objects.frame_of_rows, dtype=np.intp)
 
 
 def silence(scene: Scene, rollout: Rollout, card: Card) -> Rollout:
@@ -121,12 +121,12 @@ def confidences(change: Callable[[Scene, Rollout], NDArray[Any]]) -> Change:
 
 def crowded(scene: Scene, rollout: Rollout) -> NDArray[np.float64]:
     """Neighbours within 5 m of each object, as a share of 4."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     if not len(rollout.object_box):
         return np.zeros(0)
     place = np.column_stack([rollout.object_box[:, :2], 1e4 * frames_of(rollout)])
-    near = cKDTree(place).query_ball_point(place, 5.0, return_length=True) - 1
+    near = KDTree(place).query_ball_point(place, 5.0, return_length=True) - 1
     return np.asarray(np.minimum(near / 4.0, 1.0))
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..types import Floats
 from .cuts import Cuts
 from .definitions import BUDGETS, FORECASTS_PER_FRAME
 
@@ -58,9 +59,9 @@ def errors_at(cuts: Sequence[Cuts], budgets: Sequence[float] | Array, live_frame
     level, first = np.unique(-confidence[order], return_index=True)
     last = np.append(first[1:], len(confidence)) - 1 if len(level) else first
     count = np.cumsum(false[order]) if live_frames is None else np.arange(1, len(order) + 1) / max(live_frames, 1)
-    known: dict[float, tuple[Array, Array]] = {}
+    known: dict[int, tuple[Floats, Floats]] = {}
 
-    def at(cut: int) -> tuple[Array, Array]:
+    def at(cut: int) -> tuple[Floats, Floats]:
         """Errors and missed parts at a cut, the least confidence of which is level ``cut``; -1 keeps nothing."""
         if cut not in known:
             least = -float(level[cut]) if cut >= 0 else np.inf

@@ -152,13 +152,13 @@ def nearest_score(scene: Scene, forecasts: Forecasts) -> Floats:
 
     As the confidence it tells what a presence model of an agent's own is worth (protocol, "Control column").
     """
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     seen = scene.detections
     if not len(seen.box) or not len(forecasts.frame):
         return np.full(len(forecasts.frame), -1.0)
     apart = 1e7  # m between two frames or classes
-    tree = cKDTree(_places(seen.box, seen.frame_of_rows, seen.class_id, apart))
+    tree = KDTree(_places(seen.box, seen.frame_of_rows, seen.class_id, apart))
     distance, nearest = tree.query(_places(forecasts.box, forecasts.frame, forecasts.class_id, apart))
     score = seen.score[nearest]
     return np.where(distance < apart / 2, score / (1.0 + np.abs(score)), -1.0)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RolloutError
-from ..types import Bools, Floats, Ints
+from ..types import Bools, Ints
 from .budgets import BudgetErrors, Budgets, budgets_of, errors_at
 from .rows import Budget
 from .score import SceneScore
@@ -137,7 +137,7 @@ def agent_table(setting: AgentScores, reference: Reference | None) -> AgentTable
         min_fde=_over_seeds(setting, "min_fde"),
         energy_score=_over_seeds(setting, "energy_score"),
         curve=_over_seeds(setting, "curve"),
-        hit=np.sum([~_join(run, "miss") for run in setting.seeds], axis=0, dtype=np.float64),
+        hit=np.asarray(np.sum([~_join(run, "miss") for run in setting.seeds], axis=0), dtype=np.float64),
         capped=np.mean([_join(run, "capped") for run in setting.seeds], axis=0),
         miss_error=_join(first, "miss_error"),
         of_all=of_all,
@@ -218,7 +218,7 @@ def _weights(run: Sequence[SceneScore], reference: Reference | None) -> dict[str
     return {**weights, "all": np.ones(count)}
 
 
-def _of_targets(weight: Floats, score: SceneScore) -> Floats:
+def _of_targets(weight: Array, score: SceneScore) -> Array:
     """The weights, which must be those of the targets of the scene."""
     if len(weight) != len(score):
         raise RolloutError(

@@ -144,9 +144,7 @@ def _count(scene: Scene, drive: Drive, tracker: HypothesisTracker) -> Ints:
     thing, track = scene.truth.object_id[true][matched][order], track_id[row[matched]][order]
     switched = (thing[1:] == thing[:-1]) & (track[1:] != track[:-1])
     switches = np.bincount(kind[matched][order][1:][switched], minlength=len(drive.task.classes))
-    counted = [
-        np.bincount(ids, minlength=len(drive.task.classes)) for ids in (kind, class_id[false], kind[~matched])
-    ]
+    counted = [np.bincount(ids, minlength=len(drive.task.classes)) for ids in (kind, class_id[false], kind[~matched])]
     return np.stack([*counted, switches], axis=1)
 
 

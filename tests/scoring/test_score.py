@@ -52,7 +52,8 @@ def levels(cuts: Cuts) -> list[Any]:
 
 def assert_equal(got: SceneScore, want: SceneScore) -> None:
     for field in fields(SceneScore):
-        a, b = getattr(got, field.name), getattr(want, field.name)
+        a: Any = getattr(got, field.name)
+        b: Any = getattr(want, field.name)
         if field.name in ("outcome", "final_error"):  # by forecast, in the order of the cuts
             a, b = (np.sort(np.stack([s.cuts.confidence, value]), axis=1) for s, value in ((got, a), (want, b)))
         if isinstance(b, dict):
