@@ -134,9 +134,13 @@ class Grown:
 
 
 def grow(found: Candidates, confidence: Floats) -> Grown:
-    """Match the forecasts of live frames in the order of ``confidence`` [S]."""
+    """Match the forecasts of live frames in the order of ``confidence`` [S]; equally sure ones in that of their place.
+
+    So the order of rows never decides: forecasts of one class at one place have the same pairs.
+    """
     live = np.flatnonzero(found.live)
-    order = live[np.argsort(-confidence[live], kind="stable")]
+    x, y = found.forecasts.box[live, :2].T
+    order = live[np.lexsort((y, x, -confidence[live]))]
     step = np.full(len(found.live), NEVER)
     step[order] = np.arange(len(order))
     neutral = found.scene.truth.neutral[found.pairs.row]

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from ..shapes import require_shape
 from .definitions import LARGEST_SHARE, RANKED_OBJECTS, RANKED_SUBSETS, RANKED_UNITS, SIGNIFICANT
 from .rows import Budget
-from .statistics import effective_number, sign_flip_test
+from .statistics import ROUNDING, beyond_rounding, effective_number, sign_flip_test
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def why_not_on(subset: str, objects: float, unit_weight: ArrayLike) -> str | Non
 def guard(error_of_all: float | None, *limits: float | None) -> str | None:
     """Why an agent is not ranked on event subsets: over all targets it is worse than STP, one of the ``limits``."""
     known = [limit for limit in limits if limit is not None]
-    if error_of_all is not None and any(error_of_all > limit for limit in known):
+    if error_of_all is not None and any(error_of_all > limit * (1.0 + ROUNDING) for limit in known):
         return "over all targets its error is above that of stp"
     return None
 
@@ -71,7 +71,7 @@ def ranks_by_test(sums: ArrayLike) -> list[int]:
     ranks = [1] * len(errors)
     for a in range(len(errors)):
         for b in range(a):
-            difference = errors[a] - errors[b]
+            difference = beyond_rounding(errors[a], errors[b])
             if sign_flip_test(difference) < SIGNIFICANT:
                 ranks[a if difference.sum() > 0 else b] += 1
     return ranks

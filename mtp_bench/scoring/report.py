@@ -73,6 +73,9 @@ def summarise(
     for setting in agents[1:]:
         who = f"agents {agents[0].agent!r} and {setting.agent!r}"
         require_same_targets(agents[0].seeds[0], setting.seeds[0], who)
+    for agent, pair in (own_ends or {}).items():
+        for end in pair or ():
+            require_same_targets(agents[0].seeds[0], end.seeds[0], f"{agents[0].agent!r} and an end of {agent!r}")
     ends = _EndTables(_with_equal_budget(tables, stp), _with_equal_budget(tables, truth))
     own = {
         agent: _EndTables(agent_table(pair.stp, reference), agent_table(pair.truth, reference)) if pair else ends

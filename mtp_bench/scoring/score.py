@@ -180,7 +180,10 @@ def _outcomes(found: Candidates, grown: Grown, object_of_truth: Matched, errors:
 
 
 def check_rollout(scene: Scene, rollout: Rollout, card: Card) -> None:
-    """Raise RolloutError where ``rollout`` is of another scene or another number of frames or classes."""
+    """Raise RolloutError where ``rollout`` is of another scene or another number of frames or classes.
+
+    Or where it holds what no env lets through: whoever writes rollout files can write anything into them.
+    """
     if rollout.scene != scene.name:
         raise RolloutError(f"rollout is of scene {rollout.scene!r}, expected {scene.name!r}")
     if rollout.frames != scene.frames:
@@ -196,9 +199,17 @@ def check_rollout(scene: Scene, rollout: Rollout, card: Card) -> None:
         raise RolloutError(
             f"rollout of scene {scene.name!r} knows {classes} classes, expected {len(card.task.classes)}"
         )
-    for name, ids in (("track", rollout.track_class), ("object", rollout.object_class)):
-        if len(ids) and int(ids.max()) >= len(card.task.classes):
+    for name, box, ids, least in (
+        ("track", rollout.track_box, rollout.track_class, -1),  # not stated, fits every class
+        ("object", rollout.object_box, rollout.object_class, 0),
+    ):
+        bad = ids[(ids < least) | (ids >= classes)]
+        if len(bad):
             raise RolloutError(
-                f"{name} class {int(ids.max())} in the rollout of scene {scene.name!r}, expected less than "
-                f"{len(card.task.classes)}"
+                f"{name} class {bad[0]} in the rollout of scene {scene.name!r}, expected {least} to {classes - 1}"
             )
+        if not np.isfinite(box).all():
+            raise RolloutError(f"{name} box in the rollout of scene {scene.name!r} is not finite")
+    confidence = rollout.object_confidence
+    if not ((confidence >= 0) & (confidence <= 1)).all():
+        raise RolloutError(f"a confidence in the rollout of scene {scene.name!r} is none, expected 0 to 1")

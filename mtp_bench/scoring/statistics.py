@@ -22,6 +22,7 @@ LEVEL = 0.95
 LEAST_UNITS = 3  # of an interval
 EXACT_UNITS = 14  # all sign flips up to here
 FLIPS = 10_000  # random sign flips beyond
+ROUNDING = 1e-12  # share of a number by which another may differ and be equal to it
 _SEED = 20_250_101
 
 
@@ -93,7 +94,19 @@ def paired_difference(a: ArrayLike, b: ArrayLike, denominator: ArrayLike) -> Pai
     gap = as_sums("a", a) - as_sums("b", b)
     count = as_sums("denominator", denominator)
     mean = ratio(gap.sum(), count.sum())
-    return None if mean is None else PairedDifference(mean, bootstrap_interval(gap, count), sign_flip_test(gap))
+    if mean is None:
+        return None
+    return PairedDifference(mean, bootstrap_interval(gap, count), sign_flip_test(beyond_rounding(a, b)))
+
+
+def beyond_rounding(a: ArrayLike, b: ArrayLike) -> Array:
+    """Differences a - b [U], 0 where they are no more than the rounding of equal numbers.
+
+    Sums of the same terms in another order, or means of other numbers of equal seeds, are no difference.
+    """
+    one, other = as_sums("a", a), as_sums("b", b)
+    gap = one - other
+    return np.where(np.abs(gap) <= ROUNDING * np.maximum(np.abs(one), np.abs(other)), 0.0, gap)
 
 
 def ratio(top: float, bottom: float) -> float | None:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from mtp_bench.errors import ShapeError
 from mtp_bench.scoring import ranks_by_test
 from mtp_bench.scoring.rank import Entrant, guard, why_not_on, why_unranked
+from mtp_bench.scoring.statistics import paired_difference
 
 
 def test_ranks_count_those_that_are_significantly_better() -> None:
@@ -25,6 +26,16 @@ def test_ranks_count_those_that_are_significantly_better() -> None:
 @pytest.mark.parametrize(("units", "ranks"), [(5, [1, 1]), (6, [1, 2])])
 def test_five_units_can_never_tell_agents_apart(units: int, ranks: list[int]) -> None:
     assert ranks_by_test([np.zeros(units), np.ones(units)]) == ranks  # p is 2 / 2^units
+
+
+def test_rounding_is_no_difference() -> None:
+    unit = np.linspace(1.0, 9.0, 8)
+    above = np.nextafter(unit, np.inf)  # in every unit: without a tolerance p is 2 / 2^8
+    assert ranks_by_test([unit, above]) == [1, 1]
+    difference = paired_difference(above, unit, np.ones(8))
+    assert difference is not None
+    assert difference.p == 1.0
+    assert guard(float(above.sum()), float(unit.sum())) is None
 
 
 @settings(derandomize=True, deadline=None, max_examples=30)

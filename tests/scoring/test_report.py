@@ -370,6 +370,9 @@ def test_agents_on_different_targets_are_an_error() -> None:
     strange = [replace(score, frame=score.frame + 1) for score in run(0.5)]
     with pytest.raises(RolloutError, match="agents 'a' and 'b' have different targets in scene 's0'"):
         summarise([one, agent("b", strange)], CARD)
+    ends = Ends(agent("stp", run(1.0)[::-1]), agent("truth_past", run(0.2)[::-1]))
+    with pytest.raises(RolloutError, match="'a' and an end of 'a' were scored on different scenes"):
+        summarise([one], CARD, own_ends={"a": ends})
     with pytest.raises(RolloutError, match="agent 'c' has no scored scene"):
         summarise([agent("c")], CARD)
     with pytest.raises(DataError, match="no event weights of scene 's3'"):

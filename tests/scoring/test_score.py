@@ -102,6 +102,14 @@ def test_order_of_rows_does_not_matter(seed: int) -> None:
     assert_equal(score_scene(scene, other, CARD), score_scene(scene, rollout, CARD))
 
 
+@pytest.mark.parametrize("places", [(1.0, -1.0), (-1.0, 1.0)])
+def test_order_of_rows_does_not_decide_which_of_two_is_left_over(places: Sequence[float]) -> None:
+    # both are 1 m from the car, which is no target; the van beside it excuses one of them and not the other
+    scene = make_scene([[Thing(1, 0, 0, eligible=False), Thing(2, 2.5, 0, neutral=True)]] * 5)
+    objects = [[], [Thing(i, x, 0, confidence=0.9) for i, x in enumerate(places)]]
+    assert score_scene(scene, make_rollout([[]] * 5, objects, samples=4), CARD).false_forecasts == 0
+
+
 @steady
 @given(seeds)
 def test_order_of_samples_and_names_of_tracks_do_not_matter(seed: int) -> None:
@@ -499,7 +507,16 @@ WRONG: dict[str, tuple[Any, str]] = {
     "other horizon": ((make_scene([[]]), make_rollout([[]], future=5)), "forecasts 5 frames, expected 3"),
     "unknown class": (
         (make_scene([[]]), make_rollout([[]], [[Thing(1, 0, 0, class_id=2)]])),
-        "object class 2 in the rollout of scene 's', expected less than 2",
+        "object class 2 in the rollout of scene 's', expected 0 to 1",
+    ),
+    "a class that fits all": (  # of tracks it means "not stated"
+        (make_scene([[]]), make_rollout([[]], [[Thing(1, 0, 0, class_id=-1)]])),
+        "object class -1 in the rollout of scene 's', expected 0 to 1",
+    ),
+    "no place": ((make_scene([[]]), make_rollout([[]], [[Thing(1, np.nan, 0)]])), "object box .* is not finite"),
+    "no probability": (
+        (make_scene([[]]), make_rollout([[]], [[Thing(1, 0, 0, confidence=np.nan)]])),
+        "a confidence .* is none, expected 0 to 1",
     ),
 }
 
