@@ -78,35 +78,52 @@ def planning_aware(run: Run, error: Floats, counted: Bools) -> float | None:
 def epa(run: Run) -> float:
     """(targets with minFDE <= 2 m - .5 false forecasts) / targets.
 
-    Reading: matched anew within 2 m for every class, and classes pooled; other true objects are neither.
+    Reading: matched inside the card's own forecast gate, which is 2 m for vehicles; classes pooled; other true objects
+    are neither.
     """
     hits, false = 0, 0
     for s, t in run.frames():
-        verdict = judge_frame(run, s, t, run.rows(s, t), [2.0] * len(run.gates))
+        verdict = judge_frame(run, s, t, run.rows(s, t), run.gates)
         false += len(verdict.false)
         hits += sum((s, g) in run.index and not run.against(s, r, g).miss for r, g in verdict.matched.items())
     return (hits - 0.5 * false) / len(run.targets)
 
 
 def ap_f(run: Run) -> float:
-    """Area under precision over recall; right is a match within 2 m now whose minFDE is at most 4 m.
+    """Mean over the classes with targets of the area under precision over recall; right: a match with minFDE <= 4 m.
 
-    Reading: the protocol's matching, not a greedy one; classes pooled; a match of a true object that is no target, and
-    what is neutral, is left out; equal confidences enter together; no interpolation of the precision.
+    Reading: the protocol's matching, inside the card's own gate, not a greedy one; a match of a true object that is no
+    target, and what is neutral, is left out; equal confidences enter together; the area is that of nuScenes detection:
+    precision at 101 recalls, joined by straight lines, 0 beyond the last one, recall and precision below .1 cut off.
     """
-    verdicts: list[tuple[float, bool]] = []
+    verdicts: dict[int, list[tuple[float, bool]]] = {g.kind: [] for g in run.targets}
     for s, t in run.frames():
-        verdict = judge_frame(run, s, t, run.rows(s, t), [2.0] * len(run.gates))
-        said = run.rollouts[s].object_confidence
-        verdicts += [(float(said[r]), False) for r in verdict.false]
-        verdicts += [
-            (float(said[r]), run.against(s, r, g).min_fde <= 4.0)
-            for r, g in verdict.matched.items()
-            if (s, g) in run.index
-        ]
-    area, right_before = 0.0, 0
-    for least in sorted({confidence for confidence, _ in verdicts}, reverse=True):
-        kept = [right for confidence, right in verdicts if confidence >= least]
-        area += (sum(kept) - right_before) / len(run.targets) * sum(kept) / len(kept)
-        right_before = sum(kept)
-    return area
+        verdict = judge_frame(run, s, t, run.rows(s, t), run.gates)
+        said, class_of = run.rollouts[s].object_confidence, run.rollouts[s].object_class
+        for r in verdict.false:
+            verdicts.setdefault(int(class_of[r]), []).append((float(said[r]), False))
+        for r, g in verdict.matched.items():
+            if (s, g) in run.index:
+                verdicts[int(class_of[r])].append((float(said[r]), run.against(s, r, g).min_fde <= 4.0))
+    areas = []
+    for kind in sorted({g.kind for g in run.targets}):
+        wanted, points = sum(g.kind == kind for g in run.targets), []
+        for least in sorted({confidence for confidence, _ in verdicts[kind]}, reverse=True):
+            kept = [right for confidence, right in verdicts[kind] if confidence >= least]
+            points.append((sum(kept) / wanted, sum(kept) / len(kept)))
+        heights = [_precision_at(points, float(recall)) for recall in np.linspace(0, 1, 101)[11:]]
+        areas.append(sum(max(0.0, height - 0.1) for height in heights) / len(heights) / 0.9)
+    return sum(areas) / len(areas)
+
+
+def _precision_at(points: list[tuple[float, float]], recall: float) -> float:
+    """Precision on the line between the two (recall, precision) ``points`` around a recall, which rise."""
+    if not points or recall > points[-1][0]:
+        return 0.0
+    below = [point for point in points if point[0] <= recall]  # of equal recalls the last
+    if not below:
+        return points[0][1]
+    (r, p), above = below[-1], points[len(below) :]
+    if r == recall or not above:
+        return p
+    return p + (recall - r) / (above[0][0] - r) * (above[0][1] - p)

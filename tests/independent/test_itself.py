@@ -80,7 +80,9 @@ def test_numbers_shown_of_three_forecasts() -> None:
     assert shown.brier(run) == pytest.approx((0.25**2 + 0.625**2 + 0.5**2) / 3)
     assert shown.false_per_frame(run) == 1
     assert shown.epa(run) == pytest.approx((1 - 0.5) / 2)
-    assert shown.ap_f(run) == pytest.approx(0.5 * 1 + 0.5 * 2 / 3)
+    # precision 1 at the recalls .11 to .49, .5 at .5, then a line up to 2/3 at 1; .1 of each is cut off
+    heights = 39 * 0.9 + 0.4 + sum(0.4 + i / 50 / 6 for i in range(1, 51))
+    assert shown.ap_f(run) == pytest.approx(heights / 90 / 0.9)
     near, far = 1.0, math.exp(-100 / 18)
     aware = shown.planning_aware(run, shown.plain_errors(run), np.ones(2, dtype=bool))
     assert aware == pytest.approx((near * 1 + far * 3) / (near + far))
