@@ -36,6 +36,7 @@ class RunInfo(Section):
     parameters: dict[str, Any]
     hypotheses: int | None = None  # as the submission declares; None: what the agent states
     submission_digest: str
+    note: str = ""  # what was trained on the scenes that are scored
     seed: int
     definitions: str  # version of the definitions that the run was made under
     versions: dict[str, str]  # of the libraries

@@ -128,6 +128,7 @@ def run_info(env: MTPEnv, setting: Setting, seed: int, keywords: dict[str, Any])
         parameters=setting.parameters,
         hypotheses=setting.hypotheses,
         submission_digest=submission.digest,
+        note=submission.note_on(env.card.id) or "",
         seed=seed,
         definitions=DEFINITIONS,
         versions=library_versions(),

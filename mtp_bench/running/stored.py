@@ -93,4 +93,6 @@ def score_stored(folder: Path, options: RunOptions = DEFAULTS, env_id: str | Non
     )
     reference = reference_for(card, [rollout.scene for rollout in run.rollouts], options)
     report = summarise([agent], card, reference)
+    if run.info.note:
+        report.condition["trained"] = f"{run.info.note}: {run.info.agent}"
     return StoredScore(report, reference.origin, total_skipped(score.skipped for score in scores))

@@ -144,3 +144,8 @@ def test_a_wrong_argument_is_one_clear_error(case: str) -> None:
 def test_numbers_can_be_left_to_the_env() -> None:
     got = decode(answer(TASK, BOX, CLASS, FUTURE + 400, checked=False), TASK)
     assert got.invalid.tolist() == [0, 0, 2]
+
+
+def test_empty_lists_are_no_objects() -> None:
+    got = decode(answer(TASK, [], [], [], confidence=[], ids=[]), TASK)
+    assert (len(got.object_box), len(got.track_id), got.invalid.sum()) == (0, 0, 0)

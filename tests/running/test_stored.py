@@ -16,11 +16,13 @@ from typing import Any
 
 import pytest
 
+from mtp_bench.cards import load_card
 from mtp_bench.running.compare import compare
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run
 from mtp_bench.running.stored import run_and_store, score_stored
 from mtp_bench.scoring import SUBSETS
+from mtp_bench.submission.loader import load_submission
 from tests.running.test_rollout_files import edit_json
 from tests.support.command_line import CommandLine, plain_environment, read_json, write_submission
 from tests.support.small_scenes import CARD, write_card, write_kitti
@@ -69,6 +71,19 @@ def test_a_run_is_stored_and_scored(cli: CommandLine, tmp_path: Path, card: str,
     assert [row["subset"] for row in content["rows"]] == list(SUBSETS)
     assert f"{content['rows'][0]['error']:.3f}" in printed
     assert "not the frozen ones of a ranking" in " ".join(printed.split())
+
+
+def test_a_stored_run_says_what_was_trained_on_its_scenes(tmp_path: Path, card: str, kitti: str) -> None:
+    folder = tmp_path / "mine"
+    shutil.copytree(load_submission("stp").path, folder)
+    manifest = folder / "submission.toml"
+    text = manifest.read_text(encoding="utf-8").replace(
+        "[trained_on_scored]", f'[trained_on_scored]\n"{load_card(card).id}" = "presence"'
+    )
+    manifest.write_text(text, encoding="utf-8")
+    run_and_store(str(folder), card, tmp_path / "run", RunOptions(kitti, scenes=1))
+    report = score_stored(tmp_path / "run", RunOptions(kitti), card).report
+    assert report.condition["trained"] == "presence trained on scored scenes: stp"
 
 
 @pytest.mark.parametrize("seed", [0, 3])
