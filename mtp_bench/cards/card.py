@@ -56,7 +56,7 @@ class Card(Section):
 
     id: str
     summary: str
-    reference: str = "stp"  # baseline whose events define the frozen subsets
+    reference: str = "stp"  # baseline whose runs make the event weights
     motion_noise: str | None = None  # where objects move like here, a hint for agents; no part of the digest
     source: Source
     detector: DetectorSection | None = None

@@ -18,7 +18,9 @@ def compare(
     full: FullOption = False,
     cuts: Annotated[
         str | None,
-        typer.Option(help="Also stp, mtp and their control with detections above these scores; alone: .1,.2,.3."),
+        typer.Option(
+            help="Also stp, mtp and their control with detections above these scores (.1,.3); alone: .1,.2,.3."
+        ),
     ] = None,
     json_file: JsonOption = None,
 ) -> None:

@@ -23,11 +23,14 @@ _ARGUMENT = {  # what fills a field
     "track_box": "tracks.box",
     "track_class": "tracks.class_id",
     "hypothesis_log_weight": "tracks.log_weight",
+    "hypothesis_parent": "tracks.parent",
 }
 _PADDING = "leave out the padding of the observation, where detection_valid is 0"
 _ADVICE = {
     "object_box": _PADDING,
     "object_class": _PADDING,
+    "object_confidence": "state how likely it is that the object is there, not the detector's score as it is",
+    "hypothesis_parent": "-1 where it is not known",
     "forecast": "subtract the centre of the box from absolute positions",
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -128,6 +129,14 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "an unknown class": (
         {"classes": [0, -1]},
         "the first is object_class[1] = -1; expected 0 to 1: leave out the padding of the observation",
+    ),
+    "a score as confidence": (
+        {"confidence": [0.5, 1.5]},
+        "the first is object_confidence[1] = 1.5; expected 0 to 1: state how likely it is that the object is there",
+    ),
+    "an unknown parent": (
+        {"tracks": replace(Tracks.of_one_hypothesis(CLASS, BOX, CLASS), parent=np.array([-5]))},
+        "tracks.parent: unknown in 1 row, the first is hypothesis_parent[0] = -5; expected -1 (not stated) to 2",
     ),
     "an id twice": ({"ids": [7, 7]}, "ids or tracks.track_id: twice in one hypothesis in 2 rows"),
 }

@@ -12,7 +12,7 @@ from tests.support.command_line import ship
 
 @pytest.fixture
 def shipped(tmp_path: Path, repository: Path, card: str) -> Iterator[str]:
-    """Id of the small card, which ships with a bundle of its own, without frozen subsets."""
+    """Id of the small card, which ships with a bundle of its own, without frozen event weights."""
     patch = ship(tmp_path / "bundle", repository, card)
     yield Path(card).stem
     patch.undo()

@@ -50,7 +50,7 @@ class NearestAgent:
         self._unseen[track] = 0.0
         new = np.setdiff1d(np.arange(len(box)), detection)
         self._begin(box[new], observation["detection_velocity"][valid][new], observation["detection_class"][valid][new])
-        sure = np.flatnonzero(self._hits > 1)  # a forecast of what is not there costs
+        sure = np.flatnonzero(self._hits > 1)  # one detection gives no velocity, and may be false
         # That it is there is likelier the more often it was seen, and the more lately.
         confidence = self._hits[sure] / (self._hits[sure] + 1) * np.exp(-self._unseen[sure])
         tracks = Tracks.of_one_hypothesis(self._id, self._box, self._class)
