@@ -96,7 +96,10 @@ def test_a_window_opens_at_the_event(
 
 
 def test_pages_are_served_on_this_machine_only(folder: Path, known: list[str]) -> None:
-    command = [sys.executable, "-u", "-m", "mtp_bench.commands.app", "view", str(folder), *known, "--web"]
+    # a process in the background of a shell ignores interrupts, and so would its child
+    start = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    run = "from mtp_bench.commands import main; main()"
+    command = [sys.executable, "-u", "-c", f"{start}; {run}", "view", str(folder), *known, "--web"]
     environment = {**plain_environment(), "COLUMNS": "400"}
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as served:
         try:
