@@ -7,6 +7,7 @@ order of confidence gives the matchings of all cuts in one pass: each addition c
 from __future__ import annotations
 
 from dataclasses import dataclass
+from heapq import heappop, heappush
 
 import numpy as np
 from numpy.typing import NDArray
@@ -149,17 +150,20 @@ class _Matching:
         distance: dict[int, int] = {}
         before: dict[int, int] = {}
         done: dict[int, int] = {}
+        waiting: list[tuple[int, int]] = []  # a heap of distances and rows; a row may have come again, nearer
         column, base, left_out, least = new, 0, new, _UNMATCHED - self._of_column[new]
         while True:
             for row, cost in self._edges[column]:
                 far = base + cost - self._of_column[column] - self._of_row[row]
-                if row not in done and far < distance.get(row, far + 1):
+                if row not in done and far < distance.get(row, far + 1) and far < least:
                     distance[row], before[row] = far, column
-            waiting = [row for row in distance if row not in done]
-            nearest = min(waiting, key=distance.__getitem__, default=-1)
-            if nearest < 0 or distance[nearest] >= least:
+                    heappush(waiting, (far, row))
+            while waiting and waiting[0][1] in done:
+                heappop(waiting)
+            if not waiting or waiting[0][0] >= least:
                 return done, before, -1, left_out, least
-            done[nearest] = base = distance[nearest]
+            base, nearest = heappop(waiting)
+            done[nearest] = base
             if nearest not in self._column_of:
                 return done, before, nearest, -1, base
             column = self._column_of[nearest]
