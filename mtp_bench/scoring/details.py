@@ -57,6 +57,7 @@ def details(table: AgentTable, card: Card) -> Details:
         bins=_bins(table, card),
         own={name: _own(table, name) for name in OWN},
         own_events={kind: sum(score.own_events[kind] for score in first) for kind in KINDS},
+        guessed_parents=ratio(sum(score.guessed_parents for score in first), sum(score.frames for score in first)),
         tracking=_tracking([score.counts for score in first], card, table.complete),
         invalid=dict(zip(("tracks", "hypotheses", "objects"), invalid, strict=True)),
         dropped_detections=sum(score.dropped for score in table.scores),

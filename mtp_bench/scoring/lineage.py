@@ -28,6 +28,12 @@ class Hypotheses:
     parent: Ints  # [F, H] hypothesis of the frame before; 0 in frame 0
     stated: Bools  # [F, H] whether the agent stated it; else it is guessed where there is a choice
 
+    @property
+    def guessed(self) -> int:
+        """Number of frames in which the parent of a hypothesis had to be guessed among several."""
+        choice = self.alive[:-1].sum(axis=1) > 1
+        return int(((self.alive & ~self.stated)[1:].any(axis=1) & choice).sum())
+
 
 @dataclass(frozen=True, eq=False)
 class LineageEvents:

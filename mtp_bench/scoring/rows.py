@@ -160,6 +160,7 @@ class Details(Setting):
     bins: list[Bin]
     own: dict[str, Errors]  # where the agent itself has an event: shown, never ranked
     own_events: dict[str, int]
+    guessed_parents: float | None  # share of frames in which the lineage of own events had to be guessed
     tracking: Tracking
     invalid: dict[str, int]  # rows rejected: tracks, hypotheses, objects
     dropped_detections: Count

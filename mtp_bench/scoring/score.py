@@ -52,6 +52,7 @@ class SceneScore(ForecastErrors):
     all_h_ids: Bools  # [n] in every hypothesis
     all_h_frag: Bools  # [n]
     own_events: dict[str, int]  # on all evaluated true boxes, targets or not, by KINDS; "wrong" are among the "lost"
+    guessed_parents: int  # frames in which the lineage of own events had to be guessed, for the agent does not state it
     cuts: Cuts  # of the forecasts in live frames, by their confidence
     score_cuts: Cuts  # the same by the score of the nearest detection
     outcome: Ints  # [A] FALSE, EXCUSED, BESIDE or RIGHT, in the order of ``cuts``
@@ -134,6 +135,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         all_h_ids=every_ids[targets.row],
         all_h_frag=every_frag[targets.row],
         own_events={kind: int(getattr(of_best, kind).sum()) for kind in KINDS},
+        guessed_parents=lineage.guessed,
         cuts=by_confidence,
         score_cuts=cuts(found, grow(found, score), score, of_targets),
         outcome=outcome,

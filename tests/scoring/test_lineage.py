@@ -216,3 +216,11 @@ def test_order_of_tracks_and_of_hypotheses_and_the_place_do_not_matter(seed: int
     )
     for name in ("ids", "lost", "wrong", "reacquired"):
         assert np.array_equal(getattr(got, name), getattr(want, name)[:, rank])
+
+
+def test_frames_in_which_the_lineage_is_guessed_are_counted() -> None:
+    tracks = [[held(1, 0, 0), held(2, 5, 1)]] * 4
+    rollout = make_rollout(tracks, log_weight=[[-1, -2], [-1, -2], [-1, NEVER], [-1, -2]], hypotheses=2)
+    assert hypotheses(rollout, CARD).guessed == 2, "frame 3 has one hypothesis before it, so there is no choice"
+    stated = replace(rollout, hypothesis_parent=np.array([[-1, -1], [1, 0], [0, -1], [0, 0]]))
+    assert hypotheses(stated, CARD).guessed == 0

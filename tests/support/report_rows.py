@@ -50,7 +50,7 @@ def detail(setting: Setting) -> Details:
         "AP_f": 0.222, "brier": 0.155, "reliability": [Reliability(confidence=0.95, matched=0.66, forecasts=9)],
         "forecasts_per_frame": 12.3, "false_per_frame": 4.5, "curve": [(i / 10, 3.75) for i in range(12)],
         "k_curve": {"1": 0.5}, "bins": bins, "own": {"all_h_ids": errors},
-        "own_events": {"ids": 34, "lost": 462, "wrong": 3, "reacquired": 99},
+        "own_events": {"ids": 34, "lost": 462, "wrong": 3, "reacquired": 99}, "guessed_parents": 0.0,
         "tracking": Tracking(all=clear, classes={}, false_positives=6, false_tracks=7),
         "invalid": {}, "dropped_detections": 0,
     }  # fmt: skip

@@ -126,6 +126,14 @@ def test_what_is_said_where_false_forecasts_cannot_be_known() -> None:
     assert "averaged over budgets of forecasts per live frame; on ids" in notes(partly)[0]
 
 
+def test_a_guessed_lineage_is_marked() -> None:
+    known = report(rows(MINE))
+    assert "*" not in "".join(map(render, full_tables(known)))
+    known.details[0] = known.details[0].model_copy(update={"guessed_parents": 0.25})
+    assert any("34/462/99*" in render(table) for table in full_tables(known))
+    assert notes(known)[-1] == "* mine states no parents: the lineage of own events is guessed in 25% of frames"
+
+
 def test_the_setting_that_is_spoken_of() -> None:
     """The name itself before one with other parameters, and the most hypotheses at equal k."""
     values = {"difference_to_stp": -0.1}

@@ -63,6 +63,12 @@ def notes(report: Report) -> list[str]:
             few = "" if subset != "ids" else f" ({row.effective_targets:.1f} and {row.effective_objects:.1f} effective)"
             on = f"{counted(row.targets, 'target')} on {counted(row.objects, 'object')}{few}"
             lines.append(f"{name}: {on} in {counted(row.scenes, 'scene')}")
+    for detail in report.details:
+        if detail.guessed_parents:
+            share = _percent(detail.guessed_parents)
+            lines.append(
+                f"* {detail.agent} states no parents: the lineage of own events is guessed in {share} of frames"
+            )
     return lines
 
 
@@ -179,9 +185,14 @@ _TRACKING: dict[str, Cell] = {
     "CLEAR\nIDS": lambda _, detail: str(detail.tracking.all.IDS),
     "\nFRAG": lambda _, detail: str(detail.tracking.all.FRAG),
     "false\ntracks": lambda _, detail: _count(detail.tracking.false_tracks),
-    "own ids/\nlost/reac.": lambda _, detail: "/".join(str(detail.own_events[kind]) for kind in EVENTS),
+    "own ids/\nlost/reac.": lambda _, detail: _own_events(detail),
     "ids in\nall H": lambda _, detail: str(detail.own["all_h_ids"].targets),
 }
+
+
+def _own_events(detail: Details) -> str:
+    """Own switches, losses and re-acquisitions; a star where the lineage of hypotheses was guessed, see `notes`."""
+    return "/".join(str(detail.own_events[kind]) for kind in EVENTS) + ("*" if detail.guessed_parents else "")
 
 
 def _grid(report: Report, title: str, columns: dict[str, Cell]) -> Table:
