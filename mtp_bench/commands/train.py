@@ -51,7 +51,7 @@ def cut(detector: DetectorArgument, data: DataOption = None, output: TextOption 
 
 def _of_detector(detector: str, data: str | None, output: Path | None, fit: Callable[[str, RunOptions], str]) -> None:
     from ..running.options import RunOptions
-    from ..training.presence import DETECTORS, scenes_of
+    from ..training.presence_recipes import DETECTORS, scenes_of
 
     require_writable(output)
     one_of(detector, DETECTORS, "DETECTOR")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..cards import Card
-from ..types import Bools, Floats, Ints, Scene
+from ..types import Floats, Ints, Scene
 from .cuts import Cuts
 from .definitions import FALSE_FORECAST_SHARE, FREE_FORECASTS, SURE
 from .forecasts import Forecasts, candidates, cuts, grow
@@ -76,8 +76,3 @@ def mean_plain_error(scores: Sequence[SceneScore]) -> float | None:
     """Error over all targets of some scenes with every forecast kept, metres; None without a target."""
     targets = sum(len(score) for score in scores)
     return sum(float(score.capped.sum()) for score in scores) / targets if targets else None
-
-
-def plain_sum(score: SceneScore, targets: Bools) -> float:
-    """Error of one rollout of a scene summed over some of its ``targets`` [n], metres, with every forecast kept."""
-    return float(score.capped[targets].sum())

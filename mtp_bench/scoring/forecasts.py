@@ -86,14 +86,8 @@ class Candidates:
     forecasts: Forecasts
     live: Bools  # [S] in a live frame
     pairs: Pairs  # true boxes and forecasts inside the gate, the neutral boxes too
+    target_of_row: Rows  # [R] the target that each true box is, -1 for none
     error: Floats  # [E] m, minADE of these pairs, inf where the forecast is not usable; 0 where the box is no target
-
-    @cached_property
-    def target_of_row(self) -> Rows:
-        """The target that each true box is [R], -1 for none."""
-        place = np.full(len(self.scene.truth.box), -1, dtype=np.intp)
-        place[self.targets.row] = np.arange(len(self.targets))
-        return place
 
     @cached_property
     def neutral_place(self) -> Bools:
@@ -119,7 +113,7 @@ def candidates(scene: Scene, targets: Targets, forecasts: Forecasts, live: Bools
         weight = floored(forecasts.weights(row))
         ade, _, _ = sample_errors(forecasts.paths(row), targets.future[target[part]], weight)
         error[part] = ade.min(axis=1, initial=np.inf)
-    return Candidates(scene, targets, forecasts, live[forecasts.frame], pairs, error)
+    return Candidates(scene, targets, forecasts, live[forecasts.frame], pairs, place, error)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +122,6 @@ class Grown:
 
     order: Rows  # [A] forecasts in live frames, surest first
     additions: Additions
-    excused: Additions  # of forecasts that were left out, to neutral true boxes
     false: Bools  # [S] false when all are kept; neither at a neutral place nor a neutral object's
     false_step: Rows  # steps at which one more is false
 
@@ -148,7 +141,7 @@ def grow(found: Candidates, confidence: Floats) -> Grown:
     left = np.where(found.neutral_place, NEVER, additions.dropped)
     excused = add_in_order(found.pairs.keep(neutral), left, confidence, np.zeros(int(neutral.sum())))
     false = excused.dropped != NEVER
-    return Grown(order, additions, excused, false, excused.dropped[false])
+    return Grown(order, additions, false, excused.dropped[false])
 
 
 def cuts(found: Candidates, grown: Grown, confidence: Floats, miss_error: Floats) -> Cuts:

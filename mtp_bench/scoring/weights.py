@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +26,9 @@ from ..types import Bools, Rollout, Scene
 from .definitions import DEFINITIONS
 from .lineage import hypotheses, lineage_events, match_hypotheses
 from .neutral import evaluated
+from .subsets import SUBSETS
 
-WeighedSubset = Literal["ids", "lost", "reacquired", "frag", "paper_ids", "paper_frag"]
-WEIGHED: tuple[WeighedSubset, ...] = get_args(WeighedSubset)
+WEIGHED = SUBSETS[1:]  # "all" weighs every target alike
 EVENTS = ("ids", "lost", "reacquired")  # frag is lost or reacquired
 _COUNTED = (*EVENTS, "frag")
 _DIGITS = 16

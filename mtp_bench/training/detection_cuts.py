@@ -20,7 +20,7 @@ from ..scoring.forecasts import match_objects
 from ..scoring.neutral import evaluated, neutral_places
 from ..tracking import HypothesisTracker
 from ..types import Floats, Ints, Scene, Task
-from .presence import LIKE, Scenes, scenes_of
+from .presence_recipes import LIKE, Scenes, scenes_of
 from .split import open_split
 from .windows import observations
 

@@ -71,13 +71,15 @@ def test_where_the_truth_is_not_complete_there_are_no_false_positives(
     monkeypatch: pytest.MonkeyPatch, card: str, kitti: str
 ) -> None:
     from mtp_bench.running.options import RunOptions
-    from mtp_bench.training import presence
+    from mtp_bench.training import presence_recipes
     from mtp_bench.training.split import Split, open_split
 
     monkeypatch.setattr(
         Split, "scenes", lambda self: (replace(self.source.load(n), truth_complete=False) for n in self.names)
     )
-    monkeypatch.setitem(presence.RECIPES, "mine", presence.Recipe((presence.Scenes(card, "val"),)))
+    monkeypatch.setitem(
+        presence_recipes.RECIPES, "mine", presence_recipes.Recipe((presence_recipes.Scenes(card, "val"),))
+    )
     assert open_split(card, RunOptions(kitti)).names
     with pytest.raises(MtpBenchError, match="the truth is not complete"):
         detection_cuts.best_cuts("mine", RunOptions(kitti))

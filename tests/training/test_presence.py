@@ -16,7 +16,8 @@ from mtp_bench.prediction.presence import FEATURES, MODELS, History, logistic, r
 from mtp_bench.running.options import RunOptions
 from mtp_bench.sources import load_scenes
 from mtp_bench.training import presence
-from mtp_bench.training.presence import Quality, Recipe, Rows, design, isotonic_knots
+from mtp_bench.training.presence import Quality, Rows, design, isotonic_knots
+from mtp_bench.training.presence_recipes import Recipe
 from mtp_bench.types import Floats
 from tests.support.command_line import CommandLine
 

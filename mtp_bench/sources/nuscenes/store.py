@@ -116,8 +116,7 @@ def _fill(folder: Path, keyframes: Keyframes, boxes: Annotations, has_list: bool
 def _scene_arrays(index: int, keyframes: Keyframes, boxes: Annotations) -> Arrays:
     """What is kept of a scene.
 
-    Objects are numbered in the order of their tokens, which depends on nothing but the objects: frozen subsets name
-    them by these numbers.
+    Objects are numbered in the order of their tokens, which depends on nothing but the objects.
     """
     first, end = (int(row) for row in keyframes.start[index : index + 2])
     row = slice(*np.searchsorted(boxes.sample, [first, end]))
