@@ -16,6 +16,8 @@ import gymnasium as _gymnasium
 from ._bundle import card_ids as card_ids
 from ._version import __version__ as __version__
 from .agent import Agent as Agent
+from .agent import Forecasts as Forecasts
+from .agent import Frame as Frame
 from .agent import Pipeline as Pipeline
 from .agent import Predictor as Predictor
 from .agent import Sampler as Sampler

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from .types import Bools, Floats, Ints
 
+UNBORN = -2  # in `Tracks.past_detection`: the track was not there yet
+_NOT_BY_TRACK = ("member", "log_weight", "parent", "affinity")
 _ROUNDING = 1e-9  # the weights of all hypotheses sum to 1 only up to rounding
+
+
+class Affinity(NamedTuple):
+    """What a tracker's association gains, for every allowed pair of an old track, moved on, and a detection."""
+
+    before: Ints  # [N] the old track that each track continues, -1 for a new one
+    start: Ints  # [M + 1] where the pairs of each of M old tracks begin
+    detection: Ints  # [E] row of the observation
+    gain: Floats  # [E] above 0, the larger the better
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +40,16 @@ class Tracks:
     last_score: Floats | None = None  # [N] of the last detection that the track took
     hits: Ints | None = None  # [N] detections that the track took
     age: Ints | None = None  # [N] frames since its first detection, this one included
+    past_detection: Ints | None = None  # [N, P] row of the detection taken, in the observation of that frame; -1: none, UNBORN
+    covariance: Floats | None = None  # [N, 2, 2] of position (m) and velocity (m/frame), per axis, as the filter says
+    affinity: Affinity | None = None
+
+    def those(self, rows: Ints) -> Tracks:
+        """The tracks ``rows``, in this order; the hypotheses hold what is left of theirs."""
+        aligned = [f.name for f in fields(self) if f.name not in _NOT_BY_TRACK]
+        parts = {name: value[rows] for name in aligned if (value := getattr(self, name)) is not None}
+        pairs = None if self.affinity is None else self.affinity._replace(before=self.affinity.before[rows])
+        return replace(self, **parts, member=self.member[:, rows], affinity=pairs)
 
     @classmethod
     def of_one_hypothesis(cls, track_id: Ints, box: Floats, class_id: Ints) -> Tracks:

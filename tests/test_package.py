@@ -22,7 +22,7 @@ from mtp_bench import _bundle
 
 PUBLIC = {
     "Action", "Agent", "CardError", "DataError", "Detections", "MtpBenchError", "Objects", "Observation",
-    "Pipeline", "Predictor", "RecordError", "Rollout", "RolloutError", "Sampler", "Scene", "ShapeError",
+    "Forecasts", "Frame", "Pipeline", "Predictor", "RecordError", "Rollout", "RolloutError", "Sampler", "Scene", "ShapeError",
     "SubmissionError", "Task", "Tracker", "Tracks", "Truth", "UnknownNameError", "answer", "card_ids",
 }  # fmt: skip
 LAZY_NAMES = {"Card", "MTPEnv", "Report", "Submission", "compare", "load_card", "load_scenes", "load_submission"}

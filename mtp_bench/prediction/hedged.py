@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..agent import FramePredictor, Predictor, Tracks
+from ..agent import FramePredictor, SamplingPredictor, Tracks
 from ..types import Floats, Ints, Task
 
 
@@ -26,7 +26,7 @@ class StandingStill:
 class HedgedPredictor:
     """Spreads the samples evenly over several predictors; the first ones get what is left over."""
 
-    def __init__(self, predictors: Sequence[Predictor]) -> None:
+    def __init__(self, predictors: Sequence[SamplingPredictor]) -> None:
         self._predictors = tuple(predictors)
 
     def reset(self, task: Task) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..agent import Observation, Tracks
 from ..errors import ShapeError, UnknownNameError
+from ..tracks import Affinity
 from ..types import Floats, Ints, Task
 from .joint import joint_k_best, k_best, per_cluster
 from .kernels.affinity_kernels import CENTER_DISTANCE, GIOU_3D, IOU_3D, sparse_pairs
@@ -90,6 +91,7 @@ class HypothesisTracker:
         """Costs [K] of the new hypotheses, the detection of each leaf in them [K, N], and their parents [K]."""
         tree = self._tree
         indptr, column, gain = sparse_gains(tree.box, tree.class_id, seen.box, seen.class_id, self._rules)
+        self._pairs = indptr, seen.row[column], gain
         if self._assignment != "hungarian":
             cost = np.full((len(tree.class_id), len(seen.box)), np.inf)
             cost[np.repeat(np.arange(len(cost)), np.diff(indptr)), column] = -gain
@@ -103,7 +105,7 @@ class HypothesisTracker:
         least = self._min_hits[tree.class_id]
         confirmed = (tree.hits >= least) | (self._frame <= least)  # a recording does not wait for its first tracks
         out = np.flatnonzero(confirmed)
-        past, past_valid = tree.history(out)
+        past, taken = tree.history(out)
         weight = -self._cost / self._temperature
         return Tracks(
             track_id=tree.track_id[out],
@@ -112,13 +114,16 @@ class HypothesisTracker:
             score=tree.score[out] / tree.hits[out],
             detection=np.append(rows, -1)[tree.detection[out]],
             past=past,
-            past_valid=past_valid,
+            past_valid=taken >= 0,
             member=tree.member.take(out, axis=1),
             log_weight=weight - np.logaddexp.reduce(weight),
             parent=parent,
             last_score=tree.last_score[out],
             hits=tree.hits[out],
             age=tree.age[out],
+            past_detection=taken,
+            covariance=tree.covariance(out),
+            affinity=Affinity(tree.before[out], *self._pairs),
         )
 
 
@@ -146,6 +151,7 @@ def _seen(observation: Observation, rows: Ints, measured: bool) -> Seen:
         np.asarray(observation["detection_class"], dtype=np.int64)[rows],
         np.asarray(observation["detection_score"], dtype=np.float64)[rows],
         velocity,
+        rows,
     )
 
 

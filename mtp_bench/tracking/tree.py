@@ -22,6 +22,7 @@ class Seen(NamedTuple):
     class_id: Ints  # [D]
     score: Floats  # [D]
     velocity: Floats  # [D, 2] m/s, [0, 2] where velocities are not measured
+    row: Ints  # [D] in the observation
 
 
 @final
@@ -39,6 +40,7 @@ class HypothesisTree:
         self.last_score = np.zeros(0)  # [N] of the last detection taken
         self.age: Ints = np.zeros(0, dtype=np.int64)  # [N] frames since the first detection, this one included
         self.detection: Ints = np.zeros(0, dtype=np.int64)  # taken in the last frame, -1: none
+        self.before: Ints = np.zeros(0, dtype=np.int64)  # [N] the leaf of the frame before, -1 at birth
         self.member = np.ones((1, 0), dtype=np.bool_)  # [H, N]
         self._name: Ints = np.zeros(1, dtype=np.int64)  # [H] equal for hypotheses that hold the same leaves
         self._next_id = 0
@@ -89,7 +91,8 @@ class HypothesisTree:
         )
         write_boxes(detection, seen.box, state, self._measured[layer])
         self._remember(leaf, detection, seen.score)
-        self._detections[layer, :n], self._parents[layer, :n] = detection, leaf
+        self._detections[layer, :n] = np.append(seen.row, -1)[detection]
+        self._parents[layer, :n] = self.before = leaf
         self.state, self.memory, self.score, self.detection = state, memory, score, detection
 
     def _remember(self, leaf: Ints, detection: Ints, score: Floats) -> None:
@@ -108,10 +111,14 @@ class HypothesisTree:
             self.member = self.member.take(kept, axis=0)
         return kept
 
-    def history(self, leaf: Ints) -> tuple[Floats, Bools]:
-        """Boxes [n, P, 7] of the last P frames along the branches that end in ``leaf`` [n], and where one was taken.
+    def covariance(self, leaf: Ints) -> Floats:
+        """Covariances [n, 2, 2] of position (m) and velocity (m/frame) of the leaves [n], per axis."""
+        return np.asarray(self.state[leaf, 10:14].reshape(-1, 2, 2))
 
-        Where a track took none it is the box of its state; before its birth, zeros.
+    def history(self, leaf: Ints) -> tuple[Floats, Ints]:
+        """Boxes [n, P, 7] of the last P frames along the branches that end in ``leaf`` [n], and the rows taken.
+
+        Where a track took none the row is -1 and the box that of its state; before its birth UNBORN and zeros.
         """
         return histories(leaf, self._measured, self._detections, self._parents, self._last, self._filled)
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..agent import Observation, Tracks
 from ..errors import SubmissionError
+from ..tracks import UNBORN
 from ..types import Floats, Ints, Task
 
 
@@ -28,11 +29,12 @@ class TruthTracker:
         self._frames.append((ids, box))
         length = self._frames.maxlen or 1
         past = np.zeros((len(ids), length, 7))
-        past_valid = np.zeros((len(ids), length), dtype=bool)
+        taken = np.full((len(ids), length), UNBORN)
         for back, (then_ids, then_box) in enumerate(reversed(self._frames)):
             mine, then = np.nonzero(ids[:, None] == then_ids[None, :])
             past[mine, length - 1 - back] = then_box[then]
-            past_valid[mine, length - 1 - back] = True
+            taken[mine, length - 1 - back] = then
+        taken[(np.maximum.accumulate(taken, axis=1) >= 0) & (taken < 0)] = -1  # hidden for a while
         return Tracks(
             track_id=ids,
             box=box,
@@ -40,8 +42,9 @@ class TruthTracker:
             score=np.asarray(observation["detection_score"], dtype=np.float64)[valid],
             detection=np.arange(len(ids)),
             past=past,
-            past_valid=past_valid,
+            past_valid=taken >= 0,
             member=np.ones((1, len(ids)), dtype=bool),
             log_weight=np.zeros(1),
             parent=np.zeros(1, dtype=np.int64),
+            past_detection=taken,
         )

@@ -20,7 +20,7 @@ from ..running.options import DEFAULTS, RunOptions
 from ..tracking import HypothesisTracker, TruthTracker
 from ..types import Bools, Floats, Scene, Task
 from .split import open_split
-from .windows import collect
+from .motion_windows import collect
 
 
 def fit_env(env_id: str, options: RunOptions = DEFAULTS, observe: str = "detections") -> str:

@@ -25,7 +25,7 @@ from ..tracks import Tracks
 from ..types import Bools, Floats, Scene, Task
 from .presence_recipes import LIKE, RECIPES, Like, Recipe, scenes_of
 from .split import open_split
-from .windows import observations
+from .motion_windows import observations
 
 RIDGE = 0.1  # inverse weight of the squares of all coefficients
 FOLDS = 5  # of scenes

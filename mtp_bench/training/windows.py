@@ -1,97 +1,187 @@
-"""Training windows: what a tracker says of an object's past beside what the object did next."""
+"""Training windows: what a tracker says of the past beside what the objects did next.
+
+``windows`` plays a tracker through the scenes of a split and keeps, frame by frame, the windows that a predictor would be
+shown (`mtp_bench.prediction.windows`), with the truth that belongs to them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..agent import Observation, Tracker
-from ..env.observation import true_detections
-from ..prediction.kalman import heading_frame, rotation
+from ..agent import Frame, Observation, Tracker
+from ..cards import Card
+from ..env.environment import MTPEnv
+from ..env.observation import LocalFrame, make_feed
+from ..errors import MtpBenchError, UnknownNameError
+from ..parallel import parallel_map
+from ..prediction.windows import TrackWindows, windows_of
+from ..running.folds import Fold, held_out
+from ..running.options import DEFAULTS, RunOptions
+from ..sources import open_source
+from ..tracking import HypothesisTracker, TruthTracker
 from ..tracks import Tracks
-from ..types import Bools, Floats, Ints, Scene, Task
+from ..types import Bools, Floats, Ints, Ragged, Scene, Task
+from . import window_cache
+from .labels import UNKNOWN, Labels, SceneLabels
+from .split import open_split
+
+TRUTH = "truth"  # in place of a tracker: true pasts
 
 
 @dataclass(frozen=True, eq=False)
-class Windows:
-    """Windows of n tracks in the heading frame of their last box; the origin is its centre."""
+class Surroundings(Ragged):
+    """The detections of m frames of all scenes, in the frame of the observations."""
 
-    position: Floats  # [n, P, 2]
-    valid: Bools  # [n, P]
-    future: Floats  # [n, T, 2]
-    class_id: Ints  # [n]
+    box: Floats  # [R, 7]
+    velocity: Floats  # [R, 2] m/s, 0 where it is not measured
+    class_id: Ints  # [R]
+    score: Floats  # [R]
 
 
-def collect(scenes: Iterable[Scene], task: Task, tracker: Tracker, gate: float = 1.0) -> Windows:
-    """Windows of the tracks of the first hypothesis whose true object has all T future frames.
+@dataclass(frozen=True, eq=False)
+class Windows(TrackWindows):
+    """Windows of n tracks with their truth, sorted by scene and frame; numbers as float32.
 
-    That is the nearest object of the same class (BEV), at most ``gate`` metres away. With ``task.observe == "truth"``
-    the tracker is fed true boxes.
+    Positions are in the frame of the observations of their scene, metres.
     """
-    parts = [_empty(task), *(part for scene in scenes for part in _scene_windows(scene, task, tracker, gate))]
-    return Windows(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Windows)))
+
+    object_id: Ints  # [n] the true object that the track follows; -1: none
+    present: Floats  # [n, 2] where that object is
+    future: Floats  # [n, T, 2] and where it is in the next T frames
+    future_known: Bools  # [n, T] its place then is known; futures that are cut short are kept
+    target: Bools  # [n] the object is a target of the scorer in this frame
+    scene: Ints  # [n] place in ``names``
+    frame: Ints  # [n]
+    moment: Ints  # [n] the frame among all frames of all scenes, for ``seen``
+    names: tuple[str, ...]
+    seen: Surroundings  # the detections of all frames; those before `moment` in the same scene are its past
+    task: Task
+
+    def those(self, rows: Ints | Bools | slice) -> Windows:
+        """The windows ``rows``; frames and scenes keep their numbers."""
+        return replace(self, **{name: getattr(self, name)[rows] for name in BY_WINDOW})
+
+    @property
+    def negative(self) -> Bools:
+        """The tracks [n] that follow no true object. Where the truth is not complete there are none."""
+        return np.asarray(self.object_id < 0)
+
+    def split(self, fold: Fold) -> tuple[Windows, Windows]:
+        """The windows to learn from, and those of the scenes of a fold, which are held out."""
+        away = np.isin(self.scene, [self.names.index(name) for name in held_out(self.names, fold)])
+        return self.those(~away), self.those(away)
+
+    def neighbours(self, row: int) -> Ints:
+        """The other windows of the same frame that the heaviest hypothesis holds."""
+        low, high = np.searchsorted(self.moment, [self.moment[row], self.moment[row] + 1])
+        rows = np.arange(low, high)
+        return rows[self.best[rows] & (rows != row)]
+
+    def dataset(self) -> Any:
+        """A `torch.utils.data.Dataset`: each item is a dictionary of the tensors of a window, by these names."""
+        from .torch_dataset import WindowDataset
+
+        return WindowDataset(self)
 
 
-def _scene_windows(scene: Scene, task: Task, tracker: Tracker, gate: float) -> Iterable[Windows]:
+BY_WINDOW = tuple(f.name for f in fields(Windows) if f.name not in ("names", "seen", "task"))
+
+
+def windows(
+    env_id: str,
+    split: str = "train",
+    tracker: Tracker | int | str = 1,
+    scenes: Sequence[str] | None = None,
+    options: RunOptions = DEFAULTS,
+) -> Windows:
+    """Windows of every track of every hypothesis, at every frame of the scenes of a split.
+
+    ``tracker``: one of your own, the number of hypotheses of `HypothesisTracker`, or "truth" for true pasts.
+    ``scenes``: their names; None: all, or the first ones that ``options`` asks for. ``options``: data root, detector,
+    workers and progress.
+
+    A track follows the true object of its class that is nearest to the last detection it took, within the forecast gate
+    of the card; of true boxes, the object itself. Tracks of which that cannot be said, for the truth is not complete or
+    neutral there, are left out. What the tracker of a whole number of hypotheses says is kept in the cache.
+    Raises UnknownNameError for a scene that is not there, MtpBenchError where there is nothing to learn from.
+    """
+    opened = open_split(env_id, replace(options, split=split))
+    names = opened.names if scenes is None else tuple(scenes)
+    for name in names:
+        if name not in opened.source.names:
+            raise UnknownNameError(f"scene of {env_id}", name, opened.source.names)
+    observe = "truth" if tracker == TRUTH else "detections"
+    task = MTPEnv(opened.card, data=options.data, observe=observe).task
+    options.progress.started(len(names))
+    calls = [(opened.card, options.data, task, tracker, name) for name in names]
+    parts = parallel_map(_scene_arrays, calls, options.workers, lambda place: options.progress.done(names[place]))
+    if not any(len(part["scene"]) for part in parts):
+        raise MtpBenchError(f"{env_id}: no track of the {len(names)} scenes of split {split!r} can be learnt from")
+    return joined(parts, names, task)
+
+
+def joined(parts: Sequence[window_cache.Arrays], names: Sequence[str], task: Task) -> Windows:
+    """The windows of several scenes, each as `scene_arrays` gives it."""
+    first = np.cumsum([0, *(len(part["seen_start"]) - 1 for part in parts)])
+    for number, part in enumerate(parts):
+        part["scene"] = np.full(len(part["scene"]), number)
+        part["moment"] = part["frame"] + first[number]
+    column = {f.name for f in fields(Surroundings)} - {"start"}
+    seen = {name: np.concatenate([part[f"seen_{name}"] for part in parts]) for name in column}
+    count = np.concatenate([np.diff(part["seen_start"]) for part in parts])
+    rows = {name: np.concatenate([part[name] for part in parts]) for name in BY_WINDOW}
+    surroundings = Surroundings(Ragged.of_counts(count).start, **seen)
+    return Windows(**rows, names=tuple(names), seen=surroundings, task=task)
+
+
+def _scene_arrays(
+    card: Card, data: str | None, task: Task, tracker: Tracker | int | str, name: str
+) -> window_cache.Arrays:
+    scene = open_source(card, data).load(name)
+    if not isinstance(tracker, int | str):
+        return scene_arrays(scene, card, task, tracker)
+    made: Tracker = TruthTracker() if isinstance(tracker, str) else HypothesisTracker(tracker)
+    return window_cache.kept(scene, (card.digest, task, tracker), lambda: scene_arrays(scene, card, task, made))
+
+
+def scene_arrays(scene: Scene, card: Card, task: Task, tracker: Tracker) -> window_cache.Arrays:
+    """The columns of `Windows` for one scene, and its detections as ``seen_*``."""
+    local = LocalFrame.of(scene)
+    feed = make_feed(scene, local, task)
+    labels = SceneLabels(scene, card, local, feed)
     tracker.reset(task)
-    for t, observation in enumerate(observations(scene, task.observe)):
-        tracks = tracker.step(observation)
-        if t + task.future < scene.frames:
-            yield _frame_windows(scene, t, tracks, task, gate)
-
-
-def observations(scene: Scene, observe: str = "detections") -> Iterator[Observation]:
-    """The part of the observations that trackers read, frame by frame: unpadded and in the scene's own frame."""
-    shown, ids = true_detections(scene) if observe == "truth" else (scene.detections, None)
+    parts, seen = [_nothing(task)], deque[Observation](maxlen=task.past)
     for t in range(scene.frames):
-        rows = shown.rows(t)
-        seen: Observation = {
-            "detection_box": shown.box[rows],
-            "detection_class": shown.class_id[rows],
-            "detection_score": shown.score[rows],
-            "detection_velocity": np.nan_to_num(shown.velocity[rows]),
-            "detection_valid": np.ones(len(shown.box[rows]), dtype=bool),
-        }
-        yield seen if ids is None else {**seen, "detection_id": ids[rows]}
+        seen.append(feed.observe(t))
+        found, _ = windows_of(Frame(t, tracker.step(seen[-1]), tuple(seen)), task.past)
+        parts.append(_learnable(found, labels.of(t, found), t))
+    rows = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    around = {name: getattr(feed, name) for name in ("box", "velocity", "class_id", "score")}
+    return {**rows, "seen_start": feed.start, **{f"seen_{name}": _single(value) for name, value in around.items()}}
 
 
-def _frame_windows(scene: Scene, t: int, tracks: Tracks, task: Task, gate: float) -> Windows:
-    truth = scene.truth
-    rows = truth.rows(t)
-    now = np.arange(rows.start, rows.stop)[truth.eligible[rows]]
-    leaf = np.flatnonzero(tracks.member[0])
-    distance = np.linalg.norm(tracks.box[leaf, None, :2] - truth.box[None, now, :2], axis=-1)
-    distance = np.where(tracks.class_id[leaf, None] == truth.class_id[None, now], distance, np.inf)
-    if distance.size == 0:
-        return _empty(task)
-    nearest = distance.argmin(axis=1)
-    near = distance[np.arange(len(leaf)), nearest] <= gate
-    future, complete = _futures(scene, t, truth.object_id[now[nearest]], task.future)
-    leaf, future = leaf[near & complete], future[near & complete]
-    heading = tracks.box[leaf, 3]
-    local = np.einsum("nti,nij->ntj", future - tracks.past[leaf, -1:, :2], rotation(heading))
-    return Windows(heading_frame(tracks.past[leaf], heading), tracks.past_valid[leaf], local, tracks.class_id[leaf])
+def _learnable(found: TrackWindows, labels: Labels, t: int) -> window_cache.Arrays:
+    """Those of the windows of frame ``t`` of which is known what they follow, with their labels."""
+    kept = labels.object_id != UNKNOWN
+    columns = {f.name: getattr(found, f.name) for f in fields(TrackWindows)} | labels._asdict()
+    rows = {name: _single(value[kept]) for name, value in columns.items()}
+    return {**rows, "scene": np.zeros(kept.sum(), dtype=np.int64), "frame": np.full(kept.sum(), t)}
 
 
-def _futures(scene: Scene, t: int, object_id: Ints, steps: int) -> tuple[Floats, Bools]:
-    """Positions [n, T, 2] of objects in the next frames, and whether all of them are known [n]."""
-    future = np.zeros((len(object_id), steps, 2))
-    complete = np.ones(len(object_id), dtype=bool)
-    for step in range(steps):
-        rows = scene.truth.rows(t + 1 + step)
-        same = object_id[:, None] == scene.truth.object_id[None, rows]
-        complete &= same.any(axis=1)
-        if same.size:
-            future[:, step] = scene.truth.box[rows, :2][same.argmax(axis=1)]
-    return future, complete
+def _nothing(task: Task) -> window_cache.Arrays:
+    """No windows: for a scene without any."""
+    no_tracks = Tracks.of_one_hypothesis(np.zeros(0, dtype=np.int64), np.zeros((0, 7)), np.zeros(0, dtype=np.int64))
+    found, _ = windows_of(Frame(0, no_tracks, ({},)), task.past)
+    ids, future = np.zeros(0, dtype=np.int64), np.zeros((0, task.future, 2))
+    return _learnable(found, Labels(ids, np.zeros((0, 2)), future, future[:, :, 0] > 0, ids > 0), 0)
 
 
-def _empty(task: Task) -> Windows:
-    return Windows(
-        np.zeros((0, task.past, 2)),
-        np.zeros((0, task.past), dtype=bool),
-        np.zeros((0, task.future, 2)),
-        np.zeros(0, dtype=np.int64),
-    )
+def _single(values: NDArray[Any]) -> NDArray[Any]:
+    """Numbers in single precision."""
+    return values.astype(np.float32) if values.dtype.kind == "f" else np.asarray(values)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mtp_bench.tracks import UNBORN
 from mtp_bench.tracking.kernels.tree_kernels import distinct_rows, grow, histories
 from mtp_bench.types import Bools, Ints
 
@@ -65,7 +66,7 @@ def test_histories_walk_up_the_tree() -> None:
     detection = np.array([[-1, 4], [0, 0], [7, 7]])
     parent = np.array([[0, 0], [9, 9], [-1, -1]])
     for run in (histories, histories.python):
-        past, valid = run(np.array([1, 0]), measured, detection, parent, 0, 2)
+        past, taken = run(np.array([1, 0]), measured, detection, parent, 0, 2)
         np.testing.assert_array_equal(past[0], [np.zeros(7), measured[2, 0], measured[0, 1]])
         np.testing.assert_array_equal(past[1], [np.zeros(7), measured[2, 0], measured[0, 0]])
-        assert valid.tolist() == [[False, True, True], [False, True, False]]
+        assert taken.tolist() == [[UNBORN, 7, 4], [UNBORN, 7, -1]]

@@ -14,7 +14,7 @@ from mtp_bench.prediction import NoiseTable, motion_noise, stored_noise
 from mtp_bench.prediction.motion_noise import condition, table
 from mtp_bench.tracking import HypothesisTracker, TruthTracker
 from mtp_bench.training.motion_noise import as_toml, fit_motion_noise, fit_scenes, forecast_score
-from mtp_bench.training.windows import collect, observations
+from mtp_bench.training.motion_windows import collect, observations
 from mtp_bench.types import Bools, Floats
 from tests.support.small_scenes import bare_scene, make_scene
 from tests.support.tracking_scenes import kitti_task

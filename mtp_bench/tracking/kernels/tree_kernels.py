@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...tracks import UNBORN
 from ...types import Bools, Floats, Ints
 from .arrays import first_ints, flag_table, int_table, ints, ints_of
 from .compile import kernel
@@ -195,7 +196,7 @@ def write_boxes(detection: Ints, box: Floats, state: Floats, measured: Floats) -
             measured[e, k] = box[detection[e], k] if detection[e] >= 0 else state[e, k]
 
 
-@kernel("Tuple((f8[:, :, ::1], b1[:, ::1]))(i8[::1], f8[:, :, ::1], i8[:, ::1], i8[:, ::1], i8, i8)")
+@kernel("Tuple((f8[:, :, ::1], i8[:, ::1]))(i8[::1], f8[:, :, ::1], i8[:, ::1], i8[:, ::1], i8, i8)")
 def histories(
     leaf: Ints,  # [n] of the last layer
     measured: Floats,  # [P, capacity, 7] a ring of the last layers of the tree
@@ -203,16 +204,19 @@ def histories(
     parent: Ints,  # [P, capacity] leaf of the layer before, -1 at birth
     last: int,  # place of the last layer in the ring
     filled: int,  # layers in the ring
-) -> tuple[Floats, Bools]:
-    """Boxes of the last P frames along the branches that end in ``leaf``: [n, P, 7], and where one was taken [n, P]."""
+) -> tuple[Floats, Ints]:
+    """Boxes of the last P frames along the branches that end in ``leaf`` [n, P, 7], and the detections taken [n, P].
+
+    The detection is -1 where none was taken, and `UNBORN` before birth, where the box is 0.
+    """
     layers = len(measured)
     past = np.empty((len(leaf), layers, 7))
-    valid = flag_table(len(leaf), layers)
+    taken = int_table(len(leaf), layers)
     for n in range(len(leaf)):
         at, layer = leaf[n], last + 1
         for back in range(layers):
             if at < 0 or back >= filled:
-                valid[n, layers - 1 - back] = False
+                taken[n, layers - 1 - back] = UNBORN
                 for k in range(7):
                     past[n, layers - 1 - back, k] = 0.0
                 continue
@@ -220,6 +224,6 @@ def histories(
             box, into = measured[layer, at], past[n, layers - 1 - back]
             into[0], into[1], into[2], into[3] = box[0], box[1], box[2], box[3]
             into[4], into[5], into[6] = box[4], box[5], box[6]
-            valid[n, layers - 1 - back] = detection[layer, at] >= 0
+            taken[n, layers - 1 - back] = detection[layer, at]
             at = parent[layer, at]
-    return past, valid
+    return past, taken

@@ -1,0 +1,101 @@
+"""Which true object a track follows, and what that object does next."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..cards import Card
+from ..env.observation import Feed, LocalFrame
+from ..prediction.windows import TrackWindows
+from ..scoring.neutral import evaluated, neutral_places
+from ..scoring.targets import find_targets
+from ..types import Bools, Floats, Ints, Scene
+
+NOTHING, UNKNOWN = -1, -2  # a track follows no true object; that cannot be said
+
+
+class Labels(NamedTuple):
+    """The truth that belongs to n tracks of a frame; positions in the frame of the observations."""
+
+    object_id: Ints  # [n] NOTHING, UNKNOWN
+    present: Floats  # [n, 2]
+    future: Floats  # [n, T, 2]
+    future_known: Bools  # [n, T]
+    target: Bools  # [n]
+
+
+class SceneLabels:
+    """The labels of a scene, whose observations are ``feed``."""
+
+    def __init__(self, scene: Scene, card: Card, local: LocalFrame, feed: Feed) -> None:
+        judged = evaluated(scene)
+        truth = judged.truth
+        self._scene, self._gate = judged, np.asarray(card.per_class(card.task.forecast_gate))
+        self._ids, self._object = np.unique(truth.object_id, return_inverse=True)  # objects by their place in `_ids`
+        self._box = local.to_local(truth.box)
+        self._place = np.full((len(self._ids) + 1, scene.frames + card.task.future, 2), np.nan)  # the last: no object
+        self._place[self._object, truth.frame_of_rows] = self._box[:, :2]
+        self._future = card.task.future
+        targets = find_targets(scene, card)
+        self._target = np.zeros(self._place.shape[:2], dtype=bool)
+        self._target[self._object[targets.row], targets.frame] = True
+        self._start, self._of_row = feed.start, self._objects_of(feed)
+
+    def _objects_of(self, feed: Feed) -> Ints:
+        """The object [R] of each detection shown: the nearest of its class inside the gate."""
+        if feed.object_id is not None:
+            return np.searchsorted(self._ids, feed.object_id)
+        frame = feed.frame_of_rows
+        found = [self._nearest(t, feed.box[feed.rows(t)], feed.class_id[feed.rows(t)]) for t in range(feed.frames)]
+        label = np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
+        return label if len(label) == len(frame) else np.full(len(frame), UNKNOWN)
+
+    def _nearest(self, t: int, box: Floats, class_id: Ints) -> Ints:
+        """The object [n] of boxes in frame ``t``, NOTHING or UNKNOWN."""
+        truth, rows = self._scene.truth, self._scene.truth.rows(t)
+        label = np.full(len(box), NOTHING if self._scene.truth_complete else UNKNOWN)
+        if rows.stop > rows.start and len(box):
+            distance = np.linalg.norm(box[:, None, :2] - self._box[None, rows, :2], axis=-1)
+            distance[class_id[:, None] != truth.class_id[None, rows]] = np.inf
+            nearest = distance.argmin(axis=1)
+            near = distance[np.arange(len(box)), nearest] <= self._gate[class_id]
+            row = rows.start + nearest
+            label[near] = np.where(truth.neutral[row], UNKNOWN, self._object[row])[near]
+        return label
+
+    def of(self, t: int, windows: TrackWindows) -> Labels:
+        """The labels of the tracks of frame ``t``: the object of the last detection that each of them took."""
+        follows = self._followed(t, windows)
+        known = follows >= 0
+        follows = np.where(known & np.isnan(self._place[follows, t, 0]), UNKNOWN, follows)  # it is hidden or gone
+        follows = self._unless_neutral(t, windows, follows)
+        known = follows >= 0
+        place = self._place[np.where(known, follows, -1), t : t + self._future + 1]
+        future = place[:, 1:]
+        return Labels(
+            object_id=np.where(known, np.append(self._ids, 0)[follows], follows),
+            present=np.nan_to_num(place[:, 0]),
+            future=np.nan_to_num(future),
+            future_known=~np.isnan(future[:, :, 0]),
+            target=known & self._target[np.where(known, follows, -1), t],
+        )
+
+    def _followed(self, t: int, windows: TrackWindows) -> Ints:
+        """The object [n] of the last detection taken; of a tracker that does not say which, the nearest one now."""
+        if len(windows) == 0:
+            return np.zeros(0, dtype=np.int64)
+        if not (windows.detection >= 0).any():
+            return self._nearest(t, windows.box[:, -1], windows.class_id)
+        back = (windows.detection[:, ::-1] >= 0).argmax(axis=1)
+        row = windows.detection[np.arange(len(windows)), -1 - back]
+        found = self._of_row[self._start[np.maximum(t - back, 0)] + np.maximum(row, 0)]
+        return np.where(row >= 0, found, UNKNOWN)
+
+    def _unless_neutral(self, t: int, windows: TrackWindows, follows: Ints) -> Ints:
+        """UNKNOWN for what follows nothing where no label could tell."""
+        nothing = np.flatnonzero(follows == NOTHING)
+        xy = windows.box[nothing, -1, :2]
+        hidden = neutral_places(self._scene, np.full(len(nothing), t), xy, windows.class_id[nothing])
+        return np.where(np.isin(np.arange(len(follows)), nothing[hidden]), UNKNOWN, follows)

@@ -1,0 +1,50 @@
+"""Windows that were made once: kept by the content of the scene, what was asked for, and the code that makes them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import fields
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..files import file_digest
+from ..sources.cache import Arrays, cache_root, content_hash, read_arrays, write_arrays
+from ..types import Scene
+
+_LIBRARY = Path(__file__).parents[1]
+_MAKERS = ("env/observation.py", "prediction/windows.py", "scoring/targets.py", "scoring/neutral.py", "tracks.py")
+
+
+def kept(scene: Scene, asked: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
+    """What ``make`` makes of a scene, from the cache where it is there; ``asked``: what it depends on beside it."""
+    parts = [content_hash(_arrays_of(scene)), *map(repr, asked), _code()]
+    path = cache_root() / "windows" / f"{hashlib.sha256('|'.join(parts).encode()).hexdigest()[:32]}.npz"
+    found = read_arrays(path)
+    if found is None:
+        found = make()
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_arrays(path, found)
+    return found
+
+
+def _arrays_of(scene: Scene) -> Arrays:
+    """Everything of a scene that windows can depend on."""
+    arrays: Arrays = {"time": scene.time, "ego": scene.ego, "name": np.array(scene.name)}
+    for part in ("truth", "detections", "image"):
+        table = getattr(scene, part)
+        if table is not None:
+            arrays |= {f"{part}.{f.name}": np.asarray(getattr(table, f.name)) for f in fields(table)}
+    return arrays
+
+
+@cache
+def _code() -> str:
+    """Digest of the modules that windows come from."""
+    makers = [*(_LIBRARY / name for name in _MAKERS), *Path(__file__).parent.glob("*.py")]
+    makers += (_LIBRARY / "tracking").rglob("*.py")
+    digests = sorted(f"{path.relative_to(_LIBRARY).as_posix()} {file_digest(path)}" for path in makers)
+    return hashlib.sha256("\n".join(digests).encode()).hexdigest()
