@@ -9,7 +9,29 @@ import numpy as np
 
 from ..agent import Frame, Observation, Tracks
 from ..tracks import UNBORN
-from ..types import Bools, Floats, Ints
+from ..types import Bools, Floats, Ints, Ragged, starts_of
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings(Ragged):
+    """The detections of m frames, in the frame of the observations; frames of a scene stand one after another."""
+
+    box: Floats  # [R, 7]
+    velocity: Floats  # [R, 2] m/s, 0 where it is not measured
+    class_id: Ints  # [R]
+    score: Floats  # [R]
+    before: Ints  # [m] frames of the same scene that stand before each frame
+
+
+def surroundings_of(seen: Sequence[Observation]) -> Surroundings:
+    """The detections of these frames, of one scene."""
+    valid = [np.flatnonzero(np.asarray(observation["detection_valid"])) for observation in seen]
+    box, velocity, class_id, score = (
+        np.concatenate([np.asarray(o[f"detection_{name}"])[rows] for o, rows in zip(seen, valid, strict=True)])
+        for name in ("box", "velocity", "class", "score")
+    )
+    start = starts_of([len(rows) for rows in valid])
+    return Surroundings(start, box, velocity, class_id, score, np.arange(len(seen)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,28 +20,18 @@ from ..env.environment import MTPEnv
 from ..env.observation import LocalFrame, make_feed
 from ..errors import MtpBenchError, UnknownNameError
 from ..parallel import parallel_map
-from ..prediction.windows import TrackWindows, windows_of
+from ..prediction.windows import Surroundings, TrackWindows, windows_of
 from ..running.folds import Fold, held_out
 from ..running.options import DEFAULTS, RunOptions
 from ..sources import open_source
 from ..tracking import HypothesisTracker, TruthTracker
 from ..tracks import Tracks
-from ..types import Bools, Floats, Ints, Ragged, Scene, Task
+from ..types import Bools, Floats, Ints, Scene, Task, starts_of
 from . import window_cache
 from .labels import UNKNOWN, Labels, SceneLabels
 from .split import open_split
 
 TRUTH = "truth"  # in place of a tracker: true pasts
-
-
-@dataclass(frozen=True, eq=False)
-class Surroundings(Ragged):
-    """The detections of m frames of all scenes, in the frame of the observations."""
-
-    box: Floats  # [R, 7]
-    velocity: Floats  # [R, 2] m/s, 0 where it is not measured
-    class_id: Ints  # [R]
-    score: Floats  # [R]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +48,9 @@ class Windows(TrackWindows):
     target: Bools  # [n] the object is a target of the scorer in this frame
     scene: Ints  # [n] place in ``names``
     frame: Ints  # [n]
-    moment: Ints  # [n] the frame among all frames of all scenes, for ``seen``
+    moment: Ints  # [n] the frame among all frames of all scenes
     names: tuple[str, ...]
-    seen: Surroundings  # the detections of all frames; those before `moment` in the same scene are its past
+    seen: Surroundings  # the detections of all frames of all scenes
     task: Task
 
     def those(self, rows: Ints | Bools | slice) -> Windows:
@@ -90,6 +80,7 @@ class Windows(TrackWindows):
         return WindowDataset(self)
 
 
+AROUND = ("box", "velocity", "class_id", "score")  # columns of `Surroundings`
 BY_WINDOW = tuple(f.name for f in fields(Windows) if f.name not in ("names", "seen", "task"))
 
 
@@ -132,11 +123,11 @@ def joined(parts: Sequence[window_cache.Arrays], names: Sequence[str], task: Tas
     for number, part in enumerate(parts):
         part["scene"] = np.full(len(part["scene"]), number)
         part["moment"] = part["frame"] + first[number]
-    column = {f.name for f in fields(Surroundings)} - {"start"}
-    seen = {name: np.concatenate([part[f"seen_{name}"] for part in parts]) for name in column}
+    seen = {name: np.concatenate([part[f"seen_{name}"] for part in parts]) for name in AROUND}
+    before = np.concatenate([np.arange(len(part["seen_start"]) - 1) for part in parts])
     count = np.concatenate([np.diff(part["seen_start"]) for part in parts])
     rows = {name: np.concatenate([part[name] for part in parts]) for name in BY_WINDOW}
-    surroundings = Surroundings(Ragged.of_counts(count).start, **seen)
+    surroundings = Surroundings(starts_of(count), **seen, before=before)
     return Windows(**rows, names=tuple(names), seen=surroundings, task=task)
 
 
@@ -162,7 +153,7 @@ def scene_arrays(scene: Scene, card: Card, task: Task, tracker: Tracker) -> wind
         found, _ = windows_of(Frame(t, tracker.step(seen[-1]), tuple(seen)), task.past)
         parts.append(_learnable(found, labels.of(t, found), t))
     rows = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    around = {name: getattr(feed, name) for name in ("box", "velocity", "class_id", "score")}
+    around = {name: getattr(feed, name) for name in AROUND}
     return {**rows, "seen_start": feed.start, **{f"seen_{name}": _single(value) for name, value in around.items()}}
 
 

@@ -1,0 +1,80 @@
+"""Windows in the heading frame of their last box, where networks see them, and back."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...geometry import wrap_angle
+from ...types import Floats
+from ..kalman import rotation
+from ..windows import TrackWindows
+from .layers import Array, namespace
+
+Arrays = dict[str, np.ndarray]
+
+PER_FRAME = 10  # numbers that `history` gives for each frame
+
+
+def local_inputs(windows: TrackWindows) -> Arrays:
+    """What networks see of n windows, float32; the origin is the centre of the last box, x points along its yaw.
+
+    position [n, P, 2] m · yaw [n, P] rad · velocity [n, P, 2] m/s as measured · score, taken, alive [n, P] · size
+    [n, 3] m · counts [n, 2] log of hits and age · class_id [n].
+    """
+    turn = rotation(windows.box[:, -1, 3])
+    inputs = {
+        "position": np.einsum("npi,nij->npj", windows.box[:, :, :2] - windows.box[:, -1:, :2], turn),
+        "yaw": wrap_angle(windows.box[:, :, 3] - windows.box[:, -1:, 3]),
+        "velocity": np.einsum("npi,nij->npj", windows.velocity, turn),
+        "score": windows.score,
+        "taken": windows.taken,
+        "alive": windows.alive,
+        "size": windows.box[:, -1, 4:],
+        "counts": np.log(np.stack([windows.hits, windows.age], axis=-1)),
+    }
+    return {**{name: value.astype(np.float32) for name, value in inputs.items()}, "class_id": windows.class_id}
+
+
+def local_future(windows: TrackWindows, xy: Floats) -> Floats:
+    """Places [n, T, 2] in the heading frame of each window, float32."""
+    offset = xy - windows.box[:, -1:, :2]
+    return np.asarray(np.einsum("nti,nij->ntj", offset, rotation(windows.box[:, -1, 3])), dtype=np.float32)
+
+
+def to_absolute(windows: TrackWindows, xy: Floats) -> Floats:
+    """Places [n, ..., 2] given in the heading frame of each window, in absolute x y."""
+    flat = xy.reshape(len(xy), -1, 2).astype(np.float64)
+    turned = np.einsum("nsj,nij->nsi", flat, rotation(windows.box[:, -1, 3])) + windows.box[:, -1:, :2]
+    return np.asarray(turned.reshape(xy.shape))
+
+
+def history(inputs: dict[str, Array]) -> Array:
+    """The past as numbers [n, P, PER_FRAME], 0 where the track was not alive: masks, never padding."""
+    xp, alive = namespace(inputs["position"]), inputs["alive"]
+    position, yaw = inputs["position"], inputs["yaw"]
+    step = xp.concatenate([xp.zeros_like(position[:, :1]), position[:, 1:] - position[:, :-1]], 1)
+    born = xp.concatenate([xp.zeros_like(alive[:, :1]), alive[:, :-1]], 1)  # a first box has come from nowhere
+    columns = [position, step * born[:, :, None], inputs["velocity"]]
+    columns += [xp.sin(yaw)[:, :, None], xp.cos(yaw)[:, :, None] - 1, inputs["score"][:, :, None]]
+    numbers = xp.concatenate(columns, 2) * alive[:, :, None]
+    return xp.concatenate([numbers, inputs["taken"][:, :, None]], 2)
+
+
+def mean_velocity(inputs: dict[str, Array], dt: float) -> Array:
+    """Velocities [n, 2] m/s: the slope of a straight line through the past; of a single box what was measured."""
+    xp, alive = namespace(inputs["position"]), inputs["alive"]
+    frames = alive.shape[1]
+    time = (xp.cumsum(xp.ones_like(alive), 1) - frames) * dt  # in the precision of the weights
+    count = xp.clip(alive.sum(1), 1, None)
+    center = (time - ((time * alive).sum(1) / count)[:, None]) * alive
+    spread = (center * center).sum(1)
+    slope = (center[:, :, None] * inputs["position"]).sum(1) / xp.clip(spread, 1e-6, None)[:, None]
+    several = (spread > 1e-6)[:, None]
+    return xp.where(several, slope, inputs["velocity"][:, -1])
+
+
+def one_hot(class_id: Array, classes: int, like: Array) -> Array:
+    """Classes as [n, C] numbers of the kind of ``like``."""
+    xp = namespace(like)
+    known = xp.arange(classes) if xp is np else xp.arange(classes, device=class_id.device)
+    return (class_id[:, None] == known[None]) + xp.zeros_like(like[:, :1])

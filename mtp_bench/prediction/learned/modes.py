@@ -1,0 +1,79 @@
+"""Modes: a perceptron that gives k futures with weights, each a correction of constant velocity.
+
+One future of several must be right, so the modes divide the possibilities among them (multiple choice learning:
+Guzman-Rivera et al. 2012; for trajectories Cui et al. 2019).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...types import Ints
+from ..windows import Surroundings, TrackWindows
+from .layers import Array, Weights, initial, linear_shapes, mlp, namespace
+from .local import PER_FRAME, Arrays, history, local_inputs, mean_velocity, one_hot
+from .network import Sizes
+
+HIDDEN = 256
+LAYERS = 3
+CAUTION = 1e-3  # least spread of a number that is standardised
+
+
+class Modes:
+    """The network ``modes``."""
+
+    name = "modes"
+
+    def inputs(self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes) -> Arrays:
+        """The past of each window, by itself: tracks that share a window share its forecasts."""
+        return local_inputs(windows)
+
+    def shapes(self, sizes: Sizes) -> dict[str, tuple[int, ...]]:
+        """A perceptron from the past to all modes, and statistics of both ends."""
+        inputs = sizes.past * PER_FRAME + 2 * PER_STATIC + len(sizes.classes)
+        outputs = sizes.modes * (2 * sizes.future + 1) + 2
+        trained = linear_shapes("net", inputs, *[HIDDEN] * (LAYERS - 1), outputs)
+        return {**trained, "input.mean": (inputs,), "input.spread": (inputs,), "output.spread": (sizes.future, 1)}
+
+    def start(self, inputs: Arrays, future: np.ndarray, known: np.ndarray, sizes: Sizes, seed: int) -> Arrays:
+        """Random layers; inputs are standardised, and outputs are in units of how wrong constant velocity is."""
+        seen = encoded(inputs, sizes)
+        error = np.linalg.norm(future - straight(inputs, sizes), axis=-1)
+        spread = np.array([np.sqrt(np.mean(error[known[:, t], t] ** 2)) for t in range(sizes.future)])
+        trained = {name: shape for name, shape in self.shapes(sizes).items() if name.startswith("net.")}
+        weights = initial(trained, np.random.default_rng(seed))
+        weights |= {"input.mean": seen.mean(axis=0), "input.spread": np.maximum(seen.std(axis=0), CAUTION)}
+        return {**weights, "output.spread": np.maximum(spread, CAUTION)[:, None].astype(np.float32)}
+
+    def forward(self, weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> dict[str, Array]:
+        """Modes, their log-weights (not normalised) and the present position."""
+        xp = namespace(inputs["position"])
+        x = (encoded(inputs, sizes) - weights["input.mean"]) / weights["input.spread"]
+        out = mlp(weights, "net", xp.clip(x, -10, 10), LAYERS)
+        split = sizes.modes * 2 * sizes.future
+        residual = out[:, :split].reshape(-1, sizes.modes, sizes.future, 2) * weights["output.spread"]
+        return {
+            "modes": straight(inputs, sizes)[:, None] + residual,
+            "log_weight": out[:, split : split + sizes.modes],
+            "present": out[:, split + sizes.modes :] * weights["output.spread"][0],
+        }
+
+
+PER_STATIC = 4  # numbers of a window besides its past, given once and once more if the track coasts
+
+
+def encoded(inputs: dict[str, Array], sizes: Sizes) -> Array:
+    """All that is seen of n windows as one row each."""
+    xp = namespace(inputs["position"])
+    past = history(inputs).reshape(len(inputs["position"]), -1)
+    static = xp.concatenate([inputs["size"][:, :2], inputs["counts"]], 1)
+    coasting = 1 - inputs["taken"][:, -1:]
+    classes = one_hot(inputs["class_id"], len(sizes.classes), inputs["size"])
+    return xp.concatenate([past, static, static * coasting, classes], 1)
+
+
+def straight(inputs: dict[str, Array], sizes: Sizes) -> Array:
+    """Constant velocity: [n, T, 2] m."""
+    xp = namespace(inputs["position"])
+    velocity = mean_velocity(inputs, sizes.dt)
+    return xp.cumsum(xp.stack([velocity * sizes.dt] * sizes.future, 1), 1)

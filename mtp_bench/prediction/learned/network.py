@@ -1,0 +1,51 @@
+"""What a network is to those who run it and those who train it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ...types import Ints, Task
+from ..windows import Surroundings, TrackWindows
+from .layers import Array, Weights
+from .local import Arrays
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """What a network is made for; a task with other sizes cannot use its weights."""
+
+    classes: tuple[str, ...]
+    past: int  # P frames, the current one included
+    future: int  # T frames
+    modes: int  # futures per track
+    dt: float  # s
+
+    @classmethod
+    def of(cls, task: Task) -> Sizes:
+        """Those of a task: as many modes as samples that count."""
+        return cls(task.classes, task.past, task.future, task.k, task.dt)
+
+
+class Network(Protocol):
+    """Futures of tracks as a function of weights; arrays of NumPy and tensors of torch alike."""
+
+    name: str
+
+    def inputs(self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes) -> Arrays:
+        """What it sees of n windows, each array [n, ...]; ``moment`` [n]: the frame of each in ``seen``."""
+        ...
+
+    def shapes(self, sizes: Sizes) -> dict[str, tuple[int, ...]]:
+        """Names and shapes of its weights."""
+        ...
+
+    def start(self, inputs: Arrays, future: np.ndarray, known: np.ndarray, sizes: Sizes, seed: int) -> Arrays:
+        """Weights to start from; statistics of the training data (``future`` [n, T, 2], local) are among them."""
+        ...
+
+    def forward(self, weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> dict[str, Array]:
+        """In the heading frame: ``modes`` [n, S, T, 2] m, ``log_weight`` [n, S] and ``present`` [n, 2] m."""
+        ...

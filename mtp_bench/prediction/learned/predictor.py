@@ -1,0 +1,51 @@
+"""Runs a network in an agent: NumPy alone, once per frame over the distinct windows of all tracks."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from ...agent import Forecasts, Frame
+from ...types import Task
+from ..windows import surroundings_of, windows_of
+from .local import to_absolute
+from .registry import network_of
+from .weights import Stored, find_weights, read_weights
+
+
+class LearnedPredictor:
+    """Forecasts of a trained network.
+
+    ``network``: its name, such as "modes". ``on``: what it was trained on, "truth" or "tracklets"; both choose the file.
+    ``weights``: a file of your own; None: the one for the task's domain, see `mtp_bench.prediction.learned.weights`.
+    Raises SubmissionError at ``reset`` where there is no file or it is made for another task.
+    """
+
+    def __init__(self, network: str = "modes", on: str = "truth", weights: str | Path | None = None) -> None:
+        self._network = network_of(network)
+        self._on, self._given = on, None if weights is None else Path(weights)
+
+    def reset(self, task: Task) -> None:
+        """Forget everything; a new scene begins."""
+        path = self._given or find_weights(self._network.name, self._on, task)
+        self._stored = _read(path, path.stat().st_mtime_ns if path.is_file() else 0, self._network.name, task)
+
+    def predict(self, frame: Frame) -> Forecasts:
+        """What the network says of the distinct windows of ``frame``."""
+        sizes = self._stored.sizes
+        windows, row = windows_of(frame, sizes.past)
+        if len(windows) == 0:
+            return Forecasts(np.zeros((0, sizes.modes, sizes.future, 2)), row=row)
+        seen = surroundings_of(frame.seen)
+        inputs = self._network.inputs(windows, np.full(len(windows), seen.frames - 1), seen, sizes)
+        said = self._network.forward(self._stored.weights, inputs, sizes)
+        present = to_absolute(windows, said["present"]) if self._stored.card.get("present") else None
+        return Forecasts(to_absolute(windows, said["modes"]), said["log_weight"], present, row=row)
+
+
+@cache
+def _read(path: Path, changed: int, network: str, task: Task) -> Stored:
+    """Weights are read once per process, and again when the file has ``changed``."""
+    return read_weights(path, network_of(network), task)

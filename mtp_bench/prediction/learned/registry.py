@@ -1,0 +1,16 @@
+"""The networks by name."""
+
+from __future__ import annotations
+
+from ...errors import UnknownNameError
+from .modes import Modes
+from .network import Network
+
+NETWORKS: dict[str, Network] = {network.name: network for network in (Modes(),)}
+
+
+def network_of(name: str) -> Network:
+    """The network of this name; raises UnknownNameError."""
+    if name not in NETWORKS:
+        raise UnknownNameError("network", name, NETWORKS)
+    return NETWORKS[name]

@@ -1,0 +1,130 @@
+"""Files of weights: safetensors with what they were trained for, read without running anything of them.
+
+A file is looked for where the user said, then in the user's own folder, then among those that ship.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import SubmissionError
+from ...types import Task
+from .local import Arrays
+from .network import Network, Sizes
+
+SHIPPED = Path(__file__).with_name("weights")
+VARIABLE = "MTP_BENCH_WEIGHTS"
+FORMAT = "mtp-bench weights 1"
+MOST_BYTES = 64 * 2**20  # of a file: more than any network here has
+
+
+@dataclass(frozen=True, eq=False)
+class Stored:
+    """Weights and what is said of them."""
+
+    weights: Arrays  # float32
+    network: str
+    sizes: Sizes
+    card: Mapping[str, Any]  # how they were trained, see `training.model_card`
+
+
+def weights_folder() -> Path:
+    """Where weights that were trained here are kept: what MTP_BENCH_WEIGHTS names, else the user's data folder."""
+    if os.environ.get(VARIABLE):
+        return Path(os.environ[VARIABLE]).expanduser()
+    from platformdirs import user_data_path
+
+    return user_data_path("mtp_bench", appauthor=False) / "weights"
+
+
+def file_name(network: str, on: str, domain: str) -> str:
+    """Name of the weights of a network, trained ``on`` "truth" or "tracklets" of a domain such as "KITTI"."""
+    return f"{network}-{on}-{domain}.safetensors"
+
+
+def domain_of(task: Task) -> str:
+    """Where objects move alike, as the card says; a card that says nothing stands for itself."""
+    return task.motion_noise or task.env_id
+
+
+def find_weights(network: str, on: str, task: Task) -> Path:
+    """The file for a task. Raises SubmissionError that says how to make it, where there is none."""
+    name = file_name(network, on, domain_of(task))
+    for folder in (weights_folder(), SHIPPED):
+        if (folder / name).is_file():
+            return folder / name
+    raise SubmissionError(
+        f"no weights {name} in {weights_folder()} and none ship for {task.env_id}: make them with "
+        f"`mtp-bench train predictor {network} --env {task.env_id} --on {on}`"
+    )
+
+
+def write_weights(path: Path, stored: Stored) -> None:
+    """Write weights in half precision, as a whole or not at all. Raises OSError."""
+    from safetensors.numpy import save
+
+    from ...files import whole_file
+
+    content = {"format": FORMAT, "network": stored.network, "sizes": asdict(stored.sizes), "card": stored.card}
+    halves = {name: np.asarray(value, dtype=np.float16) for name, value in sorted(stored.weights.items())}
+    with whole_file(path) as part:
+        part.write_bytes(save(halves, {"mtp_bench": json.dumps(content, sort_keys=True)}))
+
+
+def read_weights(path: Path, network: Network, task: Task | None = None) -> Stored:
+    """The weights of ``network`` in a file, checked; for a ``task``, that they are made for it.
+
+    Nothing in the file is run. Raises SubmissionError that says what was found and what was expected.
+    """
+    tensors, said = _content(path)
+    found = said.get("network")
+    if said.get("format") != FORMAT or found != network.name:
+        raise SubmissionError(f"{path}: weights of {found!r}, expected {network.name!r} in the form {FORMAT!r}")
+    try:
+        sizes = Sizes(**{**said["sizes"], "classes": tuple(said["sizes"]["classes"])})
+        shapes = network.shapes(sizes)
+    except (KeyError, TypeError, ValueError) as error:
+        raise SubmissionError(f"{path}: does not say what it is made for ({error})") from None
+    if task is not None:
+        _check_task(path, sizes, task)
+    got = {name: value.shape for name, value in tensors.items()}
+    for name in sorted(shapes.keys() | got.keys()):
+        if shapes.get(name) != got.get(name):
+            raise SubmissionError(
+                f"{path}: {name} is {got.get(name, 'missing')}, expected {shapes.get(name, 'no such array')}"
+            )
+    for name, value in tensors.items():
+        if not np.isfinite(value).all():
+            raise SubmissionError(f"{path}: {name} holds numbers that are not finite")
+    return Stored(tensors, network.name, sizes, said.get("card", {}))
+
+
+def _check_task(path: Path, sizes: Sizes, task: Task) -> None:
+    wanted = Sizes.of(task)
+    for name in ("classes", "past", "future", "dt"):
+        if getattr(sizes, name) != getattr(wanted, name):
+            raise SubmissionError(
+                f"{path}: made for {name} {getattr(sizes, name)}, but {task.env_id} has {getattr(wanted, name)}"
+            )
+
+
+def _content(path: Path) -> tuple[Arrays, dict[str, Any]]:
+    """Arrays, float32, and what the file says of itself."""
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise SubmissionError(f"{path}: {path.stat().st_size} bytes, expected at most {MOST_BYTES}")
+        with safe_open(path, framework="numpy") as file:
+            said = json.loads((file.metadata() or {}).get("mtp_bench", "{}"))
+            arrays = {name: file.get_tensor(name).astype(np.float32) for name in file.keys()}  # noqa: SIM118
+    except (OSError, SafetensorError, ValueError, TypeError) as error:
+        raise SubmissionError(f"{path}: no file of weights ({error})") from None
+    return arrays, said if isinstance(said, dict) else {}

@@ -1,0 +1,117 @@
+"""Predictors trained on an environment: from its training split to a file of weights with its model card."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import MtpBenchError, UnknownNameError
+from ..prediction.learned.local import local_future
+from ..prediction.learned.network import Network, Sizes
+from ..prediction.learned.registry import network_of
+from ..prediction.learned.weights import Stored, domain_of, file_name, weights_folder, write_weights
+from ..running.folds import Fold, held_out
+from ..running.options import DEFAULTS, RunOptions
+from .fitting import Lesson, Plan, State, Told, device_of, fit
+from .split import open_split
+from .windows import TRUTH, Windows, windows
+
+ON = ("truth", "tracklets")
+HYPOTHESES = 20  # of the tracker whose tracklets are learnt from
+FEW_SCENES = 5  # from so many on, validation takes whole scenes
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is to be trained."""
+
+    network: str
+    env_id: str
+    on: str = "truth"
+    hypotheses: int = HYPOTHESES
+    fold: Fold | None = None  # whose scenes are left out altogether
+    plan: Plan = Plan()
+    device: str = "auto"
+
+    def __post_init__(self) -> None:
+        network_of(self.network)
+        if self.on not in ON:
+            raise UnknownNameError("value of --on", self.on, ON)
+
+
+def learnable(request: Request, options: RunOptions = DEFAULTS) -> Windows:
+    """The windows that a request learns from: those that follow an object with any known future."""
+    opened = open_split(request.env_id, options.on_split("train"))
+    names = opened.names
+    if request.fold is not None:
+        away = held_out(names, request.fold)
+        names = tuple(name for name in names if name not in away)
+    tracker: str | int = TRUTH if request.on == TRUTH else request.hypotheses
+    found = windows(request.env_id, opened.card.source.split, tracker, names, options)
+    found = found.those((found.object_id >= 0) & found.future_known.any(axis=1))
+    if len(found) == 0:
+        raise MtpBenchError(f"{request.env_id}: no track of its training scenes follows an object with a known future")
+    return found
+
+
+def lesson_of(network: Network, found: Windows, sizes: Sizes) -> Lesson:
+    """Windows as they are learnt from. Those of one object and frame count by the mass of their hypotheses."""
+    return Lesson(
+        inputs=network.inputs(found, found.moment, found.seen, sizes),
+        future=local_future(found, found.future),
+        known=found.future_known,
+        present=local_future(found, found.present[:, None])[:, 0],
+        weight=found.mass.astype(np.float32),
+        validation=validation_rows(found),
+    )
+
+
+def validation_rows(found: Windows) -> np.ndarray:
+    """The windows [n] that tell when to stop: of a tenth of the scenes; of few scenes, of the last fifth of each."""
+    scenes = np.unique(found.scene)
+    if len(scenes) >= FEW_SCENES:
+        names = [found.names[number] for number in scenes]
+        chosen = held_out(names, (1, min(10, len(scenes))))
+        return np.isin(found.scene, [found.names.index(name) for name in chosen])
+    rows = np.zeros(len(found), dtype=bool)
+    for number in scenes:
+        mine = found.scene == number
+        rows |= mine & (found.frame > np.quantile(found.frame[mine], 0.8))
+    return rows
+
+
+def train_predictor(found: Windows, request: Request, output: Path | None = None, told: Told = lambda *_: None) -> Path:
+    """Train on windows and write the weights; the file that was written.
+
+    ``output``: another file than that which agents look for. ``told``: see `fitting.fit`.
+    """
+    network, task = network_of(request.network), found.task
+    sizes = Sizes.of(task)
+    path = output or weights_folder() / file_name(request.network, request.on, domain_of(task))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    lesson, checkpoint = lesson_of(network, found, sizes), path.with_suffix(".checkpoint")
+    state = fit(network, sizes, lesson, request.plan, device_of(request.device), told, checkpoint)
+    write_weights(path, Stored(state.best, network.name, sizes, model_card(request, found, lesson, state)))
+    checkpoint.unlink(missing_ok=True)
+    return path
+
+
+def model_card(request: Request, found: Windows, lesson: Lesson, state: State) -> dict[str, Any]:
+    """What a file of weights says of how it was made."""
+    return {
+        "env": request.env_id,
+        "detector": found.task.detector if request.on != TRUTH else "true boxes",
+        "on": request.on,
+        "hypotheses": request.hypotheses if request.on != TRUTH else 1,
+        "present": request.on != TRUTH,  # of true boxes the present position is known
+        "fold": None if request.fold is None else f"{request.fold[0]}/{request.fold[1]}",
+        "scenes": list(found.names),
+        "windows": int((~lesson.validation).sum()),
+        "validation_windows": int(lesson.validation.sum()),
+        "validation_minADE": round(min(state.curve), 4),
+        "best_epoch": state.best_epoch,
+        "plan": asdict(request.plan),
+    }
