@@ -50,6 +50,7 @@ class EnvScenes:
     data: DataOption = None
     scenes: ScenesOption = None
     split: SplitOption = None
+    fold: Annotated[str | None, typer.Option(help="Only the scenes of a fold of the split, such as 1/4.")] = None
     detector: Annotated[
         str | None,
         typer.Option(
@@ -61,12 +62,14 @@ class EnvScenes:
 
     def options(self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)) -> RunOptions:
         """These scenes under ``seeds`` as options of a run."""
+        from ..running.folds import fold_of
         from ..running.options import RunOptions
 
         # absolute: a stored run is scored from anywhere
         file = None if self.detections is None else str(self.detections.expanduser().absolute())
         chosen = (workers or WorkerChoice()).workers()
-        return RunOptions(self.data, self.scenes, seeds, self.split, self.detector, file, chosen)
+        fold = None if self.fold is None else fold_of(self.fold)
+        return RunOptions(self.data, self.scenes, seeds, self.split, self.detector, fold, file, chosen)
 
 
 @dataclass(frozen=True)

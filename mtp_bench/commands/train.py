@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -30,6 +31,41 @@ def motion_noise(
     with working("read", options) as watched:
         text = motion_noise.fit_env(on.env, watched, observe)
     print_or_write(output, text)
+
+
+def predictor(
+    network: Annotated[str, typer.Argument(metavar="NAME", help="Name of a network; see baselines/README.md.")],
+    on: EnvScenes,
+    pasts: Annotated[str, typer.Option("--on", help="truth: true pasts. tracklets: what a tracker makes.")] = "truth",
+    hypotheses: Annotated[int, typer.Option(min=1, help="Of the tracker whose tracklets are learnt from.")] = 20,
+    epochs: Annotated[int | None, typer.Option(min=1, help="At most so many; else what suits the network.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of all random numbers.")] = 0,
+    device: Annotated[str, typer.Option(help="auto (a GPU where there is one), cpu or cuda.")] = "auto",
+    jobs: JobsOption = 0,
+    output: TextOption = None,
+) -> None:
+    """Train a predictor on the training split of an environment (or another), without the scenes of ``--fold``.
+
+    An interrupted training goes on where it was.
+    """
+    from ..training.fitting import Plan
+    from ..training.predictors import Request, learnable, train_predictor
+    from ..viz.terminal.output import progress_bar
+
+    one_of(device, ("auto", "cpu", "cuda"), "--device")
+    require_writable(output)
+    plan = replace(Plan(), **{name: value for name, value in (("epochs", epochs), ("seed", seed)) if value is not None})
+    options = on.options(WorkerChoice(jobs)).on_split("train")
+    # here a fold is what is left out: another command scores it
+    request = Request(network, on.env, pasts, hypotheses, options.fold, plan, device)
+    options = replace(options, fold=None)
+    prepare(on.env, options)
+    with working("read", options) as watched:
+        found = learnable(request, watched)
+    with progress_bar(f"train {network}") as (started, done):
+        started(plan.epochs)
+        path, card = train_predictor(found, request, output, lambda epoch, error: done(f"minADE {error:.3f} m"))
+    print(f"{path}: validation minADE {card['validation_minADE']} m, epoch {card['best_epoch']} of {plan.epochs}")
 
 
 DetectorArgument = Annotated[str, typer.Argument(help="A detector whose training scenes are known.")]
@@ -65,5 +101,6 @@ def _of_detector(detector: str, data: str | None, output: Path | None, fit: Call
 
 train = typer.Typer(help="Fit the parameters of a baseline on training splits.", no_args_is_help=True)
 train.command("motion-noise")(opened(motion_noise))
+train.command("predictor")(opened(predictor))
 train.command("presence")(opened(presence))
 train.command("cut")(opened(cut))

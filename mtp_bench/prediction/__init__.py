@@ -5,5 +5,6 @@ from .hedged import StandingStill as StandingStill
 from .k_means import KMeansSampler as KMeansSampler
 from .kalman import NoiseTable as NoiseTable
 from .kinematic import KinematicPredictor as KinematicPredictor
+from .learned.predictor import LearnedPredictor as LearnedPredictor
 from .motion_noise import stored_noise as stored_noise
 from .presence import LearnedPresence as LearnedPresence

@@ -57,7 +57,7 @@ def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
     if env.card.source.split != load_card(env_id).source.split:
         keywords["split"] = env.card.source.split
     names = env.scene_names
-    return Plan(submission, env_id, env.card, names[: options.scenes], len(names), keywords, options)
+    return Plan(submission, env_id, env.card, options.chosen(names), len(names), keywords, options)
 
 
 def run_seed(plan: Plan, seed: int, limits: Limits = Limits()) -> list[SceneRun]:  # noqa: B008  (frozen)

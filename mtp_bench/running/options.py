@@ -9,6 +9,7 @@ from typing import Any
 from ..cards import Card, changed_card, load_card
 from ..errors import MtpBenchError
 from ..parallel import ALONE, QUIET, Progress, Workers
+from .folds import Fold, held_out
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,7 @@ class RunOptions:
         seeds: Seeds of the random draws, one run each.
         split: Another split of the env than the card's, such as "train".
         detector: Another detector than the card's: a profile, or the first part of the names of stored files.
+        fold: Only the scenes of a fold of the split, such as (1, 4); see `folds`.
         detection_file: File of stored detections in place of the card's.
         workers: Who does the work: processes of this machine, or a Dask cluster.
         progress: Who is told how many pieces of work there are, and of each that is done.
@@ -33,6 +35,7 @@ class RunOptions:
     seeds: Sequence[int] = (0,)
     split: str | None = None
     detector: str | None = None
+    fold: Fold | None = None
     detection_file: str | None = None
     workers: Workers = ALONE
     progress: Progress = QUIET
@@ -41,6 +44,10 @@ class RunOptions:
         for name, value in (("scenes", self.scenes), ("seeds", len(self.seeds))):
             if value is not None and value < 1:
                 raise MtpBenchError(f"{name} is {value}, expected at least 1")
+
+    def chosen(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Those of the scenes of a split that are asked for; raises MtpBenchError where the fold cannot be cut."""
+        return tuple(names if self.fold is None else held_out(names, self.fold))[: self.scenes]
 
     @property
     def changes(self) -> dict[str, Any]:

@@ -83,8 +83,10 @@ def validation_rows(found: Windows) -> np.ndarray:
     return rows
 
 
-def train_predictor(found: Windows, request: Request, output: Path | None = None, told: Told = lambda *_: None) -> Path:
-    """Train on windows and write the weights; the file that was written.
+def train_predictor(
+    found: Windows, request: Request, output: Path | None = None, told: Told = lambda *_: None
+) -> tuple[Path, dict[str, Any]]:
+    """Train on windows and write the weights: the file that was written, and its model card.
 
     ``output``: another file than that which agents look for. ``told``: see `fitting.fit`.
     """
@@ -94,9 +96,10 @@ def train_predictor(found: Windows, request: Request, output: Path | None = None
     path.parent.mkdir(parents=True, exist_ok=True)
     lesson, checkpoint = lesson_of(network, found, sizes), path.with_suffix(".checkpoint")
     state = fit(network, sizes, lesson, request.plan, device_of(request.device), told, checkpoint)
-    write_weights(path, Stored(state.best, network.name, sizes, model_card(request, found, lesson, state)))
+    card = model_card(request, found, lesson, state)
+    write_weights(path, Stored(state.best, network.name, sizes, card))
     checkpoint.unlink(missing_ok=True)
-    return path
+    return path, card
 
 
 def model_card(request: Request, found: Windows, lesson: Lesson, state: State) -> dict[str, Any]:
