@@ -37,7 +37,7 @@ def open_split(env_id: str, options: RunOptions) -> Split:
     """The first scenes of the split that ``options`` names; raises MtpBenchError where there is none."""
     card = options.card(env_id)
     source = open_source(card, options.data)
-    names = tuple(source.options.chosen(names))
+    names = options.chosen(source.names)
     if not names:
         raise MtpBenchError(f"{env_id} has no scene in its split {card.source.split!r}")
     return Split(card, source, names, options)
