@@ -50,7 +50,7 @@ def check_submission(path: str, env_id: str, options: RunOptions) -> Checked:
     submission, told = load_submission(path), options.progress
     keywords: dict[str, Any] = {"data": options.data, "observe": submission.compare.observe, "evaluation": True}
     env = MTPEnv(env_id, **keywords)
-    names = env.scene_options.chosen(names)
+    names = options.chosen(env.scene_names)
     told.started(1 + 2 * len(names))
     runs = run_isolated_scenes(submission.path, env_id, keywords, scenes=names, progress=told)
     if any(_unsafe(run) for run in runs):  # it would take this process with it

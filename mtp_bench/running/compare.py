@@ -40,7 +40,7 @@ def compare(names: Sequence[str], env_id: str, options: RunOptions = DEFAULTS) -
     user can mend.
     """
     env = MTPEnv(env_id, **options.env_keywords)
-    card, scenes = env.card, env.scene_options.chosen(names)
+    card, scenes = env.card, options.chosen(env.scene_names)
     settings = all_settings([*CONTROLS, *names], card)
     frozen_reference(card)  # a broken file shows before anything runs
     ends = {s.label: s.ends for s in settings if s.budget == "equal" and s.ends is not None}

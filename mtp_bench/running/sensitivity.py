@@ -43,7 +43,7 @@ def sensitivity(
     ``reference``: event weights of the scenes. Raises MtpBenchError for whatever the user can mend.
     """
     env = MTPEnv(env_id, **options.env_keywords)
-    card, scenes = env.card, env.scene_options.chosen(names)
+    card, scenes = env.card, options.chosen(env.scene_names)
     settings = [setting_of(load_submission(name), card, {PARAMETER: cut}) for cut in cuts for name in AGENTS]
     jobs: list[Job] = []
     for setting, seed in itertools.product(settings, options.seeds):

@@ -54,7 +54,7 @@ def run_and_store(agent: str, env_id: str, folder: Path, options: RunOptions = D
     env = MTPEnv(env_id, observe=submission.compare.observe, evaluation=True, **options.env_keywords)
     setting = setting_of(submission, env.card)
     keywords = {**setting.env_keywords(env.card), **options.changes}
-    names = env.scene_options.chosen(names)
+    names = options.chosen(env.scene_names)
     jobs = jobs_of(submission, env_id, {"data": options.data, **keywords}, names, seed)
     results: list[tuple[Rollout, dict[str, int]]] = run_jobs(jobs, options, _keep)
     save_run(folder, run_info(env, setting, seed, keywords), [rollout for rollout, _ in results])
