@@ -112,9 +112,7 @@ class Pipeline:
             objects = replace(objects, box=np.concatenate([said.present[heaviest], objects.box[:, 2:]], axis=1))
         return _without_silent(_Said(objects, samples, weight, confidence))
 
-    def _drawn(
-        self, predictor: SamplingPredictor, tracks: Tracks, objects: Objects, rng: np.random.Generator
-    ) -> _Said:
+    def _drawn(self, predictor: SamplingPredictor, tracks: Tracks, objects: Objects, rng: np.random.Generator) -> _Said:
         """What a predictor says of which samples are drawn: as many of a track as there are hypotheses holding it."""
         if isinstance(predictor, FramePredictor):
             predictor.begin(tracks)
@@ -129,7 +127,9 @@ class Pipeline:
 
     def _probability(self, tracks: Tracks) -> Floats:
         """Probability [N] that the objects of tracks are there."""
-        return np.ones(len(tracks.box)) if self._presence is None else self._presence.probability(tracks, self._seen[-1])
+        return (
+            np.ones(len(tracks.box)) if self._presence is None else self._presence.probability(tracks, self._seen[-1])
+        )
 
     def _confidence(self, probability: Floats, held: Ints, tracks: Tracks) -> Floats:
         """Confidence [O]: the mean over hypotheses, by their weight, of the probability of what they hold [O, H]."""

@@ -37,6 +37,7 @@ def predictor(
     network: Annotated[str, typer.Argument(metavar="NAME", help="Name of a network; see baselines/README.md.")],
     on: EnvScenes,
     pasts: Annotated[str, typer.Option("--on", help="truth: true pasts. tracklets: what a tracker makes.")] = "truth",
+    also: Annotated[list[str] | None, typer.Option(help="Learn from this environment too; may be repeated.")] = None,
     hypotheses: Annotated[int, typer.Option(min=1, help="Of the tracker whose tracklets are learnt from.")] = 20,
     epochs: Annotated[int | None, typer.Option(min=1, help="At most so many; else what suits the network.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of all random numbers.")] = 0,
@@ -57,9 +58,10 @@ def predictor(
     plan = replace(Plan(), **{name: value for name, value in (("epochs", epochs), ("seed", seed)) if value is not None})
     options = on.options(WorkerChoice(jobs)).on_split("train")
     # here a fold is what is left out: another command scores it
-    request = Request(network, on.env, pasts, hypotheses, options.fold, plan, device)
+    request = Request(network, on.env, pasts, hypotheses, options.fold, tuple(also or ()), plan, device)
     options = replace(options, fold=None)
-    prepare(on.env, options)
+    for env in (on.env, *request.also):
+        prepare(env, options)
     with working("read", options) as watched:
         found = learnable(request, watched)
     with progress_bar(f"train {network}") as (started, done):

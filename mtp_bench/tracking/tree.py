@@ -10,7 +10,7 @@ from typing import NamedTuple, final
 
 import numpy as np
 
-from ..types import Bools, Floats, Ints
+from ..types import Floats, Ints
 from .kernels.motion_kernels import STATE, predict, update_pairs
 from .kernels.tree_kernels import AGE, CLASS, HITS, ID, descend, distinct_rows, grow, histories, write_boxes
 

@@ -20,9 +20,9 @@ from ..scoring.forecasts import match_objects
 from ..scoring.neutral import evaluated, neutral_places
 from ..tracking import HypothesisTracker
 from ..types import Floats, Ints, Scene, Task
+from .motion_windows import observations
 from .presence_recipes import LIKE, Scenes, scenes_of
 from .split import open_split
-from .motion_windows import observations
 
 QUANTILES = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)  # of the scores of detections of true objects
 LEAST_TRUTH = 200  # true boxes of a class, without which it gets no cut

@@ -96,7 +96,9 @@ def fit(
         _epoch(network, sizes, weights, optimizer, data, rows, plan, state.epoch)
         error = validation_error(network, sizes, weights, data, held)
         if not math.isfinite(error):
-            raise MtpBenchError(f"the training of {network.name} broke down in epoch {state.epoch + 1}: try a lower rate")
+            raise MtpBenchError(
+                f"the training of {network.name} broke down in epoch {state.epoch + 1}: try a lower rate"
+            )
         if not state.curve or error < min(state.curve):
             state.best_epoch = state.epoch + 1
             state.best = {name: value.detach().cpu().numpy().copy() for name, value in weights.items()}

@@ -52,5 +52,7 @@ def varied(batch: Tensors, generator: torch.Generator) -> Tensors:
     kept = (torch.arange(past)[None] >= first[:, None]).to(device)
     out["alive"], out["taken"] = batch["alive"] * kept, batch["taken"] * kept
     shorter = torch.log((past - first).to(torch.float32)).to(device)[:, None]
-    out["counts"] = torch.where((first > 0).to(device)[:, None], torch.minimum(batch["counts"], shorter), batch["counts"])
+    out["counts"] = torch.where(
+        (first > 0).to(device)[:, None], torch.minimum(batch["counts"], shorter), batch["counts"]
+    )
     return out

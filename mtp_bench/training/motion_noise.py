@@ -19,8 +19,8 @@ from ..prediction.motion_noise import condition, table
 from ..running.options import DEFAULTS, RunOptions
 from ..tracking import HypothesisTracker, TruthTracker
 from ..types import Bools, Floats, Scene, Task
-from .split import open_split
 from .motion_windows import collect
+from .split import open_split
 
 
 def fit_env(env_id: str, options: RunOptions = DEFAULTS, observe: str = "detections") -> str:

@@ -12,12 +12,13 @@ from ..errors import MtpBenchError, UnknownNameError
 from ..prediction.learned.local import local_future
 from ..prediction.learned.network import Network, Sizes
 from ..prediction.learned.registry import network_of
-from ..prediction.learned.weights import Stored, domain_of, file_name, weights_folder, write_weights
+from ..prediction.learned.weights import Stored, file_name, weights_folder, write_weights
 from ..running.folds import Fold, held_out
 from ..running.options import DEFAULTS, RunOptions
+from ..types import Task
 from .fitting import Lesson, Plan, State, Told, device_of, fit
 from .split import open_split
-from .windows import TRUTH, Windows, windows
+from .windows import TRUTH, Windows, together, windows
 
 ON = ("truth", "tracklets")
 HYPOTHESES = 20  # of the tracker whose tracklets are learnt from
@@ -33,6 +34,7 @@ class Request:
     on: str = "truth"
     hypotheses: int = HYPOTHESES
     fold: Fold | None = None  # whose scenes are left out altogether
+    also: tuple[str, ...] = ()  # further envs to learn from, with the same rate and sizes
     plan: Plan = Plan()
     device: str = "auto"
 
@@ -44,16 +46,35 @@ class Request:
 
 def learnable(request: Request, options: RunOptions = DEFAULTS) -> Windows:
     """The windows that a request learns from: those that follow an object with any known future."""
-    opened = open_split(request.env_id, options.on_split("train"))
+    parts = [_learnable(env_id, request, options) for env_id in (request.env_id, *request.also)]
+    for part in parts[1:]:
+        _require_alike(parts[0].task, part.task)
+    return together(parts)
+
+
+def _require_alike(task: Task, other: Task) -> None:
+    """Raise MtpBenchError unless what is learnt from ``other`` is what ``task`` asks for."""
+    for name in ("past", "future", "dt", "k"):
+        if getattr(task, name) != getattr(other, name):
+            raise MtpBenchError(
+                f"{other.env_id} has {name} {getattr(other, name)}, but {task.env_id} {getattr(task, name)}: "
+                "they cannot be learnt together"
+            )
+    if other.classes != task.classes[: len(other.classes)]:
+        raise MtpBenchError(f"{other.env_id} has other classes than {task.env_id}: they cannot be learnt together")
+
+
+def _learnable(env_id: str, request: Request, options: RunOptions) -> Windows:
+    opened = open_split(env_id, options.on_split("train"))
     names = opened.names
     if request.fold is not None:
         away = held_out(names, request.fold)
         names = tuple(name for name in names if name not in away)
     tracker: str | int = TRUTH if request.on == TRUTH else request.hypotheses
-    found = windows(request.env_id, opened.card.source.split, tracker, names, options)
+    found = windows(env_id, opened.card.source.split, tracker, names, options)
     found = found.those((found.object_id >= 0) & found.future_known.any(axis=1))
     if len(found) == 0:
-        raise MtpBenchError(f"{request.env_id}: no track of its training scenes follows an object with a known future")
+        raise MtpBenchError(f"{env_id}: no track of its training scenes follows an object with a known future")
     return found
 
 
@@ -90,9 +111,8 @@ def train_predictor(
 
     ``output``: another file than that which agents look for. ``told``: see `fitting.fit`.
     """
-    network, task = network_of(request.network), found.task
-    sizes = Sizes.of(task)
-    path = output or weights_folder() / file_name(request.network, request.on, domain_of(task))
+    network, sizes = network_of(request.network), Sizes.of(found.task)
+    path = output or weights_folder() / file_name(request.network, request.on, request.env_id)
     path.parent.mkdir(parents=True, exist_ok=True)
     lesson, checkpoint = lesson_of(network, found, sizes), path.with_suffix(".checkpoint")
     state = fit(network, sizes, lesson, request.plan, device_of(request.device), told, checkpoint)
@@ -105,7 +125,7 @@ def train_predictor(
 def model_card(request: Request, found: Windows, lesson: Lesson, state: State) -> dict[str, Any]:
     """What a file of weights says of how it was made."""
     return {
-        "env": request.env_id,
+        "env": ", ".join([request.env_id, *request.also]),
         "detector": found.task.detector if request.on != TRUTH else "true boxes",
         "on": request.on,
         "hypotheses": request.hypotheses if request.on != TRUTH else 1,

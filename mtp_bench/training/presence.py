@@ -23,9 +23,9 @@ from ..scoring.neutral import evaluated, neutral_places
 from ..tracking import HypothesisTracker
 from ..tracks import Tracks
 from ..types import Bools, Floats, Scene, Task
+from .motion_windows import observations
 from .presence_recipes import LIKE, RECIPES, Like, Recipe, scenes_of
 from .split import open_split
-from .motion_windows import observations
 
 RIDGE = 0.1  # inverse weight of the squares of all coefficients
 FOLDS = 5  # of scenes

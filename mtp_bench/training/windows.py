@@ -131,6 +131,21 @@ def joined(parts: Sequence[window_cache.Arrays], names: Sequence[str], task: Tas
     return Windows(**rows, names=tuple(names), seen=surroundings, task=task)
 
 
+def together(parts: Sequence[Windows]) -> Windows:
+    """The windows of several envs, with the task of the first."""
+    scenes = np.cumsum([0, *(len(part.names) for part in parts)])
+    frames = np.cumsum([0, *(part.seen.frames for part in parts)])
+    moved = [
+        replace(part, scene=part.scene + scene, moment=part.moment + frame)
+        for part, scene, frame in zip(parts, scenes, frames, strict=False)
+    ]
+    rows = {name: np.concatenate([getattr(part, name) for part in moved]) for name in BY_WINDOW}
+    seen = {name: np.concatenate([getattr(part.seen, name) for part in parts]) for name in (*AROUND, "before")}
+    start = starts_of(np.concatenate([part.seen.counts for part in parts]))
+    names = tuple(f"{part.task.env_id} {name}" if len(parts) > 1 else name for part in parts for name in part.names)
+    return Windows(**rows, names=names, seen=Surroundings(start, **seen), task=parts[0].task)
+
+
 def _scene_arrays(
     card: Card, data: str | None, task: Task, tracker: Tracker | int | str, name: str
 ) -> window_cache.Arrays:

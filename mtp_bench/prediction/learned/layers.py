@@ -31,7 +31,7 @@ def sigmoid(x: Array) -> Array:
 
 
 def linear(weights: Weights, name: str, x: Array) -> Array:
-    """x W + b with ``name.weight`` [in, out] and ``name.bias`` [out]."""
+    """X W + b with ``name.weight`` [in, out] and ``name.bias`` [out]."""
     return x @ weights[f"{name}.weight"] + weights[f"{name}.bias"]
 
 

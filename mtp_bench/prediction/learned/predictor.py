@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -30,12 +31,14 @@ class LearnedPredictor:
     def reset(self, task: Task) -> None:
         """Forget everything; a new scene begins."""
         path = self._given or find_weights(self._network.name, self._on, task)
-        self._stored = _read(path, path.stat().st_mtime_ns if path.is_file() else 0, self._network.name, task)
+        self._stored = stored = _read(path, path.stat().st_mtime_ns if path.is_file() else 0, self._network.name, task)
+        self._class = np.array([stored.sizes.classes.index(name) for name in task.classes])
 
     def predict(self, frame: Frame) -> Forecasts:
         """What the network says of the distinct windows of ``frame``."""
         sizes = self._stored.sizes
         windows, row = windows_of(frame, sizes.past)
+        windows = replace(windows, class_id=self._class[windows.class_id])
         if len(windows) == 0:
             return Forecasts(np.zeros((0, sizes.modes, sizes.future, 2)), row=row)
         seen = surroundings_of(frame.seen)

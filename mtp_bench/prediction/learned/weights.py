@@ -22,6 +22,11 @@ from .network import Network, Sizes
 SHIPPED = Path(__file__).with_name("weights")
 VARIABLE = "MTP_BENCH_WEIGHTS"
 FORMAT = "mtp-bench weights 1"
+LENDERS = {  # envs that take the weights of another one, where objects move alike at the same rate
+    "MTP-Merge-v0": "MTP-Highway-v0",
+    "MTP-Roundabout-v0": "MTP-Intersection-v0",
+    "MTP-nuScenes-mini-v0": "MTP-nuScenes-v0",
+}
 MOST_BYTES = 64 * 2**20  # of a file: more than any network here has
 
 
@@ -44,25 +49,24 @@ def weights_folder() -> Path:
     return user_data_path("mtp_bench", appauthor=False) / "weights"
 
 
-def file_name(network: str, on: str, domain: str) -> str:
-    """Name of the weights of a network, trained ``on`` "truth" or "tracklets" of a domain such as "KITTI"."""
-    return f"{network}-{on}-{domain}.safetensors"
-
-
-def domain_of(task: Task) -> str:
-    """Where objects move alike, as the card says; a card that says nothing stands for itself."""
-    return task.motion_noise or task.env_id
+def file_name(network: str, on: str, env_id: str) -> str:
+    """Name of the weights of a network that was trained ``on`` "truth" or "tracklets" of an env."""
+    return f"{network}-{on}-{env_id}.safetensors"
 
 
 def find_weights(network: str, on: str, task: Task) -> Path:
-    """The file for a task. Raises SubmissionError that says how to make it, where there is none."""
-    name = file_name(network, on, domain_of(task))
-    for folder in (weights_folder(), SHIPPED):
-        if (folder / name).is_file():
-            return folder / name
+    """The file for a task: its env's own, else that of the env it borrows from.
+
+    Raises SubmissionError that says how to make it, where there is none.
+    """
+    for env_id in (task.env_id, LENDERS.get(task.env_id, task.env_id)):
+        for folder in (weights_folder(), SHIPPED):
+            path = folder / file_name(network, on, env_id)
+            if path.is_file():
+                return path
     raise SubmissionError(
-        f"no weights {name} in {weights_folder()} and none ship for {task.env_id}: make them with "
-        f"`mtp-bench train predictor {network} --env {task.env_id} --on {on}`"
+        f"{task.env_id}: no weights {file_name(network, on, task.env_id)} in {weights_folder()}, and none ship; train "
+        f"them: mtp-bench train predictor {network} --env {LENDERS.get(task.env_id, task.env_id)} --on {on}"
     )
 
 
@@ -108,7 +112,11 @@ def read_weights(path: Path, network: Network, task: Task | None = None) -> Stor
 
 def _check_task(path: Path, sizes: Sizes, task: Task) -> None:
     wanted = Sizes.of(task)
-    for name in ("classes", "past", "future", "dt"):
+    for class_name in wanted.classes:
+        if class_name not in sizes.classes:
+            known = ", ".join(sizes.classes)
+            raise SubmissionError(f"{path}: made for {known}, but {task.env_id} has the class {class_name!r}")
+    for name in ("past", "future", "dt"):
         if getattr(sizes, name) != getattr(wanted, name):
             raise SubmissionError(
                 f"{path}: made for {name} {getattr(sizes, name)}, but {task.env_id} has {getattr(wanted, name)}"
