@@ -11,7 +11,7 @@ import numpy as np
 from ..env.building import answer
 from ..errors import ShapeError
 from ..tracks import Objects, Tracks, group
-from ..types import Action, Bools, Floats, Ints, Observation, Task
+from ..types import Action, Floats, Ints, Observation, Task
 from .pools import pool_of, reduced
 from .protocols import Frame, FramePredictor, Predictor, Presence, Sampler, SamplingPredictor, Tracker
 
@@ -31,8 +31,8 @@ class Pipeline:
     """Track, then predict every distinct track, then reduce to the samples allowed.
 
     The single-hypothesis pipeline (STP) and the multi-hypothesis one (MTP) are this class with trackers of one and of
-    H hypotheses. To the pool of an object each hypothesis contributes ``draws`` x k random draws, or each distinct track
-    once what is predicted of it; a pool that is larger than the task's K is reduced by the sampler.
+    H hypotheses. To the pool of an object each hypothesis contributes ``draws`` x k random draws, or each distinct
+    track once what is predicted of it; a pool that is larger than the task's K is reduced by the sampler.
 
     ``tracker``: what makes tracks of detections. ``predictor``: what forecasts them: all of a frame at once with
     log-weights (`Predictor`), or by random draws (`SamplingPredictor`). ``sampler``: what reduces pools.
@@ -127,9 +127,9 @@ class Pipeline:
 
     def _probability(self, tracks: Tracks) -> Floats:
         """Probability [N] that the objects of tracks are there."""
-        return (
-            np.ones(len(tracks.box)) if self._presence is None else self._presence.probability(tracks, self._seen[-1])
-        )
+        if self._presence is None:
+            return np.ones(len(tracks.box))
+        return self._presence.probability(tracks, self._seen[-1])
 
     def _confidence(self, probability: Floats, held: Ints, tracks: Tracks) -> Floats:
         """Confidence [O]: the mean over hypotheses, by their weight, of the probability of what they hold [O, H]."""
@@ -168,7 +168,7 @@ class Pipeline:
 
 def _without_silent(said: _Said) -> _Said:
     """What is said, without the objects that have no sample at all: a predictor may withhold."""
-    spoken: Bools = np.isfinite(said.log_weight).any(axis=1)
+    spoken = np.asarray(np.isfinite(said.log_weight).any(axis=1))
     if spoken.all():
         return said
     kept = {f.name: getattr(said.objects, f.name)[spoken] for f in fields(said.objects)}

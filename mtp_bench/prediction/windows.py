@@ -84,7 +84,7 @@ def windows_of(frame: Frame, past: int) -> tuple[TrackWindows, Ints]:
         class_id=tracks.class_id[first],
         hits=taken_hits,
         age=np.maximum(alive.sum(axis=1), 1) if tracks.age is None else tracks.age[first],
-        mass=np.bincount(window, mass, minlength=len(first)),
+        mass=np.bincount(window, mass, minlength=len(first)).astype(np.float64),
         best=np.bincount(window, tracks.member[0], minlength=len(first)) > 0,
         ego=np.broadcast_to(_ego(frame.seen, length), (len(first), length, 4)),
     )

@@ -131,7 +131,7 @@ def _epoch(
     """One pass over the data; the random numbers depend on seed and epoch alone."""
     generator = torch.Generator().manual_seed(plan.seed * 100_003 + epoch)
     order = rows[torch.randperm(len(rows), generator=generator).to(rows.device)]
-    batches = order.split(plan.batch)
+    batches = torch.split(order, plan.batch)
     for number, part in enumerate(batches):
         progress = (epoch + number / len(batches)) / plan.epochs
         for group in optimizer.param_groups:
@@ -154,7 +154,7 @@ def one_cycle(progress: float, warm: float = 0.2) -> float:
 def validation_error(network: Network, sizes: Sizes, weights: Tensors, data: Tensors, rows: torch.Tensor) -> float:
     """minADE, m, of the windows ``rows``, by their weight."""
     total, weight = 0.0, 0.0
-    for part in rows.split(8192):
+    for part in torch.split(rows, 8192):
         batch = {name: value[part] for name, value in data.items()}
         said = network.forward(weights, batch, sizes)
         least = mode_distance(said["modes"], batch["future"], batch["known"]).amin(dim=1)

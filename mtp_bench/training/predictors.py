@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +35,7 @@ class Request:
     hypotheses: int = HYPOTHESES
     fold: Fold | None = None  # whose scenes are left out altogether
     also: tuple[str, ...] = ()  # further envs to learn from, with the same rate and sizes
-    plan: Plan = Plan()
+    plan: Plan = field(default_factory=Plan)
     device: str = "auto"
 
     def __post_init__(self) -> None:

@@ -1,7 +1,7 @@
 """Training windows: what a tracker says of the past beside what the objects did next.
 
-``windows`` plays a tracker through the scenes of a split and keeps, frame by frame, the windows that a predictor would be
-shown (`mtp_bench.prediction.windows`), with the truth that belongs to them.
+``windows`` plays a tracker through the scenes of a split and keeps, frame by frame, the windows that a predictor would
+be shown (`mtp_bench.prediction.windows`), with the truth that belongs to them.
 """
 
 from __future__ import annotations
@@ -24,12 +24,13 @@ from ..prediction.windows import Surroundings, TrackWindows, windows_of
 from ..running.folds import Fold, held_out
 from ..running.options import DEFAULTS, RunOptions
 from ..sources import open_source
+from ..sources.cache import Arrays
 from ..tracking import HypothesisTracker, TruthTracker
 from ..tracks import Tracks
 from ..types import Bools, Floats, Ints, Scene, Task, starts_of
-from . import window_cache
 from .labels import UNKNOWN, Labels, SceneLabels
 from .split import open_split
+from .window_cache import kept
 
 TRUTH = "truth"  # in place of a tracker: true pasts
 
@@ -71,7 +72,7 @@ class Windows(TrackWindows):
         """The other windows of the same frame that the heaviest hypothesis holds."""
         low, high = np.searchsorted(self.moment, [self.moment[row], self.moment[row] + 1])
         rows = np.arange(low, high)
-        return rows[self.best[rows] & (rows != row)]
+        return np.asarray(rows[self.best[rows] & (rows != row)])
 
     def dataset(self) -> Any:
         """A `torch.utils.data.Dataset`: each item is a dictionary of the tensors of a window, by these names."""
@@ -117,7 +118,7 @@ def windows(
     return joined(parts, names, task)
 
 
-def joined(parts: Sequence[window_cache.Arrays], names: Sequence[str], task: Task) -> Windows:
+def joined(parts: Sequence[Arrays], names: Sequence[str], task: Task) -> Windows:
     """The windows of several scenes, each as `scene_arrays` gives it."""
     first = np.cumsum([0, *(len(part["seen_start"]) - 1 for part in parts)])
     for number, part in enumerate(parts):
@@ -146,17 +147,15 @@ def together(parts: Sequence[Windows]) -> Windows:
     return Windows(**rows, names=names, seen=Surroundings(start, **seen), task=parts[0].task)
 
 
-def _scene_arrays(
-    card: Card, data: str | None, task: Task, tracker: Tracker | int | str, name: str
-) -> window_cache.Arrays:
+def _scene_arrays(card: Card, data: str | None, task: Task, tracker: Tracker | int | str, name: str) -> Arrays:
     scene = open_source(card, data).load(name)
     if not isinstance(tracker, int | str):
         return scene_arrays(scene, card, task, tracker)
     made: Tracker = TruthTracker() if isinstance(tracker, str) else HypothesisTracker(tracker)
-    return window_cache.kept(scene, (card.digest, task, tracker), lambda: scene_arrays(scene, card, task, made))
+    return kept(scene, (card.digest, task, tracker), lambda: scene_arrays(scene, card, task, made))
 
 
-def scene_arrays(scene: Scene, card: Card, task: Task, tracker: Tracker) -> window_cache.Arrays:
+def scene_arrays(scene: Scene, card: Card, task: Task, tracker: Tracker) -> Arrays:
     """The columns of `Windows` for one scene, and its detections as ``seen_*``."""
     local = LocalFrame.of(scene)
     feed = make_feed(scene, local, task)
@@ -172,15 +171,15 @@ def scene_arrays(scene: Scene, card: Card, task: Task, tracker: Tracker) -> wind
     return {**rows, "seen_start": feed.start, **{f"seen_{name}": _single(value) for name, value in around.items()}}
 
 
-def _learnable(found: TrackWindows, labels: Labels, t: int) -> window_cache.Arrays:
+def _learnable(found: TrackWindows, labels: Labels, t: int) -> Arrays:
     """Those of the windows of frame ``t`` of which is known what they follow, with their labels."""
-    kept = labels.object_id != UNKNOWN
+    known = labels.object_id != UNKNOWN
     columns = {f.name: getattr(found, f.name) for f in fields(TrackWindows)} | labels._asdict()
-    rows = {name: _single(value[kept]) for name, value in columns.items()}
-    return {**rows, "scene": np.zeros(kept.sum(), dtype=np.int64), "frame": np.full(kept.sum(), t)}
+    rows = {name: _single(value[known]) for name, value in columns.items()}
+    return {**rows, "scene": np.zeros(known.sum(), dtype=np.int64), "frame": np.full(known.sum(), t)}
 
 
-def _nothing(task: Task) -> window_cache.Arrays:
+def _nothing(task: Task) -> Arrays:
     """No windows: for a scene without any."""
     no_tracks = Tracks.of_one_hypothesis(np.zeros(0, dtype=np.int64), np.zeros((0, 7)), np.zeros(0, dtype=np.int64))
     found, _ = windows_of(Frame(0, no_tracks, ({},)), task.past)

@@ -5,6 +5,7 @@ A network is written once: torch differentiates it in training, NumPy runs it in
 
 from __future__ import annotations
 
+import itertools
 import sys
 from collections.abc import Mapping
 from typing import Any
@@ -70,7 +71,7 @@ def lstm_cell(weights: Weights, name: str, x: Array, hidden: Array, cell: Array)
 def linear_shapes(name: str, *sizes: int) -> dict[str, tuple[int, ...]]:
     """Shapes of the weights of `mlp` (several layers) for these sizes, the input's first."""
     shapes: dict[str, tuple[int, ...]] = {}
-    for i, (inputs, outputs) in enumerate(zip(sizes, sizes[1:], strict=False)):
+    for i, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
         shapes |= {f"{name}.{i}.weight": (inputs, outputs), f"{name}.{i}.bias": (outputs,)}
     return shapes
 

@@ -19,8 +19,8 @@ from .weights import Stored, find_weights, read_weights
 class LearnedPredictor:
     """Forecasts of a trained network.
 
-    ``network``: its name, such as "modes". ``on``: what it was trained on, "truth" or "tracklets"; both choose the file.
-    ``weights``: a file of your own; None: the one for the task's domain, see `mtp_bench.prediction.learned.weights`.
+    ``network``: its name, such as "modes". ``on``: what it was trained on, "truth" or "tracklets". ``weights``: a file
+    of your own; None: the one for the task's env, see `mtp_bench.prediction.learned.weights`.
     Raises SubmissionError at ``reset`` where there is no file or it is made for another task.
     """
 
