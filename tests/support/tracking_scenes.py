@@ -51,6 +51,7 @@ def observation(detections: Frame) -> Observation:
         "detection_box": box,
         "detection_class": class_id,
         "detection_score": np.arange(1.0, len(box) + 1),
+        "detection_velocity": np.zeros((len(box), 2)),
         "detection_valid": np.ones(len(box), dtype=np.int8),
     }
 

@@ -1,0 +1,179 @@
+"""The training of networks: it learns, it repeats itself, and it goes on where it was interrupted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from mtp_bench.cards import load_card
+from mtp_bench.errors import MtpBenchError, UnknownNameError
+from mtp_bench.prediction.learned.registry import network_of
+from mtp_bench.prediction.learned.weights import read_weights
+from mtp_bench.running.folds import fold_of, held_out
+from mtp_bench.tracking import HypothesisTracker
+from mtp_bench.training.fitting import Plan, device_of, one_cycle
+from mtp_bench.training.losses import Tensors, mode_distance, varied
+from mtp_bench.training.predictors import Request, learnable, train_predictor, validation_rows
+from mtp_bench.training.windows import Windows, joined, scene_arrays
+from tests.support.command_line import CommandLine
+from tests.support.small_scenes import make_scene, task, write_card, write_kitti
+
+QUICK = Plan(epochs=6, batch=32)
+
+
+@pytest.fixture
+def found(tmp_path: Path) -> Windows:
+    card = load_card(write_card(tmp_path))
+    names = list("abcdefg")
+    parts = [scene_arrays(make_scene(name, frames=12), card, task(), HypothesisTracker()) for name in names]
+    whole = joined(parts, names, task())
+    return whole.those((whole.object_id >= 0) & whole.future_known.any(axis=1))
+
+
+def test_training_lowers_the_error_and_repeats_itself(found: Windows, tmp_path: Path) -> None:
+    curve: list[float] = []
+    request = Request("modes", "small", "tracklets", plan=replace(QUICK, epochs=25))
+    path, card = train_predictor(found, request, tmp_path / "one.safetensors", lambda _, error: curve.append(error))
+    assert min(curve[10:]) < 0.5 * curve[0]
+    assert card["validation_minADE"] == round(min(curve), 4)
+    assert card["present"]
+    assert card["scenes"] == list("abcdefg")
+    again, _ = train_predictor(found, request, tmp_path / "two.safetensors")
+    assert path.read_bytes() == again.read_bytes()
+    assert [file.suffix for file in tmp_path.iterdir() if "one" in file.name] == [".safetensors"]
+    read_weights(path, network_of("modes"), found.task)
+
+
+class Interrupted(Exception):
+    """As by the user."""
+
+
+def test_an_interrupted_training_ends_as_one_that_was_not(found: Windows, tmp_path: Path) -> None:
+    request = Request("modes", "small", plan=QUICK)
+    whole, _ = train_predictor(found, request, tmp_path / "whole.safetensors")
+
+    def stop(epoch: int, _: float) -> None:
+        if epoch == 3:
+            raise Interrupted
+
+    with pytest.raises(Interrupted):
+        train_predictor(found, request, tmp_path / "part.safetensors", stop)
+    assert not (tmp_path / "part.safetensors").exists()
+    rest: list[int] = []
+    part, _ = train_predictor(found, request, tmp_path / "part.safetensors", lambda epoch, _: rest.append(epoch))
+    assert rest == [4, 5, 6]
+    assert part.read_bytes() == whole.read_bytes()
+
+
+def test_a_checkpoint_of_another_training_is_not_gone_on_with(found: Windows, tmp_path: Path) -> None:
+    def stop(*_: object) -> None:
+        raise Interrupted
+
+    with pytest.raises(Interrupted):
+        train_predictor(found, Request("modes", "small", plan=QUICK), tmp_path / "a.safetensors", stop)
+    epochs: list[int] = []
+    other = Request("modes", "small", plan=replace(QUICK, seed=1))
+    train_predictor(found, other, tmp_path / "a.safetensors", lambda epoch, _: epochs.append(epoch))
+    assert epochs[0] == 1
+    (tmp_path / "b.checkpoint").write_bytes(b"broken")
+    train_predictor(found, other, tmp_path / "b.safetensors")
+
+
+def test_it_stops_where_nothing_gets_better(found: Windows, tmp_path: Path) -> None:
+    request = Request("modes", "small", plan=replace(QUICK, epochs=60, patience=1, rate=1e-9))
+    epochs: list[int] = []
+    train_predictor(found, request, tmp_path / "a.safetensors", lambda epoch, _: epochs.append(epoch))
+    assert 30 <= len(epochs) < 60
+
+
+def test_validation_is_of_whole_scenes_where_there_are_enough(found: Windows) -> None:
+    rows = validation_rows(found)
+    assert len(set(found.scene[rows].tolist())) == 1
+    assert not set(found.scene[rows].tolist()) & set(found.scene[~rows].tolist())
+    few = found.those(found.scene < 2)
+    rows = validation_rows(few)
+    for scene in (0, 1):
+        mine = few.scene == scene
+        assert few.frame[mine & rows].min() > few.frame[mine & ~rows].max()
+
+
+def test_a_varied_batch_is_the_same_motion_seen_otherwise() -> None:
+    rng = np.random.default_rng(0)
+    n, past = 64, 5
+    position = torch.from_numpy(rng.normal(size=(n, past, 2)).astype(np.float32))
+    batch: Tensors = {
+        "position": position, "velocity": position.clone(), "yaw": torch.zeros(n, past),
+        "alive": torch.ones(n, past), "taken": torch.ones(n, past), "counts": torch.full((n, 2), 3.0),
+        "future": position[:, :3] + 1, "present": position[:, 0],
+    }  # fmt: skip
+    out = varied(batch, torch.Generator().manual_seed(0))
+    length = torch.linalg.norm(batch["future"], dim=-1)
+    np.testing.assert_allclose(torch.linalg.norm(out["future"], dim=-1), length, rtol=1e-5)
+    np.testing.assert_allclose(out["velocity"], out["position"])
+    cut = out["alive"].sum(dim=1) < past
+    assert 0 < cut.sum() < n / 2
+    assert (out["alive"][:, -1] == 1).all()
+    np.testing.assert_allclose(out["counts"][~cut], 3.0)
+    np.testing.assert_allclose(out["counts"][cut, 0].exp(), out["alive"][cut].sum(dim=1), rtol=1e-5)
+    turned = torch.linalg.det(torch.stack([out["future"][:, 0], out["future"][:, 1]], dim=-1))
+    plain = torch.linalg.det(torch.stack([batch["future"][:, 0], batch["future"][:, 1]], dim=-1))
+    mirrored = (turned * plain < 0).sum()
+    assert n / 4 < mirrored < 3 * n / 4
+
+
+def test_the_distance_of_a_mode_counts_known_frames_alone() -> None:
+    modes = torch.tensor([[[[3.0, 4.0], [0.0, 1.0]], [[0.0, 0.0], [100.0, 0.0]]]])
+    future, known = torch.zeros(1, 2, 2), torch.tensor([[1.0, 0.0]])
+    np.testing.assert_allclose(mode_distance(modes, future, known), [[5.0, 0.0]], atol=1e-4)
+
+
+def test_the_learning_rate_rises_and_falls() -> None:
+    rates = [one_cycle(progress) for progress in (0.0, 0.1, 0.2, 0.6, 1.0)]
+    assert rates[0] < rates[1] < rates[2] > rates[3] > rates[4]
+    assert max(rates) == 1.0
+
+
+def test_folds() -> None:
+    names = [f"s{number}" for number in range(10)]
+    parts = [held_out(names, (number, 3)) for number in (1, 2, 3)]
+    assert sorted(name for part in parts for name in part) == sorted(names)
+    assert held_out(names[::-1], (1, 3))[::-1] == parts[0]
+    assert fold_of("2/3") == (2, 3)
+    for wrong in ("0/3", "4/3", "1", "1/1", "a/b"):
+        with pytest.raises(MtpBenchError, match=r"such as 1/4"):
+            fold_of(wrong)
+
+
+def test_what_cannot_be_trained() -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'modes'"):
+        Request("mods", "MTP-KITTI-v0")
+    with pytest.raises(UnknownNameError, match="value of --on"):
+        Request("modes", "MTP-KITTI-v0", "detections")
+    if not torch.cuda.is_available():
+        with pytest.raises(MtpBenchError, match="torch finds no GPU here"):
+            device_of("cuda")
+        assert device_of("auto").type == "cpu"
+
+
+def test_the_command(tmp_path: Path, cli: CommandLine) -> None:
+    root, card = write_kitti(tmp_path), write_card(tmp_path)
+    out = tmp_path / "w.safetensors"
+    options = ["--env", card, "--data", root, "--split", "val", "--epochs", "2", "--jobs", "1", "-o", str(out)]
+    done = cli("train", "predictor", "modes", *options)
+    assert done.status == 0, done.error
+    assert "validation minADE" in done.output
+    assert out.is_file()
+    refused = cli("train", "predictor", "mods", *options)
+    assert refused.status == 1
+    assert "did you mean 'modes'" in refused.error
+
+
+def test_envs_that_are_not_alike(tmp_path: Path) -> None:
+    request = Request("modes", "MTP-Highway-v0", also=("MTP-Intersection-v0",))
+    assert request.also
+    with pytest.raises(MtpBenchError):
+        learnable(replace(request, env_id="MTP-Nowhere-v0"))

@@ -1,0 +1,151 @@
+"""Training windows: what agents see, beside the truth that belongs to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from mtp_bench.cards import load_card
+from mtp_bench.env.observation import LocalFrame
+from mtp_bench.errors import MtpBenchError, UnknownNameError
+from mtp_bench.running.options import RunOptions
+from mtp_bench.tracking import HypothesisTracker, TruthTracker
+from mtp_bench.training.labels import UNKNOWN
+from mtp_bench.training.windows import Windows, joined, scene_arrays, together, windows
+from mtp_bench.types import Scene
+from tests.support.small_scenes import bare_scene, make_scene, write_card, write_kitti
+from tests.support.small_scenes import task as small_task
+
+
+def windows_of_scenes(tmp_path: Path, *scenes: Scene, truth: bool = False, hypotheses: int = 1) -> Windows:
+    card = load_card(write_card(tmp_path))
+    task = small_task(observe="truth" if truth else "detections")
+    tracker = TruthTracker() if truth else HypothesisTracker(hypotheses)
+    parts = [scene_arrays(scene, card, task, tracker) for scene in scenes]
+    return joined(parts, [scene.name for scene in scenes], task)
+
+
+def test_true_pasts_have_their_own_futures(tmp_path: Path) -> None:
+    scene = make_scene(frames=8)
+    found = windows_of_scenes(tmp_path, scene, truth=True)
+    assert len(found) == 8 * 3
+    np.testing.assert_allclose(found.present, found.box[:, -1, :2], atol=1e-4)
+    local = LocalFrame.of(scene)
+    for row in np.flatnonzero(found.object_id == 7):
+        t = int(found.frame[row])
+        true = local.to_local(np.array([[20 + 0.8 * i, 10, 0.8, 0, 4, 1.8, 1.5] for i in range(t + 1, t + 4)]))
+        known = found.future_known[row]
+        assert known.tolist() == [t + step < 8 for step in (1, 2, 3)]
+        np.testing.assert_allclose(found.future[row][known], true[known, :2], atol=1e-4)
+
+
+def test_tracks_follow_the_object_of_their_last_detection(tmp_path: Path) -> None:
+    """Detections are .1 m off along x; where none is made the track coasts, and still follows its object."""
+    found = windows_of_scenes(tmp_path, make_scene(empty=(4,)))
+    assert set(found.object_id.tolist()) == {3, 5, 7}
+    seen = found.taken[:, -1]
+    off = np.linalg.norm(found.present - found.box[:, -1, :2], axis=1)
+    np.testing.assert_allclose(off[seen], 0.1, atol=1e-4)
+    coasting = found.frame == 4
+    assert coasting.sum() == 3
+    assert not seen[coasting].any()
+    assert (found.detection[coasting, -1] == -1).all()
+    assert sorted(found.object_id[coasting]) == [3, 5, 7]
+    np.testing.assert_array_equal(found.hits[found.frame == 3], 4)
+
+
+def test_what_follows_nothing_is_a_negative_only_where_truth_is_complete(tmp_path: Path) -> None:
+    scene = make_scene()
+    far = replace(scene.detections, box=scene.detections.box + np.array([50.0, 0, 0, 0, 0, 0, 0]))
+    ghosts = replace(scene, detections=far)
+    found = windows_of_scenes(tmp_path, ghosts)
+    assert found.negative.all()
+    assert not found.future_known.any()
+    assert len(windows_of_scenes(tmp_path, replace(ghosts, truth_complete=False))) == 0
+
+
+def test_tracks_of_neutral_objects_are_left_out(tmp_path: Path) -> None:
+    scene = make_scene()
+    neutral = replace(scene.truth, neutral=scene.truth.object_id == 7)
+    found = windows_of_scenes(tmp_path, replace(scene, truth=neutral))
+    assert set(found.object_id.tolist()) == {3, 5}
+    assert UNKNOWN not in found.object_id
+
+
+def test_targets_are_those_of_the_scorer(tmp_path: Path) -> None:
+    found = windows_of_scenes(tmp_path, make_scene(frames=8))
+    assert set(found.frame[found.target].tolist()) == {1, 2, 3, 4}  # two past frames, three future ones
+
+
+def test_masses_of_one_object_are_those_of_its_hypotheses(tmp_path: Path) -> None:
+    found = windows_of_scenes(tmp_path, make_scene(), hypotheses=5)
+    assert ((found.mass > 0) & (found.mass <= 1 + 1e-6)).all()
+    assert found.mass[found.best].min() > 0.5 / 5
+
+
+def test_a_scene_without_objects_has_no_windows(tmp_path: Path) -> None:
+    found = windows_of_scenes(tmp_path, bare_scene(), make_scene())
+    assert (found.scene == 1).all()
+    assert found.seen.frames == 3 + 8
+    np.testing.assert_array_equal(found.moment, found.frame + 3)
+    np.testing.assert_array_equal(found.seen.before, [0, 1, 2, *range(8)])
+
+
+def test_neighbours_are_of_the_same_frame(tmp_path: Path) -> None:
+    found = windows_of_scenes(tmp_path, make_scene(), make_scene("two"))
+    for row in range(len(found)):
+        others = found.neighbours(row)
+        assert len(others) == 2
+        assert (found.moment[others] == found.moment[row]).all()
+        assert row not in others
+
+
+def test_folds_are_whole_scenes(tmp_path: Path) -> None:
+    found = windows_of_scenes(tmp_path, *(make_scene(name) for name in "abcd"))
+    learnt, away = found.split((1, 4))
+    assert len(set(away.scene.tolist())) == 1
+    assert not set(away.scene.tolist()) & set(learnt.scene.tolist())
+    held = [set(found.split((number, 4))[1].scene.tolist()).pop() for number in (1, 2, 3, 4)]
+    assert sorted(held) == [0, 1, 2, 3]
+    with pytest.raises(MtpBenchError, match="4 scenes cannot be cut into 5 folds"):
+        found.split((1, 5))
+
+
+def test_envs_together(tmp_path: Path) -> None:
+    one = windows_of_scenes(tmp_path, make_scene("a"))
+    both = together([one, one])
+    assert len(both) == 2 * len(one)
+    assert len(both.names) == 2
+    np.testing.assert_array_equal(both.moment[len(one) :], one.moment + 8)
+    assert both.seen.frames == 16
+
+
+def test_from_a_data_root_and_from_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    root, card = write_kitti(tmp_path), write_card(tmp_path)
+    monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path / "cache"))
+    options = RunOptions(root, split="val")
+    first = windows(card, "val", 2, options=options)
+    files = list((tmp_path / "cache" / "windows").iterdir())
+    assert files
+    again = windows(card, "val", 2, options=options)
+    np.testing.assert_array_equal(first.box, again.box)
+    own = windows(card, "val", HypothesisTracker(2), options=options)  # a tracker of one's own is not cached
+    np.testing.assert_array_equal(first.future, own.future)
+    assert len(list((tmp_path / "cache" / "windows").iterdir())) == len(files)
+    with pytest.raises(UnknownNameError, match="scene"):
+        windows(card, "val", 1, scenes=["nowhere"], options=options)
+
+
+def test_as_a_data_set_of_torch(tmp_path: Path) -> None:
+    found = windows_of_scenes(tmp_path, make_scene())
+    data = found.dataset()
+    assert len(data) == len(found)
+    item = data[3]
+    assert item["box"].dtype == torch.float32
+    np.testing.assert_array_equal(item["box"], found.box[3])
+    loader = torch.utils.data.DataLoader(data, batch_size=5)
+    assert next(iter(loader))["future"].shape == (5, 3, 2)
