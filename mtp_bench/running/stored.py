@@ -81,7 +81,7 @@ def score_stored(folder: Path, options: RunOptions = DEFAULTS, env_id: str | Non
     options.progress.started(len(run.rollouts))
     scores: list[SceneScore] = []
     for rollout in run.rollouts:
-        scores.append(score_scene(opened.scene(rollout.scene), rollout, card))
+        scores.append(score_scene(opened.recorded(rollout.scene), rollout, card))
         options.progress.done(rollout.scene)
     agent = AgentScores(
         agent=run.info.agent,

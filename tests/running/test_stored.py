@@ -103,6 +103,18 @@ def test_a_stored_run_scores_as_in_a_comparison(
     assert (lost["events"], lost["targets"]) == (6, 2)
 
 
+def test_true_pasts_are_sorted_by_the_scores_of_detections_as_in_a_comparison(
+    tmp_path: Path, card: str, kitti: str
+) -> None:
+    aside = "observation['detection_box'][1, 1] += 3.0"  # a false forecast
+    agent = write_submission(tmp_path / "sees", "sees", '[compare]\nobserve = "truth"\n', aside)
+    run_and_store(str(agent), card, tmp_path / "run", RunOptions(kitti))
+    scored = score_stored(tmp_path / "run", RunOptions(kitti), card).report.to_json()["rows"]
+    rows = compare([str(agent)], card, RunOptions(kitti)).report.to_json()["rows"]
+    assert without_times(scored) == without_times([row for row in rows if row["agent"] == "sees"])
+    assert scored[0]["error_by_score"] != pytest.approx(scored[0]["error"])
+
+
 def test_another_seed_is_another_draw(tmp_path: Path, card: str, kitti: str) -> None:
     for seed in (0, 1):
         run_and_store("stp", card, tmp_path / str(seed), RunOptions(kitti, scenes=1, seeds=[seed]))
