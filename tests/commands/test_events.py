@@ -14,8 +14,8 @@ import typer.main
 from rich.console import Console
 
 from mtp_bench.commands.app import app
+from mtp_bench.running import stored
 from mtp_bench.running.options import RunOptions
-from mtp_bench.running.stored import run_and_store, score_stored
 from mtp_bench.scoring.score import KINDS as OWN_EVENTS
 from mtp_bench.viz.replay import Incident
 from mtp_bench.viz.terminal.event_table import LONGEST, EventRow, Shown, event_table
@@ -164,9 +164,9 @@ def test_a_run_for_another_card_is_refused(
 @pytest.mark.data
 @pytest.mark.parametrize("env_id", ["MTP-KITTI-v0", "MTP-nuScenes-mini-v0", "MTP-WILDTRACK-v0"])
 def test_as_many_events_as_in_the_score(env_id: str, cli: CommandLine, data_root: Path, tmp_path: Path) -> None:
-    run_and_store("stp", env_id, tmp_path / "run", RunOptions(str(data_root), scenes=2))
+    stored.run("stp", env_id, tmp_path / "run", RunOptions(str(data_root), scenes=2))
     cli.ok("events", tmp_path / "run", "--data", data_root, "--json", tmp_path / "a.json")
-    details = score_stored(tmp_path / "run", RunOptions(str(data_root))).report.details[0]
+    details = stored.score(tmp_path / "run", RunOptions(str(data_root))).report.details[0]
     content = json.loads((tmp_path / "a.json").read_text())
     assert {kind: content["counts"][kind] for kind in OWN_EVENTS} == details.own_events
     for kind in ("ids", "lost", "reacquired"):
