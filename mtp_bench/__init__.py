@@ -49,6 +49,8 @@ if _typing.TYPE_CHECKING:
     from .cards import load_card as load_card
     from .env import MTPEnv as MTPEnv
     from .running.compare import compare as compare
+    from .running.stored import run as run
+    from .running.stored import score as score
     from .scoring import Report as Report
     from .sources import load_scenes as load_scenes
     from .submission.loader import Submission as Submission
@@ -66,6 +68,8 @@ else:  # hidden from type checkers, for which it would make every misspelt attri
         "load_card": "cards",
         "load_scenes": "sources",
         "load_submission": "submission.loader",
+        "run": "running.stored",
+        "score": "running.stored",
     }
 
     def __getattr__(name: str) -> _typing.Any:

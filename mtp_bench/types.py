@@ -70,6 +70,7 @@ class Ragged:
         return replace(self, start=starts_of(kept.astype(np.int64))[self.start], **columns)
 
 
+ABSENT_BELOW = -1e30  # log-weights below say "no such sample", "no such hypothesis"; so does -inf
 CENTIMETRES = 100.0  # per metre: forecasts are recorded in whole centimetres
 
 

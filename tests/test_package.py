@@ -19,6 +19,7 @@ import pytest
 
 import mtp_bench
 from mtp_bench import _bundle
+from mtp_bench.running.options import RunOptions
 
 PUBLIC = {
     "Action", "Agent", "CardError", "DataError", "Detections", "MtpBenchError", "Objects", "Observation",
@@ -26,6 +27,7 @@ PUBLIC = {
     "SubmissionError", "Task", "Tracker", "Tracks", "Truth", "UnknownNameError", "answer", "card_ids",
 }  # fmt: skip
 LAZY_NAMES = {"Card", "MTPEnv", "Report", "Submission", "compare", "load_card", "load_scenes", "load_submission"}
+LAZY_NAMES |= {"run", "score"}
 LAZY = {"prediction", "scoring", "tracking"}
 SLOW = {"torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "rich", "typer", "pandas", "matplotlib"}
 SLOW |= {"jinja2", "pygame", "safetensors", "PIL", "av"}
@@ -61,6 +63,23 @@ def test_parts_are_imported_when_they_are_used(name: str) -> None:
         f"print('mtp_bench.{name}' in sys.modules, mtp_bench.{name}.__name__, 'mtp_bench.{name}' in sys.modules)"
     )
     assert out.split() == ["False", f"mtp_bench.{name}", "True"]
+
+
+def test_functions_stay_functions_whatever_was_imported_before() -> None:
+    """Modules of these names are parts of packages, and no attributes of the whole."""
+    out = python(
+        "import mtp_bench.running.run, mtp_bench.scoring.score, mtp_bench.running.compare, mtp_bench.commands.app\n"
+        "print(*(callable(getattr(mtp_bench, name)) for name in ('run', 'score', 'compare')))"
+    )
+    assert out.split() == ["True"] * 3
+
+
+def test_a_run_is_made_and_scored_by_public_names(card: str, kitti: str, tmp_path: Path) -> None:
+    options = RunOptions(kitti, scenes=1)
+    assert mtp_bench.run("stp", card, str(tmp_path / "run"), options).scenes == 1
+    report = mtp_bench.score(str(tmp_path / "run"), options, card).report
+    assert isinstance(report, mtp_bench.Report)
+    assert report.rows[0].agent == "stp"
 
 
 def test_an_unknown_attribute_is_an_attribute_error() -> None:

@@ -32,8 +32,8 @@ def board(
     from .._bundle import bundled
     from ..files import write_text
     from ..records import read_history
-    from ..viz.board import board_json, board_page, board_tables
-    from ..viz.terminal.output import show, show_numbers
+    from ..viz.board import board_json, board_notes, board_page, board_tables
+    from ..viz.terminal.output import show, show_lines, show_numbers
 
     require_writable(json_file, output)
     entries = read_board(records, further or (), env, output)
@@ -43,8 +43,10 @@ def board(
     if output is not None:
         links = [relative_address(old.path, output) for old in history]
         write_text(output, board_page(entries, list(zip(history, links, strict=True))))
-    for table in board_tables(entries):
+    for table, notes in zip(board_tables(entries), board_notes(entries), strict=True):
         show_numbers(table)
+        show("")
+        show_lines(notes)
     if not entries:
         show("no record" + (f" of {env}" if env else "") + " yet; `mtp-bench submit` makes one")
     if history:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import typer
@@ -57,6 +58,10 @@ def compare(
 def scores_of(text: str) -> list[float]:
     """Scores as they are written on the command line, separated by commas; wrong usage for others."""
     try:
-        return [float(part) for part in text.split(",")]
+        scores = [float(part) for part in text.split(",")]
     except ValueError:
-        raise typer.BadParameter(f"{text!r}, expected numbers such as .1,.2,.3", param_hint="--cuts") from None
+        scores = []
+    if not scores or not all(map(math.isfinite, scores)):
+        expected = "numbers such as .1,.2,.3, or nothing after it; agents stand before"
+        raise typer.BadParameter(f"{text!r}, expected {expected}", param_hint="--cuts")
+    return scores

@@ -24,6 +24,7 @@ def events(
     from ..running.opened import open_run
     from ..viz.replay import KINDS, replay
     from ..viz.terminal.event_table import (
+        CAPTION,
         EventRow,
         Shown,
         Tally,
@@ -33,7 +34,7 @@ def events(
         longest_only,
         tally_line,
     )
-    from ..viz.terminal.output import progress_bar, show, show_numbers
+    from ..viz.terminal.output import progress_bar, show, show_command, show_lines, show_numbers
 
     for name in kind or ():
         one_of(name, KINDS, "--kind")
@@ -53,4 +54,7 @@ def events(
     listed = rows if kind else longest_only(rows)
     if listed:
         show_numbers(event_table(listed))
+        show("")
+        show_lines([CAPTION, "To look at one, name its scene and event as for the first of them:"])
+        show_command(listed[0].view)
     show(tally_line(tally, all_listed=len(listed) == len(rows)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, is_dataclass
 from functools import wraps
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
     from ..parallel import Workers
     from ..running.options import RunOptions
 
-ALONE = {"--cuts": ".1,.2,.3"}  # option -> its value where no number follows
+ALONE = {"--cuts": ".1,.2,.3"}  # option -> its value where none follows
 DataOption = Annotated[
     str | None, typer.Option("--data", help="Data root; else MTP_BENCH_DATA, else the user data folder.")
 ]
@@ -99,7 +98,8 @@ class Command(TyperCommand):
         """Read ``args``, with the values that are left out put in."""
         whole: list[str] = []
         for word, following in zip_longest(args, args[1:], fillvalue=""):
-            whole += [word, *([ALONE[word]] if word in ALONE and not re.fullmatch(r"[\d.,]+", following) else [])]
+            alone = word in ALONE and (not following or following.startswith("-"))
+            whole += [word, *([ALONE[word]] if alone else [])]
         return super().parse_args(ctx, whole)
 
 

@@ -20,13 +20,13 @@ def run(
 ) -> None:
     """Run an agent and store what it said."""
     from ..running.reading import skipped_line
-    from ..running.stored import run_and_store
+    from ..running.stored import run as run_agent
     from ..viz.terminal.output import show
 
     options = on.options(workers, [seed])
     prepare(on.env, options)
     with working(agent, options) as watched:
-        stored = run_and_store(agent, on.env, output, watched)
+        stored = run_agent(agent, on.env, output, watched)
     line = skipped_line(stored.skipped)
     if line is not None:
         show(line)

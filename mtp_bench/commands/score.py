@@ -15,11 +15,11 @@ def score(
 ) -> None:
     """Score stored rollouts."""
     from ..running.options import RunOptions
-    from ..running.stored import score_stored
+    from ..running.stored import score as score_run
 
     require_writable(json_file)
     with working("score", RunOptions(root)) as options:
-        scored = score_stored(folder, options, env)
+        scored = score_run(folder, options, env)
     report = scored.report
     write_json(json_file, {**report.to_json("condition", "details"), "skipped": scored.skipped})
     show_report(report, folder.name, scored.skipped, full)

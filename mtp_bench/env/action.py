@@ -18,8 +18,7 @@ COORDINATE_LIMIT = 1e5  # m, of a centre in the frame of the observations
 SIZE_LIMIT = 100.0  # m, of a box
 FORECAST_LIMIT = 327.0  # m, length of an offset: within int16 centimetres whichever way the frame is turned
 ID_LIMIT = 2**31 - 1
-ABSENT = -2e30  # a log-weight that says "no such sample", "no such hypothesis" and lies inside the space
-ABSENT_BELOW = -1e30  # where such log-weights begin; -inf says the same
+ABSENT = -2e30  # a log-weight below `types.ABSENT_BELOW` that lies inside the space
 
 Rows = Literal["tracks", "hypotheses", "objects"]
 ROWS: tuple[Rows, ...] = ("tracks", "hypotheses", "objects")  # in the order of `Rollout.invalid`

@@ -12,9 +12,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..types import Bools, Floats, Ints, Task
+from ..types import ABSENT_BELOW, Bools, Floats, Ints, Task
 from .action import (
-    ABSENT_BELOW,
     COORDINATE_LIMIT,
     FIELD,
     FIELDS,

@@ -13,8 +13,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from ..env.action import ABSENT_BELOW
-from ..types import Rollout
+from ..types import ABSENT_BELOW, Rollout
 from .limits import PATIENCE, Limits, SceneRun
 from .process import AgentProcess, EndedError, ExcessError, Message
 from .wire import Arrays, WireError, arrays_of

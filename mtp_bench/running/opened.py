@@ -48,10 +48,17 @@ class OpenedRun:
 
         Raises UnknownNameError where the source has none of this name.
         """
+        scene = self.recorded(name)
+        return replace(scene, detections=true_detections(scene)[0]) if self.run.info.observe == "truth" else scene
+
+    def recorded(self, name: str) -> Scene:
+        """The scene of this name as its source has it: what is scored, whatever the agent was shown.
+
+        Raises UnknownNameError where the source has none of this name.
+        """
         if name not in self.source.names:
             raise UnknownNameError(f"scene of {self.folder}", name, self.source.names)
-        scene = self.source.load(name)
-        return replace(scene, detections=true_detections(scene)[0]) if self.run.info.observe == "truth" else scene
+        return self.source.load(name)
 
 
 def open_run(folder: Path, data: str | None = None, env_id: str | None = None) -> OpenedRun:

@@ -22,7 +22,7 @@ from .settings import setting_of
 
 @dataclass(frozen=True)
 class StoredRun:
-    """What `run_and_store` did."""
+    """What `run` did."""
 
     scenes: int
     skipped: dict[str, int]  # rows of the data that could not be used, by reason
@@ -37,7 +37,7 @@ class StoredScore:
     skipped: dict[str, int]  # rows of the data that could not be used, by reason
 
 
-def run_and_store(agent: str, env_id: str, folder: Path, options: RunOptions = DEFAULTS) -> StoredRun:
+def run(agent: str | Path, env_id: str, folder: str | Path, options: RunOptions = DEFAULTS) -> StoredRun:
     """Run a submission on the scenes of an env and store its rollouts.
 
     Args:
@@ -48,6 +48,7 @@ def run_and_store(agent: str, env_id: str, folder: Path, options: RunOptions = D
 
     Raises MtpBenchError for whatever the user can mend, a folder that cannot be written before anything runs.
     """
+    folder = Path(folder)
     require_run_folder(folder.absolute())
     require_folder(folder)
     submission, seed = load_submission(agent), options.seeds[0]
@@ -66,33 +67,33 @@ def _keep(scene: Scene, rollout: Rollout, card: Card) -> tuple[Rollout, dict[str
     return rollout, scene.skipped
 
 
-def score_stored(folder: Path, options: RunOptions = DEFAULTS, env_id: str | None = None) -> StoredScore:
+def score(folder: str | Path, options: RunOptions = DEFAULTS, env_id: str | None = None) -> StoredScore:
     """Report of a stored run.
 
     Args:
-        folder: Where `run_and_store` put it.
+        folder: Where `run` put it.
         options: Data and progress; all else is as the run says of itself.
         env_id: Card of a run whose env does not ship with the library.
 
     Raises RolloutError where the run was made for another version of the card, or says other things than its rollouts.
     """
-    opened = open_run(folder, options.data, env_id)
-    run, card = opened.run, opened.card
-    options.progress.started(len(run.rollouts))
+    opened = open_run(Path(folder), options.data, env_id)
+    info, card = opened.run.info, opened.card
+    options.progress.started(len(opened.run.rollouts))
     scores: list[SceneScore] = []
-    for rollout in run.rollouts:
-        scores.append(score_scene(opened.scene(rollout.scene), rollout, card))
+    for rollout in opened.run.rollouts:
+        scores.append(score_scene(opened.recorded(rollout.scene), rollout, card))
         options.progress.done(rollout.scene)
     agent = AgentScores(
-        agent=run.info.agent,
-        hypotheses=run.info.hypotheses or stated_hypotheses([scores]),
-        samples=run.info.samples,
-        budget="equal" if run.info.samples == card.task.samples else "free",
+        agent=info.agent,
+        hypotheses=info.hypotheses or stated_hypotheses([scores]),
+        samples=info.samples,
+        budget="equal" if info.samples == card.task.samples else "free",
         seeds=(tuple(scores),),
-        ideal=run.info.observe == "truth",
+        ideal=info.observe == "truth",
     )
-    reference = reference_for(card, [rollout.scene for rollout in run.rollouts], options)
+    reference = reference_for(card, [rollout.scene for rollout in opened.run.rollouts], options)
     report = summarise([agent], card, reference)
-    if run.info.note:
-        report.condition["trained"] = f"{run.info.note}: {run.info.agent}"
+    if info.note:
+        report.condition["trained"] = f"{info.note}: {info.agent}"
     return StoredScore(report, reference.origin, total_skipped(score.skipped for score in scores))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from ..types import Bools, Floats, Ints, Rollout, Scene, Truth, to_metres
+from ..types import ABSENT_BELOW, Bools, Floats, Ints, Rollout, Scene, Truth, to_metres
 from .additions import NEVER, Additions, add_in_order, final_match
 from .cuts import Cuts, cuts_of
 from .definitions import CURVE_KS
@@ -20,7 +20,6 @@ from .pairs import Pairs, Rows, box_pairs
 from .targets import Targets
 
 _CHUNK = 1 << 19  # sample points held at a time
-_ABSENT = -1e30  # log-weights below stand for "no such sample"
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,7 +220,7 @@ def offer_neutral(matched: Matched, pairs: Pairs, neutral: Bools, objects: int) 
 def sample_weights(log_weight: Floats) -> NDArray[np.float64]:
     """Weights [n, K] from log-weights: 0 for an absent sample, above 0 for any other, however light."""
     logs = np.asarray(log_weight, dtype=np.float64)
-    present = logs > _ABSENT
-    top = np.where(present, logs, -np.inf).max(axis=1, initial=_ABSENT, keepdims=True)
+    present = logs >= ABSENT_BELOW
+    top = np.where(present, logs, -np.inf).max(axis=1, initial=ABSENT_BELOW, keepdims=True)
     weight = np.exp(np.clip(np.where(present, logs, 0.0) - top, -600.0, 0.0))
     return np.where(present, weight, 0.0)

@@ -64,9 +64,10 @@ def _mean_and_error(counts: Array, top: Array, bottom: Array) -> tuple[Array, Ar
     """Mean and its standard error [B] of resamples that hold each unit ``counts`` [B, U] times."""
     weight = counts @ bottom
     mean = (counts @ top) / weight
-    square = counts @ top**2 - 2.0 * mean * (counts @ (top * bottom)) + mean**2 * (counts @ bottom**2)
+    # unit by unit: in a difference of sums of squares, rounding gives an error to resamples of one unit alone
+    square = (counts * (top - mean[:, None] * bottom) ** 2).sum(axis=1)
     units = counts.sum(axis=1)
-    return mean, np.sqrt(np.maximum(square, 0.0) * units / np.maximum(units - 1.0, 1.0)) / weight
+    return mean, np.sqrt(square * units / np.maximum(units - 1.0, 1.0)) / weight
 
 
 def effective_number(weight: ArrayLike) -> float:

@@ -182,7 +182,7 @@ CUTS: dict[str, tuple[list[str], str | None]] = {
     "none": ([], None),
     "alone": (["--cuts"], ".1,.2,.3"),
     "before an option": (["--cuts", "--full"], ".1,.2,.3"),
-    "before an agent": (["--cuts", "mtp"], ".1,.2,.3"),
+    "a word": (["--cuts", "abc"], "abc"),
     "numbers": (["--cuts", ".25,.5"], ".25,.5"),
     "one number": (["--cuts=.5"], ".5"),
 }
@@ -192,7 +192,15 @@ CUTS: dict[str, tuple[list[str], str | None]] = {
 def test_an_option_that_may_stand_alone(words: list[str], cuts: str | None) -> None:
     context = registered()["compare"].make_context("compare", ["stp", "--env", "MTP-KITTI-v0", *words])
     assert context.params["cuts"] == cuts
-    assert context.params["agents"] == ["stp", *(["mtp"] if "mtp" in words else [])]
+    assert context.params["agents"] == ["stp"]
+
+
+@pytest.mark.parametrize("cuts", ["abc", "mtp", ".1,", ".1;.2", "nan", ".1,inf"])
+def test_cuts_that_are_no_numbers_are_refused(cuts: str, cli: CommandLine) -> None:
+    output = cli("compare", "stp", "--env", "MTP-KITTI-v0", "--cuts", cuts)
+    assert (output.status, output.out) == (2, "")
+    said = " ".join(output.err.replace("│", " ").split())
+    assert f"Invalid value for --cuts: {cuts!r}, expected numbers such as .1,.2,.3, or nothing after it" in said
 
 
 def test_data(cli: CommandLine, tmp_path: Path, kitti: str) -> None:

@@ -2,35 +2,42 @@
 
 from __future__ import annotations
 
+import io
 import json
+import re
 import shlex
 from pathlib import Path
 from typing import Any
 
 import pytest
 import typer.main
+from rich.console import Console
 
 from mtp_bench.commands.app import app
+from mtp_bench.running import stored
 from mtp_bench.running.options import RunOptions
-from mtp_bench.running.stored import run_and_store, score_stored
 from mtp_bench.scoring.score import KINDS as OWN_EVENTS
-from mtp_bench.viz.terminal.event_table import LONGEST, Shown
-from tests.support.command_line import CommandLine, read_json
+from mtp_bench.viz.replay import Incident
+from mtp_bench.viz.terminal.event_table import LONGEST, EventRow, Shown, event_table
+from mtp_bench.viz.terminal.output import show_numbers
+from tests.support.command_line import CommandLine, on_terminal, read_json
 from tests.support.stored_runs import write_ghosts
+
+ROW = re.compile(r"(\S+) +([\d–]+) +(\S+-\d+\*?) +(.+?) +(\S+ → \S+|\S+)" + 3 * r" +([\d.–]+)" + " *")
 
 
 def rows_of(printed: str) -> list[list[str]]:
     """Cells of the table's rows."""
-    return [[cell.strip() for cell in line.split("│")[1:-1]] for line in printed.splitlines() if line.startswith("│")]
+    return [list(row.groups()) for line in printed.splitlines() if (row := ROW.fullmatch(line))]
 
 
 def test_the_events_are_listed_by_scene_and_frame(cli: CommandLine, events_run: Path, known: list[str]) -> None:
     printed = cli.ok("events", events_run, *known)
-    assert [row[:10] for row in rows_of(printed)] == [
-        ["0001", "4", "0.4 s", "ids-0", "7", "car", "7 → 8", "–", "2.00", "–"],
-        ["0001", "5", "0.5 s", "lost-0", "7", "car", "8 → –", "–", "2.00", "–"],
-        ["0001", "7", "0.7 s", "reacquired-0", "7", "car", "8 → 8", "–", "–", "–"],
-        ["0006", "1–3", "0.1 s", "spurious-0", "–", "car", "90", "–", "–", "1.00"],
+    assert rows_of(printed) == [
+        ["0001", "4", "ids-0", "car 7", "7 → 8", "–", "2.00", "–"],
+        ["0001", "5", "lost-0", "car 7", "8 → –", "–", "2.00", "–"],
+        ["0001", "7", "reacquired-0", "car 7", "8 → 8", "–", "–", "–"],
+        ["0006", "1–3", "spurious-0", "car", "90", "–", "–", "1.00"],
     ]
     assert printed.splitlines()[-1] == (
         "1 identity switch, 1 lost (0 of them with their track elsewhere), 1 reacquired; 3 false forecasts in "
@@ -38,9 +45,33 @@ def test_the_events_are_listed_by_scene_and_frame(cli: CommandLine, events_run: 
     )
 
 
-def test_the_command_of_a_row_can_be_pasted(cli: CommandLine, events_run: Path, known: list[str]) -> None:
-    first = rows_of(cli.ok("events", events_run, *known))[0][-1]
-    words = shlex.split(first)
+def test_nothing_is_cut_off_at_80_columns(events_run: Path, known: list[str]) -> None:
+    printed = on_terminal(80, "events", events_run, *known)
+    (command,) = [line for line in printed if line.startswith("mtp-bench view")]  # long, to be pasted
+    assert command.endswith(f"--env {known[1]}")
+    assert max(len(line) for line in printed if line != command) <= 80
+    assert not [line for line in printed if "…" in line]
+    assert len(rows_of("\n".join(printed))) == 4
+
+
+def test_long_cells_are_folded_at_80_columns() -> None:
+    incident = Incident(
+        "lost", 1234, 1234, 0, 0, (0.0, 0.0, 0.0), "reacquired-123", object_id=12345, old_id=12345, new_id=67890,
+        wrong=True, minADE=10.0, error=10.0, confidence=1.0,
+    )  # fmt: skip
+    row = EventRow("intersection-010001", 12.3, "construction vehicle", incident, "")
+    printed = io.StringIO()
+    show_numbers(event_table([row]), Console(width=80, file=printed))
+    lines = printed.getvalue().splitlines()
+    assert max(map(len, lines)) <= 80
+    assert len(lines) <= 6
+    for part in ("intersection-", "reacquired-123*", "construction", "vehicle", "12345 →", "67890", "10.00 10.00 1.00"):
+        assert any(part in line for line in lines), part
+
+
+def test_the_command_of_an_event_can_be_pasted(cli: CommandLine, events_run: Path, known: list[str]) -> None:
+    printed = cli.ok("events", events_run, *known).splitlines()
+    words = shlex.split(next(line for line in printed if line.startswith("mtp-bench view")))
     assert words[:2] == ["mtp-bench", "view"]
     assert words[2:] == [str(events_run), "--scene", "0001", "--at", "ids-0", "--data", known[3], "--env", known[1]]
     commands: Any = typer.main.get_command(app)
@@ -55,10 +86,10 @@ def test_names_with_spaces_are_quoted() -> None:
 
 def test_only_a_scene_or_a_kind(cli: CommandLine, events_run: Path, known: list[str]) -> None:
     printed = cli.ok("events", events_run, *known, "--scene", "0006")
-    assert [row[3] for row in rows_of(printed)] == ["spurious-0"]
+    assert [row[2] for row in rows_of(printed)] == ["spurious-0"]
     assert printed.splitlines()[-1].endswith("; 1 scene")
     printed = cli.ok("events", events_run, *known, "--kind", "ids", "--kind", "lost")
-    assert [row[3] for row in rows_of(printed)] == ["ids-0", "lost-0"]
+    assert [row[2] for row in rows_of(printed)] == ["ids-0", "lost-0"]
     printed = cli.ok("events", events_run, *known, "--scene", "0008")
     assert rows_of(printed) == []
     assert printed.startswith("0 identity switches, 0 lost")
@@ -88,7 +119,7 @@ def test_most_spurious_runs_are_only_counted(
     """An agent that forecasts something new in every frame."""
     run = write_ghosts(tmp_path / "run", card, kitti)
     printed = cli.ok("events", run, *known)
-    listed = [row for row in rows_of(printed) if row[3].startswith("spurious")]
+    listed = [row for row in rows_of(printed) if row[2].startswith("spurious")]
     assert len(listed) == LONGEST
     assert "all of them: --kind spurious" in printed.splitlines()[-1]
     printed = cli.ok("events", run, *known, "--kind", "spurious")
@@ -133,9 +164,9 @@ def test_a_run_for_another_card_is_refused(
 @pytest.mark.data
 @pytest.mark.parametrize("env_id", ["MTP-KITTI-v0", "MTP-nuScenes-mini-v0", "MTP-WILDTRACK-v0"])
 def test_as_many_events_as_in_the_score(env_id: str, cli: CommandLine, data_root: Path, tmp_path: Path) -> None:
-    run_and_store("stp", env_id, tmp_path / "run", RunOptions(str(data_root), scenes=2))
+    stored.run("stp", env_id, tmp_path / "run", RunOptions(str(data_root), scenes=2))
     cli.ok("events", tmp_path / "run", "--data", data_root, "--json", tmp_path / "a.json")
-    details = score_stored(tmp_path / "run", RunOptions(str(data_root))).report.details[0]
+    details = stored.score(tmp_path / "run", RunOptions(str(data_root))).report.details[0]
     content = json.loads((tmp_path / "a.json").read_text())
     assert {kind: content["counts"][kind] for kind in OWN_EVENTS} == details.own_events
     for kind in ("ids", "lost", "reacquired"):

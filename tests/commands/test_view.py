@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from mtp_bench.cards import load_card
+from mtp_bench.running import stored
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run, save_run
-from mtp_bench.running.stored import run_and_store
 from mtp_bench.viz.rerun.sdk import ViewerClient
 from tests.support.command_line import CommandLine, plain_environment, write_submission
 from tests.support.headless_viewer import require_driver, windows_without_a_screen
@@ -26,7 +26,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> P
     """A stored run of the small card."""
     folder = tmp_path_factory.mktemp("stored")
     agent = write_submission(folder / "echo")
-    run_and_store(str(agent), card, folder / "run", RunOptions(kitti))
+    stored.run(str(agent), card, folder / "run", RunOptions(kitti))
     return folder / "run"
 
 

@@ -29,12 +29,16 @@ Written from the text of the protocol alone. Which sentence is which function:
 - shown.brier, false_per_frame, planning_aware, epa, ap_f: the sentences with these names.
 - events.own_events: "Three kinds, each a list of (scene, object, frame, old id, new id)"; "own_* are events of the best
   hypothesis against its parent"; "Frames in which an object is neutral or missing from the truth count as absent".
-- statistics.units_of: "recordings cut into blocks of at most 20 s"; sign_flip: "exact sign-flip test over units (exact
-  up to 14 units, 10 000 draws beyond)"; why_unranked: "A subset ranks only with at least 20 effective objects, 6
-  effective units and no unit above 25 % of the weight"; guarded: "an event subset ranks only agents whose "all" (point
-  estimate) is not above that of STP, nor of their own `ends` STP".
+- statistics.units_of: "recordings cut into blocks of at most 20 s ... a nuScenes, WILDTRACK or simulated scene is one
+  unit"; sign_flip: "exact sign-flip test over units (exact up to 14 units, 10 000 draws beyond)"; studentised:
+  "Intervals on the page are studentised ... Bootstrap over units, those without targets included where they carry a
+  cost (2000 resamples, fixed seed, same resamples for all agents)"; why_unranked: "A subset ranks only with at least 20
+  effective objects, 6 effective units and no unit above 25 % of the weight"; guarded: "an event subset ranks only
+  agents whose "all" (point estimate) is not above that of STP, nor of their own `ends` STP".
 - scorer.compare: "d_u = sum over unit u of w (e_A - e_B), averaged over budgets and seeds; ... rank is 1 + the number
-  of agents significantly better (p < .05)"; "G = (E_STP - E_agent) / (E_STP - E_GT)".
+  of agents significantly better (p < .05)"; Paired.gap: "G = (E_STP - E_agent) / (E_STP - E_GT) ... null unless
+  E_STP - E_GT is significantly above 0"; its own_ends: "Both ends use the agent's own predictor and presence
+  model where the submission says how to build them ... The gap between the kinematic ends stands beside it".
 
 Where the text is ambiguous, the docstring of the function says "Reading:".
 """

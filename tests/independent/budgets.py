@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,11 +65,11 @@ def budgets_of(run: Run, reference: float, subset: str) -> list[float]:
     return [float(round(b)) if abs(b - round(b)) < 1e-9 * max(1.0, b) else float(b) for b in budgets]
 
 
-def at_budgets(run: Run, budgets: Sequence[float]) -> list[tuple[Floats, Floats]]:
-    """Per budget the error of each target [n], and the part of it that is missed [n]."""
+def at_budgets(steps: Iterable[Cut], budgets: Sequence[float]) -> list[tuple[Floats, Floats]]:
+    """Per budget the error of each target [n], and the part of it that is missed [n], of the cuts of a run."""
     before: dict[int, Cut] = {}
     after: dict[int, Cut] = {}
-    for cut in cuts(run):
+    for cut in steps:
         for i, budget in enumerate(budgets):
             if i not in after:
                 (before if cut.false <= budget else after)[i] = cut

@@ -18,10 +18,12 @@ from tests.independent import scorer
 from tests.independent.events import own_events
 from tests.support.scoring_scenes import make_card, random_case
 
+LONG, FEW = 221, 3  # frames: two blocks of at most 20 s; objects
 KINDS = ("complete", "targets only", "official list", "image", "long")
 RUNS = 48
 SHARED = (
-    "error", "localisation", "missed", "plain_error", "coverage", "targets", "objects", "effective_targets"
+    "error", "localisation", "missed", "plain_error", "coverage", "targets", "objects", "effective_targets",
+    "effective_objects", "effective_units",
 )  # fmt: skip
 RENAMED = {"MR": "miss_rate", "pi_ade_all_targets": "PI_ADE", "epa": "EPA", "ap_f": "AP_f"}
 
@@ -42,23 +44,24 @@ def image_field(frames: int) -> ImageField:
     )
 
 
+def crowd(kind: str, seed: int, place: int) -> tuple[Scene, Rollout]:
+    frames, objects = (LONG, FEW) if kind == "long" else (12, 7)
+    return random_case(100 * seed + place, frames=frames, objects=objects, name=f"s{place}")
+
+
 def drawn(kind: str, seed: int, place: int) -> Scene:
     """Scene number ``place`` of a case."""
-    frames = 230 if kind == "long" else 12
-    scene, _ = random_case(100 * seed + place, frames=frames, objects=4 if kind == "long" else 7, name=f"s{place}")
+    scene, _ = crowd(kind, seed, place)
     if kind == "targets only":
         return replace(scene, truth_complete=False)
     if kind == "official list":
         return replace(scene, listed_targets=True)
-    return replace(scene, image=image_field(frames)) if kind == "image" else scene
+    return replace(scene, image=image_field(scene.frames)) if kind == "image" else scene
 
 
 def said(kind: str, seed: int, place: int, draw: int) -> Rollout:
     """A rollout of that scene: confidences with ties, copies of forecasts, rows that were taken out."""
-    frames = 230 if kind == "long" else 12
-    scene, rollout = random_case(
-        100 * seed + place, frames=frames, objects=4 if kind == "long" else 7, name=f"s{place}"
-    )
+    scene, rollout = crowd(kind, seed, place)
     rng = np.random.default_rng([seed, place, draw])
     shift = rng.normal(0, 0.5, (len(rollout.object_box), 2))
     box = rollout.object_box.copy()
@@ -95,8 +98,6 @@ def reference_of(card: Card, scenes: list[Scene], seed: int) -> Reference:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(20))
 def test_both_scorers_give_the_same_numbers(kind: str, seed: int) -> None:
-    if kind == "long" and seed > 2:
-        pytest.skip("long scenes take the slow scorer a while")
     card = make_card()
     scenes = [drawn(kind, seed, place) for place in range(2)]
     reference = reference_of(card, scenes, seed)
@@ -126,6 +127,7 @@ def test_both_scorers_give_the_same_numbers(kind: str, seed: int) -> None:
             assert whole["k_curve"] is None or details["k_curve"]["1"] == close(whole["k_curve"][0])
         for event, found in own_events(scenes, seeds[0], card).items():
             assert details["own_events"][event] == len(found), event
+    assert kind != "long" or {unit for _, unit in others["stp"].units} == {0, 1}
     compared = scorer.compare(others)
     for subset in SUBSETS:
         for name, values in compared[subset].items():

@@ -19,7 +19,7 @@ from tests.independent.events import own_events
 from tests.independent.forecasts import Run
 from tests.independent.matching import best_pairs
 from tests.independent.scorer import compare, score
-from tests.independent.statistics import effective, sign_flip
+from tests.independent.statistics import effective, of_shares, sign_flip, studentised
 from tests.independent.targets import find_targets, live_frames, unconfirmed
 from tests.support.scoring_scenes import Thing, at, make_card, make_rollout, make_scene, random_case
 
@@ -58,7 +58,7 @@ def test_three_forecasts_at_every_cut_and_budget() -> None:
         (0, [10, 10]), (0, [1, 10]), (1, [1, 10]), (1, [1, 3]),
     ]  # fmt: skip
     # Below one false forecast the line from cut 1 to cut 2 is flat at 5.5; at one everything is kept: 2.
-    means = [error.mean() for error, _ in at_budgets(run, budgets_of(run, 1, "all"))]
+    means = [error.mean() for error, _ in at_budgets(cuts(run), budgets_of(run, 1, "all"))]
     assert means == pytest.approx([5.5] * 9 + [2.0])
     row = score(CARD, run.scenes, [run.rollouts], 1, {"ids": np.array([0.25, 0.75])}).rows
     assert row["all"]["error"] == pytest.approx(5.15)
@@ -70,7 +70,7 @@ def test_three_forecasts_at_every_cut_and_budget() -> None:
 
 def test_interpolation_between_cuts() -> None:
     run = two_cars(said(1, 0, 1, 0.5), said(8, 50, 0, 0.5), said(9, 60, 0, 0.5))  # one cut: 0 -> 2 false, 10 -> 5.5
-    assert at_budgets(run, [0.5])[0][0].mean() == pytest.approx(0.75 * 10 + 0.25 * 5.5)
+    assert at_budgets(cuts(run), [0.5])[0][0].mean() == pytest.approx(0.75 * 10 + 0.25 * 5.5)
 
 
 def test_numbers_shown_of_three_forecasts() -> None:
@@ -196,6 +196,28 @@ def test_sign_flip_and_effective_number() -> None:
     assert sign_flip([3.0, -1.0, 0.0]) == pytest.approx(1.0)  # 2 of +-4, +-2: all are at least 2
     assert sign_flip([1.0] * 20) < 0.001
     assert effective([1, 1, 2]) == pytest.approx(16 / 6)
+
+
+def test_an_interval_of_three_units() -> None:
+    # the mean is 2, its standard error sqrt(2 / (3 * 2)); of 1 1 2 the mean is 4/3, and the error 1/3
+    above, below, error = np.array([1.0, 2, 3]), np.ones(3), math.sqrt(1 / 3)
+    t = ((4 / 3) - 2) / (1 / 3)
+    drawn = np.array([[0, 0, 1]] * 50 + [[2, 2, 1]] * 50 + [[1, 1, 1]] * 50)  # t, -t, and one that says nothing
+    assert studentised(above, below, lambda _: drawn) == pytest.approx((2 + t * error, 2 - t * error))
+    assert studentised(np.append(above, 9), np.append(below, 0), lambda _: drawn) == pytest.approx(
+        (2 + t * error, 2 - t * error)
+    )
+    wide = np.array([[0, 0, 1]] * 50 + [[2, 2, 1]] * 50)
+    steep = studentised(np.array([1.0, 1 + 1e-6, 9]), below, lambda _: wide)
+    assert steep is not None
+    assert steep[1] - (11 + 1e-6) / 3 == pytest.approx(9.92484 * np.std([1, 1, 9], ddof=1) / math.sqrt(3), rel=1e-4)
+    assert studentised(above[:2], below[:2]) is None
+
+
+def test_an_interval_of_a_share() -> None:
+    drawn = np.array([[0, 0], [0, 1], [1, 1]] * 40)
+    assert of_shares(np.array([1.0, 2]), np.array([2.0, 3]), lambda _: drawn) == pytest.approx((1 / 2, 2 / 3))
+    assert of_shares(np.array([1.0, 2]), np.array([-1.0, 3]), lambda _: drawn) is None
 
 
 def test_matching_is_the_best_of_all() -> None:

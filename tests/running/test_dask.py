@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from mtp_bench import parallel as _cluster
 from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import MtpBenchError, SubmissionError
-from mtp_bench.gateway import Limits
 from mtp_bench.parallel import Done, Progress, Workers, _cluster_map, _require_backend
 from mtp_bench.records import submit
 from mtp_bench.running.options import RunOptions
@@ -28,10 +27,10 @@ from mtp_bench.running.run import Job, run_jobs
 from mtp_bench.types import Task
 from tests.running.test_runner import make_failing
 from tests.support.command_line import CommandLine, read_json, write_submission
+from tests.support.runs import PATIENT
 from tests.support.small_scenes import Action, EchoAgent, make_noisy
 
 NAMES = ["0006", "0001", "0008"]
-PATIENT = Limits(frame=600.0)  # a busy machine leaves no frame unanswered
 distributed_untyped: Any = distributed
 
 

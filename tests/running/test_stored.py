@@ -17,10 +17,10 @@ from typing import Any
 import pytest
 
 from mtp_bench.cards import load_card
+from mtp_bench.running import stored
 from mtp_bench.running.compare import compare
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run
-from mtp_bench.running.stored import run_and_store, score_stored
 from mtp_bench.scoring import SUBSETS
 from mtp_bench.submission.loader import load_submission
 from tests.running.test_rollout_files import edit_json
@@ -32,7 +32,7 @@ from tests.support.small_scenes import CARD, write_card, write_kitti
 def finished(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> Path:
     """A run of stp."""
     folder = tmp_path_factory.mktemp("runs") / "stp"
-    run_and_store("stp", card, folder, RunOptions(kitti))
+    stored.run("stp", card, folder, RunOptions(kitti))
     return folder
 
 
@@ -81,8 +81,8 @@ def test_a_stored_run_says_what_was_trained_on_its_scenes(tmp_path: Path, card: 
         "[trained_on_scored]", f'[trained_on_scored]\n"{load_card(card).id}" = "presence"'
     )
     manifest.write_text(text, encoding="utf-8")
-    run_and_store(str(folder), card, tmp_path / "run", RunOptions(kitti, scenes=1))
-    report = score_stored(tmp_path / "run", RunOptions(kitti), card).report
+    stored.run(str(folder), card, tmp_path / "run", RunOptions(kitti, scenes=1))
+    report = stored.score(tmp_path / "run", RunOptions(kitti), card).report
     assert report.condition["trained"] == "presence trained on scored scenes: stp"
 
 
@@ -93,7 +93,7 @@ def test_a_stored_run_scores_as_in_a_comparison(
 ) -> None:
     cli.ok("freeze", "--env", shipped, "--data", kitti, "--jobs", 1)
     cli.ok("run", agent, "--env", shipped, "--data", kitti, "-o", tmp_path / "run", "--jobs", 1, "--seed", seed)
-    scored = score_stored(tmp_path / "run", RunOptions(kitti)).report.to_json()["rows"]
+    scored = stored.score(tmp_path / "run", RunOptions(kitti)).report.to_json()["rows"]
     rows = compare([agent], shipped, RunOptions(kitti, seeds=[seed])).report.to_json()["rows"]
     hypotheses = 20 if agent == "mtp" else 1  # more than the 3 of the card
     same = [r for r in rows if (r["agent"], r["hypotheses"], r["budget"]) == (agent, hypotheses, "equal")]
@@ -103,9 +103,21 @@ def test_a_stored_run_scores_as_in_a_comparison(
     assert (lost["events"], lost["targets"]) == (6, 2)
 
 
+def test_true_pasts_are_sorted_by_the_scores_of_detections_as_in_a_comparison(
+    tmp_path: Path, card: str, kitti: str
+) -> None:
+    aside = "observation['detection_box'][1, 1] += 3.0"  # a false forecast
+    agent = write_submission(tmp_path / "sees", "sees", '[compare]\nobserve = "truth"\n', aside)
+    stored.run(str(agent), card, tmp_path / "run", RunOptions(kitti))
+    scored = stored.score(tmp_path / "run", RunOptions(kitti), card).report.to_json()["rows"]
+    rows = compare([str(agent)], card, RunOptions(kitti)).report.to_json()["rows"]
+    assert without_times(scored) == without_times([row for row in rows if row["agent"] == "sees"])
+    assert scored[0]["error_by_score"] != pytest.approx(scored[0]["error"])
+
+
 def test_another_seed_is_another_draw(tmp_path: Path, card: str, kitti: str) -> None:
     for seed in (0, 1):
-        run_and_store("stp", card, tmp_path / str(seed), RunOptions(kitti, scenes=1, seeds=[seed]))
+        stored.run("stp", card, tmp_path / str(seed), RunOptions(kitti, scenes=1, seeds=[seed]))
     assert digests(tmp_path / "0").keys() == digests(tmp_path / "1").keys() == {"0001"}
     assert digests(tmp_path / "0") != digests(tmp_path / "1")
 
@@ -122,13 +134,13 @@ def test_answers_are_the_same_in_every_process(tmp_path: Path, card: str, kitti:
             check=False,
         )
         assert (done.returncode, done.stderr) == (0, "")
-    run_and_store("mtp", card, tmp_path / "here", RunOptions(kitti))
+    stored.run("mtp", card, tmp_path / "here", RunOptions(kitti))
     assert digests(tmp_path / "1") == digests(tmp_path / "2") == digests(tmp_path / "here")
     assert len(set(digests(tmp_path / "here").values())) == 3
 
 
 def test_more_hypotheses_than_the_card_has_are_on_record(tmp_path: Path, card: str, kitti: str) -> None:
-    run_and_store("mtp", card, tmp_path / "run", RunOptions(kitti, scenes=1))
+    stored.run("mtp", card, tmp_path / "run", RunOptions(kitti, scenes=1))
     run = load_run(tmp_path / "run")
     assert run.info.keywords == {"hypotheses": 20}
     assert (run.info.parameters, run.info.samples) == ({"hypotheses": 20}, 4)

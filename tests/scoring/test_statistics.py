@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mtp_bench.errors import ShapeError
 from mtp_bench.scoring import bootstrap_interval, effective_number, paired_difference, paired_interval, sign_flip_test
-from mtp_bench.scoring.statistics import gap_closed, share_interval
+from mtp_bench.scoring.statistics import _mean_and_error, gap_closed, share_interval
 
 steady = settings(derandomize=True, deadline=None, max_examples=50)
 
@@ -41,6 +41,17 @@ def test_coverage_is_about_that_promised(units: int, least: float) -> None:
         assert interval is not None
         inside += interval[0] <= 3.0 <= interval[1]
     assert least <= inside / 200 <= 0.995
+
+
+@pytest.mark.parametrize("units", [3, 4, 5])
+def test_resamples_of_one_unit_alone_know_no_error(units: int) -> None:
+    counts = units * np.eye(units)
+    for seed in range(50):
+        rng = np.random.default_rng(seed)
+        weight = rng.integers(1, 20, units).astype(float)
+        total = weight * rng.gamma(4.0, 0.75, units)
+        _, whole = _mean_and_error(np.ones((1, units)), total, weight)
+        assert (_mean_and_error(counts, total, weight)[1] < 1e-12 * whole).all()
 
 
 @steady

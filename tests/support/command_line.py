@@ -5,8 +5,11 @@ from __future__ import annotations
 import inspect
 import json
 import os
+import re
 import shutil
+import subprocess
 import sys
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
@@ -88,6 +91,25 @@ class CommandLine:
         assert output.status == 0, output.err
         assert output.err == ""
         return output.out
+
+
+def on_terminal(columns: int, *arguments: object) -> list[str]:
+    """Lines that a command prints on a terminal of so many columns, without styles."""
+    import pty
+
+    ours, theirs = pty.openpty()
+    environment = {**plain_environment(), "COLUMNS": str(columns), "TERM": "xterm"}
+    command = [sys.executable, "-m", "mtp_bench", *map(str, arguments)]
+    with subprocess.Popen(command, env=environment, stdout=theirs, stderr=subprocess.PIPE) as process:
+        os.close(theirs)
+        printed = b""
+        with suppress(OSError):  # the other end is closed
+            while part := os.read(ours, 1 << 16):
+                printed += part
+        _, said = process.communicate()
+    os.close(ours)
+    assert process.returncode == 0, said.decode()
+    return re.sub(r"\x1b\[[\d;]*m", "", printed.decode()).splitlines()
 
 
 def read_json(path: Path) -> Any:

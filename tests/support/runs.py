@@ -1,13 +1,16 @@
-"""Agents that a function makes, run through scenes by their names."""
+"""Agents that a function makes, run through scenes by their names, and limits for those in processes of their own."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
+from mtp_bench.gateway import Limits
 from mtp_bench.parallel import Workers
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.run import Finish, Job, MakeAgent, run_jobs
+
+PATIENT = Limits(start=600.0, reset=600.0, first_frame=600.0, frame=600.0)  # no agent is late on a busy machine
 
 
 def run_scenes(

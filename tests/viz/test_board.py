@@ -12,11 +12,11 @@ import pytest
 from mtp_bench.records import OldResult, Record, save_record
 from mtp_bench.records.record import LEVELS
 from mtp_bench.scoring import SUBSETS
-from mtp_bench.viz.board import Entry, board_json, board_page, board_tables
+from mtp_bench.viz.board import Entry, board_json, board_notes, board_page, board_tables
 from mtp_bench.viz.board.columns import percent
 from mtp_bench.viz.board.scale import BAR, MOST_TICKS, PAD, WIDTH, bar_of, scale_of, scene_chart
 from tests.support.board_records import HOSTILE, board_of, made_up, made_up_board
-from tests.support.command_line import CommandLine, read_json
+from tests.support.command_line import CommandLine, on_terminal, read_json
 
 MOST_BYTES = 300_000  # of a page without records
 LINKS = [f"records/{i}.json" for i in range(13)]
@@ -303,13 +303,13 @@ def test_tables_of_the_terminal(entries: list[Entry]) -> None:
     first, second = board_tables(entries)
     assert first.row_count == 10
     assert second.row_count == 3
-    assert list(first.columns[1].cells)[3] == "late_decider (added)"
-    assert list(first.columns[-1].cells)[6] == "saw the truth"
+    assert list(first.columns[0].cells)[3] == "late_decider (added)"
+    assert [note for note in board_notes(entries)[0] if "truth" in note] == ["not ranked (saw the truth): truth_past"]
 
 
 def test_markup_and_escapes_do_not_reach_the_terminal() -> None:
-    (table,) = board_tables(board_of(made_up("a", None, status="partial", status_reason="[red]a\x1b[2J")))
-    assert list(table.columns[-1].cells) == ["partial: \\[red]a�[2J"]
+    (notes,) = board_notes(board_of(made_up("a", None, status="partial", status_reason="[red]a\x1b[2J")))
+    assert notes == ["not ranked (partial: [red]a�[2J): a"]
 
 
 def test_json_holds_what_the_tables_show(entries: list[Entry]) -> None:
@@ -355,6 +355,15 @@ def test_the_command_prints_ranks_and_writes_a_page(files: tuple[Path, Path], tm
     links = [a["href"] for a in Page(page.read_text()).all("a")]
     assert "./my%20own/mine/MTP-Intersection-v0.json" in links
     assert "./records/good/MTP-Intersection-v0.json" in links
+
+
+def test_nothing_is_cut_off_at_80_columns(tmp_path: Path) -> None:
+    write_records(tmp_path, *(record for record in made_up_board() if record.per_scene))
+    printed = on_terminal(80, "board", "--records", tmp_path)
+    assert max(map(len, printed)) <= 80
+    assert not [line for line in printed if "…" in line]
+    row = next(line for line in printed if line.startswith("forest_of_maybe"))
+    assert " ".join(row.split()) == "forest_of_maybe 1 0.744 [0.684, 0.815] 1.15 1.34 47 % 22.9 re-scored"
 
 
 def test_the_command_shows_one_env_and_the_same_record_once(files: tuple[Path, Path], cli: CommandLine) -> None:

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from mtp_bench import load_submission
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import RolloutError, UnknownNameError
+from mtp_bench.running import stored
 from mtp_bench.running.opened import open_run
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.run import agent_task, run_scene
-from mtp_bench.running.stored import run_and_store
 from mtp_bench.scoring import score_scene
 from mtp_bench.scoring.lineage import match_hypotheses
 from mtp_bench.types import Rollout, Scene
@@ -231,7 +231,7 @@ def test_a_run_on_real_logs_has_the_events_of_its_score(data_root: Path) -> None
 def test_an_opened_run_has_the_detections_that_its_agent_saw(
     agent: str, off: float, tmp_path: Path, card: str, kitti: str
 ) -> None:
-    run_and_store(agent, card, tmp_path / "run", RunOptions(kitti, scenes=1))
+    stored.run(agent, card, tmp_path / "run", RunOptions(kitti, scenes=1))
     opened = open_run(tmp_path / "run", kitti, card)
     scene = opened.scene(opened.first().scene)
     far = np.hypot(*(scene.detections.box[:3] - scene.truth.box[:3])[:, :2].T)

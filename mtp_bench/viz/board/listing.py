@@ -5,19 +5,32 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from ..terminal.output import NOTHING, new_table, number
+from ..terminal.output import NOTHING, short, slim_table
 from .columns import COLUMNS, shown
 from .entries import Entry, by_env, silence_of
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-_SHOWN = ("ids", "reacquired", "gap", "p95")
+_SHOWN = {"ids": "ids", "reacquired": "reac-\nquired", "gap": "gap\nclosed", "p95": "p95\nms"}  # key -> heading
 
 
 def board_tables(entries: Sequence[Entry]) -> list[Table]:
     """A table per environment, the best first."""
     return [_table(env_id, listed) for env_id, listed in by_env(entries).items()]
+
+
+def board_notes(entries: Sequence[Entry]) -> list[list[str]]:
+    """Per environment a sentence for each reason for which some are not ranked, with their names."""
+    return [_notes(listed) for listed in by_env(entries).values()]
+
+
+def _notes(entries: Sequence[Entry]) -> list[str]:
+    names: dict[str, list[str]] = {}
+    for entry in entries:
+        if entry.rank is None:
+            names.setdefault(printable(entry.why), []).append(printable(entry.name))
+    return [f"not ranked ({reason}): {', '.join(dict.fromkeys(listed))}" for reason, listed in names.items()]
 
 
 def _table(env_id: str, entries: Sequence[Entry]) -> Table:
@@ -26,21 +39,19 @@ def _table(env_id: str, entries: Sequence[Entry]) -> Table:
     columns = [column for column in COLUMNS if column.key in _SHOWN]
     silence = silence_of(entries)
     said = "" if silence is None else f"; saying nothing scores {silence:.3f}"
-    title = f"{escape(env_id)}: error at the false-forecast budgets (m){said}"
-    numbers = ("error ↓ [dim]95 % interval[/dim]", *(f"{column.label} {column.arrow}".strip() for column in columns))
-    words = ("submission", "verified", "not ranked because")
-    headings = ("rank", words[0], *numbers, *words[1:])
-    table = new_table(title, headings, left=words, whole=(words[0], *numbers))
+    numbers = (f"{_SHOWN[column.key]}\n{column.arrow}" for column in columns)
+    headings = ("submission", "rank", "error\n↓", "95 % interval", *numbers, "verified")
+    table = slim_table(f"{env_id}: error (m) at the budgets{said}", headings, left=("verified",))
     for entry in entries:
         bounds = entry.interval
         style = "bold green" if entry.added else "" if entry.compared else "dim"
         table.add_row(
-            NOTHING if entry.rank is None else str(entry.rank),
             escape(printable(entry.name)) + (" (added)" if entry.added else ""),
-            number(entry.error) + ("" if bounds is None else f" \\[{bounds[0]:.3f}, {bounds[1]:.3f}]"),
+            NOTHING if entry.rank is None else str(entry.rank),
+            short(entry.error),
+            NOTHING if bounds is None else f"\\[{short(bounds[0])}, {short(bounds[1])}]",
             *(shown(column, entry) for column in columns),
-            entry.record.verification,
-            escape(printable(entry.why)),
+            entry.record.verification.replace(" ", "\n"),
             style=style,
         )
     return table

@@ -8,14 +8,19 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ..replay import KINDS, Incident, Replay
-from .output import NOTHING, counted, new_table, number
+from .output import NOTHING, counted, number, slim_table
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 LONGEST = 3  # runs of false forecasts of a scene in the table, unless their kind is asked for
-_HEADINGS = ("scene", "frame", "time", "event", "object", "class", "track", "minADE", "error", "sure", "to look at it")
-_LEFT = ("scene", "event", "class", "track", "to look at it")
+_HEADINGS = ("scene", "frame", "event", "object", "track", "minADE", "error", "sure")
+_LEFT = _FOLDED = ("scene", "object", "track")
+CAPTION = (
+    "minADE: of the forecast made then, metres; – where the object is no target, or was not forecast. error: "
+    "min(minADE, c), c where it was not forecast. sure: the forecast's confidence; of a run of false forecasts "
+    "(spurious) the highest. *: the old track is still output, outside the gate."
+)
 
 
 @dataclass(frozen=True)
@@ -93,11 +98,11 @@ def longest_only(rows: Sequence[EventRow]) -> list[EventRow]:
 
 
 def event_table(rows: Sequence[EventRow]) -> Table:
-    """One row per event, the command that shows it at its end."""
+    """One row per event, to be shown with CAPTION below."""
     from rich.markup import escape
 
     title = "Events of the best hypothesis, along its lineage"
-    table = new_table(title, _HEADINGS, left=_LEFT, whole=_HEADINGS, caption=_CAPTION)
+    table = slim_table(title, _HEADINGS, left=(*_LEFT, "event"), folded=_FOLDED)
     for row in rows:
         table.add_row(*(escape(cell) for cell in _cells(row)))
     return table
@@ -135,13 +140,6 @@ def events_json(rows: Sequence[EventRow], tally: Tally, env_id: str, agent: str)
     }
 
 
-_CAPTION = (
-    "minADE: of the forecast made then, metres; – where the object is no target, or was not forecast. error: "
-    "min(minADE, c), c where it\nwas not forecast. sure: the forecast's confidence; of a run of false forecasts "
-    "(spurious) the highest. (wrong): the old track is\nstill output, outside the gate."
-)
-
-
 def _length(row: EventRow) -> int:
     return row.incident.until - row.incident.frame
 
@@ -151,15 +149,12 @@ def _cells(row: EventRow) -> tuple[str, ...]:
     return (
         row.scene,
         str(event.frame) if event.until == event.frame else f"{event.frame}–{event.until}",
-        f"{row.seconds:.1f} s",
-        event.name + (" (wrong)" if event.wrong else ""),
-        _id(event.object_id),
-        row.class_name,
+        event.name + ("*" if event.wrong else ""),
+        row.class_name + ("" if event.object_id < 0 else f" {event.object_id}"),
         _id(event.new_id) if event.kind == "spurious" else f"{_id(event.old_id)} → {_id(event.new_id)}",
         number(event.minADE, 2),
         number(event.error, 2),
         number(event.confidence, 2),
-        row.view,
     )
 
 

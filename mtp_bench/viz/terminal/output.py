@@ -6,7 +6,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from ...errors import MtpBenchError
 
@@ -31,14 +31,16 @@ def new_table(
 
     table = Table(title=title, caption=caption or None, title_justify="left", caption_justify="left")
     for heading in headings:
-        table.add_column(heading, justify="left" if heading in left else "right", no_wrap=heading in whole)
+        justify: Literal["left", "right"] = "left" if heading in left else "right"
+        table.add_column(heading, justify=justify, no_wrap=heading in whole, overflow="fold")
     return table
 
 
-def slim_table(title: str, headings: Sequence[str], left: Collection[str] = ()) -> Table:
+def slim_table(title: str, headings: Sequence[str], left: Collection[str] = (), folded: Collection[str] = ()) -> Table:
     """An empty table without borders for a report, of at most TEXT_WIDTH columns where its cells are short.
 
-    The first column and those of ``left`` are aligned left; names in the first are folded. ``title`` is text.
+    The first column and those of ``left`` are aligned left; names in the first are folded, and where it is narrow the
+    cells of the columns ``folded``. ``title`` is text.
     """
     from rich import box
     from rich.markup import escape
@@ -49,8 +51,9 @@ def slim_table(title: str, headings: Sequence[str], left: Collection[str] = ()) 
         show_edge=False, padding=0,
     )  # fmt: skip
     for place, heading in enumerate(headings):
-        table.add_column(heading, justify="left" if place == 0 or heading in left else "right", no_wrap=place > 0)
-    table.columns[0].max_width, table.columns[0].overflow = NAME_WIDTH, "fold"
+        justify: Literal["left", "right"] = "left" if place == 0 or heading in left else "right"
+        table.add_column(heading, justify=justify, no_wrap=place > 0 and heading not in folded, overflow="fold")
+    table.columns[0].max_width = NAME_WIDTH
     return table
 
 
@@ -85,10 +88,15 @@ def show_lines(texts: Iterable[str], sign: str = "") -> None:
         show("\n".join(lines))
 
 
+def show_command(words: str) -> None:
+    """Print a command as one line that can be pasted, however long it is."""
+    _console().print(words, highlight=False, markup=False, crop=False, soft_wrap=True)
+
+
 def show_numbers(table: Table, console: Console | None = None) -> None:
-    """Print a table of results: where the terminal is too narrow for it, its lines wrap, but no number is cut off."""
+    """Print a table of results; where that is too narrow, words are folded and lines wrap, but no number is cut off."""
     console = console or _console()
-    needed = console.measure(table, options=console.options.update(max_width=10 * PIPE_WIDTH)).maximum
+    needed = console.measure(table, options=console.options.update(max_width=10 * PIPE_WIDTH)).minimum
     console.width = max(console.width, needed)
     console.print(table, highlight=False)
 

@@ -1,0 +1,126 @@
+"""The product's ranks, gaps and intervals against the independent ones, on drawn scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench.scoring import SUBSETS, AgentScores, Ends, Reference, statistics, summarise
+from mtp_bench.scoring.table import agent_table
+from mtp_bench.scoring.units import units
+from mtp_bench.types import Floats, Ints, Rollout, Scene
+from tests.independent import scorer
+from tests.independent.scorer import BESIDE, Draws, Scored
+from tests.independent.statistics import blocks_of
+from tests.independent.test_agreement import RUNS, agent_scores, drawn, reference_of, rows_of, said, same
+from tests.support.scoring_scenes import make_card, take_objects
+
+CASES, SCENES = 15, (4, 7, 8, 10, 15)  # a scene is a unit; beyond 14 units the flips are drawn
+REASONS = {  # in the independent scorer's words -> in the product's
+    "shown, not ranked": "shown only",
+    "too few recordings to rank": "too few recordings",
+    "too few objects": "objects, fewer than 20",
+    "one unit is more than a quarter": "one unit has more than 25% of the weight",
+    "true pasts": "saw the truth",
+    "more samples than k": "8 samples per object",
+    "worse than STP on all": "over all targets its error is above that of stp",
+}
+
+
+@dataclass(frozen=True)
+class Player:
+    """How far its forecasts lie beside those that are drawn, and the share of them that it leaves out."""
+
+    beside: float  # m
+    silent: float = 0.0
+
+
+PLAYERS = {
+    "stp": Player(1.0),
+    "gt": Player(0.2),
+    "good": Player(0.7),
+    "alike": Player(1.0, 0.05),  # differences of either sign
+    "bad": Player(1.3, 0.1),
+    "free": Player(0.3),
+    "good's stp": Player(1.1, 0.02),
+    "good's gt": Player(0.3),
+}
+
+
+@lru_cache
+def from_counts(n: int) -> Ints:
+    """The product's resamples as indices of the units."""
+    return np.array([np.repeat(np.arange(n), counts) for counts in statistics._resamples(n).astype(int)])
+
+
+def as_flipped(n: int) -> Floats:
+    """The product's signs."""
+    return np.random.default_rng(statistics._SEED).choice([-1.0, 1.0], size=(statistics.FLIPS, n))
+
+
+def of_player(player: Player, seed: int, scene: Scene, place: int) -> Rollout:
+    rollout = said("complete", seed, place, 0)
+    rng = np.random.default_rng([seed, place, int(1000 * player.silent)])
+    kept = np.flatnonzero(rng.random(len(rollout.object_box)) >= player.silent)
+    forecast = rollout.forecast + np.array([0, 100 * player.beside], dtype=np.int16)
+    return replace(take_objects(replace(rollout, forecast=forecast), kept), scene=scene.name)
+
+
+def unlike(reference: Reference, seed: int) -> Reference:
+    """Weights of which one scene has most in every second case."""
+    if seed % 2:
+        return reference
+    first = next(iter(reference.scenes))
+    part = reference.scenes[first]
+    heavy = replace(part, counts=np.minimum(4 * part.counts, RUNS).astype(np.uint8))
+    return replace(reference, scenes={**reference.scenes, first: heavy})
+
+
+@pytest.mark.parametrize("rate", [2.0, 7.0, 10.0])
+def test_both_cut_scenes_into_the_same_blocks(rate: float) -> None:
+    empty = drawn("complete", 0, 0)
+    for frames in range(2, 1000):
+        found = units(replace(empty, time=1000.0 + np.arange(frames) / rate))
+        assert found.tolist() == [t * blocks_of(frames, rate) // frames for t in range(frames)]
+
+
+def told(reason: str, row: Mapping[str, Any]) -> bool:
+    """Whether the row gives the reason."""
+    return REASONS[reason] in row["unranked_because"] if reason else row["unranked_because"] is None
+
+
+@pytest.mark.parametrize("seed", range(CASES))
+def test_both_scorers_rank_alike(seed: int) -> None:
+    card = make_card()
+    scenes = [drawn("complete", seed, place) for place in range(SCENES[seed % len(SCENES)])]
+    reference = unlike(reference_of(card, scenes, seed), seed)
+    product: dict[str, AgentScores] = {}
+    others: dict[str, Scored] = {}
+    for name, player in PLAYERS.items():
+        runs = [[of_player(player, seed, scene, place) for place, scene in enumerate(scenes)]]
+        product[name] = replace(agent_scores(name, scenes, runs, card), ideal=name.endswith("gt"))
+        if name == "free":
+            product[name] = replace(product[name], budget="free", samples=8)
+        table = agent_table(product[name], reference)
+        weights = {subset: weight for subset, weight in table.weight.items() if subset != "all"}
+        others[name] = scorer.score(card, scenes, runs, table.budgets.subsets, weights)
+    own = ("good's stp", "good's gt")
+    ends = {"good": Ends(*(product[name] for name in own)), "alike": None}
+    rows = [agent for name, agent in product.items() if name not in own]
+    report = summarise(rows, card, reference, stp="stp", truth="gt", own_ends=ends)
+    compared = scorer.compare(
+        {name: agent for name, agent in others.items() if name not in own},
+        own_ends={"good": (others[own[0]], others[own[1]]), "alike": None},
+        free=("free",),
+        draws=Draws(from_counts, as_flipped),
+    )
+    for subset in SUBSETS:
+        for name, values in compared[subset].items():
+            row = rows_of(report, name)[subset]
+            same(row, values, ("rank", "interval", *BESIDE))
+            assert told(values["unranked_because"], row), (name, subset)
