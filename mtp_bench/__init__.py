@@ -45,6 +45,7 @@ if _typing.TYPE_CHECKING:
     from . import prediction as prediction
     from . import scoring as scoring
     from . import tracking as tracking
+    from . import training as training
     from .cards import Card as Card
     from .cards import load_card as load_card
     from .env import MTPEnv as MTPEnv
@@ -55,11 +56,13 @@ if _typing.TYPE_CHECKING:
     from .sources import load_scenes as load_scenes
     from .submission.loader import Submission as Submission
     from .submission.loader import load_submission as load_submission
+    from .training import windows as windows
 else:  # hidden from type checkers, for which it would make every misspelt attribute legal
     _LAZY = {  # modules that are imported when they are first used, alone or for the sake of a name
         "prediction": "prediction",
         "scoring": "scoring",
         "tracking": "tracking",
+        "training": "training",
         "Card": "cards",
         "MTPEnv": "env",
         "Report": "scoring",
@@ -68,6 +71,7 @@ else:  # hidden from type checkers, for which it would make every misspelt attri
         "load_card": "cards",
         "load_scenes": "sources",
         "load_submission": "submission.loader",
+        "windows": "training",
         "run": "running.stored",
         "score": "running.stored",
     }

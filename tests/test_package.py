@@ -23,12 +23,22 @@ from mtp_bench.running.options import RunOptions
 
 PUBLIC = {
     "Action", "Agent", "CardError", "DataError", "Detections", "MtpBenchError", "Objects", "Observation",
-    "Forecasts", "Frame", "Pipeline", "Predictor", "RecordError", "Rollout", "RolloutError", "Sampler", "Scene", "ShapeError",
-    "SubmissionError", "Task", "Tracker", "Tracks", "Truth", "UnknownNameError", "answer", "card_ids",
+    "Forecasts", "Frame", "Pipeline", "Predictor", "RecordError", "Rollout", "RolloutError", "Sampler", "Scene",
+    "ShapeError", "SubmissionError", "Task", "Tracker", "Tracks", "Truth", "UnknownNameError", "answer", "card_ids",
 }  # fmt: skip
-LAZY_NAMES = {"Card", "MTPEnv", "Report", "Submission", "compare", "load_card", "load_scenes", "load_submission"}
+LAZY_NAMES = {
+    "Card",
+    "MTPEnv",
+    "Report",
+    "Submission",
+    "compare",
+    "load_card",
+    "load_scenes",
+    "load_submission",
+    "windows",
+}
 LAZY_NAMES |= {"run", "score"}
-LAZY = {"prediction", "scoring", "tracking"}
+LAZY = {"prediction", "scoring", "tracking", "training"}
 SLOW = {"torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "rich", "typer", "pandas", "matplotlib"}
 SLOW |= {"jinja2", "pygame", "safetensors", "PIL", "av"}
 

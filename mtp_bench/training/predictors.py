@@ -18,7 +18,7 @@ from ..running.options import DEFAULTS, RunOptions
 from ..types import Task
 from .fitting import Lesson, Plan, State, Told, device_of, fit
 from .split import open_split
-from .windows import TRUTH, Windows, together, windows
+from .tracklets import TRUTH, Windows, together, windows
 
 ON = ("truth", "tracklets")
 HYPOTHESES = 20  # of the tracker whose tracklets are learnt from

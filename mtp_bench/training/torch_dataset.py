@@ -8,14 +8,14 @@ import torch
 from torch.utils.data import Dataset
 
 if TYPE_CHECKING:
-    from .windows import Windows
+    from .tracklets import Windows
 
 
 class WindowDataset(Dataset[dict[str, torch.Tensor]]):
     """Every item is a window: tensors by the names of the columns of `Windows`."""
 
     def __init__(self, windows: Windows) -> None:
-        from .windows import BY_WINDOW
+        from .tracklets import BY_WINDOW
 
         self._columns = {name: torch.from_numpy(getattr(windows, name)) for name in BY_WINDOW}
         self._count = len(windows)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mtp_bench.tracks import UNBORN
 from mtp_bench.tracking.kernels.tree_kernels import distinct_rows, grow, histories
+from mtp_bench.tracks import UNBORN
 from mtp_bench.types import Bools, Ints
 
 Case = tuple[Ints, Ints, Bools, Ints, Ints, int]

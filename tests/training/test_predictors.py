@@ -18,7 +18,7 @@ from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.training.fitting import Plan, device_of, one_cycle
 from mtp_bench.training.losses import Tensors, mode_distance, varied
 from mtp_bench.training.predictors import Request, learnable, train_predictor, validation_rows
-from mtp_bench.training.windows import Windows, joined, scene_arrays
+from mtp_bench.training.tracklets import Windows, joined, scene_arrays
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import make_scene, task, write_card, write_kitti
 
@@ -48,7 +48,7 @@ def test_training_lowers_the_error_and_repeats_itself(found: Windows, tmp_path: 
     read_weights(path, network_of("modes"), found.task)
 
 
-class Interrupted(Exception):
+class InterruptionError(Exception):
     """As by the user."""
 
 
@@ -58,9 +58,9 @@ def test_an_interrupted_training_ends_as_one_that_was_not(found: Windows, tmp_pa
 
     def stop(epoch: int, _: float) -> None:
         if epoch == 3:
-            raise Interrupted
+            raise InterruptionError
 
-    with pytest.raises(Interrupted):
+    with pytest.raises(InterruptionError):
         train_predictor(found, request, tmp_path / "part.safetensors", stop)
     assert not (tmp_path / "part.safetensors").exists()
     rest: list[int] = []
@@ -71,9 +71,9 @@ def test_an_interrupted_training_ends_as_one_that_was_not(found: Windows, tmp_pa
 
 def test_a_checkpoint_of_another_training_is_not_gone_on_with(found: Windows, tmp_path: Path) -> None:
     def stop(*_: object) -> None:
-        raise Interrupted
+        raise InterruptionError
 
-    with pytest.raises(Interrupted):
+    with pytest.raises(InterruptionError):
         train_predictor(found, Request("modes", "small", plan=QUICK), tmp_path / "a.safetensors", stop)
     epochs: list[int] = []
     other = Request("modes", "small", plan=replace(QUICK, seed=1))
@@ -164,8 +164,8 @@ def test_the_command(tmp_path: Path, cli: CommandLine) -> None:
     out = tmp_path / "w.safetensors"
     options = ["--env", card, "--data", root, "--split", "val", "--epochs", "2", "--jobs", "1", "-o", str(out)]
     done = cli("train", "predictor", "modes", *options)
-    assert done.status == 0, done.error
-    assert "validation minADE" in done.output
+    assert done.status == 0, done.err
+    assert "validation minADE" in done.out
     assert out.is_file()
     refused = cli("train", "predictor", "mods", *options)
     assert refused.status == 1

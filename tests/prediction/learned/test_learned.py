@@ -133,7 +133,9 @@ def test_an_lstm_is_that_of_torch_and_skips_what_is_masked() -> None:
     np.testing.assert_allclose(hidden, twin(torch.from_numpy(steps))[1][0][0].detach().numpy(), atol=1e-5)
     late = np.ones((5, 6), np.float32)
     late[:, :2] = 0
-    np.testing.assert_allclose(lstm(weights, "a", steps, late), lstm(weights, "a", steps[:, 2:], late[:, 2:]), atol=1e-6)
+    np.testing.assert_allclose(
+        lstm(weights, "a", steps, late), lstm(weights, "a", steps[:, 2:], late[:, 2:]), atol=1e-6
+    )
 
 
 @pytest.fixture
@@ -168,7 +170,7 @@ def test_files_that_do_not_fit_are_refused(file: Path) -> None:
     arrays = dict(read_weights(file, modes).weights)
     with pytest.raises(SubmissionError, match=r"net.1.bias is \(7,\), expected \(256,\)"):
         read_weights(rewritten(file, {**arrays, "net.1.bias": np.zeros(7, np.float32)}), modes)
-    with pytest.raises(SubmissionError, match="net.9 is .*expected no such array"):
+    with pytest.raises(SubmissionError, match=r"net\.9 is .*expected no such array"):
         read_weights(rewritten(file, {**arrays, "net.9": np.zeros(7, np.float32)}), modes)
     with pytest.raises(SubmissionError, match=r"not finite"):
         read_weights(rewritten(file, {**arrays, "net.0.bias": np.full(256, np.nan, np.float32)}), modes)
@@ -210,7 +212,9 @@ def test_classes_are_matched_by_name(file: Path) -> None:
     both = []
     for classes, number in ((TASK.classes, 1), (("pedestrian",), 0)):
         agent = Pipeline(
-            HypothesisTracker(1, at_once()[1:2] if number == 0 else at_once()), LearnedPredictor(weights=file), KMeansSampler()
+            HypothesisTracker(1, at_once()[1:2] if number == 0 else at_once()),
+            LearnedPredictor(weights=file),
+            KMeansSampler(),
         )
         agent.reset(replace(TASK, classes=classes))
         seen = observation(frame((3.0, 2.0, 1)))

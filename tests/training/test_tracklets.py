@@ -15,7 +15,7 @@ from mtp_bench.errors import MtpBenchError, UnknownNameError
 from mtp_bench.running.options import RunOptions
 from mtp_bench.tracking import HypothesisTracker, TruthTracker
 from mtp_bench.training.labels import UNKNOWN
-from mtp_bench.training.windows import Windows, joined, scene_arrays, together, windows
+from mtp_bench.training.tracklets import Windows, joined, scene_arrays, together, windows
 from mtp_bench.types import Scene
 from tests.support.small_scenes import bare_scene, make_scene, write_card, write_kitti
 from tests.support.small_scenes import task as small_task
