@@ -5,6 +5,11 @@ from .hedged import StandingStill as StandingStill
 from .k_means import KMeansSampler as KMeansSampler
 from .kalman import NoiseTable as NoiseTable
 from .kinematic import KinematicPredictor as KinematicPredictor
+from .learned.local import local_future as local_future
+from .learned.local import local_inputs as local_inputs
+from .learned.local import to_absolute as to_absolute
 from .learned.predictor import LearnedPredictor as LearnedPredictor
 from .motion_noise import stored_noise as stored_noise
 from .presence import LearnedPresence as LearnedPresence
+from .windows import TrackWindows as TrackWindows
+from .windows import windows_of as windows_of

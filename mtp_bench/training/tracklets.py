@@ -89,22 +89,23 @@ def windows(
     env_id: str,
     split: str = "train",
     tracker: Tracker | int | str = 1,
-    scenes: Sequence[str] | None = None,
+    scenes: int | Sequence[str] | None = None,
     options: RunOptions = DEFAULTS,
 ) -> Windows:
     """Windows of every track of every hypothesis, at every frame of the scenes of a split.
 
     ``tracker``: one of your own, the number of hypotheses of `HypothesisTracker`, or "truth" for true pasts.
-    ``scenes``: their names; None: all, or the first ones that ``options`` asks for. ``options``: data root, detector,
-    workers and progress.
+    ``scenes``: how many, the first ones, or their names; None: all that ``options`` asks for. ``options``: data root,
+    detector, workers and progress.
 
     A track follows the true object of its class that is nearest to the last detection it took, within the forecast gate
     of the card; of true boxes, the object itself. Tracks of which that cannot be said, for the truth is not complete or
     neutral there, are left out. What the tracker of a whole number of hypotheses says is kept in the cache.
     Raises UnknownNameError for a scene that is not there, MtpBenchError where there is nothing to learn from.
     """
-    opened = open_split(env_id, replace(options, split=split))
-    names = opened.names if scenes is None else tuple(scenes)
+    first = scenes if isinstance(scenes, int) else options.scenes
+    opened = open_split(env_id, replace(options, split=split, scenes=first))
+    names = opened.names if scenes is None or isinstance(scenes, int) else tuple(scenes)
     for name in names:
         if name not in opened.source.names:
             raise UnknownNameError(f"scene of {env_id}", name, opened.source.names)
