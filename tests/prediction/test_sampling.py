@@ -9,7 +9,7 @@ import pytest
 from sklearn.cluster import KMeans
 
 from mtp_bench.prediction import KMeansSampler
-from mtp_bench.prediction.k_means import k_means as k_means_of_one
+from mtp_bench.prediction.k_means import k_means as k_means_kernel
 from mtp_bench.types import Floats
 
 
@@ -39,9 +39,16 @@ def reduce(pool: Floats, log_weight: Floats, k: int, seed: int = 0, iterations: 
 
 def k_means(points: Floats, weight: Floats, k: int, iterations: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Centres [O, k, d] and shares [O, k] of points [O, S, d] weighted [O, S]."""
-    uniform = rng.random((len(points), k))
-    found = [k_means_of_one(*row, iterations) for row in zip(points, weight, uniform, strict=True)]
-    return np.stack([centre for centre, _ in found]), np.stack([share for _, share in found])
+    return run_kernel(k_means_kernel, points, weight, rng.random((len(points), k)), iterations)
+
+
+def run_kernel(kernel: Any, points: Floats, weight: Floats, uniform: Floats, iterations: int) -> tuple[Floats, Floats]:
+    """What ``kernel`` fills in: centres [O, k, d] and shares [O, k]; ``kernel``: compiled or plain."""
+    centre, log_share = np.full((*uniform.shape, points.shape[2]), np.nan), np.full(uniform.shape, np.nan)
+    with np.errstate(divide="ignore"):
+        log_weight = np.log(weight)
+    kernel(points, log_weight, uniform, iterations, centre, log_share)
+    return centre, np.exp(log_share)
 
 
 @pytest.mark.parametrize(("size", "k", "iterations"), [(60, 20, 0), (100, 3, 10), (21, 20, 3), (5, 1, 2)])
@@ -51,9 +58,9 @@ def test_compiled_and_plain_code_agree(size: int, k: int, iterations: int) -> No
     points[3] = points[3, 0]  # all at one place
     weight, uniform = rng.random((6, size)), rng.random((6, k))
     weight[4, : size - k - 1] = 0.0
-    for row in zip(points, weight, uniform, strict=True):
-        for ours, plain in zip(k_means_of_one(*row, iterations), k_means_of_one.python(*row, iterations), strict=True):
-            np.testing.assert_allclose(ours, plain, atol=1e-9)
+    ours, plain = (run_kernel(k, points, weight, uniform, iterations) for k in (k_means_kernel, k_means_kernel.python))
+    for one, other in zip(ours, plain, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-9)
 
 
 def test_objects_may_come_in_parts() -> None:
