@@ -11,23 +11,13 @@ import numpy as np
 from ..tracking.kernels.arrays import floats, floats_of, ints, zeros
 from ..tracking.kernels.compile import kernel
 from ..types import Floats, Ints
-from .pools import existing, masses, pass_on
+from .pools import as_points, existing, masses, pass_on, single_table, singles
 
 _JUST_BELOW = 1.0 - 2.0**-53  # times a number: the next one below it, or that number's half unit
 _BLOCK = 8  # chances that are summed at once
 _DEGREES = 3  # coordinates of a quadratic polynomial
 _AT_ONCE = 6  # axes in one pass over the points
 _EXACT = 1e-12  # squared share of a pool's extent that its coordinates may miss: a millionth of it
-
-
-@kernel("f4[::1](i8)")
-def _singles(n: int) -> Floats:
-    return np.empty(n, np.float32)
-
-
-@kernel("f4[:, ::1](i8, i8)")
-def _single_table(n: int, m: int) -> Floats:
-    return np.empty((n, m), np.float32)
 
 
 @kernel("f4(f8[::1], i8)")
@@ -238,8 +228,8 @@ def _from_motions(motion: Floats, basis: Floats, origin: Floats, found: Floats) 
 def _clusters(points: Floats, weight: Floats, uniform: Floats, iterations: int, centre: Floats, share: Floats) -> None:
     """Centres [k, d] and their share of the weight [k] of points [n, d] weighted [n], relative to one of them."""
     n, d = points.shape
-    turned = _single_table((d + _AT_ONCE - 1) // _AT_ONCE * _AT_ONCE, n)
-    distance, least = _singles(n), _singles(n)
+    turned = single_table((d + _AT_ONCE - 1) // _AT_ONCE * _AT_ONCE, n)
+    distance, least = singles(n), singles(n)
     nearest = np.zeros((2, n), np.int32)
     blocks = (n + _BLOCK - 1) // _BLOCK
     chance, block = floats_of(_BLOCK * blocks, 0.0), floats(blocks)
@@ -324,9 +314,8 @@ class KMeansSampler:
         A sample with log-weight -inf does not exist. A pool that has at most k samples is returned as it is. Objects
         may come in one call or in several: the random numbers are drawn object by object.
         """
-        objects, size, future, _ = pool.shape
+        objects, _, future, _ = pool.shape
         centre, weight = np.empty((objects, k, 2 * future)), np.empty((objects, k))
         uniform = rng.random((np.count_nonzero(np.isfinite(log_weight).sum(axis=1) > k), k))
-        points = np.ascontiguousarray(pool.reshape(objects, size, 2 * future), dtype=np.float64)
-        k_means(points, np.ascontiguousarray(log_weight, dtype=np.float64), uniform, self._iterations, centre, weight)
+        k_means(*as_points(pool, log_weight), uniform, self._iterations, centre, weight)
         return centre.reshape(objects, k, future, 2), weight

@@ -8,6 +8,18 @@ from ..tracking.kernels.compile import kernel
 from ..types import Floats, Ints
 
 
+@kernel("f4[::1](i8)")
+def singles(n: int) -> Floats:
+    """Numbers [n] of single precision, not set."""
+    return np.empty(n, np.float32)
+
+
+@kernel("f4[:, ::1](i8, i8)")
+def single_table(n: int, m: int) -> Floats:
+    """Numbers [n, m] of single precision, not set."""
+    return np.empty((n, m), np.float32)
+
+
 @kernel("i8(f8[::1], i8[::1])")
 def existing(log_weight: Floats, there: Ints) -> int:
     """How many samples have a finite log-weight [S]; their places are written to ``there`` [S]."""
@@ -43,3 +55,10 @@ def masses(log_weight: Floats, there: Ints, n: int, mass: Floats) -> float:
     for i in range(n):
         mass[i] /= total
     return float(heaviest + np.log(total))
+
+
+def as_points(pool: Floats, log_weight: Floats) -> tuple[Floats, Floats]:
+    """The pool [O, S, T, 2] as points [O, S, 2 T] and its log-weights [O, S], as kernels take them."""
+    # Kernels take one order of arrays that may be written.
+    points = np.require(pool.reshape(*pool.shape[:2], 2 * pool.shape[2]), np.float64, ["C", "W"])
+    return points, np.require(log_weight, np.float64, ["C", "W"])
