@@ -23,6 +23,8 @@ KERNELS = {
     "affinity": ("mtp_bench.tracking.kernels.affinity_kernels", ("sparse_pairs",)),
     "tree": ("mtp_bench.tracking.kernels.tree_kernels", ("grow", "distinct_rows", "descend", "histories")),
     "motion": ("mtp_bench.tracking.kernels.motion_kernels", ("predict", "update_pairs")),
+    "filter": ("mtp_bench.prediction.kalman", ("filter_pasts",)),
+    "kinematic": ("mtp_bench.prediction.kinematic", ("expand",)),
     "k-means": ("mtp_bench.prediction.k_means", ("k_means",)),
 }
 

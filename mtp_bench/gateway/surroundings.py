@@ -17,6 +17,8 @@ _KERNELS = {  # those that baselines need
     "tracking.kernels.affinity_kernels": ("sparse_pairs",),
     "tracking.kernels.tree_kernels": ("grow", "distinct_rows", "descend", "histories"),
     "tracking.kernels.motion_kernels": ("predict", "update_pairs"),
+    "prediction.kalman": ("filter_pasts",),
+    "prediction.kinematic": ("expand",),
     "prediction.k_means": ("k_means",),
 }
 _THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")

@@ -1,5 +1,6 @@
 """Predictors and samplers, for agents; the judge never imports them."""
 
+from .greedy import GreedySampler as GreedySampler
 from .hedged import HedgedPredictor as HedgedPredictor
 from .hedged import StandingStill as StandingStill
 from .k_means import KMeansSampler as KMeansSampler

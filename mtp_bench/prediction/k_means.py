@@ -1,83 +1,134 @@
 """Reducing a pool of samples to k that stand for it, by weighted k-means (paper, "Trajectory Sampling").
 
-The clusters of one object are found by compiled code: no distance matrix, whatever the number of samples.
+The clusters of all objects are found by compiled code: no distance matrix, whatever the number of samples. Samples that
+move with constant acceleration are told by six numbers each, which have the same distances as their T positions.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..tracking.kernels.arrays import first_ints, float_table, floats, ints_of
+from ..tracking.kernels.arrays import floats, floats_of, ints, zeros
 from ..tracking.kernels.compile import kernel
 from ..types import Floats, Ints
+from .pools import as_points, existing, masses, pass_on, single_table, singles
 
 _JUST_BELOW = 1.0 - 2.0**-53  # times a number: the next one below it, or that number's half unit
+_BLOCK = 8  # chances that are summed at once
+_DEGREES = 3  # coordinates of a quadratic polynomial
+_AT_ONCE = 6  # axes in one pass over the points
+_EXACT = 1e-12  # squared share of a pool's extent that its coordinates may miss: a millionth of it
 
 
-@kernel("void(f4[:, ::1], f8[::1], f8[::1], f8[::1])", vectorize=True)
-def _distances(turned: Floats, centre: Floats, origin: Floats, distance: Floats) -> None:
-    """Squared distances [S] of points [d, S], relative to an origin [d], from a centre [d].
+@kernel("f4(f8[::1], i8)")
+def _axis(point: Floats, axis: int) -> float:
+    return np.float32(point[axis] if axis < len(point) else 0.0)  # type: ignore[return-value]
 
-    The long axis is innermost, for vector units; single precision near the points halves the memory.
+
+@kernel("void(f4[:, ::1], f8[::1], i4, f4[::1], f4[::1], i4[::1])", vectorize=True)
+def _closer(turned: Floats, centre: Floats, j: int, distance: Floats, least: Floats, nearest: Ints) -> None:
+    """Give centre ``j`` [d] the points [D, S] that are nearer to it than the squared distances ``least`` [S].
+
+    The long axis is innermost, for vector units; D is d, filled up to a multiple of six with zeros.
     """
     for s in range(len(distance)):
-        distance[s] = 0.0
-    for axis in range(len(turned)):
-        here = centre[axis] - origin[axis]
+        distance[s] = np.float32(0.0)
+    for axis in range(0, len(turned), _AT_ONCE):
+        c0, c1, c2 = _axis(centre, axis), _axis(centre, axis + 1), _axis(centre, axis + 2)
+        c3, c4, c5 = _axis(centre, axis + 3), _axis(centre, axis + 4), _axis(centre, axis + 5)
         for s in range(len(distance)):
-            off = turned[axis, s] - here
-            distance[s] += off * off
+            d0, d1, d2 = turned[axis, s] - c0, turned[axis + 1, s] - c1, turned[axis + 2, s] - c2
+            d3, d4, d5 = turned[axis + 3, s] - c3, turned[axis + 4, s] - c4, turned[axis + 5, s] - c5
+            distance[s] += (d0 * d0 + d1 * d1) + (d2 * d2 + d3 * d3) + (d4 * d4 + d5 * d5)
+    for s in range(len(distance)):
+        nearer = distance[s] < least[s]
+        least[s] = distance[s] if nearer else least[s]
+        nearest[s] = j if nearer else nearest[s]
 
 
-@kernel("void(f8[:, ::1], f4[:, ::1], f8[::1], f8[::1], f8[:, ::1], f8[::1], f8[::1])", vectorize=True)
-def _seed(
-    points: Floats, turned: Floats, weight: Floats, uniform: Floats, centre: Floats, distance: Floats, least: Floats
-) -> None:
-    """Each next centre is a point drawn in proportion to weight x squared distance from the centres so far."""
-    for s in range(len(weight)):
-        least[s] = np.inf
-    for j in range(len(centre)):
-        total = 0.0
-        for s in range(len(weight)):
-            total += weight[s] if j == 0 else weight[s] * least[s]
-        empty = total <= 0.0  # all points sit on a centre already: draw by weight, the centre repeats
-        if empty:
-            total = 0.0
-            for s in range(len(weight)):
-                total += weight[s]
-        # Below the total and not equal to any partial sum: a point without a chance is never picked.
-        mark = min(uniform[j] * total, total * _JUST_BELOW)
-        partial, chosen = 0.0, len(weight) - 1
-        for s in range(len(weight)):
-            partial += weight[s] if j == 0 or empty else weight[s] * least[s]
+@kernel("i8(f8[::1], f8[::1], f8)")
+def _drawn(chance: Floats, block: Floats, uniform: float) -> int:
+    """The place that a uniform number draws in proportion to ``chance`` [8 B]; -1 if there is no chance at all.
+
+    Sums of blocks [B] do not wait for each other, and few are looked into.
+    """
+    total = 0.0
+    for b in range(len(block)):
+        p = chance[_BLOCK * b : _BLOCK * (b + 1)]
+        block[b] = ((p[0] + p[1]) + (p[2] + p[3])) + ((p[4] + p[5]) + (p[6] + p[7]))
+    for b in range(len(block)):
+        total += block[b]
+    # Below the total and not equal to any partial sum: a point without a chance is never picked.
+    mark = min(uniform * total, total * _JUST_BELOW)
+    partial, chosen = 0.0, -1
+    for b in range(len(block)):
+        if partial + block[b] <= mark:
+            partial += block[b]
+            continue
+        for s in range(_BLOCK * b, _BLOCK * (b + 1)):
+            partial += chance[s]
+            chosen = s if chance[s] > 0.0 else chosen  # the last one, where sums round otherwise than the block's
             if partial > mark:
-                chosen = s
                 break
+        break
+    return chosen
+
+
+@kernel(
+    "void(f8[:, ::1], f4[:, ::1], f8[::1], f8[::1], f8[:, ::1], f4[::1], f4[::1], i4[::1], f8[::1], f8[::1])",
+    vectorize=True,
+)
+def _seed(
+    points: Floats,
+    turned: Floats,
+    weight: Floats,
+    uniform: Floats,
+    centre: Floats,
+    distance: Floats,
+    least: Floats,
+    nearest: Ints,
+    chance: Floats,
+    block: Floats,
+) -> None:
+    """Each next centre is a point drawn in proportion to weight x squared distance from the centres so far.
+
+    Every point is then with its nearest centre, the first of equally near ones.
+    """
+    for s in range(len(weight)):
+        least[s] = np.float32(np.inf)
+        chance[s] = weight[s]
+    for j in range(len(centre)):
+        chosen = _drawn(chance, block, uniform[j])
+        if chosen < 0:  # all points sit on a centre already: draw by weight, the centre repeats
+            for s in range(len(weight)):
+                chance[s] = weight[s]
+            chosen = _drawn(chance, block, uniform[j])
         for axis in range(points.shape[1]):
             centre[j, axis] = points[chosen, axis]
-        _distances(turned, centre[j], points[0], distance)
+        _closer(turned, centre[j], j, distance, least, nearest)
         for s in range(len(weight)):
-            least[s] = min(least[s], distance[s])
+            chance[s] = weight[s] * least[s]
 
 
-@kernel("b1(f8[:, ::1], f4[:, ::1], f8[:, ::1], f8[::1], f8[::1], i8[::1])", vectorize=True)
-def _assign(points: Floats, turned: Floats, centre: Floats, distance: Floats, least: Floats, nearest: Ints) -> bool:
-    """Give every point to its nearest centre, the first of equally near ones; whether any changed."""
-    changed, before = False, first_ints(nearest, len(nearest))
+@kernel("b1(f4[:, ::1], f8[:, ::1], f4[::1], f4[::1], i4[:, ::1])", vectorize=True)
+def _assign(turned: Floats, centre: Floats, distance: Floats, least: Floats, nearest: Ints) -> bool:
+    """Give every point to its nearest centre, the first of equally near ones; whether any changed.
+
+    ``nearest`` [2, S]: those of the points now, and before.
+    """
+    now, before = nearest[0], nearest[1]
     for s in range(len(distance)):
-        least[s] = np.inf
+        before[s] = now[s]
+        least[s] = np.float32(np.inf)
     for j in range(len(centre)):
-        _distances(turned, centre[j], points[0], distance)
-        for s in range(len(distance)):
-            if distance[s] < least[s]:
-                least[s] = distance[s]
-                nearest[s] = j
-    for s in range(len(nearest)):
-        changed |= before[s] != nearest[s]
-    return changed
+        _closer(turned, centre[j], j, distance, least, now)
+    changed = 0
+    for s in range(len(distance)):
+        changed |= now[s] ^ before[s]
+    return changed != 0
 
 
-@kernel("void(f8[::1], i8[::1], f8[::1])", vectorize=True)
+@kernel("void(f8[::1], i4[::1], f8[::1])")
 def _shares(weight: Floats, nearest: Ints, share: Floats) -> None:
     """Weight of the points of each centre."""
     for j in range(len(share)):
@@ -86,7 +137,7 @@ def _shares(weight: Floats, nearest: Ints, share: Floats) -> None:
         share[nearest[s]] += weight[s]
 
 
-@kernel("void(f8[:, ::1], f8[::1], i8[::1], f8[:, ::1], f8[::1])", vectorize=True)
+@kernel("void(f8[:, ::1], f8[::1], i4[::1], f8[:, ::1], f8[::1])")
 def _move(points: Floats, weight: Floats, nearest: Ints, centre: Floats, share: Floats) -> None:
     """Move every centre to the mean of its points; one without any stays. ``share``: their weight."""
     _shares(weight, nearest, share)
@@ -94,33 +145,158 @@ def _move(points: Floats, weight: Floats, nearest: Ints, centre: Floats, share: 
         for axis in range(centre.shape[1]):
             centre[j, axis] = 0.0 if share[j] > 0.0 else centre[j, axis]
     for s in range(len(weight)):
-        part = weight[s] / share[nearest[s]] if weight[s] > 0.0 else 0.0
-        for axis in range(centre.shape[1]):
-            centre[nearest[s], axis] += part * points[s, axis]
+        if weight[s] > 0.0:
+            part = weight[s] / share[nearest[s]]
+            for axis in range(centre.shape[1]):
+                centre[nearest[s], axis] += part * points[s, axis]
 
 
-@kernel("Tuple((f8[:, ::1], f8[::1]))(f8[:, ::1], f8[::1], f8[::1], i8)", vectorize=True)
-def k_means(points: Floats, weight: Floats, uniform: Floats, iterations: int) -> tuple[Floats, Floats]:
-    """Centres [k, d] and their share of the weight [k] of points [S, d] weighted [S], for uniform numbers [k].
+@kernel("f8[:, ::1](i8)")
+def polynomials(future: int) -> Floats:
+    """Orthonormal polynomials [3, T] of degree 0, 1 and 2 over T equally spaced times; at least 3 times."""
+    basis = zeros(_DEGREES, future)
+    for degree in range(_DEGREES):
+        for t in range(future):
+            basis[degree, t] = (t - 0.5 * (future - 1)) ** degree
+        for lower in range(degree):
+            common = 0.0
+            for t in range(future):
+                common += basis[degree, t] * basis[lower, t]
+            for t in range(future):
+                basis[degree, t] -= common * basis[lower, t]
+        square = 0.0
+        for t in range(future):
+            square += basis[degree, t] ** 2
+        for t in range(future):
+            basis[degree, t] /= np.sqrt(square)
+    return basis
 
-    Seeds of k-means++, then at most ``iterations`` of Lloyd's algorithm (Arthur, Vassilvitskii 2007).
+
+@kernel("b1(f8[:, ::1], i8[::1], f8[:, ::1], f8[:, ::1])")
+def _motions(points: Floats, there: Ints, basis: Floats, motion: Floats) -> bool:
+    """Coordinates [n, 6] of points [S, 2 T] relative to the first one; whether they tell all of them.
+
+    Position, velocity and acceleration of x and y, in turn.
     """
-    k, d = len(uniform), points.shape[1]
-    turned = np.empty((d, len(points)), dtype=np.float32)
+    worst, extent = 0.0, 0.0
+    first = points[there[0]]
+    for i in range(len(motion)):
+        point = points[there[i]]
+        x0, x1, x2, y0, y1, y2, square = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for t in range(basis.shape[1]):
+            x, y = point[2 * t] - first[2 * t], point[2 * t + 1] - first[2 * t + 1]
+            x0, y0 = x0 + basis[0, t] * x, y0 + basis[0, t] * y
+            x1, y1 = x1 + basis[1, t] * x, y1 + basis[1, t] * y
+            x2, y2 = x2 + basis[2, t] * x, y2 + basis[2, t] * y
+            square += x * x + y * y
+        motion[i, 0], motion[i, 1], motion[i, 2] = x0, y0, x1
+        motion[i, 3], motion[i, 4], motion[i, 5] = y1, x2, y2
+        rest = square - (x0 * x0 + y0 * y0 + x1 * x1 + y1 * y1 + x2 * x2 + y2 * y2)
+        worst, extent = max(worst, rest), max(extent, square)
+    return worst <= _EXACT * extent
+
+
+@kernel("void(f8[:, ::1], i8[::1], f8[:, ::1])", vectorize=True)
+def _offsets(points: Floats, there: Ints, offset: Floats) -> None:
+    """Points [S, d] at ``there`` [n] relative to the first one: [n, d]."""
+    for i in range(len(offset)):
+        for axis in range(offset.shape[1]):
+            offset[i, axis] = points[there[i], axis] - points[there[0], axis]
+
+
+@kernel("void(f8[:, ::1], f4[:, ::1])")
+def _turn(points: Floats, turned: Floats) -> None:
+    """Points [n, d] as [d, n] in single precision, which halves the memory; they are relative to one of them."""
     for s in range(len(points)):
-        for axis in range(d):
-            turned[axis, s] = points[s, axis] - points[0, axis]
-    centre, share = float_table(k, d), floats(k)
-    distance, least = floats(len(weight)), floats(len(weight))
-    nearest = ints_of(len(weight), -1)
-    _seed(points, turned, weight, uniform, centre, distance, least)
-    _assign(points, turned, centre, distance, least, nearest)
+        for axis in range(len(turned)):
+            turned[axis, s] = points[s, axis] if axis < points.shape[1] else 0.0
+
+
+@kernel("void(f8[:, ::1], f8[:, ::1], f8[::1], f8[:, ::1])")
+def _from_motions(motion: Floats, basis: Floats, origin: Floats, found: Floats) -> None:
+    """Points [k, 2 T] of coordinates [k, 6] relative to ``origin`` [2 T]."""
+    for j in range(len(found)):
+        for t in range(basis.shape[1]):
+            for axis in range(2):
+                there = origin[2 * t + axis]
+                for degree in range(_DEGREES):
+                    there += basis[degree, t] * motion[j, 2 * degree + axis]
+                found[j, 2 * t + axis] = there
+
+
+@kernel("void(f8[:, ::1], f8[::1], f8[::1], i8, f8[:, ::1], f8[::1])")
+def _clusters(points: Floats, weight: Floats, uniform: Floats, iterations: int, centre: Floats, share: Floats) -> None:
+    """Centres [k, d] and their share of the weight [k] of points [n, d] weighted [n], relative to one of them."""
+    n, d = points.shape
+    turned = single_table((d + _AT_ONCE - 1) // _AT_ONCE * _AT_ONCE, n)
+    distance, least = singles(n), singles(n)
+    nearest = np.zeros((2, n), np.int32)
+    blocks = (n + _BLOCK - 1) // _BLOCK
+    chance, block = floats_of(_BLOCK * blocks, 0.0), floats(blocks)
+    _turn(points, turned)
+    _seed(points, turned, weight, uniform, centre, distance, least, nearest[0], chance, block)
     for _ in range(iterations):
-        _move(points, weight, nearest, centre, share)
-        if not _assign(points, turned, centre, distance, least, nearest):
+        _move(points, weight, nearest[0], centre, share)
+        if not _assign(turned, centre, distance, least, nearest):
             break
-    _shares(weight, nearest, share)
-    return centre, share
+    _shares(weight, nearest[0], share)
+
+
+@kernel("void(f8[:, ::1], i8[::1], f8[::1], f8[::1], i8, f8[:, ::1], f8[:, ::1], f8[::1])")
+def _clusters_of(
+    points: Floats,
+    there: Ints,
+    weight: Floats,
+    uniform: Floats,
+    iterations: int,
+    basis: Floats,
+    centre: Floats,
+    share: Floats,
+) -> None:
+    """Centres [k, d] and shares [k] of the points at ``there`` [n], weighted [n]; ``basis``: [3, T], or [3, 0]."""
+    origin = points[there[0]]
+    motion = zeros(len(there), 2 * _DEGREES)
+    if basis.shape[1] and _motions(points, there, basis, motion):
+        found = zeros(len(centre), 2 * _DEGREES)
+        _clusters(motion, weight, uniform, iterations, found, share)
+        _from_motions(found, basis, origin, centre)
+        return
+    offset = zeros(len(there), len(origin))
+    _offsets(points, there, offset)
+    _clusters(offset, weight, uniform, iterations, centre, share)
+    for j in range(len(centre)):
+        for axis in range(len(origin)):
+            centre[j, axis] += origin[axis]
+
+
+@kernel("f8[:, ::1](i8)")
+def _basis(size: int) -> Floats:
+    """The polynomials of points of ``size`` numbers, none where they would not be shorter."""
+    return polynomials(size // 2) if size > 2 * _DEGREES else zeros(_DEGREES, 0 * size)
+
+
+@kernel("void(f8[:, :, ::1], f8[:, ::1], f8[:, ::1], i8, f8[:, :, ::1], f8[:, ::1])")
+def k_means(
+    pool: Floats, log_weight: Floats, uniform: Floats, iterations: int, centre: Floats, centre_log_weight: Floats
+) -> None:
+    """Centres [O, k, d] and the logarithms of their shares of the weight [O, k], of pools [O, S, d] weighted [O, S].
+
+    Seeds of k-means++, for uniform numbers [crowded objects, k], then at most ``iterations`` of Lloyd's algorithm
+    (Arthur, Vassilvitskii 2007). A pool of at most k existing samples is passed on.
+    """
+    size, k, crowded = pool.shape[1], centre.shape[1], 0
+    basis = _basis(pool.shape[2])
+    there, mass, share = ints(size), floats(size), floats(k)
+    for o in range(len(pool)):
+        n = existing(log_weight[o], there)
+        if n <= k:
+            pass_on(pool[o], log_weight[o], there, n, centre[o], centre_log_weight[o])
+            continue
+        masses(log_weight[o], there, n, mass)
+        _clusters_of(pool[o], there[:n], mass[:n], uniform[crowded], iterations, basis, centre[o], share)
+        crowded += 1
+        for j in range(k):
+            centre_log_weight[o, j] = np.log(share[j]) if share[j] > 0.0 else -np.inf
 
 
 class KMeansSampler:
@@ -139,19 +315,7 @@ class KMeansSampler:
         may come in one call or in several: the random numbers are drawn object by object.
         """
         objects, _, future, _ = pool.shape
-        exists = np.isfinite(log_weight)
-        order = np.argsort(~exists, axis=1, kind="stable")[:, :k]  # those that exist come first
-        centre = np.zeros((objects, k, future, 2))
-        weight = np.full((objects, k), -np.inf)
-        centre[:, : order.shape[1]] = np.take_along_axis(pool, order[:, :, None, None], axis=1)
-        weight[:, : order.shape[1]] = np.take_along_axis(log_weight, order, axis=1)
-        for o in np.flatnonzero(exists.sum(axis=1) > k):
-            # Relative to the heaviest: an object that only unlikely hypotheses hold must not vanish by underflow.
-            here = log_weight[o, exists[o]]
-            mass = np.exp(here - here.max())
-            points = (pool[o] if len(here) == pool.shape[1] else pool[o, exists[o]]).reshape(-1, future * 2)
-            found, held = k_means(points, mass / mass.sum(), rng.random(k), self._iterations)
-            centre[o] = found.reshape(k, future, 2)
-            with np.errstate(divide="ignore"):
-                weight[o] = np.log(held)
-        return centre, weight
+        centre, weight = np.empty((objects, k, 2 * future)), np.empty((objects, k))
+        uniform = rng.random((np.count_nonzero(np.isfinite(log_weight).sum(axis=1) > k), k))
+        k_means(*as_points(pool, log_weight), uniform, self._iterations, centre, weight)
+        return centre.reshape(objects, k, future, 2), weight

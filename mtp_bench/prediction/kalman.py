@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..tracking.kernels.compile import kernel
 from ..types import Bools, Floats, Ints
 
 
@@ -50,30 +51,43 @@ def filtered(position: Floats, valid: Bools, class_id: Ints, noise: NoiseTable, 
     ``position`` [N, P, 2] m, heading frame, oldest first; ``valid`` [N, P]: where a detection was taken; ``class_id``
     [N] chooses the row of ``noise``; ``dt``: frame period, s.
     """
-    n, length, _ = position.shape
-    r2 = noise.measurement[class_id][:, None] ** 2
-    q = noise.jerkiness[class_id] ** 2
-    mean_p, mean_v = np.zeros((n, 2)), np.zeros((n, 2))
-    pp, pv, vv = np.zeros((n, 2)), np.zeros((n, 2)), noise.speed[class_id] ** 2
-    started = np.zeros(n, dtype=bool)
-    for step in range(length):
-        mean_p = mean_p + mean_v * dt
-        pp = pp + 2 * dt * pv + dt * dt * vv + q * dt**3 / 3
-        pv = pv + dt * vv + q * dt * dt / 2
-        vv = vv + q * dt
-        seen = valid[:, step]
-        first = (seen & ~started)[:, None]
-        started |= seen
-        # Before its first detection a track has no state: begin there with the prior.
-        mean_p = np.where(first, position[:, step], mean_p)
-        pp, pv = np.where(first, r2, pp), np.where(first, 0.0, pv)
-        vv = np.where(first, noise.speed[class_id] ** 2, vv)
-        use = (seen[:, None] & ~first).astype(np.float64)
-        residual = position[:, step] - mean_p
-        gain_p, gain_v = use * pp / (pp + r2), use * pv / (pp + r2)
-        mean_p = mean_p + gain_p * residual
-        mean_v = mean_v + gain_v * residual
-        vv = vv - gain_v * pv
-        pp, pv = (1 - gain_p) * pp, (1 - gain_p) * pv
-    covariance = np.stack([np.stack([pp, pv], axis=-1), np.stack([pv, vv], axis=-1)], axis=-2)
-    return Posterior(mean_p, mean_v, covariance)
+    n = len(position)
+    state = np.empty((n, 2, _STATE))
+    # Copies: compiled code takes arrays that may be written, in one order.
+    measured, seen = np.array(position, dtype=np.float64, order="C"), np.array(valid, dtype=bool, order="C")
+    filter_pasts(
+        measured, seen, noise.measurement[class_id], noise.jerkiness[class_id], noise.speed[class_id], dt, state
+    )
+    covariance = np.stack([state[..., 2:4], state[..., 3:5]], axis=-2)
+    return Posterior(state[..., 0].copy(), state[..., 1].copy(), covariance)
+
+
+_STATE = 5  # of an axis: position, velocity, and variance of position, covariance, variance of velocity
+
+
+@kernel("void(f8[:, :, ::1], b1[:, ::1], f8[::1], f8[:, ::1], f8[:, ::1], f8, f8[:, :, ::1])")
+def filter_pasts(
+    position: Floats, valid: Bools, measurement: Floats, jerkiness: Floats, speed: Floats, dt: float, state: Floats
+) -> None:
+    """The states [N, 2, 5] after positions [N, P, 2], with the noise of each track: [N], [N, 2], [N, 2]."""
+    for i in range(len(state)):
+        for axis in range(2):
+            r2, q, prior = measurement[i] ** 2, jerkiness[i, axis] ** 2, speed[i, axis] ** 2
+            p, v, pp, pv, vv, started = 0.0, 0.0, 0.0, 0.0, prior, False
+            for step in range(position.shape[1]):
+                p += v * dt
+                pp += 2 * dt * pv + dt * dt * vv + q * dt**3 / 3
+                pv += dt * vv + q * dt * dt / 2
+                vv += q * dt
+                if not valid[i, step]:
+                    continue
+                if not started:  # before its first detection a track has no state: begin there with the prior
+                    p, pp, pv, vv, started = position[i, step, axis], r2, 0.0, prior, True
+                    continue
+                residual, gain_p, gain_v = position[i, step, axis] - p, pp / (pp + r2), pv / (pp + r2)
+                p += gain_p * residual
+                v += gain_v * residual
+                vv -= gain_v * pv
+                pp, pv = (1 - gain_p) * pp, (1 - gain_p) * pv
+            row = state[i, axis]
+            row[0], row[1], row[2], row[3], row[4] = p, v, pp, pv, vv

@@ -6,8 +6,9 @@ import numpy as np
 
 from ..agent import Tracks
 from ..errors import ShapeError
+from ..tracking.kernels.compile import kernel
 from ..types import Floats, Ints, Task
-from .kalman import NoiseTable, filtered, heading_frame
+from .kalman import NoiseTable, Posterior, filtered, heading_frame
 from .motion_noise import stored_noise
 
 _NUMBERS = 7  # standard normal numbers per sample: of the state 4, of the acceleration 2, and one that is not used:
@@ -37,56 +38,62 @@ class KinematicPredictor:
     def begin(self, tracks: Tracks) -> None:
         """Filter the distinct tracks of the next frame, once for all their samples."""
         self._frame += 1
+        self._normal = np.zeros((0, 0, _NUMBERS))
         window = slice(-self._past if self._past else None, None)
         position = heading_frame(tracks.past[:, window], tracks.box[:, 3])
-        self._state = filtered(position, tracks.past_valid[:, window], tracks.class_id, self._noise, self._task.dt)
+        state = filtered(position, tracks.past_valid[:, window], tracks.class_id, self._noise, self._task.dt)
+        self._table = _table(tracks, state, self._noise)
 
     def sample(self, tracks: Tracks, leaf: Ints, draw: Ints, samples: int) -> Floats:
         """Futures [Q, samples, T, 2] in absolute x y of the tracks ``leaf`` [Q], with the draws ``draw`` [Q]."""
-        if len(leaf) == 0:
-            return np.zeros((0, samples, self._task.future, 2))
-        normal = self._draws(int(draw.max()) + 1, samples)[draw]
-        motion = self._motions(tracks.class_id, leaf, normal)
-        del normal  # the largest array beside the futures
-        motion = _turned(motion, tracks.box[leaf, 3][:, None])
-        motion[0] += tracks.past[leaf, -1, :2].T[:, :, None]
-        return _expanded(motion, self._tau)
+        future = np.empty((len(leaf), samples, self._task.future, 2))
+        normal = self._draws(int(draw.max(initial=-1)) + 1, samples)
+        expand(self._table, leaf.astype(np.int64), draw.astype(np.int64), normal, self._tau, future)
+        return future
 
     def _draws(self, draws: int, samples: int) -> Floats:
-        """The same numbers for every agent with this seed, however many draws it takes.
+        """At least ``draws`` rows [draws, samples, 7]: the same numbers for every agent with this seed, however many.
 
         One sample is the point forecast: all numbers are 0, for a random one would be a worse guess than the mean.
         """
         if samples == 1:
             return np.zeros((draws, 1, _NUMBERS))
-        rng = np.random.default_rng([self._task.seed, self._frame])
-        return rng.standard_normal((draws, samples, _NUMBERS))
-
-    def _motions(self, class_id: Ints, place: Ints, normal: Floats) -> Floats:
-        """Position, velocity and acceleration, along and across the heading, of every sample: [3, 2, Q, samples]."""
-        state = self._state
-        factor = np.linalg.cholesky(state.covariance)[place]  # [Q, 2, 2, 2]
-        motion = np.empty((3, 2, *normal.shape[:2]))
-        for axis in range(2):
-            first, second = normal[:, :, 2 * axis], normal[:, :, 2 * axis + 1]
-            low = factor[:, axis, :, :, None]
-            motion[0, axis] = state.position[place, axis, None] + low[:, 0, 0] * first
-            motion[1, axis] = state.velocity[place, axis, None] + low[:, 1, 0] * first + low[:, 1, 1] * second
-            motion[2, axis] = self._noise.acceleration[class_id, axis][place, None] * normal[:, :, 4 + axis]
-        return motion
+        if len(self._normal) < draws or self._normal.shape[1] != samples:  # kept for the other objects of the frame
+            rng = np.random.default_rng([self._task.seed, self._frame])
+            self._normal = rng.standard_normal((draws, samples, _NUMBERS))
+        return self._normal
 
 
-def _turned(motion: Floats, heading: Floats) -> Floats:
-    """Vectors [3, 2, Q, S] given along and across the heading [Q, 1], in absolute axes."""
-    c, s = np.cos(heading), np.sin(heading)
-    return np.stack([c * motion[:, 0] - s * motion[:, 1], s * motion[:, 0] + c * motion[:, 1]], axis=1)
+def _table(tracks: Tracks, state: Posterior, noise: NoiseTable) -> Floats:
+    """What `expand` reads of each track: [N, 16].
+
+    For each of two axes position, velocity, the three numbers of the covariance's Cholesky factor and the deviation of
+    the acceleration; then the heading's cosine and sine, and x and y of the last box.
+    """
+    low, axis = np.linalg.cholesky(state.covariance), np.empty((len(tracks.box), 2, 6))
+    axis[..., 0], axis[..., 1] = state.position, state.velocity
+    axis[..., 2], axis[..., 3], axis[..., 4] = low[..., 0, 0], low[..., 1, 0], low[..., 1, 1]
+    axis[..., 5] = noise.acceleration[tracks.class_id]
+    heading = tracks.box[:, 3]
+    frame = np.stack([np.cos(heading), np.sin(heading), *tracks.past[:, -1, :2].T], axis=1)
+    return np.concatenate([axis.reshape(-1, 12), frame], axis=1)
 
 
-def _expanded(motion: Floats, tau: Floats) -> Floats:
-    """Positions [Q, S, T, 2] at the times ``tau`` [T] of motions [3, 2, Q, S] with constant acceleration."""
-    powers = np.stack([np.ones_like(tau), tau, tau**2 / 2])
-    future = np.empty((*motion.shape[2:], len(tau), 2))
-    for axis in range(2):
-        # One matrix product for all samples: the polynomial is the same for all of them.
-        future[..., axis] = np.tensordot(motion[:, axis], powers, axes=(0, 0))
-    return future
+@kernel("void(f8[:, ::1], i8[::1], i8[::1], f8[:, :, ::1], f8[::1], f8[:, :, :, ::1])", vectorize=True)
+def expand(table: Floats, leaf: Ints, draw: Ints, normal: Floats, tau: Floats, future: Floats) -> None:
+    """Positions [Q, S, T, 2] at the times ``tau`` [T] of motions with constant acceleration, drawn by ``normal``.
+
+    ``table`` [N, 16], see `_table`; ``leaf`` [Q]: its rows; ``draw`` [Q]: rows of the normal numbers [D, S, 7].
+    """
+    for q in range(len(leaf)):
+        px, vx, xx, xv, vvx, ax, py, vy, yy, yv, vvy, ay, c, s, x, y = table[leaf[q]]
+        for k in range(future.shape[1]):
+            z, path = normal[draw[q], k], future[q, k]
+            p0, v0, a0 = px + xx * z[0], vx + xv * z[0] + vvx * z[1], ax * z[4]
+            p1, v1, a1 = py + yy * z[2], vy + yv * z[2] + vvy * z[3], ay * z[5]
+            p0, p1 = c * p0 - s * p1 + x, s * p0 + c * p1 + y
+            v0, v1 = c * v0 - s * v1, s * v0 + c * v1
+            a0, a1 = 0.5 * (c * a0 - s * a1), 0.5 * (s * a0 + c * a1)
+            for t in range(len(tau)):
+                path[t, 0] = p0 + tau[t] * (v0 + tau[t] * a0)
+                path[t, 1] = p1 + tau[t] * (v1 + tau[t] * a1)

@@ -9,7 +9,8 @@ import pytest
 from sklearn.cluster import KMeans
 
 from mtp_bench.prediction import KMeansSampler
-from mtp_bench.prediction.k_means import k_means as k_means_of_one
+from mtp_bench.prediction.k_means import k_means as k_means_kernel
+from mtp_bench.prediction.k_means import polynomials
 from mtp_bench.types import Floats
 
 
@@ -20,6 +21,11 @@ def make_pool(rng: np.random.Generator, objects: int, size: int) -> Floats:
     speed = rng.normal(1.0, 0.2, (objects, size))
     direction = np.stack([np.cos(way), np.sin(way)], axis=-1)
     return np.asarray(speed[..., None, None] * tau[:, None] * direction[:, :, None, :])
+
+
+def bent(rng: np.random.Generator, pool: Floats) -> Floats:
+    """The pool with samples that no polynomial of degree 2 describes."""
+    return np.asarray(pool + rng.normal(0, 0.05, pool.shape))
 
 
 def inertia(points: Floats, weight: Floats, centre: Floats) -> float:
@@ -39,21 +45,30 @@ def reduce(pool: Floats, log_weight: Floats, k: int, seed: int = 0, iterations: 
 
 def k_means(points: Floats, weight: Floats, k: int, iterations: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Centres [O, k, d] and shares [O, k] of points [O, S, d] weighted [O, S]."""
-    uniform = rng.random((len(points), k))
-    found = [k_means_of_one(*row, iterations) for row in zip(points, weight, uniform, strict=True)]
-    return np.stack([centre for centre, _ in found]), np.stack([share for _, share in found])
+    return run_kernel(k_means_kernel, points, weight, rng.random((len(points), k)), iterations)
 
 
+def run_kernel(kernel: Any, points: Floats, weight: Floats, uniform: Floats, iterations: int) -> tuple[Floats, Floats]:
+    """What ``kernel`` fills in: centres [O, k, d] and shares [O, k]; ``kernel``: compiled or plain."""
+    centre, log_share = np.full((*uniform.shape, points.shape[2]), np.nan), np.full(uniform.shape, np.nan)
+    with np.errstate(divide="ignore"):
+        log_weight = np.log(weight)
+    kernel(points, log_weight, uniform, iterations, centre, log_share)
+    return centre, np.exp(log_share)
+
+
+@pytest.mark.parametrize("straight", [True, False])
 @pytest.mark.parametrize(("size", "k", "iterations"), [(60, 20, 0), (100, 3, 10), (21, 20, 3), (5, 1, 2)])
-def test_compiled_and_plain_code_agree(size: int, k: int, iterations: int) -> None:
+def test_compiled_and_plain_code_agree(size: int, k: int, iterations: int, straight: bool) -> None:
     rng = np.random.default_rng([size, k])
-    points = make_pool(rng, 6, size).reshape(6, size, 10)
+    pool = make_pool(rng, 6, size)
+    points = (pool if straight else bent(rng, pool)).reshape(6, size, 10)
     points[3] = points[3, 0]  # all at one place
     weight, uniform = rng.random((6, size)), rng.random((6, k))
     weight[4, : size - k - 1] = 0.0
-    for row in zip(points, weight, uniform, strict=True):
-        for ours, plain in zip(k_means_of_one(*row, iterations), k_means_of_one.python(*row, iterations), strict=True):
-            np.testing.assert_allclose(ours, plain, atol=1e-9)
+    ours, plain = (run_kernel(k, points, weight, uniform, iterations) for k in (k_means_kernel, k_means_kernel.python))
+    for one, other in zip(ours, plain, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-9)
 
 
 def test_objects_may_come_in_parts() -> None:
@@ -63,11 +78,13 @@ def test_objects_may_come_in_parts() -> None:
     np.testing.assert_array_equal(np.concatenate(parts), whole)
 
 
+@pytest.mark.parametrize("straight", [True, False])
 @pytest.mark.parametrize("iterations", [1, 3, 300])
 @pytest.mark.parametrize(("size", "k"), [(400, 20), (60, 20), (100, 3), (21, 20), (5, 1)])
-def test_lloyds_iterations_end_where_scikit_learn_ends(size: int, k: int, iterations: int) -> None:
+def test_lloyds_iterations_end_where_scikit_learn_ends(size: int, k: int, iterations: int, straight: bool) -> None:
     rng = np.random.default_rng([size, k])
-    points = make_pool(rng, 6, size).reshape(6, size, 10)
+    pool = make_pool(rng, 6, size)
+    points = (pool if straight else bent(rng, pool)).reshape(6, size, 10)
     weight = rng.random((6, size))
     weight[4, : size - k - 1] = 0.0
     weight /= weight.sum(axis=1, keepdims=True)
@@ -78,6 +95,30 @@ def test_lloyds_iterations_end_where_scikit_learn_ends(size: int, k: int, iterat
         oracle = scikit_learn(points[o], weight[o], n_clusters=k, **settings)
         np.testing.assert_allclose(centre[o], oracle.cluster_centers_, atol=1e-9)
         np.testing.assert_allclose(share[o], np.bincount(oracle.labels_, weight[o], minlength=k), atol=1e-9)
+
+
+def test_polynomials_are_orthonormal_and_tell_constant_acceleration() -> None:
+    tau = 0.1 * np.arange(1.0, 13.0)
+    basis = polynomials(12)
+    np.testing.assert_allclose(basis @ basis.T, np.eye(3), atol=1e-12)
+    motion = np.stack([np.ones(12), tau, tau**2 / 2])
+    np.testing.assert_allclose(motion @ basis.T @ basis, motion, atol=1e-12)
+
+
+@pytest.mark.parametrize("future", [1, 2, 3, 4])
+def test_short_futures(future: int) -> None:
+    pool = np.random.default_rng(10).normal(size=(3, 50, future, 2))
+    centre, weight = reduce(pool, np.zeros((3, 50)), 50 - 1, iterations=0)
+    np.testing.assert_allclose(np.exp(weight).sum(axis=1), 1.0)
+    for o in range(3):
+        assert np.abs(pool[o, :, None] - centre[o, None]).max(axis=(2, 3)).min(axis=0).max() < 1e-12
+
+
+def test_one_bent_sample_among_straight_ones_keeps_its_bend() -> None:
+    pool = make_pool(np.random.default_rng(11), 1, 40)
+    pool[0, 7] = [[0, 0], [3, 0], [0, 0], [3, 0], [0, 0]]
+    centre, _ = reduce(pool, np.zeros((1, 40)), 39)
+    assert np.abs(centre[0] - pool[0, 7]).max(axis=(1, 2)).min() < 1e-9
 
 
 def test_a_few_iterations_are_nearly_as_good_as_scikit_learn() -> None:

@@ -1,0 +1,160 @@
+"""Reducing a pool of samples to k of its own that stand for it: a weighted k-median, found greedily.
+
+Made for pools of weighted samples of learned modes: few, distinct, each with a weight of its own. What is chosen keeps
+the shape that a mode had; the mean of a cluster is no future that any mode said.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..tracking.kernels.arrays import floats, ints
+from ..tracking.kernels.compile import kernel
+from ..types import Floats, Ints
+from .pools import as_points, existing, masses, pass_on, singles
+
+
+@kernel("void(f8[:, ::1], i8[::1], f4[:, ::1])")
+def _turn(points: Floats, there: Ints, turned: Floats) -> None:
+    """Points [S, d] at ``there`` [n] as [d, n], relative to the first one: single precision suffices to choose."""
+    for axis in range(len(turned)):
+        for i in range(len(there)):
+            turned[axis, i] = points[there[i], axis] - points[there[0], axis]
+
+
+@kernel("void(f4[:, ::1], f4[:, ::1])", vectorize=True)
+def _distances(turned: Floats, distance: Floats) -> None:
+    """Distances [n, n] of futures [2 T, n], summed over the T positions; each pair is measured once."""
+    for i in range(len(distance)):
+        row = distance[i, i:]  # from 0 on: indices that may be negative are not vectorised
+        for j in range(len(row)):
+            row[j] = np.float32(0.0)
+        for axis in range(0, len(turned), 2):
+            x, y = turned[axis, i:], turned[axis + 1, i:]
+            x_here, y_here = x[0], y[0]
+            for j in range(len(row)):
+                across, along = x[j] - x_here, y[j] - y_here
+                row[j] += math.sqrt(across * across + along * along)
+        for j in range(i):
+            distance[i, j] = distance[j, i]
+
+
+@kernel("void(f4[:, ::1], f8[::1], f8[::1])", vectorize=True)
+def _expected(distance: Floats, mass: Floats, expected: Floats) -> None:
+    """The mean distance [n] of all samples, by mass, from each one."""
+    for c in range(len(expected)):
+        expected[c] = 0.0
+    for s in range(len(mass)):
+        row, weight = distance[s], mass[s]
+        for c in range(len(expected)):
+            expected[c] += weight * row[c]
+
+
+@kernel("void(f4[::1], f8, f4, f4, f8[::1])", vectorize=True)
+def _lower(row: Floats, mass: float, before: float, now: float, gain: Floats) -> None:
+    """Gains [n] fall as a sample with these distances [n] from all others comes nearer to the chosen ones."""
+    nothing = np.float32(0.0)
+    for c in range(len(gain)):
+        could, can = before - row[c], now - row[c]
+        gain[c] -= mass * ((could if could > nothing else nothing) - (can if can > nothing else nothing))
+
+
+@kernel("i8(f4[:, ::1], f8[::1], f4[::1], f8[::1])")
+def _first(distance: Floats, mass: Floats, least: Floats, gain: Floats) -> int:
+    """The weighted medoid, the first of equals; distances [n] from it, and what each other would gain as the second."""
+    _expected(distance, mass, gain)
+    medoid = 0
+    for c in range(len(gain)):
+        medoid = c if gain[c] < gain[medoid] else medoid
+    for c in range(len(gain)):
+        gain[c], least[c] = 0.0, distance[medoid, c]
+    for s in range(len(mass)):
+        _lower(distance[s], -mass[s], least[s], np.float32(0.0), gain)
+    return medoid
+
+
+@kernel("i8(f4[:, ::1], f8[::1], i8[::1], f4[::1], i8[::1], f8[::1])")
+def _choose(distance: Floats, mass: Floats, chosen: Ints, least: Floats, nearest: Ints, gain: Floats) -> int:
+    """Samples of which each lowers the expected distance most, the first of equals; how many.
+
+    ``distance`` [n, n], ``mass`` [n]; ``chosen`` [k]: their places, fewer if no other lowers it; ``least`` and
+    ``nearest`` [n]: distance and number of the nearest chosen one; ``gain`` [n]: by how much each would lower it.
+    """
+    best = _first(distance, mass, least, gain)
+    for s in range(len(mass)):
+        nearest[s] = 0
+    for j in range(len(chosen)):
+        chosen[j] = best
+        for s in range(len(mass)):
+            now = distance[best, s]
+            if now < least[s]:
+                _lower(distance[s], mass[s], least[s], now, gain)
+                least[s], nearest[s] = now, j
+            if now == 0.0:  # its equals and itself, whatever rounding leaves of their gain
+                gain[s] = -np.inf
+        for c in range(len(gain)):
+            best = c if gain[c] > gain[best] else best
+        if gain[best] <= 0.0:
+            return j + 1
+    return len(chosen)
+
+
+@kernel("void(f8[::1], i8[::1], i8, f8, f8[::1])")
+def _weigh(mass: Floats, nearest: Ints, n: int, log_total: float, log_weight: Floats) -> None:
+    """Log-weights [k] of the ``n`` samples taken: the weight of the samples that are nearest to each."""
+    for j in range(len(log_weight)):
+        log_weight[j] = 0.0
+    for s in range(len(mass)):
+        log_weight[nearest[s]] += mass[s]
+    for j in range(len(log_weight)):
+        there = j < n and log_weight[j] > 0.0
+        log_weight[j] = log_total + np.log(log_weight[j]) if there else -np.inf
+
+
+@kernel("void(f8[:, :, ::1], f8[:, ::1], f8[:, :, ::1], f8[:, ::1])")
+def k_medians(pool: Floats, log_weight: Floats, chosen: Floats, chosen_log_weight: Floats) -> None:
+    """Samples [O, k, d] and log-weights [O, k] chosen of pools [O, S, d] weighted [O, S], d = 2 T.
+
+    A pool of at most k existing samples is passed on.
+    """
+    size, k = pool.shape[1], chosen.shape[1]
+    there, mass, places = ints(size), floats(size), ints(k)
+    least, nearest, gain = singles(size), ints(size), floats(size)
+    table = singles(size * max(size, pool.shape[2]) * 2)
+    for o in range(len(pool)):
+        n = existing(log_weight[o], there)
+        if n <= k:
+            pass_on(pool[o], log_weight[o], there, n, chosen[o], chosen_log_weight[o])
+            continue
+        log_total = masses(log_weight[o], there, n, mass)
+        turned = table[: pool.shape[2] * n].reshape(pool.shape[2], n)
+        distance = table[pool.shape[2] * n : pool.shape[2] * n + n * n].reshape(n, n)
+        _turn(pool[o], there[:n], turned)
+        _distances(turned, distance)
+        found = _choose(distance, mass[:n], places, least[:n], nearest[:n], gain[:n])
+        for j in range(found):
+            places[j] = there[places[j]]
+        pass_on(pool[o], log_weight[o], places, found, chosen[o], chosen_log_weight[o])
+        _weigh(mass[:n], nearest[:n], found, log_total, chosen_log_weight[o])
+
+
+class GreedySampler:
+    """Samples of the pool that minimise its expected minADE, chosen one by one: a greedy weighted k-median.
+
+    The first is the weighted medoid, each next one lowers the expected distance to the nearest one most. Greedy choices
+    lower it by at least 1 - 1/e of what the best ones could, after the first (Nemhauser, Wolsey, Fisher 1978).
+    """
+
+    def reduce(self, pool: Floats, log_weight: Floats, k: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        """``k`` samples [O, k, T, 2] and log-weights [O, k] of the pool [O, S, T, 2] weighted ``log_weight`` [O, S].
+
+        A sample with log-weight -inf does not exist. A pool that has at most k samples is returned as it is. No sample
+        is chosen twice: of fewer distinct ones the rest does not exist. The log-weight of a chosen sample is that of
+        all samples that are nearest to it, so that the pool's total is kept. ``rng`` is not used.
+        """
+        objects, _, future, _ = pool.shape
+        chosen, weight = np.empty((objects, k, 2 * future)), np.empty((objects, k))
+        k_medians(*as_points(pool, log_weight), chosen, weight)
+        return chosen.reshape(objects, k, future, 2), weight
