@@ -25,6 +25,7 @@ KERNELS = {
     "motion": ("mtp_bench.tracking.kernels.motion_kernels", ("predict", "update_pairs")),
     "filter": ("mtp_bench.prediction.kalman", ("filter_pasts",)),
     "kinematic": ("mtp_bench.prediction.kinematic", ("expand",)),
+    "greedy": ("mtp_bench.prediction.greedy", ("k_medians",)),
     "k-means": ("mtp_bench.prediction.k_means", ("k_means",)),
 }
 

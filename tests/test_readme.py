@@ -20,6 +20,7 @@ from mtp_bench.cards import (
     TaskSection,
     WildtrackSource,
 )
+from tests.support.command_line import CommandLine
 from tests.support.small_scenes import task
 
 TASK = task(classes=("car",), detections=5, objects=7)
@@ -28,6 +29,7 @@ DOCUMENTS = (
     "CONTRIBUTING.md",
     "envs/README.md",
     "baselines/README.md",
+    "baselines/TRAINING.md",
     "leaderboard/README.md",
     "leaderboard/RESULTS.md",
     "mtp_bench/detector/README.md",
@@ -135,3 +137,15 @@ def test_the_table_of_card_keys_is_complete(repository: Path) -> None:
     keys += [f"seeds.{split}" for split in ("train", "val", "test")]
     for key in keys:
         assert f"`{key}`" in documented or f"`source.{key}`" in documented, key
+
+
+def test_the_tutorial_runs(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cli: CommandLine) -> None:
+    """From windows to an agent that passes `check`, as it is written, and in at most 80 lines."""
+    tutorial = repository / "baselines" / "TRAINING.md"
+    assert len(tutorial.read_text().splitlines()) <= 80
+    train, agent = blocks(tutorial, "python")
+    monkeypatch.chdir(tmp_path)
+    cli.ok("new", "mine")
+    exec(compile(train, "mine/train.py", "exec"), {})
+    (tmp_path / "mine" / "agent.py").write_text(agent)
+    cli.ok("check", "mine")

@@ -19,6 +19,7 @@ _KERNELS = {  # those that baselines need
     "tracking.kernels.motion_kernels": ("predict", "update_pairs"),
     "prediction.kalman": ("filter_pasts",),
     "prediction.kinematic": ("expand",),
+    "prediction.greedy": ("k_medians",),
     "prediction.k_means": ("k_means",),
 }
 _THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
