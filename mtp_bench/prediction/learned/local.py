@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ...geometry import wrap_angle
@@ -43,7 +45,7 @@ def local_future(windows: TrackWindows, xy: Floats) -> Floats:
 
 def to_absolute(windows: TrackWindows, xy: Floats) -> Floats:
     """Places [n, ..., 2] given in the heading frame of each window, in absolute x y."""
-    flat = xy.reshape(len(xy), -1, 2).astype(np.float64)
+    flat = xy.reshape(len(xy), math.prod(xy.shape[1:-1]), 2).astype(np.float64)
     turned = np.einsum("nsj,nij->nsi", flat, rotation(windows.box[:, -1, 3])) + windows.box[:, -1:, :2]
     return np.asarray(turned.reshape(xy.shape))
 
