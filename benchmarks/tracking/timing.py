@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-import mtp_bench.agent as agent_module
+import mtp_bench.agent.pipeline as agent_module
 import mtp_bench.tracking.tracker as tracker_module
 from mtp_bench.prediction import KinematicPredictor, KMeansSampler
 from mtp_bench.tracking import HypothesisTracker

@@ -178,6 +178,7 @@ def _row(table: AgentTable, subset: Subset, ends: _EndTables, own: _EndTables | 
         gap_closed=gap and gap.closed,
         gap_interval=gap and gap.interval,
         gap_closed_same_predictor=same and same.closed,
+        gap_same_predictor_interval=same and same.interval,
         rank=None,
         unranked_because=None,
         targets=int(some.sum()),

@@ -48,6 +48,7 @@ class Row(Setting):
     gap_closed: float | None  # between the kinematic ends
     gap_interval: Interval | None
     gap_closed_same_predictor: float | None  # between ends with the agent's own predictor and presence
+    gap_same_predictor_interval: Interval | None
     rank: int | None  # None: shown, not ranked
     unranked_because: str | None
     targets: Count

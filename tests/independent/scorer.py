@@ -31,7 +31,10 @@ from .statistics import (
 from .targets import Target, find_targets
 
 Row = dict[str, Any]
-BESIDE = ("difference_to_stp", "difference_interval", "p", "gap_closed", "gap_interval", "gap_closed_same_predictor")
+BESIDE = (
+    "difference_to_stp", "difference_interval", "p", "gap_closed", "gap_interval", "gap_closed_same_predictor",
+    "gap_same_predictor_interval",
+)  # fmt: skip
 
 
 class Ends(NamedTuple):
@@ -150,6 +153,7 @@ def _beside(paired: Paired, name: str, ends: Ends, own: Ends | None) -> Row:
         "gap_closed": gap,
         "gap_interval": interval,
         "gap_closed_same_predictor": paired.gap(name, own)[0] if own else None,
+        "gap_same_predictor_interval": paired.gap(name, own)[1] if own else None,
     }
 
 

@@ -51,6 +51,7 @@ def without_times(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         "gap_closed",
         "gap_interval",
         "gap_closed_same_predictor",
+        "gap_same_predictor_interval",
     )
     return [{k: v for k, v in row.items() if k not in ("ms_per_frame", *beside)} for row in rows]
 

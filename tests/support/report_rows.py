@@ -17,7 +17,8 @@ def row(setting: Setting, subset: str, **values: Any) -> Row:
     base = {
         **_setting(setting), "subset": subset, "minADE": 0.123, "minFDE": 0.234, **error, "interval": (0.31, 0.38),
         "error_by_score": 0.111, "plain_error": 0.789, "fixed_error": 0.456, "localisation": 0.567, "missed": 0.678,
-        "coverage": 0.9, "gap_closed_same_predictor": None, "unranked_because": None, **dict.fromkeys(undefined),
+        "coverage": 0.9, "gap_closed_same_predictor": None,
+        "gap_same_predictor_interval": None, "unranked_because": None, **dict.fromkeys(undefined),
         "targets": 40, "effective_targets": 38.0, "objects": 25, "effective_objects": 24.0, "scenes": 11,
         "effective_units": 10.5, "seeds": 3, "ms_per_frame": 1.5,
     }  # fmt: skip

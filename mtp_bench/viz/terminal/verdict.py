@@ -101,7 +101,7 @@ def _gap(report: Report, row: Row, stp: str, truth: str) -> str | None:
     if not closed:
         return f"{_who(row)}: no share of the gap is given, for {stp} is not significantly worse than true pasts."
     parts = [f"{_who(row)} closes {closed} of the gap between {stp} and true pasts"]
-    own = said(lambda r: r.gap_closed_same_predictor)
+    own = said(lambda r: r.gap_closed_same_predictor, lambda r: r.gap_same_predictor_interval)
     parts.append(f"between ends with its own predictor and presence {own}" if own else "its own ends are not stated")
     parts.append(f"by the plain error {said(plain) or 'unknown'}")
     if (paper := paper_gap(report.env, row)) is not None:
