@@ -14,22 +14,38 @@ from .output import prepare, print_or_write, require_writable, working
 
 if TYPE_CHECKING:
     from ..running.options import RunOptions
+    from ..training.motion_noise import Fit
+
+
+ObserveOption = Annotated[str, typer.Option(help="detections or truth: what the pasts are made of.")]
 
 
 def motion_noise(
-    on: EnvScenes,
-    observe: Annotated[str, typer.Option(help="detections or truth: what the pasts are made of.")] = "detections",
-    jobs: JobsOption = 0,
-    output: TextOption = None,
+    on: EnvScenes, observe: ObserveOption = "detections", jobs: JobsOption = 0, output: TextOption = None
 ) -> None:
     """Fit the motion noise of the kinematic predictors on the training split of an environment (or another)."""
-    from ..training import motion_noise
+    from ..training.motion_noise import fit_motion_noise
+
+    _noise(on, observe, jobs, output, fit_motion_noise)
+
+
+def imm_noise(
+    on: EnvScenes, observe: ObserveOption = "detections", jobs: JobsOption = 0, output: TextOption = None
+) -> None:
+    """Fit the noise of the three motion models of the IMM predictor, on the training split or another."""
+    from ..training.imm_noise import fit_imm_noise
+
+    _noise(on, observe, jobs, output, fit_imm_noise)
+
+
+def _noise(on: EnvScenes, observe: str, jobs: int, output: Path | None, fit: Fit) -> None:
+    from ..training.motion_noise import fit_env
 
     require_writable(output)
     options = on.options(WorkerChoice(jobs)).on_split("train")
     prepare(on.env, options)
     with working("read", options) as watched:
-        text = motion_noise.fit_env(on.env, watched, observe)
+        text = fit_env(on.env, watched, observe, fit)
     print_or_write(output, text)
 
 
@@ -103,6 +119,7 @@ def _of_detector(detector: str, data: str | None, output: Path | None, fit: Call
 
 train = typer.Typer(help="Fit the parameters of a baseline on training splits.", no_args_is_help=True)
 train.command("motion-noise")(opened(motion_noise))
+train.command("imm-noise")(opened(imm_noise))
 train.command("predictor")(opened(predictor))
 train.command("presence")(opened(presence))
 train.command("cut")(opened(cut))

@@ -30,17 +30,21 @@ def stored_noise(task: Task) -> NoiseTable:
     detector decides. True boxes and detections, moving and still frames never stand in for each other. Raises
     UnknownNameError if nothing is left.
     """
-    store = _read_store()
+    return table(most_similar(_read_store(), task))
+
+
+def most_similar(store: dict[str, dict[str, dict[str, Any]]], task: Task) -> list[dict[str, Any]]:
+    """What is stored of each class of the task under its condition, or the most similar one, see `stored_noise`."""
     similar = [name for name in store if _likeness(name, task) > 0]
     if not similar:
-        raise UnknownNameError("motion noise", condition(task), store, "fit it with `mtp-bench train motion-noise`")
+        raise UnknownNameError("motion noise", condition(task), store, "fit it with `mtp-bench train`")
     knowing = [name for name in similar if all(class_name in store[name] for class_name in task.classes)]
     if not knowing:
         best = max(similar, key=lambda name: _likeness(name, task))
         strange = next(class_name for class_name in task.classes if class_name not in store[best])
         raise UnknownNameError(f"class of motion noise {best!r}", strange, store[best])
     best = max(knowing, key=lambda name: _likeness(name, task))
-    return table([store[best][c] for c in task.classes])
+    return [store[best][c] for c in task.classes]
 
 
 def _likeness(name: str, task: Task) -> int:

@@ -5,5 +5,7 @@ from .joint import k_best as k_best
 from .parameters import AB3DMOT as AB3DMOT
 from .parameters import ClassParameters as ClassParameters
 from .parameters import ab3dmot_parameters as ab3dmot_parameters
+from .parameters import sort_parameters as sort_parameters
+from .retracking import ReTracker as ReTracker
 from .tracker import HypothesisTracker as HypothesisTracker
 from .truth import TruthTracker as TruthTracker
