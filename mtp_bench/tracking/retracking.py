@@ -6,13 +6,14 @@ done in every hypothesis of a tracker.
 
 from __future__ import annotations
 
+from collections import deque
 from copy import deepcopy
 from dataclasses import dataclass, fields, replace
 from typing import Self
 
 import numpy as np
 
-from ..agent import FramePredictor, Observation, SamplingPredictor, Tracker, Tracks
+from ..agent import Frame, FramePredictor, Observation, Predictor, SamplingPredictor, Tracker, Tracks
 from ..errors import ShapeError
 from ..types import Bools, Floats, Ints, Task
 from .joint import k_best
@@ -58,7 +59,8 @@ class ReTracker:
     the sum of distance - ``gate`` is least, pairs beyond the gate do not match, and pairs closer than 0.15 m match
     first. Gaps in the past are then bridged, for whoever predicts from these tracks.
 
-    ``predictor``: forecasts, one sample each; a copy is used, so the predictor of a pipeline may be given.
+    ``predictor``: forecasts, one sample each or the likeliest one; a copy is used, so the predictor of a pipeline may
+    be given.
     ``max_misses``: frames without an observation that a track survives.
     ``min_hits``: after a gap a track is output again from so many observations in a row on.
     ``coasting``: frames without an observation in which it is still output.
@@ -72,7 +74,7 @@ class ReTracker:
     def __init__(
         self,
         tracker: Tracker,
-        predictor: SamplingPredictor,
+        predictor: Predictor | SamplingPredictor,
         max_misses: int = 8,
         min_hits: int = 1,
         coasting: int = 1,
@@ -91,7 +93,8 @@ class ReTracker:
         """Forget everything."""
         self._tracker.reset(task)
         self._predictor.reset(task)
-        self._past = task.past
+        self._past, self._frame = task.past, 0
+        self._observed: deque[Observation] = deque(maxlen=task.past)
         self._memory = _nothing(task, task.past + self._max_misses)
         self._member = np.ones((1, 0), dtype=bool)  # [H, R]
         self._next_id = 0
@@ -99,6 +102,8 @@ class ReTracker:
     def step(self, observation: Observation) -> Tracks:
         """Tracks to output after this frame, in the hypotheses of the tracker and with their weights."""
         tracks = self._tracker.step(observation)
+        self._frame += 1
+        self._observed.append(observation)
         parent = self._parents(tracks)
         seen = np.flatnonzero(tracks.detection >= 0)
         path = np.concatenate([tracks.past[seen, -1:, :2], self._forecast(tracks, seen)], axis=1)
@@ -120,6 +125,11 @@ class ReTracker:
 
     def _forecast(self, tracks: Tracks, leaf: Ints) -> Floats:
         """One future [n, T, 2] of each track ``leaf`` [n]."""
+        if isinstance(self._predictor, Predictor):
+            said = self._predictor.predict(Frame(self._frame - 1, tracks.those(leaf), tuple(self._observed)))
+            weight = np.zeros(said.samples.shape[:2]) if said.log_weight is None else said.log_weight
+            likeliest: Floats = said.samples[np.arange(len(weight)), weight.argmax(axis=1)]
+            return likeliest if said.row is None else np.asarray(likeliest[said.row])
         if isinstance(self._predictor, FramePredictor):
             self._predictor.begin(tracks)
         return self._predictor.sample(tracks, leaf, np.zeros(len(leaf), dtype=np.int64), 1)[:, 0]

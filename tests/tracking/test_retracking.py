@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mtp_bench import Pipeline
+from mtp_bench import Forecasts, Frame, Pipeline
 from mtp_bench.agent import Observation
 from mtp_bench.errors import ShapeError
 from mtp_bench.prediction import KinematicPredictor, KMeansSampler, NoiseTable
@@ -172,6 +172,31 @@ def test_in_a_pipeline() -> None:
     for detections in random_frames(np.random.default_rng(1), 12):
         answer = agent.act(observation(detections))
     assert answer["object_valid"].any()
+
+
+class AtOnce:
+    """Forecasts a frame at once what the kinematic predictor forecasts on demand; an unlikely sample stands first."""
+
+    def __init__(self) -> None:
+        self.inner = KinematicPredictor(STEADY)
+
+    def reset(self, task: Task) -> None:
+        self.inner.reset(task)
+
+    def predict(self, frame: Frame) -> Forecasts:
+        assert frame.seen
+        n = len(frame.tracks.box)
+        self.inner.begin(frame.tracks)
+        likely = self.inner.sample(frame.tracks, np.arange(n), np.zeros(n, dtype=np.int64), 1)
+        return Forecasts(np.concatenate([likely + 50.0, likely], axis=1), np.tile([-9.0, 0.0], (n, 1)))
+
+
+def test_a_predictor_of_whole_frames_does_as_well() -> None:
+    crowd = random_frames(np.random.default_rng(1), 20, objects=8, area=8.0)
+    given = [ReTracker(HypothesisTracker(3), predictor) for predictor in (AtOnce(), KinematicPredictor(STEADY))]
+    for one, other in zip(*(run(tracker, crowd, TASK) for tracker in given), strict=True):
+        np.testing.assert_array_equal(one.track_id, other.track_id)
+        np.testing.assert_array_equal(one.past, other.past)
 
 
 def test_reset_forgets() -> None:
