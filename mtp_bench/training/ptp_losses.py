@@ -71,4 +71,5 @@ def _likeness(modes: torch.Tensor) -> torch.Tensor:
     square = (flat**2).sum(-1)
     distance = (square[:, :, None] + square[:, None] - 2 * flat @ flat.transpose(1, 2)).clip(0)
     samples = modes.shape[1]
-    return ((-distance).exp().sum((1, 2)) - samples) / max(1, samples * (samples - 1))
+    alike: torch.Tensor = (-distance).exp().sum((1, 2)) - samples  # without each mode's likeness to itself
+    return alike / max(1, samples * (samples - 1))

@@ -28,7 +28,8 @@ def relu(x: Array) -> Array:
 
 def sigmoid(x: Array) -> Array:
     """1 / (1 + exp(-x)), without overflow."""
-    return 0.5 * (1 + namespace(x).tanh(0.5 * x))
+    xp = namespace(x)
+    return 0.5 * (1 + np.tanh(0.5 * x)) if xp is np else xp.sigmoid(x)
 
 
 def linear(weights: Weights, name: str, x: Array) -> Array:
