@@ -65,13 +65,14 @@ def predictor(
 
     An interrupted training goes on where it was.
     """
-    from ..training.fitting import Plan
     from ..training.predictors import Request, learnable, train_predictor
+    from ..training.recipes import recipe_of
     from ..viz.terminal.output import progress_bar
 
     one_of(device, ("auto", "cpu", "cuda"), "--device")
     require_writable(output)
-    plan = replace(Plan(), **{name: value for name, value in (("epochs", epochs), ("seed", seed)) if value is not None})
+    changed = {"seed": seed} if epochs is None else {"seed": seed, "epochs": epochs}
+    plan = replace(recipe_of(network).plan, **changed)
     options = on.options(WorkerChoice(jobs)).on_split("train")
     # here a fold is what is left out: another command scores it
     request = Request(network, on.env, pasts, hypotheses, options.fold, tuple(also or ()), plan, device)

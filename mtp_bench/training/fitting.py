@@ -15,26 +15,12 @@ import torch
 from ..errors import MtpBenchError
 from ..prediction.learned.local import Arrays
 from ..prediction.learned.network import Network, Sizes
-from .losses import Tensors, mode_distance, varied, winner_takes_all
+from .batches import in_order, shuffled
+from .losses import Tensors, mode_distance
+from .recipes import Plan as Plan
+from .recipes import Recipe, Stage, recipe_of
 
 Told = Callable[[int, float], object]  # is told every epoch's number, from 1 on, and its validation minADE
-
-
-@dataclass(frozen=True)
-class Plan:
-    """How a network is trained."""
-
-    epochs: int = 60
-    batch: int = 512
-    rate: float = 2e-3  # highest of the schedule (one cycle: Smith, Topin 2019)
-    decay: float = 1e-4  # of AdamW (Loshchilov, Hutter 2019)
-    patience: int = 20  # epochs without a better validation error, in the second half, after which it stops
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name in ("epochs", "batch", "patience"):
-            if getattr(self, name) < 1:
-                raise MtpBenchError(f"{name} is {getattr(self, name)}, expected at least 1")
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +46,12 @@ class State:
     """Where a training is."""
 
     epoch: int = 0  # that are done
+    stage: int = 0
+    first: int = 0  # epochs that were done when the stage began
     best_epoch: int = 0
     curve: list[float] = field(default_factory=list)  # validation minADE, m, after each epoch
     best: Arrays = field(default_factory=dict)  # weights of the best epoch
+    memory: Tensors = field(default_factory=dict)  # of the optimizer, see `_memory`
 
 
 def device_of(name: str) -> torch.device:
@@ -75,38 +64,79 @@ def device_of(name: str) -> torch.device:
 def fit(
     network: Network, sizes: Sizes, lesson: Lesson, plan: Plan, device: torch.device, told: Told, checkpoint: Path
 ) -> State:
-    """Train a network; the weights of the epoch with the best validation minADE count.
+    """Train a network by its recipe; the weights of the epoch with the best validation minADE count.
 
     After each epoch ``checkpoint`` holds where it is; a training with the same plan and data goes on from there, and
     ends with the same weights as one that was never interrupted.
     """
-    learnt = ~lesson.validation
-    start = network.start(
-        {name: value[learnt] for name, value in lesson.inputs.items()},
-        lesson.future[learnt], lesson.known[learnt].astype(bool), sizes, plan.seed,
-    )  # fmt: skip
-    weights = {name: torch.from_numpy(np.asarray(value, np.float32)).to(device) for name, value in start.items()}
-    trained = [value.requires_grad_() for name, value in sorted(weights.items()) if is_trained(name)]
-    optimizer = torch.optim.AdamW(trained, lr=plan.rate, weight_decay=plan.decay)
-    data = lesson.tensors(device)
-    rows, held = (torch.from_numpy(np.flatnonzero(part)).to(device) for part in (learnt, lesson.validation))
+    work = _Work.of(network, sizes, lesson, plan, device)
     kept = _Checkpoint(checkpoint, _digest(network, sizes, lesson, plan))
-    state = kept.read(weights, optimizer)
-    while state.epoch < plan.epochs and not _over(state, plan):
-        _epoch(network, sizes, weights, optimizer, data, rows, plan, state.epoch)
-        error = validation_error(network, sizes, weights, data, held)
+    state = kept.read(work.weights)
+    while state.stage < len(work.recipe.stages):
+        _fit_stage(work, state, kept, told)
+        with torch.no_grad():
+            for name, value in work.weights.items():
+                value.copy_(torch.from_numpy(state.best[name]))
+        state.stage, state.first, state.memory = state.stage + 1, state.epoch, {}
+    return state
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """What a training works on."""
+
+    network: Network
+    sizes: Sizes
+    recipe: Recipe
+    plan: Plan
+    weights: Tensors
+    data: Tensors
+    learnt: torch.Tensor  # rows of the data
+    held: torch.Tensor  # rows that tell when to stop
+
+    @classmethod
+    def of(cls, network: Network, sizes: Sizes, lesson: Lesson, plan: Plan, device: torch.device) -> _Work:
+        learnt = ~lesson.validation
+        start = network.start(
+            {name: value[learnt] for name, value in lesson.inputs.items()},
+            lesson.future[learnt], lesson.known[learnt].astype(bool), sizes, plan.seed,
+        )  # fmt: skip
+        weights = {name: torch.from_numpy(np.asarray(value, np.float32)).to(device) for name, value in start.items()}
+        rows, held = (torch.from_numpy(np.flatnonzero(part)).to(device) for part in (learnt, lesson.validation))
+        return cls(network, sizes, recipe_of(network.name), plan, weights, lesson.tensors(device), rows, held)
+
+    @property
+    def moment(self) -> torch.Tensor | None:
+        """The frame of each window, where batches are of whole frames."""
+        return self.data["moment"] if self.recipe.by_frame else None
+
+    def trained(self, stage: Stage) -> list[torch.Tensor]:
+        """The weights that a stage trains; only these ask for gradients."""
+        names = [name for name in sorted(self.weights) if is_trained(name) and name.startswith(stage.trains)]
+        for name, value in self.weights.items():
+            value.requires_grad_(name in names)
+        return [self.weights[name] for name in names]
+
+
+def _fit_stage(work: _Work, state: State, kept: _Checkpoint, told: Told) -> None:
+    """Train the stage in which ``state`` is, to its end."""
+    stage = work.recipe.stages[state.stage]
+    optimizer = work.recipe.optimizer(work.trained(stage), work.plan)
+    _remember(optimizer, state.memory)
+    while not _over(state, work.plan, stage.epochs(work.plan)):
+        _epoch(work, stage, optimizer, state)
+        error = validation_error(work.network, work.sizes, work.weights, work.data, work.held, work.moment)
         if not math.isfinite(error):
-            raise MtpBenchError(
-                f"the training of {network.name} broke down in epoch {state.epoch + 1}: try a lower rate"
-            )
+            name = work.network.name
+            raise MtpBenchError(f"the training of {name} broke down in epoch {state.epoch + 1}: try a lower rate")
         if not state.curve or error < min(state.curve):
             state.best_epoch = state.epoch + 1
-            state.best = {name: value.detach().cpu().numpy().copy() for name, value in weights.items()}
+            state.best = {name: value.detach().cpu().numpy().copy() for name, value in work.weights.items()}
         state.curve.append(error)
         state.epoch += 1
-        kept.write(state, weights, optimizer)
+        state.memory = _memory(optimizer)
+        kept.write(state, work.weights)
         told(state.epoch, error)
-    return state
 
 
 def is_trained(name: str) -> bool:
@@ -114,30 +144,22 @@ def is_trained(name: str) -> bool:
     return not name.endswith((".mean", ".spread"))
 
 
-def _over(state: State, plan: Plan) -> bool:
-    return state.epoch >= plan.epochs // 2 and state.epoch - state.best_epoch >= plan.patience
+def _over(state: State, plan: Plan, epochs: int) -> bool:
+    """The stage had its ``epochs``, or has not become better for long."""
+    done, idle = state.epoch - state.first, state.epoch - max(state.best_epoch, state.first)
+    return done >= epochs or (done >= epochs // 2 and idle >= plan.patience)
 
 
-def _epoch(
-    network: Network,
-    sizes: Sizes,
-    weights: Tensors,
-    optimizer: torch.optim.Optimizer,
-    data: Tensors,
-    rows: torch.Tensor,
-    plan: Plan,
-    epoch: int,
-) -> None:
+def _epoch(work: _Work, stage: Stage, optimizer: torch.optim.Optimizer, state: State) -> None:
     """One pass over the data; the random numbers depend on seed and epoch alone."""
-    generator = torch.Generator().manual_seed(plan.seed * 100_003 + epoch)
-    order = rows[torch.randperm(len(rows), generator=generator).to(rows.device)]
-    batches = torch.split(order, plan.batch)
+    generator = torch.Generator().manual_seed(work.plan.seed * 100_003 + state.epoch)
+    batches = shuffled(work.learnt, work.moment, work.plan.batch, generator)
     for number, part in enumerate(batches):
-        progress = (epoch + number / len(batches)) / plan.epochs
+        progress = (state.epoch - state.first + number / len(batches)) / stage.epochs(work.plan)
         for group in optimizer.param_groups:
-            group["lr"] = plan.rate * one_cycle(progress)
-        batch = varied({name: value[part] for name, value in data.items()}, generator)
-        loss = winner_takes_all(network.forward(weights, batch, sizes), batch, progress)
+            group["lr"] = work.plan.rate * one_cycle(progress)
+        batch = work.recipe.vary({name: value[part] for name, value in work.data.items()}, generator)
+        loss = stage.loss(work.network, work.weights, batch, work.sizes, progress, generator)
         optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         optimizer.step()
@@ -151,10 +173,12 @@ def one_cycle(progress: float, warm: float = 0.2) -> float:
 
 
 @torch.no_grad()
-def validation_error(network: Network, sizes: Sizes, weights: Tensors, data: Tensors, rows: torch.Tensor) -> float:
-    """minADE, m, of the windows ``rows``, by their weight."""
+def validation_error(
+    network: Network, sizes: Sizes, weights: Tensors, data: Tensors, rows: torch.Tensor, moment: torch.Tensor | None
+) -> float:
+    """minADE, m, of the windows ``rows``, by their weight; ``moment``: see `batches.in_order`."""
     total, weight = 0.0, 0.0
-    for part in torch.split(rows, 8192):
+    for part in in_order(rows, moment, 8192 if moment is None else 1024):
         batch = {name: value[part] for name, value in data.items()}
         said = network.forward(weights, batch, sizes)
         least = mode_distance(said["modes"], batch["future"], batch["known"]).amin(dim=1)
@@ -171,14 +195,33 @@ def _digest(network: Network, sizes: Sizes, lesson: Lesson, plan: Plan) -> str:
     return f"{network.name} {asdict(sizes)} {asdict(plan)} {content_hash({**lesson.inputs, **rest})}"
 
 
+def _memory(optimizer: torch.optim.Optimizer) -> Tensors:
+    """What an optimizer remembers of each parameter, as "number/name"."""
+    parameters = optimizer.param_groups[0]["params"]
+    return {
+        f"{number}/{name}": value.cpu()
+        for number, parameter in enumerate(parameters)
+        for name, value in optimizer.state[parameter].items()
+    }
+
+
+def _remember(optimizer: torch.optim.Optimizer, memory: Tensors) -> None:
+    """Give an optimizer back what `_memory` said."""
+    parameters = optimizer.param_groups[0]["params"]
+    for place, value in memory.items():
+        number, name = place.split("/")
+        parameter = parameters[int(number)]
+        optimizer.state[parameter][name] = value.to("cpu" if name == "step" else parameter.device)
+
+
 class _Checkpoint:
     """The file that a training goes on from: safetensors, nothing in it is run."""
 
     def __init__(self, path: Path, digest: str) -> None:
         self._path, self._digest = path, digest
 
-    def read(self, weights: Tensors, optimizer: torch.optim.Optimizer) -> State:
-        """Put ``weights`` and the optimizer where they were; a new state where there is no file of this training."""
+    def read(self, weights: Tensors) -> State:
+        """Put ``weights`` where they were; a new state where there is no file of this training."""
         from safetensors import SafetensorError, safe_open
 
         if not self._path.is_file():
@@ -186,7 +229,7 @@ class _Checkpoint:
         try:
             with safe_open(self._path, framework="pt") as file:
                 said = json.loads((file.metadata() or {}).get("state", "{}"))
-                if said.get("digest") != self._digest:
+                if said.pop("digest", None) != self._digest:
                     return State()
                 tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
         except (SafetensorError, OSError, ValueError):
@@ -194,14 +237,11 @@ class _Checkpoint:
         with torch.no_grad():
             for name, value in weights.items():
                 value.copy_(tensors[f"now/{name}"])
-        for number, parameter in enumerate(optimizer.param_groups[0]["params"]):
-            optimizer.state[parameter] = {
-                key: tensors[f"{key}/{number}"].to("cpu" if key == "step" else parameter.device) for key in _ADAM
-            }
         best = {name: tensors[f"best/{name}"].numpy() for name in weights}
-        return State(said["epoch"], said["best_epoch"], said["curve"], best)
+        memory = {name.removeprefix("memory/"): value for name, value in tensors.items() if name.startswith("memory/")}
+        return State(**said, best=best, memory=memory)
 
-    def write(self, state: State, weights: Tensors, optimizer: torch.optim.Optimizer) -> None:
+    def write(self, state: State, weights: Tensors) -> None:
         """Store where the training is, as a whole or not at all."""
         from safetensors.torch import save_file
 
@@ -209,13 +249,10 @@ class _Checkpoint:
 
         tensors = {f"now/{name}": value.detach().cpu().contiguous() for name, value in weights.items()}
         tensors |= {f"best/{name}": torch.from_numpy(value) for name, value in state.best.items()}
-        for number, parameter in enumerate(optimizer.param_groups[0]["params"]):
-            tensors |= {f"{key}/{number}": optimizer.state[parameter][key].cpu() for key in _ADAM}
-        said: dict[str, Any] = {
-            "digest": self._digest, "epoch": state.epoch, "best_epoch": state.best_epoch, "curve": state.curve,
-        }  # fmt: skip
+        tensors |= {f"memory/{name}": value for name, value in state.memory.items()}
+        said: dict[str, Any] = {name: getattr(state, name) for name in _STATED} | {"digest": self._digest}
         with whole_file(self._path) as part:
             save_file(tensors, part, {"state": json.dumps(said)})
 
 
-_ADAM = ("step", "exp_avg", "exp_avg_sq")  # what AdamW remembers of each parameter
+_STATED = ("epoch", "stage", "first", "best_epoch", "curve")

@@ -6,6 +6,8 @@ from typing import Any
 
 import torch
 
+from ..prediction.learned.network import Network, Sizes
+
 Tensors = dict[str, torch.Tensor]
 
 WEIGHING = 0.2  # of the log-likelihood of the right mode beside metres
@@ -20,26 +22,61 @@ def mode_distance(modes: torch.Tensor, future: torch.Tensor, known: torch.Tensor
     return (distance * known[:, None]).sum(-1) / known.sum(-1).clip(1)[:, None]
 
 
-def winner_takes_all(said: Tensors, batch: Tensors, progress: float) -> torch.Tensor:
+def winner_takes_all(
+    network: Network, weights: Tensors, batch: Tensors, sizes: Sizes, progress: float, generator: torch.Generator
+) -> torch.Tensor:
     """Mean loss of a batch: distance of the best mode, whether it was given the weight, and the present position.
 
     In the first half of the training a shrinking part (from .3) of all modes' mean distance keeps every mode alive.
     """
+    said = network.forward(weights, batch, sizes)
     distance = mode_distance(said["modes"], batch["future"], batch["known"])
     relaxed = 0.3 * max(0.0, 1 - 2 * progress)
     best, winner = distance.min(dim=1)
     weight = torch.nn.functional.cross_entropy(said["log_weight"], winner, reduction="none")
-    here = torch.sqrt(((said["present"] - batch["present"]) ** 2).sum(-1) + 1e-6)
-    loss = (1 - relaxed) * best + relaxed * distance.mean(dim=1) + WEIGHING * weight + PRESENT * here
-    return (loss * batch["weight"]).sum() / batch["weight"].sum()
+    here = present_error(said["present"], batch)
+    return weighted((1 - relaxed) * best + relaxed * distance.mean(dim=1) + WEIGHING * weight + PRESENT * here, batch)
 
 
-def varied(batch: Tensors, generator: torch.Generator) -> Tensors:
-    """The batch with half of the windows mirrored, some pasts cut short, and the heading a little off."""
+def gaussian_path(
+    network: Network, weights: Tensors, batch: Tensors, sizes: Sizes, progress: float, generator: torch.Generator
+) -> torch.Tensor:
+    """Negative log-likelihood of the future under a normal distribution at each step, mean over the known steps.
+
+    The network says ``path`` [n, T, 2], the means, and ``root`` [n, T, 2, 2], lower triangular square roots of the
+    covariances, m.
+    """
+    said = network.forward(weights, batch, sizes)
+    root, error = said["root"], batch["future"] - said["path"]
+    first = error[..., 0] / root[..., 0, 0]
+    second = (error[..., 1] - root[..., 1, 0] * first) / root[..., 1, 1]
+    loss = 0.5 * (first**2 + second**2) + root[..., 0, 0].log() + root[..., 1, 1].log()
+    loss = (loss * batch["known"]).sum(-1) / batch["known"].sum(-1).clip(1)
+    return weighted(loss + PRESENT * present_error(said["present"], batch), batch)
+
+
+def present_error(present: torch.Tensor, batch: Tensors) -> torch.Tensor:
+    """Distance [n] m of the present positions [n, 2] to the true ones."""
+    return torch.sqrt(((present - batch["present"]) ** 2).sum(-1) + 1e-6)
+
+
+def weighted(loss: torch.Tensor, batch: Tensors) -> torch.Tensor:
+    """Mean of the losses [n] of windows, by their weight."""
+    return (loss * batch["weight"]).sum() / batch["weight"].sum().clip(1e-9)
+
+
+def varied(batch: Tensors, generator: torch.Generator, deviation: float = TURN) -> Tensors:
+    """The batch with half of the windows mirrored, some pasts cut short, and the heading ``deviation`` rad off.
+
+    Windows of the same frame, where the batch tells it, are mirrored together.
+    """
     n, past = batch["alive"].shape
     made: Any = {"generator": generator}
-    mirror = torch.where(torch.rand(n, **made) < 0.5, -1.0, 1.0)
-    angle = TURN * torch.randn(n, **made)
+    lot = torch.rand(n, **made)
+    if "moment" in batch:
+        lot = lot[torch.unique(batch["moment"].cpu(), return_inverse=True)[1]]
+    mirror = torch.where(lot < 0.5, -1.0, 1.0)
+    angle = deviation * torch.randn(n, **made)
     device = batch["position"].device
     turn = torch.stack([angle.cos(), -angle.sin(), angle.sin(), angle.cos()], -1).reshape(n, 2, 2)
     turn = (turn * torch.stack([torch.ones(n), mirror], -1)[:, None]).to(device)
@@ -48,6 +85,9 @@ def varied(batch: Tensors, generator: torch.Generator) -> Tensors:
         out[name] = torch.einsum("nti,nji->ntj", batch[name], turn)
     out["present"] = torch.einsum("ni,nji->nj", batch["present"], turn)
     out["yaw"] = batch["yaw"] * mirror.to(device)[:, None]
+    if "place" in batch:
+        there = torch.stack([torch.ones(n), mirror, mirror], -1).to(device) * batch["place"]
+        out["place"] = torch.cat([there[:, :2], there[:, 2:] - angle.to(device)[:, None]], 1)
     first = torch.where(torch.rand(n, **made) < CUT, torch.randint(0, past, (n,), **made), 0)
     kept = (torch.arange(past)[None] >= first[:, None]).to(device)
     out["alive"], out["taken"] = batch["alive"] * kept, batch["taken"] * kept

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,9 @@ from ..prediction.learned.registry import network_of
 from ..prediction.learned.weights import Stored, file_name, weights_folder, write_weights
 from ..running.folds import Fold, held_out
 from ..running.options import DEFAULTS, RunOptions
-from ..types import Task
+from ..types import Bools, Task
 from .fitting import Lesson, Plan, State, Told, device_of, fit
+from .recipes import recipe_of
 from .split import open_split
 from .tracklets import TRUTH, Windows, together, windows
 
@@ -35,7 +36,7 @@ class Request:
     hypotheses: int = HYPOTHESES
     fold: Fold | None = None  # whose scenes are left out altogether
     also: tuple[str, ...] = ()  # further envs to learn from, with the same rate and sizes
-    plan: Plan = field(default_factory=Plan)
+    plan: Plan | None = None  # None: what suits the network
     device: str = "auto"
 
     def __post_init__(self) -> None:
@@ -43,9 +44,17 @@ class Request:
         if self.on not in ON:
             raise UnknownNameError("value of --on", self.on, ON)
 
+    @property
+    def chosen_plan(self) -> Plan:
+        """The plan, or the one of the network's recipe."""
+        return self.plan or recipe_of(self.network).plan
+
 
 def learnable(request: Request, options: RunOptions = DEFAULTS) -> Windows:
-    """The windows that a request learns from: those that follow an object with any known future."""
+    """The windows that a request learns from: those that are `taught`.
+
+    For a network that sees whole frames, also those that the others see.
+    """
     parts = [_learnable(env_id, request, options) for env_id in (request.env_id, *request.also)]
     for part in parts[1:]:
         _require_alike(parts[0].task, part.task)
@@ -72,20 +81,28 @@ def _learnable(env_id: str, request: Request, options: RunOptions) -> Windows:
         names = tuple(name for name in names if name not in away)
     tracker: str | int = TRUTH if request.on == TRUTH else request.hypotheses
     found = windows(env_id, opened.card.source.split, tracker, names, options)
-    found = found.those((found.object_id >= 0) & found.future_known.any(axis=1))
-    if len(found) == 0:
+    kept = taught(found)
+    if not kept.any():
         raise MtpBenchError(f"{env_id}: no track of its training scenes follows an object with a known future")
-    return found
+    return found.those(kept | found.best if recipe_of(request.network).by_frame else kept)
+
+
+def taught(found: Windows) -> Bools:
+    """The windows [n] that follow an object with any known future."""
+    return np.asarray((found.object_id >= 0) & found.future_known.any(axis=1))
 
 
 def lesson_of(network: Network, found: Windows, sizes: Sizes) -> Lesson:
-    """Windows as they are learnt from. Those of one object and frame count by the mass of their hypotheses."""
+    """Windows as they are learnt from. Those of one object and frame count by the mass of their hypotheses.
+
+    Windows that teach nothing have no weight: they are there for the others to see.
+    """
     return Lesson(
         inputs=network.inputs(found, found.moment, found.seen, sizes),
         future=local_future(found, found.future),
         known=found.future_known,
         present=local_future(found, found.present[:, None])[:, 0],
-        weight=found.mass.astype(np.float32),
+        weight=np.where(taught(found), found.mass, 0).astype(np.float32),
         validation=validation_rows(found),
     )
 
@@ -115,7 +132,7 @@ def train_predictor(
     path = output or weights_folder() / file_name(request.network, request.on, request.env_id)
     path.parent.mkdir(parents=True, exist_ok=True)
     lesson, checkpoint = lesson_of(network, found, sizes), path.with_suffix(".checkpoint")
-    state = fit(network, sizes, lesson, request.plan, device_of(request.device), told, checkpoint)
+    state = fit(network, sizes, lesson, request.chosen_plan, device_of(request.device), told, checkpoint)
     card = model_card(request, found, lesson, state)
     write_weights(path, Stored(state.best, network.name, sizes, card))
     checkpoint.unlink(missing_ok=True)
@@ -132,9 +149,9 @@ def model_card(request: Request, found: Windows, lesson: Lesson, state: State) -
         "present": request.on != TRUTH,  # of true boxes the present position is known
         "fold": None if request.fold is None else f"{request.fold[0]}/{request.fold[1]}",
         "scenes": list(found.names),
-        "windows": int((~lesson.validation).sum()),
-        "validation_windows": int(lesson.validation.sum()),
+        "windows": int((~lesson.validation & (lesson.weight > 0)).sum()),
+        "validation_windows": int((lesson.validation & (lesson.weight > 0)).sum()),
         "validation_minADE": round(min(state.curve), 4),
         "best_epoch": state.best_epoch,
-        "plan": asdict(request.plan),
+        "plan": asdict(request.chosen_plan),
     }

@@ -28,7 +28,8 @@ def relu(x: Array) -> Array:
 
 def sigmoid(x: Array) -> Array:
     """1 / (1 + exp(-x)), without overflow."""
-    return 0.5 * (1 + namespace(x).tanh(0.5 * x))
+    xp = namespace(x)
+    return 0.5 * (1 + np.tanh(0.5 * x)) if xp is np else xp.sigmoid(x)
 
 
 def linear(weights: Weights, name: str, x: Array) -> Array:
@@ -45,18 +46,34 @@ def mlp(weights: Weights, name: str, x: Array, layers: int) -> Array:
 
 
 def lstm(weights: Weights, name: str, steps: Array, mask: Array) -> Array:
-    """Last hidden state [n, h] of an LSTM over ``steps`` [n, P, in]; a step with ``mask`` [n, P] 0 changes nothing.
+    """Last hidden state [n, h] of an LSTM over ``steps``, see `lstm_states`."""
+    return lstm_states(weights, name, steps, mask)[:, -1]
+
+
+def lstm_states(weights: Weights, name: str, steps: Array, mask: Array) -> Array:
+    """Hidden states [n, P, h] of an LSTM over ``steps`` [n, P, in]; a step with ``mask`` [n, P] 0 changes nothing.
 
     ``name.weight`` [in + h, 4 h] and ``name.bias`` [4 h], in the order input, forget, cell, output (Hochreiter,
     Schmidhuber 1997; Gers et al. 2000).
     """
-    xp, size = namespace(steps), weights[f"{name}.bias"].shape[0] // 4
-    hidden = cell = xp.zeros_like(steps[:, 0, :1]) + xp.zeros_like(weights[f"{name}.bias"][:size])
+    hidden = cell = nothing(steps[:, 0], weights[f"{name}.bias"])
+    states = []
     for step in range(steps.shape[1]):
-        new_hidden, new_cell = lstm_cell(weights, name, steps[:, step], hidden, cell)
-        here = mask[:, step : step + 1]
-        hidden, cell = here * new_hidden + (1 - here) * hidden, here * new_cell + (1 - here) * cell
-    return hidden
+        new = lstm_cell(weights, name, steps[:, step], hidden, cell)
+        hidden, cell = (where_alive(mask[:, step], *pair) for pair in zip(new, (hidden, cell), strict=True))
+        states.append(hidden)
+    return namespace(steps).stack(states, 1)
+
+
+def nothing(like: Array, bias: Array) -> Array:
+    """A hidden state [n, h] of zeros, for ``like`` [n, ...] and the ``bias`` [4 h] of an LSTM."""
+    zeros = namespace(like).zeros_like
+    return zeros(like[:, :1]) + zeros(bias[: len(bias) // 4])
+
+
+def where_alive(alive: Array, new: Array, old: Array) -> Array:
+    """The rows [n, h] of ``new`` where ``alive`` [n] is 1, of ``old`` where it is 0."""
+    return alive[:, None] * new + (1 - alive[:, None]) * old
 
 
 def lstm_cell(weights: Weights, name: str, x: Array, hidden: Array, cell: Array) -> tuple[Array, Array]:

@@ -77,3 +77,11 @@ def straight(inputs: dict[str, Array], sizes: Sizes) -> Array:
     xp = namespace(inputs["position"])
     velocity = mean_velocity(inputs, sizes.dt)
     return xp.cumsum(xp.stack([velocity * sizes.dt] * sizes.future, 1), 1)
+
+
+def step_spread(correction: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """How far a step of corrections [n, T, 2] of constant velocity strays, per axis: [T, 1] m."""
+    step = np.diff(correction, axis=1, prepend=0)
+    both = known & np.concatenate([known[:, :1], known[:, :-1]], axis=1)
+    spread = [np.sqrt(np.mean(step[both[:, t], t] ** 2)) if both[:, t].any() else CAUTION for t in range(step.shape[1])]
+    return np.maximum(spread, CAUTION)[:, None].astype(np.float32)

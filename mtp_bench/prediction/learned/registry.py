@@ -5,8 +5,10 @@ from __future__ import annotations
 from ...errors import UnknownNameError
 from .modes import Modes
 from .network import Network
+from .ptp import Ptp
+from .social_lstm import SocialLstm
 
-NETWORKS: dict[str, Network] = {network.name: network for network in (Modes(),)}
+NETWORKS: dict[str, Network] = {network.name: network for network in (Modes(), Ptp(), SocialLstm())}
 
 
 def network_of(name: str) -> Network:

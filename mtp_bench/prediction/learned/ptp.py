@@ -1,0 +1,190 @@
+"""PTP: the forecasting branch of Weng, Yuan, Kitani 2021, the predictor of the MTP paper.
+
+A recurrent encoder of each tracklet, a graph network over the objects of the frame, a conditional variational
+autoencoder with recurrent encoder and decoder, and on top of it a function that maps what is seen of an object to k
+diverse codes (DLow: Yuan, Kitani 2020, successor of the diversity sampling function of PTP): z_k = A_k eps + b_k.
+
+At work eps is 0, so that the forecasts are the decoder's k diverse futures, all of the same weight. Before the sampling
+function is trained its codes are k fixed draws of the prior. Neither code nor weights of PTP are public. What differs:
+all is in the heading frame of the object, the decoder gives corrections of constant velocity, and messages between
+objects tell where the other one is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...types import Ints
+from ..windows import Surroundings, TrackWindows
+from .layers import (
+    Array,
+    Weights,
+    initial,
+    linear,
+    linear_shapes,
+    lstm,
+    lstm_cell,
+    lstm_shapes,
+    lstm_states,
+    mlp,
+    namespace,
+    relu,
+)
+from .local import PER_FRAME, Arrays, history, mean_velocity, one_hot
+from .modes import CAUTION, step_spread, straight
+from .neighbours import frame_inputs, in_view, offsets, turned
+from .network import Sizes
+
+TRACKLET = 64  # numbers that stand for a tracklet, and for an object in the graph
+ROUNDS = 2  # of messages
+REACH = 20.0  # m, between objects that are joined by an edge
+CODE = 16  # numbers of a latent code
+DECODER = 64  # hidden state of the recurrent decoder
+SAMPLER = 128  # hidden layer of the sampling function
+PER_STEP = PER_FRAME + 2  # numbers of a frame of a tracklet
+PER_OBJECT = 7  # numbers of a tracklet beside its frames and class
+PER_MESSAGE = 5  # numbers of where the other one is, how it moves, and that it is there
+
+
+class Ptp:
+    """The network ``ptp``."""
+
+    name = "ptp"
+
+    def inputs(self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes) -> Arrays:
+        """The past of each window and the others of its frame."""
+        return frame_inputs(windows, moment)
+
+    def shapes(self, sizes: Sizes) -> dict[str, tuple[int, ...]]:
+        """Autoencoder ``cvae.*``, sampling function ``sampler.*``, and statistics."""
+        statistics = {"past.spread": (PER_STEP,), "object.mean": (PER_OBJECT,), "object.spread": (PER_OBJECT,)}
+        return {**_trained_shapes(sizes), **statistics, "step.spread": (sizes.future, 1)}
+
+    def start(self, inputs: Arrays, future: np.ndarray, known: np.ndarray, sizes: Sizes, seed: int) -> Arrays:
+        """Random layers; the sampling function starts as k draws of the prior, whatever is seen."""
+        rng = np.random.default_rng(seed)
+        weights = initial(_trained_shapes(sizes), rng)
+        bias = weights["sampler.1.bias"].reshape(sizes.modes, 2, CODE)
+        bias[:, 1] = rng.standard_normal((sizes.modes, CODE))
+        weights["sampler.1.weight"] *= np.float32(0.1)
+        alive = inputs["alive"] > 0
+        past, rest = _steps(inputs, sizes)[alive], _object(inputs, sizes)
+        weights |= {"past.spread": np.maximum(np.sqrt((past**2).mean(axis=0)), CAUTION)}
+        weights |= {"object.mean": rest.mean(axis=0), "object.spread": np.maximum(rest.std(axis=0), CAUTION)}
+        return {**weights, "step.spread": step_spread(future - straight(inputs, sizes), known)}
+
+    def forward(self, weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> dict[str, Array]:
+        """The futures of the codes of the sampling function at eps = 0."""
+        context = seen_of(weights, inputs, sizes)
+        _, code = sampled(weights, context, sizes)
+        return {
+            "modes": straight(inputs, sizes)[:, None] + decoded(weights, context, code, sizes),
+            "log_weight": code[:, :, 0] * 0,
+            "present": linear(weights, "cvae.present", context),
+        }
+
+
+def _trained_shapes(sizes: Sizes) -> dict[str, tuple[int, ...]]:
+    context = 2 * TRACKLET
+    shapes = lstm_shapes("cvae.past.0", PER_STEP, TRACKLET) | lstm_shapes("cvae.past.1", TRACKLET, TRACKLET)
+    shapes |= _layer("cvae.object", TRACKLET + PER_OBJECT + len(sizes.classes), TRACKLET)
+    for i in range(ROUNDS):
+        shapes |= _layer(f"cvae.graph.{i}.own", TRACKLET, TRACKLET)
+        shapes |= _layer(f"cvae.graph.{i}.other", TRACKLET + PER_MESSAGE, TRACKLET)
+    shapes |= lstm_shapes("cvae.future", 2, DECODER) | _layer("cvae.code", DECODER + context, 2 * CODE)
+    shapes |= _layer("cvae.begin", context + CODE, 2 * DECODER)
+    shapes |= lstm_shapes("cvae.decoder", 2, DECODER) | _layer("cvae.step", DECODER, 2)
+    shapes |= _layer("cvae.present", context, 2)
+    return shapes | linear_shapes("sampler", context, SAMPLER, sizes.modes * 2 * CODE)
+
+
+def _layer(name: str, inputs: int, outputs: int) -> dict[str, tuple[int, ...]]:
+    return {f"{name}.weight": (inputs, outputs), f"{name}.bias": (outputs,)}
+
+
+def _steps(inputs: dict[str, Array], sizes: Sizes) -> Array:
+    """Numbers [n, P, PER_STEP] of each frame of the past: also how far it is from constant velocity."""
+    xp, alive = namespace(inputs["position"]), inputs["alive"]
+    time = (xp.cumsum(xp.ones_like(alive), 1) - alive.shape[1]) * sizes.dt
+    line = mean_velocity(inputs, sizes.dt)[:, None] * time[:, :, None]
+    return xp.concatenate([history(inputs), (inputs["position"] - line) * alive[:, :, None]], 2)
+
+
+def _object(inputs: dict[str, Array], sizes: Sizes) -> Array:
+    """Numbers [n, PER_OBJECT] of a tracklet as a whole."""
+    xp = namespace(inputs["position"])
+    velocity, coasting = mean_velocity(inputs, sizes.dt), 1 - inputs["taken"][:, -1:]
+    return xp.concatenate([inputs["size"][:, :2], inputs["counts"], velocity, coasting], 1)
+
+
+def seen_of(weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> Array:
+    """What is seen of an object, [n, 2 TRACKLET]: its own past, and that among the others."""
+    xp, alive = namespace(inputs["position"]), inputs["alive"]
+    steps = xp.clip(_steps(inputs, sizes) / weights["past.spread"], -10, 10)
+    past = lstm(weights, "cvae.past.1", lstm_states(weights, "cvae.past.0", steps, alive), alive)
+    rest = (_object(inputs, sizes) - weights["object.mean"]) / weights["object.spread"]
+    classes = one_hot(inputs["class_id"], len(sizes.classes), past)
+    own = relu(linear(weights, "cvae.object", xp.concatenate([past, xp.clip(rest, -10, 10), classes], 1)))
+    return xp.concatenate([own, _among_others(weights, inputs, own, sizes)], 1)
+
+
+def _among_others(weights: Weights, inputs: dict[str, Array], node: Array, sizes: Sizes) -> Array:
+    """Graph network: u' = relu(W1 u + sum over the others in reach of W2 v), ROUNDS times; [n, TRACKLET].
+
+    v is the other's u, where it is and how it moves in the heading frame of u; the sum of products is the product of
+    the sums, which costs no [n, n, TRACKLET].
+    """
+    xp = namespace(node)
+    near, geometry = _messages(inputs, sizes, node)
+    for i in range(ROUNDS):
+        other = xp.concatenate([near @ node, geometry], 1) @ weights[f"cvae.graph.{i}.other.weight"]
+        node = relu(linear(weights, f"cvae.graph.{i}.own", node) + other + weights[f"cvae.graph.{i}.other.bias"])
+    return node
+
+
+def _messages(inputs: dict[str, Array], sizes: Sizes, like: Array) -> tuple[Array, Array]:
+    """Who is in reach of whom as 1 and 0, [n, n], and sums over those in reach, [n, PER_MESSAGE], in units of REACH."""
+    xp = namespace(like)
+    between = offsets(inputs, inputs["place"][:, :2])
+    near = in_view(inputs) & ((between**2).sum(-1) <= REACH**2)
+    near = near + xp.zeros_like(like[:, :1])
+    velocity = turned(inputs, mean_velocity(inputs, sizes.dt)[:, None], 1)[:, 0]
+    relative = turned(inputs, (near @ velocity)[:, None], -1)[:, 0]
+    return near, xp.concatenate(
+        [(near[:, :, None] * between).sum(1) / REACH, relative / REACH, near.sum(1)[:, None] / 10], 1
+    )
+
+
+def sampled(weights: Weights, context: Array, sizes: Sizes) -> tuple[Array, Array]:
+    """The sampling function: log A and b, [n, k, CODE] each."""
+    out = mlp(weights, "sampler", context, 2).reshape(-1, sizes.modes, 2, CODE)
+    return out[:, :, 0], out[:, :, 1]
+
+
+def decoded(weights: Weights, context: Array, code: Array, sizes: Sizes) -> Array:
+    """Corrections [n, S, T, 2] m of constant velocity for codes [n, S, CODE]; each step sees the one before."""
+    xp = namespace(context)
+    n, samples = code.shape[:2]
+    split = context.shape[1]
+    begin = weights["cvae.begin.weight"]
+    start = (context @ begin[:split] + weights["cvae.begin.bias"])[:, None] + code @ begin[split:]
+    start = xp.tanh(start.reshape(n * samples, 2 * DECODER))
+    hidden, cell = start[:, :DECODER], start[:, DECODER:]
+    step, steps = hidden[:, :2] * 0, []
+    for _ in range(sizes.future):
+        hidden, cell = lstm_cell(weights, "cvae.decoder", step, hidden, cell)
+        step = linear(weights, "cvae.step", hidden)
+        steps.append(step)
+    moved = xp.stack(steps, 1) * weights["step.spread"]
+    return xp.cumsum(moved, 1).reshape(n, samples, sizes.future, 2)
+
+
+def posterior(weights: Weights, context: Array, steps: Array, known: Array) -> tuple[Array, Array]:
+    """Mean and log of the variance, [n, CODE] each, of the code of a true future; for training.
+
+    ``steps`` [n, T, 2]: the steps that `decoded` should make, in units of their spread; ``known`` [n, T].
+    """
+    xp = namespace(context)
+    future = lstm(weights, "cvae.future", xp.clip(steps, -10, 10), known)
+    out = linear(weights, "cvae.code", xp.concatenate([future, context], 1))
+    return out[:, :CODE], xp.clip(out[:, CODE:], -8, 8)

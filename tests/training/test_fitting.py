@@ -1,0 +1,115 @@
+"""The training of networks on tiny data: it learns, it can be interrupted, stages train what they say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from mtp_bench.prediction.learned.local import Arrays
+from mtp_bench.prediction.learned.modes import Modes
+from mtp_bench.prediction.learned.neighbours import absolute
+from mtp_bench.prediction.learned.network import Network
+from mtp_bench.prediction.learned.ptp import Ptp
+from mtp_bench.prediction.learned.social_lstm import SocialLstm
+from mtp_bench.training.fitting import Plan, State, Told, fit
+from mtp_bench.training.losses import varied
+from mtp_bench.training.recipes import RECIPES
+from tests.support.random_windows import SIZES, random_lesson
+
+NETWORKS = pytest.mark.parametrize("network", [Modes(), Ptp(), SocialLstm()], ids=lambda network: network.name)
+PLAN = Plan(epochs=6, batch=8)
+CPU = torch.device("cpu")
+
+
+class StoppedError(Exception):
+    """What stops a training in these tests."""
+
+
+def trained(network: Network, folder: Path, plan: Plan = PLAN, told: Told = lambda *_: None) -> State:
+    folder.mkdir(exist_ok=True)
+    return fit(network, SIZES, random_lesson(network), plan, CPU, told, folder / "checkpoint")
+
+
+def stop(epoch: int, done: int, error: float) -> None:
+    if done == epoch:
+        raise StoppedError
+
+
+def assert_equal(one: Arrays, other: Arrays) -> None:
+    assert one.keys() == other.keys()
+    for name in one:
+        np.testing.assert_array_equal(one[name], other[name], err_msg=name)
+
+
+@NETWORKS
+def test_it_learns(network: Network, tmp_path: Path) -> None:
+    curve = trained(network, tmp_path, replace(PLAN, epochs=20)).curve
+    assert min(curve) < 0.9 * curve[0]
+
+
+@NETWORKS
+@pytest.mark.parametrize("epoch", [2, 4, 5])  # of ptp: in its first stage, at its end, in its second stage
+def test_an_interrupted_training_ends_with_the_same_weights(network: Network, epoch: int, tmp_path: Path) -> None:
+    whole = trained(network, tmp_path / "whole")
+    with pytest.raises(StoppedError):
+        trained(network, tmp_path / "parts", told=partial(stop, epoch))
+    told: list[int] = []
+    rest = trained(network, tmp_path / "parts", told=lambda done, _: told.append(done))
+    assert told == list(range(epoch + 1, 7))
+    assert rest.curve == whole.curve
+    assert_equal(rest.best, whole.best)
+
+
+@NETWORKS
+def test_another_plan_begins_anew(network: Network, tmp_path: Path) -> None:
+    plan = replace(PLAN, epochs=2)
+    trained(network, tmp_path / "used", plan)
+    found, expected = (trained(network, tmp_path / name, replace(plan, seed=1)) for name in ("used", "new"))
+    assert found.curve == expected.curve
+
+
+def test_each_stage_of_ptp_trains_its_own_weights(tmp_path: Path) -> None:
+    """The first stage leaves the sampling function as k draws of the prior, the second leaves the rest as it is."""
+    network, lesson = Ptp(), random_lesson(Ptp())
+    learnt = ~lesson.validation
+    inputs = {name: value[learnt] for name, value in lesson.inputs.items()}
+    start = network.start(inputs, lesson.future[learnt], lesson.known[learnt], SIZES, PLAN.seed)
+    first, last = after_stages(network, 1, tmp_path / "first"), after_stages(network, 2, tmp_path / "last")
+    for name in start:
+        assert np.array_equal(first[name], start[name]) or name.startswith("cvae."), name
+        assert np.array_equal(last[name], first[name]) or name.startswith("sampler."), name
+    assert not np.array_equal(first["cvae.step.weight"], start["cvae.step.weight"])
+    assert not np.array_equal(last["sampler.1.weight"], first["sampler.1.weight"])
+
+
+def after_stages(network: Network, count: int, folder: Path) -> Arrays:
+    """The best weights after so many stages of three epochs."""
+    recipe = RECIPES[network.name]
+    stages = tuple(replace(stage, share=0.5) for stage in recipe.stages[:count])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(RECIPES, network.name, replace(recipe, stages=stages))
+        return trained(network, folder, replace(PLAN, rate=0.01)).best
+
+
+@pytest.mark.parametrize("network", [Ptp(), SocialLstm()], ids=lambda network: network.name)
+def test_windows_of_a_frame_are_mirrored_together(network: Network) -> None:
+    batch = random_lesson(network).tensors(CPU)
+    out = varied(batch, torch.Generator().manual_seed(0))
+    mirrored = torch.sign(out["place"][:, 1] * batch["place"][:, 1])
+    assert {len(set(frame.tolist())) for frame in torch.split(mirrored, 3)} == {1}
+    assert len(set(mirrored.tolist())) == 2
+
+
+@pytest.mark.parametrize("network", [Ptp(), SocialLstm()], ids=lambda network: network.name)
+def test_a_varied_window_is_where_it_was(network: Network) -> None:
+    """Futures, put back from the heading frame into the frame of the observations, are the old ones, or mirrored."""
+    batch = random_lesson(network).tensors(CPU)
+    out = varied(batch, torch.Generator().manual_seed(0))
+    before, after = (absolute(part, part["future"]) for part in (batch, out))
+    np.testing.assert_allclose(after[..., 0], before[..., 0], rtol=0, atol=1e-4)
+    np.testing.assert_allclose(after[..., 1].abs(), before[..., 1].abs(), rtol=0, atol=1e-4)
