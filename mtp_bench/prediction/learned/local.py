@@ -68,9 +68,9 @@ def mean_velocity(inputs: dict[str, Array], dt: float) -> Array:
     frames = alive.shape[1]
     time = (xp.cumsum(xp.ones_like(alive), 1) - frames) * dt  # in the precision of the weights
     count = xp.clip(alive.sum(1), 1, None)
-    center = (time - ((time * alive).sum(1) / count)[:, None]) * alive
-    spread = (center * center).sum(1)
-    slope = (center[:, :, None] * inputs["position"]).sum(1) / xp.clip(spread, 1e-6, None)[:, None]
+    center = time - ((time * alive).sum(1) / count)[:, None]
+    spread = (center * center * alive).sum(1)
+    slope = ((center * alive)[:, :, None] * inputs["position"]).sum(1) / xp.clip(spread, 1e-6, None)[:, None]
     several = (spread > 1e-6)[:, None]
     return xp.where(several, slope, inputs["velocity"][:, -1])
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from ...errors import UnknownNameError
+from .affinity import Affinity
+from .codebook import Codebook
 from .modes import Modes
 from .network import Network
 from .ptp import Ptp
 from .social_lstm import SocialLstm
+from .tracking_free import TrackingFree
 
-NETWORKS: dict[str, Network] = {network.name: network for network in (Modes(), Ptp(), SocialLstm())}
+_ALL: tuple[Network, ...] = (Modes(), Ptp(), SocialLstm(), TrackingFree(), Affinity(), Codebook())
+NETWORKS: dict[str, Network] = {network.name: network for network in _ALL}
 
 
 def network_of(name: str) -> Network:

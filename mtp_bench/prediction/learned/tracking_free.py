@@ -1,0 +1,156 @@
+"""Tracking-free: futures of an object from the detections around it, whichever are its own.
+
+A set encoder in place of a track (after Trabelsi et al. 2021, "Drowned out by the noise"): every detection of the last
+frames is described beside the object's present box; what they say together is pooled by attention.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...types import Ints
+from ..windows import Surroundings, TrackWindows
+from .around import ages, around_inputs, fitted_velocity, shares
+from .layers import Array, Weights, initial, linear, linear_shapes, mlp, namespace, relu, sigmoid
+from .local import Arrays, one_hot
+from .network import Sizes
+
+HIDDEN = 48  # numbers per detection
+VALUES = 16  # numbers that are pooled from each frame
+DECODER = 256
+CAUTION = 1e-3  # least spread of a number that is standardised
+FASTEST = 40.0  # m/s
+NOISE = 0.3  # m, of a detected position
+ACCELERATION = 1.5  # m/s2 by which objects deviate from constant velocity
+PER_DETECTION = 14  # numbers that `described` gives
+RESIDUAL = 0.2  # size of corrections of a constant velocity, beside standing still
+FAR = 1e6  # m2: nothing is there
+FINE = 0.3  # m: up to here offsets count in proportion, beyond it by their logarithm
+PER_FIT = 3  # numbers more about how a detection fits to a velocity
+
+
+class TrackingFree:
+    """The network ``tracking_free``."""
+
+    name = "tracking_free"
+
+    def inputs(self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes) -> Arrays:
+        """The detections around each window's present box; of the track nothing."""
+        return around_inputs(windows, moment, seen, sizes)
+
+    def shapes(self, sizes: Sizes) -> dict[str, tuple[int, ...]]:
+        """Perceptrons for detections, their attention and all modes, and statistics of both ends."""
+        spread = {"around.mean": (PER_DETECTION,), "around.spread": (PER_DETECTION,)}
+        return {**_trained(sizes), **spread, "output.spread": (sizes.future, 1)}
+
+    def start(self, inputs: Arrays, future: np.ndarray, known: np.ndarray, sizes: Sizes, seed: int) -> Arrays:
+        """Random layers; detections are standardised, and outputs are in units of how wrong standing still is."""
+        seen = described(inputs, sizes)[inputs["near"] > 0]
+        seen = seen if len(seen) else np.zeros((1, PER_DETECTION), np.float32)
+        error = np.linalg.norm(future, axis=-1)
+        spread = np.array([np.sqrt(np.mean(error[known[:, t], t] ** 2)) for t in range(sizes.future)])
+        weights = initial(_trained(sizes), np.random.default_rng(seed))
+        weights |= {"around.mean": seen.mean(axis=0), "around.spread": np.maximum(seen.std(axis=0), CAUTION)}
+        return {**weights, "output.spread": np.maximum(spread, CAUTION)[:, None].astype(np.float32)}
+
+    def forward(self, weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> dict[str, Array]:
+        """Modes, their log-weights (not normalised) and the present position."""
+        xp = namespace(inputs["position"])
+        velocity, pooled = encoded(weights, inputs, sizes)
+        out = mlp(weights, "net", pooled, 3)
+        split = sizes.modes * 2 * sizes.future
+        residual = out[:, :split].reshape(-1, sizes.modes, sizes.future, 2) * weights["output.spread"] * RESIDUAL
+        straight = xp.cumsum(xp.stack([velocity * sizes.dt] * sizes.future, 1), 1)
+        return {
+            "modes": straight[:, None] + residual,
+            "log_weight": out[:, split : split + sizes.modes],
+            "present": out[:, split + sizes.modes :] * weights["output.spread"][0] * RESIDUAL,
+        }
+
+
+def _trained(sizes: Sizes) -> dict[str, tuple[int, ...]]:
+    of_object = 2 + len(sizes.classes)
+    outputs = sizes.modes * (2 * sizes.future + 1) + 2
+    pooled = sizes.past * (VALUES + 3) + HIDDEN + 4 + of_object
+    return {
+        **linear_shapes("token", PER_DETECTION + of_object, HIDDEN, HIDDEN),
+        **linear_shapes("first", HIDDEN, 1),
+        **linear_shapes("fit", HIDDEN + PER_FIT, HIDDEN, HIDDEN),
+        **linear_shapes("second", HIDDEN, 2 + VALUES),
+        **linear_shapes("net", pooled, DECODER, DECODER, outputs),
+    }
+
+
+def encoded(weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> tuple[Array, Array]:
+    """The velocity [n, 2] m/s that the detections agree on, and all that is known of n objects as one row each.
+
+    Detections vote for a velocity, are compared with it, vote again, and are pooled, frame by frame and altogether.
+    """
+    xp, near, age = namespace(inputs["near"]), inputs["near"], ages(inputs["near"], sizes.dt)
+    of_object = xp.concatenate(
+        [inputs["size"][:, :2] / 5, one_hot(inputs["class_id"], len(sizes.classes), near[:, 0])], 1
+    )
+    seen = (described(inputs, sizes) - weights["around.mean"]) / weights["around.spread"]
+    repeated = of_object[:, None, None] + xp.zeros_like(near)[..., None]
+    token = relu(mlp(weights, "token", xp.concatenate([xp.clip(seen, -10, 10), repeated], 3), 2))
+    vote = sigmoid(linear(weights, "first.0", token)[..., 0]) * near
+    velocity = voted(inputs, vote, sizes.dt)
+    token = relu(mlp(weights, "fit", xp.concatenate([token, off_line(inputs, velocity, age), vote[..., None]], 3), 2))
+    said = linear(weights, "second.0", token)
+    vote = sigmoid(said[..., 0]) * near
+    velocity = voted(inputs, vote, sizes.dt)
+    value = xp.concatenate([off_line(inputs, velocity, age), said[..., 2:], xp.ones_like(near)[..., None]], 3)
+    by_frame = (in_frames(said[..., 1], near)[..., None] * value).sum(2).reshape(len(near), -1)
+    highest = xp.amax(xp.amax(token * near[..., None], 1), 1)
+    count = xp.log(1 + xp.stack([near.sum((1, 2)), vote.sum((1, 2))], 1))
+    return velocity, xp.concatenate([by_frame, highest, velocity / 10, count, of_object], 1)
+
+
+def off_line(inputs: dict[str, Array], velocity: Array, age: Array) -> Array:
+    """How far [n, P, M, 2] detections are from where an object of a ``velocity`` [n, 2] was; see FINE."""
+    off = inputs["position"] + velocity[:, None, None] * age[..., None]
+    return namespace(off).arcsinh(off * inputs["near"][..., None] / FINE)
+
+
+def in_frames(logit: Array, near: Array) -> Array:
+    """`shares` [n, P, M] within each frame."""
+    return shares(logit.reshape(-1, logit.shape[2]), near.reshape(-1, near.shape[2])).reshape(near.shape)
+
+
+def voted(inputs: dict[str, Array], vote: Array, dt: float) -> Array:
+    """Velocity [n, 2] m/s of the places of detections and of what was measured there, by votes [n, P, M]."""
+    n, slots = len(vote), vote.shape[1] * vote.shape[2]
+    position, measured = (inputs[name].reshape(n, slots, 2) for name in ("position", "velocity"))
+    age, vote = ages(vote, dt).reshape(n, slots), vote.reshape(n, slots)
+    prior = (vote[:, :, None] * measured).sum(1) / (vote.sum(1) + 1e-3)[:, None]
+    return fitted_velocity(age, position, vote, prior, dt)
+
+
+def described(inputs: dict[str, Array], sizes: Sizes) -> Array:
+    """The detections as numbers [n, P, M, PER_DETECTION]."""
+    xp, near = namespace(inputs["near"]), inputs["near"]
+    age = ages(near, sizes.dt)
+    needed = -inputs["position"] / xp.clip(age, sizes.dt, None)[..., None]  # velocity, were it the object's
+    columns = [inputs["position"], xp.clip(needed, -FASTEST, FASTEST), inputs["velocity"], inputs["ratio"]]
+    scalars = [xp.sin(inputs["yaw"]), xp.cos(inputs["yaw"]) - 1, inputs["score"], inputs["same"], age]
+    scalars += [support(needed, inputs["position"], near, sizes.dt)]
+    return xp.concatenate([*columns, xp.stack(scalars, 3)], 3)
+
+
+def support(velocity: Array, position: Array, near: Array, dt: float) -> Array:
+    """Frames that agree with each detection's ``velocity`` [n, P, M, 2], as a number [n, P, M] from 0 to P - 1.
+
+    A frame agrees as much as its detection does that is nearest to where an object of that velocity was: 1 there, less
+    the farther it is beside the noise of both positions and what acceleration may do.
+    """
+    xp, frames = namespace(near), near.shape[1]
+    age = (frames - xp.cumsum(xp.ones_like(near[0, :, 0]), 0)) * dt
+    total = xp.zeros_like(near)
+    for frame in range(frames - 1):
+        then = age[frame]
+        off = position[:, None, None, frame] + (velocity * then)[:, :, :, None]
+        off2 = (off**2).sum(4) + FAR * (1 - near[:, None, None, frame])
+        width = NOISE * (1 + then / xp.clip(age, dt, None)) + ACCELERATION / 2 * then * xp.abs(then - age)
+        nearest = xp.clip(-xp.amax(-off2, 3), 0, FAR)
+        total = total + xp.exp(-nearest / (2 * width**2)[None, :, None])
+    return total * near * (age > 0)[None, :, None]
