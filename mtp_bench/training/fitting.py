@@ -72,6 +72,8 @@ def fit(
     work = _Work.of(network, sizes, lesson, plan, device)
     kept = _Checkpoint(checkpoint, _digest(network, sizes, lesson, plan))
     state = kept.read(work.weights)
+    if not work.recipe.stages:
+        _judge(work, state)
     while state.stage < len(work.recipe.stages):
         _fit_stage(work, state, kept, told)
         with torch.no_grad():
@@ -118,6 +120,19 @@ class _Work:
         return [self.weights[name] for name in names]
 
 
+def _judge(work: _Work, state: State) -> float:
+    """The validation error, m, at the end of an epoch; the weights are kept if none were better."""
+    error = validation_error(work.network, work.sizes, work.weights, work.data, work.held, work.moment)
+    if not math.isfinite(error):
+        raise MtpBenchError(f"the training of {work.network.name} broke down in epoch {state.epoch + 1}")
+    state.epoch += 1
+    if not state.curve or error < min(state.curve):
+        state.best_epoch = state.epoch
+        state.best = {name: value.detach().cpu().numpy().copy() for name, value in work.weights.items()}
+    state.curve.append(error)
+    return error
+
+
 def _fit_stage(work: _Work, state: State, kept: _Checkpoint, told: Told) -> None:
     """Train the stage in which ``state`` is, to its end."""
     stage = work.recipe.stages[state.stage]
@@ -125,15 +140,7 @@ def _fit_stage(work: _Work, state: State, kept: _Checkpoint, told: Told) -> None
     _remember(optimizer, state.memory)
     while not _over(state, work.plan, stage.epochs(work.plan)):
         _epoch(work, stage, optimizer, state)
-        error = validation_error(work.network, work.sizes, work.weights, work.data, work.held, work.moment)
-        if not math.isfinite(error):
-            name = work.network.name
-            raise MtpBenchError(f"the training of {name} broke down in epoch {state.epoch + 1}: try a lower rate")
-        if not state.curve or error < min(state.curve):
-            state.best_epoch = state.epoch + 1
-            state.best = {name: value.detach().cpu().numpy().copy() for name, value in work.weights.items()}
-        state.curve.append(error)
-        state.epoch += 1
+        error = _judge(work, state)
         state.memory = _memory(optimizer)
         kept.write(state, work.weights)
         told(state.epoch, error)

@@ -10,6 +10,7 @@ import torch
 from ..errors import MtpBenchError
 from ..prediction.learned.network import Network, Sizes
 from . import ptp_losses
+from .around import varied_around
 from .losses import Tensors, gaussian_path, varied, winner_takes_all
 
 # mean loss of a batch: network, weights, batch, sizes, progress of the stage from 0 to 1, random numbers
@@ -54,7 +55,7 @@ def adam_w(weights: Sequence[torch.Tensor], plan: Plan) -> torch.optim.Optimizer
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a network is trained."""
+    """How a network is trained; without stages it is what it starts from."""
 
     stages: tuple[Stage, ...]
     plan: Plan = Plan()  # unless another one is asked for
@@ -69,6 +70,9 @@ RECIPES = {
         Plan(epochs=80),
         by_frame=True,
     ),
+    "tracking_free": Recipe((Stage(winner_takes_all),), vary=varied_around),
+    "affinity": Recipe((Stage(winner_takes_all),), vary=varied_around),
+    "codebook": Recipe(()),  # its weights are statistics
     "social_lstm": Recipe((Stage(gaussian_path),), Plan(epochs=40, batch=64), by_frame=True),
 }
 

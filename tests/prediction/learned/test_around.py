@@ -161,7 +161,8 @@ def test_gradients_are_finite(network: Network, away: float) -> None:
     batch = {name: torch.from_numpy(value) for name, value in inputs.items()}
     batch |= {"future": torch.ones(12, 3, 2), "known": torch.ones(12, 3), "present": torch.zeros(12, 2)}
     batch["weight"] = torch.ones(12)
-    loss = winner_takes_all(network.forward(weights, varied_around(batch, torch.Generator()), SIZES), batch, 0.1)
+    random = torch.Generator()
+    loss = winner_takes_all(network, weights, varied_around(batch, random), SIZES, 0.1, random)
     loss.backward()  # type: ignore[no-untyped-call]
     assert all(bool(torch.isfinite(value.grad).all()) for value in weights.values() if value.grad is not None)
 
