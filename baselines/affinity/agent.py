@@ -1,11 +1,11 @@
 """Futures from soft assignments of detections; tracking only says which objects there are."""
 
 from mtp_bench import Agent, Pipeline, Task
-from mtp_bench.prediction import KMeansSampler, LearnedPredictor, LearnedPresence
+from mtp_bench.prediction import GreedySampler, LearnedPredictor, LearnedPresence
 from mtp_bench.tracking import HypothesisTracker, TruthTracker
 
 
 def build(task: Task, network: str = "affinity", on: str = "tracklets", weights: str | None = None) -> Agent:
     """``network`` and what it was trained ``on``; ``weights``: a file of your own in place of the env's."""
     tracker = TruthTracker() if task.observe == "truth" else HypothesisTracker(1)
-    return Pipeline(tracker, LearnedPredictor(network, on, weights), KMeansSampler(), presence=LearnedPresence())
+    return Pipeline(tracker, LearnedPredictor(network, on, weights), GreedySampler(), presence=LearnedPresence())
