@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -69,6 +70,24 @@ def fit(
     After each epoch ``checkpoint`` holds where it is; a training with the same plan and data goes on from there, and
     ends with the same weights as one that was never interrupted.
     """
+    with _one_thread():
+        return _fit(network, sizes, lesson, plan, device, told, checkpoint)
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Torch on one core: sums are made in the same order on every machine, and small batches gain nothing from more."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def _fit(
+    network: Network, sizes: Sizes, lesson: Lesson, plan: Plan, device: torch.device, told: Told, checkpoint: Path
+) -> State:
     work = _Work.of(network, sizes, lesson, plan, device)
     kept = _Checkpoint(checkpoint, _digest(network, sizes, lesson, plan))
     state = kept.read(work.weights)
