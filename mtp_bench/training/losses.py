@@ -11,6 +11,7 @@ from ..prediction.learned.network import Network, Sizes
 Tensors = dict[str, torch.Tensor]
 
 WEIGHING = 0.2  # of the log-likelihood of the right mode beside metres
+PATH = 2.0  # of the distance of the mean path in metres beside its log-likelihood, which objects at rest rule
 PRESENT = 0.5  # of the error of the present position
 CUT = 0.3  # share of the windows whose past is cut short
 TURN = 0.05  # rad, deviation of a turn of the heading frame
@@ -41,7 +42,7 @@ def winner_takes_all(
 def gaussian_path(
     network: Network, weights: Tensors, batch: Tensors, sizes: Sizes, progress: float, generator: torch.Generator
 ) -> torch.Tensor:
-    """Negative log-likelihood of the future under a normal distribution at each step, mean over the known steps.
+    """Negative log-likelihood of the future under a normal distribution at each step, and distance of the means.
 
     The network says ``path`` [n, T, 2], the means, and ``root`` [n, T, 2, 2], lower triangular square roots of the
     covariances, m.
@@ -52,6 +53,7 @@ def gaussian_path(
     second = (error[..., 1] - root[..., 1, 0] * first) / root[..., 1, 1]
     loss = 0.5 * (first**2 + second**2) + root[..., 0, 0].log() + root[..., 1, 1].log()
     loss = (loss * batch["known"]).sum(-1) / batch["known"].sum(-1).clip(1)
+    loss = loss + PATH * mode_distance(said["path"][:, None], batch["future"], batch["known"])[:, 0]
     return weighted(loss + PRESENT * present_error(said["present"], batch), batch)
 
 

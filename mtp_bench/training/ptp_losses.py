@@ -10,8 +10,8 @@ from ..prediction.learned.ptp import decoded, posterior, sampled, seen_of
 from .losses import PRESENT, Tensors, mode_distance, present_error, weighted
 
 CODES = 0.02  # of the divergence of a code from the prior, beside squared errors in units of their scale
-LIKELY = 0.002  # of the divergence of the k codes from the prior, beside distances in units of their scale
-DIVERSE = 0.05  # of the likeness of the k futures
+LIKELY = 0.0005  # of the unlikeliness of the k codes under the prior, beside distances in units of their scale
+DIVERSE = 0.02  # of the likeness of the k futures
 WIDTH = 1.0  # squared distance, in units of the scale, at which two futures are alike no more
 
 
@@ -33,15 +33,14 @@ def autoencoder(
 def diverse(
     network: Network, weights: Tensors, batch: Tensors, sizes: Sizes, progress: float, generator: torch.Generator
 ) -> torch.Tensor:
-    """DLow: distance of the best of k futures, their likeness to one another, divergence of their codes."""
+    """As DLow: distance of the best of k futures, their likeness to one another, how unlikely their codes are."""
     context = seen_of(weights, batch, sizes)
-    log_spread, middle = sampled(weights, context, sizes)
-    code = log_spread.exp() * _normal(middle[:, :1], generator) + middle
+    code = sampled(weights, context, sizes)
     modes = decoded(weights, context, code, sizes)
     wanted = batch["future"] - straight(batch, sizes)
     best = mode_distance(modes, wanted, batch["known"]).amin(dim=1) / _scale(weights)
-    divergence = _divergence(middle, log_spread).mean(dim=1)
-    return weighted(best + DIVERSE * _likeness(modes / _scale(weights)) + LIKELY * divergence, batch)
+    unlikely = 0.5 * (code**2).sum(-1).mean(dim=1)
+    return weighted(best + DIVERSE * _likeness(modes / _scale(weights)) + LIKELY * unlikely, batch)
 
 
 def _steps(weights: Tensors, wanted: torch.Tensor, known: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:

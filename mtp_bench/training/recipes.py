@@ -73,7 +73,7 @@ RECIPES = {
     "tracking_free": Recipe((Stage(winner_takes_all),), vary=varied_around),
     "affinity": Recipe((Stage(winner_takes_all),), vary=varied_around),
     "codebook": Recipe(()),  # its weights are statistics
-    "social_lstm": Recipe((Stage(gaussian_path),), Plan(epochs=40, batch=64), by_frame=True),
+    "social_lstm": Recipe((Stage(gaussian_path),), Plan(epochs=40, batch=128), by_frame=True),
 }
 
 

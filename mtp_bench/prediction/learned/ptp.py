@@ -1,13 +1,13 @@
 """PTP: the forecasting branch of Weng, Yuan, Kitani 2021, the predictor of the MTP paper.
 
 A recurrent encoder of each tracklet, a graph network over the objects of the frame, a conditional variational
-autoencoder with recurrent encoder and decoder, and on top of it a function that maps what is seen of an object to k
-diverse codes (DLow: Yuan, Kitani 2020, successor of the diversity sampling function of PTP): z_k = A_k eps + b_k.
+autoencoder with recurrent encoder and decoder, and on top of it a diversity sampling function, which maps what is seen
+of an object to k codes (Yuan, Kitani 2019). It is trained with the losses of its successor DLow (Yuan, Kitani 2020),
+whose codes are z_k = A_k eps + b_k; here eps is 0, in training as at work, so that every run forecasts the same. All k
+futures have the same weight. Before the sampling function is trained its codes are k fixed draws of the prior.
 
-At work eps is 0, so that the forecasts are the decoder's k diverse futures, all of the same weight. Before the sampling
-function is trained its codes are k fixed draws of the prior. Neither code nor weights of PTP are public. What differs:
-all is in the heading frame of the object, the decoder gives corrections of constant velocity, and messages between
-objects tell where the other one is.
+Neither code nor weights of PTP are public. What differs: all is in the heading frame of the object, the decoder gives
+corrections of constant velocity, and messages between objects tell where the other one is.
 """
 
 from __future__ import annotations
@@ -64,8 +64,7 @@ class Ptp:
         """Random layers; the sampling function starts as k draws of the prior, whatever is seen."""
         rng = np.random.default_rng(seed)
         weights = initial(_trained_shapes(sizes), rng)
-        bias = weights["sampler.1.bias"].reshape(sizes.modes, 2, CODE)
-        bias[:, 1] = rng.standard_normal((sizes.modes, CODE))
+        weights["sampler.1.bias"] = rng.standard_normal(sizes.modes * CODE).astype(np.float32)
         weights["sampler.1.weight"] *= np.float32(0.1)
         alive = inputs["alive"] > 0
         past, rest = _steps(inputs, sizes)[alive], _object(inputs, sizes)
@@ -74,9 +73,9 @@ class Ptp:
         return {**weights, "step.spread": step_spread(future - straight(inputs, sizes), known)}
 
     def forward(self, weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> dict[str, Array]:
-        """The futures of the codes of the sampling function at eps = 0."""
+        """The futures of the k codes of the sampling function."""
         context = seen_of(weights, inputs, sizes)
-        _, code = sampled(weights, context, sizes)
+        code = sampled(weights, context, sizes)
         return {
             "modes": straight(inputs, sizes)[:, None] + decoded(weights, context, code, sizes),
             "log_weight": code[:, :, 0] * 0,
@@ -95,7 +94,7 @@ def _trained_shapes(sizes: Sizes) -> dict[str, tuple[int, ...]]:
     shapes |= _layer("cvae.begin", context + CODE, 2 * DECODER)
     shapes |= lstm_shapes("cvae.decoder", 2, DECODER) | _layer("cvae.step", DECODER, 2)
     shapes |= _layer("cvae.present", context, 2)
-    return shapes | linear_shapes("sampler", context, SAMPLER, sizes.modes * 2 * CODE)
+    return shapes | linear_shapes("sampler", context, SAMPLER, sizes.modes * CODE)
 
 
 def _layer(name: str, inputs: int, outputs: int) -> dict[str, tuple[int, ...]]:
@@ -155,10 +154,9 @@ def _messages(inputs: dict[str, Array], sizes: Sizes, like: Array) -> tuple[Arra
     )
 
 
-def sampled(weights: Weights, context: Array, sizes: Sizes) -> tuple[Array, Array]:
-    """The sampling function: log A and b, [n, k, CODE] each."""
-    out = mlp(weights, "sampler", context, 2).reshape(-1, sizes.modes, 2, CODE)
-    return out[:, :, 0], out[:, :, 1]
+def sampled(weights: Weights, context: Array, sizes: Sizes) -> Array:
+    """The sampling function: codes [n, k, CODE]."""
+    return mlp(weights, "sampler", context, 2).reshape(-1, sizes.modes, CODE)
 
 
 def decoded(weights: Weights, context: Array, code: Array, sizes: Sizes) -> Array:
