@@ -70,7 +70,7 @@ RECIPES = {
         Plan(epochs=80),
         by_frame=True,
     ),
-    "tracking_free": Recipe((Stage(winner_takes_all),), vary=varied_around),
+    "tracking_free": Recipe((Stage(winner_takes_all),), Plan(epochs=40), varied_around),
     "affinity": Recipe((Stage(winner_takes_all),), vary=varied_around),
     "codebook": Recipe(()),  # its weights are statistics
     "social_lstm": Recipe((Stage(gaussian_path),), Plan(epochs=40, batch=128), by_frame=True),

@@ -148,9 +148,9 @@ def support(velocity: Array, position: Array, near: Array, dt: float) -> Array:
     total = xp.zeros_like(near)
     for frame in range(frames - 1):
         then = age[frame]
-        off = position[:, None, None, frame] + (velocity * then)[:, :, :, None]
-        off2 = (off**2).sum(4) + FAR * (1 - near[:, None, None, frame])
+        x, y = (position[:, None, None, frame, :, i] + (velocity[..., i] * then)[..., None] for i in range(2))
+        off2 = x * x + y * y + FAR * (1 - near[:, None, None, frame])
         width = NOISE * (1 + then / xp.clip(age, dt, None)) + ACCELERATION / 2 * then * xp.abs(then - age)
-        nearest = xp.clip(-xp.amax(-off2, 3), 0, FAR)
+        nearest = xp.amin(off2, 3)
         total = total + xp.exp(-nearest / (2 * width**2)[None, :, None])
     return total * near * (age > 0)[None, :, None]
