@@ -97,18 +97,23 @@ def lesson_of(network: Network, found: Windows, sizes: Sizes) -> Lesson:
 
     Windows that teach nothing have no weight: they are there for the others to see.
     """
+    validation = validation_rows(found)
+    whole = found.future_known.all(axis=1) | ~validation  # near the end of a scene only slow errors could be seen
     return Lesson(
         inputs=network.inputs(found, found.moment, found.seen, sizes),
         future=local_future(found, found.future),
         known=found.future_known,
         present=local_future(found, found.present[:, None])[:, 0],
-        weight=np.where(taught(found), found.mass, 0).astype(np.float32),
-        validation=validation_rows(found),
+        weight=np.where(taught(found) & whole, found.mass, 0).astype(np.float32),
+        validation=validation,
     )
 
 
 def validation_rows(found: Windows) -> np.ndarray:
-    """The windows [n] that tell when to stop: of a tenth of the scenes; of few scenes, of the last fifth of each."""
+    """The windows [n] that tell when to stop: of a tenth of the scenes; of few scenes, of the last fifth of each.
+
+    The last fifth is of the frames in which whole futures are known.
+    """
     scenes = np.unique(found.scene)
     if len(scenes) >= FEW_SCENES:
         names = [found.names[number] for number in scenes]
@@ -117,7 +122,9 @@ def validation_rows(found: Windows) -> np.ndarray:
     rows = np.zeros(len(found), dtype=bool)
     for number in scenes:
         mine = found.scene == number
-        rows |= mine & (found.frame > np.quantile(found.frame[mine], 0.8))
+        whole = mine & found.future_known.all(axis=1)
+        if whole.any():
+            rows |= mine & (found.frame > np.quantile(found.frame[whole], 0.8))
     return rows
 
 

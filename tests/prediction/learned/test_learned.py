@@ -122,7 +122,7 @@ def test_the_mean_velocity_is_a_straight_line_through_the_past() -> None:
 def test_an_lstm_is_that_of_torch_and_skips_what_is_masked() -> None:
     rng = np.random.default_rng(0)
     weights = {name: rng.normal(size=shape).astype(np.float32) for name, shape in lstm_shapes("a", 3, 4).items()}
-    twin = torch.nn.LSTM(3, 4, batch_first=True)
+    twin: Any = torch.nn.LSTM(3, 4, batch_first=True)
     with torch.no_grad():
         twin.weight_ih_l0.copy_(torch.from_numpy(weights["a.weight"][:3].T.copy()))
         twin.weight_hh_l0.copy_(torch.from_numpy(weights["a.weight"][3:].T.copy()))
