@@ -31,9 +31,9 @@ def tracker(hypotheses: int, kind: Any = HypothesisTracker, **options: Any) -> S
     return start
 
 
-def agent(hypotheses: int) -> Start:
+def agent(hypotheses: int, name: str = "mtp") -> Start:
     def start(task: Task) -> Callable[[Observation], Any]:
-        made = load_submission("mtp").build(task, hypotheses=hypotheses)
+        made = load_submission(name).build(task, hypotheses=hypotheses)
         made.reset(task)
         return made.act
 

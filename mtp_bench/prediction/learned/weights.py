@@ -25,7 +25,6 @@ FORMAT = "mtp-bench weights 1"
 LENDERS = {  # envs that take the weights of another one, where objects move alike at the same rate
     "MTP-Merge-v0": "MTP-Highway-v0",
     "MTP-Roundabout-v0": "MTP-Intersection-v0",
-    "MTP-nuScenes-mini-v0": "MTP-nuScenes-v0",
 }
 MOST_BYTES = 64 * 2**20  # of a file: more than any network here has
 
