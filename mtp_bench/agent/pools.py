@@ -48,11 +48,9 @@ def reduced(
     log_weight = np.full(samples.shape[:2], -np.inf)
     few = size <= task.samples
     owner, place = _places(pool.start, few)
-    for part in range(each):
-        slot = place * each + part
-        chosen = pool.row[pool.start[owner] + place]
-        samples[owner, slot] = said.samples[chosen, part]
-        log_weight[owner, slot] = weight[chosen, part] + pool.log_mass[pool.start[owner] + place]
+    entry, slot = pool.start[owner] + place, place[:, None] * each + np.arange(each)
+    samples[owner[:, None], slot] = said.samples[pool.row[entry]]
+    log_weight[owner[:, None], slot] = weight[pool.row[entry]] + pool.log_mass[entry][:, None]
     for objects in _chunks(np.flatnonzero(~few), size, at_once):
         found = sampler.reduce(*_padded(pool, objects, said.samples, weight), task.samples, rng)
         samples[objects], log_weight[objects] = found

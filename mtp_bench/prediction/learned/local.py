@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from ...geometry import wrap_angle
@@ -45,9 +43,12 @@ def local_future(windows: TrackWindows, xy: Floats) -> Floats:
 
 def to_absolute(windows: TrackWindows, xy: Floats) -> Floats:
     """Places [n, ..., 2] given in the heading frame of each window, in absolute x y."""
-    flat = xy.reshape(len(xy), math.prod(xy.shape[1:-1]), 2).astype(np.float64)
-    turned = np.einsum("nsj,nij->nsi", flat, rotation(windows.box[:, -1, 3])) + windows.box[:, -1:, :2]
-    return np.asarray(turned.reshape(xy.shape))
+    shape = len(xy), *(1,) * (xy.ndim - 2)
+    (x, y, _, yaw), turned = windows.box[:, -1, :4].T.reshape(4, *shape), np.empty(xy.shape)
+    c, s = np.cos(yaw), np.sin(yaw)
+    turned[..., 0] = c * xy[..., 0] - s * xy[..., 1] + x
+    turned[..., 1] = s * xy[..., 0] + c * xy[..., 1] + y
+    return turned
 
 
 def history(inputs: dict[str, Array]) -> Array:
