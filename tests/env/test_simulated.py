@@ -15,7 +15,7 @@ import pytest
 from mtp_bench import load_submission
 from mtp_bench._bundle import baseline_names, bundled
 from mtp_bench.env import MTPEnv
-from mtp_bench.errors import MtpBenchError
+from mtp_bench.errors import MtpBenchError, SubmissionError
 from mtp_bench.scoring import SceneScore, score_scene
 from mtp_bench.submission.loader import SubmissionFactory
 from tests.support.command_line import CommandLine
@@ -125,10 +125,24 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return cards
 
 
+FOR_PEOPLE = ("sort_social_lstm", "sort_social_lstm_retracking", "mtp_social_lstm_retracking")
+TRAINED_FIRST = {"MTP-Intersection-v0": FOR_PEOPLE, "MTP-Merge-v0": (*FOR_PEOPLE, "tracking_free", "affinity")}
+
+
+@pytest.fixture(autouse=True)
+def _no_weights_of_the_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MTP_BENCH_WEIGHTS", str(tmp_path / "weights"))
+
+
 @pytest.mark.parametrize("env_id", ["MTP-Intersection-v0", "MTP-Merge-v0"])
 @pytest.mark.parametrize("name", baseline_names())
 def test_every_baseline_runs(name: str, env_id: str, short: dict[str, str]) -> None:
+    """Out of the box, or it says which command trains its weights (the table in baselines/README.md)."""
     observe = load_submission(name).compare.observe
+    if name in TRAINED_FIRST[env_id]:
+        with pytest.raises(SubmissionError, match="mtp-bench train predictor"):
+            scores(short[env_id], 1, name, observe=observe)
+        return
     (score,) = scores(short[env_id], 1, name, observe=observe)
     assert len(score) > 10
     assert score.invalid.sum() == 0
