@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from ..errors import SubmissionError
+from ..files import WEIGHTS_VARIABLE, weights_folder
 from ..sources.cache import cache_root
 from ..sources.dataset import data_root
 from ..submission.loader import Submission
@@ -53,6 +54,7 @@ def library_path() -> list[str]:
 def environment(work: str, kernels: str) -> dict[str, str]:
     """Environment of an agent's process: of the judge's own, only what libraries need."""
     own = {"HOME": work, "TMPDIR": work, "LANG": "C.UTF-8", "NUMBA_CACHE_DIR": kernels}
+    own[WEIGHTS_VARIABLE] = str(weights_folder())  # of networks that were trained here: its home is another
     return {name: os.environ[name] for name in _PASSED if name in os.environ} | own
 
 

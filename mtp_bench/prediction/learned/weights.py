@@ -6,7 +6,6 @@ A file is looked for where the user said, then in the user's own folder, then am
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -15,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from ...errors import SubmissionError
+from ...files import weights_folder, whole_file
 from ...types import Task
 from .local import Arrays
 from .network import Network, Sizes
 
 SHIPPED = Path(__file__).with_name("weights")
-VARIABLE = "MTP_BENCH_WEIGHTS"
 FORMAT = "mtp-bench weights 1"
 LENDERS = {  # envs that take the weights of another one, where objects move alike at the same rate
     "MTP-Merge-v0": "MTP-Highway-v0",
@@ -37,15 +36,6 @@ class Stored:
     network: str
     sizes: Sizes
     card: Mapping[str, Any]  # how they were trained, see `training.model_card`
-
-
-def weights_folder() -> Path:
-    """Where weights that were trained here are kept: what MTP_BENCH_WEIGHTS names, else the user's data folder."""
-    if os.environ.get(VARIABLE):
-        return Path(os.environ[VARIABLE]).expanduser()
-    from platformdirs import user_data_path
-
-    return user_data_path("mtp_bench", appauthor=False) / "weights"
 
 
 def file_name(network: str, on: str, env_id: str) -> str:
@@ -72,8 +62,6 @@ def find_weights(network: str, on: str, task: Task) -> Path:
 def write_weights(path: Path, stored: Stored) -> None:
     """Write weights in half precision, as a whole or not at all. Raises OSError."""
     from safetensors.numpy import save
-
-    from ...files import whole_file
 
     content = {"format": FORMAT, "network": stored.network, "sizes": asdict(stored.sizes), "card": stored.card}
     halves = {name: np.asarray(value, dtype=np.float16) for name, value in sorted(stored.weights.items())}

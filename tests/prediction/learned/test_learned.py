@@ -13,12 +13,13 @@ import torch
 from safetensors.numpy import save_file
 
 from mtp_bench import Pipeline, SubmissionError
+from mtp_bench.files import WEIGHTS_VARIABLE
 from mtp_bench.prediction import KMeansSampler, LearnedPredictor
 from mtp_bench.prediction.learned.layers import lstm, lstm_shapes
 from mtp_bench.prediction.learned.local import Arrays, local_future, local_inputs, mean_velocity, to_absolute
 from mtp_bench.prediction.learned.network import Network, Sizes
 from mtp_bench.prediction.learned.registry import NETWORKS, network_of
-from mtp_bench.prediction.learned.weights import FORMAT, VARIABLE, Stored, find_weights, read_weights, write_weights
+from mtp_bench.prediction.learned.weights import FORMAT, Stored, find_weights, read_weights, write_weights
 from mtp_bench.prediction.windows import TrackWindows, surroundings_of
 from mtp_bench.tracking import HypothesisTracker
 from tests.support.tracking_scenes import at_once, frame, kitti_task, observation
@@ -186,7 +187,7 @@ def test_files_that_do_not_fit_are_refused(file: Path) -> None:
 
 
 def test_where_weights_are_looked_for(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(VARIABLE, str(file.parent))
+    monkeypatch.setenv(WEIGHTS_VARIABLE, str(file.parent))
     assert find_weights("modes", "truth", TASK) == file
     with pytest.raises(SubmissionError, match="mtp-bench train predictor modes --env test --on tracklets"):
         find_weights("modes", "tracklets", TASK)
