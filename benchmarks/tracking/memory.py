@@ -9,12 +9,12 @@ import resource
 import subprocess
 import sys
 import tracemalloc
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
 
-from .scenes import KITTI, Row, Scenes, agent, recordings, run_scene, tracker
+from .scenes import KITTI, Row, Scenes, Start, agent, recordings, run_scene, tracker
 
 MIB = 2.0**20
 PROGRAM = str(Path(__file__).parents[1] / "tracker.py")
@@ -24,7 +24,8 @@ def memory_here(what: str, hypotheses: int, data: str | None, scene: str) -> Row
     """Memory of running one scene in this process, which should have done nothing else."""
     task, scenes = recordings(KITTI, data, name=scene)
     observations = scenes[scene]
-    make = {"tracker": tracker, "agent": agent}[what]
+    makers: dict[str, Callable[[int], Start]] = {"tracker": tracker, "agent": agent}
+    make = makers[what]
     run_scene(make(2), task, observations[:10])  # all that two hypotheses need is loaded
     before = _fresh_peak()
     run_scene(make(hypotheses), task, observations)
