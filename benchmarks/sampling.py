@@ -54,7 +54,7 @@ class ScikitLearn:
             there = np.isfinite(log_weight[o])
             points, mass = pool[o, there].reshape(-1, 2 * pool.shape[2]), np.exp(log_weight[o, there])
             seed = int(rng.integers(2**31))
-            peer = KMeans(k, init="k-means++", n_init=1, max_iter=self._iterations, random_state=seed)
+            peer: Any = KMeans(k, init="k-means++", n_init="auto", max_iter=self._iterations, random_state=seed)
             label = peer.fit(points, sample_weight=mass).labels_
             centre[o] = peer.cluster_centers_.reshape(k, -1, 2)
             with np.errstate(divide="ignore"):

@@ -144,14 +144,14 @@ def test_only_pools_that_are_too_large_are_reduced() -> None:
     asked: list[Any] = []
 
     class Spy(KMeansSampler):
-        def reduce(self, *given: Any) -> Any:
-            asked.append(given)
-            return super().reduce(*given)
+        def reduce(self, pool: Any, log_weight: Any, k: int, rng: Any) -> Any:
+            asked.append((pool, log_weight, k))
+            return super().reduce(pool, log_weight, k, rng)
 
     found, weight = reduced(pool, said, TASK, Spy(), np.random.default_rng(0), 2048)
     np.testing.assert_array_equal(found[1], samples[2])
     np.testing.assert_allclose(np.exp(weight[1]), [0.9, 0.1])
-    ((table, log_weight, k, _),) = asked
+    ((table, log_weight, k),) = asked
     assert k == 2
     np.testing.assert_array_equal(table, np.concatenate([samples[1], samples[3]])[None])
     np.testing.assert_allclose(np.exp(log_weight), [[0.36, 0.04, 0.54, 0.06]])

@@ -169,9 +169,8 @@ def test_in_a_pipeline() -> None:
     predictor = KinematicPredictor()
     agent = Pipeline(ReTracker(HypothesisTracker(3), predictor), predictor, KMeansSampler())
     agent.reset(kitti_task())
-    for detections in random_frames(np.random.default_rng(1), 12):
-        answer = agent.act(observation(detections))
-    assert answer["object_valid"].any()
+    answers = [agent.act(observation(seen)) for seen in random_frames(np.random.default_rng(1), 12)]
+    assert answers[-1]["object_valid"].any()
 
 
 class AtOnce:

@@ -7,6 +7,7 @@ each is its weight.
 from __future__ import annotations
 
 import warnings
+from typing import Any
 
 import numpy as np
 
@@ -81,7 +82,7 @@ def _codes(
     rng = np.random.default_rng(seed)
     some = off[rng.permutation(len(off))[:MOST]].reshape(-1, 2 * sizes.future)
     with warnings.catch_warnings(action="ignore", category=ConvergenceWarning):  # objects at rest may all be alike
-        found = KMeans(sizes.modes, n_init=1, random_state=seed).fit(some)
+        found: Any = KMeans(sizes.modes, init="k-means++", n_init="auto", random_state=seed).fit(some)  # auto: once
     share = np.bincount(found.labels_, minlength=sizes.modes) + 1.0
     code = found.cluster_centers_.reshape(sizes.modes, sizes.future, 2).astype(np.float32)
     return code, np.log(share / share.sum()).astype(np.float32)

@@ -198,8 +198,8 @@ def test_where_weights_are_looked_for(file: Path, monkeypatch: pytest.MonkeyPatc
 def test_an_agent_runs_the_network_of_its_task(file: Path) -> None:
     agent = Pipeline(HypothesisTracker(4, at_once()), LearnedPredictor("modes", weights=file), KMeansSampler())
     agent.reset(TASK)
-    for step in range(12):
-        told = agent.act(observation(frame((0.8 * step, 0.0, 0), (5.0, 9.0, 1), (30.0, 0.4 * step, 2))))
+    frames = [frame((0.8 * step, 0.0, 0), (5.0, 9.0, 1), (30.0, 0.4 * step, 2)) for step in range(12)]
+    told = [agent.act(observation(seen)) for seen in frames][-1]
     there = told["object_valid"] > 0
     assert there.sum() == 3
     assert np.isfinite(told["forecast"][there]).all()
