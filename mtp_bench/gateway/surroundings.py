@@ -54,7 +54,8 @@ def library_path() -> list[str]:
 def environment(work: str, kernels: str) -> dict[str, str]:
     """Environment of an agent's process: of the judge's own, only what libraries need."""
     own = {"HOME": work, "TMPDIR": work, "LANG": "C.UTF-8", "NUMBA_CACHE_DIR": kernels}
-    own[WEIGHTS_VARIABLE] = str(weights_folder())  # of networks that were trained here: its home is another
+    if weights_folder().is_dir():  # of networks that were trained here: the agent's home is another
+        own[WEIGHTS_VARIABLE] = str(weights_folder())
     return {name: os.environ[name] for name in _PASSED if name in os.environ} | own
 
 

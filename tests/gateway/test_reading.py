@@ -41,6 +41,7 @@ def act(self, observation):
 ENVIRONMENT = """
 def act(self, observation):
     words = [*os.environ, *os.environ.values(), *sys.argv, os.getcwd(), *os.listdir()]
+    words = [word for word in words if word != "MTP_BENCH_WEIGHTS"]  # of networks: they may be read
     known = [word for word in words if "MTP_BENCH" in word or self.given["data"] in word or word == "PATH"]
     assert not known, f"knows {known}"
     for name in os.listdir("/proc/self/fd"):
