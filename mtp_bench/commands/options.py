@@ -67,7 +67,10 @@ class EnvScenes:
         # absolute: a stored run is scored from anywhere
         file = None if self.detections is None else str(self.detections.expanduser().absolute())
         chosen = (workers or WorkerChoice()).workers()
-        fold = None if self.fold is None else fold_of(self.fold)
+        try:
+            fold = None if self.fold is None else fold_of(self.fold)
+        except MtpBenchError as error:
+            raise typer.BadParameter(str(error), param_hint="--fold") from None
         return RunOptions(self.data, self.scenes, seeds, self.split, self.detector, fold, file, chosen)
 
 

@@ -65,10 +65,13 @@ def predictor(
 
     An interrupted training goes on where it was.
     """
-    from ..training.predictors import Request, learnable, train_predictor
+    from ..prediction.learned.registry import NETWORKS
+    from ..training.predictors import ON, Request, learnable, train_predictor
     from ..training.recipes import recipe_of
     from ..viz.terminal.output import progress_bar
 
+    one_of(network, tuple(NETWORKS), "NAME")
+    one_of(pasts, ON, "--on")
     one_of(device, ("auto", "cpu", "cuda"), "--device")
     require_writable(output)
     changed = {"seed": seed} if epochs is None else {"seed": seed, "epochs": epochs}

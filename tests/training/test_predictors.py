@@ -168,8 +168,10 @@ def test_the_command(tmp_path: Path, cli: CommandLine) -> None:
     assert "validation minADE" in done.out
     assert out.is_file()
     refused = cli("train", "predictor", "mods", *options)
-    assert refused.status == 1
-    assert "did you mean 'modes'" in refused.error
+    assert refused.status == 2
+    assert "expected one of" in refused.err
+    assert cli("train", "predictor", "modes", "--on", "detections", *options).status == 2
+    assert cli("train", "predictor", "modes", "--fold", "5/4", *options).status == 2
 
 
 def test_envs_that_are_not_alike(tmp_path: Path) -> None:
