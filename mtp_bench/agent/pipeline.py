@@ -100,7 +100,7 @@ class Pipeline:
         leaf = leaf.reshape(objects.leaf.shape) - first
         part = tracks.those(needed[first:])
         said = predictor.predict(Frame(self._frame - 1, part, tuple(self._seen)))
-        row = np.append(np.arange(len(said.samples)) if said.row is None else said.row, -1)[leaf]
+        row = np.append(said.rows_of(len(part.box)), -1)[leaf]
         log_weight = tracks.log_weight if self._posterior else np.zeros(len(tracks.log_weight))
         samples, weight = reduced(pool_of(row, log_weight), said, self._task, self._sampler, rng, _POOLED)
         if said.presence is None:

@@ -62,6 +62,21 @@ class Forecasts:
             if value is not None and np.shape(value) != shape:
                 raise ShapeError(f"forecasts.{name} has shape {np.shape(value)}, expected {shape}")
 
+    def rows_of(self, tracks: int) -> Ints:
+        """The row [N] of each of so many tracks; raises ShapeError where there is not one for every track."""
+        rows = len(self.samples)
+        if self.row is None:
+            if rows != tracks:
+                raise ShapeError(f"forecasts.samples hold {rows} rows, expected {tracks}: one for each track, or row")
+            return np.arange(rows)
+        row = np.asarray(self.row)
+        if row.shape != (tracks,):
+            raise ShapeError(f"forecasts.row has shape {row.shape}, expected {(tracks,)}: the row of each track")
+        if tracks and not 0 <= row.min() <= row.max() < rows:
+            worst = row.max() if row.max() >= rows else row.min()
+            raise ShapeError(f"forecasts.row is {worst}, expected 0 to {rows - 1}: a row of forecasts.samples")
+        return row
+
 
 @runtime_checkable
 class Predictor(Protocol):

@@ -87,7 +87,8 @@ def predictor(
     with progress_bar(f"train {network}") as (started, done):
         started(plan.epochs)
         path, card = train_predictor(found, request, output, lambda epoch, error: done(f"minADE {error:.3f} m"))
-    print(f"{path}: validation minADE {card['validation_minADE']} m, epoch {card['best_epoch']} of {plan.epochs}")
+    away = "" if card["fold"] is None else f", without the scenes of fold {card['fold']}"
+    print(f"{path}: validation minADE {card['validation_minADE']} m, epoch {card['best_epoch']} of {plan.epochs}{away}")
 
 
 DetectorArgument = Annotated[str, typer.Argument(help="A detector whose training scenes are known.")]

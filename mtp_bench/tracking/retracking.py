@@ -129,7 +129,7 @@ class ReTracker:
             said = self._predictor.predict(Frame(self._frame - 1, tracks.those(leaf), tuple(self._observed)))
             weight = np.zeros(said.samples.shape[:2]) if said.log_weight is None else said.log_weight
             likeliest: Floats = said.samples[np.arange(len(weight)), weight.argmax(axis=1)]
-            return likeliest if said.row is None else np.asarray(likeliest[said.row])
+            return np.asarray(likeliest[said.rows_of(len(leaf))])
         if isinstance(self._predictor, FramePredictor):
             self._predictor.begin(tracks)
         return self._predictor.sample(tracks, leaf, np.zeros(len(leaf), dtype=np.int64), 1)[:, 0]

@@ -47,10 +47,8 @@ class SceneLabels:
         """The object [R] of each detection shown: the nearest of its class inside the gate."""
         if feed.object_id is not None:
             return np.searchsorted(self._ids, feed.object_id)
-        frame = feed.frame_of_rows
         found = [self._nearest(t, feed.box[feed.rows(t)], feed.class_id[feed.rows(t)]) for t in range(feed.frames)]
-        label = np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
-        return label if len(label) == len(frame) else np.full(len(frame), UNKNOWN)
+        return np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
 
     def _nearest(self, t: int, box: Floats, class_id: Ints) -> Ints:
         """The object [n] of boxes in frame ``t``, NOTHING or UNKNOWN."""
@@ -68,18 +66,18 @@ class SceneLabels:
     def of(self, t: int, windows: TrackWindows) -> Labels:
         """The labels of the tracks of frame ``t``: the object of the last detection that each of them took."""
         follows = self._followed(t, windows)
+        gone = np.isnan(self._place[np.maximum(follows, -1), t, 0])  # hidden, or no longer there
+        follows = self._unless_neutral(t, windows, np.where((follows >= 0) & gone, UNKNOWN, follows))
         known = follows >= 0
-        follows = np.where(known & np.isnan(self._place[follows, t, 0]), UNKNOWN, follows)  # it is hidden or gone
-        follows = self._unless_neutral(t, windows, follows)
-        known = follows >= 0
-        place = self._place[np.where(known, follows, -1), t : t + self._future + 1]
+        row = np.where(known, follows, -1)  # the last row stands for no object
+        place = self._place[row, t : t + self._future + 1]
         future = place[:, 1:]
         return Labels(
-            object_id=np.where(known, np.append(self._ids, 0)[follows], follows),
+            object_id=np.where(known, np.append(self._ids, 0)[row], follows),
             present=np.nan_to_num(place[:, 0]),
             future=np.nan_to_num(future),
             future_known=~np.isnan(future[:, :, 0]),
-            target=known & self._target[np.where(known, follows, -1), t],
+            target=known & self._target[row, t],
         )
 
     def _followed(self, t: int, windows: TrackWindows) -> Ints:

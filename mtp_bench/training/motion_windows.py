@@ -15,8 +15,8 @@ from ..types import Bools, Floats, Ints, Scene, Task
 
 
 @dataclass(frozen=True, eq=False)
-class Windows:
-    """Windows of n tracks in the heading frame of their last box; the origin is its centre."""
+class MotionWindows:
+    """MotionWindows of n tracks in the heading frame of their last box; the origin is its centre."""
 
     position: Floats  # [n, P, 2]
     valid: Bools  # [n, P]
@@ -24,17 +24,17 @@ class Windows:
     class_id: Ints  # [n]
 
 
-def collect(scenes: Iterable[Scene], task: Task, tracker: Tracker, gate: float = 1.0) -> Windows:
-    """Windows of the tracks of the first hypothesis whose true object has all T future frames.
+def collect(scenes: Iterable[Scene], task: Task, tracker: Tracker, gate: float = 1.0) -> MotionWindows:
+    """MotionWindows of the tracks of the first hypothesis whose true object has all T future frames.
 
     That is the nearest object of the same class (BEV), at most ``gate`` metres away. With ``task.observe == "truth"``
     the tracker is fed true boxes.
     """
     parts = [_empty(task), *(part for scene in scenes for part in _scene_windows(scene, task, tracker, gate))]
-    return Windows(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Windows)))
+    return MotionWindows(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(MotionWindows)))
 
 
-def _scene_windows(scene: Scene, task: Task, tracker: Tracker, gate: float) -> Iterable[Windows]:
+def _scene_windows(scene: Scene, task: Task, tracker: Tracker, gate: float) -> Iterable[MotionWindows]:
     tracker.reset(task)
     for t, observation in enumerate(observations(scene, task.observe)):
         tracks = tracker.step(observation)
@@ -57,7 +57,7 @@ def observations(scene: Scene, observe: str = "detections") -> Iterator[Observat
         yield seen if ids is None else {**seen, "detection_id": ids[rows]}
 
 
-def _frame_windows(scene: Scene, t: int, tracks: Tracks, task: Task, gate: float) -> Windows:
+def _frame_windows(scene: Scene, t: int, tracks: Tracks, task: Task, gate: float) -> MotionWindows:
     truth = scene.truth
     rows = truth.rows(t)
     now = np.arange(rows.start, rows.stop)[truth.eligible[rows]]
@@ -72,7 +72,7 @@ def _frame_windows(scene: Scene, t: int, tracks: Tracks, task: Task, gate: float
     leaf, future = leaf[near & complete], future[near & complete]
     heading = tracks.box[leaf, 3]
     local = np.einsum("nti,nij->ntj", future - tracks.past[leaf, -1:, :2], rotation(heading))
-    return Windows(heading_frame(tracks.past[leaf], heading), tracks.past_valid[leaf], local, tracks.class_id[leaf])
+    return MotionWindows(heading_frame(tracks.past[leaf], heading), tracks.past_valid[leaf], local, tracks.class_id[leaf])
 
 
 def _futures(scene: Scene, t: int, object_id: Ints, steps: int) -> tuple[Floats, Bools]:
@@ -88,8 +88,8 @@ def _futures(scene: Scene, t: int, object_id: Ints, steps: int) -> tuple[Floats,
     return future, complete
 
 
-def _empty(task: Task) -> Windows:
-    return Windows(
+def _empty(task: Task) -> MotionWindows:
+    return MotionWindows(
         np.zeros((0, task.past, 2)),
         np.zeros((0, task.past), dtype=bool),
         np.zeros((0, task.future, 2)),

@@ -137,7 +137,7 @@ def train_predictor(
     ``output``: another file than that which agents look for. ``told``: see `fitting.fit`.
     """
     network, sizes = network_of(request.network), Sizes.of(found.task)
-    path = output or weights_folder() / file_name(request.network, request.on, request.env_id)
+    path = output or weights_folder() / file_name(request.network, request.on, found.task.env_id)
     path.parent.mkdir(parents=True, exist_ok=True)
     lesson, checkpoint = lesson_of(network, found, sizes), path.with_suffix(".checkpoint")
     state = fit(network, sizes, lesson, request.chosen_plan, device_of(request.device), told, checkpoint)
@@ -150,7 +150,7 @@ def train_predictor(
 def model_card(request: Request, found: Windows, lesson: Lesson, state: State) -> dict[str, Any]:
     """What a file of weights says of how it was made."""
     return {
-        "env": ", ".join([request.env_id, *request.also]),
+        "env": ", ".join(found.envs),
         "detector": found.task.detector if request.on != TRUTH else "true boxes",
         "on": request.on,
         "hypotheses": request.hypotheses if request.on != TRUTH else 1,

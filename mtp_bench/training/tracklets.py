@@ -53,6 +53,7 @@ class Windows(TrackWindows):
     names: tuple[str, ...]
     seen: Surroundings  # the detections of all frames of all scenes
     task: Task
+    envs: tuple[str, ...]  # ids; where there are several the task is that of the first
 
     def those(self, rows: Ints | Bools | slice) -> Windows:
         """The windows ``rows``; frames and scenes keep their numbers."""
@@ -82,7 +83,7 @@ class Windows(TrackWindows):
 
 
 AROUND = ("box", "velocity", "class_id", "score")  # columns of `Surroundings`
-BY_WINDOW = tuple(f.name for f in fields(Windows) if f.name not in ("names", "seen", "task"))
+BY_WINDOW = tuple(f.name for f in fields(Windows) if f.name not in ("names", "seen", "task", "envs"))
 
 
 def windows(
@@ -130,7 +131,7 @@ def joined(parts: Sequence[Arrays], names: Sequence[str], task: Task) -> Windows
     count = np.concatenate([np.diff(part["seen_start"]) for part in parts])
     rows = {name: np.concatenate([part[name] for part in parts]) for name in BY_WINDOW}
     surroundings = Surroundings(starts_of(count), **seen, before=before)
-    return Windows(**rows, names=tuple(names), seen=surroundings, task=task)
+    return Windows(**rows, names=tuple(names), seen=surroundings, task=task, envs=(task.env_id,))
 
 
 def together(parts: Sequence[Windows]) -> Windows:
@@ -145,7 +146,8 @@ def together(parts: Sequence[Windows]) -> Windows:
     seen = {name: np.concatenate([getattr(part.seen, name) for part in parts]) for name in (*AROUND, "before")}
     start = starts_of(np.concatenate([part.seen.counts for part in parts]))
     names = tuple(f"{part.task.env_id} {name}" if len(parts) > 1 else name for part in parts for name in part.names)
-    return Windows(**rows, names=names, seen=Surroundings(start, **seen), task=parts[0].task)
+    envs = tuple(env for part in parts for env in part.envs)
+    return Windows(**rows, names=names, seen=Surroundings(start, **seen), task=parts[0].task, envs=envs)
 
 
 def _scene_arrays(card: Card, data: str | None, task: Task, tracker: Tracker | int | str, name: str) -> Arrays:

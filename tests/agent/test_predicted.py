@@ -127,6 +127,24 @@ def test_forecasts_of_the_wrong_shape_are_refused() -> None:
         Forecasts(np.zeros((2, 4, 3, 2)), np.zeros((2, 3)))
 
 
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (Forecasts(np.zeros((1, 2, 3, 2)), row=np.array([0])), r"row has shape \(1,\), expected \(2,\)"),
+        (Forecasts(np.zeros((1, 2, 3, 2)), row=np.array([0, 1])), "row is 1, expected 0 to 0"),
+        (Forecasts(np.zeros((3, 2, 3, 2))), "samples hold 3 rows, expected 2: one for each track"),
+        (Forecasts(np.zeros((2, 2, 4, 2))), r"forecasts has shape \(2, 2, 4, 2\), expected \(2, k, 3, 2\)"),
+    ],
+)
+def test_forecasts_that_do_not_fit_the_frame_are_refused(wrong: Forecasts, said: str) -> None:
+    class Wrong(Still):
+        def predict(self, frame: Frame) -> Forecasts:
+            return wrong
+
+    with pytest.raises(ShapeError, match=said):
+        play(Wrong(), frames=[frame((0, 0, 0), (10, 0, 1))])
+
+
 def test_a_pool_holds_a_row_once_with_the_mass_of_its_hypotheses() -> None:
     row = np.array([[3, 3, 1], [-1, 2, -1], [0, 0, 0]])
     pool = pool_of(row, np.log([0.5, 0.3, 0.2]))

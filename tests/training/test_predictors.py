@@ -12,7 +12,7 @@ import torch
 from mtp_bench.cards import load_card
 from mtp_bench.errors import MtpBenchError, UnknownNameError
 from mtp_bench.prediction.learned.registry import network_of
-from mtp_bench.prediction.learned.weights import read_weights
+from mtp_bench.prediction.learned.weights import find_weights, read_weights
 from mtp_bench.running.folds import fold_of, held_out
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.training.fitting import Plan, device_of, one_cycle
@@ -179,3 +179,14 @@ def test_envs_that_are_not_alike(tmp_path: Path) -> None:
     assert request.also
     with pytest.raises(MtpBenchError):
         learnable(replace(request, env_id="MTP-Nowhere-v0"))
+
+
+def test_weights_lie_where_agents_look_whatever_the_card_is_called(
+    found: Windows, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A card may be given as a path; agents know the id of its env."""
+    monkeypatch.setenv("MTP_BENCH_WEIGHTS", str(tmp_path / "weights"))
+    path, card = train_predictor(found, Request("codebook", str(tmp_path / "MTP-Small-v0.toml")))
+    assert path == tmp_path / "weights" / "codebook-truth-MTP-Small-v0.safetensors"
+    assert card["env"] == "MTP-Small-v0"
+    assert find_weights("codebook", "truth", found.task) == path

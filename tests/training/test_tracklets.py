@@ -68,6 +68,15 @@ def test_what_follows_nothing_is_a_negative_only_where_truth_is_complete(tmp_pat
     assert len(windows_of_scenes(tmp_path, replace(ghosts, truth_complete=False))) == 0
 
 
+@pytest.mark.parametrize("complete", [True, False])
+def test_detections_where_no_object_is_labelled(tmp_path: Path, complete: bool) -> None:
+    scene = make_scene(empty=(4,))
+    unlabelled = replace(scene, truth=bare_scene(frames=8).truth, truth_complete=complete)
+    found = windows_of_scenes(tmp_path, unlabelled)
+    assert found.negative.all()
+    assert (len(found) > 0) == complete
+
+
 def test_tracks_of_neutral_objects_are_left_out(tmp_path: Path) -> None:
     scene = make_scene()
     neutral = replace(scene.truth, neutral=scene.truth.object_id == 7)

@@ -224,4 +224,4 @@ def _writable(folder: Path) -> Path | None:
 def _tell(stored: bool) -> None:
     """Say that the first call takes a while."""
     where = "once per machine" if stored else "in every process (set NUMBA_CACHE_DIR to a folder that can be written)"
-    print(f"mtp_bench: compiling the tracking kernels, {where}: about 15 s", file=sys.stderr, flush=True)
+    print(f"mtp_bench: compiling the tracking kernels, {where}: about 20 s", file=sys.stderr, flush=True)
