@@ -1,4 +1,4 @@
-"""Training windows: what a tracker says of an object's past beside what the object did next."""
+"""Windows for the fits of motion noise: positions of the first hypothesis beside what the object did next."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..types import Bools, Floats, Ints, Scene, Task
 
 @dataclass(frozen=True, eq=False)
 class MotionWindows:
-    """MotionWindows of n tracks in the heading frame of their last box; the origin is its centre."""
+    """Windows of n tracks in the heading frame of their last box; the origin is its centre."""
 
     position: Floats  # [n, P, 2]
     valid: Bools  # [n, P]
@@ -25,13 +25,14 @@ class MotionWindows:
 
 
 def collect(scenes: Iterable[Scene], task: Task, tracker: Tracker, gate: float = 1.0) -> MotionWindows:
-    """MotionWindows of the tracks of the first hypothesis whose true object has all T future frames.
+    """Windows of the tracks of the first hypothesis whose true object has all T future frames.
 
     That is the nearest object of the same class (BEV), at most ``gate`` metres away. With ``task.observe == "truth"``
     the tracker is fed true boxes.
     """
     parts = [_empty(task), *(part for scene in scenes for part in _scene_windows(scene, task, tracker, gate))]
-    return MotionWindows(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(MotionWindows)))
+    names = (field.name for field in fields(MotionWindows))
+    return MotionWindows(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 def _scene_windows(scene: Scene, task: Task, tracker: Tracker, gate: float) -> Iterable[MotionWindows]:
@@ -72,7 +73,8 @@ def _frame_windows(scene: Scene, t: int, tracks: Tracks, task: Task, gate: float
     leaf, future = leaf[near & complete], future[near & complete]
     heading = tracks.box[leaf, 3]
     local = np.einsum("nti,nij->ntj", future - tracks.past[leaf, -1:, :2], rotation(heading))
-    return MotionWindows(heading_frame(tracks.past[leaf], heading), tracks.past_valid[leaf], local, tracks.class_id[leaf])
+    position = heading_frame(tracks.past[leaf], heading)
+    return MotionWindows(position, tracks.past_valid[leaf], local, tracks.class_id[leaf])
 
 
 def _futures(scene: Scene, t: int, object_id: Ints, steps: int) -> tuple[Floats, Bools]:
