@@ -3,7 +3,7 @@
 An agent's process gets detections frame by frame and sends answers; rewards, ``info`` and the truth stay with the
 judge. Every answer enters a hash chain before the next frame is sent. What an agent does ends at most its scene.
 
-What is protected, on Linux where the system allows user namespaces (`SceneRun.network_cut`, `SceneRun.files_hidden`):
+What is protected, on Linux where the system allows user namespaces (`SceneRun.isolation`):
 
 - The judge's memory, environment, descriptors and working folder: the agent is in another user namespace.
 - The data root and the cache of generated scenes: they are empty folders to the agent. All other files are read-only,
@@ -23,6 +23,7 @@ the operating system's kernel opens everything.
 """
 
 from .limits import PATIENCE as PATIENCE
+from .limits import Isolation as Isolation
 from .limits import Limits as Limits
 from .limits import SceneRun as SceneRun
 from .run import run_isolated as run_isolated

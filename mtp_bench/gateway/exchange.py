@@ -14,7 +14,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..types import ABSENT_BELOW, Rollout
-from .limits import PATIENCE, Limits, SceneRun
+from .limits import PATIENCE, Isolation, Limits, SceneRun
 from .process import AgentProcess, EndedError, ExcessError, Message
 from .wire import Arrays, WireError, arrays_of
 
@@ -92,8 +92,9 @@ class Exchange:
             malformed=self._malformed,
             peak_memory=self._process.peak_memory,
             started=self._started,
-            network_cut=facts.get("network_cut", False),
-            files_hidden=facts.get("files_hidden", False),
+            isolation=Isolation("namespaces", True)
+            if all(map(facts.get, ("network_cut", "files_hidden")))
+            else Isolation(),
         )
 
     def _answer(self, observation: Arrays, begin: float) -> Action | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from ..types import Rollout
 
@@ -23,6 +24,21 @@ class Limits:
     answer: int = 64 << 20  # bytes of one answer
 
 
+@dataclass(frozen=True)
+class Isolation:
+    """What held an agent: see ``SECURITY.md``."""
+
+    mechanism: Literal["bubblewrap", "namespaces", "none"] = "none"  # who made its root, its processes, its network
+    filtered: bool = False  # it could not make the calls of the system that a filter names
+    memory: Literal["cgroup", "watch"] = "watch"  # who bounds the memory of all its processes together
+    cuda: bool = False  # it was given the graphics cards
+
+    @property
+    def holds(self) -> bool:
+        """Whether it was kept from truth, network and other processes; without that nothing can be confirmed."""
+        return self.mechanism != "none" and self.filtered
+
+
 @dataclass(frozen=True, eq=False)
 class SceneRun:
     """One scene answered by an agent in a process of its own."""
@@ -35,5 +51,4 @@ class SceneRun:
     malformed: int  # frames unanswered because the answer was none: too large, other shapes, no arrays, not finite
     peak_memory: int  # bytes resident, of the agent's process; 0 where the system does not tell
     started: float  # s until the agent was built
-    network_cut: bool = False  # it ran without a network
-    files_hidden: bool = False  # it ran without sight of the data and could write nowhere but into its own folder
+    isolation: Isolation = Isolation()

@@ -90,10 +90,17 @@ class MissedPart(Section):
 
 
 class IsolationPart(Section):
-    """What the agent was kept from in all its runs; not every system allows it."""
+    """What held the agent in every run, the weakest of them; as `gateway.Isolation`."""
 
-    network_cut: bool
-    files_hidden: bool  # it saw no data and wrote nowhere but into its own folder
+    mechanism: Literal["bubblewrap", "namespaces", "none"]
+    filtered: bool
+    memory: Literal["cgroup", "watch"]
+    cuda: bool
+
+    @property
+    def holds(self) -> bool:
+        """Whether it was kept from truth, network and other processes."""
+        return self.mechanism != "none" and self.filtered
 
 
 class ScenePart(Section):

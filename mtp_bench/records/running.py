@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -124,11 +124,10 @@ def unanswered(runs: Mapping[int, Sequence[SceneRun]]) -> MissedPart:
 
 
 def isolation(runs: Mapping[int, Sequence[SceneRun]]) -> IsolationPart:
-    """What the agent was kept from in every run."""
-    every = [run for results in runs.values() for run in results]
-    return IsolationPart(
-        network_cut=all(run.network_cut for run in every), files_hidden=all(run.files_hidden for run in every)
-    )
+    """What held the agent in every run: the weakest of them."""
+    every = [run.isolation for results in runs.values() for run in results]
+    weakest = min(every, key=lambda held: (held.holds, held.memory == "cgroup"))
+    return IsolationPart(**asdict(weakest))
 
 
 def latency(rollouts: Sequence[Rollout], limit_ms: float) -> LatencyPart:

@@ -155,7 +155,7 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed) -> HiddenPart:
         names, options = tuple(open_source(hidden).names), replace(plan.options, data=None)
         there = replace(plan, env=hidden, card=hidden, scenes=names, scenes_of_split=len(names), options=options)
         runs = {seed: run_seed(there, seed) for seed in record.seeds}
-        if not all(run.network_cut and run.files_hidden for results in runs.values() for run in results):
+        if not all(run.isolation.holds for results in runs.values() for run in results):
             raise RecordError(
                 "this system cannot hide files and network from an agent, so its hidden scenes would not stay hidden: "
                 "run it on Linux with user namespaces"

@@ -109,7 +109,7 @@ def test_data_is_not_there_and_nothing_else_can_be_written(court: Court, cache: 
     (cache / "kernels-kept").mkdir(exist_ok=True)
     hostile = str(court.folder / "hostile")
     run = court.run(FILES, data=court.data, submission=hostile, cache=str(cache / "kernels-kept"))
-    if not run.files_hidden:
+    if not run.isolation.holds:
         pytest.skip("this system allows no file system of one's own")
     expect_nothing_found(court, run)
 
@@ -120,13 +120,13 @@ def test_there_is_no_network(court: Court) -> None:
         local.bind(name)
         local.listen()
         run = court.run(NETWORK, port=server.getsockname()[1], name=name)
-    if not run.network_cut:
+    if not run.isolation.holds:
         pytest.skip("this system allows no network of one's own")
     expect_nothing_found(court, run)
 
 
 def test_the_judge_is_out_of_reach_of_signals(court: Court) -> None:
     run = court.run(SIGNALS, judge=os.getpid())
-    if not run.files_hidden:
+    if not run.isolation.holds:
         pytest.skip("this system allows no processes of one's own")
     expect_nothing_found(court, run)

@@ -66,7 +66,7 @@ def make_record(
         "latency": {"p50_ms": 1.0, "p95_ms": 2.0, "max_ms": 3.0, "limit_ms": 5000.0},
         "peak_memory_mib": 100.0,
         "missed": {"late": 0, "malformed": 0, "crashed_scenes": 0, "reasons": {}},
-        "isolation": {"network_cut": True, "files_hidden": True},
+        "isolation": {"mechanism": "bubblewrap", "filtered": True, "memory": "watch", "cuda": False},
         "hypotheses": rows[0]["hypotheses"],
         "samples": rows[0]["samples"],
         "rows": rows,
