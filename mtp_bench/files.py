@@ -7,10 +7,14 @@ import hashlib
 import os
 import secrets
 import shutil
+import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
 
 from .errors import MtpBenchError
+
+_UNSEEN = ("Cc", "Cf", "Cs")  # categories of letters: controls, marks of format, halves of characters
+_JOINERS = "\u200c\u200d"  # some scripts are written with them
 
 
 @contextlib.contextmanager
@@ -103,13 +107,13 @@ def _require_access(path: Path, folder: Path) -> None:
         raise MtpBenchError(f"cannot write {path}: no permission to write in {folder}")
 
 
-WEIGHTS_VARIABLE = "MTP_BENCH_WEIGHTS"
+def clean_text(text: str, most: int) -> str:
+    """``text`` in one line that can be stored and shown: at most ``most`` characters, none of them invisible.
 
-
-def weights_folder() -> Path:
-    """Where weights that were trained here are kept: what MTP_BENCH_WEIGHTS names, else the user's data folder."""
-    if os.environ.get(WEIGHTS_VARIABLE):
-        return Path(os.environ[WEIGHTS_VARIABLE]).expanduser().absolute()
-    from platformdirs import user_data_path
-
-    return user_data_path("mtp_bench", appauthor=False) / "weights"
+    Controls, escapes, marks that turn the direction of writing and lone surrogates become U+FFFD, line ends blanks.
+    """
+    line = " ".join(text[: 4 * most].splitlines())
+    clean = "".join(
+        "\ufffd" if unicodedata.category(letter) in _UNSEEN and letter not in _JOINERS else letter for letter in line
+    )
+    return clean if len(clean) <= most else clean[: most - 1] + "…"

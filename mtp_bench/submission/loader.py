@@ -37,13 +37,14 @@ class Submission:
     description: str = ""
     training_data: tuple[str, ...] = ()  # what it was trained or fitted on, in words
     trained_on_scored: dict[str, str] = field(default_factory=dict)  # env id -> what was fitted on scenes it scores
+    networks: tuple[str, ...] = ()  # whose weights it takes from those trained on the machine where it runs
     parameters: dict[str, Any] = field(default_factory=dict)
     compare: CompareSection = field(default_factory=CompareSection)
 
     @cached_property
     def digest(self) -> str:
         """The sha256 over names and contents of all files of the folder; ``__pycache__`` and ``.git`` do not count."""
-        return _digest(self.path, _files(self.path))
+        return _digest(self.path, submission_files(self.path))
 
     def note_on(self, env_id: str) -> str | None:
         """What tables and records say beside scores in an env: what was trained on the scenes that it scores."""
@@ -133,7 +134,7 @@ def _import(submission: Submission, module: str) -> ModuleType:
     edited is imported anew, and modules of one folder import each other relatively (``from .model import Net``).
     """
     folder = submission.path
-    sources = [path for path in _files(folder) if path.suffix == ".py"]
+    sources = [path for path in submission_files(folder) if path.suffix == ".py"]
     package = f"mtp_submission_{hashlib.sha256(f'{folder} {_digest(folder, sources)}'.encode()).hexdigest()[:16]}"
     if package not in sys.modules:
         sys.modules[package] = ModuleType(package)
@@ -150,7 +151,7 @@ def _import(submission: Submission, module: str) -> ModuleType:
         ) from error
 
 
-def _files(folder: Path) -> list[Path]:
+def submission_files(folder: Path) -> list[Path]:
     """Files of a submission, sorted by name; what tools leave behind is not part of it."""
     paths = [p for p in folder.rglob("*") if not {"__pycache__", ".git"} & set(p.relative_to(folder).parts)]
     for path in paths:

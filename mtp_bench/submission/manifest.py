@@ -13,6 +13,7 @@ from ..strict import Section, read_toml, validate
 MANIFEST = "submission.toml"
 NAME_PATTERN = r"^[a-z0-9][a-z0-9_.-]*$"
 Value = bool | int | float | str | list[Any] | dict[str, Any]
+NetworkName = Annotated[str, Field(pattern=r"^[a-z0-9_]+-(truth|tracklets)$")]  # network and what it was trained on
 _NOT_EMPTY = Field(min_length=1, strict=False)  # not strict: TOML has lists, no tuples
 _Names = Annotated[tuple[str, ...], _NOT_EMPTY]
 _Values = Annotated[tuple[Value, ...], _NOT_EMPTY]
@@ -40,6 +41,7 @@ class Manifest(Section):
     description: str = ""
     training_data: Annotated[tuple[str, ...], Field(strict=False)] = ()
     trained_on_scored: dict[str, str] = Field(default_factory=dict)  # env id -> what was fitted on scenes it scores
+    networks: Annotated[tuple[NetworkName, ...], Field(strict=False)] = ()  # whose trained weights it takes
     parameters: dict[str, Value] = Field(default_factory=dict)
     compare: CompareSection = CompareSection()
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import py_compile
 import re
 import tempfile
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -110,7 +112,7 @@ def test_processes_that_take_the_machine_end_before_the_answer_is_due(court: Cou
 
 
 def left_over(folder: str) -> list[str]:
-    """Processes of agents of this court that are still there: they know its folder as their temporary one."""
+    """Processes of agents of this court that are still there: they are told its folder as one of libraries."""
     found = []
     for entry in Path("/proc").iterdir():
         try:
@@ -118,7 +120,17 @@ def left_over(folder: str) -> list[str]:
                 found.append(entry.name)
         except OSError:
             continue
-    return found
+    return [name for name in found if int(name) != os.getpid()]
+
+
+def test_processes_of_agents_can_be_found(court: Court) -> None:
+    """Else there would never be any left over."""
+    seen: list[str] = []
+    watcher = threading.Timer(0.3, lambda: seen.extend(left_over(str(court.folder))))
+    watcher.start()
+    court.run(at_frame_two("time.sleep(1)"))
+    watcher.join()
+    assert seen
 
 
 def test_floods_are_read_away(court: Court) -> None:
@@ -150,13 +162,14 @@ def agents(court: Court, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = court.folder / "agents"
     folder.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    monkeypatch.setenv("LD_LIBRARY_PATH", str(folder))
     return folder
 
 
 def test_the_disk_does_not_fill(court: Court, agents: Path) -> None:
     run = court.run(FILLS, disk=QUICK.disk)
     assert run.status == "finished", run.reason
-    assert list(agents.iterdir()) == []
+    assert not list(agents.glob("mtp_bench-agent-*"))
 
 
 def test_nothing_is_unpickled(court: Court) -> None:

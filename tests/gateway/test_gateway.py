@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -94,8 +95,10 @@ def test_what_the_user_can_mend_is_an_error(card: str, kitti: str, tmp_path: Pat
         run_isolated("stp", card, {"data": kitti}, "0007")
     with pytest.raises(UnknownNameError, match="unknown submission"):
         run_isolated("spt", card, {"data": kitti}, "0006")
-    with pytest.raises(SubmissionError, match="must not see the data"):
-        run_isolated(submission(Path(kitti) / "agent"), card, {"data": kitti}, "0006")
+    around = submission(tmp_path / "around")
+    shutil.copytree(kitti, around / "data")
+    with pytest.raises(SubmissionError, match="which agents see: move the data elsewhere"):
+        run_isolated(around, card, {"data": str(around / "data")}, "0006")
     with pytest.raises(MtpBenchError, match="workers is 0"):
         run_isolated_scenes("stp", card, {"data": kitti}, scenes=["0006"], workers=Workers(0))
 
