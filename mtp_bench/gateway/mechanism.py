@@ -27,7 +27,10 @@ def mechanism() -> Mechanism:
     """The best that works here: it is tried once per process."""
     if not sys.platform.startswith("linux"):
         return "none"
-    return next((way for way in _WAYS if _works(way)), "none")
+    for way in _WAYS:
+        if _works(way):
+            return way
+    return "none"
 
 
 def command(

@@ -18,7 +18,7 @@ from typing import Any, Literal
 
 from ..errors import MtpBenchError
 from .cgroup import make_group
-from .family import children, descendants, end, hide_memory, peak_memory, resident, threads
+from .family import children, descendants, end, files_below, hide_memory, peak_memory, resident, threads
 from .filter import system_call_filter
 from .image import Image
 from .layout import KERNELS, SUBMISSION, TEMPORARY, Layout, environment, interpreter, library, packages
@@ -30,6 +30,7 @@ _KEPT = 4096  # bytes of what the agent prints
 _ENDING = 5.0  # s that the system may take to end a process
 _WATCH = 0.1  # s between looks at the agent's processes while they are waited for
 _MOST_PROCESSES = 64
+_MOST_FILES = 10_000  # in its temporary folder: their names take memory that nothing else counts
 MOST_THREADS = 1024  # of all its processes; the system's own limit does not hold for root
 _PIPE = 1 << 20  # bytes that a pipe holds, where the system allows it
 Message = tuple[dict[str, Any], bytes]
@@ -239,6 +240,9 @@ class AgentProcess:
         count = sum(map(threads, family))
         if count > MOST_THREADS:
             raise ExcessError(f"its {len(family)} processes had {count} threads, of {MOST_THREADS}")
+        names = files_below(self._pid, TEMPORARY) if self._isolated else 0
+        if names > _MOST_FILES:
+            raise ExcessError(f"it had made {names} files, of {_MOST_FILES}")
         memory = sum(map(resident, family))
         if memory > self._limits.memory:
             raise ExcessError(
