@@ -52,7 +52,7 @@ class Exchange:
         self._late = self._malformed = 0
         self._status, self._reason = "finished", ""
         self._started = 0.0
-        self._begin = time.monotonic()
+        self._begin = process.begun
 
     def open(self, setup: dict[str, Any], task: dict[str, Any]) -> None:
         """Start the agent: built, then told the task."""

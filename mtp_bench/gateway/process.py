@@ -81,6 +81,7 @@ class AgentProcess:
             raise MtpBenchError(
                 "agents run in processes of their own on Linux and macOS only; use `mtp-bench run` here"
             )
+        self.begun = time.monotonic()
         self._group = make_group(self._limits.memory, MOST_THREADS)
         self._folder = None if self._isolated else tempfile.mkdtemp(prefix="mtp_bench-agent-")
         orders, self._orders = os.pipe()

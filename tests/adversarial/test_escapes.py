@@ -339,8 +339,13 @@ for i in range(200_000):
 }
 
 
+@pytest.mark.parametrize("grouped", [True, False], ids=["cgroup", "watch"])
 @pytest.mark.parametrize("what", HOARDS)
-def test_what_it_hoards_is_counted(held: str, court: Court, what: str) -> None:
+def test_what_it_hoards_is_counted(
+    held: str, court: Court, what: str, grouped: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not grouped:
+        monkeypatch.setattr("mtp_bench.gateway.process.make_group", lambda *_: None)
     limits = QUICK if what == "threads" else type(QUICK)(**{**vars(QUICK), "memory": 1 << 30})
     code = (
         "if self.frame == 1:\n"
