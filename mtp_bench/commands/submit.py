@@ -84,11 +84,11 @@ def _record_table(record: Record) -> Table:
 
 def _sentence(record: Record) -> str:
     """Status, cost and what went wrong, for people."""
-    latency, lost = record.latency, record.missed
+    latency, lost = record.measured.latency, record.missed
     parts = [f"{record.status}{f' ({record.status_reason})' if record.status_reason else ''}"]
     if latency.p50_ms is not None and latency.p95_ms is not None:
         parts.append(f"{latency.p50_ms:.1f} ms per frame, 95 % within {latency.p95_ms:.1f} ms")
-    parts += [f"{record.peak_memory_mib:.0f} MiB", record.reference.origin]
+    parts += [f"{record.measured.peak_memory_mib:.0f} MiB", record.reference.origin]
     for frames, what in ((lost.late, "late frames"), (lost.malformed, "malformed answers")):
         if frames:
             parts.append(f"{frames} {what}")

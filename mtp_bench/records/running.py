@@ -130,14 +130,14 @@ def isolation(runs: Mapping[int, Sequence[SceneRun]]) -> IsolationPart:
     return IsolationPart(**asdict(weakest))
 
 
-def latency(rollouts: Sequence[Rollout], limit_ms: float) -> LatencyPart:
+def latency(rollouts: Sequence[Rollout]) -> LatencyPart:
     """Percentiles over the frames of all rollouts but the first of each; unanswered frames are left out."""
     seconds = np.concatenate([np.zeros(0), *(rollout.seconds[1:] for rollout in rollouts)])
     seconds = seconds[np.isfinite(seconds) & (seconds > 0)]
     if not len(seconds):
-        return LatencyPart(p50_ms=None, p95_ms=None, max_ms=None, limit_ms=limit_ms)
+        return LatencyPart(p50_ms=None, p95_ms=None, max_ms=None)
     p50, p95, most = (float(value) for value in np.percentile(1e3 * seconds, [50, 95, 100]))
-    return LatencyPart(p50_ms=p50, p95_ms=p95, max_ms=most, limit_ms=limit_ms)
+    return LatencyPart(p50_ms=p50, p95_ms=p95, max_ms=most)
 
 
 def peak_memory(runs: Mapping[int, Sequence[SceneRun]]) -> float:

@@ -13,20 +13,36 @@ from ..scoring.subsets import SUBSETS
 from ..strict import validate
 from .record import Record
 
-UNSIGNED = ("digest", "verification", "hidden")  # not part of the digest: what others write who check the record
+OUTSIDE = ("digest", "measured")  # no part of the digest
+MOST_BYTES = 8 << 20  # of a file
 ROLLOUTS = ".rollouts"  # suffix of the folder beside a record
 
 
 def sealed(record: Record) -> Record:
-    """``record`` with the digest of its content."""
-    return record.model_copy(update={"digest": content_digest(_plain(record))})
+    """``record`` with the digests of its content and of what was measured."""
+    plain = _plain(record)
+    measured = record.measured.model_copy(update={"digest": measured_digest(plain)})
+    return record.model_copy(update={"digest": content_digest(plain), "measured": measured})
+
+
+def canonical(content: Any) -> bytes:
+    """JSON that is the same for equal contents: sorted keys, no spaces, UTF-8. Raises ValueError for what has none."""
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    return text.encode()
 
 
 def content_digest(content: dict[str, Any]) -> str:
-    """Hex sha256 over the canonical JSON of a record: sorted keys, no spaces, UTF-8, without UNSIGNED."""
-    kept = {name: value for name, value in content.items() if name not in UNSIGNED}
-    text = json.dumps(kept, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()
+    """Hex sha256 over the canonical JSON of a record without OUTSIDE."""
+    return _sha256({name: value for name, value in content.items() if name not in OUTSIDE})
+
+
+def measured_digest(content: dict[str, Any]) -> str:
+    """Hex sha256 over what was measured: it tells of accidents alone."""
+    return _sha256({name: value for name, value in content["measured"].items() if name != "digest"})
+
+
+def _sha256(content: Any) -> str:
+    return hashlib.sha256(canonical(content)).hexdigest()
 
 
 def save_record(record: Record, path: str | Path) -> Record:
@@ -63,12 +79,15 @@ def load_record(path: str | Path) -> Record:
         )
     record = validate(Record, content, str(path), RecordError)
     _require_complete(path, record)
-    found = content_digest(content)
-    if found != record.digest:
-        raise RecordError(
-            f"{path}: its content has the digest {found[:12]}, the file says {record.digest[:12] or 'none'}: it was "
-            "changed after it was made; make it again with `mtp-bench submit`"
-        )
+    for what, found, said in (
+        ("its content", content_digest(content), record.digest),
+        ("its section 'measured'", measured_digest(content), record.measured.digest),
+    ):
+        if found != said:
+            raise RecordError(
+                f"{path}: {what} has the digest {found[:12]}, the file says {said[:12] or 'none'}: it was changed "
+                "after it was made; make it again with `mtp-bench submit`"
+            )
     return record
 
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
 
 from ..cards import Card, load_card
+from ..errors import SubmissionError
 from ..files import require_file, require_folder, whole_folder
 from ..gateway import Limits, SceneRun
 from ..parallel import parallel_map
@@ -16,10 +18,12 @@ from ..running.reference import reference_for
 from ..running.rollout_files import require_run_folder, save_run
 from ..running.run import library_versions
 from ..scoring import DEFINITIONS
+from ..strict import validate
 from ..submission.loader import Submission, load_submission
+from ..submission.manifest import MANIFEST
 from .evaluation import Evaluation, status_of
 from .provenance import hardware, scorer_digest
-from .record import EnvPart, MissedPart, Record, ScorerPart, SubmissionPart
+from .record import EnvPart, HardwarePart, LimitsPart, MeasuredPart, MissedPart, Record, ScorerPart, SubmissionPart
 from .running import (
     Plan,
     evaluate_plan,
@@ -69,6 +73,7 @@ def submit(
     plan = plan_run(submission, env_id, options)
     target = record_path(submission, load_card(env_id), output, options.split)
     require_writable(target)
+    said_of(submission)  # what no record can hold is refused before the work
     reference = reference_for(plan.card, plan.scenes, options)
     options.progress.started((len(options.seeds) + 1) * len(plan.scenes))
     runs = {seed: run_seed(plan, seed, limits) for seed in options.seeds}
@@ -76,8 +81,6 @@ def submit(
     note = submission.note_on(plan.card.id)
     declared = [*submission.training_data, *training_data, *([note] if note else [])]
     more: dict[str, Any] = {"division": division, "training_data": declared}
-    if options.workers.scheduler is not None:
-        more["hardware"] = parallel_map(hardware, [()], options.workers)[0]
     record = _record(plan, runs, found, limits).model_copy(update=more)
     with whole_folder(target.with_suffix(ROLLOUTS)) as folder:  # in the place of those of an earlier record
         for seed, rollouts in rollouts_of(runs).items():
@@ -122,30 +125,43 @@ def _record(plan: Plan, runs: Mapping[int, Sequence[SceneRun]], found: Evaluatio
         ),
         seeds=list(runs),
         versions=library_versions(),
-        hardware=hardware(),
-        latency=latency(every, 1e3 * limits.frame),
-        peak_memory_mib=peak_memory(runs),
+        limits=LimitsPart(**asdict(limits)),
         missed=lost,
         isolation=isolation(runs),
         samples=every[0].forecast.shape[1],
         seals=seals(runs),
         rollout_digests=rollout_digests(rollouts),
-        made=datetime.datetime.now(datetime.UTC).date().isoformat(),
+        measured=MeasuredPart(
+            hardware=_hardware(plan.options),
+            latency=latency(every),
+            ms_per_frame=found.ms_per_frame,
+            peak_memory_mib=peak_memory(runs),
+            made=datetime.datetime.now(datetime.UTC).date().isoformat(),
+        ),
         **judged(found, lost, len(every), plan.scenes_of_split, plan.keywords),
     )
 
 
+def _hardware(options: RunOptions) -> HardwarePart:
+    """The machine that ran the agents: this one, or a worker of the cluster."""
+    return hardware() if options.workers.scheduler is None else parallel_map(hardware, [()], options.workers)[0]
+
+
 def said_of(submission: Submission) -> SubmissionPart:
-    """What a record says of a submission."""
+    """What a record says of a submission. Raises SubmissionError for a text that is too long for a record."""
     ends = submission.compare.ends
-    return SubmissionPart(
-        name=submission.name,
-        authors=list(submission.authors),
-        description=submission.description,
-        digest=submission.digest,
-        parameters=submission.parameters,
-        ends="own" if isinstance(ends, dict) else ends,
-    )
+    said = {
+        "name": submission.name,
+        "authors": list(submission.authors),
+        "description": submission.description,
+        "source": getattr(submission, "source", ""),
+        "commit": getattr(submission, "commit", ""),
+        "license": getattr(submission, "license", ""),
+        "digest": submission.digest,
+        "parameters": submission.parameters,
+        "ends": "own" if isinstance(ends, dict) else ends,
+    }
+    return validate(SubmissionPart, said, f"{submission.path.name}/{MANIFEST}", SubmissionError)
 
 
 def judged(
