@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import glob
 import hashlib
 import os
 import secrets
@@ -56,6 +57,43 @@ def whole_folder(path: Path) -> Iterator[Path]:
         _put_in_place(part, path)
     finally:
         shutil.rmtree(part, ignore_errors=True)
+
+
+def remove_leftovers(*paths: Path) -> None:
+    """Remove what writers of ``paths`` that were killed left beside them; nobody else may be writing them now."""
+    for path in paths:
+        for left in path.parent.glob(f".{glob.escape(path.stem)}.*.part{glob.escape(path.suffix)}*"):
+            if left.is_dir() and not left.is_symlink():
+                shutil.rmtree(left, ignore_errors=True)
+            else:
+                left.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def locked(path: Path, what: str) -> Iterator[None]:
+    """Be the only process that writes ``what`` on this machine, by a lock on the file ``path``, which is made.
+
+    The lock ends with its process, however that ends. Raises MtpBenchError, naming the process that holds it.
+    """
+    import fcntl  # not on Windows
+
+    while True:
+        with path.open("a+", encoding="ascii", errors="replace") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                file.seek(0)
+                raise MtpBenchError(
+                    f"{what} is being written by another process ({file.read(20).strip() or 'unknown'}): wait for it, "
+                    "or end it"
+                ) from None
+            if not _is_at(path, file.fileno()):  # its holder removed it, just before this process got it
+                continue
+            file.truncate(0)
+            file.write(f"{os.getpid()}\n")
+            file.flush()
+            yield
+            return
 
 
 def write_text(path: Path, text: str) -> None:
@@ -165,6 +203,13 @@ def _nearest(path: Path) -> Path:
     while not nearest.exists():
         nearest = nearest.parent
     return nearest
+
+
+def _is_at(path: Path, descriptor: int) -> bool:
+    try:
+        return os.path.samestat(path.stat(), os.fstat(descriptor))
+    except FileNotFoundError:
+        return False
 
 
 def _require_regular(state: os.stat_result) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..env.environment import MTPEnv
-from ..parallel import ALONE, QUIET, Progress, Workers, parallel_map
+from ..parallel import ALONE, QUIET, Progress, Workers, unordered_map
 from ..running.run import agent_task, derived_seed
 from ..submission.loader import load_submission
 from .exchange import Exchange
@@ -87,16 +87,22 @@ def run_isolated_scenes(
     scenes: Sequence[str],
     workers: Workers = ALONE,
     progress: Progress = QUIET,
+    finished: Callable[[SceneRun], None] = lambda run: None,
 ) -> list[SceneRun]:
     """`run_isolated` of every scene, in the order of ``scenes``.
 
     Every scene has an agent of its own, so what one of them does ends at most its scene. ``submission``, ``env_id``,
-    ``env_keywords``, ``seed``, ``parameters`` and ``limits`` as there. ``workers`` run them, ``progress`` is told the
-    name of every scene that is done, in the order of completion.
+    ``env_keywords``, ``seed``, ``parameters`` and ``limits`` as there. ``workers`` run them; ``finished`` is given
+    every scene that is done, in the order of completion and in this process, and ``progress`` is told its name.
     """
     compile_kernels()
     calls = [(submission, env_id, env_keywords, scene, seed, parameters, limits) for scene in scenes]
-    return parallel_map(run_isolated, calls, workers, lambda place: progress.done(scenes[place]))
+    runs: dict[int, SceneRun] = {}
+    for place, run in unordered_map(run_isolated, calls, workers):
+        runs[place] = run
+        finished(run)
+        progress.done(scenes[place])
+    return [runs[place] for place in range(len(scenes))]
 
 
 def seal_start(card_digest: str, scene: str, seed: int) -> bytes:

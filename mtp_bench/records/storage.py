@@ -16,6 +16,7 @@ from .record import Record
 OUTSIDE = ("digest", "measured")  # no part of the digest
 MOST_BYTES = 8 << 20  # of a file
 ROLLOUTS = ".rollouts"  # suffix of the folder beside a record
+PARTS = ".part"  # suffix of the folder of a submit that is not done
 
 
 def sealed(record: Record) -> Record:
@@ -51,18 +52,30 @@ def save_record(record: Record, path: str | Path) -> Record:
     Raises MtpBenchError where it cannot be written, RecordError where its content is no JSON.
     """
     path = Path(path)
-    try:
-        record = sealed(record)
-        text = json.dumps(_plain(record), indent=1, ensure_ascii=False, allow_nan=False)
-    except (TypeError, ValueError) as error:
-        raise RecordError(f"{path}: the record cannot be stored as JSON: {error}") from None
+    record, text = written(record, path)
     require_folder(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise MtpBenchError(f"cannot write {path}: {error.strerror or error}") from None
-    write_text(path, text + "\n")
+    write_text(path, text)
     return record
+
+
+def written(record: Record, path: Path) -> tuple[Record, str]:
+    """``record`` with its digests, and the content of the file ``path`` that holds it.
+
+    Raises RecordError where it is no JSON, or too large to be read again.
+    """
+    try:
+        record = sealed(record)
+        text = json.dumps(_plain(record), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        size = len(text.encode())
+    except (TypeError, ValueError, RecursionError) as error:
+        raise RecordError(f"{path}: the record cannot be stored as JSON: {error}") from None
+    if size > MOST_BYTES:
+        raise RecordError(f"{path}: the record has {size >> 10} KiB, expected at most {MOST_BYTES >> 10} KiB")
+    return record, text
 
 
 def load_record(path: str | Path) -> Record:
@@ -92,10 +105,12 @@ def load_record(path: str | Path) -> Record:
 
 
 def record_paths(folder: str | Path) -> list[Path]:
-    """Files of the records in ``folder`` and the folders below it, sorted; stored rollouts do not count."""
+    """Files of the records in ``folder`` and the folders below it, sorted; rollouts and parts do not count."""
     folder = Path(folder)
     found = sorted(folder.rglob("*.json"))
-    return [path for path in found if not any(part.endswith(ROLLOUTS) for part in path.relative_to(folder).parts)]
+    return [
+        path for path in found if not any(part.endswith((ROLLOUTS, PARTS)) for part in path.relative_to(folder).parts)
+    ]
 
 
 def rollouts_folder(path: Path, seed: int) -> Path:
