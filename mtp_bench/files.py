@@ -1,20 +1,31 @@
-"""Files that appear complete or not at all, and are refused before the work rather than after it."""
+"""Files that appear complete or not at all, are refused before the work rather than after it, and read in bounds."""
 
 from __future__ import annotations
 
 import contextlib
+import errno
+import glob
 import hashlib
 import os
 import secrets
 import shutil
+import stat
 import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 from .errors import MtpBenchError
 
+ABSENT = "cannot be read: no such file"
+_PART = 1 << 20  # bytes that are hashed at once
+_FULL = (errno.ENOSPC, errno.EDQUOT)
 _UNSEEN = ("Cc", "Cf", "Cs")  # categories of letters: controls, marks of format, halves of characters
 _JOINERS = "\u200c\u200d"  # some scripts are written with them
+_KINDS = {  # what stands where a file is expected
+    stat.S_IFDIR: "folder", stat.S_IFIFO: "FIFO", stat.S_IFSOCK: "socket", stat.S_IFCHR: "device",
+    stat.S_IFBLK: "device",
+}  # fmt: skip
 
 
 @contextlib.contextmanager
@@ -48,6 +59,43 @@ def whole_folder(path: Path) -> Iterator[Path]:
         shutil.rmtree(part, ignore_errors=True)
 
 
+def remove_leftovers(*paths: Path) -> None:
+    """Remove what writers of ``paths`` that were killed left beside them; nobody else may be writing them now."""
+    for path in paths:
+        for left in path.parent.glob(f".{glob.escape(path.stem)}.*.part{glob.escape(path.suffix)}*"):
+            if left.is_dir() and not left.is_symlink():
+                shutil.rmtree(left, ignore_errors=True)
+            else:
+                left.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def locked(path: Path, what: str) -> Iterator[None]:
+    """Be the only process that writes ``what`` on this machine, by a lock on the file ``path``, which is made.
+
+    The lock ends with its process, however that ends. Raises MtpBenchError, naming the process that holds it.
+    """
+    import fcntl  # not on Windows
+
+    while True:
+        with path.open("a+", encoding="ascii", errors="replace") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                file.seek(0)
+                raise MtpBenchError(
+                    f"{what} is being written by another process ({file.read(20).strip() or 'unknown'}): wait for it, "
+                    "or end it"
+                ) from None
+            if not _is_at(path, file.fileno()):  # its holder removed it, just before this process got it
+                continue
+            file.truncate(0)
+            file.write(f"{os.getpid()}\n")
+            file.flush()
+            yield
+            return
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a text as a whole. Raises MtpBenchError where that fails."""
     require_file(path)
@@ -55,13 +103,81 @@ def write_text(path: Path, text: str) -> None:
         with whole_file(path) as part:
             part.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise MtpBenchError(f"cannot write {path}: {error.strerror or error}") from None
+        raise MtpBenchError(f"cannot write {path}: {reason_of(error, path)}") from None
 
 
-def file_digest(path: Path) -> str:
-    """Hex sha256 of the content of a file, which is read in parts. Raises OSError."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+def reason_of(error: OSError, path: Path) -> str:
+    """Why ``path`` could not be written, in words; of a full disk also how much is free, and what to do."""
+    if error.errno not in _FULL:
+        return error.strerror or str(error)
+    nearest = _nearest(path)
+    free = f", {shutil.disk_usage(nearest).free / 2**20:.1f} MiB are free at {nearest}" if nearest.exists() else ""
+    return f"{error.strerror}{free}: make room there, or choose another folder, and try again"
+
+
+def read_bounded(path: Path, most: int, error: type[MtpBenchError], absent: str = ABSENT) -> str:
+    """The text of a small file in UTF-8.
+
+    Raises ``error``, naming the file, where there is none (``absent`` says so), where it is a FIFO, a device or
+    another thing that could never end, where it has more than ``most`` bytes, and where it is no text.
+    """
+    try:
+        with open_regular(path) as stream:
+            content = stream.read(most + 1)
+    except FileNotFoundError:
+        raise error(f"{path}: {absent}") from None
+    except OSError as cause:
+        raise error(f"{path}: cannot be read: {cause.strerror or cause}") from None
+    if len(content) > most:
+        raise error(f"{path}: larger than {most >> 10} KiB, which is the most that is read of such a file")
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError as cause:
+        raise error(f"{path}: no text in UTF-8: {cause.reason} at byte {cause.start}; save it as UTF-8") from None
+
+
+def open_regular(path: Path) -> BinaryIO:
+    """A regular file, to be read; anything else is never opened, for that could wait for ever. Raises OSError."""
+    _require_regular(path.stat())
+    stream = open(path, "rb", opener=_without_waiting)  # noqa: SIM115  (a path has no opener)
+    try:
+        _require_regular(os.fstat(stream.fileno()))  # it may have been replaced meanwhile
+    except OSError:
+        stream.close()
+        raise
+    return stream
+
+
+def kind_of(mode: int) -> str:
+    """What a file is that is no regular one, of the ``st_mode`` of its state; "" for a regular file."""
+    return "" if stat.S_ISREG(mode) else _KINDS.get(stat.S_IFMT(mode), "link")
+
+
+def file_digest(path: Path, most: int | None = None) -> str:
+    """Hex sha256 of the content of a regular file, which is read in parts.
+
+    Raises OSError, also where it has more than ``most`` bytes: it may grow while it is read.
+    """
+    digest, size = hashlib.sha256(), 0
+    with open_regular(path) as stream:
+        while part := stream.read(_PART):
+            digest.update(part)
+            size += len(part)
+            if most is not None and size > most:
+                raise OSError(errno.EFBIG, f"it has more than {most} bytes, and may be growing")
+    return digest.hexdigest()
+
+
+def clean_text(text: str, most: int) -> str:
+    """``text`` in one line that can be stored and shown: at most ``most`` characters, none of them invisible.
+
+    Controls, escapes, marks that turn the direction of writing and lone surrogates become U+FFFD, line ends blanks.
+    """
+    line = " ".join(text[: 4 * most].splitlines())
+    clean = "".join(
+        "\ufffd" if unicodedata.category(letter) in _UNSEEN and letter not in _JOINERS else letter for letter in line
+    )
+    return clean if len(clean) <= most else clean[: most - 1] + "…"
 
 
 def require_file(path: Path) -> None:
@@ -75,12 +191,34 @@ def require_file(path: Path) -> None:
 
 def require_folder(path: Path) -> None:
     """Raise MtpBenchError unless the folder ``path`` can be made or replaced."""
-    nearest = path.absolute().parent
-    while not nearest.exists():
-        nearest = nearest.parent
+    nearest = _nearest(path)
     if not nearest.is_dir():
         raise MtpBenchError(f"cannot write {path}: {nearest} is a file, expected a folder")
     _require_access(path, nearest)
+
+
+def _nearest(path: Path) -> Path:
+    """The nearest folder above ``path`` that is there."""
+    nearest = path.absolute().parent
+    while not nearest.exists():
+        nearest = nearest.parent
+    return nearest
+
+
+def _is_at(path: Path, descriptor: int) -> bool:
+    try:
+        return os.path.samestat(path.stat(), os.fstat(descriptor))
+    except FileNotFoundError:
+        return False
+
+
+def _require_regular(state: os.stat_result) -> None:
+    if kind := kind_of(state.st_mode):
+        raise OSError(errno.EINVAL, f"it is a {kind}, expected a file")
+
+
+def _without_waiting(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
 
 
 def _beside(path: Path) -> Path:
@@ -105,15 +243,3 @@ def _put_in_place(part: Path, folder: Path) -> None:
 def _require_access(path: Path, folder: Path) -> None:
     if not os.access(folder, os.W_OK | os.X_OK):
         raise MtpBenchError(f"cannot write {path}: no permission to write in {folder}")
-
-
-def clean_text(text: str, most: int) -> str:
-    """``text`` in one line that can be stored and shown: at most ``most`` characters, none of them invisible.
-
-    Controls, escapes, marks that turn the direction of writing and lone surrogates become U+FFFD, line ends blanks.
-    """
-    line = " ".join(text[: 4 * most].splitlines())
-    clean = "".join(
-        "\ufffd" if unicodedata.category(letter) in _UNSEEN and letter not in _JOINERS else letter for letter in line
-    )
-    return clean if len(clean) <= most else clean[: most - 1] + "…"

@@ -1,7 +1,12 @@
-"""Strict TOML: every key is known, every value has its type, and a typo is answered with the nearest key."""
+"""Strict TOML and JSON: every key is known, every value has its type, and a typo is answered with the nearest key.
+
+What is read has bounds: the size of the file, the depth of its tables, and numbers that a computer holds.
+"""
 
 from __future__ import annotations
 
+import json
+import math
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,6 +17,13 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
 from .errors import MtpBenchError, nearest
+from .files import ABSENT, clean_text, read_bounded
+
+MOST_TOML = 1 << 20  # bytes of a file
+MOST_JSON = 8 << 20
+MOST_DEPTH = 64  # of tables and lists in each other
+_MOST_SHOWN = 200  # characters of what was got
+_MOST_DIGITS = 19  # of a whole number: it fits 64 bits
 
 
 class Section(BaseModel):
@@ -23,14 +35,81 @@ class Section(BaseModel):
 SectionT = TypeVar("SectionT", bound=Section)
 
 
-def read_toml(path: Path, error: type[MtpBenchError]) -> dict[str, Any]:
-    """Content of a TOML file; raises ``error`` where it cannot be read."""
+def read_toml(path: Path, error: type[MtpBenchError], most: int = MOST_TOML) -> dict[str, Any]:
+    """Content of a TOML file of at most ``most`` bytes; raises ``error`` where it cannot be read."""
+    text = read_bounded(path, most, error)
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as cause:
-        raise error(f"{path}: not valid TOML: {cause}") from None
-    except OSError as cause:
-        raise error(f"{path}: cannot be read: {cause.strerror}") from None
+        content = tomllib.loads(text)
+        _require_plain(content)
+    except (ValueError, RecursionError) as cause:
+        raise error(f"{path}: not valid TOML: {_reason(cause)}") from None
+    return content
+
+
+def read_json(path: Path, error: type[MtpBenchError], absent: str = ABSENT, most: int = MOST_JSON) -> dict[str, Any]:
+    """The table in a JSON file of at most ``most`` bytes; raises ``error`` where it cannot be read, or is none.
+
+    ``absent``: what is said where there is no file.
+    """
+    return parse_json(read_bounded(path, most, error, absent), str(path), error)
+
+
+def parse_json(text: str, where: str, error: type[MtpBenchError]) -> dict[str, Any]:
+    """The table in a text of JSON; raises ``error`` naming ``where`` it is from."""
+    try:
+        content = json.loads(text, parse_constant=_refuse, parse_int=_whole)
+        _require_plain(content)
+    except (ValueError, RecursionError) as cause:
+        raise error(f"{where}: not valid JSON: {_reason(cause)}") from None
+    if not isinstance(content, dict):
+        raise error(f"{where}: holds {type(content).__name__}, expected a table")
+    return content
+
+
+def _refuse(text: str) -> None:
+    raise ValueError(f"{text} is no number of JSON")
+
+
+def _whole(digits: str) -> int:
+    """A whole number; one of thousands of digits is not worth the time of reading it."""
+    if len(digits.lstrip("-")) > _MOST_DIGITS:
+        raise ValueError(f"a number of {len(digits)} digits, expected at most {_MOST_DIGITS}")
+    return int(digits)
+
+
+def _require_plain(content: Any) -> None:
+    """Raise ValueError for what is deeper than MOST_DEPTH, and for what no JSON in UTF-8 can hold."""
+    level = [content]
+    for _ in range(MOST_DEPTH):
+        inner = []
+        for value in level:
+            if isinstance(value, dict):
+                inner += [*value, *value.values()]
+            elif isinstance(value, list):
+                inner += value
+            else:
+                _require_plain_value(value)
+        level = inner
+    if level:
+        raise ValueError(f"tables and lists are nested deeper than {MOST_DEPTH} levels")
+
+
+def _require_plain_value(value: Any) -> None:
+    if isinstance(value, str):
+        if not value.isascii() and any("\ud800" <= letter <= "\udfff" for letter in value):
+            raise ValueError(f"the text {value[:40]!a} holds half of a character (a surrogate), which is no text")
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise ValueError("a number is too large, infinite or none (NaN), expected finite numbers")
+    elif isinstance(value, int) and abs(value) >= 2**63:
+        raise ValueError(f"a number of {len(str(value))} digits, expected at most {_MOST_DIGITS}")
+    elif value is not None and not isinstance(value, bool | int | float):
+        raise ValueError(f"a {type(value).__name__} ({value}), expected texts, numbers, lists and tables")
+
+
+def _reason(cause: ValueError | RecursionError) -> str:
+    if isinstance(cause, RecursionError):
+        return f"tables and lists are nested deeper than {MOST_DEPTH} levels"
+    return "a number has thousands of digits" if "set_int_max_str_digits" in str(cause) else str(cause)
 
 
 def validate(model: type[SectionT], content: dict[str, Any], where: str, error: type[MtpBenchError]) -> SectionT:
@@ -77,7 +156,7 @@ def _follow(model: type[BaseModel], loc: tuple[int | str, ...]) -> tuple[str, li
         elif get_origin(at) is dict:
             at = get_args(at)[1]
     at = _only_section(at)
-    return ".".join(path), list(at.model_fields) if _is_section(at) else []
+    return clean_text(".".join(path), _MOST_SHOWN), list(at.model_fields) if _is_section(at) else []
 
 
 def _annotation(model: type[BaseModel], loc: tuple[int | str, ...]) -> Any:
@@ -105,7 +184,8 @@ def _tags(member: Any) -> tuple[str, ...]:
 
 def _short(value: Any) -> str:
     """The value as it was written; a whole table would bury the message."""
-    return "a table" if isinstance(value, BaseModel) or (isinstance(value, dict) and len(value) > 1) else repr(value)
+    table = isinstance(value, BaseModel) or (isinstance(value, dict) and len(value) > 1)
+    return "a table" if table else clean_text(repr(value), _MOST_SHOWN)
 
 
 def _tag(content: Any) -> Any:

@@ -19,6 +19,7 @@ from ..strict import Section, read_toml, validate
 from . import changes
 from .sections import DetectorSection, Source
 
+MOST_METRES = 1e4  # of a gate or an error
 PerClass = dict[str, float]  # a single number in the TOML stands for every class
 
 
@@ -32,10 +33,10 @@ class EventGate(Section):
 class TaskSection(Section):
     """The rules of prediction and scoring (protocol, table of tasks)."""
 
-    rate: Annotated[float, Field(gt=0)]  # Hz, nominal
-    past: Annotated[int, Field(ge=2)]  # P
-    future: Annotated[int, Field(ge=1)]  # T
-    samples: Annotated[int, Field(ge=1)]  # k
+    rate: Annotated[float, Field(gt=0, le=1000)]  # Hz, nominal
+    past: Annotated[int, Field(ge=2, le=1000)]  # P
+    future: Annotated[int, Field(ge=1, le=1000)]  # T
+    samples: Annotated[int, Field(ge=1, le=1000)]  # k
     classes: Annotated[tuple[str, ...], Field(min_length=1, strict=False)]  # TOML has lists only
     event_gate: EventGate
     forecast_gate: PerClass  # m, BEV centre distance
@@ -210,8 +211,10 @@ def _check_classes(card: Card, where: str) -> None:
         for name in card.task.classes:
             if name not in table:
                 raise CardError(f"{where}: {key} has no value for class {name!r}")
-            if table[name] <= 0:
-                raise CardError(f"{where}: {key}.{name} is {table[name]}, expected a number above 0")
+            if not 0 < table[name] <= MOST_METRES:
+                raise CardError(
+                    f"{where}: {key}.{name} is {table[name]}, expected a number above 0, at most {MOST_METRES:g}"
+                )
 
 
 def check_detector(card: Card, where: str) -> None:

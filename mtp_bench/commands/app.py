@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import io
+import sys
+import tempfile
 import warnings
+from pathlib import Path
+from typing import Any
 
 import typer
+from typer.core import TyperGroup
 
 from ..errors import MtpBenchError
+from ..files import reason_of
 from .board import board
 from .check import check
 from .compare import compare
@@ -17,7 +24,7 @@ from .fit_noise import fit_noise
 from .freeze import freeze
 from .new import new
 from .options import Command, opened
-from .output import fail
+from .output import fail, say
 from .run import run
 from .score import score
 from .seal import seal
@@ -27,7 +34,31 @@ from .verify import verify
 from .video import video
 from .view import view
 
+INTERRUPTED = 130  # exit status, as shells have it
+AFTER = {  # command -> what is said after Ctrl-C
+    "submit": "scenes that were finished are kept: the same command with --resume goes on",
+    "train": "where a training keeps its state, the same command goes on from there",
+    "data": "what was made so far is kept",
+}
+
+
+class InterruptedCommandError(Exception):
+    """Someone pressed Ctrl-C."""
+
+
+class Commands(TyperGroup):
+    """All commands; an interruption is told by `main`, in one line."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command that was chosen."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise InterruptedCommandError(AFTER.get(ctx.invoked_subcommand, "nothing was written")) from None
+
+
 app = typer.Typer(
+    cls=Commands,
     help="Tracking and prediction together: your agent sees detections, not the truth.",
     no_args_is_help=True,
     add_completion=False,
@@ -42,15 +73,23 @@ app.command(hidden=True)(opened(freeze))
 
 
 def main() -> None:
-    """Entry point: errors of the library become one line and exit status 1."""
+    """Entry point: errors of the library become one line and exit status 1, Ctrl-C one line and 130."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # names of files need not be text
     # joblib renews workers that hold much memory, and says so; nothing is lost by it.
     warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given")
     try:
         app(prog_name="mtp-bench")
     except MtpBenchError as error:
         fail(str(error))
+    except InterruptedCommandError as interruption:
+        say(f"interrupted; {interruption}")
+        raise SystemExit(INTERRUPTED) from None
     except OSError as error:  # a full disk, a file without permission
-        fail(f"{error.filename}: {error.strerror}" if error.filename else str(error))
+        named = error.filename or error.filename2
+        reason = reason_of(error, Path(named or tempfile.gettempdir()))
+        fail(f"{named}: {reason}" if named else reason)
 
 
 if __name__ == "__main__":

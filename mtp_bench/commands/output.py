@@ -44,9 +44,16 @@ def fail(text: str) -> None:
     from rich.console import Console
 
     Console(stderr=True, soft_wrap=True).print("error:", style="bold red", end=" ")
+    say(text)
+    raise SystemExit(1)
+
+
+def say(text: str) -> None:
+    """Print one line on the error stream."""
+    from rich.console import Console
+
     line = " ".join(part.strip() for part in text.splitlines())
     Console(stderr=True, soft_wrap=True, markup=False, highlight=False).print(line)
-    raise SystemExit(1)
 
 
 def show_report(report: Report, of: str, skipped: Mapping[str, int], full: bool) -> None:

@@ -2,26 +2,62 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..errors import RecordError
+from ..errors import MtpBenchError, RecordError
 from .options import DataOption, SubmissionArgument, WorkerChoice, one_of
-from .output import count, number, prepare, working
+from .output import count, number, prepare, say, working
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from ..records import Record
+    from ..records.parts import Start
+    from ..running.options import RunOptions
+    from ..submission.loader import Submission
 
 DIVISIONS = ("closed", "open")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """How a record is entered on the leaderboard."""
+
+    division: Annotated[str, typer.Option(help="closed or open.")] = "closed"
+    training_data: Annotated[
+        list[str] | None, typer.Option(help="Data it was trained on beside what its manifest says.")
+    ] = None
+
+    def stated(self) -> dict[str, Any]:
+        """As arguments of `records.submit`; wrong usage for an unknown division."""
+        one_of(self.division, DIVISIONS, "--division")
+        return {"division": self.division, "training_data": self.training_data or ()}
+
+
+@dataclass(frozen=True)
+class Restart:
+    """What becomes of scenes that an earlier submit finished without coming to its end."""
+
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the scenes that were finished before.")] = False
+    fresh: Annotated[bool, typer.Option("--fresh", help="Discard the scenes that were finished before.")] = False
+
+    def start(self) -> Start:
+        """As `records.submit` names it; wrong usage for both."""
+        if self.resume and self.fresh:
+            raise typer.BadParameter("they exclude each other", param_hint="--resume, --fresh")
+        return "resume" if self.resume else "fresh" if self.fresh else "new"
 
 
 def submit(
     path: SubmissionArgument,
     workers: WorkerChoice,
+    entry: Entry,
+    again: Restart,
     env: Annotated[list[str], typer.Option(help="Environment id; repeatable.")],
     root: DataOption = None,
     seeds: Annotated[int, typer.Option(min=1, help="Runs with different random draws and frames.")] = 3,
@@ -34,37 +70,50 @@ def submit(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder; leaderboard/records/<name> by default.")
     ] = None,
-    division: Annotated[str, typer.Option(help="closed or open.")] = "closed",
-    training_data: Annotated[
-        list[str] | None, typer.Option(help="Data it was trained on beside what its manifest says.")
-    ] = None,
 ) -> None:
     """Run a submission behind the gateway and write its records for the leaderboard."""
     from ..cards import load_card
-    from ..records import submit as make_record
+    from ..records.parts import require_new
     from ..records.submitting import record_path, require_writable
     from ..running.options import RunOptions
     from ..submission.loader import load_submission
     from ..viz.terminal.output import show, show_numbers
 
-    one_of(division, DIVISIONS, "--division")
+    more = {**entry.stated(), "start": again.start()}
     options = RunOptions(root, scenes, range(seeds), split, workers=workers.workers())
     submission = load_submission(path)
     targets = {env_id: record_path(submission, load_card(env_id), output, split) for env_id in env}
     for target in targets.values():
         require_writable(target)
-    place: Any = division
+        if again.start() == "new":
+            require_new(target)
     failed = []
     for env_id, target in targets.items():
-        prepare(env_id, options)
-        with working(f"{submission.name} on {env_id}", options) as watched:
-            record = make_record(path, env_id, watched, output, place, training_data or ())
+        try:
+            record = _one(submission, env_id, options, output, more)
+        except (MtpBenchError, OSError) as error:  # the others are worth their time
+            if len(targets) == 1:
+                raise
+            failed.append(f"{env_id}: {error}")
+            say(f"{env_id}: {error}")
+            continue
         show_numbers(_record_table(record))
         show(f"{target}: {_sentence(record)}")
         if record.status in ("crashed", "rejected"):
             failed.append(f"{record.env.id}: {record.status}: {record.status_reason}")
     if failed:
         raise RecordError("; ".join(failed))
+
+
+def _one(
+    submission: Submission, env_id: str, options: RunOptions, output: Path | None, more: Mapping[str, Any]
+) -> Record:
+    """The record of one env, made with a progress bar."""
+    from ..records import submit as make_record
+
+    prepare(env_id, options)
+    with working(f"{submission.name} on {env_id}", options) as watched:
+        return make_record(submission.path, env_id, watched, output, **more)
 
 
 def _record_table(record: Record) -> Table:
@@ -84,11 +133,11 @@ def _record_table(record: Record) -> Table:
 
 def _sentence(record: Record) -> str:
     """Status, cost and what went wrong, for people."""
-    latency, lost = record.latency, record.missed
+    latency, lost = record.measured.latency, record.missed
     parts = [f"{record.status}{f' ({record.status_reason})' if record.status_reason else ''}"]
     if latency.p50_ms is not None and latency.p95_ms is not None:
         parts.append(f"{latency.p50_ms:.1f} ms per frame, 95 % within {latency.p95_ms:.1f} ms")
-    parts += [f"{record.peak_memory_mib:.0f} MiB", record.reference.origin]
+    parts += [f"{record.measured.peak_memory_mib:.0f} MiB", record.reference.origin]
     for frames, what in ((lost.late, "late frames"), (lost.malformed, "malformed answers")):
         if frames:
             parts.append(f"{frames} {what}")

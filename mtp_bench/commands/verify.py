@@ -28,7 +28,7 @@ def verify(
         Path | None, typer.Option(help="Folder to run again; else the baseline of that name.")
     ] = None,
     write: Annotated[
-        bool, typer.Option("--write", help="Write the level reached, or new numbers where scorer or weights changed.")
+        bool, typer.Option("--write", help="Take over today's numbers where scorer or weights changed.")
     ] = False,
     hidden: Annotated[
         Path | None, typer.Option(help="Secret of `mtp-bench seal`: with --rerun, run its scenes too.")
@@ -69,8 +69,8 @@ def verify(
         if checked.differences:
             show_numbers(_difference_table(checked))
         show(_verdict(checked))
-        if write and (checked.holds or checked.updated is not None):
-            show(f"{file}: written as {confirm(checked).verification}")
+        if write and checked.updated is not None:
+            show(f"{file}: written with the digest {confirm(checked).digest[:12]}")
         elif not checked.holds:
             failed.append(f"{file}: {count(len(checked.differences), 'difference')} to what was found here")
     write_json(json_file, {"records": verdicts})

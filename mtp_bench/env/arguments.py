@@ -7,6 +7,7 @@ from typing import Any, TypedDict
 
 from ..errors import MtpBenchError, UnknownNameError
 
+MOST_BYTES = 64 << 20  # of one answer, and of one observation: what is sent between an agent and its judge
 OBSERVE = ("detections", "truth")
 RENDER_MODES = ("rgb_array", "rerun")  # each has its renderer in viz/drawing/live.py
 
@@ -58,6 +59,16 @@ def size(name: str, value: int | None, default: int) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < 1:
         raise MtpBenchError(f"{name} is {value!r}, expected a whole number of at least 1 (the card has {default})")
     return value
+
+
+def require_room(env_id: str, sizes: Mapping[str, int], kind: str, count: int) -> None:
+    """Raise MtpBenchError where an answer or an observation (``kind``) of ``count`` numbers would be too large."""
+    if 8 * count > MOST_BYTES:
+        given = ", ".join(f"{name} {value}" for name, value in sizes.items())
+        raise MtpBenchError(
+            f"{env_id} with {given}: one {kind} would have {8 * count / 2**20:.0f} MiB, expected at most "
+            f"{MOST_BYTES >> 20} MiB, which is what is sent between an agent and its judge: choose smaller sizes"
+        )
 
 
 def choose(known: tuple[str, ...], wanted: Sequence[str] | None) -> tuple[str, ...]:

@@ -22,12 +22,12 @@ from ..scoring.targets import Targets, find_targets
 from ..sources import detected, open_source
 from ..types import Action, Observation, Rollout, Scene, Task
 from .arguments import OBSERVE as OBSERVE
-from .arguments import RENDER_MODES, EnvKeywords, checked, choose, size, wanted
+from .arguments import RENDER_MODES, EnvKeywords, checked, choose, require_room, size, wanted
 from .decoding import Answer, decode
 from .live import LiveEpisode, live_episode
 from .observation import Feed, LocalFrame, make_feed
 from .rollouts import assemble
-from .spaces import action_space, observation_space
+from .spaces import action_numbers, action_space, observation_numbers, observation_space
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -73,6 +73,8 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         sizes = {"samples": self.card.task.samples, **self.card.size.model_dump()}
         sizes = {name: size(name, given[name], default) for name, default in sizes.items()}
         self.task = _task(self.card, given["observe"], sizes)
+        require_room(self.card.id, sizes, "observation", observation_numbers(self.task))
+        require_room(self.card.id, sizes, "answer", action_numbers(self.task))
         self._evaluation, self._rigid_motion = given["evaluation"], given["rigid_motion"]
         self._fresh_noise = given["fresh_noise"]
         if self._fresh_noise and self.card.detector is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -66,6 +67,16 @@ def action_space(task: Task) -> spaces.Dict:
     finite angle, and forecasts up to 327 m in length, of which the space is the inscribed square.
     """
     return spaces.Dict({field.name: _space_of(field, task) for field in FIELDS})
+
+
+def action_numbers(task: Task) -> int:
+    """How many numbers an answer has, counted before anything of that size is made."""
+    return sum(math.prod(field.shape_in(task)) for field in FIELDS)
+
+
+def observation_numbers(task: Task) -> int:
+    """How many numbers an observation has at most: box, velocity, score, class, mask and id of each detection."""
+    return 13 * task.detections
 
 
 def _space_of(field: Field, task: Task) -> spaces.Space[Any]:

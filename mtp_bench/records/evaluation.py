@@ -24,7 +24,7 @@ from .record import ReferencePart, ScenePart, Status
 class Evaluation:
     """The part of a record that follows from rollouts, card, data and scorer."""
 
-    rows: list[Row]  # without ranks
+    rows: list[Row]  # without ranks and times
     silence: float | None
     details: dict[str, Any]  # as JSON
     per_scene: list[ScenePart]
@@ -32,6 +32,7 @@ class Evaluation:
     data_manifest: str
     truth_complete: bool
     hypotheses: int
+    ms_per_frame: float | None
 
 
 def evaluate(
@@ -69,7 +70,7 @@ def evaluate(
     )
     report, table = summarise([setting], card, reference), agent_table(setting, reference)
     return Evaluation(
-        rows=[row.model_copy(update={"rank": None}) for row in report.rows],
+        rows=[row.model_copy(update={"rank": None, "ms_per_frame": None}) for row in report.rows],
         silence=report.details[0].silence,
         details=report.details[0].model_dump(mode="json"),
         per_scene=per_scene_of(table),
@@ -79,6 +80,7 @@ def evaluate(
         data_manifest=data_manifest(digest for digest, _ in scored),
         truth_complete=table.complete,
         hypotheses=setting.hypotheses,
+        ms_per_frame=report.rows[0].ms_per_frame,
     )
 
 

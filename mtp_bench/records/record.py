@@ -4,30 +4,41 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal, NamedTuple, get_args
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field
 
-from ..scoring.rows import Count, Interval, Row
+from ..scoring.rows import Count, Row
 from ..scoring.statistics import ratio
 from ..scoring.subsets import Subset
 from ..strict import Section
+from ..submission.manifest import NAME_PATTERN
 
 Status = Literal["finished", "partial", "crashed", "rejected"]
-Level = Literal["scored", "re-scored", "re-run", "hidden seeds"]
-LEVELS: tuple[Level, ...] = get_args(Level)  # from the weakest on, each includes those before it
 TOLERANCE = 1e-9  # of a number that is scored again, absolute and relative
-_FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]  # it becomes part of a path
-_Hex = Annotated[str, Field(pattern=r"^[0-9a-f]*$")]
+MOST_NAME, MOST_TEXT = 100, 2000  # characters of a name, and of a description or a reason
+MOST_NAMES, MOST_SCENES = 50, 10_000  # in a list; of a record
+
+_FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=MOST_NAME)]  # part of a path
+_Name = Annotated[str, Field(max_length=MOST_NAME)]
+_Text = Annotated[str, Field(max_length=MOST_TEXT)]
+_Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+_CardDigest = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
+_Unmade = Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")]  # empty until the record is sealed
+_Positive = Annotated[float, Field(gt=0)]
+_NotNegative = Annotated[float, Field(ge=0)]
 
 
 class SubmissionPart(Section):
     """What was run."""
 
-    name: _FileName
-    authors: list[str]
-    description: str
-    digest: _Hex  # over all files of the folder
+    name: Annotated[str, Field(pattern=NAME_PATTERN, max_length=MOST_NAME)]
+    authors: Annotated[list[_Name], Field(max_length=MOST_NAMES)]
+    description: _Text
+    source: Annotated[str, Field(pattern=r"^(https?://\S+)?$", max_length=MOST_TEXT)]  # where it is published
+    commit: Annotated[str, Field(pattern=r"^([0-9a-f]{7,64})?$")]
+    license: _Name
+    digest: _Sha256  # over all files of the folder
     parameters: dict[str, Any]
     ends: Literal["controls", "own"] | None  # of its gap: stp and truth_past have its predictor, or it states others
 
@@ -36,10 +47,10 @@ class EnvPart(Section):
     """What it was run on."""
 
     id: _FileName
-    card_digest: _Hex
-    split: str
-    data_manifest: _Hex  # over all that the scorer read
-    scenes: Count
+    card_digest: _CardDigest
+    split: _Name
+    data_manifest: _Sha256  # over all that the scorer read
+    scenes: Annotated[int, Field(ge=1, le=MOST_SCENES)]
     scenes_of_split: Count
     observe: Literal["detections", "truth"]
     truth_complete: bool  # False: false forecasts are not known, all forecasts count against the budgets
@@ -49,35 +60,59 @@ class EnvPart(Section):
 class ScorerPart(Section):
     """What scored it."""
 
-    definitions: str
-    source_digest: _Hex
+    definitions: _Name
+    source_digest: _Sha256
 
 
 class ReferencePart(Section):
     """The event weights."""
 
-    name: str  # the baseline whose events they are
-    hash: _Hex
-    origin: str
+    name: _Name  # the baseline whose events they are
+    hash: _Sha256
+    origin: _Text
     frozen: bool  # those that ship for the env; False: made from the scenes of this record
 
 
 class HardwarePart(Section):
     """Where it was run."""
 
-    cpu: str
+    cpu: _Text
     cores: Count
-    memory_gib: float
-    gpu: str | None
+    memory_gib: _NotNegative
+    gpu: _Text | None
 
 
 class LatencyPart(Section):
     """Time per answer; the first of each scene, in which code is loaded and compiled, is left out."""
 
-    p50_ms: float | None
-    p95_ms: float | None
-    max_ms: float | None
-    limit_ms: float  # later answers are misses
+    p50_ms: _NotNegative | None
+    p95_ms: _NotNegative | None
+    max_ms: _NotNegative | None
+
+
+class MeasuredPart(Section):
+    """What an equal run would not repeat: outside the digest of the record, with a digest of its own."""
+
+    hardware: HardwarePart
+    latency: LatencyPart
+    ms_per_frame: _NotNegative | None  # mean
+    peak_memory_mib: _NotNegative
+    made: Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\d$")]  # UTC
+    digest: _Unmade = ""
+
+
+class LimitsPart(Section):
+    """What the agent was allowed; as `gateway.Limits`."""
+
+    start: _Positive  # s, as those below
+    reset: _Positive
+    first_frame: _Positive
+    frame: _Positive  # later answers are misses
+    scene: _Positive
+    memory: Count  # bytes, as those below
+    disk: Count
+    answer: Count
+    cuda: bool = False  # it was given the graphics cards
 
 
 class MissedPart(Section):
@@ -86,7 +121,7 @@ class MissedPart(Section):
     late: Count
     malformed: Count
     crashed_scenes: Count  # of scenes x seeds
-    reasons: dict[str, str]  # "scene|seed" -> why it was cut short
+    reasons: dict[str, _Text]  # "scene|seed" -> why it was cut short
 
 
 class IsolationPart(Section):
@@ -106,7 +141,7 @@ class IsolationPart(Section):
 class ScenePart(Section):
     """What ranks, summed over the targets of each unit of one scene: enough to rank records without their rollouts."""
 
-    scene: str
+    scene: _Name
     weight: dict[Subset, list[float]]  # [units of the scene] of the targets
     error: dict[Subset, list[float]]  # [units] m, weighted, at the budgets of the whole record, mean over seeds
 
@@ -121,40 +156,26 @@ class ScenePart(Section):
         return ratio(sum(self.error["all"]), sum(self.weight["all"]))
 
 
-class HiddenPart(Section):
-    """Error on scenes of secret seeds, over all of them: the name of a scene tells its seed."""
-
-    commitment: _Hex  # sha256 of the secret
-    weights: _Hex  # hash of their event weights, which are made once per seal
-    scenes: Count
-    targets: Count
-    error: float | None
-    interval: Interval | None
-
-
 class Record(Section):
-    """One submission on one env.
+    """One submission on one env: an equal run gives an equal record, but for what is measured.
 
     The rows have no ranks: those depend on the records beside it. ``gap_closed`` is null in them for the same reason,
-    and so is ``gap_closed_same_predictor``, unless the ends were run with the submission.
+    and so is ``gap_closed_same_predictor``, unless the ends were run with the submission; ``ms_per_frame`` is measured.
+    How far a record was checked stands in a signed file beside it, see `attestation`.
     """
 
     format: Literal[2] = 2
     submission: SubmissionPart
     division: Literal["closed", "open"]
-    training_data: list[str]  # as declared
+    training_data: Annotated[list[_Text], Field(max_length=MOST_NAMES)]  # as declared
     env: EnvPart
     scorer: ScorerPart
     reference: ReferencePart
-    seeds: list[int]
+    seeds: Annotated[list[Annotated[int, Field(ge=0, lt=1 << 31)]], Field(max_length=MOST_NAMES)]
     status: Status
-    status_reason: str
-    verification: Level = "scored"
-    hidden: HiddenPart | None = None
-    versions: dict[str, str]
-    hardware: HardwarePart
-    latency: LatencyPart
-    peak_memory_mib: float
+    status_reason: _Text
+    versions: Annotated[dict[str, _Name], Field(max_length=MOST_NAMES)]
+    limits: LimitsPart
     missed: MissedPart
     isolation: IsolationPart
     hypotheses: Count
@@ -162,11 +183,11 @@ class Record(Section):
     rows: list[Row]  # one per subset
     silence: float | None  # m, what an agent that says nothing scores
     details: dict[str, Any]  # as `Details` of the scorer are written
-    per_scene: list[ScenePart]
-    seals: dict[str, str]  # "scene|seed" -> hash chain over the answers as they came
-    rollout_digests: dict[str, str]  # "scene|seed"
-    made: str  # ISO date, UTC
-    digest: _Hex = ""
+    per_scene: Annotated[list[ScenePart], Field(max_length=MOST_SCENES)]
+    seals: dict[str, _Sha256]  # "scene|seed" -> hash chain over the answers as they came
+    rollout_digests: dict[str, _Sha256]  # "scene|seed"
+    measured: MeasuredPart
+    digest: _Unmade = ""
 
     @property
     def row(self) -> Row:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -12,6 +12,7 @@ from ..cards import Card, load_card
 from ..env.environment import MTPEnv
 from ..env.rollouts import digest
 from ..errors import MtpBenchError
+from ..files import clean_text
 from ..gateway import Limits, SceneRun, run_isolated_scenes
 from ..parallel import QUIET
 from ..running.options import RunOptions
@@ -22,8 +23,11 @@ from ..scoring import Reference
 from ..submission.loader import Submission
 from ..types import Rollout
 from .evaluation import Evaluation, evaluate
+from .parts import Parts
 from .record import IsolationPart, LatencyPart, MissedPart
 from .storage import key_of
+
+MOST_REASON = 1000  # characters of why a scene was cut short
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,18 +64,45 @@ def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
     return Plan(submission, env_id, env.card, options.chosen(names), len(names), keywords, options)
 
 
-def run_seed(plan: Plan, seed: int, limits: Limits = Limits()) -> list[SceneRun]:  # noqa: B008  (frozen)
-    """Every scene of the plan under one seed, in the order of the plan; never raises for what an agent does."""
-    return run_isolated_scenes(
+def run_seed(
+    plan: Plan,
+    seed: int,
+    limits: Limits = Limits(),  # noqa: B008  (frozen)
+    parts: Parts | None = None,
+) -> list[SceneRun]:
+    """Every scene of the plan under one seed, in the order of the plan; never raises for what an agent does.
+
+    Scenes that are among the ``parts`` are not run again; the others are stored there as soon as they are done.
+    """
+    runs: dict[str, SceneRun] = {}
+    for scene in plan.scenes:
+        if parts is not None and (run := parts.read(seed, scene)) is not None:
+            runs[scene] = run
+            plan.options.progress.done(scene)
+
+    def keep(run: SceneRun) -> None:
+        runs[run.rollout.scene] = run
+        if parts is not None:
+            parts.write(seed, run)
+
+    left = [scene for scene in plan.scenes if scene not in runs]
+    if left:
+        _run(plan, seed, limits, left, keep)
+    return [runs[scene] for scene in plan.scenes]
+
+
+def _run(plan: Plan, seed: int, limits: Limits, scenes: Sequence[str], finished: Callable[[SceneRun], None]) -> None:
+    run_isolated_scenes(
         plan.submission.path,
         plan.env,
         {**plan.keywords, "data": plan.options.data, "rigid_motion": True},
         seed=seed,
         parameters=plan.submission.parameters,
         limits=limits,
-        scenes=plan.scenes,
+        scenes=scenes,
         workers=plan.options.workers,
         progress=plan.options.progress,
+        finished=finished,
     )
 
 
@@ -110,7 +141,7 @@ def unanswered(runs: Mapping[int, Sequence[SceneRun]]) -> MissedPart:
     """Frames and scenes that are unanswered for another reason than silence."""
     every = [run for results in runs.values() for run in results]
     cut = {
-        key_of(run.rollout.scene, seed): f"{run.status}: {run.reason}"
+        key_of(run.rollout.scene, seed): f"{run.status}: {clean_text(run.reason, MOST_REASON)}"
         for seed, results in runs.items()
         for run in results
         if run.status != "finished"
@@ -130,14 +161,14 @@ def isolation(runs: Mapping[int, Sequence[SceneRun]]) -> IsolationPart:
     return IsolationPart(**asdict(weakest))
 
 
-def latency(rollouts: Sequence[Rollout], limit_ms: float) -> LatencyPart:
+def latency(rollouts: Sequence[Rollout]) -> LatencyPart:
     """Percentiles over the frames of all rollouts but the first of each; unanswered frames are left out."""
     seconds = np.concatenate([np.zeros(0), *(rollout.seconds[1:] for rollout in rollouts)])
     seconds = seconds[np.isfinite(seconds) & (seconds > 0)]
     if not len(seconds):
-        return LatencyPart(p50_ms=None, p95_ms=None, max_ms=None, limit_ms=limit_ms)
+        return LatencyPart(p50_ms=None, p95_ms=None, max_ms=None)
     p50, p95, most = (float(value) for value in np.percentile(1e3 * seconds, [50, 95, 100]))
-    return LatencyPart(p50_ms=p50, p95_ms=p95, max_ms=most, limit_ms=limit_ms)
+    return LatencyPart(p50_ms=p50, p95_ms=p95, max_ms=most)
 
 
 def peak_memory(runs: Mapping[int, Sequence[SceneRun]]) -> float:

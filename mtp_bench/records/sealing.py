@@ -28,7 +28,8 @@ from ..running.reference import make_reference
 from ..scoring import Reference, read_reference, write_reference
 from ..sources import discard, open_source
 from ..strict import Section, validate
-from .record import Difference, HiddenPart, Record
+from .attestation import HiddenPart
+from .record import Difference, Record
 from .running import Plan, evaluate_plan, run_seed
 from .storage import read_table
 

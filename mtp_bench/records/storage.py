@@ -13,20 +13,37 @@ from ..scoring.subsets import SUBSETS
 from ..strict import validate
 from .record import Record
 
-UNSIGNED = ("digest", "verification", "hidden")  # not part of the digest: what others write who check the record
+OUTSIDE = ("digest", "measured")  # no part of the digest
+MOST_BYTES = 8 << 20  # of a file
 ROLLOUTS = ".rollouts"  # suffix of the folder beside a record
+PARTS = ".part"  # suffix of the folder of a submit that is not done
 
 
 def sealed(record: Record) -> Record:
-    """``record`` with the digest of its content."""
-    return record.model_copy(update={"digest": content_digest(_plain(record))})
+    """``record`` with the digests of its content and of what was measured."""
+    plain = _plain(record)
+    measured = record.measured.model_copy(update={"digest": measured_digest(plain)})
+    return record.model_copy(update={"digest": content_digest(plain), "measured": measured})
+
+
+def canonical(content: Any) -> bytes:
+    """JSON that is the same for equal contents: sorted keys, no spaces, UTF-8. Raises ValueError for what has none."""
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    return text.encode()
 
 
 def content_digest(content: dict[str, Any]) -> str:
-    """Hex sha256 over the canonical JSON of a record: sorted keys, no spaces, UTF-8, without UNSIGNED."""
-    kept = {name: value for name, value in content.items() if name not in UNSIGNED}
-    text = json.dumps(kept, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()
+    """Hex sha256 over the canonical JSON of a record without OUTSIDE."""
+    return _sha256({name: value for name, value in content.items() if name not in OUTSIDE})
+
+
+def measured_digest(content: dict[str, Any]) -> str:
+    """Hex sha256 over what was measured: it tells of accidents alone."""
+    return _sha256({name: value for name, value in content["measured"].items() if name != "digest"})
+
+
+def _sha256(content: Any) -> str:
+    return hashlib.sha256(canonical(content)).hexdigest()
 
 
 def save_record(record: Record, path: str | Path) -> Record:
@@ -35,18 +52,30 @@ def save_record(record: Record, path: str | Path) -> Record:
     Raises MtpBenchError where it cannot be written, RecordError where its content is no JSON.
     """
     path = Path(path)
-    try:
-        record = sealed(record)
-        text = json.dumps(_plain(record), indent=1, ensure_ascii=False, allow_nan=False)
-    except (TypeError, ValueError) as error:
-        raise RecordError(f"{path}: the record cannot be stored as JSON: {error}") from None
+    record, text = written(record, path)
     require_folder(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise MtpBenchError(f"cannot write {path}: {error.strerror or error}") from None
-    write_text(path, text + "\n")
+    write_text(path, text)
     return record
+
+
+def written(record: Record, path: Path) -> tuple[Record, str]:
+    """``record`` with its digests, and the content of the file ``path`` that holds it.
+
+    Raises RecordError where it is no JSON, or too large to be read again.
+    """
+    try:
+        record = sealed(record)
+        text = json.dumps(_plain(record), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        size = len(text.encode())
+    except (TypeError, ValueError, RecursionError) as error:
+        raise RecordError(f"{path}: the record cannot be stored as JSON: {error}") from None
+    if size > MOST_BYTES:
+        raise RecordError(f"{path}: the record has {size >> 10} KiB, expected at most {MOST_BYTES >> 10} KiB")
+    return record, text
 
 
 def load_record(path: str | Path) -> Record:
@@ -63,20 +92,25 @@ def load_record(path: str | Path) -> Record:
         )
     record = validate(Record, content, str(path), RecordError)
     _require_complete(path, record)
-    found = content_digest(content)
-    if found != record.digest:
-        raise RecordError(
-            f"{path}: its content has the digest {found[:12]}, the file says {record.digest[:12] or 'none'}: it was "
-            "changed after it was made; make it again with `mtp-bench submit`"
-        )
+    for what, found, said in (
+        ("its content", content_digest(content), record.digest),
+        ("its section 'measured'", measured_digest(content), record.measured.digest),
+    ):
+        if found != said:
+            raise RecordError(
+                f"{path}: {what} has the digest {found[:12]}, the file says {said[:12] or 'none'}: it was changed "
+                "after it was made; make it again with `mtp-bench submit`"
+            )
     return record
 
 
 def record_paths(folder: str | Path) -> list[Path]:
-    """Files of the records in ``folder`` and the folders below it, sorted; stored rollouts do not count."""
+    """Files of the records in ``folder`` and the folders below it, sorted; rollouts and parts do not count."""
     folder = Path(folder)
     found = sorted(folder.rglob("*.json"))
-    return [path for path in found if not any(part.endswith(ROLLOUTS) for part in path.relative_to(folder).parts)]
+    return [
+        path for path in found if not any(part.endswith((ROLLOUTS, PARTS)) for part in path.relative_to(folder).parts)
+    ]
 
 
 def rollouts_folder(path: Path, seed: int) -> Path:

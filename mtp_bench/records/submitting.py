@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
 
 from ..cards import Card, load_card
-from ..files import require_file, require_folder, whole_folder
+from ..errors import MtpBenchError, RecordError, SubmissionError
+from ..files import reason_of, require_file, require_folder, whole_file, whole_folder
 from ..gateway import Limits, SceneRun
 from ..parallel import parallel_map
 from ..running.options import DEFAULTS, RunOptions
@@ -16,10 +18,13 @@ from ..running.reference import reference_for
 from ..running.rollout_files import require_run_folder, save_run
 from ..running.run import library_versions
 from ..scoring import DEFINITIONS
+from ..strict import validate
 from ..submission.loader import Submission, load_submission
+from ..submission.manifest import MANIFEST
 from .evaluation import Evaluation, status_of
+from .parts import Start, open_parts
 from .provenance import hardware, scorer_digest
-from .record import EnvPart, MissedPart, Record, ScorerPart, SubmissionPart
+from .record import EnvPart, HardwarePart, LimitsPart, MeasuredPart, MissedPart, Record, ScorerPart, SubmissionPart
 from .running import (
     Plan,
     evaluate_plan,
@@ -34,7 +39,7 @@ from .running import (
     seals,
     unanswered,
 )
-from .storage import ROLLOUTS, save_record, seed_folder
+from .storage import PARTS, ROLLOUTS, load_record, seed_folder, written
 
 RECORDS = Path("leaderboard", "records")  # relative to the working folder: the checkout
 
@@ -47,6 +52,7 @@ def submit(
     division: Literal["closed", "open"] = "closed",
     training_data: Sequence[str] = (),
     limits: Limits = Limits(),  # noqa: B008  (frozen)
+    start: Start = "new",
 ) -> Record:
     """Run a submission on an env behind the gateway, and write its record to ``output``/<env id>.json.
 
@@ -58,7 +64,13 @@ def submit(
         output: Folder; None: leaderboard/records/<name of the submission>.
         division: Where the record is ranked.
         training_data: What the submission was trained on beside what its manifest says.
-        limits: What the agent may use.
+        limits: What the agent may use; those of the closed division are fixed.
+        start: What becomes of the scenes that an earlier submit of this record finished without coming to its end:
+            "new" refuses them, "resume" goes on from them (and takes a whole record of the same plan as it is),
+            "fresh" discards them.
+
+    Every scene is kept as soon as it is done. Record and rollouts come together, at the end: until then, and after any
+    failure, those of an earlier submit are as they were.
 
     In every run the local frames are turned and shifted at random: what an agent knows of the scenes by their
     coordinates is of no use. What an agent does is never an error: a submission of which no scene was finished has the
@@ -69,20 +81,89 @@ def submit(
     plan = plan_run(submission, env_id, options)
     target = record_path(submission, load_card(env_id), output, options.split)
     require_writable(target)
-    reference = reference_for(plan.card, plan.scenes, options)
-    options.progress.started((len(options.seeds) + 1) * len(plan.scenes))
-    runs = {seed: run_seed(plan, seed, limits) for seed in options.seeds}
-    found = evaluate_plan(plan, runs, reference, watched=True)
+    _require_outside(target, submission)
+    said_of(submission)  # what no record can hold is refused before the work
+    _require_limits(division, limits)
     note = submission.note_on(plan.card.id)
     declared = [*submission.training_data, *training_data, *([note] if note else [])]
-    more: dict[str, Any] = {"division": division, "training_data": declared}
-    if options.workers.scheduler is not None:
-        more["hardware"] = parallel_map(hardware, [()], options.workers)[0]
-    record = _record(plan, runs, found, limits).model_copy(update=more)
-    with whole_folder(target.with_suffix(ROLLOUTS)) as folder:  # in the place of those of an earlier record
-        for seed, rollouts in rollouts_of(runs).items():
-            save_run(seed_folder(folder, seed), info_of(plan, seed), rollouts)
-    return save_record(record, target)
+    stated = _stated(plan, limits, division, declared)
+    if start == "resume" and (record := _finished(target, stated)) is not None:
+        return record
+    with open_parts(target, stated, start) as parts:
+        reference = reference_for(plan.card, plan.scenes, options)
+        options.progress.started((len(options.seeds) + 1) * len(plan.scenes))
+        runs = {seed: run_seed(plan, seed, limits, parts) for seed in options.seeds}
+        found = evaluate_plan(plan, runs, reference, watched=True)
+        more: dict[str, Any] = {"division": division, "training_data": declared}
+        return _save(target, plan, runs, _record(plan, runs, found, limits).model_copy(update=more))
+
+
+def _save(target: Path, plan: Plan, runs: Mapping[int, Sequence[SceneRun]], record: Record) -> Record:
+    """Put record and rollouts in the place of earlier ones; whatever can fail comes before the first is replaced."""
+    record, text = written(record, target)
+    try:
+        with whole_file(target) as file:
+            file.write_text(text, encoding="utf-8")
+            with whole_folder(target.with_suffix(ROLLOUTS)) as folder:
+                for seed, rollouts in rollouts_of(runs).items():
+                    save_run(seed_folder(folder, seed), info_of(plan, seed), rollouts)
+    except OSError as error:
+        raise MtpBenchError(f"cannot write {target}: {reason_of(error, target)}") from None
+    return record
+
+
+def _stated(plan: Plan, limits: Limits, division: str, training_data: Sequence[str]) -> dict[str, Any]:
+    """What a record says of its runs before there are any; as `_stated_by`."""
+    return {
+        "submission": plan.submission.digest,
+        "env": plan.card.id,
+        "card": plan.card.digest,
+        "scenes": list(plan.scenes),
+        "seeds": list(plan.options.seeds),
+        "observe": plan.submission.compare.observe,
+        "keywords": plan.keywords,
+        "limits": asdict(limits),
+        "division": division,
+        "training_data": list(training_data),
+        "definitions": DEFINITIONS,
+        "versions": library_versions(),
+    }
+
+
+def _stated_by(record: Record) -> dict[str, Any]:
+    return {
+        "submission": record.submission.digest,
+        "env": record.env.id,
+        "card": record.env.card_digest,
+        "scenes": [part.scene for part in record.per_scene],
+        "seeds": record.seeds,
+        "observe": record.env.observe,
+        "keywords": record.env.keywords,
+        "limits": record.limits.model_dump(),
+        "division": record.division,
+        "training_data": record.training_data,
+        "definitions": record.scorer.definitions,
+        "versions": record.versions,
+    }
+
+
+def _finished(target: Path, stated: Mapping[str, Any]) -> Record | None:
+    """The record at ``target`` where it is the whole of what would be run, and nothing of it is left to do."""
+    if target.with_suffix(PARTS).exists() or not target.with_suffix(ROLLOUTS).is_dir():
+        return None
+    try:
+        record = load_record(target)
+    except RecordError:
+        return None
+    return record if _stated_by(record) == stated else None
+
+
+def _require_limits(division: str, limits: Limits) -> None:
+    if division == "closed" and limits != Limits():
+        changed = [name for name, value in asdict(limits).items() if value != getattr(Limits(), name)]
+        raise MtpBenchError(
+            f"the limits of the closed division are fixed, got another {', '.join(changed)}: choose the open division"
+        )
 
 
 def record_path(submission: Submission, card: Card, output: str | Path | None, split: str | None = None) -> Path:
@@ -100,6 +181,14 @@ def require_writable(target: Path) -> None:
     if target.with_suffix(ROLLOUTS).exists():
         for folder in target.with_suffix(ROLLOUTS).iterdir():
             require_run_folder(folder)
+
+
+def _require_outside(target: Path, submission: Submission) -> None:
+    """Refuse to write into the folder of the submission: its digest is over all that lies there."""
+    if target.absolute().resolve().is_relative_to(submission.path):
+        raise MtpBenchError(
+            f"cannot write {target}: it is inside the submission {submission.path}, name another folder"
+        )
 
 
 def _record(plan: Plan, runs: Mapping[int, Sequence[SceneRun]], found: Evaluation, limits: Limits) -> Record:
@@ -122,30 +211,43 @@ def _record(plan: Plan, runs: Mapping[int, Sequence[SceneRun]], found: Evaluatio
         ),
         seeds=list(runs),
         versions=library_versions(),
-        hardware=hardware(),
-        latency=latency(every, 1e3 * limits.frame),
-        peak_memory_mib=peak_memory(runs),
+        limits=LimitsPart(**asdict(limits)),
         missed=lost,
         isolation=isolation(runs),
         samples=every[0].forecast.shape[1],
         seals=seals(runs),
         rollout_digests=rollout_digests(rollouts),
-        made=datetime.datetime.now(datetime.UTC).date().isoformat(),
+        measured=MeasuredPart(
+            hardware=_hardware(plan.options),
+            latency=latency(every),
+            ms_per_frame=found.ms_per_frame,
+            peak_memory_mib=peak_memory(runs),
+            made=datetime.datetime.now(datetime.UTC).date().isoformat(),
+        ),
         **judged(found, lost, len(every), plan.scenes_of_split, plan.keywords),
     )
 
 
+def _hardware(options: RunOptions) -> HardwarePart:
+    """The machine that ran the agents: this one, or a worker of the cluster."""
+    return hardware() if options.workers.scheduler is None else parallel_map(hardware, [()], options.workers)[0]
+
+
 def said_of(submission: Submission) -> SubmissionPart:
-    """What a record says of a submission."""
+    """What a record says of a submission. Raises SubmissionError for a text that is too long for a record."""
     ends = submission.compare.ends
-    return SubmissionPart(
-        name=submission.name,
-        authors=list(submission.authors),
-        description=submission.description,
-        digest=submission.digest,
-        parameters=submission.parameters,
-        ends="own" if isinstance(ends, dict) else ends,
-    )
+    said = {
+        "name": submission.name,
+        "authors": list(submission.authors),
+        "description": submission.description,
+        "source": submission.source,
+        "commit": submission.commit,
+        "license": submission.license,
+        "digest": submission.digest,
+        "parameters": submission.parameters,
+        "ends": "own" if isinstance(ends, dict) else ends,
+    }
+    return validate(SubmissionPart, said, f"{submission.path.name}/{MANIFEST}", SubmissionError)
 
 
 def judged(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from ..cards import Card
 from ..errors import RecordError
@@ -16,16 +15,17 @@ from ..scoring import DEFINITIONS, Reference
 from ..sources import open_source
 from ..submission.loader import load_submission
 from ..types import Rollout
+from .attestation import HiddenPart, Level
 from .evaluation import Evaluation, evaluate
 from .provenance import scorer_digest
-from .record import LEVELS, Difference, HiddenPart, Level, Record, unequal
+from .record import Difference, MeasuredPart, Record, unequal
 from .running import Plan, latency, plan_run, rollout_digests, rollouts_of, run_seed, unanswered
 from .sealing import Sealed, error_when_moved, run_hidden, worse_when_hidden, worse_when_moved
 from .storage import load_record, rollouts_folder, save_record
 from .submitting import judged, said_of
 
 # The parts of a record that follow from rollouts, card and data.
-_CHECKED = ("env", "status", "hypotheses", "latency", "reference", "rows", "silence", "details", "per_scene")
+_CHECKED = ("env", "status", "hypotheses", "measured", "reference", "rows", "silence", "details", "per_scene")
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def verify(
         submission: Folder of the submission, for running it again; None: the baseline of that name.
         rerun: Run the submission again instead: its rollouts must be the same, and once more under a secret seed it
             must score alike ("re-run").
-        sealed: So too, and then on hidden scenes, where its error must not be larger ("hidden seeds").
+        sealed: So too, and then on hidden scenes, where its error must not be larger ("hidden").
 
     Raises RecordError where the record is missing, was changed or has no stored rollouts, DataError where data is
     missing.
@@ -91,7 +91,8 @@ def verify(
         return Verification(path, record, "scored", changed, (), None)
     found = _evaluate(record, card, runs, reference, options)
     scored = _with(record, found, len(open_source(card, options.data).names))
-    scored = scored.model_copy(update=_times(record, found, runs, again is not None))
+    if again is None:  # times of stored rollouts are their own; where the agent ran again, the recorded ones stay
+        scored = scored.model_copy(update={"measured": _times(record, found, runs)})
     parts = (each.model_dump(mode="json", include=set(_CHECKED)) for each in (record, scored))
     differences = tuple(unequal("", *parts))
     level: Level = "scored" if differences else "re-scored" if plan is None else "re-run"
@@ -108,17 +109,13 @@ def verify(
 
 
 def confirm(checked: Verification) -> Record:
-    """Write what a check showed into the record: its level, or today's numbers where scorer or weights changed.
+    """Write today's numbers where scorer or weights changed.
 
     Raises RecordError where the record differs for another reason.
     """
-    record = checked.updated or checked.record
     if checked.differences and checked.updated is None:
         raise RecordError(f"{checked.path}: differs, and not because scorer or weights changed: make the record again")
-    reached: Level = "re-scored" if checked.differences else checked.level  # by today's scorer, from its own rollouts
-    level = max(reached, record.verification, key=LEVELS.index)
-    hidden = checked.hidden or record.hidden
-    return save_record(record.model_copy(update={"verification": level, "hidden": hidden}), checked.path)
+    return save_record(checked.updated or checked.record, checked.path)
 
 
 def _on_hidden(checked: Verification, plan: Plan, sealed: Sealed) -> Verification:
@@ -128,7 +125,7 @@ def _on_hidden(checked: Verification, plan: Plan, sealed: Sealed) -> Verificatio
         row = checked.record.row
         worse = Difference("error on hidden scenes", row.interval, hidden.interval)
         return replace(checked, level="scored", differences=(worse,), updated=None)
-    return replace(checked, level="hidden seeds", hidden=hidden)
+    return replace(checked, level="hidden", hidden=hidden)
 
 
 def _work(record: Record, plan: Plan | None, sealed: Sealed | None) -> int:
@@ -223,13 +220,11 @@ def _with(record: Record, found: Evaluation, scenes_of_split: int) -> Record:
     return record.model_copy(update={**parts, "env": record.env.model_copy(update=env)})
 
 
-def _times(record: Record, found: Evaluation, runs: Mapping[int, Sequence[Rollout]], again: bool) -> dict[str, Any]:
-    """Times to check: of stored rollouts their own; where the agent ran ``again``, the recorded ones stay."""
-    if not again:
-        every = [rollout for rollouts in runs.values() for rollout in rollouts]
-        return {"latency": latency(every, record.latency.limit_ms)}
-    known = zip(found.rows, record.rows, strict=True)
-    return {"rows": [row.model_copy(update={"ms_per_frame": recorded.ms_per_frame}) for row, recorded in known]}
+def _times(record: Record, found: Evaluation, runs: Mapping[int, Sequence[Rollout]]) -> MeasuredPart:
+    """What was measured, with the times of the rollouts."""
+    every = [rollout for rollouts in runs.values() for rollout in rollouts]
+    times = {"latency": latency(every), "ms_per_frame": found.ms_per_frame}
+    return record.measured.model_copy(update=times)
 
 
 def _notes(record: Record, reference: Reference) -> tuple[str, ...]:

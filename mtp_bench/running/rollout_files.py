@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 
 from ..env.rollouts import ARRAYS, digest
 from ..errors import RolloutError
-from ..files import whole_folder
-from ..strict import Section, validate
+from ..files import open_regular, reason_of, whole_folder
+from ..strict import Section, read_json, validate
 from ..types import Rollout
 
 RUN_FILE = "run.json"
+MOST_BYTES = 1 << 30  # of the arrays of a scene
 
 
 class RunInfo(Section):
@@ -73,7 +74,7 @@ def save_run(folder: str | Path, info: RunInfo, rollouts: Iterable[Rollout]) -> 
         with whole_folder(folder) as part:
             _write(part, info, rollouts)
     except OSError as error:
-        raise RolloutError(f"{folder}: the run cannot be written: {error.strerror or error}") from error
+        raise RolloutError(f"{folder}: the run cannot be written: {reason_of(error, folder)}") from error
 
 
 def load_run(folder: str | Path) -> Run:
@@ -82,14 +83,7 @@ def load_run(folder: str | Path) -> Run:
     Raises RolloutError if a file is missing, truncated or was changed.
     """
     path = Path(folder) / RUN_FILE
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise RolloutError(f"{folder}: no {RUN_FILE} there, expected a folder written by `mtp-bench run`") from None
-    except (OSError, ValueError) as error:
-        raise RolloutError(f"{path}: cannot be read: {error}; run the agent again") from None
-    if not isinstance(content, dict):
-        raise RolloutError(f"{path}: holds {type(content).__name__}, expected a table; run the agent again")
+    content = read_json(path, RolloutError, f"no {RUN_FILE} there, expected a folder written by `mtp-bench run`")
     run = validate(_RunFile, content, str(path), RolloutError)
     return Run(run.info, tuple(_read_scene(Path(folder), entry) for entry in run.scenes))
 
@@ -130,13 +124,15 @@ def _write(folder: Path, info: RunInfo, rollouts: Iterable[Rollout]) -> None:
 def _read_scene(folder: Path, entry: _Entry) -> Rollout:
     path = folder / _scene_file(entry.scene)
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+        with open_regular(path) as file, np.load(file, allow_pickle=False) as stored:
+            if sum(entry.file_size for entry in stored.zip.infolist()) > MOST_BYTES:
+                raise RolloutError(f"{path}: unpacks to more than {MOST_BYTES >> 20} MiB, expected at most so much")
             arrays = {name: stored[name] for name in ARRAYS}
     except FileNotFoundError:
         raise RolloutError(f"{path} is missing, {RUN_FILE} names it; run the agent again") from None
     except KeyError as error:
         raise RolloutError(f"{path}: {error.args[0]}; run the agent again") from None
-    except (OSError, TypeError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+    except (OSError, TypeError, ValueError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error) as error:
         raise RolloutError(f"{path}: truncated or not a rollout ({error}); run the agent again") from None
     _check_arrays(path, arrays, entry.frames)
     rollout = Rollout(scene=entry.scene, **arrays)

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from ..cards import Card
 from ..errors import DataError, UnknownNameError
 from ..files import whole_file
+from ..strict import read_json
 from ..types import Bools, Rollout, Scene
 from .definitions import DEFINITIONS
 from .lineage import hypotheses, lineage_events, match_hypotheses
@@ -32,6 +33,7 @@ WEIGHED = SUBSETS[1:]  # "all" weighs every target alike
 EVENTS = ("ids", "lost", "reacquired")  # frag is lost or reacquired
 _COUNTED = (*EVENTS, "frag")
 _DIGITS = 16
+MOST_BYTES = 64 << 20  # of a file
 _MOST_RUNS = 255  # counts are bytes
 _TEXTS = ("env", "card", "definitions", "agent")
 _NUMBERS = ("targets", "false_forecasts", "forecasts")
@@ -166,10 +168,7 @@ def read_reference(path: str | Path) -> Reference:
     Raises DataError, naming file and key, where the file is missing or broken or does not fit its hash.
     """
     path = Path(path)
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise DataError(f"{path}: cannot be read: {error}") from None
+    content = read_json(path, DataError, most=MOST_BYTES)
     where = _Where(path)
     for key, kind in (*((name, str) for name in _TEXTS), ("runs", int), ("parameters", dict), ("scenes", dict)):
         where.has(content, key, kind)

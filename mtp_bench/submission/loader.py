@@ -5,20 +5,17 @@ The baselines have the same form and are loaded by the same code; see ``baseline
 
 from __future__ import annotations
 
-import hashlib
-import importlib
 import inspect
-import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from .._bundle import baseline_names, bundled
 from ..errors import SubmissionError, UnknownNameError
-from ..files import file_digest
+from .contents import digest_of, files_of
+from .importing import import_from
 from .manifest import MANIFEST, CompareSection, read_manifest
 
 if TYPE_CHECKING:
@@ -35,6 +32,9 @@ class Submission:
     path: Path  # absolute
     agent: str  # "module:function", relative to the folder
     description: str = ""
+    source: str = ""  # URL of its code
+    commit: str = ""  # hex, of its code
+    license: str = ""  # of its code, as SPDX names it
     training_data: tuple[str, ...] = ()  # what it was trained or fitted on, in words
     trained_on_scored: dict[str, str] = field(default_factory=dict)  # env id -> what was fitted on scenes it scores
     networks: tuple[str, ...] = ()  # whose weights it takes from those trained on the machine where it runs
@@ -43,8 +43,8 @@ class Submission:
 
     @cached_property
     def digest(self) -> str:
-        """The sha256 over names and contents of all files of the folder; ``__pycache__`` and ``.git`` do not count."""
-        return _digest(self.path, submission_files(self.path))
+        """The sha256 over names and contents of all files of the folder; see `contents` for what counts."""
+        return digest_of(self.path, files_of(self.path))
 
     def note_on(self, env_id: str) -> str | None:
         """What tables and records say beside scores in an env: what was trained on the scenes that it scores."""
@@ -71,7 +71,7 @@ class Submission:
 
     def _function(self) -> Callable[..., Any]:
         module_name, name = self.agent.split(":")
-        module = _import(self, module_name)
+        module = import_from(self.path, module_name, self.name)
         function = getattr(module, name, None)
         if not callable(function):
             found = [key for key, value in vars(module).items() if callable(value) and not key.startswith("_")]
@@ -106,7 +106,7 @@ def _find(name: str | Path) -> Path:
         return bundled("baselines") / str(name)
     path = Path(name)
     path = path.parent if path.name == MANIFEST else path
-    if (path / MANIFEST).is_file():
+    if (path / MANIFEST).exists():
         return path.resolve()
     if path.is_dir():
         raise SubmissionError(f"{path}: no {MANIFEST} in this folder")
@@ -125,43 +125,3 @@ def _check_parameters(name: str, function: Callable[..., Any], given: dict[str, 
     for key, parameter in known.items():
         if parameter.default is parameter.empty and key not in given:
             raise SubmissionError(f"{name}: parameter {key!r} has no value; give one in {MANIFEST} under [parameters]")
-
-
-def _import(submission: Submission, module: str) -> ModuleType:
-    """Import a module of the folder, as part of a package that no other submission shares.
-
-    The package is named after path and source code: two submissions may have the same file names, code that was
-    edited is imported anew, and modules of one folder import each other relatively (``from .model import Net``).
-    """
-    folder = submission.path
-    sources = [path for path in submission_files(folder) if path.suffix == ".py"]
-    package = f"mtp_submission_{hashlib.sha256(f'{folder} {_digest(folder, sources)}'.encode()).hexdigest()[:16]}"
-    if package not in sys.modules:
-        sys.modules[package] = ModuleType(package)
-        sys.modules[package].__path__ = [str(folder)]
-    importlib.invalidate_caches()
-    try:
-        return importlib.import_module(f"{package}.{module}")
-    except (Exception, SystemExit) as error:
-        hint = ""
-        if isinstance(error, ModuleNotFoundError) and (folder / f"{error.name}.py").is_file():
-            hint = f"; {error.name}.py is a file of the submission: write `from .{error.name} import ...`"
-        raise SubmissionError(
-            f"{submission.name}: importing {module}.py failed: {type(error).__name__}: {error}{hint}"
-        ) from error
-
-
-def submission_files(folder: Path) -> list[Path]:
-    """Files of a submission, sorted by name; what tools leave behind is not part of it."""
-    paths = [p for p in folder.rglob("*") if not {"__pycache__", ".git"} & set(p.relative_to(folder).parts)]
-    for path in paths:
-        if path.is_symlink() and path.is_dir():
-            raise SubmissionError(f"{path} is a link to a folder; a submission holds its files itself: copy them")
-    return sorted(path for path in paths if path.is_file())
-
-
-def _digest(folder: Path, files: Iterable[Path]) -> str:
-    total = hashlib.sha256()
-    for path in files:
-        total.update(f"{path.relative_to(folder).as_posix()}\0{file_digest(path)}\n".encode())
-    return total.hexdigest()

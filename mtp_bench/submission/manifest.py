@@ -2,20 +2,33 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from ..errors import SubmissionError, nearest
+from ..files import clean_text
 from ..strict import Section, read_toml, validate
 
 MANIFEST = "submission.toml"
 NAME_PATTERN = r"^[a-z0-9][a-z0-9_.-]*$"
 Value = bool | int | float | str | list[Any] | dict[str, Any]
 NetworkName = Annotated[str, Field(pattern=r"^[a-z0-9_]+-(truth|tracklets)$")]  # network and what it was trained on
+MOST_SETTINGS = 1000  # that a comparison runs
+
+
+def _visible(text: str) -> str:
+    if clean_text(text, len(text) + 1) != text:
+        raise ValueError("expected one line without controls and other invisible characters")
+    return text
+
+
 _NOT_EMPTY = Field(min_length=1, strict=False)  # not strict: TOML has lists, no tuples
-_Names = Annotated[tuple[str, ...], _NOT_EMPTY]
+_Shown = AfterValidator(_visible)  # records and the leaderboard show it
+_Author = Annotated[str, Field(max_length=100), _Shown]
+_Sentence = Annotated[str, Field(max_length=300), _Shown]
 _Values = Annotated[tuple[Value, ...], _NOT_EMPTY]
 
 
@@ -35,13 +48,19 @@ class CompareSection(Section):
 class Manifest(Section):
     """The content of ``submission.toml``."""
 
-    name: Annotated[str, Field(pattern=NAME_PATTERN)]  # it becomes the name of a folder of records
-    authors: _Names
+    name: Annotated[str, Field(pattern=NAME_PATTERN, max_length=64)]  # it names a folder of records
+    authors: Annotated[tuple[_Author, ...], Field(min_length=1, max_length=50, strict=False)]
     agent: Annotated[str, Field(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*$")]
-    description: str = ""
-    training_data: Annotated[tuple[str, ...], Field(strict=False)] = ()
-    trained_on_scored: dict[str, str] = Field(default_factory=dict)  # env id -> what was fitted on scenes it scores
-    networks: Annotated[tuple[NetworkName, ...], Field(strict=False)] = ()  # whose trained weights it takes
+    description: Annotated[str, Field(max_length=2000), _Shown] = ""
+    source: Annotated[str, Field(pattern=r"^(https?://[!-~]+)?$", max_length=300)] = ""  # where its code is
+    commit: Annotated[str, Field(pattern=r"^([0-9a-f]{7,64})?$")] = ""
+    license: Annotated[str, Field(pattern=r"^[A-Za-z0-9 .+()-]*$", max_length=100)] = ""  # as SPDX names it
+    training_data: Annotated[tuple[_Sentence, ...], Field(max_length=50, strict=False)] = ()
+    # env id -> what was fitted on scenes that it scores
+    trained_on_scored: dict[str, _Sentence] = Field(default_factory=dict)
+    networks: Annotated[
+        tuple[NetworkName, ...], Field(max_length=50, strict=False)
+    ] = ()  # whose trained weights it takes
     parameters: dict[str, Value] = Field(default_factory=dict)
     compare: CompareSection = CompareSection()
 
@@ -53,6 +72,11 @@ def read_manifest(folder: Path) -> Manifest:
     code = folder.joinpath(*manifest.agent.split(":")[0].split(".")).with_suffix(".py")
     if not code.is_file():
         raise SubmissionError(f"{where}: agent is {manifest.agent!r}, but there is no {code}")
+    _check_compare(manifest, where)
+    return manifest
+
+
+def _check_compare(manifest: Manifest, where: str) -> None:
     compare, known = manifest.compare, {*manifest.parameters, *manifest.compare.sweep}
     for key, name in (("hypotheses", compare.hypotheses), ("draws", compare.draws)):
         if name is not None and name not in known:
@@ -60,4 +84,6 @@ def read_manifest(folder: Path) -> Manifest:
                 f"{where}: compare.{key}: unknown parameter {name!r}{nearest(name, known)} (it needs a value under "
                 "[parameters] or in compare.sweep)"
             )
-    return manifest
+    settings = math.prod(map(len, compare.sweep.values())) * len(compare.budgets)
+    if settings > MOST_SETTINGS:
+        raise SubmissionError(f"{where}: compare.sweep makes {settings} settings, expected at most {MOST_SETTINGS}")

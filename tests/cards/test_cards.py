@@ -236,11 +236,15 @@ def test_unknown_env_id_names_the_nearest_or_all() -> None:
     assert all(env_id in str(caught.value) for env_id in card_ids())
 
 
-@pytest.mark.parametrize("raw", [b"id = ", b"\xff\xfe"], ids=["truncated", "not utf-8"])
-def test_a_file_that_is_no_toml(tmp_path: Path, raw: bytes) -> None:
+@pytest.mark.parametrize(
+    ("raw", "what"),
+    [(b"id = ", "not valid TOML"), (b"\xff\xfe", "no text in UTF-8")],
+    ids=["truncated", "not utf-8"],
+)
+def test_a_file_that_is_no_toml(tmp_path: Path, raw: bytes, what: str) -> None:
     path = tmp_path / "MTP-broken-v0.toml"
     path.write_bytes(raw)
-    with pytest.raises(CardError, match=r"MTP-broken-v0\.toml: not valid TOML"):
+    with pytest.raises(CardError, match=rf"MTP-broken-v0\.toml: {what}"):
         load_card(path)
 
 

@@ -9,6 +9,7 @@ import pytest
 from mtp_bench.cards import Card
 from mtp_bench.gateway import Limits, SceneRun
 from mtp_bench.records import sealing, submitting, verifying
+from mtp_bench.records.parts import Parts
 from mtp_bench.records.running import Plan, run_seed
 from mtp_bench.running.options import DEFAULTS, RunOptions
 from mtp_bench.running.reference import reference_for
@@ -34,8 +35,8 @@ def weights() -> Iterator[None]:
         yield
 
 
-def _patiently(plan: Plan, seed: int, _: Limits = PATIENT) -> list[SceneRun]:
-    return run_seed(plan, seed, PATIENT)
+def _patiently(plan: Plan, seed: int, _: Limits = PATIENT, parts: Parts | None = None) -> list[SceneRun]:
+    return run_seed(plan, seed, PATIENT, parts)
 
 
 @pytest.fixture(scope="package", autouse=True)

@@ -49,10 +49,9 @@ def test_what_users_write_is_kept_verbatim(tmp_path: Path) -> None:
     assert "<script>" in (tmp_path / "a.json").read_text(encoding="utf-8")
 
 
-def test_the_digest_is_of_the_content_not_of_the_file_or_the_level(tmp_path: Path) -> None:
+def test_the_digest_is_of_the_content_not_of_the_file_or_what_was_measured(tmp_path: Path) -> None:
     record = save_record(write_record(1.0), tmp_path / "a.json")
-    again = save_record(record.model_copy(update={"verification": "re-run"}), tmp_path / "b.json")
-    assert again.digest == record.digest
+    assert write_record(1.0, measured={"made": "2031-02-03", "latency": {"p50_ms": 9.0}}).digest == record.digest
     content = json.loads((tmp_path / "a.json").read_text())
     (tmp_path / "a.json").write_text(json.dumps(dict(reversed(content.items()))))
     assert load_record(tmp_path / "a.json") == record
@@ -201,7 +200,7 @@ def test_divisions_and_envs_are_ranked_apart() -> None:
     assert reasons(closed, opened)[1] == "open division: rank 1 there"
 
 
-@pytest.mark.parametrize("other", [{"env": {"data_manifest": "00"}}, {"reference": {"hash": "00"}}], ids=str)
+@pytest.mark.parametrize("other", [{"env": {"data_manifest": "00" * 32}}, {"reference": {"hash": "00" * 32}}], ids=str)
 def test_other_data_or_weights_are_not_compared(other: dict[str, Any]) -> None:
     found = ranks(write_record(*EIGHT, name="a"), write_record(*EIGHT, name="b"), write_record(*times(0.5), **other))
     assert found == [1, 1, None]

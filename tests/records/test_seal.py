@@ -14,7 +14,7 @@ from mtp_bench.cards import load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import MtpBenchError, RecordError
 from mtp_bench.records import load_record, open_seal, seal, submit
-from mtp_bench.records.record import HiddenPart
+from mtp_bench.records.attestation import HiddenPart
 from mtp_bench.records.sealing import worse_when_hidden
 from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring import read_reference

@@ -195,9 +195,9 @@ def pickled(folder: Path) -> None:
 SPOILED: dict[str, tuple[Callable[[Path], Any], str]] = {
     "no run.json": (lambda folder: (folder / "run.json").unlink(), "no run.json there"),
     "no scene": (lambda folder: (folder / "one.npz").unlink(), r"one\.npz is missing"),
-    "run.json cut": (cut("run.json"), r"run\.json: cannot be read"),
+    "run.json cut": (cut("run.json"), r"run\.json: not valid JSON"),
     "run.json is a list": (lambda folder: (folder / "run.json").write_text("[]"), "holds list, expected a table"),
-    "run.json not text": (lambda folder: (folder / "run.json").write_bytes(b"\xff\xfe"), "cannot be read"),
+    "run.json not text": (lambda folder: (folder / "run.json").write_bytes(b"\xff\xfe"), "no text in UTF-8"),
     "unknown key": (edit_json(lambda content: content.update(scene=1)), "unknown key 'scene': did you mean 'scenes'"),
     "key missing": (edit_json(lambda content: content["info"].pop("seed")), r"key 'info\.seed' is missing"),
     "later format": (edit_json(lambda content: content.update(format=2)), "format: got 2"),

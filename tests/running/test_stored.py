@@ -252,8 +252,9 @@ def test_an_error_of_several_lines_becomes_one(cli: CommandLine, tmp_path: Path,
 def test_an_interrupted_run_leaves_nothing(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
     agent = write_submission(tmp_path / "mine", body="raise KeyboardInterrupt")
     common = ("--env", card, "--data", kitti, "--jobs", 1)
-    assert cli("run", agent, *common, "-o", tmp_path / "runs" / "a").error == "interrupted; nothing was written"
-    assert cli("compare", agent, *common, "--json", tmp_path / "a.json").error == "interrupted; nothing was written"
+    for command in (("run", agent, "-o", tmp_path / "runs" / "a"), ("compare", agent, "--json", tmp_path / "a.json")):
+        output = cli(*command, *common)
+        assert (output.status, output.err) == (130, "interrupted; nothing was written\n")
     assert [path.name for path in tmp_path.iterdir()] == ["mine"]
 
 
@@ -277,6 +278,6 @@ def test_a_signal_ends_the_workers_too(tmp_path: Path, card: str, kitti: str) ->
     finally:
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGKILL)
-    assert (process.returncode, out) == (1, "")
-    assert err == "error: interrupted; nothing was written\n"
+    assert (process.returncode, out) == (130, "")
+    assert err == "interrupted; nothing was written\n"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["mine", "running"]

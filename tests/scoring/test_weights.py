@@ -166,8 +166,8 @@ def scene_edited(key: str, value: Any) -> Any:
 
 
 BROKEN: dict[str, tuple[Any, str]] = {
-    "cut off": (lambda content: json.dumps(content)[:99], "cannot be read"),
-    "a list": (lambda content: "[]", "env is missing, expected str"),
+    "cut off": (lambda content: json.dumps(content)[:99], "not valid JSON"),
+    "a list": (lambda content: "[]", "holds list, expected a table"),
     "of version 1.0": (lambda content: json.dumps({"env": "e", "card": "c", "definitions": "1.0"}), "agent is missing"),
     "runs as text": (edited("runs", "48"), "runs is str '48', expected int"),
     "no run": (edited("runs", 0), "runs is 0, expected 1 to 255"),

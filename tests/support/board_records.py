@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from mtp_bench.records import Record
 from mtp_bench.viz.board import Entry, entries_of
-from tests.support.stored_records import make_record, make_row
+from tests.support.stored_records import hex_of, make_record, make_row, merged
 
 Table = dict[str, Any]
 
@@ -18,7 +17,6 @@ TARGETS = {"all": 350, "ids": 11, "lost": 27, "reacquired": 10, "frag": 36, "pap
 OBJECTS = {"all": 312, "ids": 41, "lost": 96, "reacquired": 17, "frag": 102, "paper_ids": 30, "paper_frag": 90}
 HARDER = {"all": 1.0, "ids": 1.55, "lost": 2.4, "reacquired": 1.8, "frag": 2.2, "paper_ids": 1.5, "paper_frag": 2.0}
 SCENES = 12
-SECRET = {"commitment": "c0ffee", "weights": "beef", "scenes": 20, "targets": 7000, "error": 0.83, "interval": [0.7, 1]}
 
 HOSTILE = '</script><img src=x onerror="window.hacked=1">'
 
@@ -41,18 +39,19 @@ def made_up(
     known: Table = {
         "submission": {
             "authors": ["Ada Fiction", "Ben Example"], "description": "Made up for a picture.",
-            "digest": _hex(f"submission {name}"),
+            "digest": hex_of(f"submission {name}"),
         },
         "env": {
-            "id": env_id, "card_digest": _hex(env_id)[:16], "data_manifest": _hex(f"data {env_id}"), "scenes": scenes,
+            "id": env_id, "card_digest": hex_of(env_id)[:16], "data_manifest": hex_of(f"data {env_id}"), "scenes": scenes,
             "scenes_of_split": scenes,
         },
-        "seeds": [0, 1, 2],
-        "latency": {"p50_ms": 1.4 + hypotheses, "p95_ms": 2.9 + 2 * hypotheses, "max_ms": 40.25, "limit_ms": 100.0},
-        "peak_memory_mib": 210.0 + 14 * hypotheses,
+        "measured": {
+            "latency": {"p50_ms": 1.4 + hypotheses, "p95_ms": 2.9 + 2 * hypotheses, "max_ms": 40.25},
+            "peak_memory_mib": 210.0 + 14 * hypotheses,
+        },
     }  # fmt: skip
     for field, value in changed.items():
-        known[field] = {**known[field], **value} if isinstance(known.get(field), dict) else value
+        known[field] = merged(known.get(field), value)
     parts = [] if error is None else _scenes(name, error, scenes)
     return make_record(name, rows, parts, **known)
 
@@ -67,7 +66,7 @@ def _row(name: str, subset: str, error: float | None, spread: float, hypotheses:
 
 def _scenes(name: str, error: float, scenes: int) -> list[Table]:
     """Scenes of one unit; the mean over all targets is the error."""
-    noise = 0.05 * np.random.default_rng(int(_hex(name)[:8], 16)).normal(size=scenes)
+    noise = 0.05 * np.random.default_rng(int(hex_of(name)[:8], 16)).normal(size=scenes)
     factor = np.where(np.arange(scenes) % 4 % 3 == 0, 1.35, 0.65)
     errors = error * (factor / factor.mean() + noise - noise.mean())
     return [
@@ -78,10 +77,6 @@ def _scenes(name: str, error: float, scenes: int) -> list[Table]:
         }
         for i, here in enumerate(errors.tolist())
     ]
-
-
-def _hex(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def board_of(*records: Record, links: Sequence[str | None] = (), added: str = "") -> list[Entry]:
@@ -97,11 +92,11 @@ def made_up_board() -> list[Record]:
     pets: Table = {"env_id": "MTP-PETS-v0", "scenes": 4}
     truth = {"observe": "truth"}
     return [
-        made_up("braided_paths", 0.742, hypotheses=20, verification="re-run"),
-        made_up("forest_of_maybe", 0.744, hypotheses=10, verification="re-scored"),
-        made_up("calm_hedge", 0.823, hypotheses=5, spread=0.05, verification="hidden seeds", hidden=SECRET),
+        made_up("braided_paths", 0.742, hypotheses=20),
+        made_up("forest_of_maybe", 0.744, hypotheses=10),
+        made_up("calm_hedge", 0.823, hypotheses=5, spread=0.05),
         made_up("late_decider", 0.921, hypotheses=8, training_data=["split train of this env"]),
-        made_up("stp", 1.068, verification="re-run", silence=2.0),
+        made_up("stp", 1.068, silence=2.0),
         made_up("straight_on", 1.434, spread=0.1, missed={"late": 14}),
         made_up("truth_past", 0.381, env=truth),
         made_up("pooled_many", 0.655, hypotheses=40, division="open"),

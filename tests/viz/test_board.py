@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from mtp_bench.records import OldResult, Record, save_record
-from mtp_bench.records.record import LEVELS
+from mtp_bench.records.attestation import LEVELS
 from mtp_bench.scoring import SUBSETS
 from mtp_bench.viz.board import Entry, board_json, board_notes, board_page, board_tables
 from mtp_bench.viz.board.columns import percent
@@ -114,7 +114,7 @@ def test_the_gap_closed_comes_from_the_records_of_both_ends() -> None:
 
 
 def test_a_gap_between_other_data_or_no_gap_at_all_is_not_closed() -> None:
-    stp, other = made_up("stp", 1.0), made_up("truth_past", 0.4, env={"data_manifest": "00"})
+    stp, other = made_up("stp", 1.0), made_up("truth_past", 0.4, env={"data_manifest": "00" * 32})
     assert gaps(stp, made_up("a"), other) == {"stp": None, "a": None, "truth_past": None}
     assert gaps(stp, made_up("truth_past", 1.0, env={"observe": "truth"})) == {"stp": None, "truth_past": None}
 
@@ -204,12 +204,11 @@ def test_what_people_write_is_text(text: str) -> None:
         training_data=[text],
         status="partial",
         status_reason=text,
-        hardware={"cpu": text, "gpu": text},
         missed={"reasons": {text: text}},
         env={"split": text},
         reference={"origin": text},
         scorer={"definitions": text},
-        made=text,
+        measured={"hardware": {"cpu": text, "gpu": text}},
         details={text: text},
         per_scene=[{"scene": text, "weight": sums, "error": sums}],
     )

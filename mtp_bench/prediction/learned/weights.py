@@ -6,6 +6,7 @@ A file is looked for where the user said, then in the user's own folder, then am
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -14,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from ...errors import SubmissionError
-from ...files import whole_file
+from ...files import open_regular, whole_file
 from ...networks import file_name, lender_of, weights_folder
+from ...strict import parse_json
 from ...types import Task
 from .local import Arrays
 from .network import Network, Sizes
@@ -107,11 +109,13 @@ def _content(path: Path) -> tuple[Arrays, dict[str, Any]]:
     from safetensors import SafetensorError, safe_open
 
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise SubmissionError(f"{path}: {path.stat().st_size} bytes, expected at most {MOST_BYTES}")
+        with open_regular(path) as stream:  # a FIFO would wait for ever
+            size = os.fstat(stream.fileno()).st_size
+        if size > MOST_BYTES:
+            raise SubmissionError(f"{path}: {size} bytes, expected at most {MOST_BYTES}")
         with safe_open(path, framework="numpy") as file:
-            said = json.loads((file.metadata() or {}).get("mtp_bench", "{}"))
+            said = parse_json((file.metadata() or {}).get("mtp_bench", "{}"), str(path), SubmissionError)
             arrays = {name: file.get_tensor(name).astype(np.float32) for name in file.keys()}  # noqa: SIM118
     except (OSError, SafetensorError, ValueError, TypeError) as error:
         raise SubmissionError(f"{path}: no file of weights ({error})") from None
-    return arrays, said if isinstance(said, dict) else {}
+    return arrays, said

@@ -82,9 +82,9 @@ COLUMNS: Sequence[Column] = (
     Column("gap", "gap closed", _GAP, "higher", lambda e: e.standing.gaps.get("all"), percent, "", "mid"),
     _count("hypotheses", "H", "hypotheses of the tracker", lambda e: e.record.hypotheses),
     _count("samples", "K", "samples per object", lambda e: e.record.samples),
-    _time("p50", "median time of one frame, milliseconds", lambda e: e.record.latency.p50_ms),
-    _time("p95", _P95, lambda e: e.record.latency.p95_ms),
-    Column("memory", "MiB", _MEMORY, "lower", lambda e: e.record.peak_memory_mib, fixed(0), "memory", "wide"),
+    _time("p50", "median time of one frame, milliseconds", lambda e: e.record.measured.latency.p50_ms),
+    _time("p95", _P95, lambda e: e.record.measured.latency.p95_ms),
+    Column("memory", "MiB", _MEMORY, "lower", lambda e: e.record.measured.peak_memory_mib, fixed(0), "memory", "wide"),
 )
 
 

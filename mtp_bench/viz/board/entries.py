@@ -6,15 +6,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ...records.attestation import Level
 from ...records.ranking import Standing, standings
-from ...records.record import Level, Record
+from ...records.record import Record
 from ...scoring.subsets import Subset
 
 LEVEL_TEXT: dict[Level, str] = {
     "scored": "scored by its authors",
     "re-scored": "scored again from its stored rollouts",
     "re-run": "run again from its submission",
-    "hidden seeds": "run again on scenes that were not public",
+    "hidden": "run again, and on scenes that were not public",
 }
 
 
@@ -26,6 +27,7 @@ class Entry:
     standing: Standing
     link: str | None = None  # relative address of the record's file
     added: bool = False  # not part of the leaderboard: where it would stand
+    level: Level = "scored"  # how far it was checked
 
     @property
     def env(self) -> str:

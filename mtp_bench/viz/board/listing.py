@@ -51,7 +51,7 @@ def _table(env_id: str, entries: Sequence[Entry]) -> Table:
             short(entry.error),
             NOTHING if bounds is None else f"\\[{short(bounds[0])}, {short(bounds[1])}]",
             *(shown(column, entry) for column in columns),
-            entry.record.verification.replace(" ", "\n"),
+            entry.level,
             style=style,
         )
     return table
@@ -63,7 +63,7 @@ def board_json(entries: Sequence[Entry]) -> dict[str, list[dict[str, Any]]]:
 
 
 def _row(entry: Entry) -> dict[str, Any]:
-    kept = ("division", "verification", "status", "made", "digest")
+    kept = ("division", "status", "digest")
     return {
         "rank": entry.rank,
         "submission": entry.name,
@@ -72,6 +72,8 @@ def _row(entry: Entry) -> dict[str, Any]:
         "interval": list(entry.interval) if entry.interval else None,
         **{column.key: column.value(entry) for column in COLUMNS},
         **{name: getattr(entry.record, name) for name in kept},
+        "level": entry.level,
+        "made": entry.record.measured.made,
     }
 
 

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from ...errors import MtpBenchError
+from ...records.attestation import LEVELS
 from ...records.history import OldResult
 from ...records.ranking import STP
-from ...records.record import LEVELS
 from ...scoring.definitions import DEFINITIONS, RANKED_OBJECTS, RANKED_UNITS
 from ...scoring.subsets import SUBSETS
 from ..terminal.output import NOTHING, number
@@ -42,7 +42,7 @@ def board_page(entries: Sequence[Entry], history: Sequence[tuple[OldResult, str 
         few_objects=RANKED_OBJECTS,
         few_units=RANKED_UNITS,
         definitions=DEFINITIONS,
-        latest=max((entry.record.made[:10] for entry in entries), default=""),
+        latest=max((entry.record.measured.made for entry in entries), default=""),
         style=style,
         script=script,
         policy=_policy(style, script),
@@ -94,7 +94,7 @@ def _line(
         "cells": cells,
         "sorting": {column.key: _key(column.value(entry)) for column in COLUMNS},
         "best": {key for key, text in cells.items() if entry.compared and text == best[key]},
-        "level": LEVELS.index(record.verification),
+        "level": LEVELS.index(entry.level),
         "bar": bar_of(scale, entry.error, entry.interval),
         "link": _address(entry.link),
         "old": record.scorer.definitions != DEFINITIONS,

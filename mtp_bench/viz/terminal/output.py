@@ -8,8 +8,6 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Literal
 
-from ...errors import MtpBenchError
-
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.table import Table
@@ -103,10 +101,7 @@ def show_numbers(table: Table, console: Console | None = None) -> None:
 
 @contextmanager
 def progress_bar(label: str) -> Iterator[tuple[Callable[[int], None], Callable[[str], None]]]:
-    """A progress bar: ``started(total)`` and ``done(scene)`` drive it; it shows on the error stream, on a terminal.
-
-    An interruption becomes an error of one line: the commands write when the work is done, each file as a whole.
-    """
+    """A progress bar: ``started(total)`` and ``done(scene)`` drive it; it shows on the error stream, on a terminal."""
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -127,13 +122,10 @@ def progress_bar(label: str) -> Iterator[tuple[Callable[[int], None], Callable[[
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task(label, total=None)
-        try:
-            yield (
-                lambda total: progress.update(task, total=total),
-                lambda scene: progress.update(task, advance=1, description=f"{label} {scene}"),
-            )
-        except KeyboardInterrupt:
-            raise MtpBenchError("interrupted; nothing was written") from None
+        yield (
+            lambda total: progress.update(task, total=total),
+            lambda scene: progress.update(task, advance=1, description=f"{label} {scene}"),
+        )
 
 
 def _console() -> Console:

@@ -1,0 +1,335 @@
+"""A submit that does not come to its end: killed, interrupted, on a full disk, twice at once."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mtp_bench.errors import MtpBenchError, RecordError
+from mtp_bench.gateway import Limits, SceneRun, run_isolated_scenes
+from mtp_bench.parallel import Workers
+from mtp_bench.records import load_record, running, submit
+from mtp_bench.records.parts import count_parts
+from mtp_bench.running.options import RunOptions
+from mtp_bench.running.rollout_files import load_run
+from tests.support.command_line import CommandLine, plain_environment, write_submission
+from tests.support.small_scenes import CARD_ID, write_kitti
+
+SEEDS = (0, 1)
+SCENES = 3 * len(SEEDS)  # files of parts of a whole submit
+RECORD = f"{CARD_ID}.json"
+EARLY = """
+import os, sys
+from pathlib import Path
+step, left = sys.argv.pop(1), [int(sys.argv.pop(1))]
+real = getattr(Path, step)
+def replaced(self, target):
+    if str(target).count({name!r}) and not str(target).count("/{name}.part/"):
+        left[0] -= 1
+        if left[0] < 0:
+            os._exit(9)  # as by SIGKILL: nothing is tidied up
+    return real(self, target)
+setattr(Path, step, replaced)
+from mtp_bench.commands.app import main
+main()
+""".replace("{name!r}", repr(CARD_ID)).replace("{name}", CARD_ID)
+
+
+@pytest.fixture(scope="module")
+def submission(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_submission(
+        tmp_path_factory.mktemp("submissions") / "echo", tables="[parameters]\nnoise = 0.1\n", body="time.sleep(0.02)"
+    )
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _imports(submission: Path) -> None:
+    agent = submission / "agent.py"
+    agent.write_text(agent.read_text().replace("import numpy", "import time\nimport numpy", 1))
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory, submission: Path, card: str, kitti: str) -> str:
+    """Digest of the record of a submit that nothing disturbs."""
+    return submit(submission, card, RunOptions(kitti, seeds=SEEDS), tmp_path_factory.mktemp("whole")).digest
+
+
+@pytest.fixture
+def command(submission: Path, card: str, kitti: str, tmp_path: Path) -> list[str]:
+    """The arguments of a submit to ``tmp_path / "out"``."""
+    options = ["--env", card, "--data", kitti, "--seeds", str(len(SEEDS)), "--jobs", "1", "-o", str(tmp_path / "out")]
+    return ["submit", str(submission), *options]
+
+
+def start(command: list[str], *before: str) -> subprocess.Popen[str]:
+    """The command in a session of its own."""
+    return subprocess.Popen(
+        [sys.executable, *(before or ("-m", "mtp_bench")), *command], stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE, text=True, start_new_session=True, env=plain_environment(),
+    )  # fmt: skip
+
+
+def kill(process: subprocess.Popen[str]) -> None:
+    """End a command and its workers at once; its agents end as they lose it."""
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+
+
+def wait_for_parts(process: subprocess.Popen[str], target: Path, least: int) -> None:
+    while count_parts(target) < least:
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.01)
+
+
+def content(folder: Path) -> dict[str, str]:
+    """What lies in a folder, but for parts."""
+    files = [path for path in sorted(folder.rglob("*")) if path.is_file() and ".part" not in str(path)]
+    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def test_five_kills_at_random_moments_change_nothing(
+    cli: CommandLine, command: list[str], undisturbed: str, tmp_path: Path
+) -> None:
+    target, moments = tmp_path / "out" / RECORD, random.Random(7)
+    for at in range(5):
+        process = start([*command, "--resume"])
+        wait_for_parts(process, target, at)
+        time.sleep(moments.uniform(0.0, 0.4))
+        kill(process)
+        assert not target.exists()
+    found = count_parts(target)
+    assert 4 <= found <= SCENES
+    cli.ok(*command, "--resume")
+    assert load_record(target).digest == undisturbed
+    assert [path.name for path in sorted(target.parent.iterdir())] == [RECORD, f"{CARD_ID}.rollouts"]
+
+
+def test_a_kill_of_several_workers_changes_nothing(
+    cli: CommandLine, command: list[str], undisturbed: str, tmp_path: Path
+) -> None:
+    command[command.index("--jobs") + 1] = "2"
+    target = tmp_path / "out" / RECORD
+    process = start(command)
+    wait_for_parts(process, target, 2)
+    kill(process)
+    cli.ok(*command, "--resume")
+    assert load_record(target).digest == undisturbed
+
+
+@pytest.mark.parametrize(
+    ("step", "after"), [("replace", 0), ("rename", 0), ("rename", 1), ("rename", 2)],
+    ids=["record", "rollouts of seed 0", "earlier rollouts away", "new rollouts in place"],
+)  # fmt: skip
+def test_a_kill_between_two_steps_of_the_end_is_finished(
+    step: str, after: int, cli: CommandLine, command: list[str], undisturbed: str, tmp_path: Path
+) -> None:
+    target = tmp_path / "out" / RECORD
+    cli.ok(*command, "--scenes", 1)
+    process = start([step, str(after), *command], "-c", EARLY)
+    process.communicate()
+    assert process.returncode == 9
+    assert count_parts(target) == SCENES
+    cli.ok(*command, "--resume")
+    assert load_record(target).digest == undisturbed
+    assert [len(load_run(target.with_suffix(".rollouts") / f"seed-{seed}").rollouts) for seed in SEEDS] == [3, 3]
+    assert [path.name for path in sorted(target.parent.iterdir())] == [RECORD, f"{CARD_ID}.rollouts"]
+
+
+def test_ctrl_c_keeps_what_is_finished(cli: CommandLine, command: list[str], undisturbed: str, tmp_path: Path) -> None:
+    target = tmp_path / "out" / RECORD
+    process = start(command)
+    wait_for_parts(process, target, 2)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate()
+    assert process.returncode == 130
+    assert said == "interrupted; scenes that were finished are kept: the same command with --resume goes on\n"
+    cli.ok(*command, "--resume")
+    assert load_record(target).digest == undisturbed
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 1 MiB at ``tmp_path / "out"``."""
+    folder = tmp_path / "out"
+    folder.mkdir()
+    if shutil.which("mount") is None or os.geteuid() != 0:
+        pytest.skip("a small disk needs mount and root")
+    made = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=1m", "none", str(folder)], capture_output=True, text=True, check=False
+    )
+    if made.returncode:
+        pytest.skip(f"no small disk can be mounted here: {made.stderr.strip()}")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)
+
+
+@pytest.mark.parametrize("pages", [3, 9, 15, 21])
+def test_a_full_disk_loses_nothing(
+    pages: int, cli: CommandLine, command: list[str], undisturbed: str, small_disk: Path
+) -> None:
+    """Whatever is free, at most the last steps fail; then there is space again."""
+    target = small_disk / RECORD
+    cli.ok(*command, "--scenes", 1)
+    before = content(small_disk)
+    free = shutil.disk_usage(small_disk).free
+    (small_disk / "ballast").write_bytes(bytes(free - pages * 4096))
+    output = cli(*command)
+    (small_disk / "ballast").unlink()
+    assert output.status == 1, "so much space is enough"
+    assert "No space left on device" in output.error
+    assert "make room" in output.error
+    assert "MiB are free" in output.error
+    assert content(small_disk) == before
+    assert count_parts(target) > 0 or pages < 6
+    cli.ok(*command, "--resume")
+    assert load_record(target).digest == undisturbed
+    assert [path.name for path in sorted(small_disk.iterdir())] == [RECORD, f"{CARD_ID}.rollouts"]
+
+
+def test_a_failed_submit_leaves_the_earlier_record(
+    cli: CommandLine, command: list[str], card: str, submission: Path, tmp_path: Path
+) -> None:
+    """The data goes away in the middle: one error that names the file."""
+    cli.ok(*command)
+    before = content(tmp_path / "out")
+    data = Path(write_kitti(tmp_path / "data"))
+    command[command.index("--data") + 1] = str(data)
+    command[1] = str(write_submission(tmp_path / "echo", tables="[parameters]\nnoise = 0.2\n"))
+    process = start(command)
+    wait_for_parts(process, tmp_path / "out" / RECORD, 1)
+    data.rename(tmp_path / "gone")
+    _, said = process.communicate()
+    assert process.returncode == 1
+    assert said.startswith("error: ")
+    assert len(said.splitlines()) == 1
+    assert str(data) in said
+    assert content(tmp_path / "out") == before
+    (tmp_path / "gone").rename(data)
+    cli.ok(*command, "--resume")
+    assert load_record(tmp_path / "out" / RECORD).submission.parameters == {"noise": 0.2}
+
+
+def test_two_at_once(cli: CommandLine, command: list[str], undisturbed: str, tmp_path: Path) -> None:
+    """The second says so, and a lock of a dead process is none."""
+    target = tmp_path / "out" / RECORD
+    first = start(command)
+    wait_for_parts(first, target, 0)
+    while not (target.with_suffix(".part") / "plan.json").exists():
+        time.sleep(0.01)
+    said = cli(*command, "--resume").error
+    assert said.startswith(f"{target} is being written by another process ({first.pid}): wait for it")
+    wait_for_parts(first, target, 1)
+    kill(first)
+    cli.ok(*command, "--resume")
+    assert load_record(target).digest == undisturbed
+
+
+@pytest.fixture
+def begun(command: list[str], tmp_path: Path) -> Path:
+    """The record of a submit that was killed after two scenes."""
+    target = tmp_path / "out" / RECORD
+    process = start(command)
+    wait_for_parts(process, target, 2)
+    kill(process)
+    return target
+
+
+def test_what_was_begun_is_not_lost_unasked(
+    cli: CommandLine, command: list[str], begun: Path, undisturbed: str
+) -> None:
+    found = count_parts(begun)
+    said = cli(*command).error
+    assert said.startswith(f"{begun.with_suffix('.part')} holds {found} finished scenes of a submit that did not end")
+    assert "--resume" in said
+    assert "--fresh" in said
+    assert count_parts(begun) == found
+    assert cli(*command, "--resume", "--fresh").status == 2
+    cli.ok(*command, "--fresh")
+    assert load_record(begun).digest == undisturbed
+
+
+def test_another_plan_is_told(cli: CommandLine, command: list[str], begun: Path, tmp_path: Path) -> None:
+    command[command.index("--seeds") + 1] = "1"
+    assert "begun with another plan: seeds is [0], there it is [0, 1]; " in cli(*command, "--resume").error
+    command[command.index("--seeds") + 1] = "2"
+    assert ': division is "open", there it is "closed"; ' in cli(*command, "--resume", "--division", "open").error
+    assert (
+        ': scenes is ["0001"], there it is ["0001", "0006", "0008"]; ' in cli(*command, "--resume", "--scenes", 1).error
+    )
+    command[1] = str(write_submission(tmp_path / "other"))
+    assert "begun with another plan: submission is " in cli(*command, "--resume").error
+    assert count_parts(begun) >= 2
+
+
+def test_only_what_is_left_is_run_and_broken_parts_are_left(
+    cli: CommandLine, command: list[str], begun: Path, undisturbed: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found, ran = count_parts(begun), []
+
+    def spied(*arguments: Any, scenes: list[str], **more: Any) -> list[SceneRun]:
+        ran.extend(scenes)
+        return run_isolated_scenes(*arguments, scenes=scenes, **more)
+
+    monkeypatch.setattr(running, "run_isolated_scenes", spied)
+    part = begun.with_suffix(".part") / "seed-0" / "0001.npz"
+    part.write_bytes(part.read_bytes()[:-40])
+    cli.ok(*command, "--resume")
+    assert load_record(begun).digest == undisturbed
+    assert len(ran) == SCENES - found + 1
+    assert ran[0] == "0001"
+
+
+def test_foreign_files_are_not_removed(cli: CommandLine, command: list[str], tmp_path: Path) -> None:
+    folder = tmp_path / "out" / f"{CARD_ID}.part"
+    folder.mkdir(parents=True)
+    (folder / "thesis.tex").touch()
+    for how in ((), ("--resume",), ("--fresh",)):
+        assert "holds 'thesis.tex', so it is no part of a submit" in cli(*command, *how).error
+    assert (folder / "thesis.tex").is_file()
+
+
+def test_a_whole_record_is_not_made_again(cli: CommandLine, command: list[str], tmp_path: Path) -> None:
+    cli.ok(*command)
+    before = (tmp_path / "out" / RECORD).stat()
+    cli.ok(*command, "--resume")
+    assert (tmp_path / "out" / RECORD).stat() == before
+    cli.ok(*command, "--resume", "--training-data", "more")
+    assert load_record(tmp_path / "out" / RECORD).training_data == ["more"]
+
+
+def test_the_other_envs_are_run_when_one_fails(cli: CommandLine, command: list[str], card: str, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "MTP-Other-v0.toml"
+    text = Path(card).read_text().replace(CARD_ID, "MTP-Other-v0")
+    elsewhere.write_text(text.replace('name = "kitti"', 'name = "mot3d"\nsequence = "PETS09-S2L1"'))
+    command[command.index("--env") : command.index("--env")] = ["--env", str(elsewhere)]
+    output = cli(*command)
+    assert output.status == 1
+    assert output.err.splitlines()[-1].startswith(f"error: {elsewhere}: ")
+    assert load_record(tmp_path / "out" / RECORD).status == "finished"
+
+
+def test_the_limits_of_the_closed_division_are_fixed(submission: Path, card: str, kitti: str, tmp_path: Path) -> None:
+    with pytest.raises(MtpBenchError, match="limits of the closed division are fixed, got another frame"):
+        submit(submission, card, RunOptions(kitti), tmp_path, limits=Limits(frame=3600.0))
+    made = submit(submission, card, RunOptions(kitti), tmp_path, "open", limits=Limits(frame=3600.0))
+    assert made.limits.frame == 3600.0
+
+
+def test_an_error_before_the_first_scene_leaves_no_parts(submission: Path, card: str, tmp_path: Path) -> None:
+    """So that the next submit is not asked what to do with them."""
+    data = write_kitti(tmp_path / "data")
+    shutil.rmtree(tmp_path / "data" / "kitti_tracking" / "training" / "label_02")
+    with pytest.raises((MtpBenchError, RecordError)):
+        submit(submission, card, RunOptions(data, workers=Workers(1)), tmp_path / "out")
+    assert not (tmp_path / "out" / f"{CARD_ID}.part").exists()
