@@ -73,6 +73,7 @@ def _row(entry: Entry) -> dict[str, Any]:
         **{column.key: column.value(entry) for column in COLUMNS},
         **{name: getattr(entry.record, name) for name in kept},
         "level": entry.level,
+        "checked": entry.checked or None,
         "made": entry.record.measured.made,
     }
 
