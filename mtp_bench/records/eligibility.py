@@ -52,15 +52,17 @@ def taken_names(records: Sequence[Record], levels: Mapping[str, SignedLevel]) ->
     """Why records of one env are not ranked because another submission has their name: by digest of the record.
 
     Of several submissions of one name the one whose level is signed keeps it; where none is, or several are, nobody.
+    Names of baselines are theirs.
     """
     owners: dict[str, set[str]] = {}
     signed: dict[str, set[str]] = {}
-    for record in records:
+    genuine = [record for record in records if why_not_genuine(record) is None]
+    for record in genuine:
         owners.setdefault(record.submission.name, set()).add(record.submission.digest)
         if record.digest in levels:
             signed.setdefault(record.submission.name, set()).add(record.submission.digest)
     found = {}
-    for record in records:
+    for record in genuine:
         name = record.submission.name
         if len(owners[name]) > 1 and signed.get(name) != {record.submission.digest}:
             found[record.digest] = f"{len(owners[name])} submissions have the name {name!r}"

@@ -16,6 +16,7 @@ SIGNER_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9@._-]{0,99}$"  # a principal without wi
 MOST_SIGNATURE = 20_000  # characters
 MISSING = "ssh-keygen is not installed, so no signature can be made or checked; install OpenSSH"
 _SECONDS = 30
+_MOST_SAID = 200  # characters
 _PROGRAM = "ssh-keygen"
 
 
@@ -67,6 +68,6 @@ def _run(arguments: Sequence[str], message: bytes, seconds: float | None) -> sub
 
 
 def _said(done: subprocess.CompletedProcess[bytes]) -> str:
-    """The last line that ssh-keygen said of what went wrong."""
-    lines = (done.stderr + b"\n" + done.stdout).decode(errors="replace").split("\n")
-    return next((line.strip() for line in reversed(lines) if line.strip()), f"status {done.returncode}")
+    """What ssh-keygen said of what went wrong, in one line."""
+    said = (done.stderr + b"\n" + done.stdout).decode(errors="replace")
+    return " ".join(said.split())[:_MOST_SAID] or f"status {done.returncode}"

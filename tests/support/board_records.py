@@ -17,6 +17,7 @@ from mtp_bench.records import Record, SignedLevel
 from mtp_bench.records.attestation import Level
 from mtp_bench.records.shipped import shipped
 from mtp_bench.scoring import SUBSETS
+from mtp_bench.scoring.subsets import Subset
 from mtp_bench.scoring.weights import scene_key
 from mtp_bench.viz.board import Entry, Found, entries_of
 from tests.support.stored_records import hex_of, make_record, make_row, merged, signed_level
@@ -24,7 +25,9 @@ from tests.support.stored_records import hex_of, make_record, make_row, merged, 
 Table = dict[str, Any]
 
 MAIN, FEW = "MTP-WILDTRACK-k10-v0", "MTP-WILDTRACK-v0"  # with enough units to rank, and not
-TARGETS = dict(zip(SUBSETS, (580, 8, 18, 15, 34, 13, 23), strict=True))  # a scene of an env that does not ship
+TARGETS: dict[Subset, float] = dict(
+    zip(SUBSETS, (580, 8, 18, 15, 34, 13, 23), strict=True)
+)  # a scene of an env that does not ship
 OBJECTS = {"all": 312, "ids": 41, "lost": 96, "reacquired": 17, "frag": 102, "paper_ids": 30, "paper_frag": 90}
 HARDER = {"all": 1.0, "ids": 1.55, "lost": 2.1, "reacquired": 1.8, "frag": 2.0, "paper_ids": 1.5, "paper_frag": 2.0}
 SCENES = 10
@@ -71,7 +74,7 @@ def made_up(
 
 
 @cache
-def _weights(env_id: str) -> Mapping[str, Mapping[str, float]]:
+def _weights(env_id: str) -> Mapping[str, Mapping[Subset, float]]:
     """Scenes of an env with the weight of their targets: those that ship, else some."""
     known, old = shipped(env_id), _OLD / f"{env_id.replace('-k10', '')}.json"
     if known is None:
@@ -84,7 +87,7 @@ def _weights(env_id: str) -> Mapping[str, Mapping[str, float]]:
 
 
 def _scenes(
-    name: str, error: float, weights: Mapping[str, Mapping[str, float]], spread: float, units: int
+    name: str, error: float, weights: Mapping[str, Mapping[Subset, float]], spread: float, units: int
 ) -> list[Table]:
     """Scenes of equal units; the mean over all targets is the error."""
     count = units * len(weights)
