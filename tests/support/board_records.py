@@ -25,9 +25,8 @@ from tests.support.stored_records import hex_of, make_record, make_row, merged, 
 Table = dict[str, Any]
 
 MAIN, FEW = "MTP-WILDTRACK-k10-v0", "MTP-WILDTRACK-v0"  # with enough units to rank, and not
-TARGETS: dict[Subset, float] = dict(
-    zip(SUBSETS, (580, 8, 18, 15, 34, 13, 23), strict=True)
-)  # a scene of an env that does not ship
+# of a scene of an env that does not ship
+TARGETS: dict[Subset, float] = dict(zip(SUBSETS, (580, 8, 18, 15, 34, 13, 23), strict=True))
 OBJECTS = {"all": 312, "ids": 41, "lost": 96, "reacquired": 17, "frag": 102, "paper_ids": 30, "paper_frag": 90}
 HARDER = {"all": 1.0, "ids": 1.55, "lost": 2.1, "reacquired": 1.8, "frag": 2.0, "paper_ids": 1.5, "paper_frag": 2.0}
 SCENES = 10

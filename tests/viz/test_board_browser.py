@@ -87,7 +87,7 @@ def test_a_click_sorts_and_another_turns_the_order(opened: Browser) -> None:
 
 def test_where_more_is_better_the_most_comes_first(opened: Browser) -> None:
     opened.click(header("level"))
-    assert names(opened)[0] == "calm_hedge"
+    assert names(opened)[0] == "braided_paths"
     assert sorted_by(opened) == [["level", "descending"]]
 
 
