@@ -10,7 +10,7 @@ from pathlib import Path
 
 from .._bundle import baseline_names
 from ..errors import MtpBenchError, RecordError
-from .attestation import level_path, read_level
+from .attestation import LEVELS, SignedLevel, level_path, read_level
 from .bounds import MOST_BYTES
 from .eligibility import why_unranked
 from .shipped import shipped
@@ -53,7 +53,9 @@ def take_in(folder: Path, trust: Trust, owner: str | None = None) -> Intake:
     except MtpBenchError as error:
         return Intake((), (str(error),), ())
     gone = [name for name in sorted(_files(trust.folder)) if name not in files] if _whole(folder, root) else []
-    refused += [f"{name}: is removed; only maintainers remove files" for name in gone if not _stale_level(name, root)]
+    refused += [
+        f"{name}: is removed; only maintainers remove files" for name in gone if not _stale_level(name, root, trust)
+    ]
     for name in sorted(files):
         path = root / name
         if name == OWNERS or _same(path, trust.folder / name) or not _within(path, folder):
@@ -111,10 +113,11 @@ def _same(path: Path, other: Path) -> bool:
     return path.read_bytes() == other.read_bytes()
 
 
-def _stale_level(name: Path, root: Path) -> bool:
-    """Whether a file that is gone was the level of a record that is still there: it changed, so that the level went."""
-    record = root / name.with_name(name.name.removesuffix(LEVEL_SUFFIX) + ".json")
-    return name.name.endswith(LEVEL_SUFFIX) and record.is_file()
+def _stale_level(name: Path, root: Path, trust: Trust) -> bool:
+    """Whether a file that is gone was the level of a record that changes: it is of the earlier one."""
+    record = name.with_name(name.name.removesuffix(LEVEL_SUFFIX) + ".json")
+    here = root / record
+    return name.name.endswith(LEVEL_SUFFIX) and here.is_file() and not _same(here, trust.folder / record)
 
 
 def _owners(path: Path, trust: Trust, owner: str | None) -> Mapping[str, str]:
@@ -168,9 +171,17 @@ def _take_level(path: Path, name: Path, trust: Trust) -> None:
     of = path.with_name(path.name.removesuffix(LEVEL_SUFFIX) + ".json")
     if not of.is_file() or level_path(of) != path:
         raise RecordError(f"{name}: a level without its record")
-    signed, why = read_level(of, load_record(of), trust)
+    record, there = load_record(of), trust.folder / name.parent / of.name
+    signed, why = read_level(of, record, trust)
     if signed is None:
         raise RecordError(f"{name.parent}/{why}")
+    known = read_level(there, record, trust)[0]
+    if known is not None and _strength(signed) < _strength(known):
+        raise RecordError(f"{name}: {signed.level} of {signed.statement.date} is less than the level that is there")
+
+
+def _strength(signed: SignedLevel) -> tuple[int, str]:
+    return LEVELS.index(signed.level), signed.statement.date
 
 
 def _notes(path: Path) -> Iterator[str]:

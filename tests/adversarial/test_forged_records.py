@@ -635,6 +635,12 @@ def removed(_: Path, leaderboard: Path) -> None:
     save_record(made_up("theirs", 0.5), leaderboard / "records" / "theirs" / f"{MAIN}.json")
 
 
+def without_a_rivals_level(proposal: Path, leaderboard: Path) -> None:
+    for folder in (leaderboard, proposal):
+        save_record(made_up("theirs", 0.5), folder / "records" / "theirs" / f"{MAIN}.json")
+    level_path(leaderboard / "records" / "theirs" / f"{MAIN}.json").write_text("{}")
+
+
 def of_another_card(proposal: Path, _: Path) -> None:
     path = proposal / "records" / "newcomer" / f"{MAIN}.json"
     save_record(made_up("newcomer", 0.5, env={"card_digest": "00" * 8}), path)
@@ -655,6 +661,7 @@ PROPOSALS: dict[Callable[[Path, Path], None], str] = {
     taken_over: "'newcomer' belongs to 'bob': only maintainers change that",
     of_somebody_else: "the name 'newcomer' belongs to 'bob', not to 'ada'",
     removed: "is removed; only maintainers remove files",
+    without_a_rivals_level: f"records/theirs/{MAIN}.level.json: is removed; only maintainers remove files",
     of_another_card: "with card 0000000000000000 does not ship",
 }
 
@@ -665,3 +672,27 @@ def test_what_a_proposal_must_not_bring(
 ) -> None:
     change(proposal, leaderboard)
     assert PROPOSALS[change] in taken(cli, proposal, leaderboard)
+
+
+def test_an_earlier_level_does_not_take_the_place_of_a_better_one(
+    cli: CommandLine, proposal: Path, leaderboard: Path, key: Path
+) -> None:
+    shutil.copytree(proposal, leaderboard, dirs_exist_ok=True)
+    path, base = (folder / "records" / "newcomer" / f"{MAIN}.json" for folder in (proposal, leaderboard))
+    record = load_record(path)
+    sign(base, record, key, "re-run")
+    sign(path, record, key, "re-scored")
+    assert "re-scored of 2030-01-01 is less than the level that is there" in taken(cli, proposal, leaderboard)
+    sign(path, record, key, "re-run", date="2030-01-02")
+    assert taken(cli, proposal, leaderboard) == ""
+
+
+def test_a_level_goes_with_the_record_that_it_was_of(
+    cli: CommandLine, proposal: Path, leaderboard: Path, key: Path
+) -> None:
+    shutil.copytree(proposal, leaderboard, dirs_exist_ok=True)
+    path, base = (folder / "records" / "newcomer" / f"{MAIN}.json" for folder in (proposal, leaderboard))
+    sign(base, load_record(base), key)
+    assert "is removed; only maintainers remove files" in taken(cli, proposal, leaderboard)
+    save_record(made_up("newcomer", 0.8), path)
+    assert taken(cli, proposal, leaderboard) == ""
