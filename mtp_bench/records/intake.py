@@ -52,10 +52,9 @@ def take_in(folder: Path, trust: Trust, owner: str | None = None) -> Intake:
         names = _owners(root / OWNERS, trust, owner)
     except MtpBenchError as error:
         return Intake((), (str(error),), ())
-    gone = [name for name in sorted(_files(trust.folder)) if name not in files] if _whole(folder, root) else []
-    refused += [
-        f"{name}: is removed; only maintainers remove files" for name in gone if not _stale_level(name, root, trust)
-    ]
+    gone = sorted(_files(trust.folder) - files) if _whole(folder, root) else []
+    gone = [name for name in gone if not _stale_level(name, root, trust)]
+    refused += [f"{name}: is removed; only maintainers remove files" for name in gone]
     for name in sorted(files):
         path = root / name
         if name == OWNERS or _same(path, trust.folder / name) or not _within(path, folder):

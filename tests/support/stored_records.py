@@ -137,7 +137,7 @@ def ships_of(*records: Record, simulated: bool = False) -> Ships:
     """As if the cards and event weights of these records shipped: of each env those of the first."""
     known: dict[str, Shipped] = {}
     for record in records:
-        sums = {
+        sums: dict[str, dict[Subset, float]] = {
             scene_key(record.env.id, scene.scene): {subset: sum(scene.weight[subset]) for subset in SUBSETS}
             for scene in record.per_scene
         }

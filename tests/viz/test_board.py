@@ -11,11 +11,12 @@ import pytest
 
 from mtp_bench.records import OldResult, Record, save_record
 from mtp_bench.scoring import SUBSETS
-from mtp_bench.viz.board import Entry, board_json, board_notes, board_page, board_tables
+from mtp_bench.viz.board import Entry, Found, board_json, board_notes, board_page, board_tables, entries_of
 from mtp_bench.viz.board.columns import percent
 from mtp_bench.viz.board.scale import BAR, MOST_TICKS, PAD, WIDTH, bar_of, scale_of, scene_chart
 from tests.support.board_records import HOSTILE, LEVELS_OF, board_of, made_up, made_up_board
 from tests.support.command_line import CommandLine, on_terminal, read_json
+from tests.support.stored_records import hidden_part, signed_level
 
 MOST_BYTES = 300_000  # of a page without records
 OTHER = "MTP-nuScenes-mini-v0"
@@ -100,6 +101,34 @@ def test_too_few_recordings_are_said_once_above_the_table(html: str, entries: li
     assert [entry.name for entry in entries[10:]] == ["braided_paths", "stp", "calm_hedge"]  # by error
     assert f"<span><b>{reason}</b></span>" in html
     assert f'class="why"><bdi>{reason}' not in html
+
+
+def test_hidden_scenes_rank_and_the_public_error_stands_beside(tmp_path: Path) -> None:
+    records = [made_up("knows", 0.5, "MTP-Merge-v0"), made_up("honest", 0.6, "MTP-Merge-v0")]
+    errors = {"knows": 1.2, "honest": 0.8}
+    found = [
+        Found(
+            record,
+            signed=signed_level(
+                record, "hidden", hidden_part(*[errors[record.submission.name]] * 50), retired="2030-03-03"
+            ),
+        )
+        for record in records
+    ]
+    entries = entries_of(found)
+    assert [(entry.name, entry.rank) for entry in entries] == [("honest", 1), ("knows", 2)]
+    assert [(entry.error, entry.public_error) for entry in entries] == [
+        (pytest.approx(0.8), pytest.approx(0.6)),
+        (pytest.approx(1.2), pytest.approx(0.5)),
+    ]
+    assert board_notes(entries) == [["hidden scenes of seal first of 2030-01-01, retired 2030-03-03"]]
+    html = board_page(entries)
+    assert "</svg>hidden</span>" in html
+    assert "2030-02-02 by tester; seal first of 2030-01-01, retired 2030-03-03" in html
+    (row, _) = board_json(entries)["MTP-Merge-v0"]
+    assert (row["level"], row["public"]) == ("hidden", pytest.approx(0.6))
+    (alone,) = entries_of([Found(records[0])])
+    assert (alone.rank, alone.why, alone.public_error) == (None, "not scored on hidden scenes yet", None)
 
 
 def gaps(*records: Record) -> dict[str, float | None]:

@@ -72,13 +72,20 @@ class Entry:
         return "scored" if self.signed is None else self.signed.level
 
     @property
+    def seal(self) -> str:
+        """The seal of its hidden scenes, and when it was retired, for people; empty where there are none."""
+        seal = None if self.signed is None else self.signed.seal
+        if seal is None:
+            return ""
+        return f"{seal.name} of {seal.made}" + (f", retired {seal.retired}" if seal.retired else "")
+
+    @property
     def checked(self) -> str:
         """By whom and when, and of which seal, for people; empty where it was not."""
         if self.signed is None:
             return ""
-        seal = self.signed.seal
-        retired = f", seal {seal.name} retired {seal.retired}" if seal is not None and seal.retired else ""
-        return f"{self.signed.statement.date} by {self.signed.signer}{retired}"
+        by = f"{self.signed.statement.date} by {self.signed.signer}"
+        return f"{by}; seal {self.seal}" if self.seal else by
 
     @property
     def on_hidden(self) -> bool:
