@@ -21,7 +21,7 @@ from ..strict import Section, validate
 from .bounds import out_of_bounds
 from .canonical import canonical, digest_of
 from .consistency import sums_that_do_not_fit
-from .record import MOST_NAME, Difference, Mechanism, Record, Sha256, unequal
+from .record import MOST_NAME, Difference, Mechanism, Record, Sha256, UnitSums, unequal
 from .signing import MOST_SIGNATURE, SIGNER_PATTERN, sign, why_not_signed
 from .storage import LEVEL_SUFFIX, read_table
 from .trust import ListedSeal, Trust
@@ -43,8 +43,8 @@ class HiddenPart(Section):
     targets: Count
     rows: list[Row]  # one per subset
     silence: float | None  # m, what an agent that says nothing scores there
-    weight: dict[Subset, list[float]]  # [units] of the targets, over all scenes in the order of the seal
-    error: dict[Subset, list[float]]  # [units] m, weighted, at the budgets of all hidden scenes, mean over seeds
+    weight: UnitSums  # [units] of the targets, over all scenes in the order of the seal
+    error: UnitSums  # [units] m, weighted, at the budgets of all hidden scenes, mean over seeds
 
     @property
     def row(self) -> Row:

@@ -78,7 +78,7 @@ def sums_that_do_not_fit(sums: Sums, most: float) -> Iterator[str]:
         weight, error = sums.unit_weight(row.subset), sums.unit_error(row.subset)
         limits = [most * w if w > 0 else 0.0 for w in weight]
         units_of = zip(weight, error, limits, strict=True)
-        beyond = next(((w, e) for w, e, limit in units_of if w < 0 or not 0 <= e <= limit * (1 + _CLOSE)), None)
+        beyond = next(((w, e) for w, e, limit in units_of if e > limit * (1 + _CLOSE)), None)
         if beyond is not None:
             w, e = beyond
             yield f"subset {row.subset!r}: a unit of weight {w:g} has the error {e:g}, expected 0 to {most:g} x weight"

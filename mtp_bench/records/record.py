@@ -29,6 +29,7 @@ _Unmade = Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")]  # empty until the
 _Seconds = Annotated[float, Field(gt=0, le=86_400)]
 _Bytes = Annotated[int, Field(gt=0, le=1 << 40)]
 _NotNegative = Annotated[float, Field(ge=0)]
+UnitSums = dict[Subset, Annotated[list[Annotated[float, Field(ge=0, le=1e9)]], Field(max_length=100_000)]]
 
 
 class SubmissionPart(Section):
@@ -143,8 +144,8 @@ class ScenePart(Section):
     """What ranks, summed over the targets of each unit of one scene: enough to rank records without their rollouts."""
 
     scene: _Name
-    weight: dict[Subset, list[float]]  # [units of the scene] of the targets
-    error: dict[Subset, list[float]]  # [units] m, weighted, at the budgets of the whole record, mean over seeds
+    weight: UnitSums  # [units of the scene] of the targets
+    error: UnitSums  # [units] m, weighted, at the budgets of the whole record, mean over seeds
 
     @property
     def targets(self) -> int:

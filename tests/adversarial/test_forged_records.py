@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shutil
@@ -32,6 +33,7 @@ from mtp_bench.records.promise import Commitment, SecretSeeds, commitment_of
 from mtp_bench.records.record import IsolationPart
 from mtp_bench.records.rerun import why_not_isolated
 from mtp_bench.records.shipped import baseline_digest, shipped
+from mtp_bench.records.storage import content_digest, measured_digest
 from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring import SUBSETS
 from tests.support.board_records import MAIN, made_up
@@ -49,7 +51,10 @@ def forged(path: Path, record: Record, change: Change) -> Path:
     save_record(record, path)
     content = json.loads(path.read_text())
     change(content)
-    save_record(Record.model_validate(content), path)
+    with contextlib.suppress(UnicodeEncodeError):  # half a character has no digest
+        content["measured"]["digest"] = measured_digest(content)
+        content["digest"] = content_digest(content)
+    path.write_text(json.dumps(content))
     return path
 
 
@@ -283,7 +288,7 @@ def test_other_targets_than_the_frozen_ones_do_not_rank() -> None:
 IMPOSSIBLE: dict[str, tuple[Change, str]] = {
     "negative errors": (
         lambda c: c["per_scene"][0]["error"]["all"].__setitem__(0, -50.0),
-        "a unit of weight .* has the error -50, expected 0 to 4 x weight",
+        "got -50.0: Input should be greater than or equal to 0",
     ),
     "more than a miss costs": (
         lambda c: c["per_scene"][0]["error"]["lost"].__setitem__(0, 1e4),
@@ -313,7 +318,7 @@ IMPOSSIBLE: dict[str, tuple[Change, str]] = {
     "giant details": (lambda c: c.update(details={str(i): "x" * 1999 for i in range(600)}), "details take 12"),
     "a long reason": (lambda c: c["details"].update(why="x" * 3000), "details.why has 3000 characters"),
     "a key that steers the terminal": (lambda c: c["details"].update({"\x1b[2J": 1}), r"has the character U\+001B"),
-    "half a character": (lambda c: c["submission"]["parameters"].update(a=["\ud800"]), "cannot be stored as JSON"),
+    "half a character": (lambda c: c["submission"]["parameters"].update(a=["\ud800"]), r"has the character U\+D800"),
     "nested a thousand times": (lambda c: c["details"].update(a=nested(60)), "deeper than 32 levels"),
     "a number of a thousand digits": (lambda c: c["details"].update(a=10**1000), "has 1001 digits"),
 }

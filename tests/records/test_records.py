@@ -99,7 +99,6 @@ BROKEN: dict[str, Callable[[dict[str, Any]], None]] = {
     "missing": lambda part: part["error"].pop("ids"),
     "another number of units": lambda part: part["weight"]["ids"].append(1.0),
     "none": lambda part: part.update(weight={}, error={}),
-    "negative": lambda part: part["error"].update(all=[-1.0, 2.0]),
 }
 
 
@@ -109,7 +108,7 @@ def test_sums_that_do_not_fit_each_other_are_refused(change: Callable[[dict[str,
     change(part)
     record = write_record(1.0)
     save_record(record.model_copy(update={"per_scene": [ScenePart.model_validate(part)]}), tmp_path / "a.json")
-    with pytest.raises(RecordError, match=r"'a' lacks sums|a unit of weight 10 has the error -1, expected 0 to"):
+    with pytest.raises(RecordError, match="'a' lacks sums"):
         load_record(tmp_path / "a.json")
 
 
