@@ -6,6 +6,7 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # small matrices: threads would only stand in each other's way
 
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from tests.support.command_line import CommandLine
+from tests.support.leaderboards import listed, make_key, make_leaderboard
 from tests.support.small_scenes import write_card, write_kitti
 from tests.support.stored_runs import write_events_run
 
@@ -135,3 +137,17 @@ def no_viewer() -> None:
 def cli(capsys: pytest.CaptureFixture[str]) -> CommandLine:
     """Runs commands in this process."""
     return CommandLine(capsys)
+
+
+@pytest.fixture(scope="session")
+def key(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A private key, made for this run of the tests."""
+    if shutil.which("ssh-keygen") is None:
+        pytest.skip("ssh-keygen is not installed")
+    return make_key(tmp_path_factory.mktemp("keys") / "tester")
+
+
+@pytest.fixture
+def leaderboard(key: Path, tmp_path: Path) -> Path:
+    """A leaderboard that trusts ``key``."""
+    return make_leaderboard(tmp_path / "leaderboard", listed(key))

@@ -166,15 +166,19 @@ def test_the_wheel_holds_the_library_and_its_bundle(wheel: Path, repository: Pat
     assert not [name for name in names if "__pycache__" in name or name.endswith(".pyc")]
 
 
-def test_rollouts_beside_records_stay_out_of_the_wheel(repository: Path, tmp_path: Path) -> None:
-    records = tmp_path / "leaderboard" / "records" / "mine"
-    (records / "MTP-KITTI-v0.rollouts" / "seed-0").mkdir(parents=True)
-    (records / "MTP-KITTI-v0.json").touch()
-    (records / "MTP-KITTI-v0.rollouts" / "seed-0" / "run.json").touch()
-    hook = runpy.run_path(str(repository / "hatch_build.py"))["RecordsHook"]
+def test_rollouts_and_secrets_stay_out_of_the_wheel(repository: Path, tmp_path: Path) -> None:
+    public = [
+        "keys/allowed_signers", "owners.toml", "records/mine/MTP-KITTI-v0.json", "seals/a.commitment.json"
+    ]  # fmt: skip
+    secret = ["keys/me", "records/mine/MTP-KITTI-v0.rollouts/seed-0/run.json", "seals/a.json", "seals/a.weights.json"]
+    for name in (*public, *secret):
+        path = tmp_path / "leaderboard" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    hook = runpy.run_path(str(repository / "hatch_build.py"))["LeaderboardHook"]
     data: dict[str, dict[str, str]] = {"force_include": {}}
     hook(str(tmp_path), {}, None, None, "", "wheel").initialize("standard", data)
-    assert list(data["force_include"].values()) == ["mtp_bench/_bundled/leaderboard/records/mine/MTP-KITTI-v0.json"]
+    assert sorted(data["force_include"].values()) == [f"mtp_bench/_bundled/leaderboard/{name}" for name in public]
 
 
 def test_the_installed_wheel_works_without_the_checkout(wheel: Path, tmp_path: Path) -> None:

@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..errors import MtpBenchError
+from ..errors import MtpBenchError, RecordError
 from .options import JsonOption
 from .output import count, require_writable, write_json
 
 if TYPE_CHECKING:
-    from ..viz.board.entries import Entry
+    from ..records import Trust
+    from ..viz.board.entries import Entry, Found
+
+
+@dataclass(frozen=True)
+class Board:
+    """What is shown, and what was not taken."""
+
+    entries: list[Entry]
+    refused: list[str]  # records that are broken, each with its reason
+    notes: list[str]  # levels that are not shown
 
 
 def board(
@@ -26,17 +37,22 @@ def board(
         Path | None, typer.Option("-o", "--output", help="Also write a page that needs no network: a .html file.")
     ] = None,
     env: Annotated[str | None, typer.Option(help="Only this environment.")] = None,
+    base: Annotated[
+        Path | None, typer.Option(help="Leaderboard whose keys and seals are trusted; the one that ships.")
+    ] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Status 1 where a record is broken.")] = False,
     json_file: JsonOption = None,
 ) -> None:
     """Show the leaderboard: a table per environment, and a page to open in a browser."""
     from .._bundle import bundled
     from ..files import write_text
-    from ..records import read_history
+    from ..records import read_history, trusted
     from ..viz.board import board_json, board_notes, board_page, board_tables
     from ..viz.terminal.output import show, show_lines, show_numbers
 
     require_writable(json_file, output)
-    entries = read_board(records, further or (), env, output)
+    found = read_board(records, further or (), env, output, trusted(base))
+    entries = found.entries
     folder = records or bundled("leaderboard") / "records"
     history = [old for old in read_history(folder.parent / "history") if env in (None, old.env)]
     write_json(json_file, board_json(entries))
@@ -47,40 +63,44 @@ def board(
         show_numbers(table)
         show("")
         show_lines(notes)
+    show_lines([*found.notes, *(f"refused: {text}" for text in found.refused)])
     if not entries:
         show("no record" + (f" of {env}" if env else "") + " yet; `mtp-bench submit` makes one")
     if history:
         show(f"{count(len(history), 'result')} under earlier definitions: on the page (-o), never ranked")
     if output is not None:
         show(f"{output}: {count(len(entries), 'record')}; open it in a browser")
+    if strict and found.refused:
+        raise RecordError(f"{count(len(found.refused), 'record')} refused, the first: {found.refused[0]}")
 
 
 def read_board(
-    folder: Path | None, further: Sequence[Path], env_id: str | None, page: Path | None = None
-) -> list[Entry]:
+    folder: Path | None, further: Sequence[Path], env_id: str | None, page: Path | None, trust: Trust
+) -> Board:
     """Entries in the order of the leaderboard; those of ``further`` that are not in the folder are marked as added.
 
-    ``page`` is the file that links start from; without one there are none. Raises MtpBenchError where the folder is
-    missing, RecordError where a record is broken, UnknownNameError for an env without a record that is no card either.
+    ``page`` is the file that links start from; without one there are none. A broken record of the folder is refused
+    and stops no other. Raises MtpBenchError where the folder is missing, RecordError where a record of ``further`` is
+    broken, UnknownNameError for an env without a record that is no card either.
     """
     from .._bundle import bundled
     from ..cards import load_card
-    from ..records import load_record, record_paths
+    from ..records import record_paths
     from ..viz.board import entries_of
 
     if folder is not None and not folder.is_dir():
         raise MtpBenchError(f"{folder}: no such folder of records; name another with --records")
     paths = record_paths(folder or bundled("leaderboard") / "records")  # there are none yet where it is missing
-    found = {record.digest: (record, path, False) for path in paths for record in [load_record(path)]}
+    refused: list[str] = []
+    found = {each.record.digest: each for each in _sound(paths, page, trust, refused)}
     for path in further:
-        record = load_record(path)
-        found.setdefault(record.digest, (record, path, True))
-    listed = [item for item in found.values() if env_id is None or item[0].env.id == env_id]
+        each = _read(path, page, trust, added=True)
+        found.setdefault(each.record.digest, each)
+    listed = [each for each in found.values() if env_id is None or each.record.env.id == env_id]
     if env_id is not None and not listed:
         load_card(env_id)  # an env that nobody has submitted to is fine as long as there is such an env
-    return entries_of(
-        [(record, None if page is None else relative_address(path, page), added) for record, path, added in listed]
-    )
+    notes = [f"{each.record.submission.name} on {each.record.env.id}: {each.note}" for each in listed if each.note]
+    return Board(entries_of(listed), refused, notes)
 
 
 def relative_address(path: Path, page: Path) -> str | None:
@@ -90,3 +110,21 @@ def relative_address(path: Path, page: Path) -> str | None:
     except ValueError:
         return None
     return Path(relative).as_posix()
+
+
+def _sound(paths: Sequence[Path], page: Path | None, trust: Trust, refused: list[str]) -> Iterator[Found]:
+    """The records that can be read; why not, of the others, goes to ``refused``."""
+    for path in paths:
+        try:
+            yield _read(path, page, trust, added=False)
+        except RecordError as error:
+            refused.append(str(error))
+
+
+def _read(path: Path, page: Path | None, trust: Trust, added: bool) -> Found:
+    from ..records import load_record, read_level
+    from ..viz.board.entries import Found
+
+    record = load_record(path)
+    signed, note = read_level(path, record, trust)
+    return Found(record, None if page is None else relative_address(path, page), added, signed, note)

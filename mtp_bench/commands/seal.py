@@ -7,23 +7,52 @@ from typing import Annotated
 
 import typer
 
-from .options import EnvOption
 from .output import count
 
 
 def seal(
-    env: EnvOption,
-    scenes: Annotated[int, typer.Option("--count", min=1, max=1000, help="Number of hidden scenes.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="File of the secret; its commitment goes beside it.")],
+    env: Annotated[str | None, typer.Option(help="Environment id, or path of a card.")] = None,
+    scenes: Annotated[
+        int | None, typer.Option("--count", min=1, max=1000, help="Number of hidden scenes; ranks need 50.")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="File of the secret, beside its commitment. With --retire: folder."),
+    ] = None,
+    retire: Annotated[
+        Path | None, typer.Option(help="Publish this secret in the folder of seals: it ranks nobody new any more.")
+    ] = None,
 ) -> None:
-    """Draw secret scenes of a simulated environment and commit to them (maintainers)."""
+    """Draw secret scenes of a simulated environment and commit to them, or publish a secret (maintainers)."""
+    if retire is not None:
+        if env is not None or scenes is not None:
+            raise typer.BadParameter("publishes what was drawn: no --env, no --count", param_hint="--retire")
+        _retire(retire, output)
+        return
+    if env is None or scenes is None or output is None:
+        raise typer.BadParameter("--env, --count and --output are needed, or --retire")
+    _draw(env, scenes, output)
+
+
+def _draw(env: str, scenes: int, output: Path) -> None:
     from ..records import seal as draw
-    from ..records.sealing import commitment_path
+    from ..records.eligibility import LEAST_HIDDEN
+    from ..records.seal import commitment_path
     from ..viz.terminal.output import show
 
     promise = draw(env, scenes, output)
     show(
-        f"{commitment_path(output)}: publish this commitment to {count(scenes, 'hidden scene')} of {promise.env}, "
-        f"sha256 {promise.commitment}"
+        f"{commitment_path(output)}: publish this commitment to {count(scenes, 'hidden scene')} of {promise.env} in "
+        f"leaderboard/seals, sha256 {promise.commitment}"
     )
+    if scenes < LEAST_HIDDEN:
+        show(f"for trials alone: {count(scenes, 'scene')} rank nobody, ranks need {LEAST_HIDDEN}")
     show(f"{output}: keep this secret; `mtp-bench verify RECORD --rerun --hidden {output}` runs them")
+
+
+def _retire(secret: Path, folder: Path | None) -> None:
+    from ..records import retire
+    from ..records.seal import SEALS
+    from ..viz.terminal.output import show
+
+    show(f"{retire(secret, folder or SEALS)}: the secret is public from now on; draw another seal for the next round")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,81 +14,211 @@ from .options import DataOption, JobsOption, JsonOption, WorkerChoice
 from .output import count, number, require_writable, working, write_json
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from rich.table import Table
 
+    from ..records.rounds import Round
+    from ..records.seal import Sealed
+    from ..records.trust import Trust
     from ..records.verifying import Verification
+    from ..running.options import RunOptions
 
 MOST_DIFFERENCES = 20  # shown per record
 MOST_LETTERS = 60  # of a value in the table
 
 
+@dataclass(frozen=True)
+class RunningAgain:
+    """Whether and how submissions are run again."""
+
+    rerun: Annotated[bool, typer.Option("--rerun", help="Run the submission again, also under a secret seed.")] = False
+    submission: Annotated[Path | None, typer.Option(help="Folder to run again; else the baseline of that name.")] = None
+    submissions: Annotated[
+        Path | None, typer.Option(help="Folder of the submissions to run again, each by its name.")
+    ] = None
+    hidden: Annotated[
+        Path | None, typer.Option(help="Secret of `mtp-bench seal`, or a folder of them: with --rerun, run its scenes.")
+    ] = None
+    commitment: Annotated[Path | None, typer.Option(help="What the secret was promised with; the file beside it.")] = (
+        None
+    )
+
+
+@dataclass(frozen=True)
+class Signing:
+    """Who signs, and whom one trusts."""
+
+    sign: Annotated[Path | None, typer.Option(help="Private SSH key: sign the level that is reached.")] = None
+    signer: Annotated[str | None, typer.Option(help="Whose key that is, as in keys/allowed_signers.")] = None
+    base: Annotated[
+        Path | None, typer.Option(help="Leaderboard whose keys, seals and owners are trusted; the one that ships.")
+    ] = None
+
+
+@dataclass(frozen=True)
+class TakingIn:
+    """What others propose."""
+
+    intake: Annotated[
+        bool, typer.Option("--intake", help="Check files of a pull request; nothing of a submission is run.")
+    ] = False
+    owner: Annotated[str | None, typer.Option(help="With --intake: login of whoever asks.")] = None
+
+
 def verify(
-    record: Annotated[Path, typer.Argument(help="A record, or a folder: all records in it.")],
+    record: Annotated[list[Path], typer.Argument(help="Records, or folders: all records in them.")],
+    again: RunningAgain,
+    signing: Signing,
+    taking: TakingIn,
     root: DataOption = None,
-    rerun: Annotated[bool, typer.Option("--rerun", help="Run the submission again, also under a secret seed.")] = False,
-    submission: Annotated[
-        Path | None, typer.Option(help="Folder to run again; else the baseline of that name.")
-    ] = None,
     write: Annotated[
         bool, typer.Option("--write", help="Take over today's numbers where scorer or weights changed.")
     ] = False,
-    hidden: Annotated[
-        Path | None, typer.Option(help="Secret of `mtp-bench seal`: with --rerun, run its scenes too.")
-    ] = None,
-    commitment: Annotated[
-        Path | None, typer.Option(help="What the secret was promised with; the file beside it.")
-    ] = None,
     jobs: JobsOption = 0,
     env: Annotated[str | None, typer.Option(help="Card of the record, where it does not ship.")] = None,
     json_file: JsonOption = None,
 ) -> None:
     """Check records: digest, card, data, and stored rollouts scored again. Status 1 where one does not hold."""
-    from ..records import open_seal, record_paths
-    from ..records import verify as check_record
-    from ..records.verifying import confirm
+    from ..records import trusted
+    from ..records.rounds import Round
     from ..running.options import RunOptions
-    from ..viz.terminal.output import show, show_numbers
 
-    _require_together(rerun, submission, hidden, commitment)
+    _require_together(
+        ("--submission", again.submission, "--rerun", again.rerun),
+        ("--submissions", again.submissions, "--rerun", again.rerun),
+        ("--hidden", again.hidden, "--rerun", again.rerun),
+        ("--commitment", again.commitment, "--hidden", again.hidden),
+        ("--sign", signing.sign, "--signer", signing.signer),
+        ("--signer", signing.signer, "--sign", signing.sign),
+        ("--owner", taking.owner, "--intake", taking.intake),
+    )
     require_writable(json_file)
-    paths = record_paths(record) if record.is_dir() else [record]
-    if not paths:
-        raise RecordError(f"{record}: no record there, expected files <submission>/<env id>.json")
-    sealed = None if hidden is None else open_seal(hidden, commitment)
+    trust = trusted(signing.base)
+    if taking.intake:
+        _intake(record, trust, taking.owner, json_file)
+        return
+    seals = _seals(again.hidden, again.commitment, trust)
+    asked = Round(again.rerun, seals, again.submissions, again.submission)
     options = RunOptions(root, workers=WorkerChoice(jobs).workers())
-    failed, verdicts = [], []
-    for file in paths:
-        try:
-            with working(f"verify {file.name}", options) as watched:
-                checked = check_record(file, watched, env, submission, rerun, sealed)
-        except MtpBenchError as error:
-            if not record.is_dir():
-                raise
-            failed.append(str(error))
-            verdicts.append({"record": str(file), "error": str(error)})
-            continue
-        verdicts.append(_as_json(checked))
-        if checked.differences:
-            show_numbers(_difference_table(checked))
-        show(_verdict(checked))
-        if write and checked.updated is not None:
-            show(f"{file}: written with the digest {confirm(checked).digest[:12]}")
-        elif not checked.holds:
-            failed.append(f"{file}: {count(len(checked.differences), 'difference')} to what was found here")
-    write_json(json_file, {"records": verdicts})
+    _check_all(record, _Work(asked, trust, options, env, write, signing.sign, signing.signer or ""), json_file)
+
+
+@dataclass(frozen=True)
+class _Work:
+    """What is done to every record."""
+
+    asked: Round
+    trust: Trust
+    options: RunOptions
+    env: str | None
+    write: bool
+    key: Path | None
+    signer: str
+
+
+@dataclass(frozen=True)
+class _Line:
+    """What came of one record."""
+
+    path: Path
+    verdict: dict[str, Any]
+    failed: str = ""
+    seconds: float = 0.0
+
+
+def _check_all(given: Sequence[Path], work: _Work, json_file: Path | None) -> None:
+    from ..records import record_paths
+    from ..records.signing import require_signer
+    from ..viz.terminal.output import show_numbers
+
+    paths = list(dict.fromkeys(path for each in given for path in (record_paths(each) if each.is_dir() else [each])))
+    if not paths:
+        raise RecordError(f"{given[0]}: no record there, expected files <submission>/<env id>.json")
+    if work.key is not None:
+        require_signer(work.key, work.signer, work.trust)
+    lines = [_line(path, work, alone=list(given) == [path]) for path in paths]
+    if len(lines) > 1:
+        show_numbers(_round_table(lines))
+    write_json(json_file, {"records": [line.verdict for line in lines]})
+    failed = [line.failed for line in lines if line.failed]
     if failed:
         raise RecordError("; ".join(failed))
 
 
-def _require_together(rerun: bool, submission: Path | None, hidden: Path | None, commitment: Path | None) -> None:
+def _line(path: Path, work: _Work, alone: bool) -> _Line:
+    """Check one record; an error does not stop the others."""
+    start = time.monotonic()
+    try:
+        line = _checked(path, work)
+    except MtpBenchError as error:
+        if alone:
+            raise
+        line = _Line(path, {"record": str(path), "error": str(error)}, str(error))
+    return replace(line, seconds=time.monotonic() - start)
+
+
+def _checked(path: Path, work: _Work) -> _Line:
+    from ..records import load_record
+    from ..records import verify as check_record
+    from ..records.verifying import attest, confirm
+    from ..viz.terminal.output import show, show_numbers
+
+    asked = work.asked
+    record = load_record(path)
+    done = asked.done(path, record, work.trust) if work.key is not None else None
+    if done is not None:
+        show(f"{path}: {done.level} since {done.statement.date}, signed by {done.signer}")
+        return _Line(path, {"record": str(path), "digest": record.digest, "holds": True, "level": done.level})
+    with working(f"verify {record.submission.name} on {record.env.id}", work.options) as watched:
+        checked = check_record(path, watched, work.env, asked.folder(record), asked.rerun, asked.sealed(record))
+    if checked.differences:
+        show_numbers(_difference_table(checked))
+    show(_verdict(checked))
+    written = work.write and checked.updated is not None
+    if written:
+        show(f"{path}: written with the digest {confirm(checked).digest[:12]}")
+    if work.key is not None and checked.holds and not written:
+        show(f"{attest(checked, work.key, work.signer)}: {checked.level}, signed by {work.signer}")
+    differ = f"{path}: {count(len(checked.differences), 'difference')} to what was found here"
+    return _Line(path, _as_json(checked), "" if checked.holds or written else differ)
+
+
+def _seals(hidden: Path | None, commitment: Path | None, trust: Trust) -> Mapping[str, Sealed]:
+    """Seals by env."""
+    from ..records import open_seal
+    from ..records.seal import open_seals
+
+    if hidden is None:
+        return {}
+    if hidden.is_dir():
+        if commitment is not None:
+            raise typer.BadParameter("belongs to one secret: name that with --hidden", param_hint="--commitment")
+        return open_seals(hidden, trust)
+    sealed = open_seal(hidden, commitment, trust)
+    return {sealed.seeds.env: sealed}
+
+
+def _intake(given: Sequence[Path], trust: Trust, owner: str | None, json_file: Path | None) -> None:
+    from ..records.intake import take_in
+    from ..viz.terminal.output import show
+
+    taken = [take_in(path, trust, owner) for path in given]
+    write_json(json_file, {"accepted": [str(p) for each in taken for p in each.accepted],
+                           "refused": [text for each in taken for text in each.refused]})  # fmt: skip
+    for each in taken:
+        for text in (*(f"{path}: can be taken in" for path in each.accepted), *each.notes):
+            show(text)
+    refused = [text for each in taken for text in each.refused]
+    if refused:
+        raise RecordError("; ".join(refused))
+
+
+def _require_together(*pairs: tuple[str, object, str, object]) -> None:
     """Wrong usage for an option without the one that it belongs to."""
-    for given, needed, option, text in (
-        (submission, rerun, "--submission", "is for running it again: add --rerun"),
-        (hidden, rerun, "--hidden", "is for running the submission: add --rerun"),
-        (commitment, hidden, "--commitment", "belongs to a secret: name it with --hidden"),
-    ):
-        if given is not None and not needed:
-            raise typer.BadParameter(text, param_hint=option)
+    for option, given, needed, there in pairs:
+        if given is not None and not there:
+            raise typer.BadParameter(f"needs {needed}", param_hint=option)
 
 
 def _difference_table(checked: Verification) -> Table:
@@ -106,17 +238,39 @@ def _difference_table(checked: Verification) -> Table:
     return table
 
 
+def _round_table(lines: Sequence[_Line]) -> Table:
+    """What came of every record."""
+    from rich.markup import escape
+
+    from ..viz.terminal.output import new_table
+
+    table = new_table(
+        "records", ("record", "level", "hidden error", "minutes", "note"), left=("record", "level", "note")
+    )
+    for line in lines:
+        verdict = line.verdict
+        note = "error" if "error" in verdict else "does not hold" if line.failed else ""
+        level = str(verdict.get("level", "–"))
+        shown = (f"{line.path.parent.name}/{line.path.stem}", level, number(verdict.get("hidden_error")))
+        table.add_row(*map(escape, shown), f"{line.seconds / 60:.1f}", note)
+    return table
+
+
 def _as_json(checked: Verification) -> dict[str, Any]:
     differences = [difference._asdict() for difference in checked.differences]
     verdict = {"record": str(checked.path), "digest": checked.record.digest, "holds": checked.holds}
-    return {**verdict, "level": checked.level, "differences": differences, "notes": list(checked.notes)}
+    error = None if checked.hidden is None else checked.hidden.row.error
+    more = {"level": checked.level, "hidden_error": error, "differences": differences, "notes": list(checked.notes)}
+    return {**verdict, **more}
 
 
 def _verdict(checked: Verification) -> str:
-    record = checked.record
+    from ..records.eligibility import LEAST_HIDDEN
+
+    record, hidden = checked.record, checked.hidden
     who = f"{checked.path}: {record.submission.name} on {record.env.id}"
-    what = f"holds, {checked.level}" if checked.holds else "does not hold"
-    hidden = []
-    if checked.hidden is not None:
-        hidden.append(f"error {number(checked.hidden.error)} m on {count(checked.hidden.scenes, 'hidden scene')}")
-    return ". ".join([f"{who}: {what}", *hidden, *checked.notes])
+    said = [f"{who}: holds, {checked.level}" if checked.holds else f"{who}: does not hold"]
+    if hidden is not None:
+        few = "" if hidden.scenes >= LEAST_HIDDEN else f", which ranks nobody: ranks need {LEAST_HIDDEN}"
+        said.append(f"error {number(hidden.row.error)} m on {count(hidden.scenes, 'hidden scene')}{few}")
+    return ". ".join([*said, *checked.notes])

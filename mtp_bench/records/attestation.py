@@ -1,25 +1,210 @@
-"""How far a record was checked, and what it scored on hidden scenes."""
+"""How far a record was checked: a signed statement in a file beside it, ``<env>.level.json``.
+
+Nobody's record says its own level. Whoever checks one signs what was found: the level, what it scored on hidden scenes,
+and digests of all that was run. A statement of another record, or of an earlier version of it, does not fit.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, get_args
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field
 
-from ..scoring.rows import Count, Interval
-from ..strict import Section
+from ..errors import MtpBenchError, RecordError
+from ..files import write_text
+from ..scoring.rows import Count, Row
+from ..scoring.subsets import Subset
+from ..strict import Section, validate
+from .bounds import out_of_bounds
+from .canonical import canonical, digest_of
+from .consistency import sums_that_do_not_fit
+from .record import MOST_NAME, Difference, Mechanism, Record, Sha256, UnitSums, unequal
+from .signing import MOST_SIGNATURE, SIGNER_PATTERN, sign, why_not_signed
+from .storage import LEVEL_SUFFIX, read_table
+from .trust import ListedSeal, Trust
 
 Level = Literal["scored", "re-scored", "re-run", "hidden"]
 LEVELS: tuple[Level, ...] = get_args(Level)  # from the weakest on, each includes those before it
-_Hex = Annotated[str, Field(pattern=r"^[0-9a-f]*$")]
+UNTRUSTED = "not signed by a trusted key"
+_Reached = Literal["re-scored", "re-run", "hidden"]
+_Date = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\d$")]
+_Text = Annotated[str, Field(max_length=MOST_NAME)]
 
 
 class HiddenPart(Section):
-    """Error on scenes of secret seeds, over all of them: the name of a scene tells its seed."""
+    """What was scored on scenes of secret seeds, without their names: a name tells the seed."""
 
-    commitment: _Hex  # sha256 of the secret
-    weights: _Hex  # hash of their event weights, which are made once per seal
+    commitment: Sha256  # of the secret
+    weights: Sha256  # hash of their event weights, which are made once per seal
     scenes: Count
     targets: Count
-    error: float | None
-    interval: Interval | None
+    rows: list[Row]  # one per subset
+    silence: float | None  # m, what an agent that says nothing scores there
+    weight: UnitSums  # [units] of the targets, over all scenes in the order of the seal
+    error: UnitSums  # [units] m, weighted, at the budgets of all hidden scenes, mean over seeds
+
+    @property
+    def row(self) -> Row:
+        """The row of the subset "all"."""
+        return self.row_of("all")
+
+    def row_of(self, subset: Subset) -> Row:
+        """The row of one subset."""
+        return next(row for row in self.rows if row.subset == subset)
+
+    def unit_weight(self, subset: Subset) -> list[float]:
+        """Weight of the targets of each unit."""
+        return self.weight.get(subset, [])
+
+    def unit_error(self, subset: Subset) -> list[float]:
+        """What ranks, times the weight, summed over the targets of each unit, m."""
+        return self.error.get(subset, [])
+
+
+class Statement(Section):
+    """What is signed: the level, and what it is the level of."""
+
+    format: Literal[1] = 1
+    level: _Reached
+    record: Sha256  # its digest, and parts of what that is over
+    env: _Text
+    card: _Text
+    data: Sha256
+    observe: Literal["detections", "truth"]
+    submission: Sha256
+    seeds: list[int]
+    rollouts: Sha256  # of their digests
+    seals: Sha256  # of the hash chains
+    definitions: _Text
+    scorer: Sha256
+    weights: Sha256
+    isolation: Mechanism  # what held the agent when it was run again; of stored rollouts what the record says
+    date: _Date
+    hidden: HiddenPart | None = None
+
+
+class Attestation(Section):
+    """The content of the file."""
+
+    statement: Statement
+    signer: Annotated[str, Field(pattern=SIGNER_PATTERN)]
+    signature: Annotated[str, Field(max_length=MOST_SIGNATURE)]
+
+
+@dataclass(frozen=True)
+class SignedLevel:
+    """A level whose signature was checked."""
+
+    statement: Statement
+    signer: str
+    seal: ListedSeal | None = None  # of the hidden scenes
+
+    @property
+    def level(self) -> Level:
+        """How far the record was checked."""
+        return self.statement.level
+
+    @property
+    def hidden(self) -> HiddenPart | None:
+        """What it scored on hidden scenes."""
+        return self.statement.hidden
+
+
+def level_path(record: Path) -> Path:
+    """Where the level of the record at ``record`` is."""
+    return record.with_name(record.name.removesuffix(".json") + LEVEL_SUFFIX)
+
+
+def bound_to(record: Record) -> dict[str, Any]:
+    """The part of a statement that tells of which record it is."""
+    return {
+        "record": record.digest,
+        "env": record.env.id,
+        "card": record.env.card_digest,
+        "data": record.env.data_manifest,
+        "observe": record.env.observe,
+        "submission": record.submission.digest,
+        "seeds": record.seeds,
+        "rollouts": digest_of(record.rollout_digests),
+        "seals": digest_of(record.seals),
+        "definitions": record.scorer.definitions,
+        "scorer": record.scorer.source_digest,
+        "weights": record.reference.hash,
+    }
+
+
+def write_level(path: Path, statement: Statement, key: Path, signer: str) -> Path:
+    """Sign a statement of the record at ``path`` and write it beside the record; the path of the file.
+
+    Raises MtpBenchError where ssh-keygen is missing or refuses the key, or the file cannot be written.
+    """
+    content = statement.model_dump(mode="json")
+    signed = {"statement": content, "signer": signer, "signature": sign(canonical(content), key)}
+    target = level_path(path)
+    if target.is_symlink():
+        raise MtpBenchError(f"{target}: is a link, expected a file of its own: remove it")
+    write_text(target, json.dumps(signed, indent=1, ensure_ascii=False) + "\n")
+    return target
+
+
+def read_level(path: Path, record: Record, trust: Trust) -> tuple[SignedLevel | None, str]:
+    """The level beside the record at ``path``, and why there is none; both empty where there is no such file.
+
+    Never raises for what the file holds: a level that cannot be trusted is none.
+    """
+    file = level_path(path)
+    if not file.is_symlink() and not file.exists():
+        return None, ""
+    try:
+        return _checked(file, record, trust), ""
+    except RecordError as error:
+        return None, str(error)
+
+
+def _checked(file: Path, record: Record, trust: Trust) -> SignedLevel:
+    if file.is_symlink() or not file.is_file():
+        raise RecordError(f"{file.name}: {UNTRUSTED}: it is no file of its own")
+    content = read_table(file, "no such level")
+    problem = next(out_of_bounds(content), None)
+    if problem is not None:
+        raise RecordError(f"{file.name}: {problem}")
+    signed = validate(Attestation, content, file.name, RecordError)
+    why = why_not_signed(canonical(content["statement"]), signed.signature, signed.signer, trust)
+    if why:
+        raise RecordError(f"{file.name}: {UNTRUSTED}: {why}")
+    other = next(_other_record(signed.statement, record), None)
+    if other is not None:
+        raise RecordError(
+            f"{file.name}: of another record: {other.what} is {other.recorded!r}, the record has {other.found!r}"
+        )
+    return SignedLevel(signed.statement, signed.signer, _seal_of(file, signed.statement, trust))
+
+
+def _other_record(statement: Statement, record: Record) -> Any:
+    known = bound_to(record)
+    found: list[Difference] = list(unequal("", statement.model_dump(mode="json", include=set(known)), known))
+    return iter(found)
+
+
+def _seal_of(file: Path, statement: Statement, trust: Trust) -> ListedSeal | None:
+    """The seal of hidden scenes; RecordError where the part does not fit its seal, or itself."""
+    hidden = statement.hidden
+    if (hidden is None) != (statement.level != "hidden"):
+        raise RecordError(f"{file.name}: level {statement.level!r} {'with' if hidden else 'without'} hidden scenes")
+    if hidden is None:
+        return None
+    listed = trust.listed.get(hidden.commitment)
+    if listed is None:
+        raise RecordError(f"{file.name}: its hidden scenes are of no seal in {trust.seals}")
+    if (listed.env, listed.card_digest, listed.count) != (statement.env, statement.card, hidden.scenes):
+        raise RecordError(
+            f"{file.name}: has {hidden.scenes} hidden scenes of {statement.env} with card {statement.card}; its seal "
+            f"{listed.name!r} is of {listed.count} of {listed.env} with card {listed.card_digest}"
+        )
+    problem = next(sums_that_do_not_fit(hidden, float("inf")), None)
+    if problem is not None:
+        raise RecordError(f"{file.name}: hidden scenes: {problem}")
+    return listed

@@ -19,6 +19,8 @@ from ..types import Rollout
 from .provenance import data_manifest, scene_digest
 from .record import ReferencePart, ScenePart, Status
 
+_LEFT_OUT = ("rank", "unranked_because", "ms_per_frame")  # of a row: known beside other records, or measured
+
 
 @dataclass(frozen=True)
 class Evaluation:
@@ -70,7 +72,7 @@ def evaluate(
     )
     report, table = summarise([setting], card, reference), agent_table(setting, reference)
     return Evaluation(
-        rows=[row.model_copy(update={"rank": None, "ms_per_frame": None}) for row in report.rows],
+        rows=[row.model_copy(update=dict.fromkeys(_LEFT_OUT)) for row in report.rows],
         silence=report.details[0].silence,
         details=report.details[0].model_dump(mode="json"),
         per_scene=per_scene_of(table),

@@ -1,18 +1,24 @@
-"""Records against each other, from their sums per unit alone: the rules of the scorer, applied to records."""
+"""Records against each other, from their sums per unit alone: the rules of the scorer, applied to records.
+
+Recorded envs are ranked by the sums of the records; simulated ones by those of hidden scenes, from signed levels.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ..scoring.rank import Entrant, guard, ranks_by_test, why_not_on
-from ..scoring.rank import why_unranked as why_entrant_unranked
+from .._bundle import baseline_names
+from ..scoring.rank import guard, ranks_by_test, why_not_on
 from ..scoring.statistics import gap_closed
 from ..scoring.subsets import SUBSETS, Subset
+from .attestation import LEVELS, HiddenPart, SignedLevel
+from .eligibility import Ships, taken_names, why_not_comparable, why_not_genuine, why_unranked
 from .record import Record
+from .shipped import shipped
 
 STP, TRUTH = "stp", "truth_past"
-OTHERS = "other data, split, card, weights or definitions than the ranked ones"
+OTHERS = "other data, scenes or hidden scenes than the ranked ones"
 
 
 @dataclass(frozen=True)
@@ -32,59 +38,89 @@ class Standing:
     gaps: Mapping[Subset, float] = field(default_factory=dict)  # what it closes of that from STP to true pasts
 
 
-def standings(records: Sequence[Record]) -> dict[str, Standing]:
+@dataclass(frozen=True, eq=False)
+class _Entrant:
+    """A record beside others of its env."""
+
+    record: Record
+    level: SignedLevel | None
+    why: str | None  # it is never ranked
+    apart: str | None  # its numbers say nothing beside those of others
+
+    @property
+    def sums(self) -> Record | HiddenPart:
+        """What is compared."""
+        return self.record if self.level is None or self.level.hidden is None else self.level.hidden
+
+    @property
+    def named(self) -> str:
+        """Its name, where it is the name's owner."""
+        return "" if why_not_genuine(self.record) else self.record.submission.name
+
+
+def standings(
+    records: Sequence[Record], levels: Mapping[str, SignedLevel] | None = None, ships: Ships = shipped
+) -> dict[str, Standing]:
     """Where each record stands, by its digest.
 
-    Only records of one env, card, data, weights, definitions and division are ranked against each other. The main
-    ranking of an env is the largest one of its closed division: the others are shown beside it.
+    Args:
+        records: Of any envs.
+        levels: Signed levels by the digest of the record.
+        ships: What ships for an env, by its id.
+
+    Only records of what ships, of one data, the same units and division are ranked against each other; on simulated
+    envs those of one seal. The main ranking of an env is that of its newest seal and of the record that was checked
+    best, STP's before others: never that of most records. Whatever a record holds, it changes no rank but its own.
     """
     found: dict[str, Standing] = {}
+    levels = levels or {}
     for env_id in dict.fromkeys(record.env.id for record in records):
-        found |= _of_env([record for record in records if record.env.id == env_id])
+        found |= _of_env([record for record in records if record.env.id == env_id], levels, ships)
     return found
 
 
-def why_unranked(record: Record) -> str | None:
-    """Why a record is shown, never ranked, in a few words; None where it is ranked."""
-    unfinished = ""
-    if record.status != "finished":
-        unfinished = f"{record.status}: {record.status_reason}"
-    elif record.missed.crashed_scenes:
-        unfinished = f"{record.missed.crashed_scenes} of {len(record.seals)} scenes and seeds were cut short"
-    return why_entrant_unranked(Entrant(record.row.budget, record.samples, record.env.observe == "truth", unfinished))
+def conditions(sums: Record | HiddenPart) -> tuple[object, ...]:
+    """What two must share to be compared with each other: then they have the same units, too."""
+    if isinstance(sums, HiddenPart):
+        of: tuple[object, ...] = (sums.commitment, sums.weights)
+    else:
+        of = (sums.env.split, sums.env.data_manifest, *(scene.scene for scene in sums.per_scene))
+    rows = tuple((row.targets, row.objects, round(row.effective_objects, 6)) for row in sums.rows)
+    return (*of, rows, tuple(tuple(round(w, 6) for w in sums.unit_weight(subset)) for subset in SUBSETS))
 
 
-def conditions(record: Record) -> tuple[object, ...]:
-    """What two records must share to be compared with each other: then they have the same units, too."""
-    env, targets = record.env, tuple((part.scene, *part.weight["all"]) for part in record.per_scene)
-    return (
-        record.scorer.definitions,
-        env.id,
-        env.card_digest,
-        env.split,
-        env.data_manifest,
-        record.reference.hash,
-        targets,
-    )
-
-
-def _of_env(records: Sequence[Record]) -> dict[str, Standing]:
-    groups: dict[tuple[str, tuple[object, ...]], list[Record]] = {}
-    for record in records:
-        if why_unranked(record) is None:
-            groups.setdefault((record.division, conditions(record)), []).append(record)
-    closed = [key for key in groups if key[0] == "closed"]
-    main = max(closed, key=lambda key: (len(groups[key]), repr(key)), default=None)
-    comparable = [record for record in records if main is not None and conditions(record) == main[1]]
-    places = {record.digest: _nowhere(why_unranked(record) or "") for record in records}
-    for key, group in groups.items():
-        ranked = _places(group, _named(STP, comparable))
-        if key != main:
-            ranked = [_nowhere(_outside(key[0], place["all"])) for place in ranked]
-        places |= {record.digest: place for record, place in zip(group, ranked, strict=True)}
-    inside = {record.digest for record in groups.get(main, [])} if main is not None else set()
-    gaps = {record.digest: _gaps(record, comparable) for record in comparable}
+def _of_env(records: Sequence[Record], levels: Mapping[str, SignedLevel], ships: Ships) -> dict[str, Standing]:
+    taken = taken_names(records, levels)
+    entrants = [_entrant(record, levels.get(record.digest), taken.get(record.digest), ships) for record in records]
+    groups: dict[tuple[str, tuple[object, ...]], list[_Entrant]] = {}
+    for entrant in entrants:
+        if entrant.why is None:
+            groups.setdefault((entrant.record.division, conditions(entrant.sums)), []).append(entrant)
+    closed = [entrant for entrant in entrants if entrant.why is None and entrant.record.division == "closed"]
+    main = None if not closed else conditions(max(closed, key=_anchors).sums)
+    beside = [each for each in entrants if each.apart is None and main is not None and conditions(each.sums) == main]
+    places = {entrant.record.digest: _nowhere(entrant.why or "") for entrant in entrants}
+    for (division, condition), group in groups.items():
+        ranked = _places(group, _named(STP, beside))
+        if (division, condition) != ("closed", main):
+            ranked = [_nowhere(_outside(division, place["all"])) for place in ranked]
+        places |= {entrant.record.digest: place for entrant, place in zip(group, ranked, strict=True)}
+    inside = {entrant.record.digest for entrant in groups.get(("closed", main), [])} if main is not None else set()
+    gaps = {entrant.record.digest: _gaps(entrant, beside) for entrant in beside}
     return {digest: Standing(place, digest in inside, gaps.get(digest, {})) for digest, place in places.items()}
+
+
+def _entrant(record: Record, level: SignedLevel | None, taken: str | None, ships: Ships) -> _Entrant:
+    why = why_unranked(record, level, ships) or taken
+    return _Entrant(record, level, why, why_not_comparable(record, level, ships) or taken)
+
+
+def _anchors(entrant: _Entrant) -> tuple[object, ...]:
+    """How much a record says of which ranking is the main one; the largest decides."""
+    level, name = entrant.level, entrant.named
+    made = level.seal.made if level is not None and level.seal is not None else ""
+    checked = 0 if level is None else LEVELS.index(level.level)
+    return made, checked, name == STP, name in baseline_names(), entrant.record.digest
 
 
 def _nowhere(why: str) -> dict[Subset, Place]:
@@ -98,34 +134,37 @@ def _outside(division: str, place: Place) -> str:
     return "open division" + (f": rank {place.rank} there" if place.rank is not None else "")
 
 
-def _places(group: Sequence[Record], stp: Record | None) -> list[dict[Subset, Place]]:
+def _places(group: Sequence[_Entrant], stp: _Entrant | None) -> list[dict[Subset, Place]]:
     """The places of records that are ranked against each other."""
     places: list[dict[Subset, Place]] = [{} for _ in group]
+    sums = [entrant.sums for entrant in group]
     for subset in SUBSETS:
-        nobody = why_not_on(subset, group[0].row_of(subset).effective_objects, group[0].unit_weight(subset))
-        limit = None if stp is None or subset == "all" else stp.row.error
-        why = [nobody or guard(record.row.error, limit) for record in group]
+        nobody = why_not_on(subset, sums[0].row_of(subset).effective_objects, sums[0].unit_weight(subset))
+        limit = None if stp is None or subset == "all" else stp.sums.row.error
+        why = [nobody or guard(each.row.error, limit) for each in sums]
         ranked = [i for i, reason in enumerate(why) if reason is None]
-        ranks = ranks_by_test([group[i].unit_error(subset) for i in ranked]) if ranked else []
+        ranks = ranks_by_test([sums[i].unit_error(subset) for i in ranked]) if ranked else []
         rank = dict(zip(ranked, ranks, strict=True))
         for i, reason in enumerate(why):
             places[i][subset] = Place(rank.get(i), reason or "")
     return places
 
 
-def _gaps(record: Record, beside: Sequence[Record]) -> dict[Subset, float]:
+def _gaps(entrant: _Entrant, beside: Sequence[_Entrant]) -> dict[Subset, float]:
     """What a record closes of the gap between the records of STP and of true pasts ``beside`` it, all of one k."""
     stp, truth = _named(STP, beside), _named(TRUTH, beside)
-    if stp is None or truth is None or len({record.samples, stp.samples, truth.samples}) > 1:
+    if stp is None or truth is None or len({each.record.samples for each in (entrant, stp, truth)}) > 1:
         return {}
     closed: dict[Subset, float] = {}
-    for subset in SUBSETS if record.status == "finished" else ():
-        error, high, low = (each.unit_error(subset) for each in (record, stp, truth))
-        gap = gap_closed(error, high, low, stp.unit_weight(subset))
+    for subset in SUBSETS if entrant.record.status == "finished" else ():
+        error, high, low = (each.sums.unit_error(subset) for each in (entrant, stp, truth))
+        gap = gap_closed(error, high, low, stp.sums.unit_weight(subset))
         if gap is not None:
             closed[subset] = gap.closed
     return closed
 
 
-def _named(name: str, records: Sequence[Record]) -> Record | None:
-    return next((each for each in records if each.submission.name == name and each.status == "finished"), None)
+def _named(name: str, entrants: Sequence[_Entrant]) -> _Entrant | None:
+    """The genuine baseline of that name, the one that was checked best."""
+    found = [each for each in entrants if each.named == name and each.record.status == "finished"]
+    return max(found, key=_anchors, default=None)

@@ -14,6 +14,7 @@ from ..scoring.subsets import Subset
 from ..strict import Section
 from ..submission.manifest import NAME_PATTERN
 
+Mechanism = Literal["bubblewrap", "namespaces", "none"]
 Status = Literal["finished", "partial", "crashed", "rejected"]
 TOLERANCE = 1e-9  # of a number that is scored again, absolute and relative
 MOST_NAME, MOST_TEXT = 100, 2000  # characters of a name, and of a description or a reason
@@ -22,11 +23,13 @@ MOST_NAMES, MOST_SCENES = 50, 10_000  # in a list; of a record
 _FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=MOST_NAME)]  # part of a path
 _Name = Annotated[str, Field(max_length=MOST_NAME)]
 _Text = Annotated[str, Field(max_length=MOST_TEXT)]
-_Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 _CardDigest = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
 _Unmade = Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")]  # empty until the record is sealed
-_Positive = Annotated[float, Field(gt=0)]
+_Seconds = Annotated[float, Field(gt=0, le=86_400)]
+_Bytes = Annotated[int, Field(gt=0, le=1 << 40)]
 _NotNegative = Annotated[float, Field(ge=0)]
+UnitSums = dict[Subset, Annotated[list[Annotated[float, Field(ge=0, le=1e9)]], Field(max_length=100_000)]]
 
 
 class SubmissionPart(Section):
@@ -38,7 +41,7 @@ class SubmissionPart(Section):
     source: Annotated[str, Field(pattern=r"^(https?://\S+)?$", max_length=MOST_TEXT)]  # where it is published
     commit: Annotated[str, Field(pattern=r"^([0-9a-f]{7,64})?$")]
     license: _Name
-    digest: _Sha256  # over all files of the folder
+    digest: Sha256  # over all files of the folder
     parameters: dict[str, Any]
     ends: Literal["controls", "own"] | None  # of its gap: stp and truth_past have its predictor, or it states others
 
@@ -49,7 +52,7 @@ class EnvPart(Section):
     id: _FileName
     card_digest: _CardDigest
     split: _Name
-    data_manifest: _Sha256  # over all that the scorer read
+    data_manifest: Sha256  # over all that the scorer read
     scenes: Annotated[int, Field(ge=1, le=MOST_SCENES)]
     scenes_of_split: Count
     observe: Literal["detections", "truth"]
@@ -61,14 +64,14 @@ class ScorerPart(Section):
     """What scored it."""
 
     definitions: _Name
-    source_digest: _Sha256
+    source_digest: Sha256
 
 
 class ReferencePart(Section):
     """The event weights."""
 
     name: _Name  # the baseline whose events they are
-    hash: _Sha256
+    hash: Sha256
     origin: _Text
     frozen: bool  # those that ship for the env; False: made from the scenes of this record
 
@@ -104,14 +107,14 @@ class MeasuredPart(Section):
 class LimitsPart(Section):
     """What the agent was allowed; as `gateway.Limits`."""
 
-    start: _Positive  # s, as those below
-    reset: _Positive
-    first_frame: _Positive
-    frame: _Positive  # later answers are misses
-    scene: _Positive
-    memory: Count  # bytes, as those below
-    disk: Count
-    answer: Count
+    start: _Seconds
+    reset: _Seconds
+    first_frame: _Seconds
+    frame: _Seconds  # later answers are misses
+    scene: _Seconds
+    memory: _Bytes
+    disk: _Bytes
+    answer: _Bytes
     cuda: bool = False  # it was given the graphics cards
 
 
@@ -127,7 +130,7 @@ class MissedPart(Section):
 class IsolationPart(Section):
     """What held the agent in every run, the weakest of them; as `gateway.Isolation`."""
 
-    mechanism: Literal["bubblewrap", "namespaces", "none"]
+    mechanism: Mechanism
     filtered: bool
     memory: Literal["cgroup", "watch"]
     cuda: bool
@@ -142,8 +145,8 @@ class ScenePart(Section):
     """What ranks, summed over the targets of each unit of one scene: enough to rank records without their rollouts."""
 
     scene: _Name
-    weight: dict[Subset, list[float]]  # [units of the scene] of the targets
-    error: dict[Subset, list[float]]  # [units] m, weighted, at the budgets of the whole record, mean over seeds
+    weight: UnitSums  # [units of the scene] of the targets
+    error: UnitSums  # [units] m, weighted, at the budgets of the whole record, mean over seeds
 
     @property
     def targets(self) -> int:
@@ -184,8 +187,8 @@ class Record(Section):
     silence: float | None  # m, what an agent that says nothing scores
     details: dict[str, Any]  # as `Details` of the scorer are written
     per_scene: Annotated[list[ScenePart], Field(max_length=MOST_SCENES)]
-    seals: dict[str, _Sha256]  # "scene|seed" -> hash chain over the answers as they came
-    rollout_digests: dict[str, _Sha256]  # "scene|seed"
+    seals: dict[str, Sha256]  # "scene|seed" -> hash chain over the answers as they came
+    rollout_digests: dict[str, Sha256]  # "scene|seed"
     measured: MeasuredPart
     digest: _Unmade = ""
 
@@ -205,6 +208,11 @@ class Record(Section):
     def unit_error(self, subset: Subset) -> list[float]:
         """What ranks, times the weight, summed over the targets of each unit, m."""
         return [value for scene in self.per_scene for value in scene.error[subset]]
+
+
+def key_of(scene: str, seed: int) -> str:
+    """Key of ``seals`` and ``rollout_digests``."""
+    return f"{scene}|{seed}"
 
 
 class Difference(NamedTuple):

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from pathlib import Path
 from typing import Any
 
 from ..errors import MtpBenchError, RecordError
 from ..files import require_folder, write_text
-from ..scoring.subsets import SUBSETS
 from ..strict import validate
+from .bounds import MOST_BYTES, out_of_bounds
+from .canonical import digest_of
+from .consistency import inconsistencies
 from .record import Record
+from .record import key_of as key_of
 
 OUTSIDE = ("digest", "measured")  # no part of the digest
-MOST_BYTES = 8 << 20  # of a file
 ROLLOUTS = ".rollouts"  # suffix of the folder beside a record
 PARTS = ".part"  # suffix of the folder of a submit that is not done
+LEVEL_SUFFIX = ".level.json"  # of the file beside a record that says how far it was checked
+_MOVED = dict.fromkeys(("verification", "hidden"), "levels are in a signed file of their own, never in a record")
 
 
 def sealed(record: Record) -> Record:
@@ -26,24 +29,14 @@ def sealed(record: Record) -> Record:
     return record.model_copy(update={"digest": content_digest(plain), "measured": measured})
 
 
-def canonical(content: Any) -> bytes:
-    """JSON that is the same for equal contents: sorted keys, no spaces, UTF-8. Raises ValueError for what has none."""
-    text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-    return text.encode()
-
-
 def content_digest(content: dict[str, Any]) -> str:
     """Hex sha256 over the canonical JSON of a record without OUTSIDE."""
-    return _sha256({name: value for name, value in content.items() if name not in OUTSIDE})
+    return digest_of({name: value for name, value in content.items() if name not in OUTSIDE})
 
 
 def measured_digest(content: dict[str, Any]) -> str:
     """Hex sha256 over what was measured: it tells of accidents alone."""
-    return _sha256({name: value for name, value in content["measured"].items() if name != "digest"})
-
-
-def _sha256(content: Any) -> str:
-    return hashlib.sha256(canonical(content)).hexdigest()
+    return digest_of({name: value for name, value in content["measured"].items() if name != "digest"})
 
 
 def save_record(record: Record, path: str | Path) -> Record:
@@ -81,17 +74,23 @@ def written(record: Record, path: Path) -> tuple[Record, str]:
 def load_record(path: str | Path) -> Record:
     """The record at ``path``.
 
-    Raises RecordError, naming the file, where it is missing, of another format or schema, or does not fit its digest.
+    Raises RecordError, naming the file, where it is missing, too large, of another format or schema, does not fit its
+    digest, or says what does not follow from the rest of it.
     """
     path = Path(path)
     content = read_table(path, "no such record; `mtp-bench submit` makes one")
+    problem = next(out_of_bounds(content), None)
+    if problem is not None:
+        raise RecordError(f"{path}: {problem}")
     if content.get("format") != 2:
         raise RecordError(
             f"{path}: format {content.get('format')!r}, expected 2: those of definitions 1.0 rank no more; make it "
             "again with `mtp-bench submit`"
         )
+    for name, advice in _MOVED.items():
+        if name in content:
+            raise RecordError(f"{path}: has the key {name!r}: {advice}")
     record = validate(Record, content, str(path), RecordError)
-    _require_complete(path, record)
     for what, found, said in (
         ("its content", content_digest(content), record.digest),
         ("its section 'measured'", measured_digest(content), record.measured.digest),
@@ -101,14 +100,18 @@ def load_record(path: str | Path) -> Record:
                 f"{path}: {what} has the digest {found[:12]}, the file says {said[:12] or 'none'}: it was changed "
                 "after it was made; make it again with `mtp-bench submit`"
             )
+    problem = next(inconsistencies(record), None)
+    if problem is not None:
+        raise RecordError(f"{path}: {problem}")
     return record
 
 
 def record_paths(folder: str | Path) -> list[Path]:
-    """Files of the records in ``folder`` and the folders below it, sorted; rollouts and parts do not count."""
+    """Files of the records in ``folder`` and the folders below it, sorted; no levels, rollouts or parts."""
     folder = Path(folder)
-    found = sorted(folder.rglob("*.json"))
-    return [
+    found = [path for path in sorted(folder.rglob("*.json")) if not path.name.endswith(LEVEL_SUFFIX)]
+    inside = (ROLLOUTS, PARTS)
+    return [path for path in found if not any(part.endswith(inside) for part in path.relative_to(folder).parts)]
         path for path in found if not any(part.endswith((ROLLOUTS, PARTS)) for part in path.relative_to(folder).parts)
     ]
 
@@ -123,28 +126,6 @@ def seed_folder(folder: Path, seed: int) -> Path:
     return folder / f"seed-{seed}"
 
 
-def key_of(scene: str, seed: int) -> str:
-    """Key of ``seals`` and ``rollout_digests``."""
-    return f"{scene}|{seed}"
-
-
-def _require_complete(path: Path, record: Record) -> None:
-    subsets = [row.subset for row in record.rows]
-    if subsets != list(SUBSETS):
-        raise RecordError(f"{path}: rows are of {', '.join(subsets) or 'no subset'}, expected {', '.join(SUBSETS)}")
-    names = [scene.scene for scene in record.per_scene]
-    if len(set(names)) != len(names) or len(names) != record.env.scenes:
-        raise RecordError(f"{path}: per_scene has {len(names)} scenes, expected {record.env.scenes}, each once")
-    if not record.seeds or len(set(record.seeds)) != len(record.seeds) or min(record.seeds) < 0:
-        raise RecordError(f"{path}: seeds are {record.seeds}, expected whole numbers from 0 on, each once")
-    for scene in record.per_scene:
-        sums = [part.get(subset, []) for part in (scene.weight, scene.error) for subset in SUBSETS]
-        if {len(of_units) for of_units in sums} != {max(1, len(sums[0]))} or min(min(part) for part in sums) < 0:
-            raise RecordError(
-                f"{path}: per_scene of {scene.scene!r} lacks sums, expected one of 0 or more per subset and unit"
-            )
-
-
 def _plain(record: Record) -> dict[str, Any]:
     """The record as it is read back: lists and numbers of JSON alone."""
     content: dict[str, Any] = record.model_dump(mode="json")
@@ -154,7 +135,11 @@ def _plain(record: Record) -> dict[str, Any]:
 def read_table(path: Path, absent: str) -> dict[str, Any]:
     """A table from a JSON file; raises RecordError where there is none, with ``absent`` where there is no file."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
+        with path.open("rb") as stream:
+            text = stream.read(MOST_BYTES + 1)
+        if len(text) > MOST_BYTES:
+            raise RecordError(f"{path}: has more than {MOST_BYTES >> 20} MiB, expected a small table")
+        content = json.loads(text.decode(), parse_constant=_refuse)
     except FileNotFoundError:
         raise RecordError(f"{path}: {absent}") from None
     except OSError as error:

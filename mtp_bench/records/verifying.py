@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from ..cards import Card
 from ..errors import RecordError
+from ..gateway import Limits
 from ..running.options import DEFAULTS, RunOptions
 from ..running.reference import reference_for
 from ..running.rollout_files import load_run
@@ -15,17 +16,20 @@ from ..scoring import DEFINITIONS, Reference
 from ..sources import open_source
 from ..submission.loader import load_submission
 from ..types import Rollout
-from .attestation import HiddenPart, Level
+from .attestation import HiddenPart, Level, Statement, bound_to, write_level
 from .evaluation import Evaluation, evaluate
+from .hidden import run_hidden
 from .provenance import scorer_digest
-from .record import Difference, MeasuredPart, Record, unequal
-from .running import Plan, latency, plan_run, rollout_digests, rollouts_of, run_seed, unanswered
-from .sealing import Sealed, error_when_moved, run_hidden, worse_when_hidden, worse_when_moved
+from .record import Difference, IsolationPart, LimitsPart, MeasuredPart, Record, unequal
+from .rerun import Runs, error_when_moved, run_again, what_held, why_not_isolated, worse_when_moved
+from .running import Plan, latency, plan_run, rollout_digests, rollouts_of, seals, unanswered
+from .seal import Sealed, today
 from .storage import load_record, rollouts_folder, save_record
 from .submitting import judged, said_of
 
 # The parts of a record that follow from rollouts, card and data.
-_CHECKED = ("env", "status", "hypotheses", "measured", "reference", "rows", "silence", "details", "per_scene")
+_CHECKED = ("env", "status", "status_reason", "hypotheses", "samples", "measured", "reference", "rows", "silence",
+            "details", "per_scene")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -36,9 +40,10 @@ class Verification:
     record: Record
     level: Level  # reached by this check
     differences: tuple[Difference, ...]  # none: the record holds
-    notes: tuple[str, ...]  # what changed since and made no difference, in sentences
-    updated: Record | None  # with the numbers of today's scorer and weights, where these changed
+    notes: tuple[str, ...]  # what else is to be known, in sentences
+    updated: Record | None = None  # with the numbers of today's scorer and weights, where these changed
     hidden: HiddenPart | None = None  # what it scored on hidden scenes
+    held: IsolationPart | None = None  # what held the agent when it was run again
 
     @property
     def holds(self) -> bool:
@@ -62,8 +67,8 @@ def verify(
         env_id: Card of an env that does not ship.
         submission: Folder of the submission, for running it again; None: the baseline of that name.
         rerun: Run the submission again instead: its rollouts must be the same, and once more under a secret seed it
-            must score alike ("re-run").
-        sealed: So too, and then on hidden scenes, where its error must not be larger ("hidden").
+            must score alike ("re-run"). Where nothing held the agent it is "re-scored" at most.
+        sealed: So too, and then on hidden scenes ("hidden").
 
     Raises RecordError where the record is missing, was changed or has no stored rollouts, DataError where data is
     missing.
@@ -74,38 +79,28 @@ def verify(
     card = options.card(env_id or record.env.id)
     stale = _card_differences(record, card)
     if stale:
-        return Verification(path, record, "scored", stale, (), None)
-    plan = _plan(path, record, env_id, submission, options) if rerun or sealed is not None else None
-    runs = _stored(path, record) if plan is None else {}
+        return Verification(path, record, "scored", stale, ())
+    again = rerun or sealed is not None
+    plan = _plan(path, record, env_id, submission, options) if again else None
+    stored = {} if again else _stored(path, record)
     reference = reference_for(card, [scene.scene for scene in record.per_scene], options)
     options.progress.started(_work(record, plan, sealed))
-    again = None if plan is None else {seed: run_seed(plan, seed) for seed in record.seeds}
-    runs = runs if again is None else rollouts_of(again)
-    changed = tuple(unequal("rollout_digests", record.rollout_digests, rollout_digests(runs)))
-    if plan is not None and again is not None:
-        changed += tuple(unequal("submission", record.submission.model_dump(), said_of(plan.submission).model_dump()))
-        lost = {"malformed", "crashed_scenes"}  # on any machine; late answers are a matter of the machine
-        missed = (part.model_dump(include=lost) for part in (record.missed, unanswered(again)))
-        changed += tuple(unequal("missed", *missed))
-    if changed:
-        return Verification(path, record, "scored", changed, (), None)
-    found = _evaluate(record, card, runs, reference, options)
-    scored = _with(record, found, len(open_source(card, options.data).names))
-    if again is None:  # times of stored rollouts are their own; where the agent ran again, the recorded ones stay
-        scored = scored.model_copy(update={"measured": _times(record, found, runs)})
-    parts = (each.model_dump(mode="json", include=set(_CHECKED)) for each in (record, scored))
-    differences = tuple(unequal("", *parts))
-    level: Level = "scored" if differences else "re-scored" if plan is None else "re-run"
-    same_task = not any(difference.what.startswith("env.") for difference in differences)
-    other_rules = (scored.scorer, scored.reference) != (record.scorer, record.reference)
-    updated = scored if other_rules and same_task else None
-    checked = Verification(path, record, level, differences, _notes(record, reference), updated)
-    if plan is None or differences:
-        return checked
-    moved = worse_when_moved(record, error_when_moved(plan, reference))
-    if moved is not None:
-        return replace(checked, level="scored", differences=(moved,), updated=None)
-    return checked if sealed is None else _on_hidden(checked, plan, sealed)
+    if plan is None:
+        return _scored_again(path, record, card, stored, reference, options)
+    return _run_again(path, record, plan, reference, sealed)
+
+
+def attest(checked: Verification, key: Path, signer: str) -> Path:
+    """Sign the level that a check reached and write it beside the record; the path of the file.
+
+    Raises RecordError where the record does not hold, MtpBenchError where it cannot be signed.
+    """
+    record = checked.record
+    if checked.level == "scored" or not checked.holds:
+        raise RecordError(f"{checked.path}: does not hold, so there is no level to sign")
+    held = (checked.held or record.isolation).mechanism
+    statement = Statement(level=checked.level, isolation=held, date=today(), hidden=checked.hidden, **bound_to(record))
+    return write_level(checked.path, statement, key, signer)
 
 
 def confirm(checked: Verification) -> Record:
@@ -118,14 +113,66 @@ def confirm(checked: Verification) -> Record:
     return save_record(checked.updated or checked.record, checked.path)
 
 
-def _on_hidden(checked: Verification, plan: Plan, sealed: Sealed) -> Verification:
-    """The check with what the submission scores on hidden scenes."""
-    hidden = run_hidden(plan, checked.record, sealed)
-    if worse_when_hidden(checked.record, hidden):
-        row = checked.record.row
-        worse = Difference("error on hidden scenes", row.interval, hidden.interval)
-        return replace(checked, level="scored", differences=(worse,), updated=None)
-    return replace(checked, level="hidden", hidden=hidden)
+def _scored_again(
+    path: Path,
+    record: Record,
+    card: Card,
+    runs: Mapping[int, Sequence[Rollout]],
+    reference: Reference,
+    options: RunOptions,
+    timed: bool = True,
+) -> Verification:
+    """The check by rollouts that are stored, ``timed`` as the record says, or that were made again and are the same."""
+    changed = tuple(unequal("rollout_digests", record.rollout_digests, rollout_digests(runs)))
+    if changed:
+        return Verification(path, record, "scored", changed, ())
+    found = _evaluate(record, card, runs, reference, options)
+    scored = _with(record, found, runs, len(open_source(card, options.data).names))
+    if timed:
+        scored = scored.model_copy(update={"measured": _times(record, found, runs)})
+    parts = (each.model_dump(mode="json", include=set(_CHECKED)) for each in (record, scored))
+    differences = tuple(unequal("", *parts))
+    same_task = not any(difference.what.startswith("env.") for difference in differences)
+    other_rules = (scored.scorer, scored.reference) != (record.scorer, record.reference)
+    updated = scored if other_rules and same_task else None
+    level: Level = "scored" if differences else "re-scored"
+    return Verification(path, record, level, differences, _notes(record, reference), updated)
+
+
+def _run_again(path: Path, record: Record, plan: Plan, reference: Reference, sealed: Sealed | None) -> Verification:
+    """The check by running the submission: as in the record, under a secret motion, and on hidden scenes."""
+    limits = Limits() if record.division == "closed" else Limits(**record.limits.model_dump())
+    again = run_again(plan, record.seeds, limits)
+    held = what_held(again)
+    changed = tuple(_said_otherwise(record, plan, again, limits))
+    if changed:
+        return Verification(path, record, "scored", changed, (), held=held)
+    checked = _scored_again(path, record, plan.card, rollouts_of(again), reference, plan.options, timed=False)
+    checked = replace(checked, held=held)
+    if not checked.holds:
+        return checked
+    why = why_not_isolated(record, [held])
+    if why:
+        return replace(checked, notes=(*checked.notes, f"no more than re-scored: {why}"))
+    moved = worse_when_moved(record, error_when_moved(plan, reference, limits))
+    if moved is not None:
+        return replace(checked, level="scored", differences=(moved,), updated=None)
+    if sealed is None:
+        return replace(checked, level="re-run")
+    return replace(checked, level="hidden", hidden=run_hidden(plan, record, sealed, limits))
+
+
+def _said_otherwise(record: Record, plan: Plan, again: Runs, limits: Limits) -> Iterator[Difference]:
+    """In what a run again differs from what the record says of its own."""
+    yield from unequal("rollout_digests", record.rollout_digests, rollout_digests(rollouts_of(again)))
+    yield from unequal("seals", record.seals, seals(again))
+    yield from unequal("submission", record.submission.model_dump(), said_of(plan.submission).model_dump())
+    yield from unequal("env.observe", record.env.observe, plan.submission.compare.observe)
+    yield from unequal("env.keywords", record.env.keywords, plan.keywords)
+    yield from unequal("limits", record.limits.model_dump(), LimitsPart(**asdict(limits)).model_dump())
+    lost = {"malformed", "crashed_scenes"}  # on any machine; late answers are a matter of the machine
+    missed = (part.model_dump(include=lost) for part in (record.missed, unanswered(again)))
+    yield from unequal("missed", *missed)
 
 
 def _work(record: Record, plan: Plan | None, sealed: Sealed | None) -> int:
@@ -149,6 +196,7 @@ def _stored(path: Path, record: Record) -> dict[int, list[Rollout]]:
             ("card", run.info.card_digest, record.env.card_digest),
             ("submission", run.info.submission_digest, record.submission.digest),
             ("seed", run.info.seed, seed),
+            ("observe", run.info.observe, record.env.observe),
         ):
             if said != expected:
                 raise RecordError(f"{folder}: made with {what} {said!r}, the record {path.name} says {expected!r}")
@@ -207,7 +255,7 @@ def _evaluate(
     return evaluate(record.submission.name, card, options, runs, reference, declared, record.env.observe == "truth")
 
 
-def _with(record: Record, found: Evaluation, scenes_of_split: int) -> Record:
+def _with(record: Record, found: Evaluation, runs: Mapping[int, Sequence[Rollout]], scenes_of_split: int) -> Record:
     """The record with what the evaluation found, under today's scorer."""
     scenes, keywords = len(found.per_scene), record.env.keywords
     env = {
@@ -217,7 +265,8 @@ def _with(record: Record, found: Evaluation, scenes_of_split: int) -> Record:
         "truth_complete": found.truth_complete,
     }
     parts = judged(found, record.missed, scenes * len(record.seeds), scenes_of_split, keywords)
-    return record.model_copy(update={**parts, "env": record.env.model_copy(update=env)})
+    samples = next(iter(runs.values()))[0].forecast.shape[1]
+    return record.model_copy(update={**parts, "samples": samples, "env": record.env.model_copy(update=env)})
 
 
 def _times(record: Record, found: Evaluation, runs: Mapping[int, Sequence[Rollout]]) -> MeasuredPart:

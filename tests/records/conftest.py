@@ -8,7 +8,7 @@ import pytest
 
 from mtp_bench.cards import Card
 from mtp_bench.gateway import Limits, SceneRun
-from mtp_bench.records import sealing, submitting, verifying
+from mtp_bench.records import rerun, submitting, verifying
 from mtp_bench.records.parts import Parts
 from mtp_bench.records.running import Plan, run_seed
 from mtp_bench.running.options import DEFAULTS, RunOptions
@@ -43,6 +43,6 @@ def _patiently(plan: Plan, seed: int, _: Limits = PATIENT, parts: Parts | None =
 def patience() -> Iterator[None]:
     """No test of records is about time: what an agent answers is taken, however late it comes."""
     with pytest.MonkeyPatch.context() as patch:
-        for module in (sealing, submitting, verifying):
+        for module in (rerun, submitting):
             patch.setattr(module, "run_seed", _patiently)
         yield

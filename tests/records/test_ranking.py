@@ -10,7 +10,7 @@ from mtp_bench.scoring import SUBSETS, AgentScores, Reference, SceneScore, score
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.scoring.weights import SceneWeights, scene_key
 from tests.support.scoring_scenes import make_card, random_case, take_objects
-from tests.support.stored_records import make_record
+from tests.support.stored_records import make_record, ships_of
 
 CARD = make_card(samples=4)
 NAMES = [f"s{i}" for i in range(9)]
@@ -47,7 +47,7 @@ def test_records_rank_as_the_comparison_of_the_same_runs_does() -> None:
         scenes = [part.model_dump() for part in per_scene_of(agent_table(agent, reference))]
         observe = "truth" if agent.ideal else "detections"
         records.append(make_record(agent.agent, rows, scenes, env={"observe": observe}))
-    found = standings(records)
+    found = standings(records, ships=ships_of(*records))
     places = [
         (found[record.digest].places[s].rank, found[record.digest].places[s].why) for record in records for s in SUBSETS
     ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import stat
 from pathlib import Path
 from typing import Any
@@ -13,14 +14,13 @@ from mtp_bench._bundle import bundled
 from mtp_bench.cards import load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import MtpBenchError, RecordError
-from mtp_bench.records import load_record, open_seal, seal, submit
-from mtp_bench.records.attestation import HiddenPart
-from mtp_bench.records.sealing import worse_when_hidden
+from mtp_bench.records import open_seal, read_level, retire, seal, submit, trusted, why_unranked
+from mtp_bench.records.seal import open_seals, today
 from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring import read_reference
 from mtp_bench.sources.highway.source import HighwayTraffic
 from tests.support.command_line import CommandLine
-from tests.support.stored_records import write_record
+from tests.support.stored_records import ships_of
 
 ENV = "MTP-Merge-v0"
 
@@ -85,30 +85,83 @@ def test_hidden_scenes_are_others(short: str, tmp_path: Path) -> None:
     assert not set(hidden.scene_names) & set(MTPEnv(card).scene_names)
 
 
-def test_a_submission_on_hidden_scenes(cli: CommandLine, short: str, tmp_path: Path) -> None:
+def test_a_submission_on_hidden_scenes(
+    cli: CommandLine, short: str, tmp_path: Path, leaderboard: Path, key: Path
+) -> None:
+    """From the seal to a signed level; the signer's key and the commitment are in the leaderboard."""
     secret = tmp_path / "s.json"
     said = cli.ok("seal", "--env", short, "--count", 2, "-o", secret)
-    assert "publish this commitment to 2 hidden scenes of MTP-Merge-v0, sha256 " in said
-    made = submit("stp", short, output=tmp_path / "stp")
+    assert "publish this commitment to 2 hidden scenes of MTP-Merge-v0 in leaderboard/seals, sha256 " in said
+    assert "for trials alone: 2 scenes rank nobody, ranks need 50" in said
+    shutil.copy(tmp_path / "s.commitment.json", leaderboard / "seals")
+    made = submit("stp", short, RunOptions(seeds=(0, 1)), tmp_path / "stp")
     if not made.isolation.holds:
         pytest.skip("this system cannot hide files and network from an agent")
     path = tmp_path / "stp" / f"{ENV}.json"
-    said = cli.ok("verify", path, "--env", short, "--rerun", "--hidden", secret, "--jobs", 1, "--write")
-    assert "holds, hidden seeds. error " in said
-    record = load_record(path)
-    assert (record.verification, record.digest) == ("hidden seeds", made.digest)
-    assert record.hidden is not None
-    assert record.hidden.scenes == 2
-    sealed = open_seal(secret)
-    assert record.hidden.commitment == sealed.commitment
+    before = path.read_bytes()
+    arguments = ("verify", path, "--env", short, "--rerun", "--hidden", secret, "--jobs", 1, "--base", leaderboard)
+    said = cli.ok(*arguments, "--sign", key, "--signer", "tester")
+    assert "holds, hidden. error " in said
+    assert path.read_bytes() == before, "a level never changes the record"
+    trust, sealed = trusted(leaderboard), open_seal(secret)
+    signed, why = read_level(path, made, trust)
+    assert (signed is not None, why) == (True, "")
+    assert signed is not None
+    assert (signed.level, signed.signer, signed.statement.isolation) == ("hidden", "tester", made.isolation.mechanism)
+    hidden = signed.hidden
+    assert hidden is not None
+    assert (hidden.commitment, hidden.scenes) == (sealed.commitment, 2)
+    assert hidden.row.error == pytest.approx(sum(hidden.unit_error("all")) / sum(hidden.unit_weight("all")))
+    frozen = made.reference.model_copy(update={"frozen": True})  # the card of this test has none
+    ranks = made.model_copy(update={"reference": frozen, "seeds": [0, 1, 2]})
+    few = why_unranked(ranks, signed, ships_of(made, simulated=True))
+    assert few == "scored on 2 hidden scenes, ranks need 50"
     weights = tmp_path / "s.weights.json"  # made once per seal
     assert stat.S_IMODE(weights.stat().st_mode) == 0o600
-    assert read_reference(weights).digest == record.hidden.weights
+    assert read_reference(weights).digest == hidden.weights
     kept = HighwayTraffic(load_card(short)).store
     assert kept.has(10000)
     assert not kept.path(sealed.seeds.first).exists(), "a hidden scene can be read in the cache"
-    assert str(open_seal(secret).seeds.first)[:6] not in path.read_text()
+    level = path.with_name(f"{ENV}.level.json")
+    assert str(sealed.seeds.first) not in level.read_text()
+    said = cli.ok(*arguments, "--sign", key, "--signer", "tester")
+    assert f"hidden since {signed.statement.date}, signed by tester" in said
     cli.ok("verify", path, "--env", short, "--jobs", 1)  # the times are still those of its own rollouts
+    said = cli.ok("seal", "--retire", secret, "-o", leaderboard / "seals")
+    assert "the secret is public from now on" in said
+    signed, _ = read_level(path, made, trusted(leaderboard))
+    assert signed is not None
+    assert signed.seal is not None
+    assert signed.seal.retired
+    published = json.loads((leaderboard / "seals" / "s.retired.json").read_text())
+    assert published["secret"]["first"] == sealed.seeds.first
+    assert published["weights"] == hidden.weights
+    assert read_reference(leaderboard / "seals" / "s.weights.json").digest == hidden.weights
+    assert "this seal is retired" in cli(*arguments).error
+
+
+def test_what_was_published_must_be_what_was_promised(leaderboard: Path, tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        seal(ENV, 2, tmp_path / f"{name}.json")
+        retire(tmp_path / f"{name}.json", leaderboard / "seals")
+    assert {listed.retired for listed in trusted(leaderboard).listed.values()} == {today()}
+    shutil.copy(leaderboard / "seals" / "b.retired.json", leaderboard / "seals" / "a.retired.json")
+    with pytest.raises(RecordError, match=r"a\.retired\.json: its secret is not the one that"):
+        _ = trusted(leaderboard).listed
+
+
+def test_a_folder_of_seals_is_opened_by_env(leaderboard: Path, tmp_path: Path) -> None:
+    trust = trusted(leaderboard)
+    with pytest.raises(RecordError, match="no secret of a seal there"):
+        open_seals(tmp_path, trust)
+    for env in (ENV, "MTP-Highway-v0"):
+        seal(env, 2, tmp_path / f"{env}.json")
+    assert sorted(open_seals(tmp_path, trust)) == ["MTP-Highway-v0", ENV]
+    seal(ENV, 2, tmp_path / "again.json")
+    with pytest.raises(RecordError, match="a second seal of MTP-Merge-v0 there"):
+        open_seals(tmp_path, trust)
+    retire(tmp_path / "again.json", tmp_path)
+    assert open_seals(tmp_path, trust)[ENV].commitment == open_seal(tmp_path / f"{ENV}.json").commitment
 
 
 def test_a_seal_of_another_card_is_refused(short: str, cli: CommandLine, tmp_path: Path) -> None:
@@ -117,11 +170,3 @@ def test_a_seal_of_another_card_is_refused(short: str, cli: CommandLine, tmp_pat
     path = tmp_path / f"{ENV}.json"
     output = cli("verify", path, "--env", short, "--rerun", "--hidden", tmp_path / "s.json", "--jobs", 1)
     assert output.error.startswith(f"the seal is of {ENV} with card digest")
-
-
-@pytest.mark.parametrize(("low", "worse"), [(1.9, False), (2.1, True), (None, False)])
-def test_an_agent_that_knows_the_public_scenes_is_worse_on_hidden_ones(low: float | None, worse: bool) -> None:
-    record = write_record(1.0, 2.0, interval=[1.0, 2.0])
-    interval = None if low is None else (low, 3.0)
-    hidden = HiddenPart(commitment="aa", weights="bb", scenes=9, targets=90, error=2.5, interval=interval)
-    assert worse_when_hidden(record, hidden) is worse

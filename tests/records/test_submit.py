@@ -128,19 +128,18 @@ def test_another_submission_is_not_run_in_its_place(path: Path, card: str, kitti
 
 
 def lower(content: dict[str, Any]) -> None:
-    content["rows"][0]["error"] -= 1e-6
+    content["rows"][0]["minADE"] -= 1e-6
 
 
 FORGED: dict[str, Callable[[dict[str, Any]], Any]] = {  # what differs -> how it was changed
-    "rows[0].error": lower,
-    "per_scene[0].error.all[0]": lambda content: content["per_scene"][0]["error"]["all"].__setitem__(0, 0.0),
+    "rows[0].minADE": lower,
     "silence": lambda content: content.update(silence=9.0),
     "env.data_manifest": lambda content: content["env"].update(data_manifest="00" * 32),
     "env.split": lambda content: content["env"].update(split="train"),
     "measured.latency.p95_ms": lambda content: content["measured"]["latency"].update(p95_ms=1e-3),
     "measured.ms_per_frame": lambda content: content["measured"].update(ms_per_frame=1e-3),
     "rollout_digests.0001|0": lambda content: content["rollout_digests"].update({"0001|0": "00" * 32}),
-    "hypotheses": lambda content: content.update(hypotheses=3),
+    "details.forecasts_per_frame": lambda content: content["details"].update(forecasts_per_frame=99.0),
 }
 
 
@@ -154,16 +153,31 @@ def test_a_forged_record_does_not_hold(what: str, path: Path, card: str, kitti: 
         confirm(checked)
 
 
+REFUSED: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
+    "error": (lambda content: content["rows"][0].update(error=0.1), "error is 0.1, the sums of its units give"),
+    "sums": (lambda content: content["per_scene"][0]["error"]["all"].__setitem__(0, 0.0), "sums of its units give"),
+    "hypotheses": (lambda content: content.update(hypotheses=3), "agent, hypotheses, samples and seeds are"),
+}
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_what_does_not_follow_from_the_rest_is_refused_at_once(what: str, path: Path, card: str, kitti: str) -> None:
+    change, message = REFUSED[what]
+    resign(path, change)
+    with pytest.raises(RecordError, match=message):
+        verify(path, RunOptions(kitti), card)
+
+
 def test_the_command_says_what_differs(cli: CommandLine, path: Path, card: str, kitti: str) -> None:
     resign(path, lower)
     found = path.parent / "found.txt"
     output = cli("verify", path, "--env", card, "--data", kitti, "--jobs", 1, "--json", found)
     assert output.error == f"{path}: 1 difference to what was found here"
-    assert "rows[0].error" in output.out
+    assert "rows[0].minADE" in output.out
     assert "does not hold" in output.out
     verdict = read_json(found)["records"][0]
     assert (verdict["holds"], verdict["level"]) == (False, "scored")
-    assert verdict["differences"][0]["what"] == "rows[0].error"
+    assert verdict["differences"][0]["what"] == "rows[0].minADE"
 
 
 def test_a_changed_rollout_does_not_hold(path: Path, card: str, kitti: str) -> None:
@@ -259,11 +273,21 @@ def test_another_split_is_run_and_never_ranked(cli: CommandLine, submission: Pat
 
 
 def test_a_split_that_is_not_the_records_own_does_not_hold(path: Path, card: str, kitti: str) -> None:
-    resign(path, lambda content: content["env"]["keywords"].update(split="train"))
+    def other(split: Any) -> Callable[[dict[str, Any]], None]:
+        def change(content: dict[str, Any]) -> None:
+            content["env"]["keywords"].update(split=split)
+            content.update(status="partial", status_reason=f"3 of 3 scenes of split {split!r}, not the env's")
+
+        return change
+
+    resign(path, other("train"))
     assert "env.card_digest" in [difference.what for difference in verify(path, RunOptions(kitti), card).differences]
-    resign(path, lambda content: content["env"]["keywords"].update(split=3))
+    resign(path, other(3))
     with pytest.raises(RecordError, match="split is 3, expected a name"):
         verify(path, RunOptions(kitti), card)
+    resign(path, lambda content: content.update(status="finished", status_reason=""))
+    with pytest.raises(RecordError, match=r"status is 'finished' \(\), its runs give 'partial'"):
+        load_record(path)
 
 
 def test_a_crash_is_a_record_and_an_error(cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:
@@ -296,7 +320,7 @@ def test_a_later_record_replaces_an_earlier_one(path: Path, submission: Path, ca
 
 
 def test_a_record_is_not_written_into_the_submission(submission: Path, card: str, kitti: str) -> None:
-    with pytest.raises(MtpBenchError, match="inside the submission .* name another folder"):
+    with pytest.raises(MtpBenchError, match=r"inside the submission .* name another folder"):
         submit(submission, card, RunOptions(kitti), submission / "records")
     assert not (submission / "records").exists()
 

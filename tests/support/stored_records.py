@@ -1,4 +1,4 @@
-"""Records written by hand."""
+"""Records written by hand: whatever is not said follows from the sums of their scenes."""
 
 from __future__ import annotations
 
@@ -8,12 +8,21 @@ from dataclasses import asdict
 from typing import Any
 
 from mtp_bench.gateway import Limits
+from mtp_bench.records.attestation import HiddenPart, Level, SignedLevel, Statement, bound_to
+from mtp_bench.records.eligibility import Ships
+from mtp_bench.records.evaluation import status_of
+from mtp_bench.records.provenance import scorer_digest
 from mtp_bench.records.record import Record, ScenePart
+from mtp_bench.records.shipped import Shipped, baseline_digest
 from mtp_bench.records.storage import sealed
-from mtp_bench.scoring import SUBSETS
+from mtp_bench.records.trust import ListedSeal
+from mtp_bench.scoring import DEFINITIONS, SUBSETS
+from mtp_bench.scoring.statistics import bootstrap_interval, effective_number, ratio
 from mtp_bench.scoring.subsets import Subset
+from mtp_bench.scoring.weights import scene_key
 
 EVENTS = ("lost", "frag")  # subsets that have weight in `scene_part`
+SIMULATED = "MTP-Merge-v0"
 
 
 def hex_of(text: str) -> str:
@@ -39,19 +48,26 @@ def scene_part(name: str, targets: int, *errors: float) -> ScenePart:
     )
 
 
-def make_row(agent: str, subset: str, error: float | None, **changed: Any) -> dict[str, Any]:
-    """A row as JSON: ``error`` stands for every error."""
-    objects = changed.get("objects", 25)
+def make_row(agent: str, subset: Subset, scenes: Sequence[Mapping[str, Any]], **changed: Any) -> dict[str, Any]:
+    """A row as JSON that follows from the sums of ``scenes``, each of its errors the same."""
+    weight = [value for scene in scenes for value in scene["weight"][subset]]
+    errors = [value for scene in scenes for value in scene["error"][subset]]
+    total, units = sum(weight), effective_number(weight)
+    error, interval = ratio(sum(errors), total), bootstrap_interval(errors, weight) if weight else None
+    targets = round(total + 0.499)
+    objects = min(changed.pop("objects", 25), targets)
     return {
         "agent": agent, "hypotheses": 1, "samples": 4, "budget": "equal", "subset": subset, "minADE": error,
-        "minFDE": error, "error": error, "interval": None, "localisation": error and 0.7 * error,
-        "missed": error and 0.3 * error, "error_by_score": error, "plain_error": error, "fixed_error": None,
-        "energy_score": error, "coverage": 1.0, "difference_to_stp": None, "difference_interval": None, "p": None,
-        "gap_closed": None, "gap_interval": None, "gap_closed_same_predictor": None,
-        "gap_same_predictor_interval": None, "rank": None,
-        "unranked_because": None, "targets": 40, "effective_targets": 40.0, "events": None, "objects": objects,
-        "effective_objects": float(objects), "scenes": 11, "effective_units": 11.0, "seeds": 3, "ms_per_frame": None,
-        **changed,
+        "minFDE": error, "error": error, "interval": interval and list(interval),
+        "localisation": error if error is None else 0.7 * error,
+        "missed": error if error is None else 0.3 * error, "error_by_score": error, "plain_error": error,
+        "fixed_error": None, "energy_score": error, "coverage": 1.0, "difference_to_stp": None,
+        "difference_interval": None, "p": None, "gap_closed": None, "gap_interval": None,
+        "gap_closed_same_predictor": None, "gap_same_predictor_interval": None, "rank": None,
+        "unranked_because": None, "targets": targets, "effective_targets": total, "events": None,
+        "objects": objects, "effective_objects": float(objects),
+        "scenes": sum(sum(scene["weight"][subset]) > 0 for scene in scenes), "effective_units": units, "seeds": 3,
+        "ms_per_frame": None, **changed,
     }  # fmt: skip
 
 
@@ -59,23 +75,22 @@ def make_record(
     name: str, rows: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]], **changed: Any
 ) -> Record:
     """A finished record with its digest; ``changed`` replaces fields, those of a section one by one."""
-    keys = {f"{scene['scene']}|{seed}": hex_of(name) for scene in scenes for seed in (0, 1, 2)}
     content: dict[str, Any] = {
         "format": 2,
         "submission": {
-            "name": name, "authors": ["A"], "description": "", "digest": hex_of(name), "parameters": {}, "ends": "controls",
-            "source": "", "commit": "", "license": "",
+            "name": name, "authors": ["A"], "description": "", "digest": baseline_digest(name) or hex_of(name),
+            "parameters": {}, "ends": "controls", "source": "", "commit": "", "license": "",
         },
         "division": "closed",
         "training_data": [],
         "env": {
-            "id": "MTP-Small-v0", "card_digest": "cc" * 8, "split": "val", "data_manifest": "dd" * 32, "scenes": len(scenes),
-            "scenes_of_split": len(scenes), "observe": "detections", "truth_complete": True, "keywords": {},
+            "id": "MTP-Small-v0", "card_digest": "cc" * 8, "split": "val", "data_manifest": "dd" * 32,
+            "scenes": len(scenes), "scenes_of_split": len(scenes), "observe": "detections", "truth_complete": True,
+            "keywords": {},
         },
-        "scorer": {"definitions": "2.0", "source_digest": "ee" * 32},
+        "scorer": {"definitions": DEFINITIONS, "source_digest": scorer_digest()},
         "reference": {"name": "stp", "hash": "ff" * 32, "origin": "frozen event weights", "frozen": True},
         "seeds": [0, 1, 2],
-        "status": "finished",
         "status_reason": "",
         "versions": {"numpy": "2.1"},
         "limits": asdict(Limits()),
@@ -87,30 +102,76 @@ def make_record(
         "silence": None,
         "details": {},
         "per_scene": scenes,
-        "seals": keys,
-        "rollout_digests": keys,
         "measured": {
             "hardware": {"cpu": "x", "cores": 2, "memory_gib": 8.0, "gpu": None},
             "latency": {"p50_ms": 1.0, "p95_ms": 2.0, "max_ms": 3.0},
             "ms_per_frame": 1.0, "peak_memory_mib": 100.0, "made": "2030-01-01",
         },
     }  # fmt: skip
-    for field, value in changed.items():
-        content[field] = merged(content.get(field), value)
+    content = merged(content, changed)
+    keys = {f"{scene['scene']}|{seed}": hex_of(name) for scene in content["per_scene"] for seed in content["seeds"]}
+    content = {"seals": keys, "rollout_digests": keys, **content}
+    content.setdefault("status", _status(content))
     return sealed(Record.model_validate(content))
 
 
+def _status(content: Mapping[str, Any]) -> str:
+    env, lost = content["env"], content["missed"]
+    runs, split = len(content["seals"]), env["keywords"].get("split")
+    return status_of(env["scenes"], env["scenes_of_split"], lost["crashed_scenes"], runs, lost["reasons"], split)[0]
+
+
 def write_record(
-    *errors: float,
-    name: str = "echo",
-    objects: int = 40,
-    interval: list[float] | None = None,
-    budget: str = "equal",
-    **changed: Any,
+    *errors: float, name: str = "echo", objects: int = 40, budget: str = "equal", **changed: Any
 ) -> Record:
     """A record on ten targets per scene, one unit each, with these mean errors. ``changed`` replaces fields."""
     scenes = [scene_part(chr(ord("a") + i), 10, error).model_dump() for i, error in enumerate(errors)]
-    counts = {"targets": 10 * len(scenes), "scenes": len(scenes), "interval": interval, "budget": budget}
-    mean = sum(errors) / len(errors)
-    rows = [make_row(name, s, mean, **counts, objects=objects if s == "all" else 5) for s in SUBSETS]
+    scenes = changed.pop("per_scene", scenes)
+    rows = [
+        make_row(name, subset, scenes, budget=budget, objects=objects if subset == "all" else 5) for subset in SUBSETS
+    ]
     return make_record(name, rows, scenes, **changed)
+
+
+def ships_of(*records: Record, simulated: bool = False) -> Ships:
+    """As if the cards and event weights of these records shipped: of each env those of the first."""
+    known: dict[str, Shipped] = {}
+    for record in records:
+        sums: dict[str, dict[Subset, float]] = {
+            scene_key(record.env.id, scene.scene): {subset: sum(scene.weight[subset]) for subset in SUBSETS}
+            for scene in record.per_scene
+        }
+        ships = Shipped(record.env.card_digest, simulated, float("inf"), record.reference.hash, sums)
+        known.setdefault(record.env.id, ships)
+    return known.get
+
+
+def hidden_part(*errors: float, name: str = "echo", seal: str = "first", **changed: Any) -> HiddenPart:
+    """What was scored on as many hidden scenes as there are ``errors``, of one unit each."""
+    scenes = [scene_part(str(i), 10, error).model_dump() for i, error in enumerate(errors)]
+    rows = [make_row(name, subset, scenes, objects=40 if subset == "all" else 5) for subset in SUBSETS]
+    sums = {
+        part: {subset: [value for scene in scenes for value in scene[part][subset]] for subset in SUBSETS}
+        for part in ("weight", "error")
+    }
+    content = {
+        "commitment": hex_of(seal), "weights": hex_of(f"weights {seal}"), "scenes": len(scenes),
+        "targets": 10 * len(scenes), "rows": rows, "silence": None, **sums,
+    }  # fmt: skip
+    return HiddenPart.model_validate(content | changed)
+
+
+def signed_level(
+    record: Record,
+    level: Level = "re-run",
+    hidden: HiddenPart | None = None,
+    made: str = "2030-01-01",
+    retired: str = "",
+) -> SignedLevel:
+    """A level of a record, as it is once its signature was checked."""
+    statement = Statement.model_validate(
+        {"level": level, "isolation": "bubblewrap", "date": "2030-02-02", "hidden": hidden, **bound_to(record)}
+    )
+    env, count = record.env, 0 if hidden is None else hidden.scenes
+    seal = None if hidden is None else ListedSeal("first", env.id, env.card_digest, count, made, retired)
+    return SignedLevel(statement, "tester", seal)

@@ -10,15 +10,16 @@ from typing import Any
 import pytest
 
 from mtp_bench.records import OldResult, Record, save_record
-from mtp_bench.records.attestation import LEVELS
 from mtp_bench.scoring import SUBSETS
-from mtp_bench.viz.board import Entry, board_json, board_notes, board_page, board_tables
+from mtp_bench.viz.board import Entry, Found, board_json, board_notes, board_page, board_tables, entries_of
 from mtp_bench.viz.board.columns import percent
 from mtp_bench.viz.board.scale import BAR, MOST_TICKS, PAD, WIDTH, bar_of, scale_of, scene_chart
-from tests.support.board_records import HOSTILE, board_of, made_up, made_up_board
+from tests.support.board_records import HOSTILE, LEVELS_OF, board_of, made_up, made_up_board
 from tests.support.command_line import CommandLine, on_terminal, read_json
+from tests.support.stored_records import hidden_part, signed_level
 
 MOST_BYTES = 300_000  # of a page without records
+OTHER = "MTP-nuScenes-mini-v0"
 LINKS = [f"records/{i}.json" for i in range(13)]
 EARLIER = OldResult(
     path=Path("x"), definitions="1.0", submission="stp", env="MTP-nuScenes-v0", split="train", error=4.745,
@@ -49,7 +50,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def entries() -> list[Entry]:
-    return board_of(*made_up_board(), links=LINKS, added="late_decider")
+    return board_of(*made_up_board(), links=LINKS, added="late_decider", levels=LEVELS_OF)
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +64,7 @@ def page(html: str) -> Page:
 
 
 def test_entries_stand_by_rank_and_the_unranked_below_by_error(entries: list[Entry]) -> None:
-    first = [(entry.name, entry.rank) for entry in entries if entry.env == "MTP-Intersection-v0"]
+    first = [(entry.name, entry.rank) for entry in entries if entry.env == "MTP-WILDTRACK-k10-v0"]
     assert first == [
         ("braided_paths", 1),
         ("forest_of_maybe", 1),
@@ -82,7 +83,7 @@ def test_every_unranked_entry_says_why(entries: list[Entry]) -> None:
     assert {entry.name: entry.why for entry in entries[:10] if entry.rank is None} == {
         "truth_past": "saw the truth",
         "pooled_many": "open division: rank 1 there",
-        "short_of_breath": "partial: 3 of 12 scenes were cut short",
+        "short_of_breath": "partial: 3 of 4 scenes",
         "sleeper": "crashed: the process ended by signal 9",
     }
 
@@ -91,15 +92,43 @@ def test_what_cannot_be_compared_with_most_is_not_ranked() -> None:
     old = made_up("old", 0.5, scorer={"definitions": "0.9"})
     entries = board_of(made_up("a", 0.8), made_up("b", 0.9), old)
     assert [(entry.name, entry.rank) for entry in entries] == [("a", 1), ("b", 2), ("old", None)]
-    assert "other data, split, card, weights or definitions" in entries[-1].why
+    assert entries[-1].why == "scored by definitions 0.9, today's are 2.0"
 
 
 def test_too_few_recordings_are_said_once_above_the_table(html: str, entries: list[Entry]) -> None:
-    reason = "too few recordings to rank: 4.0 effective units, fewer than 6"
+    reason = "too few recordings to rank: 3.9 effective units, fewer than 6"
     assert [entry.rank for entry in entries[10:]] == [None] * 3
     assert [entry.name for entry in entries[10:]] == ["braided_paths", "stp", "calm_hedge"]  # by error
     assert f"<span><b>{reason}</b></span>" in html
     assert f'class="why"><bdi>{reason}' not in html
+
+
+def test_hidden_scenes_rank_and_the_public_error_stands_beside(tmp_path: Path) -> None:
+    records = [made_up("knows", 0.5, "MTP-Merge-v0"), made_up("honest", 0.6, "MTP-Merge-v0")]
+    errors = {"knows": 1.2, "honest": 0.8}
+    found = [
+        Found(
+            record,
+            signed=signed_level(
+                record, "hidden", hidden_part(*[errors[record.submission.name]] * 50), retired="2030-03-03"
+            ),
+        )
+        for record in records
+    ]
+    entries = entries_of(found)
+    assert [(entry.name, entry.rank) for entry in entries] == [("honest", 1), ("knows", 2)]
+    assert [(entry.error, entry.public_error) for entry in entries] == [
+        (pytest.approx(0.8), pytest.approx(0.6)),
+        (pytest.approx(1.2), pytest.approx(0.5)),
+    ]
+    assert board_notes(entries) == [["hidden scenes of seal first of 2030-01-01, retired 2030-03-03"]]
+    html = board_page(entries)
+    assert "</svg>hidden</span>" in html
+    assert "2030-02-02 by tester; seal first of 2030-01-01, retired 2030-03-03" in html
+    (row, _) = board_json(entries)["MTP-Merge-v0"]
+    assert (row["level"], row["public"]) == ("hidden", pytest.approx(0.6))
+    (alone,) = entries_of([Found(records[0])])
+    assert (alone.rank, alone.why, alone.public_error) == (None, "not scored on hidden scenes yet", None)
 
 
 def gaps(*records: Record) -> dict[str, float | None]:
@@ -137,7 +166,7 @@ def test_cells_hold_what_they_are_sorted_by(page: Page) -> None:
         "224",
     )
     assert (crashed["rank"], crashed["error"], crashed["ids"]) == ("", "", "")
-    assert float(first["reacquired"]) == pytest.approx(1.8 * float(first["error"]))
+    assert float(first["reacquired"]) == pytest.approx(1.8 * float(first["error"]), rel=0.01)  # weighed otherwise
 
 
 def test_every_column_can_be_sorted_and_states_what_is_better(page: Page) -> None:
@@ -154,13 +183,15 @@ def test_unranked_and_added_entries_are_marked(page: Page) -> None:
 
 def test_a_shared_rank_a_badge_and_the_reason_show(html: str) -> None:
     assert html.count('class="tie"') == 2
-    assert all(f"</svg>{level}</span>" in html for level in LEVELS)
+    assert all(f"</svg>{level}</span>" in html for level in ("scored", "re-scored", "re-run"))
     assert "the process ended by signal 9" in html
     assert 'href="./records/0.json"' in html
 
 
 def test_equal_entries_give_equal_bytes(html: str) -> None:
-    assert board_page(board_of(*made_up_board()[::-1], links=LINKS[::-1], added="late_decider")) == html
+    assert (
+        board_page(board_of(*made_up_board()[::-1], links=LINKS[::-1], added="late_decider", levels=LEVELS_OF)) == html
+    )
 
 
 def test_the_page_needs_nothing_else(html: str, page: Page) -> None:
@@ -277,7 +308,7 @@ def test_without_a_number_there_is_no_scale() -> None:
 def test_bars_of_scenes_share_a_scale_with_the_reference() -> None:
     first, second = board_of(made_up("a", 0.5), made_up("stp", 1.0))
     bars = scene_chart(first, second)
-    assert [bar.scene for bar in bars[:2]] == ["0000", "0001"]
+    assert [bar.scene for bar in bars[:2]] == ["wildtrack-1200", "wildtrack-1400"]
     assert max(bar.reference or 0.0 for bar in bars) == BAR
     assert all(bar.width < BAR for bar in bars)
     assert all(bar.reference is None for bar in scene_chart(second, second))
@@ -313,8 +344,8 @@ def test_markup_and_escapes_do_not_reach_the_terminal() -> None:
 
 def test_json_holds_what_the_tables_show(entries: list[Entry]) -> None:
     content = board_json(entries)
-    assert list(content) == ["MTP-Intersection-v0", "MTP-PETS-v0"]
-    row = content["MTP-Intersection-v0"][6]
+    assert list(content) == ["MTP-WILDTRACK-k10-v0", "MTP-WILDTRACK-v0"]
+    row = content["MTP-WILDTRACK-k10-v0"][6]
     assert (row["submission"], row["rank"], row["not_ranked_because"]) == ("truth_past", None, "saw the truth")
     assert row["error"] == pytest.approx(0.381)
     assert len(row["interval"]) == 2
@@ -333,7 +364,10 @@ def write_records(folder: Path, *records: Record) -> list[Path]:
 def files(tmp_path: Path) -> tuple[Path, Path]:
     """A folder of records, and a record elsewhere."""
     write_records(
-        tmp_path / "records", made_up("good", 0.5), made_up("poor", 1.5), made_up("other", env_id="MTP-KITTI-v0")
+        tmp_path / "records",
+        made_up("good", 0.5),
+        made_up("poor", 1.5),
+        made_up("other", env_id="MTP-nuScenes-mini-v0"),
     )
     (mine,) = write_records(tmp_path / "my own", made_up("mine", 0.9))
     return tmp_path / "records", mine
@@ -346,29 +380,38 @@ def test_the_command_prints_ranks_and_writes_a_page(files: tuple[Path, Path], tm
     assert "mine (added)" in out
     assert "4 records" in out
     rows: dict[str, list[dict[str, Any]]] = read_json(content)
-    assert [(r["submission"], r["rank"], r["added"]) for r in rows["MTP-Intersection-v0"]] == [
+    assert [(r["submission"], r["rank"], r["added"]) for r in rows["MTP-WILDTRACK-k10-v0"]] == [
         ("good", 1, False),
         ("mine", 2, True),
         ("poor", 3, False),
     ]
     links = [a["href"] for a in Page(page.read_text()).all("a")]
-    assert "./my%20own/mine/MTP-Intersection-v0.json" in links
-    assert "./records/good/MTP-Intersection-v0.json" in links
+    assert "./my%20own/mine/MTP-WILDTRACK-k10-v0.json" in links
+    assert "./records/good/MTP-WILDTRACK-k10-v0.json" in links
 
 
 def test_nothing_is_cut_off_at_80_columns(tmp_path: Path) -> None:
     write_records(tmp_path, *(record for record in made_up_board() if record.per_scene))
     printed = on_terminal(80, "board", "--records", tmp_path)
+    assert not [line for line in printed if "refused" in line]
     assert max(map(len, printed)) <= 80
     assert not [line for line in printed if "…" in line]
     row = next(line for line in printed if line.startswith("forest_of_maybe"))
-    assert " ".join(row.split()) == "forest_of_maybe 1 0.744 [0.684, 0.815] 1.15 1.34 47 % 22.9 re-scored"
+    assert " ".join(row.split()) == "forest_of_maybe 1 0.744 [0.690, 0.797] 1.15 1.34 47 % 22.9 scored"
 
 
 def test_the_command_shows_one_env_and_the_same_record_once(files: tuple[Path, Path], cli: CommandLine) -> None:
     records, _ = files
-    out = cli.ok("board", "--records", records, "--env", "MTP-KITTI-v0", "--with", records / "other/MTP-KITTI-v0.json")
-    assert "MTP-Intersection-v0" not in out
+    out = cli.ok(
+        "board",
+        "--records",
+        records,
+        "--env",
+        "MTP-nuScenes-mini-v0",
+        "--with",
+        records / "other/MTP-nuScenes-mini-v0.json",
+    )
+    assert "MTP-WILDTRACK-k10-v0" not in out
     assert out.count("other") == 1
     assert "added" not in out
 
@@ -383,7 +426,14 @@ def test_the_command_names_a_missing_folder_and_a_broken_record(tmp_path: Path, 
     assert "no such folder of records" in cli("board", "--records", tmp_path / "none").error
     (path,) = write_records(tmp_path / "records", made_up("a"))
     path.write_text(path.read_text().replace("Ada Fiction", "Someone Else"))
-    assert "it was changed after it was made" in cli("board", "--records", tmp_path / "records").error
+    write_records(tmp_path / "records", made_up("sound"))
+    said = cli.ok("board", "--records", tmp_path / "records")
+    assert "refused: " in said
+    assert "it was changed after it was made" in " ".join(said.split())
+    assert "sound" in said
+    strict = cli("board", "--records", tmp_path / "records", "--strict").error
+    assert strict.startswith("1 record refused, the first: ")
+    assert "it was changed after it was made" in cli("board", "--with", path, "--records", tmp_path).error
 
 
 def test_a_page_that_cannot_be_written_is_refused_before(tmp_path: Path, cli: CommandLine) -> None:

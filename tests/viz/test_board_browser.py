@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mtp_bench.viz.board import board_page
-from tests.support.board_records import HOSTILE, board_of, made_up, made_up_board
+from tests.support.board_records import HOSTILE, LEVELS_OF, board_of, made_up, made_up_board
 from tests.support.browser import CHROMIUM, DRIVER, ENTER, MISSING, Browser, chromium
 
 pytestmark = pytest.mark.skipif(not (CHROMIUM and DRIVER), reason=MISSING)
@@ -30,7 +30,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("page") / "board of all.html"
-    path.write_text(board_page(board_of(*made_up_board(), links=["record.json"] * 13)))
+    path.write_text(board_page(board_of(*made_up_board(), links=["record.json"] * 13, levels=LEVELS_OF)))
     return path
 
 
@@ -87,7 +87,7 @@ def test_a_click_sorts_and_another_turns_the_order(opened: Browser) -> None:
 
 def test_where_more_is_better_the_most_comes_first(opened: Browser) -> None:
     opened.click(header("level"))
-    assert names(opened)[0] == "calm_hedge"
+    assert names(opened)[0] == "braided_paths"
     assert sorted_by(opened) == [["level", "descending"]]
 
 
@@ -115,7 +115,7 @@ def test_text_filters(opened: Browser) -> None:
     ("control", "value", "kept"),
     [
         ("division", "open", ["pooled_many"]),
-        ("level", "2", ["braided_paths", "calm_hedge", "stp"]),
+        ("level", "2", ["braided_paths", "stp"]),
         ("level", "0", RANKED + UNRANKED),
     ],
 )
@@ -125,11 +125,11 @@ def test_selections_filter(opened: Browser, control: str, value: str, kept: list
 
 
 def test_one_env_is_shown_alone(opened: Browser) -> None:
-    choose(opened, "env", "MTP-PETS-v0")
+    choose(opened, "env", "MTP-WILDTRACK-v0")
     shown = (
         "return [...document.querySelectorAll('.board')].filter((b) => b.checkVisibility()).map((b) => b.dataset.env)"
     )
-    assert opened.script(shown) == ["MTP-PETS-v0"]
+    assert opened.script(shown) == ["MTP-WILDTRACK-v0"]
     assert opened.script("return document.getElementById('count').textContent") == "3 of 13 entries"
 
 

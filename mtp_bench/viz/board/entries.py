@@ -6,9 +6,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ...records.attestation import Level
+from ...records.attestation import Level, SignedLevel
 from ...records.ranking import Standing, standings
 from ...records.record import Record
+from ...scoring.rows import Row
 from ...scoring.subsets import Subset
 
 LEVEL_TEXT: dict[Level, str] = {
@@ -20,6 +21,17 @@ LEVEL_TEXT: dict[Level, str] = {
 
 
 @dataclass(frozen=True, eq=False)
+class Found:
+    """A record of a leaderboard, and what is known of it."""
+
+    record: Record
+    link: str | None = None  # relative address of its file
+    added: bool = False  # not part of the leaderboard: where it would stand
+    signed: SignedLevel | None = None  # how far it was checked
+    note: str = ""  # why the level beside it is not shown
+
+
+@dataclass(frozen=True, eq=False)
 class Entry:
     """One line of a leaderboard."""
 
@@ -27,7 +39,7 @@ class Entry:
     standing: Standing
     link: str | None = None  # relative address of the record's file
     added: bool = False  # not part of the leaderboard: where it would stand
-    level: Level = "scored"  # how far it was checked
+    signed: SignedLevel | None = None  # how far it was checked
 
     @property
     def env(self) -> str:
@@ -55,34 +67,85 @@ class Entry:
         return self.standing.compared
 
     @property
+    def level(self) -> Level:
+        """How far it was checked."""
+        return "scored" if self.signed is None else self.signed.level
+
+    @property
+    def seal(self) -> str:
+        """The seal of its hidden scenes, and when it was retired, for people; empty where there are none."""
+        seal = None if self.signed is None else self.signed.seal
+        if seal is None:
+            return ""
+        return f"{seal.name} of {seal.made}" + (f", retired {seal.retired}" if seal.retired else "")
+
+    @property
+    def checked(self) -> str:
+        """By whom and when, and of which seal, for people; empty where it was not."""
+        if self.signed is None:
+            return ""
+        by = f"{self.signed.statement.date} by {self.signed.signer}"
+        return f"{by}; seal {self.seal}" if self.seal else by
+
+    @property
+    def on_hidden(self) -> bool:
+        """Whether its numbers are those of hidden scenes."""
+        return self.signed is not None and self.signed.hidden is not None
+
+    def row_of(self, subset: Subset) -> Row:
+        """What ranks on a subset: of hidden scenes where it was run on them."""
+        hidden = None if self.signed is None else self.signed.hidden
+        return self.record.row_of(subset) if hidden is None else hidden.row_of(subset)
+
+    @property
+    def row(self) -> Row:
+        """What ranks over all targets."""
+        return self.row_of("all")
+
+    @property
+    def rows(self) -> list[Row]:
+        """What ranks, one per subset."""
+        return [self.row_of(row.subset) for row in self.record.rows]
+
+    @property
     def error(self) -> float | None:
         """What ranks over all targets, metres."""
-        return self.record.row.error
+        return self.row.error
+
+    @property
+    def silence(self) -> float | None:
+        """What an agent that says nothing scores, metres."""
+        hidden = None if self.signed is None else self.signed.hidden
+        return self.record.silence if hidden is None else hidden.silence
+
+    @property
+    def public_error(self) -> float | None:
+        """The error on the scenes that everybody knows, metres, where hidden ones rank."""
+        return self.record.row.error if self.on_hidden else None
 
     @property
     def interval(self) -> tuple[float, float] | None:
         """The 95 % interval of the error, metres."""
-        return self.record.row.interval
+        return self.row.interval
 
     def same_predictor_gap(self, subset: Subset) -> float | None:
         """What it closes of the gap between ends with its own predictor, where that is known."""
         if self.record.submission.ends == "controls":
             return self.standing.gaps.get(subset)
-        return self.record.row_of(subset).gap_closed_same_predictor
+        return self.row_of(subset).gap_closed_same_predictor
 
 
-def entries_of(found: Sequence[tuple[Record, str | None, bool]]) -> list[Entry]:
-    """The entries in the order of the leaderboard: by environment, rank, error and name.
-
-    ``found``: records, each with its link and whether it is added.
-    """
-    places = standings([record for record, _, _ in found])
-    return sorted((Entry(record, places[record.digest], link, added) for record, link, added in found), key=_order)
+def entries_of(found: Sequence[Found]) -> list[Entry]:
+    """The entries in the order of the leaderboard: by environment, rank, error and name."""
+    levels = {each.record.digest: each.signed for each in found if each.signed is not None}
+    places = standings([each.record for each in found], levels)
+    entries = (Entry(each.record, places[each.record.digest], each.link, each.added, each.signed) for each in found)
+    return sorted(entries, key=_order)
 
 
 def silence_of(entries: Sequence[Entry]) -> float | None:
     """What an agent that says nothing scores in one environment, metres; None where it is not known."""
-    return next((entry.record.silence for entry in entries if entry.compared), None)
+    return next((entry.silence for entry in entries if entry.compared), None)
 
 
 def by_env(entries: Sequence[Entry]) -> dict[str, list[Entry]]:

@@ -21,7 +21,7 @@ def board_tables(entries: Sequence[Entry]) -> list[Table]:
 
 
 def board_notes(entries: Sequence[Entry]) -> list[list[str]]:
-    """Per environment a sentence for each reason for which some are not ranked, with their names."""
+    """Per environment a sentence for each reason for which some are not ranked, with their names, and for each seal."""
     return [_notes(listed) for listed in by_env(entries).values()]
 
 
@@ -30,7 +30,9 @@ def _notes(entries: Sequence[Entry]) -> list[str]:
     for entry in entries:
         if entry.rank is None:
             names.setdefault(printable(entry.why), []).append(printable(entry.name))
-    return [f"not ranked ({reason}): {', '.join(dict.fromkeys(listed))}" for reason, listed in names.items()]
+    notes = [f"not ranked ({reason}): {', '.join(dict.fromkeys(listed))}" for reason, listed in names.items()]
+    seals = sorted({entry.seal for entry in entries if entry.seal})
+    return [*notes, *(f"hidden scenes of seal {seal}" for seal in seals)]
 
 
 def _table(env_id: str, entries: Sequence[Entry]) -> Table:
@@ -73,6 +75,7 @@ def _row(entry: Entry) -> dict[str, Any]:
         **{column.key: column.value(entry) for column in COLUMNS},
         **{name: getattr(entry.record, name) for name in kept},
         "level": entry.level,
+        "checked": entry.checked or None,
         "made": entry.record.measured.made,
     }
 

@@ -66,7 +66,7 @@ def _board(env_id: str, entries: Sequence[Entry]) -> dict[str, Any]:
         "ranked": len(ranks),
         "nobody": scored.why if compared and not ranks else "",
         "leaders": ranks.count(1),
-        "sizes": {row.subset: row for row in scored.record.rows},
+        "sizes": {row.subset: row for row in scored.rows},
         "silence": silence_of(entries),
         "few": {name for name in SUBSETS[1:] if all(each.standing.places[name].rank is None for each in entries)},
         "scale": scale,
@@ -100,9 +100,9 @@ def _line(
         "old": record.scorer.definitions != DEFINITIONS,
         "subsets": [
             (row, standing.places[row.subset], standing.gaps.get(row.subset), entry.same_predictor_gap(row.subset))
-            for row in record.rows
+            for row in entry.rows
         ],
-        "parts": [(name, value) for name in ("localisation", "missed") if (value := getattr(record.row, name))],
+        "parts": [(name, value) for name in ("localisation", "missed") if (value := getattr(entry.row, name))],
         "scenes": scene_chart(entry, reference),
         "search": " ".join((entry.name, ", ".join(record.submission.authors), record.submission.description)).lower(),
     }

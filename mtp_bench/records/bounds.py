@@ -1,0 +1,43 @@
+"""Bounds of what a record may hold, whatever its fields are: texts, numbers, depth."""
+
+from __future__ import annotations
+
+import math
+import unicodedata
+from collections.abc import Iterator
+from typing import Any
+
+from .record import MOST_TEXT
+
+MOST_BYTES = 8 << 20  # of a file
+MOST_DETAILS = 1 << 20  # bytes of the section ``details``
+_DEEPEST = 32
+_LARGEST = 1 << 53  # whole numbers beyond are not the same in every reader of JSON
+_LINES = "\n\t"  # the only control characters
+
+
+def out_of_bounds(content: Any, where: str = "", depth: int = 0) -> Iterator[str]:
+    """What no record may hold, each in a sentence that names the place; ``content`` is as JSON was read."""
+    if depth > _DEEPEST:
+        yield f"{where} lies deeper than {_DEEPEST} levels"
+    elif isinstance(content, dict):
+        for name, value in content.items():
+            yield from _text(name, f"a key of {where or 'the record'}")
+            yield from out_of_bounds(value, f"{where}.{name[:40]}" if where else name[:40], depth + 1)
+    elif isinstance(content, list):
+        for place, value in enumerate(content):
+            yield from out_of_bounds(value, f"{where}[{place}]", depth + 1)
+    elif isinstance(content, str):
+        yield from _text(content, where)
+    elif isinstance(content, float) and not math.isfinite(content):
+        yield f"{where} is {content}, expected a finite number"
+    elif isinstance(content, int) and abs(content) > _LARGEST:
+        yield f"{where} has {len(str(content))} digits, expected at most {len(str(_LARGEST))}"
+
+
+def _text(text: str, where: str) -> Iterator[str]:
+    if len(text) > MOST_TEXT:
+        yield f"{where} has {len(text)} characters, expected at most {MOST_TEXT}"
+    odd = next((sign for sign in text if unicodedata.category(sign) in ("Cc", "Cs") and sign not in _LINES), None)
+    if odd is not None:
+        yield f"{where} has the character U+{ord(odd):04X}, expected none that steers a terminal or is half of one"

@@ -1,0 +1,54 @@
+"""A submission on hidden scenes: what ranks on simulated envs.
+
+The scenes are made for the run and deleted after it: what lies in a cache could be read. Of them only sums per unit are
+published, for the name of a scene tells its seed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..errors import RecordError
+from ..gateway import Limits
+from ..scoring.subsets import SUBSETS
+from ..sources import discard, open_source
+from .attestation import HiddenPart
+from .record import Record
+from .rerun import run_again, what_held, why_not_isolated
+from .running import Plan, evaluate_plan
+from .seal import Sealed
+
+
+def run_hidden(plan: Plan, record: Record, sealed: Sealed, limits: Limits) -> HiddenPart:
+    """What the submission of ``plan`` scores on the hidden scenes, under the seeds of ``record``.
+
+    Raises RecordError where the seal is of another card, or the system cannot hide files and network from an agent.
+    """
+    card = plan.card
+    if (sealed.seeds.env, sealed.seeds.card_digest) != (card.id, card.digest):
+        raise RecordError(
+            f"the seal is of {sealed.seeds.env} with card digest {sealed.seeds.card_digest}, the record of {card.id} "
+            f"with {card.digest}"
+        )
+    hidden = sealed.card(card)
+    try:
+        names, options = tuple(open_source(hidden).names), replace(plan.options, data=None)
+        there = replace(plan, env=hidden, card=hidden, scenes=names, scenes_of_split=len(names), options=options)
+        runs = run_again(there, record.seeds, limits)
+        why = why_not_isolated(record, [what_held(runs)])
+        if why:
+            raise RecordError(f"hidden scenes would not stay hidden: {why}; run it on Linux with user namespaces")
+        reference = sealed.reference(hidden, names, options)
+        found = evaluate_plan(there, runs, reference)
+    finally:
+        discard(hidden)
+    return HiddenPart(
+        commitment=sealed.commitment,
+        weights=reference.digest,
+        scenes=len(names),
+        targets=found.rows[0].targets,
+        rows=found.rows,
+        silence=found.silence,
+        weight={subset: [w for scene in found.per_scene for w in scene.weight[subset]] for subset in SUBSETS},
+        error={subset: [e for scene in found.per_scene for e in scene.error[subset]] for subset in SUBSETS},
+    )

@@ -1,0 +1,53 @@
+"""The files of a seal: the secret, the commitment that is published first, and the secret published when it retires."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from ..strict import Section
+from .canonical import digest_of
+
+FIRST, LAST = 1_000_000, 2**31  # seeds are drawn from here; those of the cards are far below
+MOST_SCENES = 1000
+RETIRED = ".retired.json"  # suffix of what is published at the end
+
+_Date = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\d$")]
+_Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+
+
+class SecretSeeds(Section):
+    """The content of the secret file."""
+
+    format: Literal[1] = 1
+    env: str
+    card_digest: str
+    first: Annotated[int, Field(ge=FIRST, lt=LAST)]
+    count: Annotated[int, Field(ge=1, le=MOST_SCENES)]
+    salt: Annotated[str, Field(min_length=64)]  # so that nobody finds the seeds by trying all of them
+
+
+class Commitment(Section):
+    """The content of the public file."""
+
+    format: Literal[1] = 1
+    env: str
+    card_digest: str
+    count: int
+    commitment: _Sha256  # of the secret
+    made: _Date
+
+
+class Retired(Section):
+    """What is published when a seal is retired."""
+
+    format: Literal[1] = 1
+    secret: SecretSeeds
+    weights: _Sha256 | None  # hash of the event weights, in a file beside; None: it was never used
+    retired: _Date
+
+
+def commitment_of(seeds: SecretSeeds) -> str:
+    """Hex sha256 over the canonical JSON of the secret, salt included."""
+    return digest_of(seeds.model_dump())

@@ -1,0 +1,703 @@
+"""Forged records and levels: each is refused, shown without a level, or not ranked, for the reason that it deserves."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mtp_bench.errors import MtpBenchError, RecordError
+from mtp_bench.gateway import Limits
+from mtp_bench.records import (
+    Record,
+    Trust,
+    load_record,
+    open_seal,
+    read_level,
+    save_record,
+    standings,
+    submit,
+    trusted,
+    verify,
+    why_unranked,
+)
+from mtp_bench.records.attestation import HiddenPart, Level, SignedLevel, Statement, bound_to, level_path, write_level
+from mtp_bench.records.promise import Commitment, SecretSeeds, commitment_of
+from mtp_bench.records.record import IsolationPart
+from mtp_bench.records.rerun import why_not_isolated
+from mtp_bench.records.shipped import baseline_digest, shipped
+from mtp_bench.records.storage import content_digest, measured_digest
+from mtp_bench.running.options import RunOptions
+from mtp_bench.scoring import SUBSETS
+from tests.support.board_records import MAIN, made_up
+from tests.support.command_line import CommandLine, write_submission
+from tests.support.leaderboards import SIGNER, listed, make_key
+from tests.support.small_scenes import CARD_ID
+from tests.support.stored_records import hex_of, hidden_part, ships_of, signed_level, write_record
+
+Content = dict[str, Any]
+Change = Callable[[Content], Any]
+
+
+def forged(path: Path, record: Record, change: Change) -> Path:
+    """A record with a change, and with digests that fit it, as a forger would write them."""
+    save_record(record, path)
+    content = json.loads(path.read_text())
+    change(content)
+    with contextlib.suppress(UnicodeEncodeError):  # half a character has no digest
+        content["measured"]["digest"] = measured_digest(content)
+        content["digest"] = content_digest(content)
+    path.write_text(json.dumps(content))
+    return path
+
+
+def why(record: Record, beside: Record | None = None, levels: Mapping[str, SignedLevel] | None = None) -> str:
+    """Why the record has no rank."""
+    records = [record] if beside is None else [record, beside]
+    return standings(records, levels)[record.digest].places["all"].why
+
+
+def rank_of(name: str, records: list[Record], levels: Mapping[str, SignedLevel] | None = None) -> int | None:
+    found = standings(records, levels)
+    (record,) = [record for record in records if record.submission.name == name]
+    return found[record.digest].places["all"].rank
+
+
+@pytest.fixture
+def honest(tmp_path: Path) -> tuple[Path, Record]:
+    """A record that ranks, in a folder of its own."""
+    record = made_up("honest", 0.9)
+    path = tmp_path / "records" / "honest" / f"{MAIN}.json"
+    assert why_unranked(record) is None
+    return path, save_record(record, path)
+
+
+# --- H4: levels that nobody gave
+
+
+@pytest.mark.parametrize("key_of_record", ["verification", "hidden"])
+def test_a_record_that_says_its_own_level_is_refused(honest: tuple[Path, Record], key_of_record: str) -> None:
+    path, _ = honest
+    content = json.loads(path.read_text()) | {key_of_record: "hidden"}
+    path.write_text(json.dumps(content))
+    with pytest.raises(RecordError, match=f"has the key '{key_of_record}': levels are in a signed file of their own"):
+        load_record(path)
+
+
+@pytest.fixture(scope="module")
+def echo(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> tuple[Path, Path]:
+    """A submission, and the record that it made."""
+    root = tmp_path_factory.mktemp("echo")
+    folder = write_submission(root / "echo")
+    submit(folder, card, RunOptions(kitti), root / "records")
+    return folder, root / "records" / f"{CARD_ID}.json"
+
+
+def test_answers_of_true_pasts_under_another_name_are_found(
+    echo: tuple[Path, Path], card: str, kitti: str, tmp_path: Path
+) -> None:
+    """Stored answers of an agent that saw the truth, relabelled, with a record and a run file that fit them."""
+    folder, genuine = echo
+    submit("truth_past", card, RunOptions(kitti), tmp_path)
+    path, own = tmp_path / f"{CARD_ID}.json", load_record(genuine)
+
+    def relabel(content: Content) -> None:
+        content["submission"] = own.submission.model_dump()
+        content["env"]["observe"] = "detections"
+        content["seals"] = dict.fromkeys(content["seals"], "00" * 32)
+        content["hypotheses"] = own.hypotheses
+        for row in content["rows"]:
+            row.update(agent="echo", hypotheses=own.hypotheses)
+        content["details"].update(agent="echo", hypotheses=own.hypotheses)
+
+    forged(path, load_record(path), relabel)
+    with pytest.raises(RecordError, match="made with submission"):
+        verify(path, RunOptions(kitti), card)
+    run = path.with_suffix(".rollouts") / "seed-0" / "run.json"
+    content = json.loads(run.read_text())
+    content["info"].update(submission_digest=own.submission.digest)
+    run.write_text(json.dumps(content))
+    with pytest.raises(RecordError, match=r"made with observe 'truth', the record .* says 'detections'"):
+        verify(path, RunOptions(kitti), card)
+    checked = verify(path, RunOptions(kitti), card, submission=folder, rerun=True)
+    assert checked.level == "scored"
+    assert checked.differences[0].what.startswith("rollout_digests.")
+
+
+def test_seals_are_verified_when_a_submission_runs_again(
+    echo: tuple[Path, Path], card: str, kitti: str, tmp_path: Path
+) -> None:
+    folder, genuine = echo
+    zeroed: Change = lambda content: content.update(seals=dict.fromkeys(content["seals"], "00" * 32))  # noqa: E731
+    path = forged(tmp_path / "a.json", load_record(genuine), zeroed)
+    checked = verify(path, RunOptions(kitti), card, submission=folder, rerun=True)
+    assert {difference.what.split(".")[0] for difference in checked.differences} == {"seals"}
+
+
+# --- H5: one record that un-ranks its environment
+
+
+def broken_counts(content: Content) -> None:
+    for row in content["rows"]:
+        row.update(objects=0, effective_objects=0.0)
+
+
+def other_units(content: Content) -> None:
+    """The same targets and errors in twice as many units."""
+    for scene in content["per_scene"]:
+        for part in ("weight", "error"):
+            scene[part] = {subset: [value / 2 for value in scene[part][subset] for _ in (0, 1)] for subset in SUBSETS}
+
+
+def other_data(content: Content) -> None:
+    content["env"].update(data_manifest="00" * 32)
+
+
+@pytest.mark.parametrize("change", [broken_counts, other_units, other_data])
+def test_no_record_changes_the_rank_of_another(change: Change) -> None:
+    sound = [made_up("stp", 1.0), made_up("a", 0.8), made_up("b", 0.9)]
+    content = made_up("odd", 0.1).model_dump()
+    change(content)
+    content["digest"] = hex_of("odd")
+    found = standings([Record.model_validate(content), *sound])
+    assert [found[record.digest].places["all"].rank for record in sound] == [3, 1, 2]
+    odd = found[hex_of("odd")]
+    assert (odd.compared, odd.places["all"].rank) == (False, None)
+
+
+def test_many_forged_records_do_not_become_the_main_ranking() -> None:
+    crowd = [made_up(f"odd_{i}", 0.1 + 0.1 * i, env={"data_manifest": "00" * 32}) for i in range(5)]
+    sound = [made_up("stp", 1.0), made_up("a", 0.8)]
+    found = standings([*crowd, *sound])
+    assert [found[record.digest].places["all"].rank for record in (*crowd, *sound)] == [None] * 5 + [2, 1]
+    assert why(crowd[0], sound[0]) == "other data, scenes or hidden scenes than the ranked ones"
+
+
+def test_one_broken_record_stops_no_board(honest: tuple[Path, Record], cli: CommandLine) -> None:
+    path, _ = honest
+    save_record(made_up("stp", 1.0), path.parents[1] / "stp" / path.name)
+    (path.parents[1] / "odd").mkdir()
+    (path.parents[1] / "odd" / path.name).write_text('{"format": 2, "rows": [[]]}')
+    content = path.parents[1] / "found.txt"
+    said = " ".join(cli.ok("board", "--records", path.parents[1], "--json", content).split())
+    assert "refused: " in said
+    assert [(row["submission"], row["rank"]) for row in json.loads(content.read_text())[MAIN]] == [
+        ("honest", 1),
+        ("stp", 2),
+    ]
+    assert cli("board", "--records", path.parents[1], "--strict").status == 1
+
+
+# --- H6: a level where nothing was held
+
+
+def test_what_nothing_held_is_re_scored_at_most(echo: tuple[Path, Path], card: str, kitti: str, tmp_path: Path) -> None:
+    folder, genuine = echo
+    nothing = "nothing held the agent when the record was made (isolation 'none')"
+    loose: Change = lambda content: content["isolation"].update(mechanism="none")  # noqa: E731
+    path = forged(tmp_path / "a.json", load_record(genuine), loose)
+    checked = verify(path, RunOptions(kitti), card, submission=folder, rerun=True)
+    assert (checked.holds, checked.level) == (True, "re-scored")
+    assert checked.notes == (f"no more than re-scored: {nothing}",)
+
+
+def test_neither_an_open_system_nor_graphics_cards_prove_a_closed_record() -> None:
+    record, held = write_record(1.0), IsolationPart(mechanism="namespaces", filtered=True, memory="watch", cuda=False)
+    assert why_not_isolated(record, [held]) == ""
+    assert "in this run" in why_not_isolated(record, [held.model_copy(update={"filtered": False})])
+    cards = held.model_copy(update={"cuda": True})
+    assert "graphics cards in this run" in why_not_isolated(record, [cards])
+    assert why_not_isolated(write_record(1.0, division="open"), [cards]) == ""
+
+
+# --- Medium: what ranked and must not
+
+
+def test_an_agent_that_knows_the_public_scenes_ranks_by_hidden_ones() -> None:
+    """36 % worse on hidden scenes was within the intervals once."""
+    knows, honest = write_record(*[0.5] * 8, name="knows"), write_record(*[1.0] * 8, name="honest")
+    ships = ships_of(knows, simulated=True)
+    scale = [1.0 + 0.01 * (i % 7) for i in range(50)]
+    parts = {"knows": hidden_part(*[1.36 * s for s in scale]), "honest": hidden_part(*scale)}
+    levels = {r.digest: signed_level(r, "hidden", parts[r.submission.name]) for r in (knows, honest)}
+    found = standings([knows, honest], levels, ships)
+    assert [found[r.digest].places["all"].rank for r in (knows, honest)] == [2, 1]
+    alone = standings([knows, honest], {honest.digest: levels[honest.digest]}, ships)
+    assert alone[knows.digest].places["all"].why == "not scored on hidden scenes yet"
+
+
+def test_fewer_than_fifty_hidden_scenes_rank_nobody_and_another_seal_ranks_apart() -> None:
+    one, two = write_record(*[1.0] * 8, name="one"), write_record(*[1.0] * 8, name="two")
+    ships = ships_of(one, simulated=True)
+    few = {one.digest: signed_level(one, "hidden", hidden_part(*[1.0] * 49))}
+    assert standings([one], few, ships)[one.digest].places["all"].why == "scored on 49 hidden scenes, ranks need 50"
+    old = signed_level(one, "hidden", hidden_part(*[1.0] * 50, seal="old"), made="2029-01-01", retired="2029-06-01")
+    new = signed_level(two, "hidden", hidden_part(*[2.0] * 50), made="2030-01-01")
+    found = standings([one, two], {one.digest: old, two.digest: new}, ships)
+    assert found[two.digest].places["all"].rank == 1
+    assert found[one.digest].places["all"].why == "other data, scenes or hidden scenes than the ranked ones"
+
+
+HOUR = asdict(replace(Limits(), frame=3600.0))
+NOT_RANKED: dict[str, tuple[Content, str]] = {
+    "seeds of one's own": ({"seeds": [3, 4, 5]}, "seeds 3, 4, 5, ranks need 0, 1, 2"),
+    "the best of many seeds": ({"seeds": [0, 1, 7]}, "seeds 0, 1, 7, ranks need 0, 1, 2"),
+    "an hour per frame": ({"limits": HOUR}, "other limits than those of the closed division"),
+    "graphics cards": ({"isolation": {"cuda": True}}, "graphics cards are for the open division"),
+    "own weights": ({"reference": {"hash": "00" * 32}}, "other event weights than the frozen ones"),
+    "weights that only say frozen": ({"reference": {"frozen": False}}, "other event weights than the frozen ones"),
+    "a card of one's own": ({"env": {"card_digest": "00" * 8}}, "card 0000000000000000, the one that ships is"),
+    "an env of one's own": ({"env": {"id": "MTP-Mine-v0"}}, "no env of that id ships"),
+    "an earlier scorer": ({"scorer": {"source_digest": "00" * 32}}, "scored by definitions 2.0"),
+}
+
+
+@pytest.mark.parametrize("what", NOT_RANKED)
+def test_other_conditions_are_shown_never_ranked(what: str, tmp_path: Path) -> None:
+    changed, reason = NOT_RANKED[what]
+    record = save_record(made_up("odd", 0.1, **changed), tmp_path / "a.json")
+    assert load_record(tmp_path / "a.json") == record, "it holds together, it is only not ranked"
+    sound = made_up("stp", 1.0)
+    assert why(record, sound).startswith(reason)
+    assert rank_of("stp", [record, sound]) == 1
+
+
+def test_three_scenes_are_not_the_whole_split(tmp_path: Path) -> None:
+    few = made_up("few", 0.1, scenes=3, env={"scenes_of_split": 3})
+    save_record(few, tmp_path / "a.json")
+    assert load_record(tmp_path / "a.json").status == "finished"
+    assert why(few) == "3 of 4 scenes"
+
+
+def test_other_targets_than_the_frozen_ones_do_not_rank() -> None:
+    content = made_up("odd", 0.1).model_dump()
+    for part in ("weight", "error"):  # the hard scene made small
+        content["per_scene"][0][part]["all"] = [value / 100 for value in content["per_scene"][0][part]["all"]]
+    assert (
+        why(Record.model_validate(content)) == "scene 'wildtrack-1200' has other targets than its frozen event weights"
+    )
+
+
+IMPOSSIBLE: dict[str, tuple[Change, str]] = {
+    "negative errors": (
+        lambda c: c["per_scene"][0]["error"]["all"].__setitem__(0, -50.0),
+        "got -50.0: Input should be greater than or equal to 0",
+    ),
+    "more than a miss costs": (
+        lambda c: c["per_scene"][0]["error"]["lost"].__setitem__(0, 1e4),
+        "has the error 10000, expected 0 to 4 x weight",
+    ),
+    "a better row": (lambda c: c["rows"][0].update(error=0.01), "error is 0.01, the sums of its units give"),
+    "a narrow interval": (lambda c: c["rows"][0].update(interval=[0.9, 0.9]), "interval from is 0.9"),
+    "parts that do not add up": (lambda c: c["rows"][0].update(localisation=0.0), r"localisation \+ missed"),
+    "more than all covered": (lambda c: c["rows"][1].update(coverage=1.5), "coverage is 1.5, expected 0 to 1"),
+    "a rank": (lambda c: c["rows"][0].update(rank=1), "rank is 1, expected null"),
+    "a gap": (lambda c: c["rows"][0].update(gap_closed=0.9), "gap_closed is 0.9, expected null"),
+    "more targets": (lambda c: c["rows"][0].update(targets=99_999), "targets is 99999"),
+    "more objects than targets": (lambda c: c["rows"][0].update(objects=99_999), "objects is 99999"),
+    "another agent in a row": (lambda c: c["rows"][3].update(agent="stp"), "agent, hypotheses, samples and seeds are"),
+    "silence that costs too much": (lambda c: c.update(silence=1e3), "silence is 1000.0, expected 0 to 4 m"),
+    "one seal": (lambda c: c.update(seals=dict(list(c["seals"].items())[:1])), "seals has 1 keys"),
+    "rollouts of other scenes": (
+        lambda c: c["rollout_digests"].update({"x|0": "00" * 32}),
+        "rollout_digests has 13 keys",
+    ),
+    "no scene lost, one reason": (lambda c: c["missed"].update(reasons={"x|0": "y"}), "crashed_scenes is 0"),
+    "finished all the same": (
+        lambda c: c["env"].update(scenes_of_split=9),
+        "status is 'finished' .*, its runs give 'part",
+    ),
+    "more scenes than there are": (lambda c: c["env"].update(scenes_of_split=2), "scenes is 4, the split has 2"),
+    "giant details": (lambda c: c.update(details={str(i): "x" * 1999 for i in range(600)}), "details take 12"),
+    "a long reason": (lambda c: c["details"].update(why="x" * 3000), "details.why has 3000 characters"),
+    "a key that steers the terminal": (lambda c: c["details"].update({"\x1b[2J": 1}), r"has the character U\+001B"),
+    "half a character": (lambda c: c["submission"]["parameters"].update(a=["\ud800"]), r"has the character U\+D800"),
+    "nested a thousand times": (lambda c: c["details"].update(a=nested(60)), "deeper than 32 levels"),
+    "a number of a thousand digits": (lambda c: c["details"].update(a=10**1000), "has 1001 digits"),
+}
+
+
+def nested(depth: int) -> Any:
+    return [] if depth == 0 else [nested(depth - 1)]
+
+
+@pytest.mark.parametrize("what", IMPOSSIBLE)
+def test_what_cannot_be_is_refused(what: str, tmp_path: Path) -> None:
+    change, message = IMPOSSIBLE[what]
+    with pytest.raises(RecordError, match=message):
+        load_record(forged(tmp_path / "a.json", made_up("odd", 0.9), change))
+
+
+@pytest.mark.parametrize("name", ["Stp", "st\u0440", "s tp", "../stp", "x" * 200, "stp\n", ""])
+def test_names_that_only_look_alike_are_refused(name: str, honest: tuple[Path, Record]) -> None:
+    path, record = honest
+    content = json.loads(path.read_text())
+    content["submission"]["name"] = name
+    path.write_text(json.dumps(content))
+    with pytest.raises(RecordError, match=r"submission\.name: got|has the character"):
+        load_record(path)
+    assert record.submission.name == "honest"
+
+
+def test_a_file_of_many_megabytes_is_not_read(tmp_path: Path) -> None:
+    (tmp_path / "a.json").write_text('{"format": 2, "x": "' + "x" * (9 << 20) + '"}')
+    with pytest.raises(RecordError, match="more than 8 MiB"):
+        load_record(tmp_path / "a.json")
+
+
+def test_a_second_stp_is_no_stp() -> None:
+    """It would lift the guard of the event subsets and be the end of every gap."""
+    truth, agent = made_up("truth_past", 0.4, env={"observe": "truth"}), made_up("agent", 1.2)
+    fake, genuine = made_up("stp", 3.0, submission={"digest": hex_of("mine")}), made_up("stp", 1.0)
+    assert genuine.submission.digest == baseline_digest("stp")
+    found = standings([fake, truth, agent])
+    assert found[fake.digest].places["all"].why == "'stp' is the name of a baseline, and this is another submission"
+    assert found[agent.digest].gaps == {}
+    found = standings([fake, genuine, truth, agent])
+    assert found[agent.digest].gaps["all"] == pytest.approx((1.0 - 1.2) / (1.0 - 0.4))
+    assert found[agent.digest].places["ids"].why == "over all targets its error is above that of stp"
+
+
+def test_one_name_has_one_owner() -> None:
+    mine, theirs = made_up("agent", 0.5), made_up("agent", 0.9, submission={"digest": hex_of("theirs")})
+    reason = "2 submissions have the name 'agent'"
+    assert (why(mine, theirs), why(theirs, mine)) == (reason, reason)
+    signed = {theirs.digest: signed_level(theirs)}
+    assert (why(mine, theirs, signed), why(theirs, mine, signed)) == (reason, "")
+
+
+# --- levels that are forged, copied, or of somebody else
+
+
+def sign(path: Path, record: Record, key: Path, level: Level = "re-run", **changed: Any) -> Path:
+    content = {"level": level, "isolation": "bubblewrap", "date": "2030-01-01", **bound_to(record), **changed}
+    return write_level(path, Statement.model_validate(content), key, SIGNER)
+
+
+def note(path: Path, trust: Path) -> str:
+    """Why the level beside a record is not shown."""
+    signed, said = read_level(path, load_record(path), trusted(trust))
+    assert signed is None
+    return said
+
+
+def test_a_genuine_level_is_shown(honest: tuple[Path, Record], leaderboard: Path, key: Path) -> None:
+    path, record = honest
+    sign(path, record, key)
+    signed, said = read_level(path, record, trusted(leaderboard))
+    assert said == ""
+    assert signed is not None
+    assert (signed.level, signed.signer) == ("re-run", SIGNER)
+
+
+def test_a_level_of_another_record_is_not_shown(
+    honest: tuple[Path, Record], leaderboard: Path, key: Path, tmp_path: Path
+) -> None:
+    path, _ = honest
+    other = tmp_path / "records" / "other" / path.name
+    record = save_record(made_up("other", 0.2), other)
+    shutil.copy(sign(other, record, key), level_path(path))
+    assert "of another record: record is " in note(path, leaderboard)
+
+
+def test_a_level_of_an_earlier_version_is_not_shown(honest: tuple[Path, Record], leaderboard: Path, key: Path) -> None:
+    path, record = honest
+    sign(path, record, key)
+    save_record(record.model_copy(update={"training_data": ["all of it"]}), path)
+    assert "of another record: record is " in note(path, leaderboard)
+
+
+def test_a_key_that_is_not_listed_signs_nothing(
+    honest: tuple[Path, Record], leaderboard: Path, tmp_path: Path, cli: CommandLine
+) -> None:
+    path, record = honest
+    mine = make_key(tmp_path / "mine")
+    sign(path, record, mine)
+    assert "not signed by a trusted key" in note(path, leaderboard)
+    said = cli.ok("board", "--records", path.parents[1], "--base", leaderboard)
+    assert "not signed by a trusted key" in " ".join(said.split())
+    arguments = ("verify", path, "--sign", mine, "--signer", SIGNER, "--base", leaderboard)
+    assert "what it signs for 'tester' is not trusted" in cli(*arguments).error, "before anything is run"
+
+
+@pytest.mark.parametrize("options", ['valid-before="20200101"', 'valid-after="20990101"', 'namespaces="mail"'])
+def test_a_key_out_of_its_time_or_for_something_else_signs_nothing(
+    options: str, honest: tuple[Path, Record], leaderboard: Path, key: Path
+) -> None:
+    path, record = honest
+    sign(path, record, key)
+    (leaderboard / "keys" / "allowed_signers").write_text(listed(key, options=options))
+    assert "not signed by a trusted key" in note(path, leaderboard)
+
+
+def test_a_revoked_key_signs_nothing(honest: tuple[Path, Record], leaderboard: Path, key: Path, tmp_path: Path) -> None:
+    path, record = honest
+    sign(path, record, key)
+    revoked, other = leaderboard / "keys" / "revoked_keys", make_key(tmp_path / "other")
+    shutil.copy(other.with_name("other.pub"), revoked)
+    assert read_level(path, record, trusted(leaderboard))[1] == "", "another key was revoked"
+    with revoked.open("a") as file:
+        file.write(key.with_name("tester.pub").read_text())
+    assert "not signed by a trusted key" in note(path, leaderboard)
+
+
+STATEMENTS: dict[str, tuple[Change, str]] = {
+    "a higher level": (lambda c: c["statement"].update(level="hidden"), "not signed by a trusted key"),
+    "another date": (lambda c: c["statement"].update(date="2031-01-01"), "not signed by a trusted key"),
+    "another signer": (lambda c: c.update(signer="somebody"), "not signed by a trusted key"),
+    "anybody": (lambda c: c.update(signer="*"), "signer: got"),
+    "an option as signer": (lambda c: c.update(signer="-Y"), "signer: got"),
+    "no signature": (lambda c: c.update(signature=""), "not signed by a trusted key"),
+    "more than it knows": (lambda c: c["statement"].update(rank=1), "unknown key"),
+    "a long signature": (lambda c: c.update(signature="x" * 1999 * 11), "characters"),
+}
+
+
+@pytest.mark.parametrize("what", STATEMENTS)
+def test_a_changed_statement_is_not_shown(what: str, honest: tuple[Path, Record], leaderboard: Path, key: Path) -> None:
+    path, record = honest
+    change, message = STATEMENTS[what]
+    file = sign(path, record, key)
+    content = json.loads(file.read_text())
+    change(content)
+    file.write_text(json.dumps(content))
+    assert message in note(path, leaderboard)
+
+
+def test_a_level_that_is_a_link_is_not_shown(
+    honest: tuple[Path, Record], leaderboard: Path, key: Path, tmp_path: Path
+) -> None:
+    path, record = honest
+    file = sign(path, record, key)
+    file.rename(tmp_path / "elsewhere.json")
+    file.symlink_to(tmp_path / "elsewhere.json")
+    assert "it is no file of its own" in note(path, leaderboard)
+    with pytest.raises(MtpBenchError, match="is a link"):
+        sign(path, record, key)
+
+
+def test_without_ssh_keygen_no_level_is_shown_and_that_is_said(
+    honest: tuple[Path, Record], leaderboard: Path, key: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, record = honest
+    sign(path, record, key)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert "ssh-keygen is not installed" in note(path, leaderboard)
+
+
+SIMULATED = "MTP-Merge-v0"
+
+
+@pytest.fixture
+def on_seal(leaderboard: Path, tmp_path: Path) -> tuple[Path, Record, Commitment]:
+    """A record of a simulated env, and a seal of two scenes that is listed."""
+    known = shipped(SIMULATED)
+    assert known is not None
+    seeds = SecretSeeds(env=SIMULATED, card_digest=known.card, first=2_000_000, count=2, salt="s" * 64)
+    promise = Commitment(
+        env=SIMULATED, card_digest=known.card, count=2, commitment=commitment_of(seeds), made="2030-01-01"
+    )
+    (leaderboard / "seals" / "first.commitment.json").write_text(promise.model_dump_json())
+    path = tmp_path / "records" / "agent" / f"{SIMULATED}.json"
+    return path, save_record(made_up("agent", 0.5, SIMULATED, spread=0.05), path), promise
+
+
+def sealed_part(promise: Commitment, **changed: Any) -> HiddenPart:
+    return hidden_part(1.0, 2.0, name="agent", **({"commitment": promise.commitment} | changed))
+
+
+def test_a_hidden_part_of_its_seal_is_shown(
+    on_seal: tuple[Path, Record, Commitment], leaderboard: Path, key: Path
+) -> None:
+    path, record, promise = on_seal
+    sign(path, record, key, "hidden", hidden=sealed_part(promise))
+    signed, said = read_level(path, record, trusted(leaderboard))
+    assert (said, signed is not None) == ("", True)
+    assert why_unranked(record, signed) == "scored on 2 hidden scenes, ranks need 50"
+
+
+def sums_of_others(part: HiddenPart) -> HiddenPart:
+    return part.model_copy(update={"error": {**part.error, "all": [1.0, 1.0]}})
+
+
+def test_a_hidden_part_that_is_not_of_its_seal_is_not_shown(
+    on_seal: tuple[Path, Record, Commitment], leaderboard: Path, key: Path
+) -> None:
+    path, record, promise = on_seal
+    sign(path, record, key, "hidden", hidden=sealed_part(promise, commitment=hex_of("of nobody")))
+    assert "its hidden scenes are of no seal" in note(path, leaderboard)
+    sign(path, record, key, "hidden", hidden=hidden_part(1.0, 2.0, 3.0, commitment=promise.commitment))
+    assert "has 3 hidden scenes" in note(path, leaderboard)
+    sign(path, record, key, "hidden", hidden=sums_of_others(sealed_part(promise)))
+    assert "hidden scenes: row 'all': error is 1.5, the sums of its units give 0.1" in note(path, leaderboard)
+    sign(path, record, key, "re-run", hidden=sealed_part(promise))
+    assert "level 're-run' with hidden scenes" in note(path, leaderboard)
+    sign(path, record, key, "hidden")
+    assert "level 'hidden' without hidden scenes" in note(path, leaderboard)
+
+
+def test_public_scenes_are_never_hidden_ones(
+    on_seal: tuple[Path, Record, Commitment], leaderboard: Path, key: Path
+) -> None:
+    """A seal whose seeds are those of a split of the card cannot be opened, let alone signed."""
+    _, _, promise = on_seal
+    content = {"env": SIMULATED, "card_digest": promise.card_digest, "first": 10_000, "count": 50, "salt": "s" * 64}
+    secret = leaderboard / "public.json"
+    secret.write_text(json.dumps(content))
+    with pytest.raises(RecordError, match="first: got 10000"):
+        open_seal(secret)
+    assert isinstance(trusted(leaderboard), Trust)
+
+
+# --- what a pull request brings
+
+
+@pytest.fixture
+def proposal(leaderboard: Path, tmp_path: Path) -> Path:
+    """A copy of the leaderboard with a record of a new submission, and its owner."""
+    folder = tmp_path / "head" / "leaderboard"
+    shutil.copytree(leaderboard, folder)
+    save_record(made_up("newcomer", 0.9), folder / "records" / "newcomer" / f"{MAIN}.json")
+    (folder / "owners.toml").write_text('[owners]\nnewcomer = "ada"\n')
+    return folder
+
+
+def taken(cli: CommandLine, proposal: Path, leaderboard: Path, owner: str = "ada") -> str:
+    """What the intake says: nothing of the error where it takes all."""
+    output = cli("verify", proposal, "--intake", "--base", leaderboard, "--owner", owner)
+    return "" if output.status == 0 else output.error
+
+
+def test_a_proposal_is_taken_in(cli: CommandLine, proposal: Path, leaderboard: Path) -> None:
+    said = cli.ok("verify", proposal, "--intake", "--base", leaderboard, "--owner", "Ada")
+    assert f"newcomer/{MAIN}.json: can be taken in" in "".join(said.split("\n"))
+    assert "names no source" in " ".join(said.split())
+
+
+def with_level(proposal: Path, _: Path) -> None:
+    level_path(proposal / "records" / "newcomer" / f"{MAIN}.json").write_text("{}")
+
+
+def as_link(proposal: Path, leaderboard: Path) -> None:
+    path = proposal / "records" / "newcomer" / f"{MAIN}.json"
+    path.rename(leaderboard.parent / "x.json")
+    path.symlink_to(leaderboard.parent / "x.json")
+
+
+def as_pipe(proposal: Path, _: Path) -> None:
+    os.mkfifo(proposal / "records" / "newcomer" / "x.json")
+
+
+def elsewhere(proposal: Path, _: Path) -> None:
+    (proposal / "records" / "newcomer").rename(proposal / "records" / "other")
+
+
+def more_code(proposal: Path, _: Path) -> None:
+    (proposal / "records" / "newcomer" / "agent.py").write_text("print(1)")
+
+
+def own_key(proposal: Path, _: Path) -> None:
+    (proposal / "keys" / "allowed_signers").write_text("me ssh-ed25519 AAAA\n")
+
+
+def own_seal(proposal: Path, _: Path) -> None:
+    (proposal / "seals" / "mine.commitment.json").write_text("{}")
+
+
+def no_owner(proposal: Path, _: Path) -> None:
+    (proposal / "owners.toml").write_text("[owners]\n")
+
+
+def for_another(proposal: Path, _: Path) -> None:
+    (proposal / "owners.toml").write_text('[owners]\nnewcomer = "bob"\n')
+
+
+def look_alike(proposal: Path, _: Path) -> None:
+    (proposal / "owners.toml").write_text('[owners]\nnewcomer = "ada"\ns_t-p = "ada"\n')
+
+
+def of_a_baseline(proposal: Path, _: Path) -> None:
+    save_record(made_up("stp", 0.1), proposal / "records" / "stp" / f"{MAIN}.json")
+
+
+def taken_over(proposal: Path, leaderboard: Path) -> None:
+    (leaderboard / "owners.toml").write_text('[owners]\nnewcomer = "bob"\n')
+
+
+def of_somebody_else(proposal: Path, leaderboard: Path) -> None:
+    for folder in (leaderboard, proposal):
+        (folder / "owners.toml").write_text('[owners]\nnewcomer = "bob"\n')
+
+
+def removed(_: Path, leaderboard: Path) -> None:
+    save_record(made_up("theirs", 0.5), leaderboard / "records" / "theirs" / f"{MAIN}.json")
+
+
+def without_a_rivals_level(proposal: Path, leaderboard: Path) -> None:
+    for folder in (leaderboard, proposal):
+        save_record(made_up("theirs", 0.5), folder / "records" / "theirs" / f"{MAIN}.json")
+    level_path(leaderboard / "records" / "theirs" / f"{MAIN}.json").write_text("{}")
+
+
+def of_another_card(proposal: Path, _: Path) -> None:
+    path = proposal / "records" / "newcomer" / f"{MAIN}.json"
+    save_record(made_up("newcomer", 0.5, env={"card_digest": "00" * 8}), path)
+
+
+PROPOSALS: dict[Callable[[Path, Path], None], str] = {
+    with_level: "key 'statement' is missing",
+    as_link: "neither a file nor a folder, such as a link",
+    as_pipe: "neither a file nor a folder, such as a link",
+    elsewhere: "expected it at newcomer/",
+    more_code: "agent.py: expected records/<submission>/<env id>.json",
+    own_key: "keys/allowed_signers: expected records/",
+    own_seal: "seals/mine.commitment.json: expected records/",
+    no_owner: "the name 'newcomer' has no owner",
+    for_another: "gives 'newcomer' to 'bob', expected 'ada'",
+    look_alike: "'s_t-p' looks like 'stp', which is taken",
+    of_a_baseline: "'stp' is a baseline, only maintainers make its records",
+    taken_over: "'newcomer' belongs to 'bob': only maintainers change that",
+    of_somebody_else: "the name 'newcomer' belongs to 'bob', not to 'ada'",
+    removed: "is removed; only maintainers remove files",
+    without_a_rivals_level: f"records/theirs/{MAIN}.level.json: is removed; only maintainers remove files",
+    of_another_card: "with card 0000000000000000 does not ship",
+}
+
+
+@pytest.mark.parametrize("change", PROPOSALS, ids=lambda change: change.__name__)
+def test_what_a_proposal_must_not_bring(
+    change: Callable[[Path, Path], None], cli: CommandLine, proposal: Path, leaderboard: Path
+) -> None:
+    change(proposal, leaderboard)
+    assert PROPOSALS[change] in taken(cli, proposal, leaderboard)
+
+
+def test_an_earlier_level_does_not_take_the_place_of_a_better_one(
+    cli: CommandLine, proposal: Path, leaderboard: Path, key: Path
+) -> None:
+    shutil.copytree(proposal, leaderboard, dirs_exist_ok=True)
+    path, base = (folder / "records" / "newcomer" / f"{MAIN}.json" for folder in (proposal, leaderboard))
+    record = load_record(path)
+    sign(base, record, key, "re-run")
+    sign(path, record, key, "re-scored")
+    assert "re-scored of 2030-01-01 is less than the level that is there" in taken(cli, proposal, leaderboard)
+    sign(path, record, key, "re-run", date="2030-01-02")
+    assert taken(cli, proposal, leaderboard) == ""
+
+
+def test_a_level_goes_with_the_record_that_it_was_of(
+    cli: CommandLine, proposal: Path, leaderboard: Path, key: Path
+) -> None:
+    shutil.copytree(proposal, leaderboard, dirs_exist_ok=True)
+    path, base = (folder / "records" / "newcomer" / f"{MAIN}.json" for folder in (proposal, leaderboard))
+    sign(base, load_record(base), key)
+    assert "is removed; only maintainers remove files" in taken(cli, proposal, leaderboard)
+    save_record(made_up("newcomer", 0.8), path)
+    assert taken(cli, proposal, leaderboard) == ""

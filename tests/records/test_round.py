@@ -1,0 +1,107 @@
+"""A whole round: all records of a folder, each as far as it can be checked; started again, it goes on."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import asdict, fields
+from pathlib import Path
+
+import pytest
+
+from mtp_bench.gateway import Limits
+from mtp_bench.records import load_record, save_record, submit
+from mtp_bench.records.attestation import level_path
+from mtp_bench.records.record import LimitsPart
+from mtp_bench.records.rerun import run_again
+from mtp_bench.records.running import plan_run, rollout_digests, rollouts_of
+from mtp_bench.running.options import RunOptions
+from mtp_bench.submission.loader import load_submission
+from tests.support.command_line import CommandLine, read_json, write_submission
+from tests.support.leaderboards import SIGNER
+from tests.support.small_scenes import CARD_ID
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> Path:
+    """A folder with submissions and their records: one that holds, one whose submission changed, one of a baseline."""
+    root = tmp_path_factory.mktemp("round")
+    for name in ("echo", "moved"):
+        submit(write_submission(root / "submissions" / name, name), card, RunOptions(kitti), root / "records" / name)
+    with (root / "submissions" / "moved" / "agent.py").open("a") as file:
+        file.write("# later\n")
+    submit("stp", card, RunOptions(kitti), root / "records" / "stp")
+    return root
+
+
+def test_a_round_goes_through_all_records_and_goes_on_when_started_again(
+    made: Path, cli: CommandLine, card: str, kitti: str, tmp_path: Path, leaderboard: Path, key: Path
+) -> None:
+    records, found = tmp_path / "records", tmp_path / "found.json"
+    shutil.copytree(made / "records", records)
+    (records / "broken").mkdir()
+    (records / "broken" / f"{CARD_ID}.json").write_text("{")
+    arguments = (
+        "verify", records, "--env", card, "--data", kitti, "--jobs", 1, "--json", found, "--base", leaderboard,
+        "--rerun", "--submissions", made / "submissions", "--sign", key, "--signer", SIGNER,
+    )  # fmt: skip
+    output = cli(*arguments)
+    assert output.status == 1
+    assert "not valid JSON" in output.error
+    assert "the submission 'moved' has" in output.error
+    verdicts = {Path(each["record"]).parent.name: each for each in read_json(found)["records"]}
+    assert {name: each.get("level") for name, each in verdicts.items()} == {
+        "broken": None, "echo": "re-run", "moved": None, "stp": "re-run",
+    }  # fmt: skip
+    signed = level_path(records / "echo" / f"{CARD_ID}.json")
+    before = signed.stat().st_mtime_ns
+    again = cli(*arguments)
+    assert again.out.count(f"signed by {SIGNER}") == 2
+    assert "not valid JSON" in again.error
+    assert signed.stat().st_mtime_ns == before, "what is reached is not run again"
+    signed.unlink()
+    (records / "broken" / f"{CARD_ID}.json").unlink()
+    shutil.rmtree(records / "moved")
+    assert "re-run, signed by" in " ".join(cli.ok(*arguments).split())
+    assert signed.is_file()
+
+
+def test_without_a_key_nothing_is_written(made: Path, cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:
+    shutil.copytree(made / "records" / "stp", tmp_path / "stp")
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    cli.ok("verify", tmp_path, "--env", card, "--data", kitti, "--jobs", 1)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
+def test_a_key_needs_a_name_and_a_file(cli: CommandLine, made: Path, leaderboard: Path, tmp_path: Path) -> None:
+    path = made / "records" / "stp" / f"{CARD_ID}.json"
+    assert cli("verify", path, "--sign", tmp_path / "key").status == 2
+    assert cli("verify", path, "--signer", "me").status == 2
+    error = cli("verify", path, "--sign", tmp_path / "key", "--signer", "me", "--base", leaderboard).error
+    assert "no such key; `ssh-keygen -t ed25519" in error
+    assert "no such folder, expected a leaderboard" in cli("verify", path, "--base", tmp_path / "none").error
+
+
+def test_a_random_order_changes_no_answer(made: Path, card: str, kitti: str) -> None:
+    plan = plan_run(load_submission(made / "submissions" / "echo"), card, RunOptions(kitti))
+    record = load_record(made / "records" / "echo" / f"{CARD_ID}.json")
+    for _ in range(3):
+        runs = run_again(plan, record.seeds, Limits())
+        assert [run.rollout.scene for run in runs[0]] == [scene.scene for scene in record.per_scene]
+        assert rollout_digests(rollouts_of(runs)) == record.rollout_digests
+
+
+def test_other_limits_than_those_of_the_division_do_not_hold(
+    made: Path, cli: CommandLine, card: str, kitti: str, tmp_path: Path
+) -> None:
+    record = load_record(made / "records" / "echo" / f"{CARD_ID}.json")
+    path = tmp_path / "a.json"
+    save_record(record.model_copy(update={"limits": record.limits.model_copy(update={"frame": 3600.0})}), path)
+    more = ("--rerun", "--submission", made / "submissions" / "echo", "--jobs", 1, "--json", tmp_path / "b.json")
+    assert "1 difference" in cli("verify", path, "--env", card, "--data", kitti, *more).error
+    (difference,) = read_json(tmp_path / "b.json")["records"][0]["differences"]
+    assert difference == {"what": "limits.frame", "recorded": 3600.0, "found": 5.0}
+
+
+def test_limits_of_a_record_are_those_of_the_gateway() -> None:
+    assert list(LimitsPart.model_fields) == [field.name for field in fields(Limits)]
+    assert LimitsPart(**asdict(Limits())).frame == 5.0
