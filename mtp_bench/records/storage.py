@@ -112,8 +112,6 @@ def record_paths(folder: str | Path) -> list[Path]:
     found = [path for path in sorted(folder.rglob("*.json")) if not path.name.endswith(LEVEL_SUFFIX)]
     inside = (ROLLOUTS, PARTS)
     return [path for path in found if not any(part.endswith(inside) for part in path.relative_to(folder).parts)]
-        path for path in found if not any(part.endswith((ROLLOUTS, PARTS)) for part in path.relative_to(folder).parts)
-    ]
 
 
 def rollouts_folder(path: Path, seed: int) -> Path:
