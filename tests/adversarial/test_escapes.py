@@ -21,6 +21,7 @@ from mtp_bench.gateway import SceneRun, run, run_isolated
 from mtp_bench.gateway.filter import system_call_filter
 from mtp_bench.gateway.mechanism import Mechanism, _works
 from tests.support.hostile import HONEST, QUICK, SCENE, Court, submission
+from tests.support.runs import PATIENT
 
 WAYS: tuple[Mechanism, ...] = ("bubblewrap", "namespaces")
 
@@ -73,9 +74,11 @@ def everything():
 SEARCH = (
     WALK
     + """
-for path in everything():
+for path in everything() if self.frame == 0 else ():
+    if path.suffix not in (".json", ".txt", ".npz", ".toml"):
+        continue
     try:
-        small = path.is_file() and path.suffix in (".json", ".txt", ".npz", ".toml") and path.stat().st_size < 9000
+        small = path.is_file() and path.stat().st_size < 9000
         assert not (small and self.given["secret"].encode() in path.read_bytes()), f"read the secret at {path}"
     except OSError:
         continue
@@ -255,7 +258,7 @@ def secret(court: Court, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 
 
 def test_a_seal_is_nowhere_to_be_found(held: str, court: Court, secret: str) -> None:
-    expect_no_gain(court, court.run(act(SEARCH), secret=secret))
+    expect_no_gain(court, court.run(act(SEARCH), PATIENT, secret=secret))
 
 
 def test_no_socket_and_no_fifo_leads_out(held: str, court: Court) -> None:

@@ -303,7 +303,8 @@ def test_a_whole_record_is_not_made_again(cli: CommandLine, command: list[str], 
     cli.ok(*command)
     before = (tmp_path / "out" / RECORD).stat()
     cli.ok(*command, "--resume")
-    assert (tmp_path / "out" / RECORD).stat() == before
+    after = (tmp_path / "out" / RECORD).stat()
+    assert (after.st_ino, after.st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
     cli.ok(*command, "--resume", "--training-data", "more")
     assert load_record(tmp_path / "out" / RECORD).training_data == ["more"]
 
