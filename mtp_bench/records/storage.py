@@ -10,7 +10,7 @@ from typing import Any
 from ..errors import MtpBenchError, RecordError
 from ..files import require_folder, write_text
 from ..scoring.subsets import SUBSETS
-from ..strict import validate
+from ..strict import read_json, validate
 from .record import Record
 
 OUTSIDE = ("digest", "measured")  # no part of the digest
@@ -153,18 +153,4 @@ def _plain(record: Record) -> dict[str, Any]:
 
 def read_table(path: Path, absent: str) -> dict[str, Any]:
     """A table from a JSON file; raises RecordError where there is none, with ``absent`` where there is no file."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
-    except FileNotFoundError:
-        raise RecordError(f"{path}: {absent}") from None
-    except OSError as error:
-        raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except (ValueError, RecursionError) as error:
-        raise RecordError(f"{path}: not valid JSON: {error}") from None
-    if not isinstance(content, dict):
-        raise RecordError(f"{path}: holds {type(content).__name__}, expected a table")
-    return content
-
-
-def _refuse(text: str) -> None:
-    raise ValueError(f"{text} is no number of JSON")
+    return read_json(path, RecordError, absent, MOST_BYTES)

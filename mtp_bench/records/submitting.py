@@ -92,6 +92,7 @@ def submit(
         reference = reference_for(plan.card, plan.scenes, options)
         options.progress.started((len(options.seeds) + 1) * len(plan.scenes))
         runs = {seed: run_seed(plan, seed, limits, parts) for seed in options.seeds}
+        _require_unchanged(submission)
         found = evaluate_plan(plan, runs, reference, watched=True)
         more: dict[str, Any] = {"division": division, "training_data": declared}
         return _save(target, plan, runs, _record(plan, runs, found, limits).model_copy(update=more))
@@ -155,6 +156,15 @@ def _finished(target: Path, stated: Mapping[str, Any]) -> Record | None:
     except RecordError:
         return None
     return record if _stated_by(record) == stated else None
+
+
+def _require_unchanged(submission: Submission) -> None:
+    """A record is of one submission: what it is of is read before the first scene, and once more after the last."""
+    if load_submission(submission.path).digest != submission.digest:
+        raise SubmissionError(
+            f"{submission.path}: its files were changed while it was run, expected one submission in all scenes: "
+            "submit again with --fresh"
+        )
 
 
 def _require_limits(division: str, limits: Limits) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import MtpBenchError, UnknownNameError
-from ..files import weights_folder
+from ..files import WEIGHTS_VARIABLE, make_folder, weights_folder
 from ..prediction.learned.local import local_future
 from ..prediction.learned.network import Network, Sizes
 from ..prediction.learned.registry import network_of
@@ -138,7 +138,7 @@ def train_predictor(
     """
     network, sizes = network_of(request.network), Sizes.of(found.task)
     path = output or weights_folder() / file_name(request.network, request.on, found.task.env_id)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent, f"name another file, or another folder of weights with {WEIGHTS_VARIABLE}")
     lesson, checkpoint = lesson_of(network, found, sizes), path.with_suffix(".checkpoint")
     state = fit(network, sizes, lesson, request.chosen_plan, device_of(request.device), told, checkpoint)
     card = model_card(request, found, lesson, state)
