@@ -84,7 +84,7 @@ def submit(
     submission = load_submission(path)
     targets = {env_id: record_path(submission, load_card(env_id), output, split) for env_id in env}
     for target in targets.values():
-        require_writable(target)
+        require_writable(target, submission)
         if again.start() == "new":
             require_new(target)
     failed = []

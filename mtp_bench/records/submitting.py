@@ -80,7 +80,7 @@ def submit(
     submission = load_submission(path)
     plan = plan_run(submission, env_id, options)
     target = record_path(submission, load_card(env_id), output, options.split)
-    require_writable(target)
+    require_writable(target, submission)
     said_of(submission)  # what no record can hold is refused before the work
     _require_limits(division, limits)
     note = submission.note_on(plan.card.id)
@@ -182,8 +182,12 @@ def record_path(submission: Submission, card: Card, output: str | Path | None, s
     return folder / f"{card.id}{other}.json"
 
 
-def require_writable(target: Path) -> None:
-    """Refuse a record before the work: a file in the place of a folder, no permission, or no rollouts."""
+def require_writable(target: Path, submission: Submission) -> None:
+    """Refuse a record before the work: a part of the submission, no folder, no permission, or no rollouts."""
+    if target.resolve().is_relative_to(submission.path):
+        raise SubmissionError(
+            f"cannot write {target}: it would become a part of the submission {submission.path}: choose another output"
+        )
     require_folder(target)
     if target.parent.is_dir():
         require_file(target)
