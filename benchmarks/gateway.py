@@ -1,9 +1,10 @@
-"""Milliseconds per frame that the gateway adds to an agent: round trips with one that repeats an empty answer.
+"""What the gateway costs: milliseconds per frame, and seconds until an agent is built.
 
     python benchmarks/gateway.py [--frames 300] [--json FILE]
 
-The messages are as long as those of a full answer, whatever it says: arrays are padded. Called directly, the agent
-takes no time, so all that is measured is the gateway. No data is needed: observations are drawn from the cards' spaces.
+Round trips are those of an agent that repeats an empty answer. The messages are as long as those of a full answer,
+whatever it says: arrays are padded. Called directly, the agent takes no time, so all that is measured is the gateway.
+No data is needed: observations are drawn from the cards' spaces.
 """
 
 from __future__ import annotations
@@ -17,15 +18,18 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from mtp_bench import load_card
-from mtp_bench.env.environment import _task
+from mtp_bench import load_card, load_submission
+from mtp_bench.env.environment import MTPEnv, _task
 from mtp_bench.env.spaces import action_space, observation_space
-from mtp_bench.gateway import Limits
-from mtp_bench.gateway.exchange import Exchange
-from mtp_bench.gateway.process import AgentProcess
-from mtp_bench.gateway.surroundings import library_path
+from mtp_bench.gateway import Limits, run_isolated
+from mtp_bench.gateway.exchange import Exchange, answer_bytes
+from mtp_bench.gateway.image import image_of
+from mtp_bench.gateway.layout import layout_for
+from mtp_bench.gateway.mechanism import mechanism
+from mtp_bench.gateway.process import AgentProcess, Cell
 
 CARDS = ("MTP-KITTI-v0", "MTP-Intersection-v0", "MTP-nuScenes-mini-v0")
+STARTED = ("stp", "mtp", "mtp_modes")
 AGENT = """
 import numpy as np
 
@@ -57,9 +61,11 @@ def measured(env_id: str, frames: int) -> dict[str, float]:
         folder = Path(name)
         (folder / "agent.py").write_text(AGENT.format(shapes=shapes))
         (folder / "submission.toml").write_text(MANIFEST)
-        with AgentProcess(limits) as process:
+        image = image_of(load_submission(folder), env_id)
+        cell = Cell(layout_for(image, None), image, mechanism())
+        with AgentProcess(limits, cell, answer_bytes(space, limits)) as process:
             exchange = Exchange(process, limits, space, b"")
-            exchange.open(setup(folder, process, limits), asdict(replace(task, seed=0)))
+            exchange.open(process.setup({}), asdict(replace(task, seed=0)))
             seconds: list[float] = []
             action: dict[str, Any] = {}
             for _ in range(frames):
@@ -77,21 +83,14 @@ def measured(env_id: str, frames: int) -> dict[str, float]:
     }
 
 
+def start_seconds(name: str, env_id: str = "MTP-Intersection-v0", repeats: int = 5) -> float:
+    """Median seconds from the start of an agent's process until it is built."""
+    scene = MTPEnv(env_id).scene_names[0]
+    return statistics.median(run_isolated(name, env_id, {}, scene).started for _ in range(repeats))
+
+
 def sizes_of(card: Any) -> dict[str, int]:
     return {name: getattr(card.size, name) for name in ("tracks", "objects", "hypotheses", "detections")}
-
-
-def setup(folder: Path, process: AgentProcess, limits: Limits) -> dict[str, Any]:
-    return {
-        "submission": str(folder),
-        "parameters": {},
-        "own": {process.work: limits.disk, process.kernels: 1 << 20},
-        "hidden": [],
-        "kernels": None,
-        "path": library_path(),
-        "memory": limits.memory,
-        "disk": limits.disk,
-    }
 
 
 def main() -> None:
@@ -103,8 +102,10 @@ def main() -> None:
     for env_id, row in found.items():
         times = f"{row['median_ms']:6.2f} ms (p95 {row['p95_ms']:.2f})"
         print(f"{env_id:22} {times}  {row['observation_kib']:.0f} KiB asked, {row['answer_kib']:.0f} KiB answered")
+    starts = {name: start_seconds(name) for name in STARTED}
+    print("; ".join(f"{name} starts in {seconds:.2f} s" for name, seconds in starts.items()), f"({mechanism()})")
     if given.json is not None:
-        given.json.write_text(json.dumps(found, indent=2) + "\n")
+        given.json.write_text(json.dumps({"frames": found, "start_s": starts}, indent=2) + "\n")
 
 
 if __name__ == "__main__":

@@ -264,15 +264,3 @@ def _put_in_place(part: Path, folder: Path) -> None:
 def _require_access(path: Path, folder: Path) -> None:
     if not os.access(folder, os.W_OK | os.X_OK):
         raise MtpBenchError(f"cannot write {path}: no permission to write in {folder}")
-
-
-WEIGHTS_VARIABLE = "MTP_BENCH_WEIGHTS"
-
-
-def weights_folder() -> Path:
-    """Where weights that were trained here are kept: what MTP_BENCH_WEIGHTS names, else the user's data folder."""
-    if os.environ.get(WEIGHTS_VARIABLE):
-        return Path(os.environ[WEIGHTS_VARIABLE]).expanduser().absolute()
-    from platformdirs import user_data_path
-
-    return user_data_path("mtp_bench", appauthor=False) / "weights"

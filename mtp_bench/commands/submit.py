@@ -33,10 +33,14 @@ class Entry:
         list[str] | None, typer.Option(help="Data it was trained on beside what its manifest says.")
     ] = None
 
+    cuda: Annotated[bool, typer.Option("--cuda", help="Give the agent the graphics cards: open division.")] = False
+
     def stated(self) -> dict[str, Any]:
-        """As arguments of `records.submit`; wrong usage for an unknown division."""
+        """As arguments of `records.submit`; wrong usage for an unknown division, and what it does not have."""
         one_of(self.division, DIVISIONS, "--division")
-        return {"division": self.division, "training_data": self.training_data or ()}
+        if self.cuda and self.division != "open":
+            raise typer.BadParameter("only with --division open", param_hint="--cuda")
+        return {"division": self.division, "training_data": self.training_data or (), "cuda": self.cuda}
 
 
 @dataclass(frozen=True)

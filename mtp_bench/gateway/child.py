@@ -1,38 +1,30 @@
-"""The agent's side of the gateway: started as a script, in a folder of its own, with three descriptors.
+"""The agent's side of the gateway: started as a script, shut in, with two descriptors.
 
 Until the code of the submission is imported, all that runs here is the library's own.
 """
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
-import runpy
 import struct
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-_PREFIX = struct.Struct("<IQ")  # as in wire.py, which cannot be imported yet
+_PREFIX = struct.Struct("<IQ")  # as in wire.py, which needs numpy
 _SITE = ("site-packages", "dist-packages")
 
 
 def main() -> None:
     """Take orders from one descriptor and answer into the other until there are none."""
     orders, answers = int(sys.argv[1]), int(sys.argv[2])
-    sandbox = runpy.run_path(str(Path(__file__).with_name("sandbox.py")))
     setup = json.loads(_read(orders)[0])
-    made = sandbox["separate"]()
-    sandbox["first_process"](made, lambda pid: _say(answers, {"kind": "started", "pid": pid}), (orders, answers))
-    hidden = sandbox["hide_files"](made, setup["own"], setup.pop("hidden"))
-    os.chdir(os.environ["HOME"])  # the folder as it is now, not the one below it
-    if hidden:
-        _link_kernels(setup["kernels"], os.environ["NUMBA_CACHE_DIR"])
-    elif setup["kernels"]:  # could be written anyway
-        os.environ["NUMBA_CACHE_DIR"] = setup["kernels"]
-    sandbox["restrict"](made, setup["memory"], setup["disk"])
-    _say(answers, {"kind": "locked", **sandbox["facts"](made, hidden)})
+    _limit(setup["limits"])
+    _link_kernels(setup["kernels"], os.environ["NUMBA_CACHE_DIR"])
     _extend_path(setup["path"])
     _serve(orders, answers, setup)
 
@@ -40,13 +32,13 @@ def main() -> None:
 def _serve(orders: int, answers: int, setup: dict[str, Any]) -> None:
     where = "the agent cannot be built"
     try:
+        wire = _wire()
         from mtp_bench import Task, load_submission
-        from mtp_bench.gateway.wire import arrays_of, encode, header_of
 
         agent: Any = None
         while True:
             text, body = _read(orders)
-            header = header_of(text)
+            header = wire.header_of(text)
             match header["kind"]:
                 case "build":
                     task = _task(Task, header["task"])
@@ -58,28 +50,36 @@ def _serve(orders: int, answers: int, setup: dict[str, Any]) -> None:
                     _say(answers, {"kind": "ready"})
                 case _:
                     where = f"frame {header['frame']} failed"
-                    action = agent.act(arrays_of(header, body))
+                    action = agent.act(wire.arrays_of(header, body))
                     reply = {"kind": "answer", "frame": header["frame"], "token": header["token"]}
-                    _write(answers, _packed(encode, reply, action, header["fields"], header["most"]))
+                    _write(answers, _packed(wire, reply, action, header["fields"], header["most"]))
     except EOFError:
         return
     except BaseException as error:
         _say(answers, {"kind": "error", "text": f"{where}: {_text(error)}"[:2000]})
 
 
-def _packed(encode: Any, reply: dict[str, Any], action: object, fields: list[str], most: int) -> Any:
-    """The message of an answer; without arrays, and with the reason, where it cannot be sent."""
-    from mtp_bench.gateway.wire import plain
+def _wire() -> Any:
+    """The module wire.py, alone: its package is the judge's."""
+    spec = importlib.util.spec_from_file_location("mtp_bench_wire", Path(__file__).with_name("wire.py"))
+    if spec is None or spec.loader is None:
+        raise ImportError("wire.py is not there")
+    sys.modules[spec.name] = module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
+
+def _packed(wire: Any, reply: dict[str, Any], action: object, fields: list[str], most: int) -> Any:
+    """The message of an answer; without arrays, and with the reason, where it cannot be sent."""
     if not isinstance(action, Mapping):
-        return encode(
+        return wire.encode(
             {**reply, "malformed": f"act() returned {type(action).__name__}, expected a dict of arrays"[:200]}
         )
-    arrays = {name: plain(action[name]) for name in fields if name in action}
+    arrays = {name: wire.plain(action[name]) for name in fields if name in action}
     size = sum(array.nbytes for array in arrays.values() if array is not None)
     if size > most:
-        return encode({**reply, "malformed": f"an answer of {size} bytes, expected at most {most}"})
-    return encode(reply, arrays)
+        return wire.encode({**reply, "malformed": f"an answer of {size} bytes, expected at most {most}"})
+    return wire.encode(reply, arrays)
 
 
 def _text(error: BaseException) -> str:
@@ -91,6 +91,23 @@ def _task(make: Any, content: dict[str, Any]) -> Any:
     return make(**{**content, "classes": tuple(content["classes"])})
 
 
+def _limit(limits: dict[str, int]) -> None:
+    """Limits of the system for this process and each that it starts; what follows cannot take them back.
+
+    ``NPROC`` counts the processes and threads of this user: in a user namespace those inside it.
+    """
+    import resource  # not on every system
+
+    for name, value in limits.items():
+        kind = getattr(resource, f"RLIMIT_{name}", None)
+        if kind is None:
+            continue
+        hard = resource.getrlimit(kind)[1]
+        least = value if hard == resource.RLIM_INFINITY else min(value, hard)
+        with suppress(OSError, ValueError):
+            resource.setrlimit(kind, (least, least))
+
+
 def _extend_path(path: list[str]) -> None:
     """Find the library where the judge has it, after the standard library and before other packages."""
     first = next((i for i, entry in enumerate(sys.path) if entry.endswith(_SITE)), len(sys.path))
@@ -99,13 +116,15 @@ def _extend_path(path: list[str]) -> None:
 
 
 def _link_kernels(source: str | None, target: str) -> None:
-    """A cache of compiled kernels for this process alone: what is there is linked, what is new is its own."""
-    for kernel in Path(source or target).glob("kernels-*"):
-        for folder, _, names in os.walk(kernel):
-            own = folder.replace(str(source), target, 1)
-            os.makedirs(own, exist_ok=True)  # noqa: PTH103  (there are thousands: paths as text are faster)
-            for name in names:
-                os.symlink(f"{folder}/{name}", f"{own}/{name}")  # noqa: PTH211
+    """A cache of compiled kernels that can be written: what is there is linked, what is new is this process's own.
+
+    Numba takes no cache that it cannot write to.
+    """
+    for folder, _, names in os.walk(source) if source else ():
+        own = folder.replace(str(source), target, 1)
+        os.makedirs(own, exist_ok=True)  # noqa: PTH103  (paths as text are faster)
+        for name in names:
+            os.symlink(f"{folder}/{name}", f"{own}/{name}")  # noqa: PTH211
 
 
 def _read(descriptor: int) -> tuple[bytearray, bytearray]:

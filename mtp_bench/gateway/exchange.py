@@ -13,13 +13,15 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from ..files import clean_text
 from ..types import ABSENT_BELOW, Rollout
-from .limits import PATIENCE, Isolation, Limits, SceneRun
+from .limits import PATIENCE, Limits, SceneRun
 from .process import AgentProcess, EndedError, ExcessError, Message
 from .wire import Arrays, WireError, arrays_of
 
 Action = dict[str, Any]
 _NOTHING = np.zeros(0)
+MOST_WORDS = 2000  # characters of what an agent says of its end
 
 
 class SceneOverError(Exception):
@@ -27,7 +29,13 @@ class SceneOverError(Exception):
 
     def __init__(self, status: str, reason: str) -> None:
         super().__init__(reason)
-        self.status, self.reason = status, reason
+        self.status, self.reason = status, clean_text(reason, MOST_WORDS)
+
+
+def answer_bytes(space: spaces.Space[Any], limits: Limits) -> int:
+    """Bytes that an answer of this space may have."""
+    assert isinstance(space, spaces.Dict)
+    return min(limits.answer, sum(8 * math.prod(part.shape or ()) for part in space.spaces.values()))
 
 
 class Exchange:
@@ -37,23 +45,19 @@ class Exchange:
         self._process, self._limits, self._seal = process, limits, seal
         assert isinstance(space, spaces.Dict)
         self._shapes = {name: tuple(part.shape or ()) for name, part in space.spaces.items()}
-        self._most = min(limits.answer, sum(8 * math.prod(shape) for shape in self._shapes.values()))
+        self._most = answer_bytes(space, limits)
         self._frame = 0
         self._open: dict[int, str] = {}  # token of every frame whose answer may still come, too late
         self._silent = 0  # late answers in a row
         self._late = self._malformed = 0
         self._status, self._reason = "finished", ""
         self._started = 0.0
-        self._begin = time.monotonic()
+        self._begin = process.begun
 
     def open(self, setup: dict[str, Any], task: dict[str, Any]) -> None:
-        """Start the agent: shut off, then built, then told the task."""
+        """Start the agent: built, then told the task."""
         try:
             self._process.send(setup)
-            started = self._expect("started", self._limits.start)
-            self._process.started(int(started["pid"]))
-            facts = self._expect("locked", self._limits.start)
-            self._process.locked({name: value for name, value in facts.items() if name not in ("kind", "arrays")})
             self._process.send({"kind": "build", "task": task})
             self._expect("built", self._limits.start)
             self._started = time.monotonic() - self._begin
@@ -82,7 +86,6 @@ class Exchange:
     def result(self, rollout: Rollout) -> SceneRun:
         """What came of it."""
         self._process.others()
-        facts = self._process.facts
         return SceneRun(
             rollout=rollout,
             seal=self._seal.hex(),
@@ -92,9 +95,7 @@ class Exchange:
             malformed=self._malformed,
             peak_memory=self._process.peak_memory,
             started=self._started,
-            isolation=Isolation("namespaces", True)
-            if all(map(facts.get, ("network_cut", "files_hidden")))
-            else Isolation(),
+            isolation=self._process.isolation,
         )
 
     def _answer(self, observation: Arrays, begin: float) -> Action | None:
@@ -133,13 +134,12 @@ class Exchange:
             self._malformed += 1
             return None
         try:
-            arrays = arrays_of(header, body)
-        except WireError as error:
-            raise SceneOverError("rejected", f"it broke the wire format: {error}") from None
-        shapes = self._shapes
-        fitting = {name: a for name, a in arrays.items() if a is not None and a.shape == shapes.get(name)}
-        if len(fitting) == len(arrays) and _finite(fitting):
-            return fitting
+            arrays = arrays_of(header, body, self._shapes)
+            fitting = {name: array for name, array in arrays.items() if array is not None}
+            if len(fitting) == len(arrays) and _finite(fitting):
+                return fitting
+        except Exception as error:  # whatever reading an answer raises is the fault of who wrote it
+            raise SceneOverError("rejected", f"it broke the wire format: {_said(error)}") from None
         self._malformed += 1
         return None
 
@@ -155,16 +155,16 @@ class Exchange:
         """The next message; an error of the agent and the end of its process are the end of the scene."""
         try:
             message = self._process.receive(deadline)
-        except WireError as error:
-            raise SceneOverError("rejected", f"it broke the wire format: {error}") from None
         except EndedError:
             said = self._process.printed()
             reason = f"the process {self._process.end()}" + (f"; it last said {said!r}" if said else "")
             raise SceneOverError("crashed", reason) from None
         except ExcessError as error:
             raise SceneOverError("rejected", str(error)) from None
+        except Exception as error:
+            raise SceneOverError("rejected", f"it broke the wire format: {_said(error)}") from None
         if message is not None and message[0].get("kind") == "error":
-            raise SceneOverError("crashed", str(message[0].get("text"))[:2000])
+            raise SceneOverError("crashed", str(message[0].get("text")))
         return message
 
     def _look(self) -> None:
@@ -180,6 +180,10 @@ class Exchange:
             chain.update(f"|{name} {array.dtype.str} {list(array.shape)}|".encode())
             chain.update(array.data)
         self._seal = chain.digest()
+
+
+def _said(error: Exception) -> str:
+    return str(error) if isinstance(error, WireError) else f"{type(error).__name__}: {error}"
 
 
 def _finite(action: Mapping[str, NDArray[Any]]) -> bool:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import select
 import signal
+import sys
 import time
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
+_DUMPABLE = 4  # of prctl
 _PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
 
 
@@ -26,6 +29,27 @@ def resident(pid: int) -> int:
     with suppress(OSError, ValueError, IndexError):
         return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * _PAGE
     return 0
+
+
+def threads(pid: int) -> int:
+    """Number of its threads; 0 where it is not known."""
+    with suppress(OSError, ValueError, IndexError):
+        return int(Path(f"/proc/{pid}/status").read_text().split("\nThreads:")[1].split()[0])
+    return 0
+
+
+def files_below(pid: int, folder: str) -> int:
+    """Number of files in the file system that a process has at ``folder``; 0 where it is not known."""
+    with suppress(OSError):
+        found = os.statvfs(f"/proc/{pid}/root{folder}")
+        return found.f_files - found.f_ffree
+    return 0
+
+
+def hide_memory(hidden: bool) -> None:
+    """Whether this process is closed to others of the same user; on Linux, elsewhere nothing happens."""
+    if sys.platform.startswith("linux"):
+        ctypes.CDLL(None).prctl(_DUMPABLE, 0 if hidden else 1, 0, 0, 0)
 
 
 def children(pid: int) -> list[int]:

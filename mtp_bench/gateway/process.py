@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import select
 import shutil
@@ -11,22 +12,26 @@ import sys
 import tempfile
 import time
 from collections import deque
-from collections.abc import Mapping
 from contextlib import suppress
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Literal
 
 from ..errors import MtpBenchError
-from .family import children, descendants, end, peak_memory, resident
-from .limits import Limits
-from .sandbox import hide_memory
-from .surroundings import environment
+from .cgroup import make_group
+from .family import children, descendants, end, files_below, hide_memory, peak_memory, resident, threads
+from .filter import system_call_filter
+from .image import Image
+from .layout import KERNELS, SUBMISSION, TEMPORARY, Layout, environment, interpreter, library, packages
+from .limits import Isolation, Limits
+from .mechanism import Mechanism, command
 from .wire import HEADER_LIMIT, PREFIX, Arrays, WireError, encode, header_of
 
 _KEPT = 4096  # bytes of what the agent prints
 _ENDING = 5.0  # s that the system may take to end a process
 _WATCH = 0.1  # s between looks at the agent's processes while they are waited for
-_MOST_PROCESSES = 64  # the system's limit does not hold for root
+_MOST_PROCESSES = 64
+_MOST_FILES = 10_000  # in its temporary folder: their names take memory that nothing else counts
+MOST_THREADS = 1024  # of all its processes; the system's own limit does not hold for root
 _PIPE = 1 << 20  # bytes that a pipe holds, where the system allows it
 Message = tuple[dict[str, Any], bytes]
 
@@ -39,56 +44,76 @@ class ExcessError(Exception):
     """The agent's processes are too many, or hold too much memory."""
 
 
+@dataclass(frozen=True)
+class Cell:
+    """What an agent's process is shut in with."""
+
+    layout: Layout
+    image: Image
+    way: Mechanism
+    cuda: bool = False
+
+
 class AgentProcess:
     """A process that holds one agent. Use it in a ``with`` statement: at the end nothing of it is left."""
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: Limits, cell: Cell, most: int | None = None) -> None:
         self.peak_memory = 0
-        self.facts: dict[str, bool] = {}
-        self._limits = limits
+        self._limits, self._cell = limits, cell
+        self._most = limits.answer if most is None else most  # bytes of the body of a message
         self._outgoing: deque[memoryview] = deque()
         self._printed = bytearray()
         self._pid: int | None = None  # of the process with the agent, which the one that was started may not be
         self._handle: int | None = None
-        self._memory_was_hidden = False
         self._incoming = bytearray()  # grows to `_wanted` bytes: first the prefix, then header and body
         self._wanted = PREFIX.size
         self._lengths: tuple[int, int] | None = None
+
+    @property
+    def isolation(self) -> Isolation:
+        """What holds the agent."""
+        way = self._cell.way
+        memory: Literal["cgroup", "watch"] = "watch" if self._group is None else "cgroup"
+        return Isolation(way, filtered=way != "none", memory=memory, cuda=self._cell.cuda)
 
     def __enter__(self) -> AgentProcess:
         if sys.platform == "win32":
             raise MtpBenchError(
                 "agents run in processes of their own on Linux and macOS only; use `mtp-bench run` here"
             )
-        self._folder = tempfile.mkdtemp(prefix="mtp_bench-agent-")
-        folder = Path(self._folder).resolve()
-        self.work, self.kernels = str(folder / "work"), str(folder / "kernels")
-        for path in (self.work, self.kernels):
-            Path(path).mkdir()
+        self.begun = time.monotonic()
+        self._group = make_group(self._limits.memory, MOST_THREADS)
+        self._folder = None if self._isolated else tempfile.mkdtemp(prefix="mtp_bench-agent-")
         orders, self._orders = os.pipe()
         self._answers, answers = os.pipe()
         self._log, log = os.pipe()
-        child = Path(__file__).with_name("child.py")
+        told, tell = os.pipe()
+        rules, write = os.pipe()  # a pipe holds more than the filter is long
+        os.write(write, system_call_filter() or b"")
+        os.close(write)
         try:
             self._process = subprocess.Popen(
-                [sys.executable, "-I", "-B", str(child), str(orders), str(answers)],
-                cwd=self.work,
-                env=environment(self.work, self.kernels),
+                self._command(orders, answers, tell, rules),
+                cwd=self._folder or "/",
+                env=environment(self._isolated, *self._places),
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
-                pass_fds=(orders, answers),
+                pass_fds=(orders, answers, tell, rules),
                 start_new_session=True,
             )
         finally:
-            for descriptor in (orders, answers, log):
+            for descriptor in (orders, answers, log, tell, rules):
                 os.close(descriptor)
+        self._learn_number(told)
         for descriptor in (self._orders, self._answers, self._log):
             os.set_blocking(descriptor, False)
             _widen(descriptor)
         self._poll = select.poll()
         self._poll.register(self._answers, select.POLLIN)
         self._poll.register(self._log, select.POLLIN)
+        if not self._isolated:  # the agent could read this process's memory
+            hide_memory(True)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -96,9 +121,53 @@ class AgentProcess:
         for descriptor in (self._orders, self._answers, self._log, self._handle):
             if descriptor is not None:
                 os.close(descriptor)
-        shutil.rmtree(self._folder, ignore_errors=True)
-        if self._memory_was_hidden:
+        if self._group is not None:
+            self._group.remove()
+        if self._folder is not None:
+            shutil.rmtree(self._folder, ignore_errors=True)
             hide_memory(False)
+
+    def setup(self, parameters: dict[str, Any]) -> dict[str, Any]:
+        """The first message to the agent's side: where things are there, and its limits."""
+        limits = self._limits
+        counted = {} if self._cell.cuda else {"AS": limits.memory}  # drivers map far more than they use
+        return {
+            "submission": SUBMISSION if self._isolated else str(self._cell.image.submission),
+            "parameters": parameters,
+            "path": [str(library()), *packages()],
+            "kernels": KERNELS if self._isolated else None,
+            "limits": {**counted, "FSIZE": limits.disk, "NOFILE": 1024, "CORE": 0, "MSGQUEUE": 0}
+            | ({"NPROC": MOST_THREADS} if self._isolated else {}),  # elsewhere the user's other processes count too
+        }
+
+    @property
+    def _isolated(self) -> bool:
+        return self._cell.way != "none"
+
+    @property
+    def _places(self) -> tuple[str, ...]:
+        """Temporary folder and weights, where it has no root of its own."""
+        return () if self._folder is None else (self._folder, str(self._cell.image.networks))
+
+    def _command(self, orders: int, answers: int, tell: int, rules: int) -> list[str]:
+        child = str(library() / "mtp_bench" / "gateway" / "child.py")
+        program = [str(interpreter()), "-I", "-S", "-B", child, str(orders), str(answers)]
+        doors = [] if self._group is None else self._group.doors
+        private = {TEMPORARY: self._limits.disk}
+        return command(self._cell.way, self._cell.layout, program, private, tell, rules, (orders, answers), doors)
+
+    def _learn_number(self, told: int) -> None:
+        """The number of the process with the agent, which whoever shuts it in tells."""
+        text = b""
+        with os.fdopen(told, "rb", buffering=0) as stream:
+            while b"}" not in text and select.select([stream], [], [], self._limits.start)[0]:
+                part = stream.read(4096)
+                if not part:
+                    break
+                text += part
+        with suppress(ValueError, KeyError, OSError, AttributeError):
+            self._pid = int(json.loads(text)["child-pid"])
+            self._handle = os.pidfd_open(self._pid)  # a handle: the number may be given to another process
 
     def send(self, header: dict[str, Any], arrays: Arrays | None = None) -> None:
         """Queue a message; it is written as far as the agent reads, now and while `receive` waits."""
@@ -123,19 +192,6 @@ class AgentProcess:
                 self._wait(min(deadline, watched + _WATCH))
         return header_of(message[0]), message[1]
 
-    def locked(self, facts: Mapping[str, Any]) -> None:
-        """Take note of what the system allowed; where the agent could read this process's memory, hide that."""
-        self.facts = {name: value is True for name, value in facts.items()}
-        if not self.facts.get("memory_hidden"):
-            hide_memory(True)
-            self._memory_was_hidden = True
-
-    def started(self, pid: int) -> None:
-        """The number of the process with the agent."""
-        with suppress(OSError, AttributeError):  # a handle: the number may be given to another process
-            self._handle = os.pidfd_open(pid)
-        self._pid = pid
-
     def others(self) -> int:
         """Look at the process: its memory, and how many processes it has started that are still there."""
         if self._pid is None:
@@ -155,15 +211,16 @@ class AgentProcess:
             code = self._process.wait(timeout=2.0)
         except subprocess.TimeoutExpired:
             return "closed its connection"
-        if code < 0:
-            return f"was ended by {signal.Signals(-code).name}"
+        ended = -code if code < 0 else code - 128  # those who shut it in report a signal as 128 + its number
+        if ended in set(map(int, signal.Signals)):
+            return f"was ended by {signal.Signals(ended).name}"
         return f"ended by itself with exit code {code}"
 
     def _whole(self) -> tuple[bytes, bytes] | None:
         """Header and body of the message that is being read, once it is complete."""
         if self._lengths is None and len(self._incoming) == PREFIX.size:
             header, body = PREFIX.unpack(self._incoming)
-            if header > HEADER_LIMIT or body > self._limits.answer:
+            if header > HEADER_LIMIT or body > self._most:
                 raise WireError(f"it announced a message of {header} + {body} bytes")
             self._lengths, self._wanted, self._incoming = (header, body), header + body, bytearray()
         if self._lengths is None or len(self._incoming) < self._wanted:
@@ -176,9 +233,17 @@ class AgentProcess:
         """See that a process that starts others does not take the machine; the limits of the system hold for each."""
         if self._pid is None:
             return
+        if self._group is not None and self._group.exceeded():
+            raise ExcessError(f"its processes held more than {self._limits.memory >> 20} MiB")
         family = descendants(self._pid, _MOST_PROCESSES)
         if len(family) > _MOST_PROCESSES:
             raise ExcessError(f"it had started {len(family) - 1} other processes, or more")
+        count = sum(map(threads, family))
+        if count > MOST_THREADS:
+            raise ExcessError(f"its {len(family)} processes had {count} threads, of {MOST_THREADS}")
+        names = files_below(self._pid, TEMPORARY) if self._isolated else 0
+        if names > _MOST_FILES:
+            raise ExcessError(f"it had made {names} files, of {_MOST_FILES}")
         memory = sum(map(resident, family))
         if memory > self._limits.memory:
             raise ExcessError(

@@ -12,15 +12,16 @@ from typing import Any
 import numpy as np
 
 from ..env.environment import MTPEnv
-from ..parallel import ALONE, QUIET, Progress, Workers, unordered_map
+from ..errors import SubmissionError
+from ..parallel import ALONE, Workers, unordered_map
 from ..running.run import agent_task, derived_seed
 from ..submission.loader import load_submission
-from .exchange import Exchange
+from .exchange import Exchange, answer_bytes
+from .image import image_of, submission_digest
+from .layout import compile_kernels, layout_for
 from .limits import Limits, SceneRun
-from .process import AgentProcess
-from .surroundings import compile_kernels, hidden_folders, library_path, own_kernels
-
-KERNELS = 64 << 20  # bytes that compiled kernels may take
+from .mechanism import mechanism
+from .process import AgentProcess, Cell
 
 
 def run_isolated(
@@ -31,6 +32,8 @@ def run_isolated(
     seed: int = 0,
     parameters: dict[str, Any] | None = None,
     limits: Limits = Limits(),  # noqa: B008  (frozen)
+    cuda: bool = False,
+    digest: str | None = None,
 ) -> SceneRun:
     """One scene of an env in evaluation mode, answered by a submission in a process of its own.
 
@@ -42,6 +45,8 @@ def run_isolated(
         seed: Seed of all random draws.
         parameters: Of the agent; None: those of the manifest.
         limits: What the agent may use.
+        cuda: It is given the graphics cards.
+        digest: Of the submission as it must be (`image_of`); None: as it is.
 
     The rollout of an agent that keeps the rules is that of `running.run.run_scene`, but for the times, which are
     measured outside the agent. An unanswered frame has no rows: everything in it is uncovered.
@@ -53,18 +58,12 @@ def run_isolated(
     keywords = {"observe": loaded.compare.observe, **env_keywords, "evaluation": True}
     env = MTPEnv(env_id, **keywords)
     observation, _ = env.reset(seed=derived_seed(seed, scene, "env"), options={"scene": scene})
-    hidden = hidden_folders(loaded, keywords.get("data"))
-    with AgentProcess(limits) as process:
-        setup = {
-            "submission": str(loaded.path),
-            "parameters": loaded.parameters if parameters is None else parameters,
-            "own": {process.work: limits.disk, process.kernels: KERNELS},
-            "hidden": hidden,
-            "kernels": own_kernels(),
-            "path": library_path(),
-            "memory": limits.memory,
-            "disk": limits.disk,
-        }
+    image = image_of(loaded, env.card.id)
+    if digest is not None and image.digest != digest:
+        raise SubmissionError(f"{loaded.path}: its files changed while it ran; run it again")
+    cell = Cell(layout_for(image, keywords.get("data"), cuda), image, mechanism(), cuda)
+    with AgentProcess(limits, cell, answer_bytes(env.action_space, limits)) as process:
+        setup = process.setup(loaded.parameters if parameters is None else parameters)
         exchange = Exchange(process, limits, env.action_space, seal_start(env.card.digest, scene, seed))
         exchange.open(setup, asdict(agent_task(env, seed)))
         seconds: list[float] = []
@@ -84,24 +83,24 @@ def run_isolated_scenes(
     parameters: dict[str, Any] | None = None,
     limits: Limits = Limits(),  # noqa: B008  (frozen)
     *,
+    cuda: bool = False,
     scenes: Sequence[str],
     workers: Workers = ALONE,
-    progress: Progress = QUIET,
-    finished: Callable[[SceneRun], None] = lambda run: None,
+    finished: Callable[[SceneRun], object] = lambda run: None,
 ) -> list[SceneRun]:
     """`run_isolated` of every scene, in the order of ``scenes``.
 
     Every scene has an agent of its own, so what one of them does ends at most its scene. ``submission``, ``env_id``,
-    ``env_keywords``, ``seed``, ``parameters`` and ``limits`` as there. ``workers`` run them; ``finished`` is given
-    every scene that is done, in the order of completion and in this process, and ``progress`` is told its name.
+    ``env_keywords``, ``seed``, ``parameters``, ``limits`` and ``cuda`` as there. ``workers`` run them; ``finished``
+    is given every scene that is done, in the order of completion and in this process.
     """
     compile_kernels()
-    calls = [(submission, env_id, env_keywords, scene, seed, parameters, limits) for scene in scenes]
+    digest = submission_digest(load_submission(submission), MTPEnv(env_id, **env_keywords).card.id)
+    calls = [(submission, env_id, env_keywords, scene, seed, parameters, limits, cuda, digest) for scene in scenes]
     runs: dict[int, SceneRun] = {}
     for place, run in unordered_map(run_isolated, calls, workers):
         runs[place] = run
         finished(run)
-        progress.done(scenes[place])
     return [runs[place] for place in range(len(scenes))]
 
 

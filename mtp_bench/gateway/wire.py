@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 PREFIX = struct.Struct("<IQ")
 HEADER_LIMIT = 1 << 16  # bytes
+MOST_ARRAYS, MOST_ROWS = 64, 1 << 30
 DTYPES = frozenset(["|b1", "|i1", "|u1", "<i2", "<u2", "<i4", "<u4", "<i8", "<u8", "<f2", "<f4", "<f8"])
 UNUSABLE = ""  # dtype of a field that was there but was no array of numbers
 
@@ -54,28 +55,42 @@ def header_of(text: bytes | bytearray | memoryview) -> dict[str, Any]:
     return header
 
 
-def arrays_of(header: dict[str, Any], body: bytes | bytearray | memoryview) -> dict[str, NDArray[Any] | None]:
-    """Arrays of a message, as writable copies; WireError where header and body do not fit."""
+def arrays_of(
+    header: dict[str, Any],
+    body: bytes | bytearray | memoryview,
+    expected: Mapping[str, tuple[int, ...]] | None = None,
+) -> dict[str, NDArray[Any] | None]:
+    """Arrays of a message, as writable copies; WireError where header and body do not fit.
+
+    With ``expected`` shapes, an array of another name or shape is None and never made.
+    """
     entries = header.get("arrays")
-    if not isinstance(entries, list) or len(entries) > 64:
+    if not isinstance(entries, list) or len(entries) > MOST_ARRAYS:
         raise WireError("no list of arrays")
     arrays: dict[str, NDArray[Any] | None] = {}
     at = 0
     for entry in entries:
         name, dtype, shape = _entry(entry)
-        if dtype == UNUSABLE:
-            arrays[name] = None
-            continue
-        size = math.prod(shape) * np.dtype(dtype).itemsize
+        if name in arrays:
+            raise WireError(f"array {name[:80]!r} comes twice")
+        size = 0 if dtype == UNUSABLE else math.prod(shape) * np.dtype(dtype).itemsize
         if size > len(body) - at:
-            raise WireError(f"array {name!r} is longer than the message")
-        arrays[name] = (
-            np.frombuffer(body, dtype, math.prod(shape), at).reshape(shape).copy() if size else np.zeros(shape, dtype)
-        )
+            raise WireError(f"array {name[:80]!r} is longer than the message")
+        wanted = dtype != UNUSABLE and (expected is None or expected.get(name) == shape)
+        arrays[name] = _array(body, dtype, shape, at) if wanted else None
         at += size
     if at != len(body):
         raise WireError("the message is longer than its arrays")
     return arrays
+
+
+def _array(body: bytes | bytearray | memoryview, dtype: str, shape: tuple[int, ...], at: int) -> NDArray[Any]:
+    count = math.prod(shape)
+    if count == 0:  # a shape such as [2**39, 0, 2**39] is too large for numpy
+        if any(size >= MOST_ROWS for size in shape):
+            raise WireError("an empty array of a huge shape")
+        return np.zeros(shape, dtype)
+    return np.frombuffer(body, dtype, count, at).reshape(shape).copy()
 
 
 def _entry(entry: Any) -> tuple[str, str, tuple[int, ...]]:

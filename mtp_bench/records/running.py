@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -69,10 +69,12 @@ def run_seed(
     seed: int,
     limits: Limits = Limits(),  # noqa: B008  (frozen)
     parts: Parts | None = None,
+    cuda: bool = False,
 ) -> list[SceneRun]:
     """Every scene of the plan under one seed, in the order of the plan; never raises for what an agent does.
 
-    Scenes that are among the ``parts`` are not run again; the others are stored there as soon as they are done.
+    Scenes that are among the ``parts`` are not run again; the others are stored there as soon as they are done. With
+    ``cuda`` the agent is given the graphics cards.
     """
     runs: dict[str, SceneRun] = {}
     for scene in plan.scenes:
@@ -84,26 +86,23 @@ def run_seed(
         runs[run.rollout.scene] = run
         if parts is not None:
             parts.write(seed, run)
+        plan.options.progress.done(run.rollout.scene)
 
     left = [scene for scene in plan.scenes if scene not in runs]
     if left:
-        _run(plan, seed, limits, left, keep)
+        run_isolated_scenes(
+            plan.submission.path,
+            plan.env,
+            {**plan.keywords, "data": plan.options.data, "rigid_motion": True},
+            seed=seed,
+            parameters=plan.submission.parameters,
+            limits=limits,
+            cuda=cuda,
+            scenes=left,
+            workers=plan.options.workers,
+            finished=keep,
+        )
     return [runs[scene] for scene in plan.scenes]
-
-
-def _run(plan: Plan, seed: int, limits: Limits, scenes: Sequence[str], finished: Callable[[SceneRun], None]) -> None:
-    run_isolated_scenes(
-        plan.submission.path,
-        plan.env,
-        {**plan.keywords, "data": plan.options.data, "rigid_motion": True},
-        seed=seed,
-        parameters=plan.submission.parameters,
-        limits=limits,
-        scenes=scenes,
-        workers=plan.options.workers,
-        progress=plan.options.progress,
-        finished=finished,
-    )
 
 
 def rollouts_of(runs: Mapping[int, Sequence[SceneRun]]) -> dict[int, list[Rollout]]:

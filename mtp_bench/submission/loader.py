@@ -37,6 +37,7 @@ class Submission:
     license: str = ""  # of its code, as SPDX names it
     training_data: tuple[str, ...] = ()  # what it was trained or fitted on, in words
     trained_on_scored: dict[str, str] = field(default_factory=dict)  # env id -> what was fitted on scenes it scores
+    networks: tuple[str, ...] = ()  # whose weights it takes from those trained on the machine where it runs
     parameters: dict[str, Any] = field(default_factory=dict)
     compare: CompareSection = field(default_factory=CompareSection)
 

@@ -15,6 +15,7 @@ from ..strict import Section, read_toml, validate
 MANIFEST = "submission.toml"
 NAME_PATTERN = r"^[a-z0-9][a-z0-9_.-]*$"
 Value = bool | int | float | str | list[Any] | dict[str, Any]
+NetworkName = Annotated[str, Field(pattern=r"^[a-z0-9_]+-(truth|tracklets)$")]  # network and what it was trained on
 MOST_SETTINGS = 1000  # that a comparison runs
 
 
@@ -55,9 +56,8 @@ class Manifest(Section):
     commit: Annotated[str, Field(pattern=r"^([0-9a-f]{7,64})?$")] = ""
     license: Annotated[str, Field(pattern=r"^[A-Za-z0-9 .+()-]*$", max_length=100)] = ""  # as SPDX names it
     training_data: Annotated[tuple[_Sentence, ...], Field(max_length=50, strict=False)] = ()
-    trained_on_scored: dict[str, _Sentence] = Field(
-        default_factory=dict
-    )  # env id -> what was fitted on scenes it scores
+    trained_on_scored: dict[str, _Sentence] = Field(default_factory=dict)  # env id -> what saw scenes it scores
+    networks: Annotated[tuple[NetworkName, ...], Field(max_length=50, strict=False)] = ()  # whose weights it takes
     parameters: dict[str, Value] = Field(default_factory=dict)
     compare: CompareSection = CompareSection()
 

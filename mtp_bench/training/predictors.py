@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import MtpBenchError, UnknownNameError
-from ..files import WEIGHTS_VARIABLE, make_folder, weights_folder
+from ..files import make_folder
+from ..networks import VARIABLE as WEIGHTS_VARIABLE
+from ..networks import file_name, weights_folder
 from ..prediction.learned.local import local_future
 from ..prediction.learned.network import Network, Sizes
 from ..prediction.learned.registry import network_of
-from ..prediction.learned.weights import Stored, file_name, write_weights
+from ..prediction.learned.weights import Stored, write_weights
 from ..running.folds import Fold, held_out
 from ..running.options import DEFAULTS, RunOptions
 from ..types import Bools, Task

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import py_compile
 import re
 import tempfile
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +16,7 @@ import pytest
 
 from mtp_bench.env.rollouts import digest
 from mtp_bench.gateway import SceneRun, run_isolated, run_isolated_scenes
-from mtp_bench.parallel import Progress, Workers
+from mtp_bench.parallel import Workers
 from tests.support.hostile import FRAMES, HONEST, HURRIED, QUICK, SCENE, Court, submission
 
 
@@ -110,7 +112,7 @@ def test_processes_that_take_the_machine_end_before_the_answer_is_due(court: Cou
 
 
 def left_over(folder: str) -> list[str]:
-    """Processes of agents of this court that are still there: they know its folder as their temporary one."""
+    """Processes of agents of this court that are still there: they are told its folder as one of libraries."""
     found = []
     for entry in Path("/proc").iterdir():
         try:
@@ -118,7 +120,17 @@ def left_over(folder: str) -> list[str]:
                 found.append(entry.name)
         except OSError:
             continue
-    return found
+    return [name for name in found if int(name) != os.getpid()]
+
+
+def test_processes_of_agents_can_be_found(court: Court) -> None:
+    """Else there would never be any left over."""
+    seen: list[str] = []
+    watcher = threading.Timer(0.3, lambda: seen.extend(left_over(str(court.folder))))
+    watcher.start()
+    court.run(at_frame_two("time.sleep(1)"))
+    watcher.join()
+    assert seen
 
 
 def test_floods_are_read_away(court: Court) -> None:
@@ -150,13 +162,14 @@ def agents(court: Court, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = court.folder / "agents"
     folder.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    monkeypatch.setenv("LD_LIBRARY_PATH", str(folder))
     return folder
 
 
 def test_the_disk_does_not_fill(court: Court, agents: Path) -> None:
     run = court.run(FILLS, disk=QUICK.disk)
     assert run.status == "finished", run.reason
-    assert list(agents.iterdir()) == []
+    assert not list(agents.glob("mtp_bench-agent-*"))
 
 
 def test_nothing_is_unpickled(court: Court) -> None:
@@ -187,13 +200,13 @@ def act(self, observation):
         os._exit(1)
     return self.honest(observation)
 """
-    folder, done = submission(court.folder / "hostile", trick), list[str]()
+    folder, done = submission(court.folder / "hostile", trick), list[SceneRun]()
     runs: list[SceneRun] = run_isolated_scenes(
         folder, court.card, {"data": court.data}, limits=QUICK, scenes=["0006", "0008", "0001"], workers=Workers(2),
-        progress=Progress(done=done.append),
+        finished=done.append,
     )  # fmt: skip
     assert [run.rollout.scene for run in runs] == ["0006", "0008", "0001"]
-    assert sorted(done) == ["0001", "0006", "0008"]
+    assert sorted(run.rollout.scene for run in done) == ["0001", "0006", "0008"]
     assert [run.rollout.frames for run in runs] == [7, 4, 9]
     assert {run.status for run in runs} == {"crashed"}
     assert np.diff(runs[0].rollout.object_start).tolist() == [3, 3, 3, 0, 0, 0, 0]

@@ -10,11 +10,6 @@ import pytest
 from mtp_bench.env.rollouts import digest
 from tests.support.hostile import FRAMES, HURRIED, SLOW, Court
 
-WIRE = """
-from mtp_bench.gateway.wire import PREFIX, encode
-main = sys.modules["__main__"]
-orders, answers = int(sys.argv[1]), int(sys.argv[2])
-"""
 LATE = f"""
 def act(self, observation):
     if self.frame == 2:
@@ -31,14 +26,13 @@ def act(self, observation):
     sleep = time.sleep
     time.time = time.monotonic = time.perf_counter = lambda: 0.0
     np.asarray = np.frombuffer = np.isfinite = lambda *_, **__: np.ones(3)
-    import mtp_bench.scoring as scoring
-    scoring.score_scene = lambda *_: 0.0
     sleep({SLOW} if self.frame == 2 else 0)
     return self.honest(observation)
 """
 AT_THE_END = """
 def act(self, observation):
-    from mtp_bench.gateway.wire import arrays_of, encode, header_of
+    wire = sys.modules["mtp_bench_wire"]
+    arrays_of, encode, header_of = wire.arrays_of, wire.encode, wire.header_of
     main, orders, answers = sys.modules["__main__"], int(sys.argv[1]), int(sys.argv[2])
     asked = [sys._getframe(1).f_locals["header"]]
     actions = [self.honest(observation)]
@@ -53,7 +47,7 @@ def act(self, observation):
 """
 AHEAD = """
 def act(self, observation):
-    from mtp_bench.gateway.wire import encode
+    encode = sys.modules["mtp_bench_wire"].encode
     header = dict(sys._getframe(1).f_locals["header"])
     action = self.honest(observation)
     for frame in (header["frame"], header["frame"] + 1):
@@ -70,7 +64,7 @@ def act(self, observation):
 """
 ENDLESS = """
 def act(self, observation):
-    from mtp_bench.gateway.wire import PREFIX
+    PREFIX = sys.modules["mtp_bench_wire"].PREFIX
     os.write(int(sys.argv[2]), PREFIX.pack(2, 2**62) + b"{}")
     return self.honest(observation)
 """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from mtp_bench.gateway import SceneRun, run_isolated, run_isolated_scenes
 from mtp_bench.gateway.exchange import Exchange
 from mtp_bench.gateway.run import seal_start
 from mtp_bench.gateway.wire import PREFIX, WireError, arrays_of, encode, header_of, plain
-from mtp_bench.parallel import Progress, Workers
+from mtp_bench.parallel import Workers
 from mtp_bench.running.run import jobs_of, run_jobs
 from mtp_bench.submission import load_submission
 from tests.support.hostile import submission
@@ -64,7 +65,7 @@ def test_parameters_stand_in_place_of_the_manifests(card: str, kitti: str) -> No
 def test_several_processes_give_what_one_gives(card: str, kitti: str) -> None:
     runs: list[list[SceneRun]] = []
     for workers in (1, 2):
-        done = list[str]()
+        done = list[SceneRun]()
         scenes = ["0006", "0001"]
         runs.append(
             run_isolated_scenes(
@@ -73,10 +74,10 @@ def test_several_processes_give_what_one_gives(card: str, kitti: str) -> None:
                 {"data": kitti},
                 scenes=scenes,
                 workers=Workers(workers),
-                progress=Progress(done=done.append),
+                finished=done.append,
             )
         )
-        assert sorted(done) == sorted(scenes)
+        assert sorted(run.rollout.scene for run in done) == sorted(scenes)
     assert [run.seal for run in runs[0]] == [run.seal for run in runs[1]]
     assert [digest(run.rollout) for run in runs[0]] == [digest(run.rollout) for run in runs[1]]
 
@@ -94,8 +95,10 @@ def test_what_the_user_can_mend_is_an_error(card: str, kitti: str, tmp_path: Pat
         run_isolated("stp", card, {"data": kitti}, "0007")
     with pytest.raises(UnknownNameError, match="unknown submission"):
         run_isolated("spt", card, {"data": kitti}, "0006")
-    with pytest.raises(SubmissionError, match="must not see the data"):
-        run_isolated(submission(Path(kitti) / "agent"), card, {"data": kitti}, "0006")
+    around = submission(tmp_path / "around")
+    shutil.copytree(kitti, around / "data")
+    with pytest.raises(SubmissionError, match="which agents see: move the data elsewhere"):
+        run_isolated(around, card, {"data": str(around / "data")}, "0006")
     with pytest.raises(MtpBenchError, match="workers is 0"):
         run_isolated_scenes("stp", card, {"data": kitti}, scenes=["0006"], workers=Workers(0))
 

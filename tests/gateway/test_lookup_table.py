@@ -16,7 +16,7 @@ from tests.support.small_scenes import empty_action
 TABLE = """
 def act(self, observation):
     action = self.honest(observation)
-    with np.load(Path(self.given["table"])) as table:
+    with np.load(Path(__file__).with_name("table.npz")) as table:
         key = observation["detection_box"].round(2).tobytes().hex()
         if key in table:
             action["forecast"][:3] = table[key]
@@ -44,12 +44,11 @@ def seen(court: Court) -> dict[str, object]:
 
 def test_a_lookup_table_helps_only_in_the_world_that_it_knows(court: Court) -> None:
     folder = submission(court.folder / "hostile", TABLE)
-    path = folder / "table.npz"
-    np.savez(path, **seen(court))  # type: ignore[arg-type]  # pyright: ignore[reportArgumentType]
+    np.savez(folder / "table.npz", **seen(court))  # type: ignore[arg-type]  # pyright: ignore[reportArgumentType]
     errors = []
     for keywords, seed in (({}, 0), ({"rigid_motion": True}, 0), ({"rigid_motion": True}, 1)):
         given = {"data": court.data, **keywords}
-        run = run_isolated(folder, court.card, given, SCENE, seed, {"table": str(path)}, QUICK)
+        run = run_isolated(folder, court.card, given, SCENE, seed, limits=QUICK)
         assert run.status == "finished", run.reason
         errors.append(court.error(run.rollout))
     honest = court.error(court.honest())

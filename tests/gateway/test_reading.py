@@ -56,7 +56,9 @@ FILES = """
 def act(self, observation):
     data = Path(self.given["data"])
     assert not data.exists() or not any(data.rglob("*")), "read the data"
-    for folder in (data, self.given["submission"], self.given["cache"], Path.cwd().parent, "/tmp", "/var/tmp"):
+    assert Path.cwd() == Path("/tmp"), Path.cwd()
+    given = self.given["submission"], self.given["cache"]
+    for folder in (data, *given, "/", "/submission", "/networks", "/dev", "/usr"):
         try:
             Path(folder, "left").write_text("by an agent")
         except OSError:

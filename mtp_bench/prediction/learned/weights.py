@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from ...errors import SubmissionError
-from ...files import open_regular, weights_folder, whole_file
+from ...files import open_regular, whole_file
+from ...networks import file_name, lender_of, weights_folder
 from ...strict import parse_json
 from ...types import Task
 from .local import Arrays
@@ -23,10 +24,6 @@ from .network import Network, Sizes
 
 SHIPPED = Path(__file__).with_name("weights")
 FORMAT = "mtp-bench weights 1"
-LENDERS = {  # envs that take the weights of another one, where objects move alike at the same rate
-    "MTP-Merge-v0": "MTP-Highway-v0",
-    "MTP-Roundabout-v0": "MTP-Intersection-v0",
-}
 MOST_BYTES = 64 * 2**20  # of a file: more than any network here has
 
 
@@ -40,24 +37,19 @@ class Stored:
     card: Mapping[str, Any]  # how they were trained, see `training.model_card`
 
 
-def file_name(network: str, on: str, env_id: str) -> str:
-    """Name of the weights of a network that was trained ``on`` "truth" or "tracklets" of an env."""
-    return f"{network}-{on}-{env_id}.safetensors"
-
-
 def find_weights(network: str, on: str, task: Task) -> Path:
     """The file for a task: its env's own, else that of the env it borrows from.
 
     Raises SubmissionError that says how to make it, where there is none.
     """
-    for env_id in (task.env_id, LENDERS.get(task.env_id, task.env_id)):
+    for env_id in (task.env_id, lender_of(task.env_id)):
         for folder in (weights_folder(), SHIPPED):
             path = folder / file_name(network, on, env_id)
             if path.is_file():
                 return path
     raise SubmissionError(
         f"{task.env_id}: no weights {file_name(network, on, task.env_id)} in {weights_folder()}, and none ship; train "
-        f"them: mtp-bench train predictor {network} --env {LENDERS.get(task.env_id, task.env_id)} --on {on}"
+        f"them: mtp-bench train predictor {network} --env {lender_of(task.env_id)} --on {on}"
     )
 
 

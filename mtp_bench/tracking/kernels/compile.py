@@ -86,6 +86,11 @@ class Kernel(Generic[P, R]):
                 self._run = self.python if numba.config.DISABLE_JIT else self._compile(numba, callee=False)
         return self._run
 
+    @property
+    def folder(self) -> Path:
+        """Where the compiled kernel is kept, once it is."""
+        return _root() / f"kernels-{self._digest(importlib.import_module('numba').__version__)}"
+
     def _as_callee(self, numba: Any) -> Any:
         if self._inner is None:
             self._inner = self._compile(numba, callee=True)
@@ -96,7 +101,7 @@ class Kernel(Generic[P, R]):
 
         Nor is a callee kept in the cache, which costs a tenth of the time: its caller is.
         """
-        folder = None if callee else _writable(_root() / f"kernels-{self._digest(numba.__version__)}")
+        folder = None if callee else _writable(self.folder)
         known = folder is not None and any(folder.glob(f"*/*.{self.function.__name__}-*.nbi"))
         if not callee and not known:
             _tell(folder is not None)

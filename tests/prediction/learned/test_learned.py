@@ -13,7 +13,7 @@ import torch
 from safetensors.numpy import save_file
 
 from mtp_bench import Pipeline, SubmissionError
-from mtp_bench.files import WEIGHTS_VARIABLE
+from mtp_bench.networks import VARIABLE
 from mtp_bench.prediction import KMeansSampler, LearnedPredictor
 from mtp_bench.prediction.learned.layers import lstm, lstm_shapes
 from mtp_bench.prediction.learned.local import Arrays, local_future, local_inputs, mean_velocity, to_absolute
@@ -187,7 +187,7 @@ def test_files_that_do_not_fit_are_refused(file: Path) -> None:
 
 
 def test_where_weights_are_looked_for(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(WEIGHTS_VARIABLE, str(file.parent))
+    monkeypatch.setenv(VARIABLE, str(file.parent))
     assert find_weights("modes", "truth", TASK) == file
     with pytest.raises(SubmissionError, match="mtp-bench train predictor modes --env test --on tracklets"):
         find_weights("modes", "tracklets", TASK)

@@ -8,8 +8,9 @@ import pytest
 
 from mtp_bench.cards import HighwaySource, load_card
 from mtp_bench.env import MTPEnv
+from mtp_bench.networks import LENDERS
 from mtp_bench.prediction.learned.registry import network_of
-from mtp_bench.prediction.learned.weights import LENDERS, SHIPPED, find_weights, read_weights
+from mtp_bench.prediction.learned.weights import SHIPPED, find_weights, read_weights
 
 FILES = sorted(SHIPPED.glob("*.safetensors"))
 MOST_BYTES = 3_000_000

@@ -1,0 +1,94 @@
+"""Limits on all processes of an agent together, where the system lets this user make control groups.
+
+Version 2 where groups are delegated to this process, version 1 where their folders can be written. Elsewhere the judge
+watches instead (`AgentProcess`).
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path("/sys/fs/cgroup")
+_V2 = {"memory.max": "memory", "memory.swap.max": None, "pids.max": "processes"}
+_V1 = {"memory.limit_in_bytes": "memory", "pids.max": "processes"}
+_ENDING = 2.0  # s that the system may take to empty a group
+
+
+@dataclass(frozen=True)
+class Group:
+    """Control groups of one agent: one of version 2, or one per controller of version 1. Remove them at the end."""
+
+    folders: tuple[Path, ...]
+
+    @property
+    def doors(self) -> list[str]:
+        """Files into which a process writes 0 to join."""
+        return [str(folder / "cgroup.procs") for folder in self.folders]
+
+    def exceeded(self) -> bool:
+        """Whether the system ended a process because all together held too much memory."""
+        for name, key in (("memory.events", "oom_kill"), ("memory.oom_control", "oom_kill")):
+            for folder in self.folders:
+                with suppress(OSError, ValueError, StopIteration):
+                    lines = (folder / name).read_text().splitlines()
+                    if int(next(line.split()[1] for line in lines if line.split()[:1] == [key])):
+                        return True
+        return False
+
+    def remove(self) -> None:
+        """Remove the groups, which are empty once their processes have ended."""
+        deadline = time.monotonic() + _ENDING
+        for folder in self.folders:
+            while folder.is_dir() and time.monotonic() < deadline:
+                with suppress(OSError):
+                    folder.rmdir()
+                    break
+                time.sleep(0.01)
+
+
+def make_group(memory: int, processes: int, root: Path = ROOT, own: Path = Path("/proc/self/cgroup")) -> Group | None:
+    """A group for ``memory`` bytes and so many processes and threads; None where the system does not allow it."""
+    values = {"memory": str(memory), "processes": str(processes), None: "0"}
+    places, names = _places(root, own)
+    made: list[Path] = []
+    name = f"mtp_bench-{os.getpid()}-{secrets.token_hex(4)}"
+    try:
+        for place in places:
+            folder = place / name
+            folder.mkdir()
+            made.append(folder)
+        for file, value in names.items():
+            written = [folder / file for folder in made if (folder / file).exists()]
+            if not written and value is not None:
+                raise OSError(f"no {file}")
+            for path in written:
+                path.write_text(values[value])
+    except OSError:
+        Group(tuple(made)).remove()
+        return None
+    return Group(tuple(made)) if made else None
+
+
+def _places(root: Path, own: Path) -> tuple[list[Path], dict[str, str | None]]:
+    """Folders in which groups are made, and the files that hold their limits."""
+    entries: dict[str, str] = {}
+    with suppress(OSError, ValueError):
+        for line in own.read_text().splitlines():
+            _, controllers, path = line.split(":", 2)
+            entries |= dict.fromkeys(controllers.split(","), path)
+    if {"memory", "pids"} <= entries.keys():
+        found = {root / controller / entries[controller].lstrip("/") for controller in ("memory", "pids")}
+        return (sorted(found) if all(os.access(path, os.W_OK) for path in found) else []), dict(_V1)
+    if "" in entries:  # a group that holds processes has none below it, so one beside this process's own
+        here = root / entries[""].lstrip("/")
+        for place in (here, here.parent):
+            with suppress(OSError):
+                given = (place / "cgroup.subtree_control").read_text().split()
+                if {"memory", "pids"} <= set(given) and os.access(place, os.W_OK):
+                    return [place], dict(_V2)
+    return [], dict(_V1)

@@ -1,0 +1,178 @@
+"""What an agent's process sees: a list of what is there, and nothing else.
+
+Shown, read-only: the interpreter and its standard library, the shared libraries of the system, installed packages, the
+part of this library that players use, the image of the submission, and the compiled kernels. Its own: a temporary
+folder of bounded size. Everything else of the machine is not hidden but absent.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import os
+import sys
+import sysconfig
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import SubmissionError
+from ..sources.cache import cache_root
+from ..sources.dataset import data_root
+from .image import Image
+
+SUBMISSION, NETWORKS, KERNELS, TEMPORARY = "/submission", "/networks", "/kernels", "/tmp"
+LIBRARY = (  # of the package: what agents are made of, without judge, sources, cards and training
+    "__init__.py", "_bundle.py", "_version.py", "errors.py", "files.py", "geometry.py", "networks.py", "shapes.py",
+    "strict.py", "tracks.py", "types.py", "agent", "submission", "tracking", "prediction",
+    "env/__init__.py", "env/action.py", "env/building.py", "env/checks.py", "gateway/child.py", "gateway/wire.py",
+)  # fmt: skip
+DEVICES = ("/dev/null", "/dev/zero", "/dev/urandom")
+_SYSTEM = ("/lib", "/lib64", "/usr/lib", "/usr/lib64", "/usr/local/lib")  # shared libraries
+_KERNELS = {  # those that baselines need
+    "tracking.kernels.association": ("search",),
+    "tracking.kernels.affinity_kernels": ("sparse_pairs",),
+    "tracking.kernels.tree_kernels": ("grow", "distinct_rows", "descend", "histories"),
+    "tracking.kernels.motion_kernels": ("predict", "update_pairs"),
+    "prediction.kalman": ("filter_pasts",),
+    "prediction.kinematic": ("expand",),
+    "prediction.greedy": ("k_medians",),
+    "prediction.k_means": ("k_means",),
+}
+_THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
+_PASSED = ("LD_LIBRARY_PATH", "NUMBA_DISABLE_JIT", *_THREADS)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The files of one agent's process."""
+
+    shown: tuple[tuple[str, str], ...]  # path here, path there: read-only; a later one covers an earlier one
+    links: tuple[tuple[str, str], ...] = ()  # content of a symbolic link, its path there
+    covered: tuple[str, ...] = ()  # folders of `shown` that are empty but for what `shown` puts into them
+    devices: tuple[str, ...] = DEVICES
+
+
+def layout_for(image: Image, data: str | None, cuda: bool = False) -> Layout:
+    """The files that the agent of ``image`` sees; with ``cuda`` the graphics cards too.
+
+    Raises SubmissionError where the data or the cache of scenes lies inside a folder that is shown, or there is no
+    graphics card.
+    """
+    links, shown = _system_libraries()
+    _add(shown, (os.fspath(interpreter()), *_standard_library(), *packages()))
+    package = library() / "mtp_bench"
+    covered = [str(package)] if _inside(package, shown) else []
+    shown += [(str(path), str(path)) for path in (package / part for part in LIBRARY) if path.exists()]
+    shown += [(str(folder), f"{KERNELS}/{folder.name}") for folder in compiled_kernels()]
+    shown += [(str(image.submission), SUBMISSION), (str(image.networks), NETWORKS)]
+    _require_apart([*(here for here, _ in shown), str(image.source)], data)
+    devices: tuple[str, ...] = DEVICES
+    if cuda:
+        devices += _graphics_cards()
+        shown.append(("/sys", "/sys"))
+    return Layout(tuple(shown), tuple(links), tuple(covered), devices)
+
+
+def bare_layout() -> Layout:
+    """As much as the interpreter needs to start: to try whether isolation works here."""
+    links, shown = _system_libraries()
+    _add(shown, (os.fspath(interpreter()), *_standard_library()))
+    return Layout(tuple(shown), tuple(links))
+
+
+def environment(isolated: bool, work: str = TEMPORARY, networks: str = NETWORKS) -> dict[str, str]:
+    """Environment of an agent's process: of the judge's own, only what libraries need.
+
+    ``isolated``: it has a root of its own; else ``work`` is its temporary folder and ``networks`` its weights.
+    """
+    kernels = f"{work}/kernels" if isolated else os.environ.get("NUMBA_CACHE_DIR")
+    own = {"HOME": work, "TMPDIR": work, "LANG": "C.UTF-8", "USER": "agent", "MTP_BENCH_WEIGHTS": networks}
+    own |= {"NUMBA_CACHE_DIR": kernels or str(_kernel_cache())}
+    return {name: os.environ[name] for name in _PASSED if name in os.environ} | own
+
+
+def interpreter() -> Path:
+    """The interpreter itself, not the link to it in a virtual environment."""
+    return Path(getattr(sys, "_base_executable", None) or sys.executable).resolve()
+
+
+def library() -> Path:
+    """The folder that holds this package."""
+    spec = importlib.util.find_spec(__name__.partition(".")[0])
+    return Path(str(spec and spec.origin)).resolve().parent.parent
+
+
+def packages() -> tuple[str, ...]:
+    """Folders of installed packages, in the order of the search."""
+    return tuple(entry for entry in sys.path if entry.endswith(("site-packages", "dist-packages")))
+
+
+def compile_kernels() -> None:
+    """Fill the user's cache of compiled kernels, which every agent reads: what an agent compiles is lost with it."""
+    for kernel in _kernels():
+        kernel.compiled()
+
+
+def compiled_kernels() -> list[Path]:
+    """Folders of the compiled kernels of this version that are there."""
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        return []
+    return [folder for kernel in _kernels() if (folder := kernel.folder).is_dir()]
+
+
+def _kernels() -> list[Any]:
+    found = []
+    for module, names in _KERNELS.items():
+        loaded = importlib.import_module(f"mtp_bench.{module}")
+        found += [getattr(loaded, name) for name in names]
+    return found
+
+
+def _kernel_cache() -> Path:
+    from platformdirs import user_cache_path
+
+    return user_cache_path("mtp_bench", appauthor=False)
+
+
+def _system_libraries() -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+    links: list[tuple[str, str]] = []
+    shown: list[tuple[str, str]] = []
+    for path in map(Path, _SYSTEM):
+        if path.is_symlink():
+            links.append((str(path.readlink()), str(path)))
+        elif path.is_dir():
+            _add(shown, [str(path)])
+    _add(shown, ["/etc/ld.so.cache"])
+    return links, shown
+
+
+def _standard_library() -> list[str]:
+    paths = sysconfig.get_paths()
+    beside = [str(Path(prefix) / "lib") for prefix in (sys.base_prefix, sys.base_exec_prefix)]  # with libpython
+    return list(dict.fromkeys([*beside, paths["stdlib"], paths["platstdlib"]]))
+
+
+def _add(shown: list[tuple[str, str]], paths: Iterable[str]) -> None:
+    """Show what is there and not inside a folder that is shown already."""
+    shown += [(path, path) for path in paths if Path(path).exists() and not _inside(Path(path), shown)]
+
+
+def _inside(path: Path, shown: Sequence[tuple[str, str]]) -> bool:
+    return any(path.is_relative_to(there) for _, there in shown)
+
+
+def _require_apart(shown: Sequence[str], data: str | None) -> None:
+    """Refuse a data root or a cache of scenes inside what is shown."""
+    for secret in {path.resolve() for path in (data_root(data)[0], data_root(None)[0], cache_root())}:
+        for here in shown:
+            if secret.is_dir() and secret.is_relative_to(Path(here).resolve()):
+                raise SubmissionError(f"{secret} holds data inside {here}, which agents see: move the data elsewhere")
+
+
+def _graphics_cards() -> tuple[str, ...]:
+    found = tuple(sorted(str(path) for path in Path("/dev").glob("nvidia*") if path.is_char_device()))
+    if not found:
+        raise SubmissionError("no graphics card was found at /dev/nvidia*: leave out --cuda")
+    return found

@@ -1,0 +1,438 @@
+"""Agents that try to get out, to see more than they are shown, to leave something behind, or to hoard unseen.
+
+Each trick raises AssertionError where it gets through. `test_the_tricks_work_where_nothing_holds_them` shows that they
+do so without isolation: else these tests could not fail.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mtp_bench.env.rollouts import digest
+from mtp_bench.gateway import SceneRun, run, run_isolated
+from mtp_bench.gateway.filter import system_call_filter
+from mtp_bench.gateway.mechanism import Mechanism, _works
+from tests.support.hostile import HONEST, QUICK, SCENE, Court, submission
+
+WAYS: tuple[Mechanism, ...] = ("bubblewrap", "namespaces")
+
+
+@pytest.fixture
+def court(card: str, kitti: str, tmp_path: Path) -> Court:
+    return Court(card, kitti, tmp_path)
+
+
+@pytest.fixture(params=WAYS)
+def held(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Agents are shut in, in one way after the other."""
+    if not _works(request.param):
+        pytest.skip(f"{request.param} does not work on this system")
+    monkeypatch.setattr(run, "mechanism", lambda: request.param)
+    return str(request.param)
+
+
+@pytest.fixture
+def loose(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing holds agents."""
+    monkeypatch.setattr(run, "mechanism", lambda: "none")
+
+
+def act(code: str) -> str:
+    """The method of an agent that runs ``code`` in every frame and then answers honestly."""
+    lines = "\n".join(f"    {line}" for line in code.strip("\n").splitlines())
+    return f"def act(self, observation):\n{lines}\n    return self.honest(observation)\n"
+
+
+def expect_no_gain(court: Court, found: SceneRun) -> None:
+    assert (found.status, found.reason) == ("finished", "")
+    assert digest(found.rollout) == digest(court.honest())
+    assert found.isolation.holds
+
+
+SYSTEM = """
+libc = ctypes.CDLL(None, use_errno=True)
+def call(*arguments):
+    return libc.syscall(*[ctypes.c_long(a) if isinstance(a, int) else a for a in arguments])
+"""
+WALK = """
+def everything():
+    for folder, folders, files in os.walk("/", onerror=lambda error: None):
+        if folder == "/":
+            folders[:] = [name for name in folders if name not in ("proc", "sys")]
+        for name in [*folders, *files]:
+            yield Path(folder, name)
+"""
+SEARCH = (
+    WALK
+    + """
+for path in everything():
+    try:
+        small = path.is_file() and path.suffix in (".json", ".txt", ".npz", ".toml") and path.stat().st_size < 9000
+        assert not (small and self.given["secret"].encode() in path.read_bytes()), f"read the secret at {path}"
+    except OSError:
+        continue
+"""
+)
+LIBRARY = """
+import importlib
+for name in ("scoring", "sources", "records", "cards", "running", "viz", "testing", "training", "env.environment"):
+    try:
+        importlib.import_module(f"mtp_bench.{name}")
+    except ImportError:
+        continue
+    raise AssertionError(f"has the judge's {name}")
+"""
+SOCKETS = """
+for way in self.given["sockets"]:
+    try:
+        socket.socket(socket.AF_UNIX).connect(way)
+    except OSError:
+        continue
+    raise AssertionError(f"told somebody at {way}")
+"""
+FIFO = """
+try:
+    os.write(os.open(self.given["fifo"], os.O_WRONLY | os.O_NONBLOCK), b"out")
+except OSError:
+    pass
+else:
+    raise AssertionError("wrote into the FIFO")
+"""
+LINKED = """
+for root in (self.given["link"], self.given["data"]):
+    assert not os.path.lexists(root), f"sees the data at {root}"
+"""
+DEVICES = """
+assert sorted(os.listdir("/dev")) == ["null", "urandom", "zero"], os.listdir("/dev")
+for make in (lambda: os.mknod("/tmp/disk", 0o60600, os.makedev(8, 0)), lambda: os.mknod("/tmp/tty", 0o20600, 1281)):
+    try:
+        make()
+    except OSError:
+        continue
+    raise AssertionError("made a device")
+"""
+PROCESSES = """
+names = [int(name) for name in os.listdir("/proc") if name.isdigit()]
+assert names == [os.getpid()] == [1], f"sees processes {names}"
+assert os.readlink("/proc/1/root") == "/"
+"""
+RIGHTS = """
+status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
+found = {name: status[name].strip() for name in ("CapEff", "CapPrm", "CapBnd", "NoNewPrivs", "Seccomp")}
+none = "0" * 16
+assert found == {"CapEff": none, "CapPrm": none, "CapBnd": none, "NoNewPrivs": "1", "Seccomp": "2"}, found
+assert (os.getuid(), os.getgid(), socket.gethostname()) == (1000, 1000, "agent")
+"""
+MOUNTS = (
+    SYSTEM
+    + """
+tries = {
+    "remount": lambda: libc.mount(b"none", b"/", None, 32, None),
+    "tmpfs": lambda: libc.mount(b"x", b"/tmp", b"tmpfs", 0, None),
+    "umount": lambda: libc.umount2(b"/submission", 2), "chroot": lambda: libc.chroot(b"/tmp"),
+    "unshare": lambda: libc.unshare(0x10000000), "setns": lambda: libc.setns(0, 0),
+    "open_tree": lambda: call(428, -100, b"/", 1), "fsopen": lambda: call(430, b"tmpfs", 0),
+    "mount_setattr": lambda: call(442, -100, b"/", 0, (ctypes.c_uint64 * 4)(0, 1, 0, 0), 32),
+    "clone": lambda: call(56, 0x10000000 | 17, None, None, None, None),
+    "clone3": lambda: call(435, (ctypes.c_uint64 * 8)(0x10000000), 64),
+}
+done = [name for name, attempt in tries.items() if attempt() != -1]
+assert not done, f"has done {done}"
+"""
+)
+CALLS = (
+    SYSTEM
+    + """
+numbers = {  # of x86-64
+    "keyctl": (250, 0, -3, 0), "add_key": (248, b"user", b"left", b"x", 1, -3),
+    "request_key": (249, b"user", b"left", None, 0), "ptrace": (101, 0, 0, 0, 0), "bpf": (321, 0, None, 0),
+    "userfaultfd": (323, 0), "io_uring_setup": (425, 1, (ctypes.c_char * 256)()),
+    "perf_event_open": (298, (ctypes.c_char * 256)(), 0, -1, -1, 0), "memfd_create": (319, b"x", 0),
+    "memfd_secret": (447, 0), "shmget": (29, 0, 1 << 20, 0o1600), "msgget": (68, 0, 0o1600),
+    "semget": (64, 0, 1, 0o1600), "mq_open": (240, b"x", 0o102, 0o600, None),
+    "cachestat": (451, 1, (ctypes.c_uint64 * 2)(), (ctypes.c_uint64 * 5)(), 0), "fadvise": (221, 0, 0, 0, 4),
+    "inotify": (294, 0), "socket": (41, 1, 1, 0), "process_vm_readv": (310, 1, None, 0, None, 0, 0),
+}
+import errno
+done = []
+for name, arguments in numbers.items():
+    ctypes.set_errno(0)
+    if call(*arguments) != -1 or ctypes.get_errno() != errno.EPERM:
+        done.append(name)
+assert not done, f"may call {done}"
+"""
+)
+KERNELS = """
+from mtp_bench.tracking.kernels import association
+for path in (Path("/kernels"), Path(association.__file__), Path("/submission/agent.py")):
+    assert path.exists(), path
+    for target in [path, *path.glob("*/*")]:
+        try:
+            os.open(target, os.O_WRONLY | (os.O_TMPFILE if target.is_dir() else 0))
+        except OSError:
+            continue
+        raise AssertionError(f"can write {target}")
+"""
+LINKS_OUT = """
+for target in ("/proc/self/root/../..", "/proc/1/cwd/../../..", "/tmp/../..", "/dev/../.."):
+    assert os.listdir(target) == os.listdir("/"), target
+Path("/tmp/way").unlink(missing_ok=True)
+os.symlink("/" + self.given["folder"].lstrip("/"), "/tmp/way")
+assert not os.path.exists("/tmp/way"), "followed a link out"
+"""
+DESCRIPTORS = """
+kinds = {}
+for name in os.listdir("/proc/self/fd"):
+    try:
+        kinds[int(name)] = os.readlink(f"/proc/self/fd/{name}").split(":")[0]
+    except OSError:
+        continue
+assert sum(kind == "pipe" for kind in kinds.values()) == 4, kinds  # orders, answers, and the log twice
+assert set(kinds.values()) <= {"pipe", "/dev/null", f"/proc/{os.getpid()}/fd"}, kinds
+"""
+MOUNT_POINTS = """
+bad = []
+for line in Path("/proc/self/mountinfo").read_text().splitlines():
+    place, options = line.split()[4:6]
+    if place not in ("/tmp", "/proc", "/dev/null", "/dev/zero", "/dev/urandom") and "ro" not in options.split(","):
+        bad.append(place)
+assert not bad, f"can be written: {bad}"
+"""
+
+TRICKS: dict[str, tuple[str, dict[str, Any]]] = {
+    "imports the judge": (LIBRARY, {}),
+    "looks at devices": (DEVICES, {}),
+    "looks at processes": (PROCESSES, {}),
+    "looks at its rights": (RIGHTS, {}),
+    "mounts": (MOUNTS, {}),
+    "calls what is forbidden": (CALLS, {}),
+    "writes where trusted code is": (KERNELS, {}),
+    "holds descriptors": (DESCRIPTORS, {}),
+    "finds a place to write": (MOUNT_POINTS, {}),
+}
+
+
+@pytest.mark.parametrize("name", TRICKS)
+def test_it_gets_nowhere(held: str, court: Court, name: str) -> None:
+    code, given = TRICKS[name]
+    expect_no_gain(court, court.run(act(code), **given))
+
+
+def test_it_follows_no_path_out(held: str, court: Court) -> None:
+    expect_no_gain(court, court.run(act(LINKS_OUT), folder=str(court.folder)))
+
+
+@pytest.fixture
+def secret(court: Court, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """A word that lies in the home folder, in the data, in the records, in the cache and beside the submission."""
+    word = "salt-" + os.urandom(16).hex()
+    home, records = court.folder / "home", court.folder / "leaderboard" / "records"
+    places = [
+        home,
+        records,
+        records / "truth_past.rollouts",
+        court.folder,
+        Path(court.data),
+        home / ".cache" / "mtp_bench",
+    ]
+    monkeypatch.setenv("HOME", str(home))
+    files = []
+    for place in places:
+        place.mkdir(parents=True, exist_ok=True)
+        files.append(place / "seal.json")
+        files[-1].write_text(word)
+    yield word
+    for file in files:
+        file.unlink()
+
+
+def test_a_seal_is_nowhere_to_be_found(held: str, court: Court, secret: str) -> None:
+    expect_no_gain(court, court.run(act(SEARCH), secret=secret))
+
+
+def test_no_socket_and_no_fifo_leads_out(held: str, court: Court) -> None:
+    place, abstract, fifo = str(court.folder / "s"), f"\0mtp-{os.getpid()}", str(court.folder / "fifo")
+    os.mkfifo(fifo)
+    reader = os.open(fifo, os.O_RDONLY | os.O_NONBLOCK)
+    with socket.socket(socket.AF_UNIX) as path, socket.socket(socket.AF_UNIX) as name:
+        for listener, address in ((path, place), (name, abstract)):
+            listener.bind(address)
+            listener.listen()
+        expect_no_gain(court, court.run(act(SOCKETS), sockets=[place, abstract]))
+        expect_no_gain(court, court.run(act(FIFO), fifo=fifo))
+    os.close(reader)
+
+
+def test_data_behind_a_link_is_not_there(held: str, court: Court) -> None:
+    link = court.folder / "link"
+    link.symlink_to(court.data)
+    there = Court(court.card, str(link), court.folder)
+    expect_no_gain(court, there.run(act(LINKED), link=str(link), data=str(Path(court.data).resolve())))
+
+
+def test_what_the_digest_leaves_out_is_not_there(held: str, court: Court) -> None:
+    folder = submission(court.folder / "hostile", act("""
+here = Path(__file__).parent
+assert sorted(os.listdir(here)) == ["agent.py", "submission.toml"], os.listdir(here)
+"""))  # fmt: skip
+    for name in ("__pycache__", ".git"):
+        (folder / name).mkdir()
+        (folder / name / "agent.py").write_text("raise RuntimeError")
+    found = run_isolated(folder, court.card, {"data": court.data}, SCENE, parameters={}, limits=QUICK)
+    expect_no_gain(court, found)
+
+
+LEAVES = (
+    SYSTEM
+    + """
+if self.frame == 0:
+    for write in (lambda: call(248, b"user", b"left", b"x", 1, -3), lambda: call(248, b"user", b"left", b"x", 1, -4),
+                  lambda: call(29, 4711, 4096, 0o1666), lambda: Path("/tmp/left").write_text("x"),
+                  lambda: Path("/dev/shm/left").write_text("x"), lambda: Path("/submission/left").write_text("x"),
+                  lambda: Path("/kernels/left").write_text("x"), lambda: os.fork() or time.sleep(4711)):
+        try:
+            self.given["leave"] and write()
+        except OSError:
+            continue
+"""
+)
+FINDS = (
+    SYSTEM
+    + """
+assert call(249, b"user", b"left", None, 0) == -1, "found a key"
+assert call(29, 4711, 4096, 0) == -1, "found shared memory"
+for place in ("/tmp/left", "/dev/shm/left", "/submission/left", "/kernels/left"):
+    assert not os.path.exists(place), f"found {place}"
+"""
+)
+
+
+def test_nothing_is_left_for_the_next_run(held: str, court: Court) -> None:
+    court.run(act(LEAVES), leave=True)
+    expect_no_gain(court, court.run(act(FINDS)))
+
+
+HOARDS = {
+    "threads": """
+import threading
+for _ in range(1500):
+    threading.Thread(target=time.sleep, args=(4711,), daemon=True).start()
+""",
+    "shared memory": """
+import mmap
+self.hoard = [mmap.mmap(-1, 1 << 26) for _ in range(20)]
+for part in self.hoard:
+    part.write(bytes(1 << 26))
+""",
+    "names": """
+for i in range(200_000):
+    Path(f"/tmp/{i}").touch()
+""",
+}
+
+
+@pytest.mark.parametrize("grouped", [True, False], ids=["cgroup", "watch"])
+@pytest.mark.parametrize("what", HOARDS)
+def test_what_it_hoards_is_counted(
+    held: str, court: Court, what: str, grouped: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not grouped:
+        monkeypatch.setattr("mtp_bench.gateway.process.make_group", lambda *_: None)
+    limits = QUICK if what == "threads" else type(QUICK)(**{**vars(QUICK), "memory": 1 << 30})
+    code = (
+        "if self.frame == 1:\n"
+        + "\n".join(f"    {line}" for line in HOARDS[what].strip().splitlines())
+        + "\n    time.sleep(2)"
+    )
+    found = court.run(act(code), limits)
+    assert found.status in ("crashed", "rejected"), found
+    assert court.error(found.rollout) > court.error(court.honest())
+
+
+HEADERS = {
+    "huge and empty": [["track_box", "<f4", [2**39, 0, 2**39]]],
+    "huge": [["track_box", "<f4", [2**39, 2**39]]],
+    "another field": [["weights", "<f8", [0]]],
+    "twice": [["track_id", "<i8", [0]], ["track_id", "<i8", [0]]],
+    "deep": [[[[[["x"]]]]]],
+    "many": [["track_id", "<i8", [0]]] * 70,
+    "not a name": [[{"a": 1}, "<i8", [0]]],
+}
+
+
+@pytest.mark.parametrize("entries", HEADERS.values(), ids=HEADERS)
+def test_a_header_costs_its_scene_and_never_the_run(held: str, court: Court, entries: object) -> None:
+    code = f"""
+import json
+header = dict(sys._getframe(1).f_locals["header"])
+reply = {{name: header[name] for name in ("frame", "token")}}
+text = json.dumps({{"kind": "answer", **reply, "arrays": {entries!r}}}).encode()
+os.write(int(sys.argv[2]), sys.modules["mtp_bench_wire"].PREFIX.pack(len(text), 0) + text)
+time.sleep(0.2)
+"""
+    found = court.run(act(code))
+    assert found.status == "rejected" or found.malformed
+    assert court.error(found.rollout) > court.error(court.honest())
+
+
+def test_half_a_letter_in_its_last_words_is_no_trouble(held: str, court: Court) -> None:
+    found = court.run(act("raise ValueError('\\\\ud800 \\\\x1b[31m red')"))
+    assert found.status == "crashed"
+    assert "red" in found.reason
+    found.reason.encode()
+    assert found.reason.isprintable()
+
+
+CONTROLS: dict[str, tuple[str, str]] = {
+    "secret": (SEARCH.replace('os.walk("/"', 'os.walk(self.given["folder"]'), "read the secret"),
+    "socket": (SOCKETS, "told somebody"),
+    "judge": (LIBRARY, "has the judge's scoring"),
+    "devices": (DEVICES, "null"),
+    "processes": (PROCESSES, "sees processes"),
+    "calls": (CALLS, "may call"),
+    "links": (LINKED, "sees the data"),
+}
+
+
+@pytest.mark.parametrize("name", CONTROLS)
+def test_the_tricks_work_where_nothing_holds_them(loose: None, court: Court, secret: str, name: str) -> None:
+    code, said = CONTROLS[name]
+    place = str(court.folder / "s")
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(place)
+        listener.listen()
+        threading.Thread(target=_accept, args=(listener,), daemon=True).start()
+        given = {
+            "secret": secret,
+            "sockets": [place],
+            "folder": str(court.folder),
+            "link": court.data,
+            "data": court.data,
+        }
+        found = court.run(act(code), **given)
+    assert found.status == "crashed"
+    assert said in found.reason
+    assert not found.isolation.holds
+
+
+def _accept(listener: socket.socket) -> None:
+    with suppress(OSError):
+        listener.accept()[0].close()
+
+
+def test_where_nothing_can_be_filtered_nothing_holds(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mtp_bench.gateway.mechanism.system_call_filter", lambda: None)
+    assert not any(_works(way) for way in WAYS)
+    assert system_call_filter()
+    monkeypatch.setattr(run, "mechanism", lambda: "none")
+    found = court.run(HONEST)
+    assert digest(found.rollout) == digest(court.honest())
+    assert not found.isolation.holds

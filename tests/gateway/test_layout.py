@@ -1,0 +1,130 @@
+"""What an agent sees, the image that it runs from, and the groups that hold its memory."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mtp_bench.errors import SubmissionError
+from mtp_bench.gateway import run_isolated
+from mtp_bench.gateway.cgroup import Group, _places, make_group
+from mtp_bench.gateway.image import image_of
+from mtp_bench.gateway.layout import LIBRARY, layout_for, library
+from mtp_bench.networks import VARIABLE, file_name
+from mtp_bench.submission import load_submission
+from tests.support.hostile import MANIFEST, QUICK, SCENE, submission
+
+IMPORTS = """
+import importlib, pkgutil, sys
+import mtp_bench
+for name in ("agent", "tracking", "prediction", "submission"):
+    package = importlib.import_module(f"mtp_bench.{name}")
+    for found in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+        if ".template" not in found.name:
+            importlib.import_module(found.name)
+mtp_bench.answer, mtp_bench.load_submission
+print(*(m.__file__ for n, m in sys.modules.items() if n.startswith("mtp_bench") and m.__file__), sep="\\n")
+"""
+
+
+def test_the_part_of_the_library_that_players_need_is_shown() -> None:
+    package = library() / "mtp_bench"
+    shown = [package / part for part in LIBRARY]
+    assert all(path.exists() for path in shown)
+    printed = subprocess.run([sys.executable, "-c", IMPORTS], capture_output=True, text=True, check=True)
+    needed = [Path(line) for line in printed.stdout.split()]
+    assert len(needed) > 50
+    assert [path for path in needed if not any(path.is_relative_to(part) for part in shown)] == []
+
+
+def test_nothing_of_the_judge_is_shown(tmp_path: Path) -> None:
+    layout = layout_for(image_of(load_submission(submission(tmp_path / "mine")), "MTP-X-v0"), None)
+    places = [Path(here) for here, _ in layout.shown]
+    package = library() / "mtp_bench"
+    hidden = ("scoring", "sources", "records", "env/environment.py", "gateway/exchange.py", "_bundled")
+    for part in (package / name for name in hidden):
+        assert not any(part.is_relative_to(place) for place in places), part
+    for part in (library() / "envs", library() / "leaderboard", Path.home(), Path("/etc/passwd"), Path("/run")):
+        assert not any(part.is_relative_to(place) for place in places), part
+
+
+def test_an_image_is_what_its_digest_covers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = submission(tmp_path / "mine")
+    (folder / "weights").mkdir()
+    (folder / "weights" / "net.bin").write_bytes(b"123")
+    (folder / ".git").mkdir()
+    (folder / ".git" / "config").touch()
+    image = image_of(load_submission(folder), "MTP-X-v0")
+    assert image.digest == load_submission(folder).digest
+    names = sorted(path.relative_to(image.submission).as_posix() for path in image.submission.rglob("*"))
+    assert names == ["agent.py", "submission.toml", "weights", "weights/net.bin"]
+    assert image_of(load_submission(folder), "MTP-X-v0") is image
+    (folder / "weights" / "net.bin").write_bytes(b"1234")
+    assert image_of(load_submission(folder), "MTP-X-v0").digest not in ("", image.digest)
+
+
+def test_weights_that_were_trained_here_are_part_of_what_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, weights = submission(tmp_path / "mine"), tmp_path / "weights"
+    weights.mkdir()
+    monkeypatch.setenv(VARIABLE, str(weights))
+    (folder / "submission.toml").write_text(f'{MANIFEST}networks = ["modes-truth"]\n')
+    without = image_of(load_submission(folder), "MTP-Merge-v0")
+    assert without.digest == load_submission(folder).digest
+    for env_id in ("MTP-Highway-v0", "MTP-KITTI-v0"):
+        (weights / file_name("modes", "truth", env_id)).write_bytes(b"weights")
+    found = image_of(load_submission(folder), "MTP-Merge-v0")  # borrows from Highway
+    assert [path.name for path in found.networks.iterdir()] == [file_name("modes", "truth", "MTP-Highway-v0")]
+    assert found.digest != without.digest
+
+
+def test_files_that_change_during_a_run_are_noticed(card: str, kitti: str, tmp_path: Path) -> None:
+    folder = submission(tmp_path / "mine")
+    with pytest.raises(SubmissionError, match="its files changed while it ran"):
+        run_isolated(folder, card, {"data": kitti}, SCENE, limits=QUICK, digest="0" * 64)
+
+
+def test_graphics_cards_are_shown_on_demand_only(tmp_path: Path) -> None:
+    image = image_of(load_submission(submission(tmp_path / "mine")), "MTP-X-v0")
+    cards = sorted(str(path) for path in Path("/dev").glob("nvidia*") if path.is_char_device())
+    assert not set(cards) & set(layout_for(image, None).devices)
+    if cards:
+        assert set(cards) <= set(layout_for(image, None, cuda=True).devices)
+    else:
+        with pytest.raises(SubmissionError, match="no graphics card was found"):
+            layout_for(image, None, cuda=True)
+
+
+@pytest.mark.parametrize("delegated", [True, False])
+def test_groups_of_version_two(tmp_path: Path, delegated: bool) -> None:
+    """The folders as the system shows them: limits go into a new group beside that of the judge."""
+    own, place = tmp_path / "cgroup", tmp_path / "root" / "user"
+    own.write_text("0::/user/judge\n")
+    (place / "judge").mkdir(parents=True)
+    (place / "judge" / "cgroup.subtree_control").write_text("")
+    (place / "cgroup.subtree_control").write_text("cpu memory pids\n" if delegated else "cpu\n")
+    places, names = _places(tmp_path / "root", own)
+    assert places == ([place] if delegated else [])
+    assert not delegated or {"memory.max", "pids.max"} <= names.keys()
+    assert make_group(1 << 30, 99, tmp_path / "root", own) is None  # here no system fills the folder with files
+    assert [path.name for path in place.iterdir() if path.is_dir()] == ["judge"]
+
+
+def test_a_group_that_was_exceeded_says_so(tmp_path: Path) -> None:
+    group = Group((tmp_path,))
+    assert not group.exceeded()
+    (tmp_path / "memory.events").write_text("low 0\noom 1\noom_kill 0\n")
+    assert not group.exceeded()
+    (tmp_path / "memory.events").write_text("low 0\noom 1\noom_kill 2\n")
+    assert group.exceeded()
+
+
+def test_a_group_of_this_system_is_removed() -> None:
+    group = make_group(1 << 30, 99)
+    if group is None:
+        pytest.skip("this system delegates no control groups")
+    assert all(folder.is_dir() for folder in group.folders)
+    group.remove()
+    assert not any(folder.is_dir() for folder in group.folders)
