@@ -37,10 +37,12 @@ class Entry:
 
     def stated(self) -> dict[str, Any]:
         """As arguments of `records.submit`; wrong usage for an unknown division, and what it does not have."""
+        from ..gateway import Limits
+
         one_of(self.division, DIVISIONS, "--division")
         if self.cuda and self.division != "open":
             raise typer.BadParameter("only with --division open", param_hint="--cuda")
-        return {"division": self.division, "training_data": self.training_data or (), "cuda": self.cuda}
+        return {"division": self.division, "training_data": self.training_data or (), "limits": Limits(cuda=self.cuda)}
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..files import file_digest
+from ..files import file_digest, open_regular
 from ..networks import network_files
 from ..submission.contents import files_of
 from ..submission.loader import Submission
@@ -59,8 +59,11 @@ def _copy(source: Path, files: dict[str, Path]) -> Image:
     for name, path in files.items():
         target = root / name
         target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(path, target)
-        total.update(f"{name.removeprefix('submission/')}\0{file_digest(target)}\n".encode())
+        with open_regular(path) as source_file, target.open("wb") as copy:
+            shutil.copyfileobj(source_file, copy)
+        # A network's name begins with a slash, which the name of no file of the folder does.
+        stated = name.removeprefix("submission/") if name.startswith("submission/") else f"/{name}"
+        total.update(f"{stated}\0{file_digest(target)}\n".encode())
     return Image(source, root / "submission", root / "networks", total.hexdigest())
 
 

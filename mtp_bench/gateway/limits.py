@@ -22,6 +22,7 @@ class Limits:
     memory: int = 8 << 30  # bytes of address space of each of the agent's processes
     disk: int = 64 << 20  # bytes it may write: in all where it has a file system of its own, else per file
     answer: int = 64 << 20  # bytes of one answer
+    cuda: bool = False  # it is given the graphics cards; its memory is then bounded for all its processes only
 
 
 @dataclass(frozen=True)

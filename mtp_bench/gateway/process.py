@@ -51,7 +51,6 @@ class Cell:
     layout: Layout
     image: Image
     way: Mechanism
-    cuda: bool = False
 
 
 class AgentProcess:
@@ -74,7 +73,7 @@ class AgentProcess:
         """What holds the agent."""
         way = self._cell.way
         memory: Literal["cgroup", "watch"] = "watch" if self._group is None else "cgroup"
-        return Isolation(way, filtered=way != "none", memory=memory, cuda=self._cell.cuda)
+        return Isolation(way, filtered=way != "none", memory=memory, cuda=self._limits.cuda)
 
     def __enter__(self) -> AgentProcess:
         if sys.platform == "win32":
@@ -130,7 +129,7 @@ class AgentProcess:
     def setup(self, parameters: dict[str, Any]) -> dict[str, Any]:
         """The first message to the agent's side: where things are there, and its limits."""
         limits = self._limits
-        counted = {} if self._cell.cuda else {"AS": limits.memory}  # drivers map far more than they use
+        counted = {} if limits.cuda else {"AS": limits.memory}  # drivers map far more than they use
         return {
             "submission": SUBMISSION if self._isolated else str(self._cell.image.submission),
             "parameters": parameters,

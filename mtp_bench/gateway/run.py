@@ -13,7 +13,7 @@ import numpy as np
 
 from ..env.environment import MTPEnv
 from ..errors import SubmissionError
-from ..parallel import ALONE, Workers, unordered_map
+from ..parallel import ALONE, QUIET, Progress, Workers, unordered_map
 from ..running.run import agent_task, derived_seed
 from ..submission.loader import load_submission
 from .exchange import Exchange, answer_bytes
@@ -32,7 +32,6 @@ def run_isolated(
     seed: int = 0,
     parameters: dict[str, Any] | None = None,
     limits: Limits = Limits(),  # noqa: B008  (frozen)
-    cuda: bool = False,
     digest: str | None = None,
 ) -> SceneRun:
     """One scene of an env in evaluation mode, answered by a submission in a process of its own.
@@ -45,7 +44,6 @@ def run_isolated(
         seed: Seed of all random draws.
         parameters: Of the agent; None: those of the manifest.
         limits: What the agent may use.
-        cuda: It is given the graphics cards.
         digest: Of the submission as it must be (`image_of`); None: as it is.
 
     The rollout of an agent that keeps the rules is that of `running.run.run_scene`, but for the times, which are
@@ -61,7 +59,7 @@ def run_isolated(
     image = image_of(loaded, env.card.id)
     if digest is not None and image.digest != digest:
         raise SubmissionError(f"{loaded.path}: its files changed while it ran; run it again")
-    cell = Cell(layout_for(image, keywords.get("data"), cuda), image, mechanism(), cuda)
+    cell = Cell(layout_for(image, keywords.get("data"), limits.cuda), image, mechanism())
     with AgentProcess(limits, cell, answer_bytes(env.action_space, limits)) as process:
         setup = process.setup(loaded.parameters if parameters is None else parameters)
         exchange = Exchange(process, limits, env.action_space, seal_start(env.card.digest, scene, seed))
@@ -83,24 +81,25 @@ def run_isolated_scenes(
     parameters: dict[str, Any] | None = None,
     limits: Limits = Limits(),  # noqa: B008  (frozen)
     *,
-    cuda: bool = False,
     scenes: Sequence[str],
     workers: Workers = ALONE,
-    finished: Callable[[SceneRun], object] = lambda run: None,
+    progress: Progress = QUIET,
+    finished: Callable[[SceneRun], None] = lambda run: None,
 ) -> list[SceneRun]:
     """`run_isolated` of every scene, in the order of ``scenes``.
 
     Every scene has an agent of its own, so what one of them does ends at most its scene. ``submission``, ``env_id``,
-    ``env_keywords``, ``seed``, ``parameters``, ``limits`` and ``cuda`` as there. ``workers`` run them; ``finished``
-    is given every scene that is done, in the order of completion and in this process.
+    ``env_keywords``, ``seed``, ``parameters`` and ``limits`` as there. ``workers`` run them; ``finished`` is given
+    every scene that is done, in the order of completion and in this process, and ``progress`` is told its name.
     """
     compile_kernels()
     digest = submission_digest(load_submission(submission), MTPEnv(env_id, **env_keywords).card.id)
-    calls = [(submission, env_id, env_keywords, scene, seed, parameters, limits, cuda, digest) for scene in scenes]
+    calls = [(submission, env_id, env_keywords, scene, seed, parameters, limits, digest) for scene in scenes]
     runs: dict[int, SceneRun] = {}
     for place, run in unordered_map(run_isolated, calls, workers):
         runs[place] = run
         finished(run)
+        progress.done(scenes[place])
     return [runs[place] for place in range(len(scenes))]
 
 

@@ -52,9 +52,7 @@ def check_submission(path: str, env_id: str, options: RunOptions) -> Checked:
     env = MTPEnv(env_id, **keywords)
     names = options.chosen(env.scene_names)
     told.started(1 + 2 * len(names))
-    runs = run_isolated_scenes(
-        submission.path, env_id, keywords, scenes=names, finished=lambda run: told.done(run.rollout.scene)
-    )
+    runs = run_isolated_scenes(submission.path, env_id, keywords, scenes=names, progress=told)
     if any(_unsafe(run) for run in runs):  # it would take this process with it
         return Checked(submission.name, env_id, tuple(gateway_findings(runs, None)))
     make = SubmissionFactory(str(submission.path), submission.parameters)

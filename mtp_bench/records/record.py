@@ -112,6 +112,7 @@ class LimitsPart(Section):
     memory: Count  # bytes, as those below
     disk: Count
     answer: Count
+    cuda: bool = False  # it was given the graphics cards
 
 
 class MissedPart(Section):

@@ -69,12 +69,10 @@ def run_seed(
     seed: int,
     limits: Limits = Limits(),  # noqa: B008  (frozen)
     parts: Parts | None = None,
-    cuda: bool = False,
 ) -> list[SceneRun]:
     """Every scene of the plan under one seed, in the order of the plan; never raises for what an agent does.
 
-    Scenes that are among the ``parts`` are not run again; the others are stored there as soon as they are done. With
-    ``cuda`` the agent is given the graphics cards.
+    Scenes that are among the ``parts`` are not run again; the others are stored there as soon as they are done.
     """
     runs: dict[str, SceneRun] = {}
     for scene in plan.scenes:
@@ -86,7 +84,6 @@ def run_seed(
         runs[run.rollout.scene] = run
         if parts is not None:
             parts.write(seed, run)
-        plan.options.progress.done(run.rollout.scene)
 
     left = [scene for scene in plan.scenes if scene not in runs]
     if left:
@@ -97,9 +94,9 @@ def run_seed(
             seed=seed,
             parameters=plan.submission.parameters,
             limits=limits,
-            cuda=cuda,
             scenes=left,
             workers=plan.options.workers,
+            progress=plan.options.progress,
             finished=keep,
         )
     return [runs[scene] for scene in plan.scenes]

@@ -16,9 +16,7 @@ from .running import Plan
 from .storage import PARTS, ROLLOUTS, load_record
 
 
-def stated_before(
-    plan: Plan, limits: Limits, division: str, training_data: Sequence[str], cuda: bool
-) -> dict[str, Any]:
+def stated_before(plan: Plan, limits: Limits, division: str, training_data: Sequence[str]) -> dict[str, Any]:
     """What the record of a plan will say of its runs, as JSON."""
     return {
         "submission": plan.submission.digest,
@@ -33,7 +31,6 @@ def stated_before(
         "training_data": list(training_data),
         "definitions": DEFINITIONS,
         "versions": library_versions(),
-        "cuda": cuda,
     }
 
 
@@ -52,7 +49,6 @@ def stated_by(record: Record) -> dict[str, Any]:
         "training_data": record.training_data,
         "definitions": record.scorer.definitions,
         "versions": record.versions,
-        "cuda": record.isolation.cuda,
     }
 
 

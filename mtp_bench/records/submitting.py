@@ -54,7 +54,6 @@ def submit(
     training_data: Sequence[str] = (),
     limits: Limits = Limits(),  # noqa: B008  (frozen)
     start: Start = "new",
-    cuda: bool = False,
 ) -> Record:
     """Run a submission on an env behind the gateway, and write its record to ``output``/<env id>.json.
 
@@ -70,7 +69,6 @@ def submit(
         start: What becomes of the scenes that an earlier submit of this record finished without coming to its end:
             "new" refuses them, "resume" goes on from them (and takes a whole record of the same plan as it is),
             "fresh" discards them.
-        cuda: The agent is given the graphics cards; in the open division alone.
 
     Every scene is kept as soon as it is done. Record and rollouts come together, at the end: until then, and after any
     failure, those of an earlier submit are as they were.
@@ -85,16 +83,16 @@ def submit(
     target = record_path(submission, load_card(env_id), output, options.split)
     require_writable(target, submission)
     said_of(submission)  # what no record can hold is refused before the work
-    _require_division(division, limits, cuda)
+    _require_limits(division, limits)
     note = submission.note_on(plan.card.id)
     declared = [*submission.training_data, *training_data, *([note] if note else [])]
-    stated = stated_before(plan, limits, division, declared, cuda)
+    stated = stated_before(plan, limits, division, declared)
     if start == "resume" and (record := finished_record(target, stated)) is not None:
         return record
     with open_parts(target, stated, start) as parts:
         reference = reference_for(plan.card, plan.scenes, options)
         options.progress.started((len(options.seeds) + 1) * len(plan.scenes))
-        runs = {seed: run_seed(plan, seed, limits, parts, cuda) for seed in options.seeds}
+        runs = {seed: run_seed(plan, seed, limits, parts) for seed in options.seeds}
         _require_unchanged(submission)
         found = evaluate_plan(plan, runs, reference, watched=True)
         more: dict[str, Any] = {"division": division, "training_data": declared}
@@ -124,9 +122,7 @@ def _require_unchanged(submission: Submission) -> None:
         )
 
 
-def _require_division(division: str, limits: Limits, cuda: bool) -> None:
-    if division == "closed" and cuda:
-        raise MtpBenchError("an agent has no graphics card in the closed division: choose the open division")
+def _require_limits(division: str, limits: Limits) -> None:
     if division == "closed" and limits != Limits():
         changed = [name for name, value in asdict(limits).items() if value != getattr(Limits(), name)]
         raise MtpBenchError(
@@ -145,7 +141,7 @@ def require_writable(target: Path, submission: Submission) -> None:
     """Refuse a record before the work: a part of the submission, no folder, no permission, or no rollouts."""
     if target.resolve().is_relative_to(submission.path):
         raise SubmissionError(
-            f"cannot write {target}: it would become a part of the submission {submission.path}: choose another output"
+            f"cannot write {target}: it is inside the submission {submission.path}, name another folder"
         )
     require_folder(target)
     if target.parent.is_dir():

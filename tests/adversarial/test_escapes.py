@@ -410,7 +410,7 @@ def test_the_tricks_work_where_nothing_holds_them(loose: None, court: Court, sec
         listener.bind(place)
         listener.listen()
         threading.Thread(target=_accept, args=(listener,), daemon=True).start()
-        given = {
+        given: dict[str, Any] = {
             "secret": secret,
             "sockets": [place],
             "folder": str(court.folder),

@@ -16,7 +16,7 @@ import pytest
 
 from mtp_bench.env.rollouts import digest
 from mtp_bench.gateway import SceneRun, run_isolated, run_isolated_scenes
-from mtp_bench.parallel import Workers
+from mtp_bench.parallel import Progress, Workers
 from tests.support.hostile import FRAMES, HONEST, HURRIED, QUICK, SCENE, Court, submission
 
 
@@ -200,13 +200,13 @@ def act(self, observation):
         os._exit(1)
     return self.honest(observation)
 """
-    folder, done = submission(court.folder / "hostile", trick), list[SceneRun]()
+    folder, done = submission(court.folder / "hostile", trick), list[str]()
     runs: list[SceneRun] = run_isolated_scenes(
         folder, court.card, {"data": court.data}, limits=QUICK, scenes=["0006", "0008", "0001"], workers=Workers(2),
-        finished=done.append,
+        progress=Progress(done=done.append),
     )  # fmt: skip
     assert [run.rollout.scene for run in runs] == ["0006", "0008", "0001"]
-    assert sorted(run.rollout.scene for run in done) == ["0001", "0006", "0008"]
+    assert sorted(done) == ["0001", "0006", "0008"]
     assert [run.rollout.frames for run in runs] == [7, 4, 9]
     assert {run.status for run in runs} == {"crashed"}
     assert np.diff(runs[0].rollout.object_start).tolist() == [3, 3, 3, 0, 0, 0, 0]

@@ -16,7 +16,7 @@ from mtp_bench.gateway import SceneRun, run_isolated, run_isolated_scenes
 from mtp_bench.gateway.exchange import Exchange
 from mtp_bench.gateway.run import seal_start
 from mtp_bench.gateway.wire import PREFIX, WireError, arrays_of, encode, header_of, plain
-from mtp_bench.parallel import Workers
+from mtp_bench.parallel import Progress, Workers
 from mtp_bench.running.run import jobs_of, run_jobs
 from mtp_bench.submission import load_submission
 from tests.support.hostile import submission
@@ -65,7 +65,7 @@ def test_parameters_stand_in_place_of_the_manifests(card: str, kitti: str) -> No
 def test_several_processes_give_what_one_gives(card: str, kitti: str) -> None:
     runs: list[list[SceneRun]] = []
     for workers in (1, 2):
-        done = list[SceneRun]()
+        done = list[str]()
         scenes = ["0006", "0001"]
         runs.append(
             run_isolated_scenes(
@@ -74,10 +74,10 @@ def test_several_processes_give_what_one_gives(card: str, kitti: str) -> None:
                 {"data": kitti},
                 scenes=scenes,
                 workers=Workers(workers),
-                finished=done.append,
+                progress=Progress(done=done.append),
             )
         )
-        assert sorted(run.rollout.scene for run in done) == sorted(scenes)
+        assert sorted(done) == sorted(scenes)
     assert [run.seal for run in runs[0]] == [run.seal for run in runs[1]]
     assert [digest(run.rollout) for run in runs[0]] == [digest(run.rollout) for run in runs[1]]
 

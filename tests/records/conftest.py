@@ -35,10 +35,8 @@ def weights() -> Iterator[None]:
         yield
 
 
-def _patiently(
-    plan: Plan, seed: int, _: Limits = PATIENT, parts: Parts | None = None, cuda: bool = False
-) -> list[SceneRun]:
-    return run_seed(plan, seed, PATIENT, parts, cuda)
+def _patiently(plan: Plan, seed: int, _: Limits = PATIENT, parts: Parts | None = None) -> list[SceneRun]:
+    return run_seed(plan, seed, PATIENT, parts)
 
 
 @pytest.fixture(scope="package", autouse=True)

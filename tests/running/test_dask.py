@@ -108,10 +108,9 @@ def test_a_submission_loses_nothing_with_a_worker(cluster: Any, card: str, kitti
             os.kill(first, signal.SIGKILL)
         killed.append(scene)
 
-    spread = submit(
-        folder, card, replace(on(cluster, kill_once), data=kitti, seeds=(0, 1)), tmp_path / "there", limits=PATIENT
-    )
-    here = submit(folder, card, RunOptions(kitti, seeds=(0, 1)), tmp_path / "here", limits=PATIENT)
+    away = replace(on(cluster, kill_once), data=kitti, seeds=(0, 1))
+    spread = submit(folder, card, away, tmp_path / "there", "open", limits=PATIENT)
+    here = submit(folder, card, RunOptions(kitti, seeds=(0, 1)), tmp_path / "here", "open", limits=PATIENT)
     assert killed
     assert (spread.status, spread.missed.crashed_scenes) == ("finished", 0)
     assert spread.rollout_digests == here.rollout_digests
