@@ -39,6 +39,9 @@ def whole_file(path: Path) -> Iterator[Path]:
     try:
         yield part
         part.replace(path)
+    except OSError as error:
+        _name(error, path)
+        raise
     finally:
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)
@@ -55,6 +58,9 @@ def whole_folder(path: Path) -> Iterator[Path]:
     try:
         yield part
         _put_in_place(part, path)
+    except OSError as error:
+        _name(error, path)
+        raise
     finally:
         shutil.rmtree(part, ignore_errors=True)
 
@@ -104,6 +110,15 @@ def write_text(path: Path, text: str) -> None:
             part.write_text(text, encoding="utf-8")
     except OSError as error:
         raise MtpBenchError(f"cannot write {path}: {reason_of(error, path)}") from None
+
+
+def make_folder(folder: Path, advice: str = "") -> None:
+    """Make a folder and those above it, unless it is there. Raises MtpBenchError, with ``advice``, where that fails."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        more = f"; {advice}" if advice else ""
+        raise MtpBenchError(f"cannot write {folder}: {reason_of(error, folder)}{more}") from None
 
 
 def reason_of(error: OSError, path: Path) -> str:
@@ -203,6 +218,12 @@ def _nearest(path: Path) -> Path:
     while not nearest.exists():
         nearest = nearest.parent
     return nearest
+
+
+def _name(error: OSError, path: Path) -> None:
+    """Let an error of writing, which may know a descriptor alone, say what was written."""
+    if error.filename is None:
+        error.filename = str(path)
 
 
 def _is_at(path: Path, descriptor: int) -> bool:

@@ -72,8 +72,8 @@ def _refuse(text: str) -> None:
 
 def _whole(digits: str) -> int:
     """A whole number; one of thousands of digits is not worth the time of reading it."""
-    if len(digits.lstrip("-")) > _MOST_DIGITS:
-        raise ValueError(f"a number of {len(digits)} digits, expected at most {_MOST_DIGITS}")
+    if (count := len(digits.lstrip("-"))) > _MOST_DIGITS:
+        raise ValueError(f"a number of {count} digits, expected at most {_MOST_DIGITS}")
     return int(digits)
 
 
@@ -101,7 +101,7 @@ def _require_plain_value(value: Any) -> None:
     elif isinstance(value, float) and not math.isfinite(value):
         raise ValueError("a number is too large, infinite or none (NaN), expected finite numbers")
     elif isinstance(value, int) and abs(value) >= 2**63:
-        raise ValueError(f"a number of {len(str(value))} digits, expected at most {_MOST_DIGITS}")
+        raise ValueError(f"a number of {len(str(abs(value)))} digits, expected at most {_MOST_DIGITS}")
     elif value is not None and not isinstance(value, bool | int | float):
         raise ValueError(f"a {type(value).__name__} ({value}), expected texts, numbers, lists and tables")
 

@@ -33,10 +33,16 @@ class Entry:
         list[str] | None, typer.Option(help="Data it was trained on beside what its manifest says.")
     ] = None
 
+    cuda: Annotated[bool, typer.Option("--cuda", help="Give the agent the graphics cards: open division.")] = False
+
     def stated(self) -> dict[str, Any]:
-        """As arguments of `records.submit`; wrong usage for an unknown division."""
+        """As arguments of `records.submit`; wrong usage for an unknown division, and what it does not have."""
+        from ..gateway import Limits
+
         one_of(self.division, DIVISIONS, "--division")
-        return {"division": self.division, "training_data": self.training_data or ()}
+        if self.cuda and self.division != "open":
+            raise typer.BadParameter("only with --division open", param_hint="--cuda")
+        return {"division": self.division, "training_data": self.training_data or (), "limits": Limits(cuda=self.cuda)}
 
 
 @dataclass(frozen=True)
@@ -84,7 +90,7 @@ def submit(
     submission = load_submission(path)
     targets = {env_id: record_path(submission, load_card(env_id), output, split) for env_id in env}
     for target in targets.values():
-        require_writable(target)
+        require_writable(target, submission)
         if again.start() == "new":
             require_new(target)
     failed = []

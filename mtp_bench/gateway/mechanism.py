@@ -65,7 +65,9 @@ def command(
         program = [tool, *_bubblewrap(layout, private, info, rules), "--", *program]
     elif way == "namespaces":
         plan = {
-            **{name: getattr(layout, name) for name in ("shown", "links", "covered", "devices")},
+            # resolved: a link on the way would be followed below another root
+            "shown": [(os.path.realpath(here), there) for here, there in layout.shown],
+            **{name: getattr(layout, name) for name in ("links", "covered", "devices")},
             "private": dict(private), "uid": _UID, "told": info, "held": list(held), "work": TEMPORARY,
             "filter": base64.b64encode(system_call_filter() or b"").decode(),
         }  # fmt: skip
@@ -81,6 +83,8 @@ def _bubblewrap(layout: Layout, private: Mapping[str, int], info: int, rules: in
     ).split()
     for text, there in layout.links:
         words += ["--symlink", text, there]
+    for folder, size in private.items():  # first: what is shown may lie below, such as a library in /tmp
+        words += ["--size", str(size), "--tmpfs", folder]
     covered = set(layout.covered)
     for here, there in layout.shown:
         for folder in [folder for folder in covered if there.startswith(f"{folder}/")]:
@@ -89,8 +93,6 @@ def _bubblewrap(layout: Layout, private: Mapping[str, int], info: int, rules: in
         words += ["--ro-bind", here, there]
     for device in layout.devices:
         words += ["--dev-bind", device, device]
-    for folder, size in private.items():
-        words += ["--size", str(size), "--tmpfs", folder]
     words += ["--proc", "/proc"]
     for folder in ("/", *layout.covered):
         words += ["--remount-ro", folder]

@@ -83,6 +83,9 @@ def _make_root(plan: dict[str, Any]) -> None:
     for text, there in plan["links"]:
         os.makedirs(os.path.dirname(f"/new{there}"), exist_ok=True)  # noqa: PTH103, PTH120
         os.symlink(text, f"/new{there}")  # noqa: PTH211
+    for folder, size in plan["private"].items():  # first: what is shown may lie below
+        os.makedirs(f"/new{folder}", exist_ok=True)  # noqa: PTH103
+        _mount("tmpfs", f"/new{folder}", "tmpfs", _NOSUID | _NODEV, f"size={size}")
     covered = set(plan["covered"])
     for here, there in plan["shown"]:
         for folder in [folder for folder in covered if there.startswith(f"{folder}/")]:
@@ -91,9 +94,6 @@ def _make_root(plan: dict[str, Any]) -> None:
         _show(f"/old{here}", f"/new{there}", _NODEV)
     for device in plan["devices"]:
         _show(f"/old{device}", f"/new{device}", 0, read_only=False)
-    for folder, size in plan["private"].items():
-        os.makedirs(f"/new{folder}", exist_ok=True)  # noqa: PTH103
-        _mount("tmpfs", f"/new{folder}", "tmpfs", _NOSUID | _NODEV, f"size={size}")
     Path("/new/proc").mkdir()
     _mount("proc", "/new/proc", "proc", _NOSUID | _NODEV | _NOEXEC)
     for folder in ("/new", *(f"/new{folder}" for folder in plan["covered"])):

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..env.rollouts import ARRAYS
 from ..errors import MtpBenchError, RecordError
-from ..files import clean_text, locked, reason_of, remove_leftovers, write_text
+from ..files import clean_text, locked, make_folder, reason_of, remove_leftovers, write_text
 from ..gateway import Isolation, SceneRun
 from ..sources.cache import read_arrays, write_arrays
 from ..strict import read_json
@@ -71,7 +71,7 @@ def open_parts(target: Path, plan: dict[str, Any], start: Start = "new") -> Iter
     where parts are there that a new submit would lose, or that are of another plan.
     """
     folder = target.with_suffix(PARTS)
-    _make(folder)
+    make_folder(folder)
     with locked(folder / _LOCK, str(target)):
         if start == "new":
             require_new(target)
@@ -102,13 +102,6 @@ def require_new(target: Path) -> None:
 def count_parts(target: Path) -> int:
     """How many scenes, over all seeds, were finished for the record at ``target``, and are not in it yet."""
     return sum(not path.name.startswith(".") for path in target.with_suffix(PARTS).glob("seed-*/*.npz"))
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise MtpBenchError(f"cannot write {folder}: {reason_of(error, folder)}") from None
 
 
 def _require_parts(folder: Path) -> None:

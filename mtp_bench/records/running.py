@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -87,23 +87,19 @@ def run_seed(
 
     left = [scene for scene in plan.scenes if scene not in runs]
     if left:
-        _run(plan, seed, limits, left, keep)
+        run_isolated_scenes(
+            plan.submission.path,
+            plan.env,
+            {**plan.keywords, "data": plan.options.data, "rigid_motion": True},
+            seed=seed,
+            parameters=plan.submission.parameters,
+            limits=limits,
+            scenes=left,
+            workers=plan.options.workers,
+            progress=plan.options.progress,
+            finished=keep,
+        )
     return [runs[scene] for scene in plan.scenes]
-
-
-def _run(plan: Plan, seed: int, limits: Limits, scenes: Sequence[str], finished: Callable[[SceneRun], None]) -> None:
-    run_isolated_scenes(
-        plan.submission.path,
-        plan.env,
-        {**plan.keywords, "data": plan.options.data, "rigid_motion": True},
-        seed=seed,
-        parameters=plan.submission.parameters,
-        limits=limits,
-        scenes=scenes,
-        workers=plan.options.workers,
-        progress=plan.options.progress,
-        finished=finished,
-    )
 
 
 def rollouts_of(runs: Mapping[int, Sequence[SceneRun]]) -> dict[int, list[Rollout]]:

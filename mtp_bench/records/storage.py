@@ -8,7 +8,7 @@ from typing import Any
 
 from ..errors import MtpBenchError, RecordError
 from ..files import require_folder, write_text
-from ..strict import validate
+from ..strict import read_json, validate
 from .bounds import MOST_BYTES, out_of_bounds
 from .canonical import digest_of
 from .consistency import inconsistencies
@@ -132,22 +132,4 @@ def _plain(record: Record) -> dict[str, Any]:
 
 def read_table(path: Path, absent: str) -> dict[str, Any]:
     """A table from a JSON file; raises RecordError where there is none, with ``absent`` where there is no file."""
-    try:
-        with path.open("rb") as stream:
-            text = stream.read(MOST_BYTES + 1)
-        if len(text) > MOST_BYTES:
-            raise RecordError(f"{path}: has more than {MOST_BYTES >> 20} MiB, expected a small table")
-        content = json.loads(text.decode(), parse_constant=_refuse)
-    except FileNotFoundError:
-        raise RecordError(f"{path}: {absent}") from None
-    except OSError as error:
-        raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except (ValueError, RecursionError) as error:
-        raise RecordError(f"{path}: not valid JSON: {error}") from None
-    if not isinstance(content, dict):
-        raise RecordError(f"{path}: holds {type(content).__name__}, expected a table")
-    return content
-
-
-def _refuse(text: str) -> None:
-    raise ValueError(f"{text} is no number of JSON")
+    return read_json(path, RecordError, absent, MOST_BYTES)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ..cards import Card, load_card
-from ..errors import MtpBenchError, RecordError, SubmissionError
+from ..errors import MtpBenchError, SubmissionError
 from ..files import reason_of, require_file, require_folder, whole_file, whole_folder
 from ..gateway import Limits, SceneRun
 from ..parallel import parallel_map
@@ -39,7 +39,8 @@ from .running import (
     seals,
     unanswered,
 )
-from .storage import PARTS, ROLLOUTS, load_record, seed_folder, written
+from .stated import finished_record, stated_before
+from .storage import ROLLOUTS, seed_folder, written
 
 RECORDS = Path("leaderboard", "records")  # relative to the working folder: the checkout
 
@@ -80,19 +81,19 @@ def submit(
     submission = load_submission(path)
     plan = plan_run(submission, env_id, options)
     target = record_path(submission, load_card(env_id), output, options.split)
-    require_writable(target)
-    _require_outside(target, submission)
+    require_writable(target, submission)
     said_of(submission)  # what no record can hold is refused before the work
     _require_limits(division, limits)
     note = submission.note_on(plan.card.id)
     declared = [*submission.training_data, *training_data, *([note] if note else [])]
-    stated = _stated(plan, limits, division, declared)
-    if start == "resume" and (record := _finished(target, stated)) is not None:
+    stated = stated_before(plan, limits, division, declared)
+    if start == "resume" and (record := finished_record(target, stated)) is not None:
         return record
     with open_parts(target, stated, start) as parts:
         reference = reference_for(plan.card, plan.scenes, options)
         options.progress.started((len(options.seeds) + 1) * len(plan.scenes))
         runs = {seed: run_seed(plan, seed, limits, parts) for seed in options.seeds}
+        _require_unchanged(submission)
         found = evaluate_plan(plan, runs, reference, watched=True)
         more: dict[str, Any] = {"division": division, "training_data": declared}
         return _save(target, plan, runs, _record(plan, runs, found, limits).model_copy(update=more))
@@ -112,50 +113,13 @@ def _save(target: Path, plan: Plan, runs: Mapping[int, Sequence[SceneRun]], reco
     return record
 
 
-def _stated(plan: Plan, limits: Limits, division: str, training_data: Sequence[str]) -> dict[str, Any]:
-    """What a record says of its runs before there are any; as `_stated_by`."""
-    return {
-        "submission": plan.submission.digest,
-        "env": plan.card.id,
-        "card": plan.card.digest,
-        "scenes": list(plan.scenes),
-        "seeds": list(plan.options.seeds),
-        "observe": plan.submission.compare.observe,
-        "keywords": plan.keywords,
-        "limits": asdict(limits),
-        "division": division,
-        "training_data": list(training_data),
-        "definitions": DEFINITIONS,
-        "versions": library_versions(),
-    }
-
-
-def _stated_by(record: Record) -> dict[str, Any]:
-    return {
-        "submission": record.submission.digest,
-        "env": record.env.id,
-        "card": record.env.card_digest,
-        "scenes": [part.scene for part in record.per_scene],
-        "seeds": record.seeds,
-        "observe": record.env.observe,
-        "keywords": record.env.keywords,
-        "limits": record.limits.model_dump(),
-        "division": record.division,
-        "training_data": record.training_data,
-        "definitions": record.scorer.definitions,
-        "versions": record.versions,
-    }
-
-
-def _finished(target: Path, stated: Mapping[str, Any]) -> Record | None:
-    """The record at ``target`` where it is the whole of what would be run, and nothing of it is left to do."""
-    if target.with_suffix(PARTS).exists() or not target.with_suffix(ROLLOUTS).is_dir():
-        return None
-    try:
-        record = load_record(target)
-    except RecordError:
-        return None
-    return record if _stated_by(record) == stated else None
+def _require_unchanged(submission: Submission) -> None:
+    """A record is of one submission: what it is of is read before the first scene, and once more after the last."""
+    if load_submission(submission.path).digest != submission.digest:
+        raise SubmissionError(
+            f"{submission.path}: its files were changed while it was run, expected one submission in all scenes: "
+            "submit again with --fresh"
+        )
 
 
 def _require_limits(division: str, limits: Limits) -> None:
@@ -173,22 +137,18 @@ def record_path(submission: Submission, card: Card, output: str | Path | None, s
     return folder / f"{card.id}{other}.json"
 
 
-def require_writable(target: Path) -> None:
-    """Refuse a record before the work: a file in the place of a folder, no permission, or no rollouts."""
+def require_writable(target: Path, submission: Submission) -> None:
+    """Refuse a record before the work: a part of the submission, no folder, no permission, or no rollouts."""
+    if target.resolve().is_relative_to(submission.path):
+        raise SubmissionError(
+            f"cannot write {target}: it is inside the submission {submission.path}, name another folder"
+        )
     require_folder(target)
     if target.parent.is_dir():
         require_file(target)
     if target.with_suffix(ROLLOUTS).exists():
         for folder in target.with_suffix(ROLLOUTS).iterdir():
             require_run_folder(folder)
-
-
-def _require_outside(target: Path, submission: Submission) -> None:
-    """Refuse to write into the folder of the submission: its digest is over all that lies there."""
-    if target.absolute().resolve().is_relative_to(submission.path):
-        raise MtpBenchError(
-            f"cannot write {target}: it is inside the submission {submission.path}, name another folder"
-        )
 
 
 def _record(plan: Plan, runs: Mapping[int, Sequence[SceneRun]], found: Evaluation, limits: Limits) -> Record:

@@ -76,9 +76,9 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
         raise SubmissionError(f"{shown}: its name is not UTF-8, expected one that is: rename it") from None
     kind = kind_of(entry.stat(follow_symlinks=False).st_mode)
     if kind == "link":
+        to = "folder" if Path(entry.path).is_dir() else "file"
         raise SubmissionError(
-            f"{entry.path} is a link to a {'folder' if entry.is_dir() else 'file'}; a submission holds its files "
-            "itself: copy what it links to"
+            f"{entry.path} is a link to a {to}; a submission holds its files itself: copy what it links to"
         )
     if kind not in ("", "folder"):
         raise SubmissionError(f"{entry.path} is a {kind}, expected files and folders only: remove it")

@@ -56,11 +56,8 @@ class Manifest(Section):
     commit: Annotated[str, Field(pattern=r"^([0-9a-f]{7,64})?$")] = ""
     license: Annotated[str, Field(pattern=r"^[A-Za-z0-9 .+()-]*$", max_length=100)] = ""  # as SPDX names it
     training_data: Annotated[tuple[_Sentence, ...], Field(max_length=50, strict=False)] = ()
-    # env id -> what was fitted on scenes that it scores
-    trained_on_scored: dict[str, _Sentence] = Field(default_factory=dict)
-    networks: Annotated[
-        tuple[NetworkName, ...], Field(max_length=50, strict=False)
-    ] = ()  # whose trained weights it takes
+    trained_on_scored: dict[str, _Sentence] = Field(default_factory=dict)  # env id -> what saw scenes it scores
+    networks: Annotated[tuple[NetworkName, ...], Field(max_length=50, strict=False)] = ()  # whose weights it takes
     parameters: dict[str, Value] = Field(default_factory=dict)
     compare: CompareSection = CompareSection()
 

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import MtpBenchError, UnknownNameError
+from ..files import make_folder
+from ..networks import VARIABLE as WEIGHTS_VARIABLE
 from ..networks import file_name, weights_folder
 from ..prediction.learned.local import local_future
 from ..prediction.learned.network import Network, Sizes
@@ -138,7 +140,7 @@ def train_predictor(
     """
     network, sizes = network_of(request.network), Sizes.of(found.task)
     path = output or weights_folder() / file_name(request.network, request.on, found.task.env_id)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent, f"name another file, or another folder of weights with {WEIGHTS_VARIABLE}")
     lesson, checkpoint = lesson_of(network, found, sizes), path.with_suffix(".checkpoint")
     state = fit(network, sizes, lesson, request.chosen_plan, device_of(request.device), told, checkpoint)
     card = model_card(request, found, lesson, state)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
@@ -26,8 +27,9 @@ def kept(scene: Scene, asked: tuple[Any, ...], make: Callable[[], Arrays]) -> Ar
     found = read_arrays(path)
     if found is None:
         found = make()
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_arrays(path, found)
+        with suppress(OSError):  # without a cache they are made again next time
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_arrays(path, found)
     return found
 
 

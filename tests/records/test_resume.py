@@ -24,6 +24,7 @@ from mtp_bench.records.parts import count_parts
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run
 from tests.support.command_line import CommandLine, plain_environment, write_submission
+from tests.support.disks import mounted
 from tests.support.small_scenes import CARD_ID, write_kitti
 
 SEEDS = (0, 1)
@@ -161,17 +162,8 @@ def test_ctrl_c_keeps_what_is_finished(cli: CommandLine, command: list[str], und
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
     """A disk of 1 MiB at ``tmp_path / "out"``."""
-    folder = tmp_path / "out"
-    folder.mkdir()
-    if shutil.which("mount") is None or os.geteuid() != 0:
-        pytest.skip("a small disk needs mount and root")
-    made = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=1m", "none", str(folder)], capture_output=True, text=True, check=False
-    )
-    if made.returncode:
-        pytest.skip(f"no small disk can be mounted here: {made.stderr.strip()}")
-    yield folder
-    subprocess.run(["umount", str(folder)], check=True)
+    with mounted(tmp_path / "out", "size=1m") as folder:
+        yield folder
 
 
 @pytest.mark.parametrize("pages", [3, 9, 15, 21])

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import importlib.util
 import pickle
+import py_compile
+import shutil
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
@@ -140,6 +143,47 @@ def test_a_linked_folder_would_escape_the_digest(folder: Path, tmp_path: Path) -
     (folder / "weights").symlink_to(tmp_path / "elsewhere")
     with pytest.raises(SubmissionError, match="is a link to a folder"):
         _ = load_submission(folder).digest
+
+
+def test_compiled_code_beside_the_sources_is_neither_run_nor_written(folder: Path, tmp_path: Path) -> None:
+    """No digest covers it: a file that looks up to date would run in place of the source."""
+    other = tmp_path / "agent.py"
+    other.write_text(AGENT.replace("gate, hypotheses\n", "'forged', hypotheses\n"))
+    cached = Path(importlib.util.cache_from_source(str(folder / "agent.py")))
+    py_compile.compile(str(other), str(cached), invalidation_mode=py_compile.PycInvalidationMode.UNCHECKED_HASH)
+    assert built(folder).gate == 1.5
+    shutil.rmtree(cached.parent)
+    (folder / "late.py").write_text("GATE = 2.5")
+    agent = AGENT.replace("        return {}", "        from . import late\n\n        return {}")
+    (folder / "agent.py").write_text(agent)
+    built(folder).act({})
+    assert sorted(path.name for path in folder.iterdir()) == ["agent.py", "late.py", "submission.toml"]
+
+
+@pytest.mark.parametrize("name", ["__pycache__", "__pycache__.hidden"])
+def test_modules_that_no_digest_covers_are_not_imported(name: str, folder: Path) -> None:
+    (folder / "__pycache__").mkdir()
+    (folder / "__pycache__" / "hidden.py").write_text("GATE = 1")
+    (folder / "agent.py").write_text(f"import importlib\nimportlib.import_module('.{name}', __package__)\n{AGENT}")
+    with pytest.raises(SubmissionError, match="is no part of a submission"):
+        built(folder)
+
+
+def test_a_package_of_a_submission_has_modules_too(folder: Path) -> None:
+    (folder / "net").mkdir()
+    (folder / "net" / "__init__.py").write_text("from .layers import GATE\n")
+    (folder / "net" / "layers.py").write_text("GATE = 7.0\n")
+    (folder / "agent.py").write_text("from .net import GATE\n" + AGENT.replace("= task, gate, ", "= task, GATE, "))
+    assert built(folder).gate == 7.0
+    assert not list(folder.rglob("__pycache__"))
+
+
+def test_where_the_code_is(tmp_path: Path) -> None:
+    said = 'source = "https://example.org/mine"\ncommit = "0123abc"\nlicense = "MIT OR Apache-2.0"\n'
+    submission = load_submission(write(tmp_path / "open", MANIFEST.replace("[parameters]", f"{said}[parameters]")))
+    assert (submission.source, submission.commit) == ("https://example.org/mine", "0123abc")
+    assert submission.license == "MIT OR Apache-2.0"
+    assert {load_submission("stp").source, load_submission("stp").commit} == {""}
 
 
 def test_a_factory_works_in_another_process(folder: Path) -> None:
