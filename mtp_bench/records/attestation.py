@@ -7,6 +7,7 @@ and digests of all that was run. A statement of another record, or of an earlier
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
@@ -183,10 +184,9 @@ def _checked(file: Path, record: Record, trust: Trust) -> SignedLevel:
     return SignedLevel(signed.statement, signed.signer, _seal_of(file, signed.statement, trust))
 
 
-def _other_record(statement: Statement, record: Record) -> Any:
+def _other_record(statement: Statement, record: Record) -> Iterator[Difference]:
     known = bound_to(record)
-    found: list[Difference] = list(unequal("", statement.model_dump(mode="json", include=set(known)), known))
-    return iter(found)
+    return unequal("", statement.model_dump(mode="json", include=set(known)), known)
 
 
 def _seal_of(file: Path, statement: Statement, trust: Trust) -> ListedSeal | None:

@@ -71,8 +71,10 @@ def taken_names(records: Sequence[Record], levels: Mapping[str, SignedLevel]) ->
 
 def _other_conditions(record: Record, ships: Ships) -> Iterator[str]:
     env, known = record.env, ships(record.env.id)
-    if (record.scorer.definitions, record.scorer.source_digest) != (DEFINITIONS, scorer_digest()):
+    if record.scorer.definitions != DEFINITIONS:
         yield f"scored by definitions {record.scorer.definitions}, today's are {DEFINITIONS}"
+    if record.scorer.source_digest != scorer_digest():
+        yield "another scorer than today's"
     if known is None:
         yield "no env of that id ships"
         return

@@ -14,8 +14,8 @@ from ..scoring.subsets import SUBSETS
 from ..sources import discard, open_source
 from .attestation import HiddenPart
 from .record import Record
-from .rerun import run_again, what_held, why_not_isolated
-from .running import Plan, evaluate_plan
+from .rerun import run_again, why_not_isolated
+from .running import Plan, evaluate_plan, isolation
 from .seal import Sealed
 
 
@@ -35,7 +35,7 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed, limits: Limits) -> Hi
         names, options = tuple(open_source(hidden).names), replace(plan.options, data=None)
         there = replace(plan, env=hidden, card=hidden, scenes=names, scenes_of_split=len(names), options=options)
         runs = run_again(there, record.seeds, limits)
-        why = why_not_isolated(record, [what_held(runs)])
+        why = why_not_isolated(record, [isolation(runs)])
         if why:
             raise RecordError(f"hidden scenes would not stay hidden: {why}; run it on Linux with user namespaces")
         reference = sealed.reference(hidden, names, options)

@@ -8,13 +8,13 @@ in the page cache of the system for the next is of no use where nobody knows whi
 from __future__ import annotations
 
 import secrets
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from ..gateway import Limits, SceneRun
 from ..scoring import Reference
 from .record import Difference, IsolationPart, Record
-from .running import Plan, evaluate_plan, isolation, run_seed
+from .running import Plan, evaluate_plan, run_seed
 
 ALIKE = 0.1  # share of the error by which other draws may be worse; a baseline's seeds differ by 0.06 at most
 _NEGLIGIBLE = 1e-3  # m
@@ -55,11 +55,6 @@ def why_not_isolated(record: Record, held: Iterable[IsolationPart]) -> str:
         if part.cuda and record.division == "closed":
             return f"the agent had the graphics cards {when}, which only the open division allows"
     return ""
-
-
-def what_held(runs: Mapping[int, Sequence[SceneRun]]) -> IsolationPart:
-    """The weakest isolation of any run."""
-    return isolation(runs)
 
 
 def _shuffled(plan: Plan, seed: int, limits: Limits) -> list[SceneRun]:

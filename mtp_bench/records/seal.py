@@ -28,6 +28,7 @@ from .storage import read_table
 from .trust import Trust
 
 SEALS = Path("leaderboard", "seals")  # relative to the working folder: the checkout
+_ABSENT = "no such file; `mtp-bench seal` makes a secret and its commitment"
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ def open_seal(path: str | Path, commitment: str | Path | None = None, trust: Tru
     """
     path = Path(path)
     public = commitment_path(path) if commitment is None else Path(commitment)
-    seeds, found = _secret(path), ""
+    seeds = _secret(path)
     found = commitment_of(seeds)
     promise = validate(Commitment, read_table(public, _ABSENT), str(public), RecordError)
     if (promise.commitment, promise.env, promise.count) != (found, seeds.env, seeds.count):
@@ -163,9 +164,6 @@ def weights_path(path: Path) -> Path:
 def today() -> str:
     """The date, UTC."""
     return datetime.datetime.now(datetime.UTC).date().isoformat()
-
-
-_ABSENT = "no such file; `mtp-bench seal` makes a secret and its commitment"
 
 
 def _secret(path: Path) -> SecretSeeds:

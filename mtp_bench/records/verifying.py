@@ -11,7 +11,6 @@ from ..errors import RecordError
 from ..gateway import Limits
 from ..running.options import DEFAULTS, RunOptions
 from ..running.reference import reference_for
-from ..running.rollout_files import load_run
 from ..scoring import DEFINITIONS, Reference
 from ..sources import open_source
 from ..submission.loader import load_submission
@@ -21,10 +20,11 @@ from .evaluation import Evaluation, evaluate
 from .hidden import run_hidden
 from .provenance import scorer_digest
 from .record import Difference, IsolationPart, LimitsPart, MeasuredPart, Record, unequal
-from .rerun import Runs, error_when_moved, run_again, what_held, why_not_isolated, worse_when_moved
-from .running import Plan, latency, plan_run, rollout_digests, rollouts_of, seals, unanswered
+from .rerun import Runs, error_when_moved, run_again, why_not_isolated, worse_when_moved
+from .running import Plan, isolation, latency, plan_run, rollout_digests, rollouts_of, seals, unanswered
 from .seal import Sealed, today
-from .storage import load_record, rollouts_folder, save_record
+from .storage import load_record, save_record
+from .stored import stored_rollouts
 from .submitting import judged, said_of
 
 # The parts of a record that follow from rollouts, card and data.
@@ -82,7 +82,7 @@ def verify(
         return Verification(path, record, "scored", stale, ())
     again = rerun or sealed is not None
     plan = _plan(path, record, env_id, submission, options) if again else None
-    stored = {} if again else _stored(path, record)
+    stored = {} if again else stored_rollouts(path, record)
     reference = reference_for(card, [scene.scene for scene in record.per_scene], options)
     options.progress.started(_work(record, plan, sealed))
     if plan is None:
@@ -143,7 +143,7 @@ def _run_again(path: Path, record: Record, plan: Plan, reference: Reference, sea
     """The check by running the submission: as in the record, under a secret motion, and on hidden scenes."""
     limits = Limits() if record.division == "closed" else Limits(**record.limits.model_dump())
     again = run_again(plan, record.seeds, limits)
-    held = what_held(again)
+    held = isolation(again)
     changed = tuple(_said_otherwise(record, plan, again, limits))
     if changed:
         return Verification(path, record, "scored", changed, (), held=held)
@@ -180,38 +180,6 @@ def _work(record: Record, plan: Plan | None, sealed: Sealed | None) -> int:
     runs = 0 if plan is None else len(record.seeds) + 1
     hidden = 0 if sealed is None else sealed.seeds.count * len(record.seeds)
     return len(record.per_scene) * (1 + runs) + hidden
-
-
-def _stored(path: Path, record: Record) -> dict[int, list[Rollout]]:
-    """The stored rollouts of each seed, in the order of ``per_scene``."""
-    runs = {}
-    for seed in record.seeds:
-        folder = rollouts_folder(path, seed)
-        if not folder.is_dir():
-            raise RecordError(
-                f"{path}: its rollouts of seed {seed} are not stored at {folder}; run the submission again with --rerun"
-            )
-        run = load_run(folder)
-        for what, said, expected in (
-            ("card", run.info.card_digest, record.env.card_digest),
-            ("submission", run.info.submission_digest, record.submission.digest),
-            ("seed", run.info.seed, seed),
-            ("observe", run.info.observe, record.env.observe),
-        ):
-            if said != expected:
-                raise RecordError(f"{folder}: made with {what} {said!r}, the record {path.name} says {expected!r}")
-        runs[seed] = _in_order(record, {rollout.scene: rollout for rollout in run.rollouts}, folder)
-    return runs
-
-
-def _in_order(record: Record, found: Mapping[str, Rollout], where: Path) -> list[Rollout]:
-    names = [scene.scene for scene in record.per_scene]
-    if set(names) != set(found) or len(names) != len(set(names)):
-        odd = sorted(set(names) ^ set(found))
-        raise RecordError(
-            f"{where}: its scenes are not those of the record: {', '.join(odd[:5]) or 'one occurs twice'}"
-        )
-    return [found[name] for name in names]
 
 
 def _plan(path: Path, record: Record, env_id: str | None, folder: str | Path | None, options: RunOptions) -> Plan:

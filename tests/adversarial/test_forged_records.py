@@ -255,7 +255,7 @@ NOT_RANKED: dict[str, tuple[Content, str]] = {
     "weights that only say frozen": ({"reference": {"frozen": False}}, "other event weights than the frozen ones"),
     "a card of one's own": ({"env": {"card_digest": "00" * 8}}, "card 0000000000000000, the one that ships is"),
     "an env of one's own": ({"env": {"id": "MTP-Mine-v0"}}, "no env of that id ships"),
-    "an earlier scorer": ({"scorer": {"source_digest": "00" * 32}}, "scored by definitions 2.0"),
+    "an earlier scorer": ({"scorer": {"source_digest": "00" * 32}}, "another scorer than today's"),
 }
 
 
