@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import os
 import secrets
+import signal
 import time
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path("/sys/fs/cgroup")
+_NAME = "mtp_bench"  # and the number of the judge
 _V2 = {"memory.max": "memory", "memory.swap.max": None, "pids.max": "processes"}
 _V1 = {"memory.limit_in_bytes": "memory", "pids.max": "processes"}
 _ENDING = 2.0  # s that the system may take to empty a group
@@ -55,8 +57,10 @@ def make_group(memory: int, processes: int, root: Path = ROOT, own: Path = Path(
     """A group for ``memory`` bytes and so many processes and threads; None where the system does not allow it."""
     values = {"memory": str(memory), "processes": str(processes), None: "0"}
     places, names = _places(root, own)
+    for place in places:
+        _sweep(place)
     made: list[Path] = []
-    name = f"mtp_bench-{os.getpid()}-{secrets.token_hex(4)}"
+    name = f"{_NAME}-{os.getpid()}-{secrets.token_hex(4)}"
     try:
         for place in places:
             folder = place / name
@@ -72,6 +76,17 @@ def make_group(memory: int, processes: int, root: Path = ROOT, own: Path = Path(
         Group(tuple(made)).remove()
         return None
     return Group(tuple(made)) if made else None
+
+
+def _sweep(place: Path) -> None:
+    """Remove groups of judges that are gone, and end what is left in them."""
+    for folder in place.glob(f"{_NAME}-*-*"):
+        judge = folder.name.split("-")[1]
+        if judge.isdigit() and not Path(f"/proc/{judge}").exists():
+            with suppress(OSError, ValueError):
+                for line in (folder / "cgroup.procs").read_text().split():
+                    os.kill(int(line), signal.SIGKILL)
+            Group((folder,)).remove()
 
 
 def _places(root: Path, own: Path) -> tuple[list[Path], dict[str, str | None]]:

@@ -121,7 +121,8 @@ class Exchange:
             if message is None:
                 return None
             frame, token = message[0].get("frame"), message[0].get("token")
-            if message[0].get("kind") != "answer" or type(frame) is not int or self._open.pop(frame, None) != token:
+            known = type(frame) is int and frame in self._open and self._open.pop(frame) == token
+            if message[0].get("kind") != "answer" or not known:
                 raise SceneOverError(
                     "rejected", "it sent what was not asked for: every frame is answered once, after it was shown"
                 )

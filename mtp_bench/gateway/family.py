@@ -52,6 +52,13 @@ def hide_memory(hidden: bool) -> None:
         ctypes.CDLL(None).prctl(_DUMPABLE, 0 if hidden else 1, 0, 0, 0)
 
 
+def mapped(pid: int) -> int:
+    """Bytes of its address space: what it holds at most; 0 where it is not known."""
+    with suppress(OSError, ValueError, IndexError):
+        return int(Path(f"/proc/{pid}/statm").read_text().split()[0]) * _PAGE
+    return 0
+
+
 def children(pid: int) -> list[int]:
     """Processes that it started, and those whose own parents have ended."""
     found: list[int] = []

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import atexit
 import hashlib
+import os
 import shutil
 import tempfile
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ class Image:
     digest: str  # hex sha256 over names and contents of both
 
 
+_NAME = "mtp_bench-image"
 _known: dict[tuple[object, ...], Image] = {}
 
 
@@ -51,8 +53,9 @@ def submission_digest(submission: Submission, env_id: str) -> str:
 
 def _copy(source: Path, files: dict[str, Path]) -> Image:
     if not _known:
+        _sweep()
         atexit.register(_remove)
-    root = Path(tempfile.mkdtemp(prefix="mtp_bench-image-"))
+    root = Path(tempfile.mkdtemp(prefix=f"{_NAME}-{os.getpid()}-"))
     for part in ("submission", "networks"):
         (root / part).mkdir()
     total = hashlib.sha256()
@@ -65,6 +68,14 @@ def _copy(source: Path, files: dict[str, Path]) -> Image:
         stated = name.removeprefix("submission/") if name.startswith("submission/") else f"/{name}"
         total.update(f"{stated}\0{file_digest(target)}\n".encode())
     return Image(source, root / "submission", root / "networks", total.hexdigest())
+
+
+def _sweep() -> None:
+    """Remove images of judges that were killed."""
+    for folder in Path(tempfile.gettempdir()).glob(f"{_NAME}-*-*"):
+        judge = folder.name.removeprefix(f"{_NAME}-").split("-")[0]
+        if judge.isdigit() and Path("/proc/self").exists() and not Path(f"/proc/{judge}").exists():
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _remove() -> None:

@@ -24,6 +24,8 @@ def main() -> None:
     libc = ctypes.CDLL(None, use_errno=True)
     if sys.platform == "linux":
         libc.prctl(PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
+        if os.getppid() != plan["judge"]:  # it ended meanwhile
+            return
         if platform.machine() in _KEYCTL:
             libc.syscall(ctypes.c_long(_KEYCTL[platform.machine()]), _JOIN_SESSION_KEYRING, None)
     for door in plan["groups"]:

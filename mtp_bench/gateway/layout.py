@@ -28,6 +28,10 @@ LIBRARY = (  # of the package: what agents are made of, without judge, sources, 
     "strict.py", "tracks.py", "types.py", "agent", "submission", "tracking", "prediction",
     "env/__init__.py", "env/action.py", "env/building.py", "env/checks.py", "gateway/child.py", "gateway/wire.py",
 )  # fmt: skip
+MASKED = (  # of /proc, which tell of the kernel or of keys: empty there
+    "/proc/kallsyms", "/proc/kcore", "/proc/keys", "/proc/key-users", "/proc/slabinfo", "/proc/vmallocinfo",
+    "/proc/timer_list", "/proc/sysrq-trigger", "/proc/pagetypeinfo", "/proc/kmsg",
+)  # fmt: skip
 DEVICES = ("/dev/null", "/dev/zero", "/dev/urandom")
 _SYSTEM = ("/lib", "/lib64", "/usr/lib", "/usr/lib64", "/usr/local/lib")  # shared libraries
 _KERNELS = {  # those that baselines need
@@ -52,6 +56,7 @@ class Layout:
     links: tuple[tuple[str, str], ...] = ()  # content of a symbolic link, its path there
     covered: tuple[str, ...] = ()  # folders of `shown` that are empty but for what `shown` puts into them
     devices: tuple[str, ...] = DEVICES
+    masked: tuple[str, ...] = tuple(path for path in MASKED if Path(path).exists())
 
 
 def layout_for(image: Image, data: str | None, cuda: bool = False) -> Layout:

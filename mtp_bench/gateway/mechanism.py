@@ -58,7 +58,9 @@ def command(
     python = [os.fspath(interpreter()), "-I", "-S", "-B"]
     here = Path(__file__).parent
     start = [*python, str(here / "launch.py")]
-    prepared = {"groups": list(groups), "info": info if way == "none" else None, "rules": rules}
+    prepared = {
+        "judge": os.getpid(), "groups": list(groups), "info": info if way == "none" else None, "rules": rules,
+    }  # fmt: skip
     if way == "bubblewrap":
         prepared["rules"] = None  # it closes what it has read
         tool = shutil.which("bwrap") or "bwrap"
@@ -67,7 +69,7 @@ def command(
         plan = {
             # resolved: a link on the way would be followed below another root
             "shown": [(os.path.realpath(here), there) for here, there in layout.shown],
-            **{name: getattr(layout, name) for name in ("links", "covered", "devices")},
+            **{name: getattr(layout, name) for name in ("links", "covered", "devices", "masked")},
             "private": dict(private), "uid": _UID, "told": info, "held": list(held), "work": TEMPORARY,
             "filter": base64.b64encode(system_call_filter() or b"").decode(),
         }  # fmt: skip
@@ -94,7 +96,9 @@ def _bubblewrap(layout: Layout, private: Mapping[str, int], info: int, rules: in
     for device in layout.devices:
         words += ["--dev-bind", device, device]
     words += ["--proc", "/proc"]
-    for folder in ("/", *layout.covered):
+    for path in layout.masked:
+        words += ["--ro-bind", "/dev/null", path]
+    for folder in ("/", "/proc", *layout.covered):
         words += ["--remount-ro", folder]
     return [*words, "--chdir", TEMPORARY]
 

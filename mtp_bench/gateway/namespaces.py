@@ -19,7 +19,10 @@ from pathlib import Path
 from typing import Any
 
 # <sched.h>, <sys/mount.h>, <sys/prctl.h>
-_NEW = {"user": 0x10000000, "pid": 0x20000000, "net": 0x40000000, "ipc": 0x8000000, "uts": 0x4000000, "mnt": 0x20000}
+_NEW = {
+    "user": 0x10000000, "pid": 0x20000000, "net": 0x40000000, "ipc": 0x8000000, "uts": 0x4000000, "mnt": 0x20000,
+    "cgroup": 0x2000000,
+}  # fmt: skip
 _NOSUID, _NODEV, _NOEXEC, _BIND, _RECURSIVE, _PRIVATE = 2, 4, 8, 0x1000, 0x4000, 0x40000
 _DETACH = 2
 _AT_FDCWD, _AT_RECURSIVE, _READ_ONLY = -100, 0x8000, 1
@@ -96,7 +99,9 @@ def _make_root(plan: dict[str, Any]) -> None:
         _show(f"/old{device}", f"/new{device}", 0, read_only=False)
     Path("/new/proc").mkdir()
     _mount("proc", "/new/proc", "proc", _NOSUID | _NODEV | _NOEXEC)
-    for folder in ("/new", *(f"/new{folder}" for folder in plan["covered"])):
+    for path in plan["masked"]:
+        _show("/old/dev/null", f"/new{path}", 0)
+    for folder in ("/new", "/new/proc", *(f"/new{folder}" for folder in plan["covered"])):
         _attributes(folder, _READ_ONLY, recursive=False)
     _call("umount2", b"/old", _DETACH)
     os.chdir("/new")

@@ -5,20 +5,19 @@ from __future__ import annotations
 import json
 import os
 import select
-import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections import deque
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from ..errors import MtpBenchError
 from .cgroup import make_group
-from .family import children, descendants, end, files_below, hide_memory, peak_memory, resident, threads
+from .family import children, descendants, end, files_below, hide_memory, mapped, peak_memory, resident, threads
 from .filter import system_call_filter
 from .image import Image
 from .layout import KERNELS, SUBMISSION, TEMPORARY, Layout, environment, interpreter, library, packages
@@ -60,6 +59,8 @@ class AgentProcess:
         self.peak_memory = 0
         self._limits, self._cell = limits, cell
         self._most = limits.answer if most is None else most  # bytes of the body of a message
+        self._watched = time.monotonic()
+        self._answered = False  # once it has, it runs in its own root
         self._outgoing: deque[memoryview] = deque()
         self._printed = bytearray()
         self._pid: int | None = None  # of the process with the agent, which the one that was started may not be
@@ -80,29 +81,50 @@ class AgentProcess:
             raise MtpBenchError(
                 "agents run in processes of their own on Linux and macOS only; use `mtp-bench run` here"
             )
+        with ExitStack() as made:  # after an interruption in the middle of it nothing is left either
+            self._start(made)
+            self._made = made.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._made.close()
+
+    def _start(self, made: ExitStack) -> None:
+        """Start the process; ``made`` undoes it."""
         self.begun = time.monotonic()
         self._group = make_group(self._limits.memory, MOST_THREADS)
-        self._folder = None if self._isolated else tempfile.mkdtemp(prefix="mtp_bench-agent-")
+        if self._group is not None:
+            made.callback(self._group.remove)
+        self._folder = None
+        if not self._isolated:  # the agent could read this process's memory
+            self._folder = made.enter_context(tempfile.TemporaryDirectory(prefix="mtp_bench-agent-"))
+            made.callback(hide_memory, False)
+            hide_memory(True)
         orders, self._orders = os.pipe()
         self._answers, answers = os.pipe()
         self._log, log = os.pipe()
         told, tell = os.pipe()
         rules, write = os.pipe()  # a pipe holds more than the filter is long
         os.write(write, system_call_filter() or b"")
-        os.close(write)
+        nothing, end_of_it = os.pipe()  # not /dev/null: that file is everybody's
+        for descriptor in (self._orders, self._answers, self._log):
+            made.callback(os.close, descriptor)
+        for descriptor in (write, end_of_it):
+            os.close(descriptor)
         try:
             self._process = subprocess.Popen(
                 self._command(orders, answers, tell, rules),
                 cwd=self._folder or "/",
                 env=environment(self._isolated, *self._places),
-                stdin=subprocess.DEVNULL,
+                stdin=nothing,
                 stdout=log,
                 stderr=log,
                 pass_fds=(orders, answers, tell, rules),
                 start_new_session=True,
             )
+            made.callback(self._kill)
         finally:
-            for descriptor in (orders, answers, log, tell, rules):
+            for descriptor in (orders, answers, log, tell, rules, nothing):
                 os.close(descriptor)
         self._learn_number(told)
         for descriptor in (self._orders, self._answers, self._log):
@@ -111,20 +133,6 @@ class AgentProcess:
         self._poll = select.poll()
         self._poll.register(self._answers, select.POLLIN)
         self._poll.register(self._log, select.POLLIN)
-        if not self._isolated:  # the agent could read this process's memory
-            hide_memory(True)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._kill()
-        for descriptor in (self._orders, self._answers, self._log, self._handle):
-            if descriptor is not None:
-                os.close(descriptor)
-        if self._group is not None:
-            self._group.remove()
-        if self._folder is not None:
-            shutil.rmtree(self._folder, ignore_errors=True)
-            hide_memory(False)
 
     def setup(self, parameters: dict[str, Any]) -> dict[str, Any]:
         """The first message to the agent's side: where things are there, and its limits."""
@@ -179,21 +187,21 @@ class AgentProcess:
         Raises WireError for what is no message or longer than allowed, EndedError if the process is gone, ExcessError
         if there are too many, or they hold more memory than is allowed.
         """
-        watched = time.monotonic()
         while (message := self._whole()) is None:
             now = time.monotonic()
             if now >= deadline:
                 return None
-            if now >= watched + _WATCH:
+            if now >= self._watched + _WATCH:
                 self._watch()
-                watched = time.monotonic()
+                self._watched = time.monotonic()
             if not self._read():
-                self._wait(min(deadline, watched + _WATCH))
+                self._wait(min(deadline, self._watched + _WATCH))
+        self._answered = True
         return header_of(message[0]), message[1]
 
     def others(self) -> int:
         """Look at the process: its memory, and how many processes it has started that are still there."""
-        if self._pid is None:
+        if self._pid is None or self._gone():
             return 0
         self.peak_memory = max(self.peak_memory, peak_memory(self._pid))
         return len(children(self._pid))
@@ -230,7 +238,7 @@ class AgentProcess:
 
     def _watch(self) -> None:
         """See that a process that starts others does not take the machine; the limits of the system hold for each."""
-        if self._pid is None:
+        if self._pid is None or self._gone():
             return
         if self._group is not None and self._group.exceeded():
             raise ExcessError(f"its processes held more than {self._limits.memory >> 20} MiB")
@@ -240,10 +248,11 @@ class AgentProcess:
         count = sum(map(threads, family))
         if count > MOST_THREADS:
             raise ExcessError(f"its {len(family)} processes had {count} threads, of {MOST_THREADS}")
-        names = files_below(self._pid, TEMPORARY) if self._isolated else 0
+        names = files_below(self._pid, TEMPORARY) if self._isolated and self._answered else 0
         if names > _MOST_FILES:
             raise ExcessError(f"it had made {names} files, of {_MOST_FILES}")
-        memory = sum(map(resident, family))
+        # What the others hold together may be in the page tables of none: count all that they could reach.
+        memory = resident(self._pid) + sum(map(mapped, family[1:]))
         if memory > self._limits.memory:
             raise ExcessError(
                 f"its {len(family)} processes held {memory >> 20} MiB, of {self._limits.memory >> 20} MiB"
@@ -298,16 +307,23 @@ class AgentProcess:
                         self._poll.unregister(self._log)
                     return
 
+    def _gone(self) -> bool:
+        """Whether the agent's process has ended: then its number may be another's."""
+        return self._handle is not None and bool(select.select([self._handle], [], [], 0)[0])
+
     def _kill(self) -> None:
         """End the agent and all that it started, and wait for it."""
         if self._pid is not None:
-            for _ in range(2):  # some may have started others meanwhile
+            for _ in range(0 if self._isolated or self._gone() else 2):  # some may have started others meanwhile
                 end(descendants(self._pid)[1:], _ENDING)
             with suppress(OSError):
                 self._end_agent(self._pid)
         with suppress(OSError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
+        if self._handle is not None:
+            os.close(self._handle)
+            self._handle = None
 
     def _end_agent(self, pid: int) -> None:
         if self._handle is None:  # the process that was started is the agent

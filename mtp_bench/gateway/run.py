@@ -20,7 +20,7 @@ from .exchange import Exchange, answer_bytes
 from .image import image_of, submission_digest
 from .layout import compile_kernels, layout_for
 from .limits import Limits, SceneRun
-from .mechanism import mechanism
+from .mechanism import Mechanism, mechanism
 from .process import AgentProcess, Cell
 
 
@@ -33,6 +33,7 @@ def run_isolated(
     parameters: dict[str, Any] | None = None,
     limits: Limits = Limits(),  # noqa: B008  (frozen)
     digest: str | None = None,
+    way: Mechanism | None = None,
 ) -> SceneRun:
     """One scene of an env in evaluation mode, answered by a submission in a process of its own.
 
@@ -45,6 +46,7 @@ def run_isolated(
         parameters: Of the agent; None: those of the manifest.
         limits: What the agent may use.
         digest: Of the submission as it must be (`image_of`); None: as it is.
+        way: Who shuts it in; None: the best that works here.
 
     The rollout of an agent that keeps the rules is that of `running.run.run_scene`, but for the times, which are
     measured outside the agent. An unanswered frame has no rows: everything in it is uncovered.
@@ -59,7 +61,7 @@ def run_isolated(
     image = image_of(loaded, env.card.id)
     if digest is not None and image.digest != digest:
         raise SubmissionError(f"{loaded.path}: its files changed while it ran; run it again")
-    cell = Cell(layout_for(image, keywords.get("data"), limits.cuda), image, mechanism())
+    cell = Cell(layout_for(image, keywords.get("data"), limits.cuda), image, way or mechanism())
     with AgentProcess(limits, cell, answer_bytes(env.action_space, limits)) as process:
         setup = process.setup(loaded.parameters if parameters is None else parameters)
         exchange = Exchange(process, limits, env.action_space, seal_start(env.card.digest, scene, seed))
@@ -94,7 +96,9 @@ def run_isolated_scenes(
     """
     compile_kernels()
     digest = submission_digest(load_submission(submission), MTPEnv(env_id, **env_keywords).card.id)
-    calls = [(submission, env_id, env_keywords, scene, seed, parameters, limits, digest) for scene in scenes]
+    # Decided once: no worker falls back to less because the machine is busy. Other machines decide for themselves.
+    way = mechanism() if workers.scheduler is None else None
+    calls = [(submission, env_id, env_keywords, scene, seed, parameters, limits, digest, way) for scene in scenes]
     runs: dict[int, SceneRun] = {}
     for place, run in unordered_map(run_isolated, calls, workers):
         runs[place] = run

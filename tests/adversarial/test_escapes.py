@@ -162,7 +162,8 @@ numbers = {  # of x86-64
     "memfd_secret": (447, 0), "shmget": (29, 0, 1 << 20, 0o1600), "msgget": (68, 0, 0o1600),
     "semget": (64, 0, 1, 0o1600), "mq_open": (240, b"x", 0o102, 0o600, None),
     "cachestat": (451, 1, (ctypes.c_uint64 * 2)(), (ctypes.c_uint64 * 5)(), 0), "fadvise": (221, 0, 0, 0, 4),
-    "inotify": (294, 0), "socket": (41, 1, 1, 0), "process_vm_readv": (310, 1, None, 0, None, 0, 0),
+    "inotify": (294, 0), "io_setup": (206, 1, (ctypes.c_uint64 * 1)()), "sync": (162,),
+    "socket": (41, 1, 1, 0), "process_vm_readv": (310, 1, None, 0, None, 0, 0),
 }
 import errno
 done = []
@@ -198,17 +199,61 @@ for name in os.listdir("/proc/self/fd"):
         kinds[int(name)] = os.readlink(f"/proc/self/fd/{name}").split(":")[0]
     except OSError:
         continue
-assert sum(kind == "pipe" for kind in kinds.values()) == 4, kinds  # orders, answers, and the log twice
-assert set(kinds.values()) <= {"pipe", "/dev/null", f"/proc/{os.getpid()}/fd"}, kinds
+assert sum(kind == "pipe" for kind in kinds.values()) == 5, kinds  # input, the log twice, orders, answers
+assert set(kinds.values()) <= {"pipe", f"/proc/{os.getpid()}/fd"}, kinds
 """
 MOUNT_POINTS = """
 bad = []
 for line in Path("/proc/self/mountinfo").read_text().splitlines():
     place, options = line.split()[4:6]
-    if place not in ("/tmp", "/proc", "/dev/null", "/dev/zero", "/dev/urandom") and "ro" not in options.split(","):
+    if place not in ("/tmp", "/dev/null", "/dev/zero", "/dev/urandom") and "ro" not in options.split(","):
         bad.append(place)
 assert not bad, f"can be written: {bad}"
 """
+
+SETTINGS = """
+for folder, _, names in os.walk("/proc/sys", onerror=lambda error: None):
+    for name in names:
+        try:
+            os.close(os.open(os.path.join(folder, name), os.O_WRONLY))
+        except OSError:
+            continue
+        raise AssertionError(f"may write {folder}/{name}")
+for name in ("kallsyms", "slabinfo", "keys", "kcore", "vmallocinfo"):
+    try:
+        assert not Path("/proc", name).read_bytes()[:1], f"reads /proc/{name}"
+    except OSError:
+        continue
+"""
+MARKS = """
+for path in ("/dev/null", "/dev/zero", "/dev/urandom"):
+    before = os.stat(path)
+    for mark in (lambda: os.utime(path, (4711, 4711)), lambda: os.utime(path), lambda: os.chmod(path, 0o600),
+                 lambda: os.chown(path, 1000, 1000), lambda: os.setxattr(path, "user.x", b"1")):
+        try:
+            mark()
+        except OSError:
+            pass
+    after = os.stat(path)
+    assert (after.st_mtime, after.st_mode, after.st_atime) == (before.st_mtime, before.st_mode, before.st_atime), path
+"""
+LOCKS = """
+import fcntl
+with open("/submission/agent.py") as file:
+    for lock in (lambda: fcntl.flock(file, fcntl.LOCK_SH), lambda: fcntl.lockf(file, fcntl.LOCK_SH),
+                 lambda: fcntl.fcntl(file, fcntl.F_SETLEASE, fcntl.F_RDLCK), lambda: fcntl.fcntl(file, 37, bytes(32))):
+        try:
+            lock()
+        except OSError:
+            continue
+        raise AssertionError("locked a file that others see")
+"""
+OUTLIVES = (
+    SYSTEM
+    + """
+assert libc.prctl(1, 0, 0, 0, 0) == -1, "may outlive the judge"
+"""
+)
 
 TRICKS: dict[str, tuple[str, dict[str, Any]]] = {
     "imports the judge": (LIBRARY, {}),
@@ -220,6 +265,10 @@ TRICKS: dict[str, tuple[str, dict[str, Any]]] = {
     "writes where trusted code is": (KERNELS, {}),
     "holds descriptors": (DESCRIPTORS, {}),
     "finds a place to write": (MOUNT_POINTS, {}),
+    "changes the kernel's settings": (SETTINGS, {}),
+    "marks what others see": (MARKS, {}),
+    "locks what others see": (LOCKS, {}),
+    "outlives the judge": (OUTLIVES, {}),
 }
 
 
