@@ -335,6 +335,7 @@ def test_wrong_usage(cli: CommandLine, card: str, kitti: str, tmp_path: Path) ->
     assert cli("submit", "stp").status == 2
     assert cli("submit", "stp", "--env", card, "--division", "middle").status == 2
     assert cli("submit", "stp", "--env", card, "--seeds", 0).status == 2
+    assert cli("submit", "stp", "--env", card, "--cuda").status == 2
     assert cli("verify", tmp_path / "a.json", "--submission", tmp_path).status == 2
     assert "unknown environment 'MTP-Kitti-v0'" in cli("submit", "stp", "--env", "MTP-Kitti-v0").error
     assert "unknown submission 'none'" in cli("submit", "none", "--env", card).error
