@@ -117,10 +117,8 @@ def test_hidden_scenes_rank_and_the_public_error_stands_beside(tmp_path: Path) -
     ]
     entries = entries_of(found)
     assert [(entry.name, entry.rank) for entry in entries] == [("honest", 1), ("knows", 2)]
-    assert [(entry.error, entry.public_error) for entry in entries] == [
-        (pytest.approx(0.8), pytest.approx(0.6)),
-        (pytest.approx(1.2), pytest.approx(0.5)),
-    ]
+    assert [entry.error for entry in entries] == pytest.approx([0.8, 1.2])
+    assert [entry.public_error for entry in entries] == pytest.approx([0.6, 0.5])
     assert board_notes(entries) == [["hidden scenes of seal first of 2030-01-01, retired 2030-03-03"]]
     html = board_page(entries)
     assert "</svg>hidden</span>" in html
