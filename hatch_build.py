@@ -15,7 +15,7 @@ BUNDLE = "mtp_bench/_bundled/leaderboard"
 PUBLIC = (
     "owners.toml", "keys/allowed_signers", "keys/revoked_keys", "seals/*.commitment.json", "seals/*.retired.json",
 )  # fmt: skip
-ROLLOUTS = ".rollouts"  # suffix of their folders; git ignores them too
+PRIVATE = (".rollouts", ".part")  # suffixes of folders beside records; git ignores them too
 
 
 class LeaderboardHook(BuildHookInterface[Any]):
@@ -32,5 +32,5 @@ class LeaderboardHook(BuildHookInterface[Any]):
 
 def _ships(place: Path) -> bool:
     if place.parts[0] == "records":
-        return not any(part.endswith(ROLLOUTS) for part in place.parts)
+        return not any(part.endswith(PRIVATE) for part in place.parts)
     return any(place.match(pattern) for pattern in PUBLIC)

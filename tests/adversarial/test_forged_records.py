@@ -318,9 +318,9 @@ IMPOSSIBLE: dict[str, tuple[Change, str]] = {
     "giant details": (lambda c: c.update(details={str(i): "x" * 1999 for i in range(600)}), "details take 12"),
     "a long reason": (lambda c: c["details"].update(why="x" * 3000), "details.why has 3000 characters"),
     "a key that steers the terminal": (lambda c: c["details"].update({"\x1b[2J": 1}), r"has the character U\+001B"),
-    "half a character": (lambda c: c["submission"]["parameters"].update(a=["\ud800"]), r"has the character U\+D800"),
+    "half a character": (lambda c: c["submission"]["parameters"].update(a=["\ud800"]), r"U\+D800|half of a character"),
     "nested a thousand times": (lambda c: c["details"].update(a=nested(60)), "deeper than 32 levels"),
-    "a number of a thousand digits": (lambda c: c["details"].update(a=10**1000), "has 1001 digits"),
+    "a number of a thousand digits": (lambda c: c["details"].update(a=10**1000), "1001 digits"),
 }
 
 
@@ -348,7 +348,7 @@ def test_names_that_only_look_alike_are_refused(name: str, honest: tuple[Path, R
 
 def test_a_file_of_many_megabytes_is_not_read(tmp_path: Path) -> None:
     (tmp_path / "a.json").write_text('{"format": 2, "x": "' + "x" * (9 << 20) + '"}')
-    with pytest.raises(RecordError, match="more than 8 MiB"):
+    with pytest.raises(RecordError, match=r"more than 8 MiB|larger than 8192 KiB"):
         load_record(tmp_path / "a.json")
 
 
