@@ -169,7 +169,9 @@ def _checked(path: Path, work: _Work) -> _Line:
     done = asked.done(path, record, work.trust) if work.key is not None else None
     if done is not None:
         show(f"{path}: {done.level} since {done.statement.date}, signed by {done.signer}")
-        return _Line(path, {"record": str(path), "digest": record.digest, "holds": True, "level": done.level})
+        error = None if done.hidden is None else done.hidden.row.error
+        known = {"record": str(path), "digest": record.digest, "level": done.level, "hidden_error": error}
+        return _Line(path, {**known, "holds": True})
     with working(f"verify {record.submission.name} on {record.env.id}", work.options) as watched:
         checked = check_record(path, watched, work.env, asked.folder(record), asked.rerun, asked.sealed(record))
     if checked.differences:
