@@ -9,6 +9,8 @@ may not make, `mechanism` chooses who shuts it in (bubblewrap, or `namespaces`),
 and what does not. Where a system cannot isolate, agents run with limits only, and `SceneRun.isolation` says so.
 """
 
+from .image import Image as Image
+from .image import image_of as image_of
 from .limits import PATIENCE as PATIENCE
 from .limits import Isolation as Isolation
 from .limits import Limits as Limits

@@ -6,16 +6,16 @@ The image is a copy, so that nobody can change what runs after it was hashed; it
 from __future__ import annotations
 
 import atexit
-import hashlib
 import os
 import shutil
 import tempfile
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..files import file_digest, open_regular
 from ..networks import network_files
-from ..submission.contents import files_of
+from ..submission.contents import digest_of, files_of
 from ..submission.loader import Submission
 
 
@@ -26,6 +26,7 @@ class Image:
     source: Path  # the folder of the submission
     submission: Path  # a copy of it
     networks: Path  # weights of the networks that its manifest names, trained on this machine for this env
+    weights: Mapping[str, str]  # name and hex sha256 of each file of `networks`
     digest: str  # hex sha256 over names and contents of both
 
 
@@ -38,36 +39,28 @@ def image_of(submission: Submission, env_id: str) -> Image:
 
     Raises SubmissionError for a folder that cannot be a submission.
     """
-    files = {f"submission/{p.relative_to(submission.path)}": p for p in files_of(submission.path)}
-    files |= {f"networks/{path.name}": path for path in network_files(submission.networks, env_id)}
-    key = (submission.path, *((n, p, (s := p.stat()).st_size, s.st_mtime_ns, s.st_ino) for n, p in files.items()))
+    files, networks = files_of(submission.path), network_files(submission.networks, env_id)
+    states = [(path, (state := path.stat()).st_size, state.st_mtime_ns, state.st_ino) for path in (*files, *networks)]
+    key = (submission.path, *states)
     if key not in _known:
-        _known[key] = _copy(submission.path, files)
+        _known[key] = _copy(submission.path, files, networks)
     return _known[key]
 
 
-def submission_digest(submission: Submission, env_id: str) -> str:
-    """The digest of what runs: that of the folder where the manifest names no networks."""
-    return image_of(submission, env_id).digest
-
-
-def _copy(source: Path, files: dict[str, Path]) -> Image:
+def _copy(source: Path, files: Sequence[Path], networks: Sequence[Path]) -> Image:
     if not _known:
         _sweep()
         atexit.register(_remove)
     root = Path(tempfile.mkdtemp(prefix=f"{_NAME}-{os.getpid()}-"))
-    for part in ("submission", "networks"):
-        (root / part).mkdir()
-    total = hashlib.sha256()
-    for name, path in files.items():
-        target = root / name
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with open_regular(path) as source_file, target.open("wb") as copy:
-            shutil.copyfileobj(source_file, copy)
-        # A network's name begins with a slash, which the name of no file of the folder does.
-        stated = name.removeprefix("submission/") if name.startswith("submission/") else f"/{name}"
-        total.update(f"{stated}\0{file_digest(target)}\n".encode())
-    return Image(source, root / "submission", root / "networks", total.hexdigest())
+    folder, beside = root / "submission", root / "networks"
+    places = {path: folder / path.relative_to(source) for path in files} | {p: beside / p.name for p in networks}
+    for path in (folder, beside, *(place.parent for place in places.values())):
+        path.mkdir(parents=True, exist_ok=True)
+    for path, place in places.items():
+        with open_regular(path) as original, place.open("wb") as copy:
+            shutil.copyfileobj(original, copy)
+    weights = {place.name: file_digest(place) for place in sorted(beside.iterdir())}
+    return Image(source, folder, beside, weights, digest_of(folder, files_of(folder), weights))
 
 
 def _sweep() -> None:

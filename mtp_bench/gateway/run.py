@@ -17,7 +17,7 @@ from ..parallel import ALONE, QUIET, Progress, Workers, unordered_map
 from ..running.run import agent_task, derived_seed
 from ..submission.loader import load_submission
 from .exchange import Exchange, answer_bytes
-from .image import image_of, submission_digest
+from .image import image_of
 from .layout import compile_kernels, layout_for
 from .limits import Limits, SceneRun
 from .mechanism import Mechanism, mechanism
@@ -95,7 +95,7 @@ def run_isolated_scenes(
     every scene that is done, in the order of completion and in this process, and ``progress`` is told its name.
     """
     compile_kernels()
-    digest = submission_digest(load_submission(submission), MTPEnv(env_id, **env_keywords).card.id)
+    digest = image_of(load_submission(submission), MTPEnv(env_id, **env_keywords).card.id).digest
     # Decided once: no worker falls back to less because the machine is busy. Other machines decide for themselves.
     way = mechanism() if workers.scheduler is None else None
     calls = [(submission, env_id, env_keywords, scene, seed, parameters, limits, digest, way) for scene in scenes]

@@ -42,7 +42,7 @@ def why_not_comparable(record: Record, level: SignedLevel | None = None, ships: 
 
 def why_not_genuine(record: Record) -> str | None:
     """Why a record that names a baseline is not of it; None for the baseline itself and for any other name."""
-    known = baseline_digest(record.submission.name)
+    known = baseline_digest(record.submission.name, record.submission.networks)
     if known is None or known == record.submission.digest:
         return None
     return f"{record.submission.name!r} is the name of a baseline, and this is another submission"

@@ -41,7 +41,8 @@ class SubmissionPart(Section):
     source: Annotated[str, Field(pattern=r"^(https?://\S+)?$", max_length=MOST_TEXT)]  # where it is published
     commit: Annotated[str, Field(pattern=r"^([0-9a-f]{7,64})?$")]
     license: _Name
-    digest: Sha256  # over all files of the folder
+    digest: Sha256  # over all files that ran: those of the folder, and these weights
+    networks: dict[_Name, Sha256]  # weights beside the folder, trained on the machine where it ran: file, its sha256
     parameters: dict[str, Any]
     ends: Literal["controls", "own"] | None  # of its gap: stp and truth_past have its predictor, or it states others
 

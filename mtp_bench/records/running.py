@@ -13,7 +13,7 @@ from ..env.environment import MTPEnv
 from ..env.rollouts import digest
 from ..errors import MtpBenchError
 from ..files import clean_text
-from ..gateway import Limits, SceneRun, run_isolated_scenes
+from ..gateway import Image, Limits, SceneRun, image_of, run_isolated_scenes
 from ..parallel import QUIET
 from ..running.options import RunOptions
 from ..running.rollout_files import RunInfo
@@ -41,6 +41,7 @@ class Plan:
     scenes_of_split: int
     keywords: dict[str, Any]  # of the env, beyond card and data; as stored
     options: RunOptions  # data, workers and progress
+    image: Image  # the submission as it runs
 
     @property
     def setting(self) -> Setting:
@@ -60,8 +61,8 @@ def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
     del keywords["observe"]  # the submission says it, and the record in a field of its own
     if env.card.source.split != load_card(env_id).source.split:
         keywords["split"] = env.card.source.split
-    names = env.scene_names
-    return Plan(submission, env_id, env.card, options.chosen(names), len(names), keywords, options)
+    names, image = env.scene_names, image_of(submission, env.card.id)
+    return Plan(submission, env_id, env.card, options.chosen(names), len(names), keywords, options, image)
 
 
 def run_seed(
@@ -120,7 +121,8 @@ def info_of(plan: Plan, seed: int) -> RunInfo:
     """What a stored run of the plan says of itself; the data root is nobody's business."""
     observe, data = plan.submission.compare.observe, plan.options.data
     env = MTPEnv(plan.env, data=data, observe=observe, evaluation=True, **plan.keywords)
-    return run_info(env, plan.setting, seed, {**plan.keywords, "rigid_motion": True})
+    info = run_info(env, plan.setting, seed, {**plan.keywords, "rigid_motion": True})
+    return info.model_copy(update={"submission_digest": plan.image.digest})
 
 
 def rollout_digests(runs: Mapping[int, Sequence[Rollout]]) -> dict[str, str]:

@@ -13,6 +13,7 @@ from ..cards import Card, HighwaySource, load_card
 from ..running.reference import frozen_reference
 from ..scoring import Reference
 from ..scoring.subsets import SUBSETS, Subset
+from ..submission.contents import digest_of, files_of
 from ..submission.loader import load_submission
 
 
@@ -52,10 +53,12 @@ def largest_error(card: Card) -> float:
     return max(card.per_class(card.task.miss_error))
 
 
-@cache
-def baseline_digest(name: str) -> str | None:
-    """Digest of the baseline of that name as it ships; None where there is none."""
-    return load_submission(name).digest if name in baseline_names() else None
+def baseline_digest(name: str, networks: Mapping[str, str] | None = None) -> str | None:
+    """Digest of the baseline of that name as it ships, with weights that were trained for it; None for other names."""
+    if name not in baseline_names():
+        return None
+    folder = load_submission(name).path
+    return digest_of(folder, files_of(folder), networks)
 
 
 def _sums(reference: Reference) -> dict[str, dict[Subset, float]]:

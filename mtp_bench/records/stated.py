@@ -19,7 +19,7 @@ from .storage import PARTS, ROLLOUTS, load_record
 def stated_before(plan: Plan, limits: Limits, division: str, training_data: Sequence[str]) -> dict[str, Any]:
     """What the record of a plan will say of its runs, as JSON."""
     return {
-        "submission": plan.submission.digest,
+        "submission": plan.image.digest,
         "env": plan.card.id,
         "card": plan.card.digest,
         "scenes": list(plan.scenes),

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from ..cards import Card, load_card
 from ..errors import MtpBenchError, SubmissionError
 from ..files import reason_of, require_file, require_folder, whole_file, whole_folder
-from ..gateway import Limits, SceneRun
+from ..gateway import Limits, SceneRun, image_of
 from ..parallel import parallel_map
 from ..running.options import DEFAULTS, RunOptions
 from ..running.reference import reference_for
@@ -82,7 +82,7 @@ def submit(
     plan = plan_run(submission, env_id, options)
     target = record_path(submission, load_card(env_id), output, options.split)
     require_writable(target, submission)
-    said_of(submission)  # what no record can hold is refused before the work
+    said_of(plan)  # what no record can hold is refused before the work
     _require_limits(division, limits)
     note = submission.note_on(plan.card.id)
     declared = [*submission.training_data, *training_data, *([note] if note else [])]
@@ -93,7 +93,7 @@ def submit(
         reference = reference_for(plan.card, plan.scenes, options)
         options.progress.started((len(options.seeds) + 1) * len(plan.scenes))
         runs = {seed: run_seed(plan, seed, limits, parts) for seed in options.seeds}
-        _require_unchanged(submission)
+        _require_unchanged(plan)
         found = evaluate_plan(plan, runs, reference, watched=True)
         more: dict[str, Any] = {"division": division, "training_data": declared}
         return _save(target, plan, runs, _record(plan, runs, found, limits).model_copy(update=more))
@@ -113,11 +113,11 @@ def _save(target: Path, plan: Plan, runs: Mapping[int, Sequence[SceneRun]], reco
     return record
 
 
-def _require_unchanged(submission: Submission) -> None:
+def _require_unchanged(plan: Plan) -> None:
     """A record is of one submission: what it is of is read before the first scene, and once more after the last."""
-    if load_submission(submission.path).digest != submission.digest:
+    if image_of(load_submission(plan.submission.path), plan.card.id).digest != plan.image.digest:
         raise SubmissionError(
-            f"{submission.path}: its files were changed while it was run, expected one submission in all scenes: "
+            f"{plan.submission.path}: its files were changed while it was run, expected one submission in all scenes: "
             "submit again with --fresh"
         )
 
@@ -155,7 +155,7 @@ def _record(plan: Plan, runs: Mapping[int, Sequence[SceneRun]], found: Evaluatio
     lost, rollouts, submission, card = unanswered(runs), rollouts_of(runs), plan.submission, plan.card
     every = [rollout for results in rollouts.values() for rollout in results]
     return Record(
-        submission=said_of(submission),
+        submission=said_of(plan),
         division="closed",
         training_data=[],
         env=EnvPart(
@@ -193,8 +193,9 @@ def _hardware(options: RunOptions) -> HardwarePart:
     return hardware() if options.workers.scheduler is None else parallel_map(hardware, [()], options.workers)[0]
 
 
-def said_of(submission: Submission) -> SubmissionPart:
+def said_of(plan: Plan) -> SubmissionPart:
     """What a record says of a submission. Raises SubmissionError for a text that is too long for a record."""
+    submission = plan.submission
     ends = submission.compare.ends
     said = {
         "name": submission.name,
@@ -203,7 +204,8 @@ def said_of(submission: Submission) -> SubmissionPart:
         "source": submission.source,
         "commit": submission.commit,
         "license": submission.license,
-        "digest": submission.digest,
+        "digest": plan.image.digest,
+        "networks": dict(plan.image.weights),
         "parameters": submission.parameters,
         "ends": "own" if isinstance(ends, dict) else ends,
     }

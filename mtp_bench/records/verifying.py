@@ -166,7 +166,7 @@ def _said_otherwise(record: Record, plan: Plan, again: Runs, limits: Limits) -> 
     """In what a run again differs from what the record says of its own."""
     yield from unequal("rollout_digests", record.rollout_digests, rollout_digests(rollouts_of(again)))
     yield from unequal("seals", record.seals, seals(again))
-    yield from unequal("submission", record.submission.model_dump(), said_of(plan.submission).model_dump())
+    yield from unequal("submission", record.submission.model_dump(), said_of(plan).model_dump())
     yield from unequal("env.observe", record.env.observe, plan.submission.compare.observe)
     yield from unequal("env.keywords", record.env.keywords, plan.keywords)
     yield from unequal("limits", record.limits.model_dump(), LimitsPart(**asdict(limits)).model_dump())
@@ -184,14 +184,19 @@ def _work(record: Record, plan: Plan | None, sealed: Sealed | None) -> int:
 
 def _plan(path: Path, record: Record, env_id: str | None, folder: str | Path | None, options: RunOptions) -> Plan:
     """How the submission of a record is run again; RecordError where it is another one, or the scenes are others."""
+    env_id = env_id or record.env.id
     submission = load_submission(folder or record.submission.name)
-    if submission.digest != record.submission.digest:
+    plan = plan_run(submission, env_id, replace(options, scenes=len(record.per_scene)))
+    if plan.image.digest != record.submission.digest:
+        where = "--submission" + (
+            f", and the weights {', '.join(record.submission.networks)} with MTP_BENCH_WEIGHTS"
+            if record.submission.networks
+            else ""
+        )
         raise RecordError(
             f"{path}: made by {record.submission.name!r} with digest {record.submission.digest[:12]}, the submission "
-            f"{submission.name!r} has {submission.digest[:12]}; name the right folder with --submission"
+            f"{submission.name!r} has {plan.image.digest[:12]}; name the right folder with {where}"
         )
-    env_id = env_id or record.env.id
-    plan = plan_run(submission, env_id, replace(options, scenes=len(record.per_scene)))
     if list(plan.scenes) != [scene.scene for scene in record.per_scene]:
         raise RecordError(f"{path}: its scenes are not the first {len(record.per_scene)} of {env_id}")
     return plan

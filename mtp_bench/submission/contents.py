@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from ..errors import SubmissionError
@@ -40,8 +40,12 @@ def files_of(folder: Path) -> list[Path]:
     return sorted(found)
 
 
-def digest_of(folder: Path, files: Iterable[Path]) -> str:
-    """Hex sha256 over names and contents of ``files`` of ``folder``; SubmissionError for one that cannot be read."""
+def digest_of(folder: Path, files: Iterable[Path], networks: Mapping[str, str] | None = None) -> str:
+    """Hex sha256 over names and contents of ``files`` of ``folder``; SubmissionError for one that cannot be read.
+
+    ``networks``: names and hex sha256 of weights that lie elsewhere. Theirs begin with a slash, as no name of a file
+    of the folder does.
+    """
     total = hashlib.sha256()
     for path in files:
         try:
@@ -49,6 +53,8 @@ def digest_of(folder: Path, files: Iterable[Path]) -> str:
         except OSError as error:
             raise SubmissionError(f"{path}: cannot be read: {error.strerror or error}") from None
         total.update(f"{path.relative_to(folder).as_posix()}\0{content}\n".encode())
+    for name, content in sorted((networks or {}).items()):
+        total.update(f"/networks/{name}\0{content}\n".encode())
     return total.hexdigest()
 
 

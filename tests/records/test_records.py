@@ -205,7 +205,7 @@ def test_divisions_and_envs_are_ranked_apart() -> None:
 
 @pytest.mark.parametrize("other", [{"env": {"data_manifest": "00" * 32}}, {"reference": {"hash": "00" * 32}}], ids=str)
 def test_other_data_or_weights_are_not_compared(other: dict[str, Any]) -> None:
-    found = ranks(write_record(*EIGHT, name="a"), write_record(*EIGHT, name="b"), write_record(*times(0.5), **other))
+    found = ranks(write_record(*EIGHT, name="stp"), write_record(*EIGHT, name="b"), write_record(*times(0.5), **other))
     assert found == [1, 1, None]
 
 
