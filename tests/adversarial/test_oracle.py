@@ -1,0 +1,147 @@
+"""An oracle: it looks for the maintainer's seal, makes the hidden scenes from it, and answers with their truth."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from mtp_bench._bundle import bundled
+from mtp_bench.cards import load_card
+from mtp_bench.env.rollouts import digest
+from mtp_bench.gateway import SceneRun, run, run_isolated
+from mtp_bench.gateway.mechanism import mechanism
+from mtp_bench.records import open_seal, seal
+from mtp_bench.scoring import mean_plain_error, score_scene
+from mtp_bench.sources import discard, open_source
+from tests.support.command_line import write_submission
+from tests.support.runs import PATIENT
+
+ENV = "MTP-Merge-v0"
+ORACLE = '''
+"""Finds a seal and knows the future by it."""
+import json
+from pathlib import Path
+
+import numpy as np
+
+WHERE = json.loads(Path(__file__).with_name("where.json").read_text())
+
+
+def nothing(task):
+    """An answer without anything."""
+    from mtp_bench import answer
+
+    return answer(task, np.zeros((0, 7)), np.zeros(0, int), np.zeros((0, task.samples, task.future, 2)))
+
+
+def frames():
+    """Boxes by id of every frame of the hidden scene, in the frame of the observations; none without a seal."""
+    for folder in WHERE["folders"]:
+        secret = Path(folder, "secret.json")
+        if not secret.is_file():
+            continue
+        from mtp_bench import MTPEnv
+        from mtp_bench.cards import load_card
+        from mtp_bench.records import open_seal
+
+        hidden = open_seal(secret, WHERE["commitment"]).card(load_card(WHERE["card"]))
+        env = MTPEnv(hidden, observe="truth", evaluation=True)
+        observation, _ = env.reset(seed=0, options={"scene": env.scene_names[0]})
+        found, over = [], False
+        while not over:
+            there = observation["detection_valid"].astype(bool)
+            fields = ("detection_id", "detection_box", "detection_class")
+            found.append({int(i): (b, int(c)) for i, b, c in zip(*(observation[name][there] for name in fields))})
+            observation, _, _, over, _ = env.step(nothing(env.task))
+        return found
+    return None
+
+
+def told(known, t, task, action):
+    """The answer of frame t: true boxes and their true futures."""
+    for row, (i, (box, kind)) in enumerate(sorted(known[t].items())[: task.objects]):
+        later = [known[min(t + step, len(known) - 1)] for step in range(1, task.future + 1)]
+        steps = [frame.get(i, (box, kind))[0][:2] - box[:2] for frame in later]
+        action["object_valid"][row], action["object_box"][row], action["object_class"][row] = 1, box, kind
+        action["forecast"][row], action["forecast_log_weight"][row] = np.array(steps), 0.0
+    return action
+'''
+BODY = """
+        from . import oracle
+        if not hasattr(self, "known"):
+            self.known, self.now = oracle.frames(), -1
+        self.now += 1
+        if self.known is not None:
+            return oracle.told(self.known, self.now, self._task, empty_action(self._task))
+"""
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Card of short scenes."""
+    text = (bundled("envs") / f"{ENV}.toml").read_text()
+    lines = {"seconds": "seconds = 3.0", "vehicles": "vehicles = 8", "val": "val = [10000, 10002]"}
+    found = [lines.get(line.split(" = ")[0], line) for line in text.splitlines()]
+    path = tmp_path_factory.mktemp("card") / f"{ENV}.toml"
+    path.write_text("\n".join(found))
+    return str(path)
+
+
+class Hall:
+    """A seal of one hidden scene, copied to where a maintainer may leave it, and an oracle that knows the places."""
+
+    def __init__(self, folder: Path, card: str, patch: pytest.MonkeyPatch) -> None:
+        home, root = folder / "home", folder / "data"
+        places = [home, root, home / "leaderboard" / "records", folder / "submissions", home / ".cache" / "mtp_bench"]
+        seal(card, 1, folder / "secret.json")
+        self.sealed, self.card = open_seal(folder / "secret.json"), card
+        for place in places:
+            place.mkdir(parents=True, exist_ok=True)
+            shutil.copy(folder / "secret.json", place / "secret.json")
+        patch.setenv("HOME", str(home))
+        patch.setenv("MTP_BENCH_DATA", str(root))
+        self.honest = write_submission(folder / "submissions" / "honest", "honest")
+        self.oracle = write_submission(folder / "submissions" / "oracle", "oracle", body=BODY.strip())
+        (self.oracle / "oracle.py").write_text(ORACLE)
+        where = {"folders": list(map(str, places)), "commitment": str(folder / "secret.commitment.json"), "card": card}
+        (self.oracle / "where.json").write_text(json.dumps(where))
+
+    def run(self, submission: Path) -> tuple[SceneRun, float]:
+        """The hidden scene answered by a submission, and the error of it, m."""
+        hidden = self.sealed.card(load_card(self.card))
+        source = open_source(hidden)
+        try:
+            scene = source.load(source.names[0])
+            found = run_isolated(submission, hidden, {}, scene.name, limits=PATIENT)  # type: ignore[arg-type]
+        finally:
+            discard(hidden)
+        error = mean_plain_error([score_scene(scene, found.rollout, hidden)])
+        assert error is not None
+        return found, error
+
+
+@pytest.fixture
+def hall(tmp_path: Path, short: str, monkeypatch: pytest.MonkeyPatch) -> Hall:
+    return Hall(tmp_path, short, monkeypatch)
+
+
+def test_a_seal_that_lies_about_is_of_no_use(hall: Hall) -> None:
+    if mechanism() == "none":
+        pytest.skip("this system cannot isolate agents")
+    honest, error = hall.run(hall.honest)
+    oracle, same = hall.run(hall.oracle)
+    assert (oracle.status, oracle.reason) == ("finished", "")
+    assert oracle.isolation.holds
+    assert same == error > 0.01
+    assert digest(oracle.rollout) == digest(honest.rollout)
+
+
+def test_it_wins_where_nothing_holds_it(hall: Hall, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run, "mechanism", lambda: "none")
+    oracle, error = hall.run(hall.oracle)
+    assert (oracle.status, oracle.reason) == ("finished", "")
+    assert error < 0.01
+    assert not oracle.isolation.holds
