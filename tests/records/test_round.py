@@ -29,7 +29,7 @@ def made(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> Pat
         submit(write_submission(root / "submissions" / name, name), card, RunOptions(kitti), root / "records" / name)
     with (root / "submissions" / "moved" / "agent.py").open("a") as file:
         file.write("# later\n")
-    submit("stp", card, RunOptions(kitti), root / "records" / "stp")
+    assert submit("stp", card, RunOptions(kitti), root / "records" / "stp").status == "finished"
     return root
 
 
