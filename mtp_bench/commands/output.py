@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
@@ -116,6 +116,12 @@ def print_or_write(path: Path | None, text: str) -> None:
         sys.stdout.write(text)
     else:
         write_text(path, text)
+
+
+def some_of(texts: Sequence[str], most: int = 10) -> str:
+    """Several failures in one line: the first of them, and how many more there are."""
+    more = len(texts) - most
+    return "; ".join([*texts[:most], *([f"and {more} more"] if more > 0 else [])])
 
 
 def count(number: int, noun: str) -> str:

@@ -11,7 +11,7 @@ import typer
 
 from ..errors import MtpBenchError, RecordError
 from .options import DataOption, SubmissionArgument, WorkerChoice, one_of
-from .output import count, number, prepare, say, working
+from .output import count, number, prepare, say, some_of, working
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -108,7 +108,7 @@ def submit(
         if record.status in ("crashed", "rejected"):
             failed.append(f"{record.env.id}: {record.status}: {record.status_reason}")
     if failed:
-        raise RecordError("; ".join(failed))
+        raise RecordError(some_of(failed))
 
 
 def _one(

@@ -11,7 +11,7 @@ import typer
 
 from ..errors import MtpBenchError, RecordError
 from .options import DataOption, JobsOption, JsonOption, WorkerChoice
-from .output import count, number, require_writable, working, write_json
+from .output import count, number, require_writable, some_of, working, write_json
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -143,7 +143,7 @@ def _check_all(given: Sequence[Path], work: _Work, json_file: Path | None) -> No
     write_json(json_file, {"records": [line.verdict for line in lines]})
     failed = [line.failed for line in lines if line.failed]
     if failed:
-        raise RecordError("; ".join(failed))
+        raise RecordError(some_of(failed))
 
 
 def _line(path: Path, work: _Work, alone: bool) -> _Line:
@@ -213,7 +213,7 @@ def _intake(given: Sequence[Path], trust: Trust, owner: str | None, json_file: P
             show(text)
     refused = [text for each in taken for text in each.refused]
     if refused:
-        raise RecordError("; ".join(refused))
+        raise RecordError(some_of(refused))
 
 
 def _require_together(*pairs: tuple[str, object, str, object]) -> None:

@@ -14,7 +14,7 @@ from .attestation import LEVELS, SignedLevel, level_path, read_level
 from .bounds import MOST_BYTES
 from .eligibility import why_unranked
 from .shipped import shipped
-from .storage import LEVEL_SUFFIX, load_record
+from .storage import LEVEL_SUFFIX, ROLLOUTS, load_record
 from .trust import Trust, read_owners
 
 OWNERS = Path("owners.toml")
@@ -54,6 +54,11 @@ def take_in(folder: Path, trust: Trust, owner: str | None = None) -> Intake:
         return Intake((), (str(error),), ())
     gone = sorted(_files(trust.folder) - files) if _whole(folder, root) else []
     gone = [name for name in gone if not _stale_level(name, root, trust)]
+    refused += [
+        f"{path.relative_to(root)}: stored rollouts stay with whoever made them (of recorded scenes they must not be "
+        "published), expected records alone: take the folder out of the proposal"
+        for path in sorted(root.rglob(f"*{ROLLOUTS}"))
+    ]
     refused += [f"{name}: is removed; only maintainers remove files" for name in gone]
     for name in sorted(files):
         path = root / name
@@ -90,9 +95,10 @@ def _within(path: Path, folder: Path) -> bool:
 
 
 def _files(root: Path) -> set[Path]:
-    """Names of all files below ``root``, stored rollouts beside records too; RecordError for links and odd kinds."""
+    """Names of all files below ``root`` but stored rollouts; RecordError for links and odd kinds."""
     found: set[Path] = set()
     for at, folders, names in os.walk(root, followlinks=False):
+        folders[:] = [name for name in folders if not name.endswith(ROLLOUTS) or Path(at, name).is_symlink()]
         for name in (*folders, *names):
             path = Path(at, name)
             mode = path.lstat().st_mode

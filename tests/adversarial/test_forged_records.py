@@ -581,6 +581,22 @@ def test_a_proposal_is_taken_in(cli: CommandLine, proposal: Path, leaderboard: P
     assert "names no source" in " ".join(said.split())
 
 
+def test_stored_rollouts_are_named_once(cli: CommandLine, proposal: Path, leaderboard: Path) -> None:
+    stored = proposal / "records" / "newcomer" / f"{MAIN}.rollouts" / "seed-0"
+    stored.mkdir(parents=True)
+    for i in range(50):
+        (stored / f"{i}.npz").touch()
+    said = taken(cli, proposal, leaderboard)
+    assert said.count("stored rollouts stay with whoever made them") == 1
+    assert len(said) < 500
+
+
+def test_of_many_failures_the_first_are_shown(cli: CommandLine, proposal: Path, leaderboard: Path) -> None:
+    for i in range(50):
+        (proposal / f"thesis-{i}.tex").touch()
+    assert taken(cli, proposal, leaderboard).endswith("; and 40 more")
+
+
 def with_level(proposal: Path, _: Path) -> None:
     level_path(proposal / "records" / "newcomer" / f"{MAIN}.json").write_text("{}")
 
