@@ -151,12 +151,15 @@ def read_bounded(path: Path, most: int, error: type[MtpBenchError], absent: str 
         raise error(f"{path}: no text in UTF-8: {cause.reason} at byte {cause.start}; save it as UTF-8") from None
 
 
-def open_regular(path: Path) -> BinaryIO:
-    """A regular file, to be read; anything else is never opened, for that could wait for ever. Raises OSError."""
-    _require_regular(path.stat())
-    stream = open(path, "rb", opener=_without_waiting)  # noqa: SIM115  (a path has no opener)
+def open_regular(path: Path, links: bool = True) -> BinaryIO:
+    """A regular file, to be read; anything else is never opened, for that could wait for ever. Raises OSError.
+
+    ``links``: a link to such a file is followed.
+    """
+    _require_regular(path.stat() if links else path.lstat(), path)
+    stream = open(path, "rb", opener=_without_waiting if links else _without_links)  # noqa: SIM115  (a path has no opener)
     try:
-        _require_regular(os.fstat(stream.fileno()))  # it may have been replaced meanwhile
+        _require_regular(os.fstat(stream.fileno()), path)  # it may have been replaced meanwhile
     except OSError:
         stream.close()
         raise
@@ -233,9 +236,13 @@ def _is_at(path: Path, descriptor: int) -> bool:
         return False
 
 
-def _require_regular(state: os.stat_result) -> None:
+def _require_regular(state: os.stat_result, path: Path) -> None:
     if kind := kind_of(state.st_mode):
-        raise OSError(errno.EINVAL, f"it is a {kind}, expected a file")
+        raise OSError(errno.EINVAL, f"it is a {kind}, expected a file", str(path))
+
+
+def _without_links(path: str, flags: int) -> int:
+    return _without_waiting(path, flags | getattr(os, "O_NOFOLLOW", 0))
 
 
 def _without_waiting(path: str, flags: int) -> int:

@@ -57,7 +57,7 @@ def read_json(path: Path, error: type[MtpBenchError], absent: str = ABSENT, most
 def parse_json(text: str, where: str, error: type[MtpBenchError]) -> dict[str, Any]:
     """The table in a text of JSON; raises ``error`` naming ``where`` it is from."""
     try:
-        content = json.loads(text, parse_constant=_refuse, parse_int=_whole)
+        content = json.loads(text, parse_constant=_refuse, parse_int=_whole, object_pairs_hook=_once)
         _require_plain(content)
     except (ValueError, RecursionError) as cause:
         raise error(f"{where}: not valid JSON: {_reason(cause)}") from None
@@ -68,6 +68,15 @@ def parse_json(text: str, where: str, error: type[MtpBenchError]) -> dict[str, A
 
 def _refuse(text: str) -> None:
     raise ValueError(f"{text} is no number of JSON")
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A table whose keys come once: of two, one reader would take the first and another the last."""
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        twice = next(key for i, (key, _) in enumerate(pairs) if key in dict(pairs[:i]))
+        raise ValueError(f"key {twice[:80]!r} comes twice")
+    return table
 
 
 def _whole(digits: str) -> int:

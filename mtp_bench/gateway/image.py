@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..errors import SubmissionError
 from ..files import file_digest, open_regular
 from ..networks import network_files
 from ..submission.contents import digest_of, files_of
@@ -40,10 +41,14 @@ def image_of(submission: Submission, env_id: str) -> Image:
     Raises SubmissionError for a folder that cannot be a submission.
     """
     files, networks = files_of(submission.path), network_files(submission.networks, env_id)
-    states = [(path, (state := path.stat()).st_size, state.st_mtime_ns, state.st_ino) for path in (*files, *networks)]
-    key = (submission.path, *states)
-    if key not in _known:
-        _known[key] = _copy(submission.path, files, networks)
+    try:
+        states = [(path, (s := path.lstat()).st_size, s.st_mtime_ns, s.st_ino) for path in (*files, *networks)]
+        key = (submission.path, *states)
+        if key not in _known:
+            _known[key] = _copy(submission.path, files, networks)
+    except OSError as error:
+        path = error.filename or submission.path
+        raise SubmissionError(f"{path}: cannot be read: {error.strerror or error}") from None
     return _known[key]
 
 
@@ -57,7 +62,7 @@ def _copy(source: Path, files: Sequence[Path], networks: Sequence[Path]) -> Imag
     for path in (folder, beside, *(place.parent for place in places.values())):
         path.mkdir(parents=True, exist_ok=True)
     for path, place in places.items():
-        with open_regular(path) as original, place.open("wb") as copy:
+        with open_regular(path, links=False) as original, place.open("wb") as copy:
             shutil.copyfileobj(original, copy)
     weights = {place.name: file_digest(place) for place in sorted(beside.iterdir())}
     return Image(source, folder, beside, weights, digest_of(folder, files_of(folder), weights))

@@ -28,10 +28,12 @@ LIBRARY = (  # of the package: what agents are made of, without judge, sources, 
     "strict.py", "tracks.py", "types.py", "agent", "submission", "tracking", "prediction",
     "env/__init__.py", "env/action.py", "env/building.py", "env/checks.py", "gateway/child.py", "gateway/wire.py",
 )  # fmt: skip
-MASKED = (  # of /proc, which tell of the kernel or of keys: empty there
-    "/proc/kallsyms", "/proc/kcore", "/proc/keys", "/proc/key-users", "/proc/slabinfo", "/proc/vmallocinfo",
-    "/proc/timer_list", "/proc/sysrq-trigger", "/proc/pagetypeinfo", "/proc/kmsg",
+# Files of /proc that tell of the kernel, of keys or of the whole machine: empty there.
+_TELLING = (
+    "kallsyms", "kcore", "keys", "key-users", "slabinfo", "vmallocinfo", "timer_list", "kpagecount", "kpageflags",
+    "kpagecgroup", "vmstat", "sysrq-trigger", "pagetypeinfo", "kmsg",
 )  # fmt: skip
+MASKED = tuple(f"/proc/{name}" for name in _TELLING)
 DEVICES = ("/dev/null", "/dev/zero", "/dev/urandom")
 _SYSTEM = ("/lib", "/lib64", "/usr/lib", "/usr/lib64", "/usr/local/lib")  # shared libraries
 _KERNELS = {  # those that baselines need
@@ -170,7 +172,9 @@ def _inside(path: Path, shown: Sequence[tuple[str, str]]) -> bool:
 
 def _require_apart(shown: Sequence[str], data: str | None) -> None:
     """Refuse a data root or a cache of scenes inside what is shown."""
-    for secret in {path.resolve() for path in (data_root(data)[0], data_root(None)[0], cache_root())}:
+    roots = {data_root(data)[0], data_root(None)[0], cache_root()}
+    below = {path for root in roots if root.is_dir() for path in root.iterdir()}  # a root may be of links
+    for secret in {path.resolve() for path in roots | below}:
         for here in shown:
             if secret.is_dir() and secret.is_relative_to(Path(here).resolve()):
                 raise SubmissionError(f"{secret} holds data inside {here}, which agents see: move the data elsewhere")

@@ -77,6 +77,7 @@ class Statement(Section):
     observe: Literal["detections", "truth"]
     submission: Sha256
     seeds: list[int]
+    measured: Sha256  # times, memory and machine
     rollouts: Sha256  # of their digests
     seals: Sha256  # of the hash chains
     definitions: _Text
@@ -129,6 +130,7 @@ def bound_to(record: Record) -> dict[str, Any]:
         "observe": record.env.observe,
         "submission": record.submission.digest,
         "seeds": record.seeds,
+        "measured": record.measured.digest,
         "rollouts": digest_of(record.rollout_digests),
         "seals": digest_of(record.seals),
         "definitions": record.scorer.definitions,

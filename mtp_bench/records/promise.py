@@ -9,7 +9,9 @@ from pydantic import Field
 from ..strict import Section
 from .canonical import digest_of
 
-FIRST, LAST = 1_000_000, 2**31  # seeds are drawn from here; those of the cards are far below
+# Seeds are drawn from here. Those of the cards are far below, and there are so many that no agent finds the name of the
+# scene that it is in by trying: its noise and its motion follow from it.
+FIRST, LAST = 2**40, 2**62
 MOST_SCENES = 1000
 RETIRED = ".retired.json"  # suffix of what is published at the end
 

@@ -8,6 +8,7 @@ that was promised, and it ranks nobody any more who was not scored before.
 from __future__ import annotations
 
 import datetime
+import hashlib
 import json
 import secrets
 import shutil
@@ -47,6 +48,17 @@ class Sealed:
         hidden = source.model_copy(update={"split": "test", "seeds": ranges})
         return card.model_copy(update={"source": hidden})
 
+    def run_seeds(self, seeds: Sequence[int]) -> dict[int, int]:
+        """Secret seeds in place of public ones: a motion of a known seed would tell the name of its scene."""
+        return {seed: int(self._drawn(f"run {seed}")[:15], 16) for seed in seeds}
+
+    def shuffled(self, count: int) -> list[int]:
+        """An order of so many units, the same for every submission: theirs is that of consecutive seeds."""
+        return sorted(range(count), key=lambda unit: self._drawn(f"unit {unit}"))
+
+    def _drawn(self, purpose: str) -> str:
+        return hashlib.sha256(f"{self.seeds.salt}|{purpose}".encode()).hexdigest()
+
     def reference(self, hidden: Card, scenes: Sequence[str], options: RunOptions) -> Reference:
         """Event weights of the hidden scenes of `card`, made once per seal and kept beside the secret."""
         if self.weights.is_file():
@@ -54,8 +66,7 @@ class Sealed:
             if known.card == hidden.digest and known.holds(scenes):
                 return known
         reference = make_reference(hidden, scenes, options)
-        write_reference(self.weights, reference)
-        self.weights.chmod(0o600)
+        write_reference(self.weights, reference, secret=True)
         return reference
 
 

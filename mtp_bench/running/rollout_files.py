@@ -22,6 +22,7 @@ from ..types import Rollout
 
 RUN_FILE = "run.json"
 MOST_BYTES = 1 << 30  # of the arrays of a scene
+MOST_RUN = 4 << 30  # of all scenes of a run
 
 
 class RunInfo(Section):
@@ -85,7 +86,14 @@ def load_run(folder: str | Path) -> Run:
     path = Path(folder) / RUN_FILE
     content = read_json(path, RolloutError, f"no {RUN_FILE} there, expected a folder written by `mtp-bench run`")
     run = validate(_RunFile, content, str(path), RolloutError)
-    return Run(run.info, tuple(_read_scene(Path(folder), entry) for entry in run.scenes))
+    rollouts: list[Rollout] = []
+    held = 0
+    for entry in run.scenes:
+        rollouts.append(_read_scene(Path(folder), entry))
+        held += sum(array.nbytes for array in vars(rollouts[-1]).values() if isinstance(array, np.ndarray))
+        if held > MOST_RUN:
+            raise RolloutError(f"{folder}: its scenes hold more than {MOST_RUN >> 30} GiB, expected at most so much")
+    return Run(run.info, tuple(rollouts))
 
 
 def require_run_folder(folder: Path) -> None:

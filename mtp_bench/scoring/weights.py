@@ -152,14 +152,19 @@ def count_runs(events: Iterable[Bools], targets: int) -> NDArray[np.uint8]:
     return counts
 
 
-def write_reference(path: str | Path, reference: Reference) -> None:
-    """Write a reference as JSON with its hash, one line per scene; the file appears complete or not at all."""
+def write_reference(path: str | Path, reference: Reference, secret: bool = False) -> None:
+    """Write a reference as JSON with its hash, one line per scene; the file appears complete or not at all.
+
+    ``secret``: nobody else can read it, not even while it is written.
+    """
     head = {**_header(reference), "totals": reference.totals, "hash": reference.digest}
     lines = [f"  {json.dumps(key)}: {json.dumps(_packed(scene))}" for key, scene in sorted(reference.scenes.items())]
     text = json.dumps(head, indent=1)[: -len("\n}")] + ',\n "scenes": {\n' + ",\n".join(lines) + "\n }\n}\n"
     with whole_file(Path(path)) as part:
+        part.touch(mode=0o600)
         part.write_text(text, encoding="utf-8")
-        part.chmod(0o644)  # weights are public, whatever the user's own files are
+        if not secret:
+            part.chmod(0o644)  # whatever the user's own files are
 
 
 def read_reference(path: str | Path) -> Reference:

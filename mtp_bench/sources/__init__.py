@@ -71,6 +71,11 @@ def prepare(
     _package(card).prepare(card, data, Preparation(scenes, workers, started, progress))
 
 
+def keep_private(card: Card) -> None:
+    """Let nobody else on this machine read the simulated scenes of the card, or their names, which tell their seeds."""
+    _package(card).keep_private(card)
+
+
 def discard(card: Card) -> None:
     """Take the simulated scenes of the card's split out of the cache; of recorded scenes nothing is kept there."""
     _package(card).discard(card)

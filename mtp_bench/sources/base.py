@@ -49,6 +49,7 @@ class SourcePackage:
     describe: Callable[[Card, DataRoot], DataStatus]
     prepare: Callable[[Card, DataRoot, Preparation], None] = lambda card, data, how: None
     discard: Callable[[Card], None] = lambda card: None
+    keep_private: Callable[[Card], None] = lambda card: None
 
 
 def section_of(card: Card, kind: type[SectionT]) -> SectionT:

@@ -96,6 +96,7 @@ ANY_TEXT: dict[str, tuple[Change, str]] = {  # of JSON and TOML alike -> what is
 JSON: dict[str, tuple[Change, str]] = {
     **ANY_TEXT,
     "1e400": (text('{"a": 1e400}'), "a number is too large, infinite or none (NaN)"),
+    "a key twice": (text('{"a": 1, "b": {"c": 1, "c": 2}}'), "key 'c' comes twice"),
     "5 000 digits": (text('{"a": ' + "9" * 5000 + "}"), "a number of 5000 digits, expected at most 19"),
     "20 digits": (text('{"a": -' + "9" * 20 + "}"), "a number of 20 digits, expected at most 19"),
     "NaN": (text('{"a": NaN}'), "NaN is no number of JSON"),

@@ -414,6 +414,17 @@ def test_a_level_of_an_earlier_version_is_not_shown(honest: tuple[Path, Record],
     assert "of another record: record is " in note(path, leaderboard)
 
 
+def test_other_times_than_those_that_were_checked_lose_the_level(
+    honest: tuple[Path, Record], leaderboard: Path, key: Path
+) -> None:
+    path, record = honest
+    sign(path, record, key)
+    faster = record.measured.model_copy(update={"ms_per_frame": 0.001})
+    changed = save_record(record.model_copy(update={"measured": faster}), path)
+    assert changed.digest == record.digest, "the digest of a record is over what was said and scored"
+    assert "of another record: measured is " in note(path, leaderboard)
+
+
 def test_a_key_that_is_not_listed_signs_nothing(
     honest: tuple[Path, Record], leaderboard: Path, tmp_path: Path, cli: CommandLine
 ) -> None:
@@ -500,7 +511,7 @@ def on_seal(leaderboard: Path, tmp_path: Path) -> tuple[Path, Record, Commitment
     """A record of a simulated env, and a seal of two scenes that is listed."""
     known = shipped(SIMULATED)
     assert known is not None
-    seeds = SecretSeeds(env=SIMULATED, card_digest=known.card, first=2_000_000, count=2, salt="s" * 64)
+    seeds = SecretSeeds(env=SIMULATED, card_digest=known.card, first=2**50, count=2, salt="s" * 64)
     promise = Commitment(
         env=SIMULATED, card_digest=known.card, count=2, commitment=commitment_of(seeds), made="2030-01-01"
     )

@@ -15,6 +15,7 @@ from mtp_bench.gateway.image import image_of
 from mtp_bench.gateway.layout import LIBRARY, layout_for, library
 from mtp_bench.networks import VARIABLE, file_name
 from mtp_bench.submission import load_submission
+from mtp_bench.submission.contents import files_of
 from tests.support.hostile import MANIFEST, QUICK, SCENE, submission
 
 IMPORTS = """
@@ -78,6 +79,22 @@ def test_weights_that_were_trained_here_are_part_of_what_runs(tmp_path: Path, mo
     found = image_of(load_submission(folder), "MTP-Merge-v0")  # borrows from Highway
     assert [path.name for path in found.networks.iterdir()] == [file_name("modes", "truth", "MTP-Highway-v0")]
     assert found.digest != without.digest
+
+
+def test_a_link_that_takes_the_place_of_a_file_is_not_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, secret = submission(tmp_path / "mine"), tmp_path / "secret"
+    secret.write_text("secret")
+    loaded = load_submission(folder)
+
+    def swapped(path: Path) -> list[Path]:
+        found = files_of(path)
+        (path / "agent.py").unlink(missing_ok=True)
+        (path / "agent.py").symlink_to(secret)
+        return found
+
+    monkeypatch.setattr("mtp_bench.gateway.image.files_of", swapped)
+    with pytest.raises(SubmissionError, match=r"agent\.py: cannot be read"):
+        image_of(loaded, "MTP-X-v0")
 
 
 def test_files_that_change_during_a_run_are_noticed(card: str, kitti: str, tmp_path: Path) -> None:

@@ -51,15 +51,30 @@ def test_a_seal_is_a_secret_and_a_promise(tmp_path: Path) -> None:
         seal(ENV, 5, tmp_path / "secret.json")
 
 
-@pytest.mark.parametrize(
-    "change", [{"first": 1_234_567}, {"salt": "0" * 64}, {"count": 4}], ids=lambda x: next(iter(x))
-)
+@pytest.mark.parametrize("change", [{"first": 2**41}, {"salt": "0" * 64}, {"count": 4}], ids=lambda x: next(iter(x)))
 def test_another_secret_than_promised_is_refused(change: dict[str, Any], tmp_path: Path) -> None:
     path = tmp_path / "secret.json"
     seal(ENV, 5, path)
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
     with pytest.raises(RecordError, match=r"has the sha256 .* promises"):
         open_seal(path)
+
+
+def test_no_public_number_tells_a_hidden_scene(tmp_path: Path) -> None:
+    """The motion of a scene follows from a seed and its name; of a public seed it would tell the name to who tries."""
+    seal(ENV, 50, tmp_path / "s.json")
+    seal(ENV, 50, tmp_path / "t.json")
+    one, other = open_seal(tmp_path / "s.json"), open_seal(tmp_path / "t.json")
+    assert one.seeds.first >= 2**40
+    secret = one.run_seeds((0, 1, 2))
+    assert list(secret) == [0, 1, 2]
+    assert min(secret.values()) > 2**40
+    assert len({*secret.values(), *other.run_seeds((0, 1, 2)).values()}) == 6
+    assert secret == open_seal(tmp_path / "s.json").run_seeds((0, 1, 2)), "anyone can repeat a retired round"
+    order = one.shuffled(50)
+    assert sorted(order) == list(range(50))
+    assert order != sorted(order) != other.shuffled(50)
+    assert order == one.shuffled(50)
 
 
 def test_errors_of_seals(cli: CommandLine, tmp_path: Path) -> None:

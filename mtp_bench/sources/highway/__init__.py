@@ -9,4 +9,5 @@ PACKAGE = SourcePackage(
     describe=highway_status,
     prepare=generate,
     discard=lambda card: HighwayTraffic(card).discard(),
+    keep_private=lambda card: HighwayTraffic(card).store.keep_private(),
 )

@@ -83,6 +83,11 @@ class WorldStore:
                 f"generated scenes cannot be kept in {self.folder}: {error.strerror}; {VARIABLE} names another folder"
             ) from None
 
+    def keep_private(self) -> None:
+        """Let nobody else on this machine list or read the worlds. Raises DataError where they cannot be stored."""
+        self.require_writable()
+        self.folder.chmod(0o700)
+
     def make(self, seeds: Sequence[int], workers: int = 1) -> Iterator[int]:
         """Make and store worlds over ``workers`` processes; gives each seed when it is done."""
         for place, _ in unordered_map(_make_one, [(self, seed) for seed in seeds], Workers(max(1, workers))):
