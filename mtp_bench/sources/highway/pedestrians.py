@@ -13,6 +13,7 @@ import numpy as np
 
 from ...types import Floats
 from .footways import Footway, cut, draw_side, kept_off_road, slowed_at_kerb
+from .moods import Moods
 from .networks import Crossing, Pavement
 from .right_of_way import Walk
 from .social_force import eased, kept_apart, kept_out, shortened, social_force
@@ -23,6 +24,7 @@ _PATIENCE = (3.0, 7.0)  # s at the kerb
 _HARDEST = 3.8  # m/s2, how people change their velocity
 _NEAR, _QUEUED = 0.7, 2.0  # m to the place to wait at: there, or standing behind others
 _CORNER = 2.0  # m, who is this near to a point on the way turns to the next one
+_STROLL = 0.4  # share of the groups who do not cross, with moods
 _GONE = 1.4  # m to the end of the way
 _CROSSED, _COME = 0.25, 0.8  # of the first people: share who have crossed, largest share of the way of the others done
 
@@ -44,6 +46,7 @@ class Person:
     place: Floats
     ahead: list[Floats]  # points of the way before the crossing, or after it, that are still to come
     stage: int
+    trail: list[Floats]  # points of the way that are behind; empty for who does not turn back
     velocity: Floats = field(default_factory=lambda: np.zeros(2))
     heading: float = 0.0
     waited: float = 0.0
@@ -53,9 +56,10 @@ class Crowd:
     """Everybody on foot: keeps their number on the map at what is aimed at."""
 
     def __init__(
-        self, crossings: tuple[Crossing, ...], pavement: Pavement | None, aim: int, rng: np.random.Generator
-    ) -> None:
-        self._crossings, self._pavement, self._aim, self._rng = crossings, pavement, aim, rng
+        self, crossings: tuple[Crossing, ...], pavement: Pavement | None, aim: int, rng: np.random.Generator,
+        moods: Moods | None = None,
+    ) -> None:  # fmt: skip
+        self._crossings, self._pavement, self._aim, self._rng, self._moods = crossings, pavement, aim, rng, moods
         self.people: list[Person] = []
         self._made = self._groups = 0
         self._axes = [
@@ -65,6 +69,8 @@ class Crowd:
             if len(self.people) < aim:
                 stage = LEAVING if rng.uniform() < _CROSSED else ARRIVING
                 self._arrive(stage, float(rng.uniform(1.0 - _COME, 1.0)))
+                if moods is not None:
+                    moods.stand(self._groups - 1)
 
     def xy(self) -> tuple[Floats, Floats]:
         """Places and velocities ``[M, 2]``, ``[M, 2]`` in the frame of the road."""
@@ -92,6 +98,9 @@ class Crowd:
         """Moves everybody by ``dt`` seconds around vehicles (boxes ``[N, 7]``) and lets new people come."""
         if self._pavement is None:
             return
+        if self._moods is not None:
+            self._moods.step(np.array([p.group for p in self.people], dtype=np.int64))
+            self._turn_back(self._moods.turning)
         self._advance(dt, free)
         self._move(dt, vehicles, self._pavement)
         self.people = [p for p in self.people if p.stage != LEAVING or len(p.ahead) > 1 or _left(p) > _GONE]
@@ -112,17 +121,22 @@ class Crowd:
         way = Footway(
             self._crossings[crossing], self._pavement, direction=1.0 if rng.uniform() < 0.5 else -1.0,
             middle=float(rng.uniform(-0.8, 0.8)) if size == 1 else float(rng.uniform(-0.95, 0.05)),
-            coming=draw_side(True, rng), going=draw_side(False, rng),
+            coming=draw_side(True, self._pavement.strip, rng), going=draw_side(False, self._pavement.strip, rng),
         )  # fmt: skip
         pace, patience = float(rng.uniform(1.05, 1.55)), float(rng.uniform(*_PATIENCE))
+        strolls = self._moods is not None and rng.uniform() < _STROLL
         others = self.xy()[0]
         for k in range(size):
-            place, *ahead = cut(way.arrival(k) if stage == ARRIVING else way.departure(k), share)
+            points = way.stroll(k) if strolls else way.arrival(k) if stage == ARRIVING else way.departure(k)
+            place, *ahead = cut(points, share)
             there = np.array(self._crossings[crossing].origin) + place @ self._axes[crossing]
             if len(others) and np.hypot(*(others - there).T).min() < _ROOM:
                 continue
             others = np.concatenate([others, there[None]])
-            self.people.append(self._person(crossing, way, k, stage, place, ahead, pace, patience))
+            person = self._person(crossing, way, k, LEAVING if strolls else stage, place, ahead, pace, patience)
+            if strolls or stage == ARRIVING:
+                person.trail = points[: -len(ahead)]
+            self.people.append(person)
         self._groups += 1
 
     def _person(self, crossing: int, way: Footway, k: int, stage: int, place: Floats, ahead: list[Floats],
@@ -136,7 +150,7 @@ class Crowd:
             number=self._made, group=self._groups, crossing=crossing, direction=way.direction,
             size=(round(sizes[0], 2), round(sizes[1], 2), round(sizes[2], 2)), pace=own, patience=patience,
             slot=way.slot(k), beyond=way.beyond(k), departure=way.departure(k)[1:], place=np.round(place, 6),
-            ahead=ahead, stage=stage, velocity=np.round(own * course, 6) + 0.0,
+            ahead=ahead, stage=stage, trail=[], velocity=np.round(own * course, 6) + 0.0,
             heading=_direction(course @ self._axes[crossing]),
         )  # fmt: skip
 
@@ -144,6 +158,7 @@ class Crowd:
         """Moves everybody on to the next stage; a group steps on the road together."""
         for p in self.people:
             if len(p.ahead) > 1 and _left(p) < _CORNER:
+                p.trail += p.ahead[:1] if p.trail else []
                 p.ahead = p.ahead[1:]
             if p.stage == ARRIVING and len(p.ahead) == 1 and _left(p) < (_QUEUED if _stands(p) else _NEAR):
                 p.stage = WAITING
@@ -154,9 +169,15 @@ class Crowd:
         groups = sorted({p.group for p in self.people if p.stage == WAITING})
         for group in groups:
             members = [p for p in self.people if p.group == group]
-            if all(p.stage == WAITING for p in members) and all(free(self._walk(p)) for p in members):
+            ready = self._moods is None or group in self._moods.ready
+            if ready and all(p.stage == WAITING for p in members) and all(free(self._walk(p)) for p in members):
                 for p in members:
-                    p.stage = CROSSING
+                    p.stage, p.trail = CROSSING, []
+
+    def _turn_back(self, groups: set[int]) -> None:
+        for p in self.people:
+            if p.group in groups and p.trail and p.stage in (ARRIVING, LEAVING):
+                p.ahead, p.trail, p.stage = p.trail[::-1], [], LEAVING
 
     def _move(self, dt: float, vehicles: Floats, pavement: Pavement) -> None:
         if not self.people:
@@ -168,7 +189,12 @@ class Crowd:
         pace = np.array([p.pace for p in self.people])
         group = np.array([p.group for p in self.people])
         beside = np.array([p.stage != CROSSING for p in self.people])
-        new = shortened(velocity + dt * social_force(place, velocity, goal - place, pace, group), 1.25 * pace)
+        way = goal - place
+        if self._moods is not None:
+            number = np.array([p.number for p in self.people])
+            way = self._moods.heading_for(way, number, ~beside)
+            pace = self._moods.pace(pace, number, group, ~beside)
+        new = shortened(velocity + dt * social_force(place, velocity, way, pace, group), 1.25 * pace)
         new = slowed_at_kerb(place, eased(place, new, vehicles, dt), pavement, beside)
         new = velocity + shortened(new - velocity, _HARDEST * dt)
         moved = kept_off_road(kept_apart(place + dt * new), pavement, beside)

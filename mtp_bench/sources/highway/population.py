@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -93,14 +93,13 @@ class Driver(Vehicle):  # type: ignore[misc]
 def draw_profile(fast: bool, rng: np.random.Generator) -> Profile:
     """A vehicle and its driver; ``fast``: for a motorway, where there are more trucks."""
     kind = _KINDS[int(rng.choice(len(_KINDS), p=_SHARES["fast" if fast else "urban"]))]
-    length, width, height, (least, most) = _SIZES[kind]
-    size = float(np.clip(rng.normal(*length), least, most))
+    size, width, height = draw_size(kind, rng)
     heavy = kind in ("truck", "bus")
     return Profile(
         class_id=CLASSES.index("car" if kind == "van" else kind),
         length=round(size, 2),
-        width=round(float(np.clip(rng.normal(*width), width[0] - 0.25, min(width[0] + 0.25, 2.55))), 2),
-        height=round(float(np.clip(rng.normal(*height), 0.8 * height[0], 1.25 * height[0])), 2),
+        width=round(width, 2),
+        height=round(height, 2),
         wheelbase=round((0.55 if heavy else 0.6) * size, 2),
         pace=float(rng.uniform(0.78, 0.95) if heavy else rng.uniform(0.85, 1.12)),
         top_speed=23.5 if heavy else 40.0,
@@ -113,11 +112,24 @@ def draw_profile(fast: bool, rng: np.random.Generator) -> Profile:
     )
 
 
+def draw_size(kind: str, rng: np.random.Generator) -> tuple[float, float, float]:
+    """Length, width and height of a vehicle, m."""
+    length, width, height, (least, most) = _SIZES[kind]
+    return (
+        float(np.clip(rng.normal(*length), least, most)),
+        float(np.clip(rng.normal(*width), width[0] - 0.25, min(width[0] + 0.25, 2.55))),
+        float(np.clip(rng.normal(*height), 0.8 * height[0], 1.25 * height[0])),
+    )
+
+
 class Gate:
     """Where vehicles come in: keeps the road at the number of vehicles that is aimed at."""
 
-    def __init__(self, town: RoadMap, vehicles: int, rng: np.random.Generator) -> None:
-        self._map, self._aim, self._rng = town, vehicles, rng
+    def __init__(
+        self, town: RoadMap, vehicles: int, rng: np.random.Generator,
+        manner: Callable[[Profile, np.random.Generator], Profile] = lambda profile, rng: profile,
+    ) -> None:  # fmt: skip
+        self._map, self._aim, self._rng, self._manner = town, vehicles, rng, manner
         self._made = 0
         self._next: tuple[Profile, int] | None = None  # waits until there is room
         self._tries = 0
@@ -149,7 +161,7 @@ class Gate:
 
     def _draw(self) -> tuple[Profile, int]:
         routes: tuple[Route, ...] = self._map.routes
-        profile = draw_profile(self._map.overtaking, self._rng)
+        profile = self._manner(draw_profile(self._map.overtaking, self._rng), self._rng)
         weight = np.array([r.weight if r.heavy or profile.length < LONG else 0.0 for r in routes])
         return profile, int(self._rng.choice(len(routes), p=weight / weight.sum()))
 
