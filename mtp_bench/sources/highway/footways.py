@@ -9,6 +9,7 @@ import numpy as np
 
 from ...types import Bools, Floats
 from .networks import Crossing, Pavement
+from .plans import Plan
 
 _FAR = (62.0, 70.0)  # m from the middle of the junction, where people come from and go to
 _COMING, _GOING = (0.9, 1.6), (2.7, 3.4)  # m from the kerb, of those who come and of those who go
@@ -27,10 +28,10 @@ class Side:
     kerb: float  # m from the kerb
 
 
-def draw_side(coming: bool, strip: float, rng: np.random.Generator) -> Side:
-    """One of the two sidewalks of a corner, behind a ``strip`` of parked cars; who comes and who goes keep apart."""
-    kerb = strip + rng.uniform(*(_COMING if coming else _GOING))
-    return Side(bool(rng.uniform() < 0.5), float(rng.uniform(*_FAR)), float(kerb))
+def draw_side(coming: bool, plan: Plan, rng: np.random.Generator) -> Side:
+    """One of the two sidewalks of a corner, behind the parked cars; who comes and who goes keep apart."""
+    kerb = plan.strip + rng.uniform(*(_COMING if coming else _GOING))
+    return Side(bool(rng.uniform() < plan.straight_on), float(rng.uniform(*_FAR)), float(kerb))
 
 
 @dataclass(frozen=True, eq=False)

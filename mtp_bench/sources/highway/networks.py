@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -72,6 +72,7 @@ class RoadMap:
     first_in_first_out: bool  # False: also in front of somebody who is far away
     pavement: Pavement | None = None
     kerbs: tuple[Kerb, ...] = ()
+    plan: Plan = PLANS[1]
 
 
 def build(scenario: ScenarioName, seconds: float, plan: Plan = PLANS[1]) -> RoadMap:
@@ -80,7 +81,7 @@ def build(scenario: ScenarioName, seconds: float, plan: Plan = PLANS[1]) -> Road
         return _intersection(plan)
     if scenario == "roundabout":
         return _roundabout(plan)
-    return _merge(seconds) if scenario == "merge" else _highway(seconds)
+    return replace(_merge(seconds) if scenario == "merge" else _highway(seconds), plan=plan)
 
 
 def _turned(corner: int, x: float, y: float) -> Floats:
@@ -116,7 +117,7 @@ def _intersection(plan: Plan, lanes: int = 2) -> RoadMap:
     pavement = Pavement(mouth, mouth - half, plan.strip)
     sensor = (corner, corner, 4.0)
     kerbs = _kerbs(half + plan.strip, mouth, plan.approach)
-    return RoadMap(network, table, tuple(routes), crossings, sensor, True, False, True, pavement, kerbs)
+    return RoadMap(network, table, tuple(routes), crossings, sensor, True, False, True, pavement, kerbs, plan)
 
 
 def _kerbs(aside: float, mouth: float, approach: float) -> tuple[Kerb, ...]:
@@ -166,7 +167,7 @@ def _roundabout(plan: Plan) -> RoadMap:
             weight = plan.arms[arm] * share
             routes.append(Route(tuple((table.number[a, b, 0],) for a, b in pairwise(nodes)), weight, heavy=True))
     kerbs = _kerbs(ISLAND + ROUND_WIDTH / 2 + plan.strip, _mouth(plan), plan.approach)
-    return RoadMap(network, table, tuple(routes), (), (0.0, 0.0, 4.0), True, False, False, kerbs=kerbs)
+    return RoadMap(network, table, tuple(routes), (), (0.0, 0.0, 4.0), True, False, False, None, kerbs, plan)
 
 
 def _mouth(plan: Plan) -> float:

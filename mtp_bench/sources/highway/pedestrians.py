@@ -14,7 +14,7 @@ import numpy as np
 from ...types import Floats
 from .footways import Footway, cut, draw_side, kept_off_road, slowed_at_kerb
 from .moods import Moods
-from .networks import Crossing, Pavement
+from .networks import Pavement, RoadMap
 from .right_of_way import Walk
 from .social_force import eased, kept_apart, kept_out, shortened, social_force
 
@@ -24,7 +24,7 @@ _PATIENCE = (3.0, 7.0)  # s at the kerb
 _HARDEST = 3.8  # m/s2, how people change their velocity
 _NEAR, _QUEUED = 0.7, 2.0  # m to the place to wait at: there, or standing behind others
 _CORNER = 2.0  # m, who is this near to a point on the way turns to the next one
-_STROLL = 0.4  # share of the groups who do not cross, with moods
+_STROLL = 0.75  # share of the groups who do not cross, with moods
 _GONE = 1.4  # m to the end of the way
 _CROSSED, _COME = 0.25, 0.8  # of the first people: share who have crossed, largest share of the way of the others done
 
@@ -55,15 +55,13 @@ class Person:
 class Crowd:
     """Everybody on foot: keeps their number on the map at what is aimed at."""
 
-    def __init__(
-        self, crossings: tuple[Crossing, ...], pavement: Pavement | None, aim: int, rng: np.random.Generator,
-        moods: Moods | None = None,
-    ) -> None:  # fmt: skip
-        self._crossings, self._pavement, self._aim, self._rng, self._moods = crossings, pavement, aim, rng, moods
+    def __init__(self, town: RoadMap, aim: int, rng: np.random.Generator, moods: Moods | None = None) -> None:
+        self._crossings, self._pavement, self._plan = town.crossings, town.pavement, town.plan
+        self._aim, self._rng, self._moods = aim, rng, moods
         self.people: list[Person] = []
         self._made = self._groups = 0
         self._axes = [
-            np.array([c.direction, (-c.direction[1], c.direction[0])], dtype=np.float64) for c in crossings
+            np.array([c.direction, (-c.direction[1], c.direction[0])], dtype=np.float64) for c in town.crossings
         ]  # rows: along, across
         for _ in range(20 * aim):
             if len(self.people) < aim:
@@ -121,7 +119,7 @@ class Crowd:
         way = Footway(
             self._crossings[crossing], self._pavement, direction=1.0 if rng.uniform() < 0.5 else -1.0,
             middle=float(rng.uniform(-0.8, 0.8)) if size == 1 else float(rng.uniform(-0.95, 0.05)),
-            coming=draw_side(True, self._pavement.strip, rng), going=draw_side(False, self._pavement.strip, rng),
+            coming=draw_side(True, self._plan, rng), going=draw_side(False, self._plan, rng),
         )  # fmt: skip
         pace, patience = float(rng.uniform(1.05, 1.55)), float(rng.uniform(*_PATIENCE))
         strolls = self._moods is not None and rng.uniform() < _STROLL

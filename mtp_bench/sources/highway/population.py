@@ -134,14 +134,19 @@ class Gate:
         self._next: tuple[Profile, int] | None = None  # waits until there is room
         self._tries = 0
 
-    def fill(self, road: Any, reach: float) -> None:
-        """Puts the first vehicles on the first ``reach`` share of the entry lanes."""
+    def fill(self, road: Any) -> None:
+        """Puts the first vehicles on the first part of the entry lanes, and some on the exit lanes."""
+        plan = self._map.plan
+        junction, leaving = self._map.regulated, plan.leaving * self._map.regulated
         for _ in range(20 * self._aim):
             if len(road.vehicles) >= self._aim:
                 return
             profile, route = self._draw()
             lane = self._lanes(profile, route)[0]
-            at = float(self._rng.uniform(profile.length / 2, reach * self._map.geometry.length[lane]))
+            part = plan.filled[0 if junction else 1]
+            if leaving and self._rng.uniform() < leaving:
+                lane, part = self._map.routes[route].roads[-1][0], 0.9
+            at = float(self._rng.uniform(profile.length / 2, part * self._map.geometry.length[lane]))
             self._enter(road, profile, route, lane, at, _FIRST_ROOM)
 
     def admit(self, road: Any, finished: Sequence[Driver]) -> None:

@@ -28,10 +28,8 @@ from .state import State, observe
 from .world import RATE, ScenarioName, Traffic, World
 
 ATTEMPTS = 50
-WARM_UP = 15.0  # s
 _AT_LINES = 0.4  # m that are kept to a line
 _JERK = (15.0, 5.0)  # m/s3, how fast a driver brakes and accelerates
-_FIRST = {True: 0.6, False: 0.25}  # share of the entry lanes that is filled at the start; True: at a junction
 
 
 def simulate_world(traffic: Traffic, seed: int) -> World:
@@ -74,16 +72,16 @@ class _Attempt:
         self._parked = parked_boxes(self._map.kerbs, traffic.parked, parking)
         alive = traffic.generator > 1
         moods = Moods(1.0 / RATE, walking) if alive else None
-        self._crowd = Crowd(self._map.crossings, self._map.pavement, traffic.pedestrians, people, moods)
+        self._crowd = Crowd(self._map, traffic.pedestrians, people, moods)
         self._drivers = _Drivers(*places, self._crowd, Habits(1.0 / RATE, driving) if alive else None)
         self._gate = Gate(self._map, traffic.vehicles, entries, *([lively] if alive else []))
 
     def run(self, rejected: tuple[str, ...]) -> World | str:
         """The recorded world, or a word for what was wrong."""
         frames = round(self._traffic.seconds * RATE)
-        warm_up = round(WARM_UP * RATE)
+        warm_up = round(self._map.plan.warm_up * RATE)
         recording, road = Recording(frames, self._parked), self._drivers.road
-        self._gate.fill(road, _FIRST[self._map.regulated])
+        self._gate.fill(road)
         for step in range(warm_up + frames):
             vehicles, people = boxes(road.vehicles), self._crowd.boxes()
             if len(overlapping(np.concatenate([vehicles, people, self._parked]))):
@@ -104,7 +102,7 @@ class _Drivers:
         self._map, self._routes, self._crowd, self._habits = town, routes, crowd, habits
         unused: Any = np.random.default_rng(0)  # otherwise the road would make a generator with a seed from the clock
         self.road: Any = Road(network=town.network, np_random=unused)
-        self._rules = RightOfWay(conflicts, town.first_in_first_out) if town.regulated else None
+        self._rules = RightOfWay(conflicts, town.first_in_first_out, town.plan.ask_time) if town.regulated else None
         self._changes = LaneChanges(town, routes) if town.overtaking else None
 
     def step(self, step: int, obstacles: Floats) -> list[Driver]:
