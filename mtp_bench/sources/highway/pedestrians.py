@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...types import Floats
+from ...types import Bools, Floats, Ints
 from .footways import Footway, cut, draw_side, kept_off_road, slowed_at_kerb
 from .moods import Moods
 from .networks import Pavement, RoadMap
@@ -60,9 +60,10 @@ class Crowd:
         self._aim, self._rng, self._moods = aim, rng, moods
         self.people: list[Person] = []
         self._made = self._groups = 0
-        self._axes = [
-            np.array([c.direction, (-c.direction[1], c.direction[0])], dtype=np.float64) for c in town.crossings
-        ]  # rows: along, across
+        self._origin = np.array([c.origin for c in town.crossings], dtype=np.float64).reshape(-1, 2)
+        self._axes = np.array(
+            [(c.direction, (-c.direction[1], c.direction[0])) for c in town.crossings], dtype=np.float64
+        ).reshape(-1, 2, 2)  # rows: along, across
         for _ in range(20 * aim):
             if len(self.people) < aim:
                 stage = LEAVING if rng.uniform() < _CROSSED else ARRIVING
@@ -72,17 +73,18 @@ class Crowd:
 
     def xy(self) -> tuple[Floats, Floats]:
         """Places and velocities ``[M, 2]``, ``[M, 2]`` in the frame of the road."""
-        place = [np.array(self._crossings[p.crossing].origin) + p.place @ self._axes[p.crossing] for p in self.people]
-        velocity = [p.velocity @ self._axes[p.crossing] for p in self.people]
-        return np.array(place).reshape(-1, 2), np.array(velocity).reshape(-1, 2)
+        crossing = self._crossing()
+        own = np.array([(p.place, p.velocity) for p in self.people], dtype=np.float64).reshape(-1, 2, 2)
+        turned = own @ self._axes[crossing]
+        return self._origin[crossing] + turned[:, 0], turned[:, 1]
+
+    def _crossing(self) -> Ints:
+        return np.array([p.crossing for p in self.people], dtype=np.int64)
 
     def boxes(self) -> Floats:
         """Boxes ``[M, 7]`` in the frame of the road (y down)."""
-        place, _ = self.xy()
-        rows = [
-            (x, y, p.size[2] / 2, p.heading, *p.size) for p, (x, y) in zip(self.people, place.tolist(), strict=True)
-        ]
-        return np.array(rows, dtype=np.float64).reshape(-1, 7)
+        rows = [(p.size[2] / 2, p.heading, *p.size) for p in self.people]
+        return np.column_stack([self.xy()[0], np.array(rows, dtype=np.float64).reshape(-1, 5)])
 
     def walks(self) -> list[Walk]:
         """Those who are on a crossing."""
@@ -127,7 +129,7 @@ class Crowd:
         for k in range(size):
             points = way.stroll(k) if strolls else way.arrival(k) if stage == ARRIVING else way.departure(k)
             place, *ahead = cut(points, share)
-            there = np.array(self._crossings[crossing].origin) + place @ self._axes[crossing]
+            there = self._origin[crossing] + place @ self._axes[crossing]
             if len(others) and np.hypot(*(others - there).T).min() < _ROOM:
                 continue
             others = np.concatenate([others, there[None]])
@@ -181,8 +183,8 @@ class Crowd:
         if not self.people:
             return
         place, velocity = self.xy()
-        axes = np.array([self._axes[p.crossing] for p in self.people])
-        origin = np.array([self._crossings[p.crossing].origin for p in self.people])
+        crossing = self._crossing()
+        axes, origin = self._axes[crossing], self._origin[crossing]
         goal = origin + np.einsum("ni,nij->nj", np.array([_target(p) for p in self.people]), axes)
         pace = np.array([p.pace for p in self.people])
         group = np.array([p.group for p in self.people])
@@ -198,10 +200,11 @@ class Crowd:
         moved = kept_off_road(kept_apart(place + dt * new), pavement, beside)
         moved = kept_out(place, moved, vehicles)
         new = (moved - place) / dt
-        for k, p in enumerate(self.people):
-            p.place = np.round(axes[k] @ (moved[k] - origin[k]), 6) + 0.0
-            p.velocity = np.round(axes[k] @ new[k], 6) + 0.0
-            p.heading = _turned(p.heading, new[k], goal[k] - moved[k], p.stage)
+        own = np.round(np.einsum("nij,nkj->nki", axes, np.stack([moved - origin, new], axis=1)), 6) + 0.0
+        waiting = np.array([p.stage == WAITING for p in self.people])
+        heading = _turned(np.array([p.heading for p in self.people]), new, goal - moved, waiting)
+        for p, (there, speed), course in zip(self.people, own, heading.tolist(), strict=True):
+            p.place, p.velocity, p.heading = there, speed, course
 
 
 def _target(person: Person) -> Floats:
@@ -223,13 +226,10 @@ def _direction(vector: Floats) -> float:
     return round(float(np.arctan2(vector[1], vector[0])), 6)
 
 
-def _turned(heading: float, velocity: Floats, to_goal: Floats, stage: int) -> float:
-    """The heading after a step: people turn where they walk, and look at the road while they wait."""
-    if np.hypot(*velocity) > 0.3:
-        wanted, share = float(np.arctan2(velocity[1], velocity[0])), 0.35
-    elif stage == WAITING:
-        return heading
-    else:
-        wanted, share = float(np.arctan2(to_goal[1], to_goal[0])), 0.1
-    turn = (wanted - heading + np.pi) % (2 * np.pi) - np.pi
-    return round(float((heading + share * turn + np.pi) % (2 * np.pi) - np.pi), 6) + 0.0
+def _turned(heading: Floats, velocity: Floats, to_goal: Floats, waiting: Bools) -> Floats:
+    """The headings ``[M]`` after a step: people turn where they walk, and look at the road while they wait."""
+    walks = np.hypot(velocity[:, 0], velocity[:, 1]) > 0.3
+    course = np.where(walks[:, None], velocity, to_goal)
+    turn = (np.arctan2(course[:, 1], course[:, 0]) - heading + np.pi) % (2 * np.pi) - np.pi
+    turned = (heading + np.where(walks, 0.35, 0.1) * turn + np.pi) % (2 * np.pi) - np.pi
+    return np.where(walks | ~waiting, np.round(turned, 6) + 0.0, heading)

@@ -83,11 +83,14 @@ class Driver(Vehicle):  # type: ignore[misc]
     def on_state_update(self) -> None:
         """Nothing: the lane is found for all vehicles at once."""
 
-    def snap(self) -> None:
-        """Rounds the state to 1e-6, so that the last bits of a processor's arithmetic cannot grow."""
-        self.position = np.round(self.position, 6) + 0.0
-        self.heading = round(float(np.remainder(self.heading + np.pi, 2 * np.pi) - np.pi), 6) + 0.0
-        self.speed = round(float(self.speed), 6) + 0.0
+
+def snap(vehicles: Sequence[Driver]) -> None:
+    """Rounds states to 1e-6, so that the last bits of a processor's arithmetic cannot grow."""
+    place = np.round(np.array([v.position for v in vehicles], dtype=np.float64).reshape(-1, 2), 6) + 0.0
+    heading = np.remainder(np.array([v.heading for v in vehicles], dtype=np.float64) + np.pi, 2 * np.pi) - np.pi
+    for vehicle, position, angle in zip(vehicles, place, heading.tolist(), strict=True):
+        vehicle.position, vehicle.heading = position, round(angle, 6) + 0.0
+        vehicle.speed = round(float(vehicle.speed), 6) + 0.0
 
 
 def draw_profile(fast: bool, rng: np.random.Generator) -> Profile:
@@ -185,7 +188,7 @@ class Gate:
         position = np.asarray(way.position(at, profile.aside), dtype=np.float64)
         vehicle = Driver(road, position, float(way.heading_at(at)), speed, profile, self._made)
         vehicle.route, vehicle.lane_number = route, lane
-        vehicle.snap()
+        snap([vehicle])
         road.vehicles.append(vehicle)
         self._made += 1
         return True

@@ -20,7 +20,7 @@ from .networks import RoadMap, build
 from .parking import parked_boxes
 from .pedestrians import Crowd
 from .plans import PLANS, Plan
-from .population import Driver, Gate, boxes
+from .population import Driver, Gate, boxes, snap
 from .recording import Recording
 from .right_of_way import RightOfWay
 from .routes import RouteTable, tabulate
@@ -117,8 +117,7 @@ class _Drivers:
         for vehicle, turn, gas in zip(state.vehicles, angle.tolist(), acceleration.tolist(), strict=True):
             vehicle.act({"steering": turn, "acceleration": gas})
         self.road.step(1.0 / RATE)
-        for vehicle in state.vehicles:
-            vehicle.snap()
+        snap(state.vehicles)
         if self._rules is not None:
             self._crowd.step(1.0 / RATE, obstacles, self._rules.free_to_walk)
         return [state.vehicles[i] for i in np.flatnonzero(state.finished)]
