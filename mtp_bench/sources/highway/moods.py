@@ -9,9 +9,9 @@ from .drift import Drift
 
 _HASTE, _HASTE_MEMORY = 0.12, 2.5  # share of the pace, s
 _BEARING, _BEARING_MEMORY = 0.12, 3.0  # rad, s
-_STOP = 1 / 200.0  # 1/s
+_STOP = 1 / 300.0  # 1/s
 _SHORT, _LONG, _LONG_ONES = (0.8, 4.0), (15.0, 50.0), 0.6  # s, s, share of stops
-_STAND = 0.35  # share of the groups who stand when they come first into the world
+_STAND = 0.26  # share of the groups who stand when they come first into the world
 _BACK = 1 / 500.0  # 1/s, who turns back
 _READY = 2.5  # 1/s, who steps on a free crossing
 _HESITATE, _HESITATION = 1 / 12.0, (0.5, 1.2)  # 1/s, s on a crossing

@@ -24,7 +24,7 @@ _PATIENCE = (3.0, 7.0)  # s at the kerb
 _HARDEST = 3.8  # m/s2, how people change their velocity
 _NEAR, _QUEUED = 0.7, 2.0  # m to the place to wait at: there, or standing behind others
 _CORNER = 2.0  # m, who is this near to a point on the way turns to the next one
-_STROLL = 0.75  # share of the groups who do not cross, with moods
+_STROLL = 0.85  # share of the groups who do not cross, with moods
 _GONE = 1.4  # m to the end of the way
 _CROSSED, _COME = 0.25, 0.8  # of the first people: share who have crossed, largest share of the way of the others done
 
