@@ -109,7 +109,8 @@ class HighwaySource(Section):
     @field_validator("parked")
     @classmethod
     def _where_they_park(cls, parked: int | None, info: ValidationInfo) -> int | None:
-        if parked and (info.data.get("scenario") not in ("intersection", "roundabout") or info.data.get("generator") == 1):
+        kerbs = info.data.get("scenario") in ("intersection", "roundabout") and info.data.get("generator") != 1
+        if parked and not kerbs:
             raise ValueError("expected none: only the intersection and the roundabout of generator 2 have kerbs")
         return parked
 

@@ -14,8 +14,9 @@ from .state import State
 
 _PACE, _PACE_MEMORY = 0.06, 5.0  # share of the desired speed, s
 _PEDAL, _PEDAL_MEMORY = 0.95, 0.5  # m/s2, s
+_STRONGEST = 2.7  # m/s2
 _STEADY = 3.0  # m/s, who is slower moves the pedals less
-_LATE, _LATE_FOR = 1 / 20.0, (2.0, 5.0)  # 1/s, s: moments in which nobody brakes before it is needed
+_LATE, _LATE_FOR = 1 / 24.0, (2.0, 5.0)  # 1/s, s: moments in which nobody brakes before it is needed
 _NEEDED = (3.2, 4.6)  # m/s2 of braking from which on it is
 _FIRM = 1.15  # times what is needed
 _STANDS = 0.5  # share of one's own speed: nobody is late behind a faster leader
@@ -48,11 +49,12 @@ class Habits:
 
     def wanted(self, state: State, wanted: Floats) -> Floats:
         """Desired speeds ``[N]`` m/s around those of the driver model."""
-        return wanted * (1.0 + self._pace.step(_numbers(state)))
+        return np.asarray(wanted * (1.0 + self._pace.step(_numbers(state))))
 
-    def pedal(self, state: State) -> Floats:
-        """What is added to the acceleration ``[N]`` m/s2 of the driver model."""
-        return self._pedal.step(_numbers(state)) * np.minimum(state.speed / _STEADY, 1.0)
+    def pedal(self, state: State, free: Floats) -> Floats:
+        """Acceleration ``[N]`` m/s2 on an empty road, around the ``free`` one of the driver model."""
+        moved = self._pedal.step(_numbers(state)) * np.minimum(state.speed / _STEADY, 1.0)
+        return np.minimum(free + moved, np.maximum(free, _STRONGEST))
 
     def braking(self, state: State, careful: Floats, free: Floats, ahead: Leaders, lines: Floats) -> Floats:
         """Acceleration ``[N]`` m/s2 in place of the ``careful`` one, for the late and for those who brake suddenly.

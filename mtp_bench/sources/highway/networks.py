@@ -99,8 +99,10 @@ def _intersection(plan: Plan, lanes: int = 2) -> RoadMap:
     routes = []
     for arm in range(4):
         into, left, ahead, right = (f"m{arm}", *(f"w{(arm + turn) % 4}" for turn in (1, 2, 3)))
-        for to, places, turn, heavy in zip(
-            (left, ahead, right), ((0,), tuple(range(lanes)), (lanes - 1,)), plan.turns, (False, True, False), strict=True
+        for to, places, turn, heavy in (
+            (left, (0,), plan.turns[0], False),
+            (ahead, tuple(range(lanes)), plan.turns[1], True),
+            (right, (lanes - 1,), plan.turns[2], False),
         ):
             for k in places:
                 within = k if heavy else 0  # a turn has a single lane
@@ -121,7 +123,7 @@ def _intersection(plan: Plan, lanes: int = 2) -> RoadMap:
 
 
 def _kerbs(aside: float, mouth: float, approach: float) -> tuple[Kerb, ...]:
-    """Both kerbs of every arm, ``aside`` metres from its middle; the arm begins ``mouth`` metres from the junction's."""
+    """Both kerbs of every arm, ``aside`` m from its middle; the arm begins ``mouth`` m from that of the junction."""
     near, far = mouth + NO_PARKING[0], mouth + approach - NO_PARKING[1]
     found = []
     for arm in range(4):

@@ -24,7 +24,8 @@ _PATIENCE = (3.0, 7.0)  # s at the kerb
 _HARDEST = 3.8  # m/s2, how people change their velocity
 _NEAR, _QUEUED = 0.7, 2.0  # m to the place to wait at: there, or standing behind others
 _CORNER = 2.0  # m, who is this near to a point on the way turns to the next one
-_STROLL = 0.85  # share of the groups who do not cross, with moods
+_LOOKS = 3.0  # m before the place to wait at, from where people see whether they may cross
+_STROLL = 0.55  # share of the groups who do not cross, with moods
 _GONE = 1.4  # m to the end of the way
 _CROSSED, _COME = 0.25, 0.8  # of the first people: share who have crossed, largest share of the way of the others done
 
@@ -108,7 +109,7 @@ class Crowd:
             self._arrive(ARRIVING, 1.0)
 
     def _walk(self, person: Person) -> Walk:
-        patient = person.stage == WAITING and person.waited <= person.patience
+        patient = person.stage != CROSSING and person.waited <= person.patience
         return Walk(person.crossing, float(person.place[0]), person.direction, max(0.85 * person.pace, 0.5), patient)
 
     def _arrive(self, stage: int, share: float) -> None:
@@ -116,7 +117,7 @@ class Crowd:
         if self._pavement is None:
             return
         rng = self._rng
-        crossing = int(rng.integers(len(self._crossings)))
+        crossing = self._draw_crossing(rng)
         size = int(min(rng.choice(4, p=(0.5, 0.3, 0.15, 0.05)) + 1, self._aim - len(self.people)))
         way = Footway(
             self._crossings[crossing], self._pavement, direction=1.0 if rng.uniform() < 0.5 else -1.0,
@@ -138,6 +139,12 @@ class Crowd:
                 person.trail = points[: -len(ahead)]
             self.people.append(person)
         self._groups += 1
+
+    def _draw_crossing(self, rng: np.random.Generator) -> int:
+        """People cross the quieter arms more often."""
+        count = len(self._crossings)
+        quiet = 1.0 / np.array(self._plan.arms)
+        return int(rng.integers(count) if self._moods is None else rng.choice(count, p=quiet / quiet.sum()))
 
     def _person(self, crossing: int, way: Footway, k: int, stage: int, place: Floats, ahead: list[Floats],
                 pace: float, patience: float) -> Person:  # fmt: skip
@@ -166,13 +173,17 @@ class Crowd:
                 p.waited += dt
             elif p.stage == CROSSING and (p.beyond[0] - p.place[0]) * p.direction < 0.2:
                 p.stage, p.ahead = LEAVING, p.departure
-        groups = sorted({p.group for p in self.people if p.stage == WAITING})
-        for group in groups:
+        for group in sorted({p.group for p in self.people if self._at_kerb(p)}):
             members = [p for p in self.people if p.group == group]
             ready = self._moods is None or group in self._moods.ready
-            if ready and all(p.stage == WAITING for p in members) and all(free(self._walk(p)) for p in members):
+            if ready and all(self._at_kerb(p) for p in members) and all(free(self._walk(p)) for p in members):
                 for p in members:
                     p.stage, p.trail = CROSSING, []
+
+    def _at_kerb(self, person: Person) -> bool:
+        """Whether somebody waits, or comes near enough to walk on without a stop."""
+        comes = self._moods is not None and person.stage == ARRIVING and len(person.ahead) == 1
+        return person.stage == WAITING or (comes and _left(person) < _LOOKS)
 
     def _turn_back(self, groups: set[int]) -> None:
         for p in self.people:

@@ -29,8 +29,20 @@ class Plan:
 PLANS = {
     1: Plan(),
     2: Plan(
-        approach=105.0, strip=2.5, arms=(1.0, 0.35, 1.0, 0.35), turns=(0.25, 1.0, 0.6), quarters=(0.6, 1.0, 0.4),
-        street=9.0, bends=(5.0, 3.5), ring=22.0, entry=18.0, around=(4.2, 4.8, 5.2), ask_time=4.0, straight_on=0.8,
-        warm_up=10.0, filled=(0.95, 0.25), leaving=0.4,
-    ),  # fmt: skip
+        approach=105.0,
+        strip=2.5,
+        arms=(1.0, 0.35, 1.0, 0.35),
+        turns=(0.24, 1.0, 0.58),
+        quarters=(0.6, 1.0, 0.4),
+        street=9.0,
+        bends=(4.8, 3.4),
+        ring=22.0,
+        entry=18.0,
+        around=(4.1, 4.6, 5.0),
+        ask_time=4.0,
+        straight_on=0.8,
+        warm_up=10.0,
+        filled=(0.95, 0.25),
+        leaving=0.4,
+    ),
 }  # by generator

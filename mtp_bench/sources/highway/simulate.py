@@ -130,8 +130,8 @@ class _Drivers:
             wanted = self._habits.wanted(state, wanted)
         free = free_acceleration(state.speed, wanted, state.temper)
         if self._habits is not None:
-            free = free + self._habits.pedal(state)
-        result = free - braking(state.speed, ahead.gap, ahead.speed, state.temper)
+            free = self._habits.pedal(state, free)
+        result: Floats = free - braking(state.speed, ahead.gap, ahead.speed, state.temper)
         lines = np.full(len(state), np.inf)
         if self._rules is not None:
             crowd = self._crowd
