@@ -23,8 +23,8 @@ from mtp_bench.sources.highway.world import RATE, Traffic
 
 CARDS = ("MTP-Intersection-v0", "MTP-Roundabout-v0", "MTP-Merge-v0", "MTP-Highway-v0")
 SECOND: dict[str, dict[str, int]] = {  # what a card of generator 2 says beside its number
-    "MTP-Intersection-v0": {"vehicles": 18, "pedestrians": 20, "parked": 40},
-    "MTP-Roundabout-v0": {"vehicles": 24, "parked": 40},
+    "MTP-Intersection-v0": {"vehicles": 18, "pedestrians": 20, "parked": 44},
+    "MTP-Roundabout-v0": {"vehicles": 24, "parked": 44},
 }
 
 

@@ -6,10 +6,13 @@ import hashlib
 import json
 from dataclasses import asdict, replace
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 import pytest
 
+from mtp_bench.cards import HighwaySource, load_card, parse_card
+from mtp_bench.errors import CardError
 from mtp_bench.geometry import bev_corners
 from mtp_bench.sources.highway.drift import Drift
 from mtp_bench.sources.highway.following import Leaders
@@ -21,6 +24,7 @@ from mtp_bench.sources.highway.plans import PLANS
 from mtp_bench.sources.highway.population import Driver, Gate, draw_profile
 from mtp_bench.sources.highway.routes import tabulate
 from mtp_bench.sources.highway.simulate import overlapping, simulate_world
+from mtp_bench.sources.highway.source import traffic_of
 from mtp_bench.sources.highway.state import State, observe
 from mtp_bench.sources.highway.store import WorldStore
 from mtp_bench.sources.highway.world import CLASSES, RATE, ScenarioName, Traffic, World
@@ -208,6 +212,38 @@ def test_companions_stop_together_and_nobody_stops_on_a_crossing() -> None:
         assert (pace[:10] > 0.25).all()
         stood += int(stands.sum())
     assert stood > 100
+
+
+def _content(**source: object) -> dict[str, Any]:
+    content = load_card("MTP-Intersection-v0").model_dump(exclude_none=True)
+    return {**content, "source": {**content["source"], **source}}
+
+
+def test_a_card_without_a_generator_has_the_first_and_the_digest_of_before() -> None:
+    content = _content()
+    del content["source"]["generator"]
+    assert parse_card(content).digest == load_card("MTP-Intersection-v0").digest
+
+
+def test_a_card_of_generator_2_has_other_scenes() -> None:
+    card = parse_card(_content(generator=2, parked=30))
+    assert isinstance(card.source, HighwaySource)
+    assert card.digest != load_card("MTP-Intersection-v0").digest
+    assert traffic_of(card.source) == Traffic("intersection", "ego", 20.0, 24, 16, 30, 2)
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ({"generator": 3}, "makes generators 1, 2"),
+        ({"parked": 5}, "parked.*expected none: only the intersection and the roundabout of generator 2"),
+        ({"generator": 2, "parked": 0}, "greater than or equal to 1"),
+        ({"generator": 2, "scenario": "highway", "pedestrians": 0, "parked": 5}, "parked.*expected none"),
+    ],
+)
+def test_cards_say_what_a_generator_cannot_do(source: dict[str, object], message: str) -> None:
+    with pytest.raises(CardError, match=message):
+        parse_card(_content(**source))
 
 
 def test_the_folder_of_worlds_made_before_is_the_same() -> None:

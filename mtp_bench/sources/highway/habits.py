@@ -20,8 +20,8 @@ _LATE, _LATE_FOR = 1 / 24.0, (2.0, 5.0)  # 1/s, s: moments in which nobody brake
 _NEEDED = (3.2, 4.6)  # m/s2 of braking from which on it is
 _FIRM = 1.15  # times what is needed
 _STANDS = 0.5  # share of one's own speed: nobody is late behind a faster leader
-_ALERT = 3.0  # m/s, who is slower is never late
-_SUDDEN, _SUDDEN_FOR, _SUDDENLY = 1 / 110.0, (0.6, 1.4), (3.2, 5.0)  # 1/s, s, m/s2: hard braking for nothing
+_ALERT = 2.7  # m/s, who is slower is never late
+_SUDDEN, _SUDDEN_FOR, _SUDDENLY = 1 / 100.0, (0.6, 1.4), (3.2, 5.0)  # 1/s, s, m/s2: hard braking for nothing
 _LEFT = 0.3  # m that are kept to what one brakes for
 
 
@@ -54,7 +54,7 @@ class Habits:
     def pedal(self, state: State, free: Floats) -> Floats:
         """Acceleration ``[N]`` m/s2 on an empty road, around the ``free`` one of the driver model."""
         moved = self._pedal.step(_numbers(state)) * np.minimum(state.speed / _STEADY, 1.0)
-        return np.minimum(free + moved, np.maximum(free, _STRONGEST))
+        return np.asarray(np.minimum(free + moved, np.maximum(free, _STRONGEST)))
 
     def braking(self, state: State, careful: Floats, free: Floats, ahead: Leaders, lines: Floats) -> Floats:
         """Acceleration ``[N]`` m/s2 in place of the ``careful`` one, for the late and for those who brake suddenly.
