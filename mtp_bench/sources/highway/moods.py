@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...types import Floats, Ints
+from ...types import Bools, Floats, Ints
 from .drift import Drift
 
 _HASTE, _HASTE_MEMORY = 0.12, 2.5  # share of the pace, s
@@ -51,14 +51,18 @@ class Moods:
         self.ready = {g for g, u in zip(present, events, strict=True) if u < _READY * self._dt}
         self.turning = {g for g, u in zip(present, events, strict=True) if u > 1.0 - _BACK * self._dt}
 
-    def pace(self, pace: Floats, numbers: Ints, groups: Ints, crossing: Ints) -> Floats:
+    def pace(self, pace: Floats, numbers: Ints, groups: Ints, crossing: Bools) -> Floats:
         """Speeds ``[M]`` that people like now, from their ``pace`` ``[M]``; nobody stops on a ``crossing`` ``[M]``."""
-        stops = np.isin(groups, list(self._stops)) & ~crossing
-        slow = np.where(np.isin(groups, list(self._slow)) & crossing, _SLOW, 1.0)
+        stops = _among(groups, self._stops) & ~crossing
+        slow = np.where(_among(groups, self._slow) & crossing, _SLOW, 1.0)
         return np.where(stops, 0.0, pace * slow * np.clip(1.0 + self._haste.step(numbers), 0.5, 1.3))
 
-    def heading_for(self, way: Floats, numbers: Ints, crossing: Ints) -> Floats:
+    def heading_for(self, way: Floats, numbers: Ints, crossing: Bools) -> Floats:
         """The ways to the goals ``[M, 2]``, turned a little; straight over a ``crossing`` ``[M]``."""
         angle = self._bearing.step(numbers) * ~crossing
         cos, sin = np.cos(angle), np.sin(angle)
         return np.stack([cos * way[:, 0] - sin * way[:, 1], sin * way[:, 0] + cos * way[:, 1]], axis=1)
+
+
+def _among(groups: Ints, chosen: dict[int, float]) -> Bools:
+    return np.array([group in chosen for group in groups.tolist()], dtype=np.bool_)

@@ -155,8 +155,8 @@ def overlapping(box: Floats) -> Ints:
         return np.empty((0, 2), dtype=np.int64)
     reach = np.hypot(box[:, 4], box[:, 5]) / 2
     dx, dy = box[:, 0, None] - box[:, 0], box[:, 1, None] - box[:, 1]
-    near = np.triu(dx * dx + dy * dy < (reach[:, None] + reach) ** 2, 1)
-    pairs: Ints = np.argwhere(near)
+    pairs: Ints = np.argwhere(dx * dx + dy * dy < (reach[:, None] + reach) ** 2)
+    pairs = pairs[pairs[:, 0] < pairs[:, 1]]
     if len(pairs) == 0:
         return pairs
     a, b = box[pairs[:, 0]], box[pairs[:, 1]]
