@@ -16,12 +16,12 @@ _PACE, _PACE_MEMORY = 0.06, 5.0  # share of the desired speed, s
 _PEDAL, _PEDAL_MEMORY = 0.95, 0.5  # m/s2, s
 _STRONGEST = 2.7  # m/s2
 _STEADY = 3.0  # m/s, who is slower moves the pedals less
-_LATE, _LATE_FOR = 1 / 24.0, (2.0, 5.0)  # 1/s, s: moments in which nobody brakes before it is needed
+_LATE, _LATE_FOR = 1 / 16.0, (2.0, 5.0)  # 1/s, s: moments in which nobody brakes before it is needed
 _NEEDED = (3.2, 4.6)  # m/s2 of braking from which on it is
 _FIRM = 1.15  # times what is needed
 _STANDS = 0.5  # share of one's own speed: nobody is late behind a faster leader
 _ALERT = 2.7  # m/s, who is slower is never late
-_SUDDEN, _SUDDEN_FOR, _SUDDENLY = 1 / 100.0, (0.6, 1.4), (3.2, 5.0)  # 1/s, s, m/s2: hard braking for nothing
+_SUDDEN, _SUDDEN_FOR, _SUDDENLY = 1 / 140.0, (0.6, 1.4), (3.2, 5.0)  # 1/s, s, m/s2: hard braking for nothing
 _LEFT = 0.3  # m that are kept to what one brakes for
 
 
@@ -42,7 +42,6 @@ class Habits:
     """The habits of all drivers of a world, by their numbers."""
 
     def __init__(self, dt: float, rng: np.random.Generator) -> None:
-        self._dt, self._rng = dt, rng
         self._pace = Drift(_PACE, _PACE_MEMORY, dt, rng)
         self._pedal = Drift(_PEDAL, _PEDAL_MEMORY, dt, rng)
         self._moments = _Moments(_LATE, _LATE_FOR, _NEEDED, dt, rng), _Moments(_SUDDEN, _SUDDEN_FOR, _SUDDENLY, dt, rng)

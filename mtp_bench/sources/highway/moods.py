@@ -47,9 +47,9 @@ class Moods:
                 self._stops[group] = least + (most - least) * length
             if group not in self._slow and slow < _HESITATE * self._dt:
                 self._slow[group] = _HESITATION[0] + (_HESITATION[1] - _HESITATION[0]) * length
-        events = draw[:, 4]  # of one kind or of the other: both are rare
-        self.ready = {g for g, u in zip(present, events, strict=True) if u < _READY * self._dt}
-        self.turning = {g for g, u in zip(present, events, strict=True) if u > 1.0 - _BACK * self._dt}
+        last = draw[:, 4].tolist()  # low: ready, high: turns back
+        self.ready = {g for g, u in zip(present, last, strict=True) if u < _READY * self._dt}
+        self.turning = {g for g, u in zip(present, last, strict=True) if u > 1.0 - _BACK * self._dt}
 
     def pace(self, pace: Floats, numbers: Ints, groups: Ints, crossing: Bools) -> Floats:
         """Speeds ``[M]`` that people like now, from their ``pace`` ``[M]``; nobody stops on a ``crossing`` ``[M]``."""

@@ -115,7 +115,7 @@ def _intersection(plan: Plan, lanes: int = 2) -> RoadMap:
         Crossing((float(o[0]), float(o[1])), (float(u[0]), float(u[1])), span=2 * half, width=ZEBRA[1] - ZEBRA[0])
         for o, u in ((_turned(arm, -half, middle), _turned(arm, 1.0, 0.0)) for arm in range(4))
     )
-    corner = mouth + 2.0  # behind the sidewalks, so that nobody stands right in front of the sensor
+    corner = mouth + plan.strip + 2.0  # behind the sidewalks, so that nobody stands right in front of the sensor
     pavement = Pavement(mouth, mouth - half, plan.strip)
     sensor = (corner, corner, 4.0)
     kerbs = _kerbs(half + plan.strip, mouth, plan.approach)
