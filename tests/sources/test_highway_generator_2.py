@@ -44,6 +44,11 @@ def busy() -> World:
     return simulate_world(BUSY, 4)
 
 
+@pytest.fixture(scope="module")
+def another() -> World:
+    return simulate_world(BUSY, 6)
+
+
 def speeds(world: World, people: bool) -> list[Floats]:
     """Speeds of everybody on foot, or of every vehicle that drives."""
     truth = world.truth
@@ -137,19 +142,20 @@ def test_the_ego_is_no_parked_car() -> None:
         assert np.hypot(*(ego[-1, :2] - ego[0, :2])) > 5.0
 
 
-def test_somebody_brakes_hard_and_nobody_did_in_generator_1(busy: World) -> None:
-    def hard(world: World) -> float:
-        gained = [np.diff(speed)[speed[1:] > 0.5] * RATE for speed in speeds(world, people=False)]
+def test_somebody_brakes_hard_and_nobody_did_in_generator_1(busy: World, another: World) -> None:
+    def hard(*worlds: World) -> float:
+        every = [speed for world in worlds for speed in speeds(world, people=False)]
+        gained = [np.diff(speed)[speed[1:] > 0.5] * RATE for speed in every]
         return float(np.mean(np.concatenate(gained) < -3.0))
 
     before = Traffic("intersection", "roadside", 10.0, 24, 8)
     assert hard(simulate_world(before, 4)) < 0.001
-    assert 0.003 < hard(busy) < 0.03
+    assert 0.003 < hard(busy, another) < 0.04  # at 10 Hz
 
 
-def test_people_stop_and_go_on_and_cross(busy: World) -> None:
+def test_people_stop_and_go_on_and_cross(busy: World, another: World) -> None:
     stopped = crossed = 0
-    for world in (busy, simulate_world(BUSY, 6)):
+    for world in (busy, another):
         for speed in speeds(world, people=True):
             stands, walks = np.flatnonzero(speed < 0.1), np.flatnonzero(speed > 0.8)
             stopped += bool(len(stands) >= 8 and len(walks) and walks[0] < stands[0] and stands[-1] < walks[-1])

@@ -21,7 +21,7 @@ _NEEDED = (3.2, 4.6)  # m/s2 of braking from which on it is
 _FIRM = 1.15  # times what is needed
 _STANDS = 0.5  # share of one's own speed: nobody is late behind a faster leader
 _ALERT = 2.7  # m/s, who is slower is never late
-_SUDDEN, _SUDDEN_FOR, _SUDDENLY = 1 / 140.0, (0.6, 1.4), (3.2, 5.0)  # 1/s, s, m/s2: hard braking for nothing
+_SUDDEN, _SUDDEN_FOR, _SUDDENLY = 1 / 125.0, (0.6, 1.4), (3.2, 5.0)  # 1/s, s, m/s2: hard braking for nothing
 _LEFT = 0.3  # m that are kept to what one brakes for
 
 
