@@ -16,12 +16,12 @@ _PACE, _PACE_MEMORY = 0.06, 5.0  # share of the desired speed, s
 _PEDAL, _PEDAL_MEMORY = 0.95, 0.5  # m/s2, s
 _STRONGEST = 2.7  # m/s2
 _STEADY = 3.0  # m/s, who is slower moves the pedals less
-_LATE, _LATE_FOR = 1 / 16.0, (2.0, 5.0)  # 1/s, s: moments in which nobody brakes before it is needed
+_LATE, _LATE_FOR = 1 / 17.0, (2.0, 5.0)  # 1/s, s: moments in which nobody brakes before it is needed
 _NEEDED = (3.2, 4.6)  # m/s2 of braking from which on it is
 _FIRM = 1.15  # times what is needed
 _STANDS = 0.5  # share of one's own speed: nobody is late behind a faster leader
 _ALERT = 2.7  # m/s, who is slower is never late
-_SUDDEN, _SUDDEN_FOR, _SUDDENLY = 1 / 125.0, (0.6, 1.4), (3.2, 5.0)  # 1/s, s, m/s2: hard braking for nothing
+_SUDDEN, _SUDDEN_FOR, _SUDDENLY = 1 / 110.0, (0.6, 1.4), (3.2, 5.0)  # 1/s, s, m/s2: hard braking for nothing
 _LEFT = 0.3  # m that are kept to what one brakes for
 
 
