@@ -60,6 +60,7 @@ def speeds(world: World, people: bool) -> list[Floats]:
 def test_a_drift_has_its_spread_and_forgets() -> None:
     drift, numbers = Drift(0.5, 2.0, DT, rng()), np.arange(4000)
     first = drift.step(numbers)
+    last = first
     for _ in range(20):  # 2 s
         last = drift.step(numbers)
     assert first.std() == pytest.approx(0.5, rel=0.05)

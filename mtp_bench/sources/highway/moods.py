@@ -55,7 +55,8 @@ class Moods:
         """Speeds ``[M]`` that people like now, from their ``pace`` ``[M]``; nobody stops on a ``crossing`` ``[M]``."""
         stops = _among(groups, self._stops) & ~crossing
         slow = np.where(_among(groups, self._slow) & crossing, _SLOW, 1.0)
-        return np.where(stops, 0.0, pace * slow * np.clip(1.0 + self._haste.step(numbers), 0.5, 1.3))
+        haste = np.clip(1.0 + self._haste.step(numbers), 0.5, 1.3)
+        return np.asarray(pace * slow * haste * ~stops)
 
     def heading_for(self, way: Floats, numbers: Ints, crossing: Bools) -> Floats:
         """The ways to the goals ``[M, 2]``, turned a little; straight over a ``crossing`` ``[M]``."""
