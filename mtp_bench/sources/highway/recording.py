@@ -64,7 +64,7 @@ class Recording:
         still, car = np.zeros((count, 2)), np.full(count, CLASSES.index("car"))
         rows = np.column_stack([self._parked, still, car, _PARKED_FROM + np.arange(count)])
         frame = np.repeat(np.arange(self._frames), count)
-        return np.column_stack([np.tile(rows, (self._frames, 1)), frame])
+        return np.column_stack([np.tile(rows, (self._frames, 1)), frame]).astype(np.float64)
 
     def _ego(self, rows: Floats, rng: np.random.Generator) -> int | None:
         """A vehicle that is there in all frames, goes far and has many others around it."""
