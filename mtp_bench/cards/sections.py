@@ -24,12 +24,13 @@ def _rising(seeds: tuple[int, int]) -> tuple[int, int]:
 
 
 def _current(generator: int) -> int:
-    if generator != GENERATOR:
-        raise ValueError(f"this version of the library makes generator {GENERATOR}")
+    if generator not in GENERATORS:
+        raise ValueError(f"this version of the library makes generators {', '.join(map(str, GENERATORS))}")
     return generator
 
 
-GENERATOR = 1  # version of the content that a seed gives
+GENERATOR = 1  # version of the content that a seed gives, of the shipped cards
+GENERATORS = (GENERATOR, 2)
 STORED_DETECTOR = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"  # begins the names of files
 Generator = Annotated[int, AfterValidator(_current)]
 SeedRange = Annotated[tuple[int, int], Field(strict=False), AfterValidator(_rising)]
@@ -87,13 +88,14 @@ class HighwaySource(Section):
     """Simulated traffic on highway-env roads, one scene per seed; needs a ``[detector]``."""
 
     name: Literal["highway"]
-    generator: Generator  # version of the simulated content: a change of the traffic gets a new number
+    generator: Generator = GENERATOR  # version of the simulated content: a change of the traffic gets a new number
     scenario: Literal["intersection", "roundabout", "merge", "highway"]
     split: Literal["train", "val", "test"] = "val"
     sensor: Literal["ego", "roadside"] = "ego"  # on a moving vehicle, or at a fixed place
     seconds: Annotated[float, Field(gt=0, le=600)] = 20.0
     vehicles: Annotated[int, Field(ge=2, le=200)]  # aimed at on the road
     pedestrians: Annotated[int, Field(ge=0, le=200)] = 0  # aimed at; only the intersection has crossings
+    parked: Annotated[int, Field(ge=1, le=200)] | None = None  # cars along the kerbs; None: none
     drivers: Literal["cooperative"] = "cooperative"  # the only kind: they give way; part of every card's digest
     seeds: SeedRanges
 
@@ -103,6 +105,14 @@ class HighwaySource(Section):
         if pedestrians and info.data.get("scenario") != "intersection":
             raise ValueError("expected 0: only the intersection has crossings")
         return pedestrians
+
+    @field_validator("parked")
+    @classmethod
+    def _where_they_park(cls, parked: int | None, info: ValidationInfo) -> int | None:
+        kerbs = info.data.get("scenario") in ("intersection", "roundabout") and info.data.get("generator") != 1
+        if parked and not kerbs:
+            raise ValueError("expected none: only the intersection and the roundabout of generator 2 have kerbs")
+        return parked
 
     @property
     def traits(self) -> Traits:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from ...types import Bools, Floats
 from .networks import Crossing, Pavement
+from .plans import Plan
 
 _FAR = (62.0, 70.0)  # m from the middle of the junction, where people come from and go to
 _COMING, _GOING = (0.9, 1.6), (2.7, 3.4)  # m from the kerb, of those who come and of those who go
 _BESIDE, _BEHIND = 0.9, 0.95  # m between two of a group
 _WALKED = 0.35  # m from the kerb that nobody on a sidewalk leaves
+_CLEAR = 6.0  # m from the corner, where cars do not park yet
 _EASY = 2.0  # m/s2, how people slow down before a kerb
 
 
@@ -26,10 +28,10 @@ class Side:
     kerb: float  # m from the kerb
 
 
-def draw_side(coming: bool, rng: np.random.Generator) -> Side:
-    """One of the two sidewalks of a corner; who comes and who goes keep apart."""
-    kerb = rng.uniform(*(_COMING if coming else _GOING))
-    return Side(bool(rng.uniform() < 0.5), float(rng.uniform(*_FAR)), float(kerb))
+def draw_side(coming: bool, plan: Plan, rng: np.random.Generator) -> Side:
+    """One of the two sidewalks of a corner, behind the parked cars; who comes and who goes keep apart."""
+    kerb = plan.strip + rng.uniform(*(_COMING if coming else _GOING))
+    return Side(bool(rng.uniform() < plan.straight_on), float(rng.uniform(*_FAR)), float(kerb))
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +61,11 @@ class Footway:
         """The other side of the road, the corner if the k-th goes around one, and where it goes to."""
         return [self.beyond(k), *reversed(self._along(self.going, 1, k))]
 
+    def stroll(self, k: int) -> list[Floats]:
+        """The way of the k-th of those who do not cross: along one road, around the corner and along the other."""
+        other = replace(self.coming, around=not self.coming.around)
+        return [*self._along(self.coming, -1, k), *reversed(self._along(other, -1, k))]
+
     def _kerb(self, end: int) -> float:
         return self.crossing.span if end * self.direction > 0 else 0.0
 
@@ -68,7 +75,8 @@ class Footway:
         aside, far = side.kerb + _BESIDE * (k % 2), side.far + _BEHIND * (k // 2)
         away = end * self.direction
         if not side.around:
-            return [np.array([self._kerb(end) + away * aside, far - out])]
+            ends = (far, self.pavement.corner + _CLEAR) if self.pavement.strip else (far,)
+            return [np.array([self._kerb(end) + away * aside, place - out]) for place in ends]
         across = self.pavement.kerb + aside - out
         places = (far, self.pavement.corner + 1.0)
         return [np.array([self._kerb(end) + away * (place - self.pavement.kerb), across]) for place in places]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -83,24 +83,26 @@ class Driver(Vehicle):  # type: ignore[misc]
     def on_state_update(self) -> None:
         """Nothing: the lane is found for all vehicles at once."""
 
-    def snap(self) -> None:
-        """Rounds the state to 1e-6, so that the last bits of a processor's arithmetic cannot grow."""
-        self.position = np.round(self.position, 6) + 0.0
-        self.heading = round(float(np.remainder(self.heading + np.pi, 2 * np.pi) - np.pi), 6) + 0.0
-        self.speed = round(float(self.speed), 6) + 0.0
+
+def snap(vehicles: Sequence[Driver]) -> None:
+    """Rounds states to 1e-6, so that the last bits of a processor's arithmetic cannot grow."""
+    place = np.round(np.array([v.position for v in vehicles], dtype=np.float64).reshape(-1, 2), 6) + 0.0
+    heading = np.remainder(np.array([v.heading for v in vehicles], dtype=np.float64) + np.pi, 2 * np.pi) - np.pi
+    for vehicle, position, angle in zip(vehicles, place, heading.tolist(), strict=True):
+        vehicle.position, vehicle.heading = position, round(angle, 6) + 0.0
+        vehicle.speed = round(float(vehicle.speed), 6) + 0.0
 
 
 def draw_profile(fast: bool, rng: np.random.Generator) -> Profile:
     """A vehicle and its driver; ``fast``: for a motorway, where there are more trucks."""
     kind = _KINDS[int(rng.choice(len(_KINDS), p=_SHARES["fast" if fast else "urban"]))]
-    length, width, height, (least, most) = _SIZES[kind]
-    size = float(np.clip(rng.normal(*length), least, most))
+    size, width, height = draw_size(kind, rng)
     heavy = kind in ("truck", "bus")
     return Profile(
         class_id=CLASSES.index("car" if kind == "van" else kind),
         length=round(size, 2),
-        width=round(float(np.clip(rng.normal(*width), width[0] - 0.25, min(width[0] + 0.25, 2.55))), 2),
-        height=round(float(np.clip(rng.normal(*height), 0.8 * height[0], 1.25 * height[0])), 2),
+        width=round(width, 2),
+        height=round(height, 2),
         wheelbase=round((0.55 if heavy else 0.6) * size, 2),
         pace=float(rng.uniform(0.78, 0.95) if heavy else rng.uniform(0.85, 1.12)),
         top_speed=23.5 if heavy else 40.0,
@@ -113,23 +115,41 @@ def draw_profile(fast: bool, rng: np.random.Generator) -> Profile:
     )
 
 
+def draw_size(kind: str, rng: np.random.Generator) -> tuple[float, float, float]:
+    """Length, width and height of a vehicle, m."""
+    length, width, height, (least, most) = _SIZES[kind]
+    return (
+        float(np.clip(rng.normal(*length), least, most)),
+        float(np.clip(rng.normal(*width), width[0] - 0.25, min(width[0] + 0.25, 2.55))),
+        float(np.clip(rng.normal(*height), 0.8 * height[0], 1.25 * height[0])),
+    )
+
+
 class Gate:
     """Where vehicles come in: keeps the road at the number of vehicles that is aimed at."""
 
-    def __init__(self, town: RoadMap, vehicles: int, rng: np.random.Generator) -> None:
-        self._map, self._aim, self._rng = town, vehicles, rng
+    def __init__(
+        self, town: RoadMap, vehicles: int, rng: np.random.Generator,
+        manner: Callable[[Profile, np.random.Generator], Profile] = lambda profile, rng: profile,
+    ) -> None:  # fmt: skip
+        self._map, self._aim, self._rng, self._manner = town, vehicles, rng, manner
         self._made = 0
         self._next: tuple[Profile, int] | None = None  # waits until there is room
         self._tries = 0
 
-    def fill(self, road: Any, reach: float) -> None:
-        """Puts the first vehicles on the first ``reach`` share of the entry lanes."""
+    def fill(self, road: Any) -> None:
+        """Puts the first vehicles on the first part of the entry lanes, and some on the exit lanes."""
+        plan = self._map.plan
+        junction, leaving = self._map.regulated, plan.leaving * self._map.regulated
         for _ in range(20 * self._aim):
             if len(road.vehicles) >= self._aim:
                 return
             profile, route = self._draw()
             lane = self._lanes(profile, route)[0]
-            at = float(self._rng.uniform(profile.length / 2, reach * self._map.geometry.length[lane]))
+            part = plan.filled[0 if junction else 1]
+            if leaving and self._rng.uniform() < leaving:
+                lane, part = self._map.routes[route].roads[-1][0], 0.9
+            at = float(self._rng.uniform(profile.length / 2, part * self._map.geometry.length[lane]))
             self._enter(road, profile, route, lane, at, _FIRST_ROOM)
 
     def admit(self, road: Any, finished: Sequence[Driver]) -> None:
@@ -149,7 +169,7 @@ class Gate:
 
     def _draw(self) -> tuple[Profile, int]:
         routes: tuple[Route, ...] = self._map.routes
-        profile = draw_profile(self._map.overtaking, self._rng)
+        profile = self._manner(draw_profile(self._map.overtaking, self._rng), self._rng)
         weight = np.array([r.weight if r.heavy or profile.length < LONG else 0.0 for r in routes])
         return profile, int(self._rng.choice(len(routes), p=weight / weight.sum()))
 
@@ -168,7 +188,7 @@ class Gate:
         position = np.asarray(way.position(at, profile.aside), dtype=np.float64)
         vehicle = Driver(road, position, float(way.heading_at(at)), speed, profile, self._made)
         vehicle.route, vehicle.lane_number = route, lane
-        vehicle.snap()
+        snap([vehicle])
         road.vehicles.append(vehicle)
         self._made += 1
         return True

@@ -13,7 +13,7 @@ from .population import Driver
 from .world import CLASSES, RATE, World
 
 _EGO_HEIGHT = 1.7  # m
-_PEOPLE_FROM = 1_000_000  # numbers of people follow those of vehicles
+_PEOPLE_FROM, _PARKED_FROM = 1_000_000, 2_000_000  # numbers of people and parked cars follow those of drivers
 _PICK_FROM = 3  # the ego is one of the best
 _FAR, _NEAR = 0.6, 60.0  # share of the longest way that an ego goes, m around it where others count
 _LARGEST_ANGLE = 3.141592  # rad, of six decimals
@@ -24,8 +24,9 @@ _COLUMNS = 12  # x y z yaw l w h, velocity x y, class, number, frame
 class Recording:
     """Boxes, velocities, classes and numbers of all frames so far."""
 
-    def __init__(self, frames: int) -> None:
-        self._frames = frames
+    def __init__(self, frames: int, parked: Floats) -> None:
+        """``parked`` ``[K, 7]``: boxes of cars that never move."""
+        self._frames, self._parked = frames, parked
         self._rows: list[Floats] = []
 
     def add(self, vehicles: Sequence[Driver], vehicle_boxes: Floats, crowd: Crowd, people: Floats) -> None:
@@ -41,7 +42,7 @@ class Recording:
         rng: np.random.Generator,
     ) -> World | str:  # fmt: skip
         """The world; ``sensor``: x y z of a fixed one, None: on a vehicle. The word "no_ego" if there is no such."""
-        rows = np.concatenate([np.empty((0, _COLUMNS)), *self._rows])
+        rows = np.concatenate([np.empty((0, _COLUMNS)), *self._rows, self._parked_rows()])
         rows = rows[np.lexsort((rows[:, 10], rows[:, 11]))]
         rows[:, [1, 3, 8]] *= -1.0
         rows[:, 3] = np.clip(wrap_angle(rows[:, 3]), -_LARGEST_ANGLE, _LARGEST_ANGLE)
@@ -58,9 +59,17 @@ class Recording:
             ego = np.tile([sensor[0], -sensor[1], sensor[2], 0.0], (self._frames, 1))
         return World(np.arange(self._frames) / RATE, ego, _truth(rows, self._frames), lanes, rejected)
 
+    def _parked_rows(self) -> Floats:
+        count = len(self._parked)
+        still, car = np.zeros((count, 2)), np.full(count, CLASSES.index("car"))
+        rows = np.column_stack([self._parked, still, car, _PARKED_FROM + np.arange(count)])
+        frame = np.repeat(np.arange(self._frames), count)
+        return np.column_stack([np.tile(rows, (self._frames, 1)), frame]).astype(np.float64)
+
     def _ego(self, rows: Floats, rng: np.random.Generator) -> int | None:
         """A vehicle that is there in all frames, goes far and has many others around it."""
-        numbers, count = np.unique(rows[~np.isin(rows[:, 9], _NO_EGO), 10], return_counts=True)
+        drives = ~np.isin(rows[:, 9], _NO_EGO) & (rows[:, 10] < _PEOPLE_FROM)
+        numbers, count = np.unique(rows[drives, 10], return_counts=True)
         paths = [rows[rows[:, 10] == number, :2] for number in numbers[count == self._frames]]
         if not paths:
             return None

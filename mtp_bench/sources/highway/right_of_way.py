@@ -18,8 +18,7 @@ from .conflicts import Passage, Stripe, Zone
 from .following import Leaders
 from .state import State
 
-_ASK = 14.0  # m before the line, and more at speed
-_ASK_TIME = 2.0  # s
+_ASK = 14.0  # m before the line at which a vehicle asks, and more at speed
 _AFTER, _BEFORE = 0.6, 0.5  # s between two vehicles at a shared stretch
 _KEEP = 0.2  # s, what is left of it before somebody with the right waits after all
 _PATIENCE = 6.0  # s, then nobody else may go in front
@@ -58,6 +57,7 @@ class RightOfWay:
 
     passages: tuple[Passage, ...]
     first_in_first_out: bool
+    ask_time: float = 2.0  # s before its line, at which a vehicle asks, and `_ASK` m earlier
     _granted: dict[int, list[tuple[int, Zone]]] = field(default_factory=dict)  # whom to let go first, and where
     _asked: dict[int, float] = field(default_factory=dict)  # time
     _seen: dict[int, _Vehicle] = field(default_factory=dict)
@@ -127,7 +127,7 @@ class RightOfWay:
     def _give(self, waiting: list[int], walks: list[Walk], claimed: set[int], time: float) -> None:
         for number in waiting:
             me = self._seen[number]
-            if self.passages[me.route].line - me.front < _ASK + _ASK_TIME * me.speed:
+            if self.passages[me.route].line - me.front < _ASK + self.ask_time * me.speed:
                 self._asked.setdefault(number, time)
         impatient: list[int] = []  # routes
         self._wanted = []

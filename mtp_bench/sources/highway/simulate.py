@@ -12,11 +12,15 @@ from ...errors import DataError
 from ...types import Bools, Floats, Ints
 from .conflicts import Passage, passages
 from .following import HARDEST, braking, desired_speed, free_acceleration, leaders, steering
+from .habits import Habits, lively
 from .lane_change import LaneChanges
 from .lane_geometry import lane_map
+from .moods import Moods
 from .networks import RoadMap, build
+from .parking import parked_boxes
 from .pedestrians import Crowd
-from .population import Driver, Gate, boxes
+from .plans import PLANS, Plan
+from .population import Driver, Gate, boxes, snap
 from .recording import Recording
 from .right_of_way import RightOfWay
 from .routes import RouteTable, tabulate
@@ -24,10 +28,8 @@ from .state import State, observe
 from .world import RATE, ScenarioName, Traffic, World
 
 ATTEMPTS = 50
-WARM_UP = 15.0  # s
 _AT_LINES = 0.4  # m that are kept to a line
 _JERK = (15.0, 5.0)  # m/s3, how fast a driver brakes and accelerates
-_FIRST = {True: 0.6, False: 0.25}  # share of the entry lanes that is filled at the start; True: at a junction
 
 
 def simulate_world(traffic: Traffic, seed: int) -> World:
@@ -51,8 +53,8 @@ def simulate_world(traffic: Traffic, seed: int) -> World:
 
 
 @lru_cache(maxsize=8)
-def _town(scenario: ScenarioName, seconds: float) -> tuple[RoadMap, RouteTable, tuple[Passage, ...]]:
-    town = build(scenario, seconds)
+def _town(scenario: ScenarioName, seconds: float, plan: Plan) -> tuple[RoadMap, RouteTable, tuple[Passage, ...]]:
+    town = build(scenario, seconds, plan)
     routes = tabulate(town.routes, town.geometry)
     return town, routes, passages(town, routes) if town.regulated else ()
 
@@ -62,26 +64,31 @@ class _Attempt:
 
     def __init__(self, traffic: Traffic, seed: int, attempt: int) -> None:
         self._traffic = traffic
-        places = _town(traffic.scenario, traffic.seconds)
+        places = _town(traffic.scenario, traffic.seconds, PLANS[traffic.generator])
         self._map = places[0]
-        entries, people, self._rng = (np.random.default_rng([seed, attempt, kind]) for kind in range(3))
-        self._crowd = Crowd(self._map.crossings, self._map.pavement, traffic.pedestrians, people)
-        self._drivers = _Drivers(*places, self._crowd)
-        self._gate = Gate(self._map, traffic.vehicles, entries)
+        entries, people, self._rng, parking, driving, walking = (
+            np.random.default_rng([seed, attempt, kind]) for kind in range(6)
+        )
+        self._parked = parked_boxes(self._map.kerbs, traffic.parked, parking)
+        alive = traffic.generator > 1
+        moods = Moods(1.0 / RATE, walking) if alive else None
+        self._crowd = Crowd(self._map, traffic.pedestrians, people, moods)
+        self._drivers = _Drivers(*places, self._crowd, Habits(1.0 / RATE, driving) if alive else None)
+        self._gate = Gate(self._map, traffic.vehicles, entries, *([lively] if alive else []))
 
     def run(self, rejected: tuple[str, ...]) -> World | str:
         """The recorded world, or a word for what was wrong."""
         frames = round(self._traffic.seconds * RATE)
-        warm_up = round(WARM_UP * RATE)
-        recording, road = Recording(frames), self._drivers.road
-        self._gate.fill(road, _FIRST[self._map.regulated])
+        warm_up = round(self._map.plan.warm_up * RATE)
+        recording, road = Recording(frames, self._parked), self._drivers.road
+        self._gate.fill(road)
         for step in range(warm_up + frames):
             vehicles, people = boxes(road.vehicles), self._crowd.boxes()
-            if len(overlapping(np.concatenate([vehicles, people]))):
+            if len(overlapping(np.concatenate([vehicles, people, self._parked]))):
                 return "crash"
             if step >= warm_up:
                 recording.add(road.vehicles, vehicles, self._crowd, people)
-            self._gate.admit(road, self._drivers.step(step, vehicles))
+            self._gate.admit(road, self._drivers.step(step, np.concatenate([vehicles, self._parked])))
         sensor = None if self._traffic.sensor == "ego" else self._map.sensor
         return recording.world(sensor, lane_map(self._map.geometry), rejected, self._rng)
 
@@ -89,15 +96,20 @@ class _Attempt:
 class _Drivers:
     """Drivers who give way, make room for each other and wait for people on foot."""
 
-    def __init__(self, town: RoadMap, routes: RouteTable, conflicts: tuple[Passage, ...], crowd: Crowd) -> None:
-        self._map, self._routes, self._crowd = town, routes, crowd
+    def __init__(
+        self, town: RoadMap, routes: RouteTable, conflicts: tuple[Passage, ...], crowd: Crowd, habits: Habits | None
+    ) -> None:
+        self._map, self._routes, self._crowd, self._habits = town, routes, crowd, habits
         unused: Any = np.random.default_rng(0)  # otherwise the road would make a generator with a seed from the clock
         self.road: Any = Road(network=town.network, np_random=unused)
-        self._rules = RightOfWay(conflicts, town.first_in_first_out) if town.regulated else None
+        self._rules = RightOfWay(conflicts, town.first_in_first_out, town.plan.ask_time) if town.regulated else None
         self._changes = LaneChanges(town, routes) if town.overtaking else None
 
-    def step(self, step: int, vehicle_boxes: Floats) -> list[Driver]:
-        """Move everybody by 1 / `RATE` seconds; returns those who are at the end of their route."""
+    def step(self, step: int, obstacles: Floats) -> list[Driver]:
+        """Move everybody by 1 / `RATE` seconds; returns those who are at the end of their route.
+
+        ``obstacles`` ``[N, 7]``: boxes that people on foot walk around.
+        """
         state = observe(self.road.vehicles, self._map, self._routes, *self._crowd.xy())
         acceleration = self._acceleration(state, step)
         before = np.array([vehicle.action["steering"] for vehicle in state.vehicles])
@@ -105,18 +117,21 @@ class _Drivers:
         for vehicle, turn, gas in zip(state.vehicles, angle.tolist(), acceleration.tolist(), strict=True):
             vehicle.act({"steering": turn, "acceleration": gas})
         self.road.step(1.0 / RATE)
-        for vehicle in state.vehicles:
-            vehicle.snap()
+        snap(state.vehicles)
         if self._rules is not None:
-            self._crowd.step(1.0 / RATE, vehicle_boxes, self._rules.free_to_walk)
+            self._crowd.step(1.0 / RATE, obstacles, self._rules.free_to_walk)
         return [state.vehicles[i] for i in np.flatnonzero(state.finished)]
 
     def _acceleration(self, state: State, step: int) -> Floats:
         geometry, routes = self._map.geometry, self._routes
         ahead = leaders(state, geometry, routes)
         wanted = desired_speed(state, geometry, routes)
+        if self._habits is not None:
+            wanted = self._habits.wanted(state, wanted)
         free = free_acceleration(state.speed, wanted, state.temper)
-        result = free - braking(state.speed, ahead.gap, ahead.speed, state.temper)
+        if self._habits is not None:
+            free = self._habits.pedal(state, free)
+        result: Floats = free - braking(state.speed, ahead.gap, ahead.speed, state.temper)
         lines = np.full(len(state), np.inf)
         if self._rules is not None:
             crowd = self._crowd
@@ -126,6 +141,8 @@ class _Drivers:
             result = np.minimum(result, self._changes.bounds(state, wanted))
             self._changes.decide(state, wanted, step, 1.0 / RATE)
         result = np.minimum(result, free - braking(state.speed, lines, np.zeros(1), state.temper, _AT_LINES))
+        if self._habits is not None:
+            result = self._habits.braking(state, result, free, ahead, lines)
         before = np.array([vehicle.action["acceleration"] for vehicle in state.vehicles])
         result = np.clip(result, before - _JERK[0] / RATE, before + _JERK[1] / RATE)
         least = np.maximum(-HARDEST, -state.speed * RATE)  # nobody drives backwards
@@ -138,8 +155,8 @@ def overlapping(box: Floats) -> Ints:
         return np.empty((0, 2), dtype=np.int64)
     reach = np.hypot(box[:, 4], box[:, 5]) / 2
     dx, dy = box[:, 0, None] - box[:, 0], box[:, 1, None] - box[:, 1]
-    near = np.triu(dx * dx + dy * dy < (reach[:, None] + reach) ** 2, 1)
-    pairs: Ints = np.argwhere(near)
+    pairs: Ints = np.argwhere(dx * dx + dy * dy < (reach[:, None] + reach) ** 2)
+    pairs = pairs[pairs[:, 0] < pairs[:, 1]]
     if len(pairs) == 0:
         return pairs
     a, b = box[pairs[:, 0]], box[pairs[:, 1]]

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...cards.sections import GENERATOR
 from ...errors import DataError
 from ...parallel import Workers, unordered_map
 from ...types import Floats, Ints, Lane, Truth
@@ -41,10 +40,12 @@ class WorldStore:
         """Where the worlds of this traffic are; its name is a digest of all that their content depends on."""
         from importlib.metadata import version
 
+        traffic = asdict(self.traffic)
+        if self.traffic.generator == 1:  # worlds made before cars could park
+            del traffic["parked"]
         described = {
-            **asdict(self.traffic),
+            **traffic,
             "drivers": "cooperative",  # the only kind; it stays in the name, so that worlds made earlier are found
-            "generator": GENERATOR,
             "highway-env": version("highway-env"),
         }
         digest = hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()[:16]

@@ -25,6 +25,8 @@ class Traffic:
     seconds: float  # recorded time, after the warm-up
     vehicles: int  # aimed at on the road at any time, the ego among them
     pedestrians: int  # aimed at on the map at any time
+    parked: int = 0  # parked cars along the kerbs
+    generator: int = 1  # version of the content
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,263 @@
+"""What is new in the traffic of generator 2: habits, moods, parked cars, and who takes which way."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, replace
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench.cards import HighwaySource, load_card, parse_card
+from mtp_bench.errors import CardError
+from mtp_bench.geometry import bev_corners
+from mtp_bench.sources.highway.drift import Drift
+from mtp_bench.sources.highway.following import Leaders
+from mtp_bench.sources.highway.habits import Habits, lively
+from mtp_bench.sources.highway.moods import Moods
+from mtp_bench.sources.highway.networks import build
+from mtp_bench.sources.highway.parking import parked_boxes
+from mtp_bench.sources.highway.plans import PLANS
+from mtp_bench.sources.highway.population import Driver, Gate, draw_profile
+from mtp_bench.sources.highway.routes import tabulate
+from mtp_bench.sources.highway.simulate import overlapping, simulate_world
+from mtp_bench.sources.highway.source import traffic_of
+from mtp_bench.sources.highway.state import State, observe
+from mtp_bench.sources.highway.store import WorldStore
+from mtp_bench.sources.highway.world import CLASSES, RATE, ScenarioName, Traffic, World
+from mtp_bench.types import Floats
+
+DT = 1.0 / RATE
+PEDESTRIAN = CLASSES.index("pedestrian")
+BUSY = Traffic("intersection", "roadside", 30.0, 18, 20, 30, 2)
+
+
+def rng(seed: int = 0) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+@pytest.fixture(scope="module")
+def busy() -> World:
+    return simulate_world(BUSY, 4)
+
+
+@pytest.fixture(scope="module")
+def another() -> World:
+    return simulate_world(BUSY, 6)
+
+
+def speeds(world: World, people: bool) -> list[Floats]:
+    """Speeds of everybody on foot, or of every vehicle that drives."""
+    truth = world.truth
+    every = [truth.object_id == number for number in np.unique(truth.object_id)]
+    chosen = [own for own in every if (truth.class_id[own][0] == PEDESTRIAN) == people and truth.velocity[own].any()]
+    return [np.hypot(*truth.velocity[own].T) for own in chosen]
+
+
+def test_a_drift_has_its_spread_and_forgets() -> None:
+    drift, numbers = Drift(0.5, 2.0, DT, rng()), np.arange(4000)
+    first = drift.step(numbers)
+    last = first
+    for _ in range(20):  # 2 s
+        last = drift.step(numbers)
+    assert first.std() == pytest.approx(0.5, rel=0.05)
+    assert last.std() == pytest.approx(0.5, rel=0.05)
+    assert abs(last.mean()) < 0.03
+    assert np.corrcoef(first, last)[0, 1] == pytest.approx(np.exp(-1.0), abs=0.05)
+
+
+def test_a_drift_waits_for_those_who_are_away() -> None:
+    drift = Drift(0.5, 2.0, DT, rng())
+    before = drift.step(np.array([0, 200]))
+    assert np.abs(drift.step(np.array([200])) - before[1:]).max() < 0.6  # goes on from there
+    np.testing.assert_array_equal(before, np.round(before, 6))
+
+
+def test_vehicles_take_the_ways_of_the_plan() -> None:
+    plan = PLANS[2]
+    town = build("intersection", 5.0, plan)
+    gate = Gate(town, 1, rng())
+    turns, main = {1: 0, 2: 0, 3: 0}, 0
+    for _ in range(3000):
+        profile, route = gate._draw()
+        if profile.length > 6.0:
+            continue  # long ones drive straight on
+        first, *_, last = (town.geometry.index[road[0]] for road in town.routes[route].roads)
+        turns[(int(last[1][1]) - int(first[0][1])) % 4] += 1
+        main += first[0] in ("o0", "o2")
+    share = np.array(plan.turns) / sum(plan.turns)
+    assert np.array(list(turns.values())) / sum(turns.values()) == pytest.approx(share, abs=0.03)
+    assert main / sum(turns.values()) == pytest.approx(1.0 / (1.0 + plan.arms[1]), abs=0.03)
+    assert share[1] > 0.5 > 1.0 / 2.5  # most drive straight on, unlike in generator 1
+
+
+@pytest.mark.parametrize("scenario", ["intersection", "roundabout"])
+def test_cars_park_at_the_kerb_and_off_the_lanes(scenario: ScenarioName) -> None:
+    town = build(scenario, 5.0, PLANS[2])
+    box = parked_boxes(town.kerbs, 60, rng())
+    assert len(box) == 60
+    assert len(overlapping(box)) == 0
+    corners = bev_corners(box)
+    for lane in town.geometry.lanes:
+        for s, d in (lane.local_coordinates(corner) for corner in corners.reshape(-1, 2)):
+            assert not (0 < s < lane.length and abs(d) < lane.width_at(s) / 2 + 0.05)
+    for shape, heading in zip(corners, box[:, 3], strict=True):
+        room = [_to_kerb(shape, heading, kerb.start, kerb.direction, kerb.length) for kerb in town.kerbs]
+        assert 0.0 < min(room) < 0.4
+
+
+def _to_kerb(
+    corners: Floats, heading: float, start: tuple[float, float], way: tuple[float, float], length: float
+) -> float:
+    """Metres between a car and a kerb that it stands along, on its left; inf: it does not."""
+    offset = corners - np.array(start)
+    along, right = offset @ np.array(way), offset @ np.array([-way[1], way[0]])
+    askew = np.cos(heading) * way[0] + np.sin(heading) * way[1] < 0.999
+    return float("inf") if askew or along.min() < 0 or along.max() > length else float(-right.max())
+
+
+def test_there_are_never_more_parked_cars_than_places() -> None:
+    kerbs = build("intersection", 5.0, PLANS[2]).kerbs
+    assert len(parked_boxes(kerbs, 200, rng())) == len(parked_boxes(kerbs, 150, rng())) < 130
+    assert parked_boxes(kerbs, 0, rng()).shape == (0, 7)
+
+
+def test_parked_cars_are_true_objects_that_never_move(busy: World) -> None:
+    truth, parked = busy.truth, 0
+    for number in np.unique(truth.object_id[truth.class_id == CLASSES.index("car")]):
+        own = truth.object_id == number
+        if np.abs(truth.box[own][0, :2]).min() > 7.0 and not truth.velocity[own][0].any():  # off the lanes
+            assert own.sum() == truth.frames
+            assert np.ptp(truth.box[own], axis=0).max() == 0
+            assert not truth.velocity[own].any()
+            parked += 1
+    assert parked == BUSY.parked
+
+
+def test_the_ego_is_no_parked_car() -> None:
+    for seed in range(3):
+        ego = simulate_world(replace(BUSY, sensor="ego", seconds=15.0), seed).ego
+        assert np.hypot(*(ego[-1, :2] - ego[0, :2])) > 5.0
+
+
+def test_somebody_brakes_hard_and_nobody_did_in_generator_1(busy: World, another: World) -> None:
+    def hard(*worlds: World) -> float:
+        every = [speed for world in worlds for speed in speeds(world, people=False)]
+        gained = [np.diff(speed)[speed[1:] > 0.5] * RATE for speed in every]
+        return float(np.mean(np.concatenate(gained) < -3.0))
+
+    before = Traffic("intersection", "roadside", 10.0, 24, 8)
+    assert hard(simulate_world(before, 4)) < 0.001
+    assert 0.003 < hard(busy, another) < 0.04  # at 10 Hz
+
+
+def test_people_stop_and_go_on_and_cross(busy: World, another: World) -> None:
+    stopped = crossed = 0
+    for world in (busy, another):
+        for speed in speeds(world, people=True):
+            stands, walks = np.flatnonzero(speed < 0.1), np.flatnonzero(speed > 0.8)
+            stopped += bool(len(stands) >= 8 and len(walks) and walks[0] < stands[0] and stands[-1] < walks[-1])
+        truth = world.truth
+        for number in np.unique(truth.object_id[truth.class_id == PEDESTRIAN]):
+            x, y = np.sort(np.abs(truth.box[truth.object_id == number, :2]), axis=1).T
+            crossed += bool((x < 6.8).any())
+            assert (np.abs(y[x < 6.8] - 16.75) < 2.2).all()  # at the crossings alone
+    assert stopped >= 4
+    assert crossed >= 4
+
+
+def _before_a_queue(gap: float) -> tuple[State, Leaders]:
+    """Somebody at 9 m/s who has ``gap`` m to a standing queue."""
+    town = build("intersection", 5.0, PLANS[2])
+    lane = town.routes[0].roads[0][0]
+    way = town.geometry.lanes[lane]
+    vehicle = Driver(None, way.position(40.0, 0.0), way.heading_at(40.0), 9.0, draw_profile(False, rng()), 0)
+    vehicle.route, vehicle.lane_number = 0, lane
+    nobody = np.empty((0, 2))
+    state = observe([vehicle], town, tabulate(town.routes, town.geometry), nobody, nobody)
+    return state, Leaders(np.array([gap]), np.zeros(1))
+
+
+@pytest.mark.parametrize(
+    ("gap", "waits", "hardest"),
+    [(30.0, True, 5.0), (8.0, False, 8.0)],  # 9 m/s need 1.4 and some 6 m/s2
+)
+def test_who_is_late_brakes_when_it_is_needed(gap: float, waits: bool, hardest: float) -> None:
+    state, ahead = _before_a_queue(gap)
+    careful, free = np.array([-2.0]), np.array([0.3])
+    habits = Habits(DT, rng())
+    gas = [float(habits.braking(state, careful, free, ahead, np.array([np.inf]))[0]) for _ in range(6000)]
+    assert np.mean(np.array(gas) == -2.0) > 0.5  # most of the time it is as the driver model says
+    assert (np.mean(np.array(gas) == 0.3) > 0.05) == (0.3 in gas) == waits
+    assert -hardest <= min(gas) < -3.2  # late, or suddenly for nothing
+
+
+def test_drivers_differ_more_than_in_generator_1() -> None:
+    draw = rng()
+    before = [draw_profile(False, draw) for _ in range(400)]
+    after = [lively(profile, draw) for profile in before]
+    assert min(profile.time_gap for profile in before) > 0.69
+    assert np.quantile([profile.time_gap for profile in after], 0.1) < 0.5
+    assert np.std([profile.pace for profile in after]) > np.std([profile.pace for profile in before])
+    assert {p.length for p in before} == {p.length for p in after}
+
+
+def test_companions_stop_together_and_nobody_stops_on_a_crossing() -> None:
+    moods = Moods(DT, rng(3))
+    numbers, groups = np.arange(40), np.arange(40) // 2
+    crossing = np.zeros(40, dtype=bool)
+    crossing[:10] = True
+    stood = 0
+    for _ in range(600):
+        moods.step(groups)
+        pace = moods.pace(np.full(40, 1.3), numbers, groups, crossing)
+        stands = pace == 0
+        assert (stands[10::2] == stands[11::2]).all()
+        assert (pace[:10] > 0.25).all()
+        stood += int(stands.sum())
+    assert stood > 100
+
+
+def _content(**source: object) -> dict[str, Any]:
+    content = load_card("MTP-Intersection-v0").model_dump(exclude_none=True)
+    return {**content, "source": {**content["source"], **source}}
+
+
+def test_a_card_without_a_generator_has_the_first_and_the_digest_of_before() -> None:
+    content = _content()
+    del content["source"]["generator"]
+    assert parse_card(content).digest == load_card("MTP-Intersection-v0").digest
+
+
+def test_a_card_of_generator_2_has_other_scenes() -> None:
+    card = parse_card(_content(generator=2, parked=30))
+    assert isinstance(card.source, HighwaySource)
+    assert card.digest != load_card("MTP-Intersection-v0").digest
+    assert traffic_of(card.source) == Traffic("intersection", "ego", 20.0, 24, 16, 30, 2)
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ({"generator": 3}, "makes generators 1, 2"),
+        ({"parked": 5}, "parked.*expected none: only the intersection and the roundabout of generator 2"),
+        ({"generator": 2, "parked": 0}, "greater than or equal to 1"),
+        ({"generator": 2, "scenario": "highway", "pedestrians": 0, "parked": 5}, "parked.*expected none"),
+    ],
+)
+def test_cards_say_what_a_generator_cannot_do(source: dict[str, object], message: str) -> None:
+    with pytest.raises(CardError, match=message):
+        parse_card(_content(**source))
+
+
+def test_the_folder_of_worlds_made_before_is_the_same() -> None:
+    traffic = Traffic("intersection", "ego", 20.0, 24, 16)
+    described = {name: value for name, value in asdict(traffic).items() if name != "parked"}
+    described |= {"drivers": "cooperative", "generator": 1, "highway-env": version("highway-env")}
+    digest = hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()[:16]
+    assert WorldStore(traffic).folder.name == f"intersection-{digest}"
+    names = {WorldStore(replace(traffic, generator=2, parked=parked)).folder.name for parked in (0, 5)}
+    assert len(names | {WorldStore(traffic).folder.name}) == 3
