@@ -11,7 +11,7 @@ import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from types import UnionType
-from typing import Any, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
@@ -139,7 +139,7 @@ def _explain(errors: Sequence[ErrorDetails], model: type[BaseModel]) -> str:
     if first["type"] == "missing":
         return f"key {where!r} is missing"
     if first["type"].startswith("union_tag"):
-        tags = [tag for member in get_args(_annotation(model, first["loc"])) for tag in _tags(member)]
+        tags = [tag for member in get_args(_annotation(model, first["loc"])) for tag in _tags(member)[:-1]]
         return f"{where}.name: got {_tag(first['input'])!r}, expected one of {', '.join(map(repr, tags))}"
     expected = (
         "expected a table"
@@ -156,7 +156,7 @@ def _follow(model: type[BaseModel], loc: tuple[int | str, ...]) -> tuple[str, li
     for part in loc:
         at = _only_section(at)
         if get_origin(at) in (Union, UnionType):  # pydantic names the member by its tag
-            at = next((member for member in get_args(at) if str(part) in _tags(member)), None)
+            at = next((member for member in map(_bare, get_args(at)) if str(part) in _tags(member)), None)
             continue
         path.append(str(part))
         if _is_section(at):
@@ -187,8 +187,13 @@ def _is_section(annotation: Any) -> bool:
 
 
 def _tags(member: Any) -> tuple[str, ...]:
-    """Values of ``name`` that choose this member of a union of sections."""
-    return get_args(member.model_fields["name"].annotation) if _is_section(member) else ()
+    """What chooses this member of a union of sections: values of ``name``, or the name of its class."""
+    return (*get_args(member.model_fields["name"].annotation), member.__name__) if _is_section(member) else ()
+
+
+def _bare(annotation: Any) -> Any:
+    """What is annotated."""
+    return get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
 
 
 def _short(value: Any) -> str:

@@ -13,7 +13,6 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from .._bundle import bundled, card_ids
-from ..detector.profile import MODEL
 from ..errors import CardError, MtpBenchError, UnknownNameError, nearest
 from ..strict import Section, read_toml, validate
 from . import changes
@@ -70,8 +69,9 @@ class Card(Section):
         # What agents choose their parameters by is no part of what is scored.
         content = self.model_dump(mode="json", exclude_none=True, exclude={"motion_noise"})
         if self.detector is not None:
-            content["detector"]["noise"] = self.detector.resolved.model_dump(mode="json", exclude_none=True)
-            content["detector"]["model"] = MODEL
+            noise = self.detector.resolved
+            content["detector"]["noise"] = noise.model_dump(mode="json", exclude_none=True)
+            content["detector"]["model"] = noise.model
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 

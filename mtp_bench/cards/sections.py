@@ -10,9 +10,9 @@ import itertools
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
-from ..detector import Profile, Variant, load_profile
+from ..detector import Profile, Profile2, Variant, any_profile
 from ..errors import CardError
 from ..strict import Section
 
@@ -194,11 +194,21 @@ def _name(profile: str) -> str:
     return profile
 
 
+def _model(content: object) -> str:
+    """Which class of profiles the content is of; those of model 1 have no key ``model``."""
+    return (
+        "Profile2" if isinstance(content, Profile2) or (isinstance(content, dict) and "model" in content) else "Profile"
+    )
+
+
+Noise = Annotated[Annotated[Profile, Tag("Profile")] | Annotated[Profile2, Tag("Profile2")], Discriminator(_model)]
+
+
 class DetectorSection(Section):
     """A simulated detector in place of stored detections: a shipped profile by name, or ``noise`` of one's own."""
 
     profile: Annotated[str, AfterValidator(_name)] | None = None
-    noise: Profile | None = None
+    noise: Noise | None = None
     variant: Variant = "as_fitted"
     reach: Annotated[float, Field(gt=0)] = 80.0  # m
     field_of_view: Annotated[float, Field(gt=0, le=360)] = 90.0  # degrees, centred on the ego's heading
@@ -212,11 +222,11 @@ class DetectorSection(Section):
         return self.resolved.name
 
     @property
-    def resolved(self) -> Profile:
+    def resolved(self) -> Profile | Profile2:
         """The noise that is meant; raises CardError or UnknownNameError where it is not there."""
         if (self.profile is None) == (self.noise is None):
             raise CardError("[detector] has both or none of 'profile' and 'noise', expected one of them")
-        noise = self.noise or load_profile(str(self.profile))
+        noise = self.noise or any_profile(str(self.profile))
         if self.variant == "as_fitted":
             return noise
         from ..detector.variants import with_variant

@@ -16,7 +16,7 @@ def fit_noise(
         list[str] | None, typer.Option(help="Operating point: a number, or class=number; repeatable.")
     ] = None,
     alike: Annotated[
-        list[str] | None, typer.Option(help="bus=car: its noise, where bus cannot be fitted; repeatable.")
+        list[str] | None, typer.Option(help="bus=car: fitted together, with the same noise; repeatable.")
     ] = None,
     name: Annotated[
         str | None, typer.Option(help="Name of the profile; agents go by the part before its first hyphen.")

@@ -15,7 +15,7 @@ from .truncated import within_limits
 
 FARTHEST = 2.0  # m: a position error beyond would be another object's detection
 SMALLEST = 0.2, 0.3  # m and share of the true size: no side of a box is estimated below the larger of both
-_ROBUST_T4 = 1.4826 * 0.7406970841  # robust standard deviation of Student's t with 4 degrees of freedom
+ROBUST_T4 = 1.4826 * 0.7406970841  # robust standard deviation of Student's t with 4 degrees of freedom
 _BESIDE = 0.2  # m, deviation per axis of a duplicate from its original
 _WEAKER = 0.5  # the latent number of a duplicate's score is lower by this times a half-normal number
 _LATENT = np.linspace(0.0, 8.0, 801)  # a standard normal number beyond happens once in 10^15
@@ -114,7 +114,7 @@ def _heading_error(grid: Grid, streams: Streams) -> Floats:
     begins[:1] = True
     chance = tuple(np.broadcast_to(p, grid.shape) for p in (stationary(after_no, after_yes), after_no, after_yes))
     flipped = two_state((chance[0], chance[1], chance[2]), begins, streams.of(Kind.FLIP).random(grid.shape))
-    scale = grid.of_rows(lambda noise: noise.heading.scale) / _ROBUST_T4
+    scale = grid.of_rows(lambda noise: noise.heading.scale) / ROBUST_T4
     return scale * grid.rows_of(wobble) + np.pi * grid.rows_of(flipped)
 
 

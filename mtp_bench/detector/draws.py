@@ -75,6 +75,11 @@ def stationary(after_no: Floats, after_yes: Floats) -> Floats:
     return after_no / np.maximum(1.0 - after_yes + after_no, _TINY)
 
 
+def stationary_share(after_no: float, after_yes: float) -> float:
+    """The same of single numbers."""
+    return float(stationary(np.asarray(after_no), np.asarray(after_yes)))
+
+
 def at_period(after_no: Floats, after_yes: Floats, steps: float) -> tuple[Floats, Floats]:
     """Both chances of the chain seen every ``steps`` frames: the long-run chance stays, the correlation decays.
 

@@ -14,8 +14,8 @@ from .draws import Grid, Kind, Streams, Whose, decayed, stream
 from .profile import ClassNoise, FalsePositives, Profile
 from .sight import Sensor, polar, within
 
-_SIZE_SPREAD = 0.1  # deviation of each side, share of its mean
-_SMALLEST = 0.3  # share of its mean that every side keeps
+SIZE_SPREAD = 0.1  # deviation of each side, share of its mean
+SMALLEST_SHARE = 0.3  # share of its mean that every side keeps
 _TRIES = 100  # bearings drawn for a run until it is inside of the area
 
 
@@ -113,7 +113,7 @@ def _runs(law: FalsePositives, labels: Labels, around: Surroundings, number: int
     life = stream(seed, Kind.FALSE_LIFE, number).geometric(1.0 - survive, len(birth))
     label = stream(seed, Kind.FALSE_CLASS, number).choice(len(labels.share), len(birth), p=labels.share)
     spread = stream(seed, Kind.FALSE_SIZE, number).standard_normal((len(birth), 3))
-    size = labels.size[label] * np.maximum(1.0 + _SIZE_SPREAD * spread, _SMALLEST)
+    size = labels.size[label] * np.maximum(1.0 + SIZE_SPREAD * spread, SMALLEST_SHARE)
     box = _boxes(law, around, birth, size, number, seed)
     return _Runs(birth, np.minimum(life, len(around.ego) - birth), box, labels.class_id[label])
 
@@ -136,15 +136,15 @@ def _boxes(law: FalsePositives, around: Surroundings, birth: Ints, size: Floats,
     """Boxes ``[B, 7]`` on the ground: distances by the law, evenly over the field of view and all headings."""
     ego = around.ego[birth]
     box = np.empty((len(birth), 7))
-    box[:, :2] = _places(law, around.sensor, ego, stream(seed, Kind.FALSE_PLACE, number))
+    box[:, :2] = places(law.distance, around.sensor, ego, stream(seed, Kind.FALSE_PLACE, number))
     box[:, 3] = wrap_angle(ego[:, 3] + 2 * np.pi * stream(seed, Kind.FALSE_HEADING, number).random(len(birth)))
     box[:, 4:] = size
-    box[:, 2] = _ground(box[:, :2], birth, around) + size[:, 2] / 2
+    box[:, 2] = ground_at(box[:, :2], birth, around) + size[:, 2] / 2
     return box
 
 
-def _places(law: FalsePositives, sensor: Sensor, ego: Floats, rng: np.random.Generator) -> Floats:
-    """Places ``[B, 2]`` seen from poses ``[B, 4]``.
+def places(law: Sequence[float], sensor: Sensor, ego: Floats, rng: np.random.Generator) -> Floats:
+    """Places ``[B, 2]`` seen from poses ``[B, 4]``, at distances by the quantiles ``law``.
 
     The bearing is drawn anew while the place is off the sensor's area, and the distance too where no bearing will do.
     """
@@ -165,14 +165,14 @@ def _places(law: FalsePositives, sensor: Sensor, ego: Floats, rng: np.random.Gen
     return place
 
 
-def _placed(law: FalsePositives, sensor: Sensor, ego: Floats, uniform: Floats) -> Floats:
+def _placed(law: Sequence[float], sensor: Sensor, ego: Floats, uniform: Floats) -> Floats:
     """Places ``[B, 2]`` at distances and bearings by uniform numbers ``[B, 2]``."""
-    distance = np.interp(uniform[:, 0], np.linspace(0.0, 1.0, len(law.distance)), law.distance)
+    distance = np.interp(uniform[:, 0], np.linspace(0.0, 1.0, len(law)), law)
     toward = ego[:, 3] + min(sensor.field_of_view, 2 * np.pi) * (uniform[:, 1] - 0.5)
     return np.asarray(ego[:, :2] + distance[:, None] * np.stack([np.cos(toward), np.sin(toward)], axis=-1))
 
 
-def _ground(place: Floats, frame: Ints, around: Surroundings) -> Floats:
+def ground_at(place: Floats, frame: Ints, around: Surroundings) -> Floats:
     """Height of the ground at places ``[B, 2]``: where the nearest true box of the frame stands.
 
     In a frame without any: as high above the ego as true boxes stand in the middle of the scene's.
@@ -181,11 +181,11 @@ def _ground(place: Floats, frame: Ints, around: Surroundings) -> Floats:
     underside = truth.box[:, 2] - truth.box[:, 6] / 2
     above = underside - ego[truth.frame_of_rows, 2]
     ground = ego[frame, 2] + (np.median(above) if len(above) else 0.0)
-    for i, t in enumerate(frame):
-        rows = truth.rows(t)
+    for t in np.unique(frame):
+        rows, here = truth.rows(int(t)), np.flatnonzero(frame == t)
         if rows.stop > rows.start:
-            off = truth.box[rows, :2] - place[i]
-            ground[i] = underside[rows][np.argmin((off**2).sum(axis=1))]
+            off = truth.box[None, rows, :2] - place[here, None]
+            ground[here] = underside[rows][np.argmin((off**2).sum(axis=-1), axis=1)]
     return np.asarray(ground)
 
 

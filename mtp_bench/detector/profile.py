@@ -12,19 +12,20 @@ import json
 import re
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
 from ..errors import CardError, UnknownNameError
 from ..strict import Section, read_toml, validate
 
+if TYPE_CHECKING:
+    from .model2.profile import Profile2
+
 Variant = Literal["as_fitted", "iid", "hard"]
 Share = Annotated[float, Field(ge=0, le=1)]
 Scale = Annotated[float, Field(ge=0)]
 Correlation = Annotated[float, Field(gt=-1, lt=1)]
-
-MODEL = 1  # version of the model that turns a profile into detections; part of every card's digest
 
 SIMILAR = {"bicycle": "motorcycle", "construction_vehicle": "truck"}  # for profiles that do not know a class
 
@@ -142,8 +143,9 @@ class ClassNoise(Section):
 
 
 class Profile(Section):
-    """A detector: noise per class at one frame period."""
+    """A detector by model 1: noise per class at one frame period."""
 
+    model: ClassVar[int] = 1  # turns a profile into detections; part of every card's digest
     name: str
     summary: str
     source: str  # where the figures come from
@@ -173,34 +175,50 @@ class Profile(Section):
         return self.classes[own]
 
 
-def profile_names() -> list[str]:
-    """Names of the profiles that ship."""
-    return sorted(path.stem for path in _STORE.glob("*.toml"))
+def profile_names(model: Literal[1, 2] = 1) -> list[str]:
+    """Names of the profiles of a model that ship."""
+    folder = "" if model == 1 else "v2/"
+    return sorted(folder + path.stem for path in (_STORE / folder).glob("*.toml"))
 
 
 def load_profile(name: str) -> Profile:
-    """A shipped profile by name, or one from a TOML file; raises UnknownNameError or CardError."""
+    """A shipped profile of model 1 by name, or one from a TOML file; raises UnknownNameError or CardError."""
+    profile = any_profile(name)
+    if not isinstance(profile, Profile):
+        raise CardError(f"detector profile {name!r}: is of model {profile.model}, expected one of model 1")
+    return profile
+
+
+def any_profile(name: str) -> Profile | Profile2:
+    """A shipped profile of either model by name, or one from a TOML file; raises UnknownNameError or CardError.
+
+    Names of model 2 begin with "v2/"; a file with ``model = 2`` is of that model.
+    """
     return _read(Path(name)) if name.endswith(".toml") else _shipped(name)
 
 
 @cache
-def _shipped(name: str) -> Profile:
+def _shipped(name: str) -> Profile | Profile2:
     """Read and checked once: a card asks for its profile many times."""
-    if name not in profile_names():
-        raise UnknownNameError("detector profile", name, profile_names())
+    if name not in (known := [*profile_names(), *profile_names(2)]):
+        raise UnknownNameError("detector profile", name, known)
     return _read(_STORE / f"{name}.toml")
 
 
-def _read(path: Path) -> Profile:
+def _read(path: Path) -> Profile | Profile2:
     content = read_toml(path, CardError)
     if isinstance(content.get("detector"), dict):  # a section of a card, as fit-noise writes it
         if not isinstance(content["detector"].get("noise"), dict):
             raise CardError(f"{path.name}: its [detector] has no [detector.noise], expected the figures of a profile")
         content = content["detector"]["noise"]
-    return validate(Profile, content, path.name, CardError)
+    if "model" not in content:
+        return validate(Profile, content, path.name, CardError)
+    from .model2.profile import Profile2
+
+    return validate(Profile2, content, path.name, CardError)
 
 
-def profile_text(profile: Profile) -> str:
+def profile_text(profile: Profile | Profile2) -> str:
     """TOML of a profile, every figure with all its digits: what is read back is equal."""
     content = profile.model_dump(exclude_none=True)
     classes, alike = content.pop("classes"), content.pop("alike")
@@ -232,8 +250,8 @@ def _key(name: str) -> str:
     return name if re.fullmatch("[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
 
 
-def _value(value: str | bool | float | tuple[float, ...]) -> str:
-    if isinstance(value, str | bool):
+def _value(value: str | bool | int | float | tuple[float, ...]) -> str:
+    if isinstance(value, str | int):  # also true and false
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, tuple):
         return f"[{', '.join(_value(one) for one in value)}]"

@@ -11,6 +11,8 @@ from ..types import Bools, Detections, Floats, Truth
 from .box_errors import box_errors, duplicates, latent_scores, reshaped, scores, velocities
 from .draws import Grid, Streams, Whose, grid_of
 from .false_positives import Rows, Surroundings, false_positives, in_order, labels_of
+from .model2.profile import Profile2
+from .model2.simulate import simulate2
 from .profile import Profile
 from .sight import Sensor, Sight, within
 from .sight import sight as sight_of
@@ -21,7 +23,7 @@ def simulate(
     truth: Truth,
     ego: Floats,
     classes: Sequence[str],
-    profile: Profile,
+    profile: Profile | Profile2,
     sensor: Sensor,
     seed: int,
     dt: float,
@@ -43,12 +45,13 @@ def simulate(
     """
     require_shape("ego", ego, (truth.frames, 4))
     steps = dt / profile.dt
-    grid = grid_of(truth, [profile.noise(name) for name in classes], steps)
     sight = sight_of(truth, ego, sensor) if sight is None else sight
-    covered = within(sight.distance, sight.bearing, sensor)
-    hit = ~undetected(grid, sight, covered, seed)
     wider = min(sensor.field_of_view, 2 * np.pi) / np.deg2rad(profile.field_of_view)
     around = Surroundings(truth, ego, sensor, steps, float(wider))
+    if isinstance(profile, Profile2):
+        return simulate2(truth, classes, profile, around, sight, seed)
+    grid = grid_of(truth, [profile.noise(name) for name in classes], steps)
+    hit = ~undetected(grid, sight, within(sight.distance, sight.bearing, sensor), seed)
     found = _of_objects(truth, ego, grid, sight, hit, seed)
     return in_order([*found, *_false_positives(profile, classes, around, seed)], len(ego))
 

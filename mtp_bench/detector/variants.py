@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import TypeVar, cast
 
-import numpy as np
-
-from .draws import stationary
+from .draws import stationary_share
 from .false_positives import more_false_positives
+from .model2.profile import ClassNoise2, Profile2
+from .model2.variants import harder, without_memory
 from .profile import ClassNoise, HeadingNoise, PositionNoise, Profile, UndetectedNoise, Variant
 
 WORSE = 2.0  # factor on position errors and on false positives
 HARDER = 1.0  # added to the log-odds that an object is undetected
 
 
-def with_variant(profile: Profile, variant: Variant) -> Profile:
+ProfileT = TypeVar("ProfileT", bound=Profile | Profile2)
+
+
+def with_variant(profile: ProfileT, variant: Variant) -> ProfileT:
     """``profile`` itself, or one named "<name>-iid" or "<name>-hard".
 
     "iid": the same recall and margins without memory: every frame of an object is drawn anew. "hard": log-odds of
@@ -22,9 +25,15 @@ def with_variant(profile: Profile, variant: Variant) -> Profile:
     """
     if variant == "as_fitted":
         return profile
-    change: Callable[[ClassNoise], ClassNoise] = _without_memory if variant == "iid" else _harder
-    classes = {name: change(noise) for name, noise in profile.classes.items()}
-    return profile.model_copy(update={"name": f"{profile.name}-{variant}", "classes": classes})
+    classes = {name: _changed(noise, variant) for name, noise in profile.classes.items()}
+    changed = profile.model_copy(update={"name": f"{profile.name}-{variant}", "classes": classes})
+    return cast("ProfileT", changed)
+
+
+def _changed(noise: ClassNoise | ClassNoise2, variant: Variant) -> ClassNoise | ClassNoise2:
+    if isinstance(noise, ClassNoise2):
+        return without_memory(noise) if variant == "iid" else harder(noise, WORSE)
+    return _without_memory(noise) if variant == "iid" else _harder(noise)
 
 
 def _without_memory(noise: ClassNoise) -> ClassNoise:
@@ -44,7 +53,7 @@ def _without_memory(noise: ClassNoise) -> ClassNoise:
 
 
 def _flips_without_memory(heading: HeadingNoise) -> HeadingNoise:
-    share = float(stationary(np.asarray(heading.flip), np.asarray(heading.flip_again)))
+    share = stationary_share(heading.flip, heading.flip_again)
     return heading.model_copy(update={"flip": share, "flip_again": share})
 
 

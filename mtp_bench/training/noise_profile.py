@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..cards import Card, DetectorSection
-from ..detector import Profile
 from ..errors import MtpBenchError, UnknownNameError
 from ..running.options import DEFAULTS, RunOptions
 from ..types import Scene
@@ -31,14 +30,14 @@ def fit_noise(
         env_id: Id of the env or path of its card.
         options: Data, scenes, changes of the card and progress.
         min_score: Operating point: "2.5" for all classes, or "car=2.5", each.
-        alike: "bus=car", each: the class that has too few detections to fit, and the one whose noise it has.
+        alike: "bus=car", each: a class, and the one that it is fitted together with and whose noise it has.
         name: Of the profile; the part before its first hyphen tells agents which detector's settings suit it.
         reach: How far the detector sees, metres; None: as in the card.
         field_of_view: What part of the truth around the heading it covers, degrees; None: as in the card.
 
     Raises MtpBenchError for whatever the user can mend.
     """
-    from ..detector.fit import fit_profile
+    from ..detector.model2.fit import fit_profile2
     from ..detector.profile import profile_text
     from ..detector.sight import Sensor
 
@@ -49,7 +48,7 @@ def fit_noise(
     section = known.model_copy(
         update={"reach": reach or known.reach, "field_of_view": field_of_view or known.field_of_view}
     )
-    profile = fit_profile(
+    profile = fit_profile2(
         map(_complete, split.scenes()),
         card.task.classes,
         1.0 / card.task.rate,
@@ -58,8 +57,8 @@ def fit_noise(
         f"{card.detector_name or 'detector'} as fitted on {len(split.names)} scenes of {card.id}",
         f"{card.id}, split {card.source.split}, {card.task.rate:g} Hz",
         floor,
+        _alike(alike, card),
     )
-    profile = profile.model_copy(update={"alike": _alike(alike, card, profile)})
     missing = [one for one in card.task.classes if one not in (*profile.classes, *profile.alike)]
     lines = [f"# too few detections to fit: {', '.join(missing)}; --alike names a class whose noise they have"]
     return "\n".join([*(lines if missing else []), _section_text(profile_text(profile), section)])
@@ -90,17 +89,16 @@ def _number(text: str) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def _alike(texts: Sequence[str], card: Card, profile: Profile) -> dict[str, str]:
-    """Class of the card and fitted class of each ``--alike`` option."""
+def _alike(texts: Sequence[str], card: Card) -> dict[str, str]:
+    """Class and fitted class of each ``--alike`` option."""
     alike: dict[str, str] = {}
     for text in texts:
         name, _, like = text.partition("=")
         if name not in card.task.classes:
             raise UnknownNameError("class of --alike", name, card.task.classes)
-        if like not in profile.classes:
-            raise UnknownNameError("fitted class of --alike", like, profile.classes)
-        if name not in profile.classes:
-            alike[name] = like
+        if like not in card.task.classes:
+            raise UnknownNameError("fitted class of --alike", like, card.task.classes)
+        alike[name] = like
     return alike
 
 

@@ -50,9 +50,15 @@ def test_duplicates_count_neither_in_the_rate_nor_in_its_dispersion() -> None:
         score=np.array([9.0, 1.1, 9.0, 1.2, 1.3, 1.4]),
         size=np.ones((6, 3)),
         distance=np.array([99.0, 1.0, 99.0, 20.0, 30.0, 40.0]),
+        scene=np.zeros(6, dtype=int),
+        frame=np.array([0, 0, 0, 1, 3, 3]),
+        place=np.zeros((6, 2)),
+        beside=np.full(6, np.inf),
+        of_class=np.zeros(6, dtype=bool),
+        parent=np.full(6, np.nan),
     )
     limits = ScoreNoise(bias=0, ar=0, phi=0, white=1, quadratic=(2, 0, 0), deviation=1, floor=1.0)
-    every = {one.name: np.tile(getattr(false, one.name), (10, 1) if one.name == "size" else 10)
+    every = {one.name: np.tile(getattr(false, one.name), (10, 1) if one.name in ("size", "place") else 10)
              for one in fields(false)}  # fmt: skip
     law = fit_false_positives(FalsePositiveSamples(**every), limits)
     assert law is not None
@@ -113,4 +119,7 @@ def _all_hit(objects: int, frames: int) -> ObjectSamples:
         error=np.zeros((rows, 7)),
         velocity_error=np.zeros((rows, 2)),
         score=np.zeros(rows),
+        scene=np.zeros(rows, dtype=int),
+        place=np.zeros((rows, 2)),
+        toward=np.zeros(rows),
     )

@@ -64,10 +64,10 @@ def fit_memory(objects: ObjectSamples, latent: Floats) -> Memory:
             weight.append(np.sqrt(len(earlier)))
     if not lags:
         return Memory(bias=0.0, ar=0.0, phi=0.0, white=1.0)
-    return _shares(np.array(lags), np.array(correlation), np.array(weight))
+    return shares_of(np.array(lags), np.array(correlation), np.array(weight))
 
 
-def _shares(lag: Floats, correlation: Floats, weight: Floats) -> Memory:
+def shares_of(lag: Floats, correlation: Floats, weight: Floats) -> Memory:
     """The least squares fit of ``bias + ar phi^lag`` to a correlation per lag, all shares in 0..1."""
     from scipy.optimize import lsq_linear
 

@@ -33,6 +33,9 @@ class ObjectSamples:
     error: Floats  # [R, 7] detected less true: radial, tangential, z m, heading rad, l w h m; NaN where undetected
     velocity_error: Floats  # [R, 2] m/s; NaN where undetected or not measured
     score: Floats  # [R] NaN where undetected
+    scene: Ints  # [R] number of the scene
+    place: Floats  # [R, 2] m, of the true box
+    toward: Floats  # [R] rad, from the sensor to it
 
     def pairs(self, lag: int = 1) -> tuple[Ints, Ints]:
         """Rows of the same object, earlier and later, ``lag`` frames apart."""
@@ -62,6 +65,12 @@ class FalsePositiveSamples:
     score: Floats  # [D]
     size: Floats  # [D, 3] m
     distance: Floats  # [D] m from the sensor
+    scene: Ints  # [D] number of the scene
+    frame: Ints  # [D] within the scene
+    place: Floats  # [D, 2] m
+    beside: Floats  # [D] m to the nearest true box of the class, or of one that is pooled with it; inf without any
+    of_class: Bools  # [D] that box has the class of the detection
+    parent: Floats  # [D] score of that box' own detection, NaN where it is undetected
 
 
 Samples = tuple[ObjectSamples, FalsePositiveSamples]
@@ -74,24 +83,30 @@ def collect(
     sensor: Sensor,
     floor: Mapping[str, float] | None = None,
     features: bool = True,
+    pooled: Mapping[str, str] | None = None,
 ) -> dict[str, Samples]:
     """Samples per class over ``scenes``; only detections with a score of at least ``floor`` of their class count.
 
     ``classes``: the task's, in the order of class indices; ``sensor``: what the detector can see, in metres and
-    radians. Without ``features``, which take half of the time, those are 0. Raises DataError without a scene.
+    radians. Without ``features``, which take half of the time, those are 0. ``pooled``: classes, and the class whose
+    samples theirs are added to; boxes are matched class by class all the same. Raises DataError without a scene.
     """
-    parts: dict[str, list[Samples]] = {name: [] for name in classes}
+    pooled = pooled or {}
+    parts: dict[str, list[Samples]] = {name: [] for name in classes if name not in pooled}
     objects = 0  # in the scenes so far
-    for scene in scenes:
+    for number_of_scene, scene in enumerate(scenes):
         found = at_floor(scene.detections, classes, floor)
         matches = match(scene.truth, found, classes)
         known, number = np.unique(scene.truth.object_id, return_inverse=True)
-        every = _objects(scene, found, matches.detection, objects + number, _features(scene, sensor, features))
+        seen = _features(scene, sensor, features)
+        every = _objects(scene, found, matches.detection, objects + number, seen, number_of_scene)
         inside = covered(scene.truth, scene.ego, sensor) & ~scene.truth.neutral
-        for class_id, name in enumerate(classes):
-            row = np.flatnonzero(inside & (scene.truth.class_id == class_id))
+        for name, samples in parts.items():
+            own = [i for i, one in enumerate(classes) if pooled.get(one, one) == name]
+            row = np.flatnonzero(inside & np.isin(scene.truth.class_id, own))
             row = row[np.lexsort((every.frame[row], number[row]))]
-            parts[name].append((_selected(every, row), _false_positives(scene, found, matches, class_id, sensor)))
+            false = _false_positives(scene, found, matches, own, sensor, number_of_scene)
+            samples.append((_selected(every, row), false))
         objects += len(known)
     if not any(parts.values()):
         raise DataError("no scenes to compare detections with true boxes in, expected at least one")
@@ -104,7 +119,9 @@ def _features(scene: Scene, sensor: Sensor, wanted: bool) -> Floats:
     return features_of(sight(scene.truth, scene.ego, sensor, scene.visible))
 
 
-def _objects(scene: Scene, detections: Detections, detection: Ints, number: Ints, feature: Floats) -> ObjectSamples:
+def _objects(
+    scene: Scene, detections: Detections, detection: Ints, number: Ints, feature: Floats, number_of_scene: int
+) -> ObjectSamples:
     """Samples of all true rows, with the detections ``detection`` (-1: undetected)."""
     true, frame, hit = scene.truth.box, scene.truth.frame_of_rows, detection >= 0
     found, velocity, score = (np.full((len(true), *shape), np.nan) for shape in ((7,), (2,), ()))
@@ -130,14 +147,17 @@ def _objects(scene: Scene, detections: Detections, detection: Ints, number: Ints
         ),
         velocity_error=velocity - scene.truth.velocity,
         score=score,
+        scene=np.full(len(true), number_of_scene),
+        place=true[:, :2],
+        toward=np.arctan2(away[:, 1], away[:, 0]),
     )
 
 
 def _false_positives(
-    scene: Scene, detections: Detections, matches: Matches, class_id: int, sensor: Sensor
+    scene: Scene, detections: Detections, matches: Matches, class_ids: Sequence[int], sensor: Sensor, number: int
 ) -> FalsePositiveSamples:
     frame = detections.frame_of_rows
-    row = np.flatnonzero(matches.false & (detections.class_id == class_id))
+    row = np.flatnonzero(matches.false & np.isin(detections.class_id, class_ids))
     distance, bearing = polar(detections.box[row, :2], scene.ego[frame[row]])
     inside = within(distance, bearing, sensor)
     row, distance = row[inside], distance[inside]
@@ -148,6 +168,7 @@ def _false_positives(
         here, following = slice(first[t], first[t + 1]), slice(first[t + 1], first[t + 2])
         off = place[here, None] - place[None, following]
         followed[here] = (np.hypot(off[..., 0], off[..., 1]) <= _SAME_PLACE).any(axis=1)
+    beside, of_class, parent = _parents(scene, detections, matches, row, class_ids)
     return FalsePositiveSamples(
         count=np.diff(first),
         own=np.bincount(frame[~matches.duplicate[row]], minlength=scene.frames),
@@ -157,7 +178,35 @@ def _false_positives(
         score=detections.score[row],
         size=detections.box[row, 4:7],
         distance=distance,
+        scene=np.full(len(row), number),
+        frame=frame,
+        place=place,
+        beside=beside,
+        of_class=of_class,
+        parent=parent,
     )
+
+
+def _parents(
+    scene: Scene, detections: Detections, matches: Matches, row: Ints, class_ids: Sequence[int]
+) -> tuple[Floats, Bools, Floats]:
+    """Of detections ``row``: distance to the nearest true box of the classes, whether of its class, its score."""
+    beside, of_class, parent = np.full(len(row), np.inf), np.zeros(len(row), bool), np.full(len(row), np.nan)
+    truth, detection = scene.truth, matches.detection
+    own = np.isin(truth.class_id, class_ids)
+    frame = detections.frame_of_rows[row]
+    for t in np.unique(frame):
+        true = truth.rows(int(t)).start + np.flatnonzero(own[truth.rows(int(t))])
+        if not len(true):
+            continue
+        here = np.flatnonzero(frame == t)
+        off = center_distance(detections.box[row[here], None], truth.box[None, true])
+        nearest = true[off.argmin(axis=1)]
+        beside[here] = off.min(axis=1)
+        of_class[here] = truth.class_id[nearest] == detections.class_id[row[here]]
+        hit = detection[nearest] >= 0
+        parent[here[hit]] = detections.score[detection[nearest[hit]]]
+    return beside, of_class, parent
 
 
 def _selected(record: ObjectSamples, row: Ints) -> ObjectSamples:

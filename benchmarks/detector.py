@@ -1,0 +1,111 @@
+"""Simulated detectors: how long model 1 and model 2 take, and how near their couplings are to those of real ones.
+
+    python benchmarks/detector.py [--data ROOT] [--repeat 5]
+    python benchmarks/detector.py --couplings [--set nuscenes] [--seeds 3] [--profiles FOLDER] [--json FILE]
+
+Couplings: for every fold of scenes a profile of model 2 is fitted to all others; ``--profiles`` keeps these and takes
+them from there. Model 1 is shown with its shipped profile, which was fitted to scenes that are checked here. Simulated
+figures are the mean over seeds and, after ±, the deviation.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+from benchmarks.detection.folds import SETS, Recordings, folds
+from benchmarks.detection.table import Row, rows_of, tracker_rows
+from mtp_bench.detector.profile import any_profile
+from mtp_bench.detector.sight import sight
+from mtp_bench.detector.simulate import simulate
+
+TIMED = {"nuscenes": ("nuscenes_megvii", "v2/nuscenes_megvii", "v2/nuscenes_megvii_raw"),
+         "kitti": ("kitti_pointrcnn", "v2/kitti_pointrcnn", "v2/kitti_pointrcnn_raw")}  # fmt: skip
+
+
+def timed(recordings: Recordings, data: str | None, repeat: int) -> list[list[str]]:
+    """CPU milliseconds and detections per scene of each profile, the least over repetitions."""
+    classes, scenes = recordings.read(data)
+    scenes = scenes[:8]
+    seen = [sight(one.truth, one.ego, recordings.sensor, one.visible) for one in scenes]
+    rows, first = [], 0.0
+    for name in TIMED[recordings.name]:
+        profile, best, count = any_profile(name), float("inf"), 0
+        for seed in range(repeat + 1):  # the first call loads what is loaded late
+            start, count = time.process_time(), 0
+            for scene, at in zip(scenes, seen, strict=True):
+                args = (scene.truth, scene.ego, classes, profile, recordings.sensor, seed, profile.dt, at)
+                count += len(simulate(*args).box)
+            best = min(best, time.process_time() - start) if seed else best
+        first = first or best
+        rows.append([name, f"{1000 * best / len(scenes):.2f}", f"{count / len(scenes):.0f}", f"{best / first:.2f}"])
+    return rows
+
+
+def coupled(recordings: Recordings, given: argparse.Namespace) -> dict[str, list[Row]]:
+    """Rows at the operating point of a tracker, and at all scores."""
+    classes, scenes = recordings.read(given.data)
+    found = list(folds(recordings, classes, scenes, given.profiles))
+    rows = {}
+    for title, operating in (("operating point", True), ("all scores", False)):
+        rows[title] = rows_of(recordings, classes, found, given.seeds, operating)
+        if recordings.name == "nuscenes":
+            rows[title] += tracker_rows(recordings, classes, found, given.seeds, operating, given.data)
+    return rows
+
+
+def show(title: str, columns: tuple[str, ...], rows: list[list[str]]) -> None:
+    """Prints a table."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title)
+    for column in columns:
+        table.add_column(column, justify="left" if column == columns[0] else "right")
+    for row in rows:
+        table.add_row(*row)
+    Console(width=130).print(table)
+
+
+def cells(row: Row) -> list[str]:
+    """A row as text."""
+
+    def spread(value: tuple[float, float] | None) -> str:
+        return "" if value is None else f"{value[0]:.3g} ±{value[1]:.2g}"
+
+    return [row.what, f"{row.real:.3g}", spread(row.model1), spread(row.model2), row.within, "" if row.met else "no"]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data")
+    parser.add_argument("--couplings", action="store_true")
+    parser.add_argument("--set", choices=list(SETS), action="append")
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--repeat", type=int, default=5)
+    parser.add_argument("--profiles", type=Path)
+    parser.add_argument("--json", type=Path)
+    given = parser.parse_args()
+    if not given.couplings:
+        for name in TIMED:
+            rows = timed(SETS[name], given.data, given.repeat)
+            show(f"{name}: CPU per scene", ("profile", "ms", "detections", "x model 1"), rows)
+        return
+    content = {}
+    for name in given.set or SETS:
+        content[name] = coupled(SETS[name], given)
+        for title, table in content[name].items():
+            columns = ("figure", "real", "model 1", "model 2", "wanted", "met")
+            show(f"{name}, {title}", columns, [cells(row) for row in table])
+    if given.json:
+        text = {
+            one: {title: [asdict(row) for row in rows] for title, rows in two.items()} for one, two in content.items()
+        }
+        given.json.write_text(json.dumps(text, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
