@@ -172,9 +172,9 @@ def _inside(path: Path, shown: Sequence[tuple[str, str]]) -> bool:
 
 def _require_apart(shown: Sequence[str], data: str | None) -> None:
     """Refuse a data root or a cache of scenes inside what is shown."""
-    roots = {data_root(data)[0], data_root(None)[0], cache_root()}
+    roots = {data_root(data)[0], data_root(None)[0]}
     below = {path for root in roots if root.is_dir() for path in root.iterdir()}  # a root may be of links
-    for secret in {path.resolve() for path in roots | below}:
+    for secret in {path.resolve() for path in (*roots, *below, cache_root())}:
         for here in shown:
             if secret.is_dir() and secret.is_relative_to(Path(here).resolve()):
                 raise SubmissionError(f"{secret} holds data inside {here}, which agents see: move the data elsewhere")

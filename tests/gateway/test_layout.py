@@ -52,6 +52,26 @@ def test_nothing_of_the_judge_is_shown(tmp_path: Path) -> None:
         assert not any(part.is_relative_to(place) for place in places), part
 
 
+def test_kernels_in_the_users_cache_are_no_secret(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where nothing is set they lie beside the generated scenes, which are one."""
+    kernels = tmp_path / "cache" / "kernels-0"
+    kernels.mkdir(parents=True)
+    monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("mtp_bench.gateway.layout.compiled_kernels", lambda: [kernels])
+    image = image_of(load_submission(submission(tmp_path / "mine")), "MTP-X-v0")
+    assert (str(kernels), "/kernels/kernels-0") in layout_for(image, None).shown
+
+
+def test_data_behind_a_link_in_its_root_is_a_secret(tmp_path: Path) -> None:
+    folder, root = submission(tmp_path / "mine"), tmp_path / "root"
+    (folder / "kitti").mkdir()
+    root.mkdir()
+    (root / "kitti_tracking").symlink_to(folder / "kitti")
+    image = image_of(load_submission(folder), "MTP-X-v0")
+    with pytest.raises(SubmissionError, match="which agents see: move the data elsewhere"):
+        layout_for(image, str(root))
+
+
 def test_an_image_is_what_its_digest_covers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = submission(tmp_path / "mine")
     (folder / "weights").mkdir()
