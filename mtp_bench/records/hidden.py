@@ -36,7 +36,7 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed, limits: Limits) -> Hi
         keep_private(hidden)
         told = plan.options.progress
         progress = Progress(told.started, lambda _: told.done("a hidden scene"))  # its name would tell its seed
-        names, options = tuple(open_source(hidden).names), replace(plan.options, data=None, progress=progress)
+        names, options = sealed.shuffled(open_source(hidden).names), replace(plan.options, data=None, progress=progress)
         there = replace(plan, env=hidden, card=hidden, scenes=names, scenes_of_split=len(names), options=options)
         runs = run_again(there, list(sealed.run_seeds(record.seeds).values()), limits)
         why = why_not_isolated(record, [isolation(runs)])
@@ -46,8 +46,6 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed, limits: Limits) -> Hi
         found = evaluate_plan(there, runs, reference)
     finally:
         discard(hidden)
-    order = sealed.shuffled(len(found.per_scene))
-    scenes = [found.per_scene[place] for place in order]
     return HiddenPart(
         commitment=sealed.commitment,
         weights=reference.digest,
@@ -55,6 +53,6 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed, limits: Limits) -> Hi
         targets=found.rows[0].targets,
         rows=found.rows,
         silence=found.silence,
-        weight={subset: [w for scene in scenes for w in scene.weight[subset]] for subset in SUBSETS},
-        error={subset: [e for scene in scenes for e in scene.error[subset]] for subset in SUBSETS},
+        weight={subset: [w for scene in found.per_scene for w in scene.weight[subset]] for subset in SUBSETS},
+        error={subset: [e for scene in found.per_scene for e in scene.error[subset]] for subset in SUBSETS},
     )

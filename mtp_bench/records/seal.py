@@ -12,7 +12,7 @@ import hashlib
 import json
 import secrets
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -52,9 +52,9 @@ class Sealed:
         """Secret seeds in place of public ones: a motion of a known seed would tell the name of its scene."""
         return {seed: int(self._drawn(f"run {seed}")[:15], 16) for seed in seeds}
 
-    def shuffled(self, count: int) -> list[int]:
-        """An order of so many units, the same for every submission: theirs is that of consecutive seeds."""
-        return sorted(range(count), key=lambda unit: self._drawn(f"unit {unit}"))
+    def shuffled(self, scenes: Iterable[str]) -> tuple[str, ...]:
+        """The hidden scenes in the order of every submission's sums; theirs is that of consecutive seeds."""
+        return tuple(sorted(scenes, key=lambda scene: self._drawn(f"scene {scene}")))
 
     def _drawn(self, purpose: str) -> str:
         return hashlib.sha256(f"{self.seeds.salt}|{purpose}".encode()).hexdigest()

@@ -23,6 +23,7 @@ from tests.support.command_line import CommandLine
 from tests.support.stored_records import ships_of
 
 ENV = "MTP-Merge-v0"
+SCENES = 8  # enough for intervals
 
 
 @pytest.fixture(scope="module")
@@ -71,10 +72,12 @@ def test_no_public_number_tells_a_hidden_scene(tmp_path: Path) -> None:
     assert min(secret.values()) > 2**40
     assert len({*secret.values(), *other.run_seeds((0, 1, 2)).values()}) == 6
     assert secret == open_seal(tmp_path / "s.json").run_seeds((0, 1, 2)), "anyone can repeat a retired round"
-    order = one.shuffled(50)
-    assert sorted(order) == list(range(50))
-    assert order != sorted(order) != other.shuffled(50)
-    assert order == one.shuffled(50)
+    names = [f"merge-{i}" for i in range(50)]
+    order = one.shuffled(names)
+    assert sorted(order) == sorted(names)
+    assert list(order) != names
+    assert order != other.shuffled(names)
+    assert order == one.shuffled(reversed(names)), "the same for every submission"
 
 
 def test_errors_of_seals(cli: CommandLine, tmp_path: Path) -> None:
@@ -105,9 +108,9 @@ def test_a_submission_on_hidden_scenes(
 ) -> None:
     """From the seal to a signed level; the signer's key and the commitment are in the leaderboard."""
     secret = tmp_path / "s.json"
-    said = cli.ok("seal", "--env", short, "--count", 2, "-o", secret)
-    assert "publish this commitment to 2 hidden scenes of MTP-Merge-v0 in leaderboard/seals, sha256 " in said
-    assert "for trials alone: 2 scenes rank nobody, ranks need 50" in said
+    said = cli.ok("seal", "--env", short, "--count", SCENES, "-o", secret)
+    assert "publish this commitment to 8 hidden scenes of MTP-Merge-v0 in leaderboard/seals, sha256 " in said
+    assert "for trials alone: 8 scenes rank nobody, ranks need 50" in said
     shutil.copy(tmp_path / "s.commitment.json", leaderboard / "seals")
     made = submit("stp", short, RunOptions(seeds=(0, 1)), tmp_path / "stp")
     if not made.isolation.holds:
@@ -125,12 +128,13 @@ def test_a_submission_on_hidden_scenes(
     assert (signed.level, signed.signer, signed.statement.isolation) == ("hidden", "tester", made.isolation.mechanism)
     hidden = signed.hidden
     assert hidden is not None
-    assert (hidden.commitment, hidden.scenes) == (sealed.commitment, 2)
+    assert (hidden.commitment, hidden.scenes) == (sealed.commitment, SCENES)
+    assert hidden.row.interval is not None, "what is checked of it is checked here too"
     assert hidden.row.error == pytest.approx(sum(hidden.unit_error("all")) / sum(hidden.unit_weight("all")))
     frozen = made.reference.model_copy(update={"frozen": True})  # the card of this test has none
     ranks = made.model_copy(update={"reference": frozen, "seeds": [0, 1, 2]})
     few = why_unranked(ranks, signed, ships_of(made, simulated=True))
-    assert few == "scored on 2 hidden scenes, ranks need 50"
+    assert few == "scored on 8 hidden scenes, ranks need 50"
     weights = tmp_path / "s.weights.json"  # made once per seal
     assert stat.S_IMODE(weights.stat().st_mode) == 0o600
     assert read_reference(weights).digest == hidden.weights
