@@ -18,12 +18,12 @@ from pathlib import Path
 
 from benchmarks.detection.folds import SETS, Recordings, folds
 from benchmarks.detection.table import Row, rows_of, tracker_rows
-from mtp_bench.detector.profile import any_profile
+from mtp_bench.detector import load_profile
 from mtp_bench.detector.sight import sight
 from mtp_bench.detector.simulate import simulate
 
-TIMED = {"nuscenes": ("nuscenes_megvii", "v2/nuscenes_megvii", "v2/nuscenes_megvii_raw"),
-         "kitti": ("kitti_pointrcnn", "v2/kitti_pointrcnn", "v2/kitti_pointrcnn_raw")}  # fmt: skip
+TIMED = {"nuscenes": ("v1/nuscenes_megvii", "nuscenes_megvii", "nuscenes_megvii_raw"),
+         "kitti": ("v1/kitti_pointrcnn", "kitti_pointrcnn", "kitti_pointrcnn_raw")}  # fmt: skip
 
 
 def timed(recordings: Recordings, data: str | None, repeat: int) -> list[list[str]]:
@@ -33,7 +33,7 @@ def timed(recordings: Recordings, data: str | None, repeat: int) -> list[list[st
     seen = [sight(one.truth, one.ego, recordings.sensor, one.visible) for one in scenes]
     rows, first = [], 0.0
     for name in TIMED[recordings.name]:
-        profile, best, count = any_profile(name), float("inf"), 0
+        profile, best, count = load_profile(name), float("inf"), 0
         for seed in range(repeat + 1):  # the first call loads what is loaded late
             start, count = time.process_time(), 0
             for scene, at in zip(scenes, seen, strict=True):

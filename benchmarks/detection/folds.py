@@ -12,9 +12,10 @@ from mtp_bench.cards import load_card
 from mtp_bench.detector import Profile, load_profile
 from mtp_bench.detector.model2.fit import fit_profile2
 from mtp_bench.detector.model2.profile import Profile2
-from mtp_bench.detector.profile import any_profile, profile_text
+from mtp_bench.detector.profile import profile_text
 from mtp_bench.detector.sight import Sensor, Sight, sight, visible_fractions
 from mtp_bench.detector.simulate import simulate
+from mtp_bench.errors import MtpBenchError
 from mtp_bench.sources import open_source
 from mtp_bench.types import Scene
 
@@ -37,7 +38,10 @@ class Recordings:
     @property
     def model1(self) -> Profile:
         """The profile of model 1, whose floors are the operating point of a tracker."""
-        return load_profile(self.first)
+        profile = load_profile(self.first)
+        if not isinstance(profile, Profile):
+            raise MtpBenchError(f"detector profile {self.first!r} is of model {profile.model}, expected one of model 1")
+        return profile
 
     def floors(self, classes: Sequence[str]) -> dict[str, float]:
         """The operating point of a tracker."""
@@ -58,11 +62,11 @@ class Recordings:
 _AROUND, _AHEAD = Sensor(60.0, 2 * np.pi), Sensor(80.0, np.pi / 2)
 _VEHICLES: dict[str, str] = dict.fromkeys(NUSCENES[1:], "car")
 SETS = {
-    "nuscenes": Recordings("nuscenes", "MTP-nuScenes-mini-v0", ("all",), _AROUND, _VEHICLES, "nuscenes_megvii", 5),
+    "nuscenes": Recordings("nuscenes", "MTP-nuScenes-mini-v0", ("all",), _AROUND, _VEHICLES, "v1/nuscenes_megvii", 5),
     "centerpoint": Recordings(
-        "centerpoint", "MTP-nuScenes-mini-v0", ("val",), _AROUND, _VEHICLES, "nuscenes_centerpoint", 4, "centerpoint"
+        "centerpoint", "MTP-nuScenes-mini-v0", ("val",), _AROUND, _VEHICLES, "v1/nuscenes_centerpoint", 4, "centerpoint"
     ),
-    "kitti": Recordings("kitti", "MTP-KITTI-v0", ("train", "val"), _AHEAD, {}, "kitti_pointrcnn", 3),
+    "kitti": Recordings("kitti", "MTP-KITTI-v0", ("train", "val"), _AHEAD, {}, "v1/kitti_pointrcnn", 3),
 }
 
 
@@ -84,7 +88,7 @@ def folds(
         held = [scene for i, scene in enumerate(scenes) if i % recordings.folds == number]
         path = None if stored is None else stored / f"{recordings.name}_{number}.toml"
         if path is not None and path.exists():
-            profile = any_profile(str(path))
+            profile = load_profile(str(path))
         else:
             profile = fit(recordings, classes, rest)
             if path is not None:

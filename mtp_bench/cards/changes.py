@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
-from ..detector import any_profile, profile_names
+from ..detector import load_profile, profile_names
 from ..errors import CardError, DataError, UnknownNameError
 from ..files import file_digest
 from .sections import STORED_DETECTOR, DetectorSection, Source
@@ -34,8 +34,8 @@ def with_detector(card: Card, name: str) -> tuple[Source, DetectorSection | None
             raise CardError(f"detector {name!r} is a variant of a simulated detector, and {card.id} has none")
         update: dict[str, object] = {"variant": name}
     elif name.endswith(".toml"):
-        update = {"profile": None, "noise": any_profile(name), "variant": "as_fitted"}
-    elif name in (*profile_names(), *profile_names(2)):
+        update = {"profile": None, "noise": load_profile(name), "variant": "as_fitted"}
+    elif name in (*profile_names(), *profile_names(1)):
         update = {"profile": name, "noise": None, "variant": "as_fitted"}
     elif card.source.traits.other_detections and card.detector is None:
         if not re.fullmatch(STORED_DETECTOR, name):

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
-from ..detector import Profile, Profile2, Variant, any_profile
+from ..detector import Profile, Profile2, Variant, load_profile
 from ..errors import CardError
 from ..strict import Section
 
@@ -223,7 +223,7 @@ class DetectorSection(Section):
         """The noise that is meant; raises CardError or UnknownNameError where it is not there."""
         if (self.profile is None) == (self.noise is None):
             raise CardError("[detector] has both or none of 'profile' and 'noise', expected one of them")
-        noise = self.noise or any_profile(str(self.profile))
+        noise = self.noise or load_profile(str(self.profile))
         if self.variant == "as_fitted":
             return noise
         from ..detector.variants import with_variant

@@ -3,6 +3,5 @@
 from .model2.profile import Profile2 as Profile2
 from .profile import Profile as Profile
 from .profile import Variant as Variant
-from .profile import any_profile as any_profile
 from .profile import load_profile as load_profile
 from .profile import profile_names as profile_names

@@ -175,24 +175,16 @@ class Profile(Section):
         return self.classes[own]
 
 
-def profile_names(model: Literal[1, 2] = 1) -> list[str]:
-    """Names of the profiles of a model that ship."""
-    folder = "" if model == 1 else "v2/"
+def profile_names(model: Literal[1, 2] = 2) -> list[str]:
+    """Names of the profiles of a model that ship; those of model 1 begin with "v1/"."""
+    folder = "" if model == 2 else "v1/"
     return sorted(folder + path.stem for path in (_STORE / folder).glob("*.toml"))
 
 
-def load_profile(name: str) -> Profile:
-    """A shipped profile of model 1 by name, or one from a TOML file; raises UnknownNameError or CardError."""
-    profile = any_profile(name)
-    if not isinstance(profile, Profile):
-        raise CardError(f"detector profile {name!r}: is of model {profile.model}, expected one of model 1")
-    return profile
+def load_profile(name: str) -> Profile | Profile2:
+    """A shipped profile by name, or one from a TOML file; raises UnknownNameError or CardError.
 
-
-def any_profile(name: str) -> Profile | Profile2:
-    """A shipped profile of either model by name, or one from a TOML file; raises UnknownNameError or CardError.
-
-    Names of model 2 begin with "v2/"; a file with ``model = 2`` is of that model.
+    A file with ``model = 2`` is of that model, one without the key of model 1.
     """
     return _read(Path(name)) if name.endswith(".toml") else _shipped(name)
 
@@ -200,7 +192,7 @@ def any_profile(name: str) -> Profile | Profile2:
 @cache
 def _shipped(name: str) -> Profile | Profile2:
     """Read and checked once: a card asks for its profile many times."""
-    if name not in (known := [*profile_names(), *profile_names(2)]):
+    if name not in (known := [*profile_names(), *profile_names(1)]):
         raise UnknownNameError("detector profile", name, known)
     return _read(_STORE / f"{name}.toml")
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mtp_bench.detector import load_profile
 from mtp_bench.detector.sight import Sensor
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.geometry import wrap_angle
@@ -23,6 +22,7 @@ from tests.support.detector_scenes import (
     noisy,
     nothing,
     perfect_with,
+    profile1,
     truth_of,
 )
 
@@ -160,7 +160,7 @@ def test_errors_are_those_of_true_objects() -> None:
 
 
 def test_classes_of_one_noise_share_its_false_positives_as_their_true_boxes() -> None:
-    profile, classes = load_profile("nuscenes_megvii"), ("truck", "car", "bus", "pedestrian")
+    profile, classes = profile1("nuscenes_megvii"), ("truck", "car", "bus", "pedestrian")
     box = np.tile([500.0, 0.0, 1.5, 0.0, 9.0, 2.5, 3.0], (4, 1))  # out of reach: only their number matters
     truth = truth_of(np.zeros(4, int), np.arange(4), box, frames=600)
     truth = replace(truth, class_id=np.array([0, 0, 0, 2]))
@@ -174,6 +174,6 @@ def test_classes_of_one_noise_share_its_false_positives_as_their_true_boxes() ->
 
 
 def test_without_true_boxes_it_is_the_class_that_has_the_noise() -> None:
-    profile, truth, ego = load_profile("nuscenes_megvii"), nothing(200), np.zeros((200, 4))
+    profile, truth, ego = profile1("nuscenes_megvii"), nothing(200), np.zeros((200, 4))
     for classes, expected in ((("truck", "car", "pedestrian"), {1, 2}), (("truck", "bus"), {0})):
         assert set(simulate(truth, ego, classes, profile, AHEAD, 0, 0.5).class_id.tolist()) == expected

@@ -18,7 +18,7 @@ from mtp_bench.detector.simulate import simulate
 from mtp_bench.errors import DataError
 from mtp_bench.geometry import transform_boxes
 from mtp_bench.types import Detections, Scene, Truth
-from tests.support.detector_scenes import assert_alike, grid_truth
+from tests.support.detector_scenes import assert_alike, grid_truth, profile1
 from tests.support.detector_statistics import ClassStatistics, detector_statistics
 
 SENSOR = Sensor(reach=60.0, field_of_view=2 * np.pi)
@@ -60,7 +60,7 @@ def fitted(scenes: list[Scene]) -> Profile:
 
 @pytest.fixture(scope="module")
 def original() -> Profile:
-    shipped = load_profile("kitti_pointrcnn")
+    shipped = profile1("kitti_pointrcnn")
     noise = {name: shipped.classes[name].model_copy(update={"velocity": 0.3}) for name in CLASSES}
     return shipped.model_copy(update={"classes": noise, "alike": {}})
 
@@ -128,7 +128,7 @@ class TestRefit:
 
     def test_false_positives(self, name: str, refit: Profile, scenes: list[Scene]) -> None:
         false, counted = refit.classes[name].false_positives, detector_statistics(scenes, CLASSES, SENSOR)[name]
-        law = load_profile("kitti_pointrcnn").classes[name].false_positives
+        law = profile1("kitti_pointrcnn").classes[name].false_positives
         assert false is not None
         assert law is not None
         assert false.rate <= counted.false_positives
@@ -179,7 +179,7 @@ def test_velocities_that_are_zero_everywhere_are_unknown(scenes: list[Scene]) ->
 
 
 def test_a_perfect_detector_can_be_fitted() -> None:
-    car = fitted(detected(empty_scenes()[:1], load_profile("clean"), seed=0)).classes["car"]
+    car = fitted(detected(empty_scenes()[:1], profile1("clean"), seed=0)).classes["car"]
     assert car.radial.s0 + car.radial.s1 < 0.002
     assert (car.heading.scale, car.heading.flip, car.z) == (0.0, 0.0, (0.0, 0.0))
     assert car.false_positives is None
@@ -199,7 +199,7 @@ def test_text_is_read_back_equal(refit: Profile, tmp_path: Path) -> None:
     changed = refit.model_copy(
         update={"classes": {**refit.classes, "e-scooter": odd}, "alike": names, "summary": 'naïve "x" \\ y'}
     )
-    for profile in (refit, changed, *map(load_profile, profile_names())):
+    for profile in (refit, changed, *map(load_profile, profile_names(1))):
         path = tmp_path / "profile.toml"
         path.write_text(profile_text(profile), encoding="utf-8")
         assert load_profile(str(path)) == profile

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card
-from mtp_bench.detector import Profile, load_profile
+from mtp_bench.detector import Profile
 from mtp_bench.detector.fit import fit_profile
 from mtp_bench.detector.sight import Sensor, Sight, sight
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.detector.variants import with_variant
 from mtp_bench.sources import open_source
 from mtp_bench.types import Scene
-from tests.support.detector_scenes import assert_alike
+from tests.support.detector_scenes import assert_alike, profile1
 from tests.support.detector_statistics import ClassStatistics, detector_statistics
 
 pytestmark = pytest.mark.data
@@ -31,7 +31,7 @@ Recorded = list[tuple[Scene, Sight]]
 
 @pytest.fixture(scope="module")
 def shipped() -> Profile:
-    return load_profile("kitti_pointrcnn")
+    return profile1("kitti_pointrcnn")
 
 
 @pytest.fixture(scope="module")

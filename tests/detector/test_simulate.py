@@ -27,6 +27,7 @@ from tests.support.detector_scenes import (
     missing,
     noisy,
     on_grid,
+    profile1,
     seen_at,
 )
 
@@ -122,22 +123,25 @@ def test_kinds_of_noise_have_different_streams_for_good() -> None:
     assert len(set(numbers)) == len(numbers)
 
 
-@pytest.mark.parametrize("name", sorted(set(profile_names()) - {"wildtrack_mvdet"}))  # people only
+@pytest.mark.parametrize(
+    "name", sorted({*profile_names(), *profile_names(1)} - {"wildtrack_mvdet", "v1/wildtrack_mvdet"})
+)  # people only
 def test_the_same_arguments_give_the_same_detections_and_another_seed_others(name: str) -> None:
     truth, ego = _traffic()
     profile = load_profile(name)
     first, again, other = (simulate(truth, ego, TRAFFIC, profile, SENSOR, seed, DT) for seed in (3, 3, 4))
     assert _same(first, again)
-    assert _same(first, other) == (name == "clean")
+    assert _same(first, other) == (name.removeprefix("v1/") == "clean")
     assert len(first.box) > 50
 
 
-def test_another_process_with_another_hash_seed_gives_the_same_detections() -> None:
+@pytest.mark.parametrize("name", ["nuscenes_megvii", "v1/nuscenes_megvii"])
+def test_another_process_with_another_hash_seed_gives_the_same_detections(name: str) -> None:
     truth, ego = _traffic()
-    here = _digest(simulate(truth, ego, TRAFFIC, load_profile("nuscenes_megvii"), SENSOR, 3, DT))
+    here = _digest(simulate(truth, ego, TRAFFIC, load_profile(name), SENSOR, 3, DT))
     code = (
         "from tests.detector.test_simulate import *; from tests.detector.test_simulate import _digest, _traffic;"
-        "print(_digest(simulate(*_traffic(), TRAFFIC, load_profile('nuscenes_megvii'), SENSOR, 3, DT)))"
+        f"print(_digest(simulate(*_traffic(), TRAFFIC, load_profile('{name}'), SENSOR, 3, DT)))"
     )
     there = subprocess.run(
         [sys.executable, "-c", code], env={"PYTHONHASHSEED": "77"}, capture_output=True, text=True, check=True
@@ -145,9 +149,10 @@ def test_another_process_with_another_hash_seed_gives_the_same_detections() -> N
     assert there.stdout.strip() == here
 
 
-def test_without_noise_the_detections_are_the_covered_true_boxes() -> None:
+@pytest.mark.parametrize("name", ["clean", "v1/clean"])
+def test_without_noise_the_detections_are_the_covered_true_boxes(name: str) -> None:
     truth, ego = _traffic()
-    found = simulate(truth, ego, TRAFFIC, load_profile("clean"), SENSOR, 0, DT)
+    found = simulate(truth, ego, TRAFFIC, load_profile(name), SENSOR, 0, DT)
     inside = covered(truth, ego, SENSOR)
     assert 50 < inside.sum() < len(inside)
     for t in range(len(ego)):
@@ -181,21 +186,23 @@ def test_detections_move_with_the_world(yaw: float, shift: tuple[float, float, f
     np.testing.assert_array_equal(there.class_id, here.class_id)
 
 
-def test_rows_of_a_frame_are_by_score_and_do_not_tell_the_object() -> None:
+@pytest.mark.parametrize("name", ["nuscenes_megvii", "v1/nuscenes_megvii"])
+def test_rows_of_a_frame_are_by_score_and_do_not_tell_the_object(name: str) -> None:
     truth, ego = _traffic()
-    found = simulate(truth, ego, TRAFFIC, load_profile("nuscenes_megvii"), SENSOR, 0, DT)
+    found = simulate(truth, ego, TRAFFIC, load_profile(name), SENSOR, 0, DT)
     for t in range(len(ego)):
         score, x = found.score[found.rows(t)], found.box[found.rows(t), 0]
         assert (np.diff(score) <= 0).all()
         assert (np.diff(x)[np.diff(score) == 0] >= 0).all()
 
 
-def test_the_order_of_true_rows_within_a_frame_does_not_matter() -> None:
+@pytest.mark.parametrize("name", ["nuscenes_megvii", "v1/nuscenes_megvii"])
+def test_the_order_of_true_rows_within_a_frame_does_not_matter(name: str) -> None:
     truth, ego = _traffic()
     rng = np.random.default_rng(0)
     order = np.concatenate([rng.permutation(np.arange(len(truth.box))[truth.rows(t)]) for t in range(len(ego))])
     shuffled = Truth(truth.start, *(value[order] for key, value in vars(truth).items() if key != "start"))
-    profile = load_profile("nuscenes_megvii")
+    profile = load_profile(name)
     a, b = (simulate(each, ego, TRAFFIC, profile, SENSOR, 2, DT) for each in (truth, shuffled))
     np.testing.assert_allclose(b.box, a.box, atol=1e-9)
 
@@ -208,7 +215,7 @@ def _classes_of(profile: Profile, class_id: int) -> Floats:
 
 
 def test_a_class_that_is_alike_has_the_noise_of_the_other() -> None:
-    profile = load_profile("kitti_pointrcnn").model_copy(update={"alike": {"truck": "car"}})
+    profile = profile1("kitti_pointrcnn").model_copy(update={"alike": {"truck": "car"}})
     quiet = {name: noise.model_copy(update={"false_positives": None}) for name, noise in profile.classes.items()}
     profile = profile.model_copy(update={"classes": quiet})
     np.testing.assert_array_equal(_classes_of(profile, 1), _classes_of(profile, 0))

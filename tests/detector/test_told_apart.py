@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from mtp_bench.detector import Profile, load_profile
+from mtp_bench.detector import Profile
 from mtp_bench.detector.sight import Sensor
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.types import Bools, Detections, Floats, Ints, Truth
-from tests.support.detector_scenes import grid_truth
+from tests.support.detector_scenes import grid_truth, profile1
 
 SENSOR = Sensor(reach=60.0, field_of_view=2 * np.pi)
 CLASSES = ("car", "truck", "pedestrian")
@@ -73,7 +73,7 @@ def _told_apart(more: Detections, fewer: Detections) -> Seen:
 
 @pytest.fixture(scope="module", params=["nuscenes_megvii", "nuscenes_centerpoint"])
 def profile(request: pytest.FixtureRequest) -> Profile:
-    return load_profile(request.param)
+    return profile1(request.param)
 
 
 @pytest.fixture(scope="module")

@@ -24,6 +24,7 @@ from mtp_bench.sources.wildtrack.files import read_annotations
 from mtp_bench.sources.wildtrack.source import ANNOTATIONS, SCENES, SPLITS, STORED, Wildtrack
 from mtp_bench.sources.wildtrack.status import wildtrack_status
 from mtp_bench.types import Detections, Floats, Scene, Truth
+from tests.support.detector_scenes import profile1
 
 pytestmark = pytest.mark.data
 
@@ -148,7 +149,7 @@ def test_feet_project_to_the_lower_edges_of_the_pixel_boxes(data_root: Path) -> 
 
 def test_the_profile_is_what_the_last_frames_give(scenes: dict[str, Scene]) -> None:
     """The library's own fit, with neither distance nor occlusion."""
-    noise = load_profile("wildtrack_mvdet").noise("pedestrian")
+    noise = profile1("wildtrack_mvdet").noise("pedestrian")
     people, clutter = collect([scenes[STORED]], PEOPLE, SENSOR)["pedestrian"]
     assert (len(people.hit), int(people.hit.sum()), len(clutter.score)) == (952, 911, 55)
     people = replace(people, feature=people.feature * [1, 0, 0, 0, 0, 0])

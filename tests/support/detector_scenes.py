@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.detector import Profile, load_profile
+from mtp_bench.detector import Profile, Profile2, load_profile
 from mtp_bench.detector.sight import Sensor, Sight
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.types import Bools, Detections, Floats, Ints, Truth, starts_of_sorted
@@ -82,9 +82,16 @@ def assert_alike(after: ClassStatistics, before: ClassStatistics, odds: float = 
     assert after.tangential_autocorrelation == pytest.approx(before.tangential_autocorrelation, rel=0.15)
 
 
+def profile1(name: str) -> Profile:
+    """A shipped profile of model 1."""
+    profile = load_profile(f"v1/{name}")
+    assert isinstance(profile, Profile)
+    return profile
+
+
 def noisy(**sections: Any) -> Profile:
     """The clean profile with other noise for cars: entries of a section by name, or a value instead of one."""
-    clean = load_profile("clean").model_dump()
+    clean = profile1("clean").model_dump()
     car = clean["classes"]["car"]
     for name, change in sections.items():
         car[name] = {**(car[name] or {}), **change} if isinstance(change, dict) else change
@@ -97,7 +104,7 @@ def missing(base: float, lag: float = 0.0, first: float | None = None) -> dict[s
     return {"first": (begin, 0.0, 0.0, 0.0, 0.0, 0.0), "later": (base, 0.0, 0.0, 0.0, 0.0, 0.0, lag)}
 
 
-def detect(truth: Truth, profile: Profile, sight: Sight, seed: int = 0, dt: float = DT) -> Detections:
+def detect(truth: Truth, profile: Profile | Profile2, sight: Sight, seed: int = 0, dt: float = DT) -> Detections:
     """Detections of a truth by a sensor at the origin that covers everything."""
     ego = np.zeros((truth.frames, 4))
     return simulate(truth, ego, CLASSES, profile, EVERYWHERE, seed, dt, sight)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card
-from mtp_bench.detector import Profile, Profile2, any_profile, load_profile, profile_names
+from mtp_bench.detector import Profile, Profile2, load_profile, profile_names
 from mtp_bench.detector.profile import profile_text
 from mtp_bench.detector.variants import with_variant
 from mtp_bench.errors import CardError, UnknownNameError
@@ -21,22 +21,20 @@ def full() -> Profile2:
     return profile2(quality=LASTING, radial={**LASTING, "s0": 0.2}, free=FREE, near=NEAR)
 
 
-@pytest.mark.parametrize("name", profile_names(2))
+@pytest.mark.parametrize("name", profile_names())
 def test_what_ships_is_read_and_written_equal(name: str, tmp_path: Path) -> None:
-    profile = any_profile(name)
+    profile = load_profile(name)
     assert isinstance(profile, Profile2)
-    assert f"v2/{profile.name}" == name
+    assert profile.name == name
     path = tmp_path / "profile.toml"
     path.write_text(profile_text(profile), encoding="utf-8")
-    assert any_profile(str(path)) == profile
+    assert load_profile(str(path)) == profile
 
 
 def test_a_profile_without_the_key_is_of_model_1() -> None:
-    assert isinstance(any_profile("nuscenes_megvii"), Profile)
-    with pytest.raises(CardError, match="'v2/nuscenes_megvii': is of model 2, expected one of model 1"):
-        load_profile("v2/nuscenes_megvii")
-    with pytest.raises(UnknownNameError, match="did you mean 'v2/nuscenes_megvii'"):
-        any_profile("v2/nuscenes_megvi")
+    assert isinstance(load_profile("v1/nuscenes_megvii"), Profile)
+    with pytest.raises(UnknownNameError, match="did you mean 'nuscenes_megvii'"):
+        load_profile("nuscenes_megvi")
 
 
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
@@ -56,20 +54,20 @@ def test_wrong_figures_are_one_clear_error(name: str, tmp_path: Path) -> None:
     path = tmp_path / "wrong.toml"
     path.write_text(profile_text(wrong), encoding="utf-8")
     with pytest.raises(CardError, match=text):
-        any_profile(str(path))
+        load_profile(str(path))
 
 
 def test_a_card_takes_a_profile_of_model_2_and_digests_it() -> None:
     card = load_card("MTP-Intersection-v0")
-    first, second = card.with_detector("v2/nuscenes_megvii"), card.with_detector("v2/nuscenes_megvii_raw")
-    assert len({card.digest, first.digest, second.digest}) == 3
+    first, second = card.with_detector("nuscenes_megvii"), card.with_detector("nuscenes_megvii_raw")
+    assert len({card.with_detector("v1/nuscenes_megvii").digest, first.digest, second.digest}) == 3
     assert first.velocity
     assert first.detector_name == "nuscenes_megvii"
 
 
 def test_a_file_of_model_2_is_a_card_s_own_noise(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
-    path.write_text(profile_text(any_profile("v2/nuscenes_megvii")), encoding="utf-8")
+    path.write_text(profile_text(load_profile("nuscenes_megvii")), encoding="utf-8")
     card = load_card("MTP-Intersection-v0").with_detector(str(path))
     assert card.detector is not None
     assert isinstance(card.detector.noise, Profile2)
