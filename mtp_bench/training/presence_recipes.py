@@ -73,7 +73,8 @@ RECIPES: dict[str, Recipe] = {
     "nuscenes_megvii_raw": Recipe(_simulated("Intersection", "Roundabout", detector="nuscenes_megvii_raw")),
     "nuscenes_centerpoint": Recipe(_simulated("Intersection", "Roundabout", detector="nuscenes_centerpoint")),
     "kitti_pointrcnn": Recipe(_simulated("Merge", "Highway")),
-    "kitti_pointrcnn_raw": Recipe(_simulated("Merge", "Highway", detector="kitti_pointrcnn_raw")),
+    # On fast roads whatever stands is false, and nobody walks: what is learnt there is wrong in a town.
+    "kitti_pointrcnn_raw": Recipe(_simulated("Intersection", detector="kitti_pointrcnn_raw")),
     "clean": Recipe(_simulated("Intersection", "Roundabout", "Merge", "Highway", detector="clean", first=20)),
     "default": Recipe(
         _simulated("Intersection", "Roundabout", "Merge", "Highway", first=20),
