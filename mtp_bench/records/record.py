@@ -132,14 +132,12 @@ class IsolationPart(Section):
     """What held the agent in every run, the weakest of them; as `gateway.Isolation`."""
 
     mechanism: Mechanism
-    filtered: bool
     memory: Literal["cgroup", "watch"]
-    cuda: bool
 
     @property
     def holds(self) -> bool:
         """Whether it was kept from truth, network and other processes."""
-        return self.mechanism != "none" and self.filtered
+        return self.mechanism != "none"
 
 
 class ScenePart(Section):
