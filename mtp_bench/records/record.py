@@ -14,6 +14,7 @@ from ..scoring.subsets import Subset
 from ..strict import Section
 from ..submission.manifest import NAME_PATTERN
 
+Division = Literal["closed", "open"]
 Mechanism = Literal["bubblewrap", "namespaces", "none"]
 Status = Literal["finished", "partial", "crashed", "rejected"]
 TOLERANCE = 1e-9  # of a number that is scored again, absolute and relative
@@ -168,7 +169,7 @@ class Record(Section):
 
     format: Literal[2] = 2
     submission: SubmissionPart
-    division: Literal["closed", "open"]
+    division: Division
     training_data: Annotated[list[_Text], Field(max_length=MOST_NAMES)]  # as declared
     env: EnvPart
     scorer: ScorerPart
