@@ -95,18 +95,28 @@ def parallel_map(
 def unordered_map(
     function: Callable[..., Any], calls: Sequence[tuple[Any, ...]], workers: Workers = ALONE
 ) -> Iterator[tuple[int, Any]]:
-    """`parallel_map`, but place and result of every call as they come."""
+    """`parallel_map`, but place and result of every call as they come.
+
+    Raises MtpBenchError where a process of this machine died.
+    """
     placed = [(place, function, call) for place, call in enumerate(calls)]
     if workers.scheduler is not None:
         yield from _cluster_map(_placed, placed, workers.scheduler)
     elif workers.count == 1 or len(calls) < 2:
         yield from (_placed(*call) for call in placed)
     else:
+        from concurrent.futures.process import BrokenProcessPool
+
         from joblib import Parallel, delayed
 
         count = min(workers.count, len(calls))
         parallel: Any = Parallel(n_jobs=count, backend="loky", return_as="generator_unordered")
-        yield from parallel(delayed(_placed)(*call) for call in placed)
+        try:
+            yield from parallel(delayed(_placed)(*call) for call in placed)
+        except BrokenProcessPool:
+            raise MtpBenchError(
+                f"one of {count} processes died, most likely because memory ran out: take fewer (--jobs)"
+            ) from None
 
 
 def _placed(place: int, function: Callable[..., Any], call: tuple[Any, ...]) -> tuple[int, Any]:

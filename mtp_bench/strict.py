@@ -129,6 +129,16 @@ def validate(model: type[SectionT], content: dict[str, Any], where: str, error: 
         raise error(f"{where}: {_explain(cause.errors(), model)}") from None
 
 
+def require_part(model: type[Section], content: dict[str, Any], where: str, error: type[MtpBenchError]) -> None:
+    """Raise ``error`` as `validate` does, but for keys that are missing: ``content`` is a part of a ``model``."""
+    try:
+        model.model_validate(content)
+    except ValidationError as cause:
+        wrong = [detail for detail in cause.errors() if detail["type"] != "missing"]
+        if wrong:
+            raise error(f"{where}: {_explain(wrong, model)}") from None
+
+
 def _explain(errors: Sequence[ErrorDetails], model: type[BaseModel]) -> str:
     # A misspelt required key is both missing and unknown: the unknown one tells what to do.
     first = min(errors, key=lambda detail: detail["type"] != "extra_forbidden")

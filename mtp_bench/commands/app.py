@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import io
 import sys
-import tempfile
 import warnings
-from pathlib import Path
 from typing import Any
 
 import typer
 from typer.core import TyperGroup
 
 from ..errors import MtpBenchError
-from ..files import reason_of
 from .board import board
 from .check import check
 from .compare import compare
@@ -24,7 +21,7 @@ from .fit_noise import fit_noise
 from .freeze import freeze
 from .new import new
 from .options import Command, opened
-from .output import fail, say
+from .output import fail, said_of, say
 from .run import run
 from .score import score
 from .seal import seal
@@ -81,15 +78,11 @@ def main() -> None:
     warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given")
     try:
         app(prog_name="mtp-bench")
-    except MtpBenchError as error:
-        fail(str(error))
+    except (MtpBenchError, OSError) as error:
+        fail(said_of(error))
     except InterruptedCommandError as interruption:
         say(f"interrupted; {interruption}")
         raise SystemExit(INTERRUPTED) from None
-    except OSError as error:  # a full disk, a file without permission
-        named = error.filename or error.filename2
-        reason = reason_of(error, Path(named or tempfile.gettempdir()))
-        fail(f"{named}: {reason}" if named else reason)
 
 
 if __name__ == "__main__":

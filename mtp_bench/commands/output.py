@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import sys
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import replace
@@ -12,6 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 import typer
+
+from ..errors import MtpBenchError
 
 if TYPE_CHECKING:
     from ..running.options import RunOptions
@@ -37,6 +40,17 @@ def prepare(env: str, options: RunOptions) -> None:
     with working("prepare", options) as watched:
         told, count = watched.progress, watched.workers.count
         prepare_scenes(watched.card(env), watched.data, watched.scenes, count, told.started, told.done)
+
+
+def said_of(error: MtpBenchError | OSError) -> str:
+    """What an error says to people: of the system's own (a full disk, no permission) the file, and what to do."""
+    if not isinstance(error, OSError):
+        return str(error)
+    from ..files import reason_of
+
+    named = error.filename or error.filename2
+    reason = reason_of(error, Path(named or tempfile.gettempdir()))
+    return f"{named}: {reason}" if named else reason
 
 
 def fail(text: str) -> None:

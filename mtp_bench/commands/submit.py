@@ -11,7 +11,7 @@ import typer
 
 from ..errors import MtpBenchError, RecordError
 from .options import DataOption, SubmissionArgument, WorkerChoice, one_of
-from .output import count, number, prepare, say, some_of, working
+from .output import count, number, prepare, said_of, say, some_of, working
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -100,8 +100,8 @@ def submit(
         except (MtpBenchError, OSError) as error:  # the others are worth their time
             if len(targets) == 1:
                 raise
-            failed.append(f"{env_id}: {error}")
-            say(f"{env_id}: {error}")
+            failed.append(f"{env_id}: {said_of(error)}")
+            say(failed[-1])
             continue
         show_numbers(_record_table(record))
         show(f"{target}: {_sentence(record)}")

@@ -11,7 +11,7 @@ import typer
 
 from ..errors import MtpBenchError, RecordError
 from .options import DataOption, JobsOption, JsonOption, WorkerChoice
-from .output import count, number, require_writable, some_of, working, write_json
+from .output import count, number, require_writable, said_of, some_of, working, write_json
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -151,10 +151,10 @@ def _line(path: Path, work: _Work, alone: bool) -> _Line:
     start = time.monotonic()
     try:
         line = _checked(path, work)
-    except MtpBenchError as error:
+    except (MtpBenchError, OSError) as error:
         if alone:
             raise
-        line = _Line(path, {"record": str(path), "error": str(error)}, str(error))
+        line = _Line(path, {"record": str(path), "error": said_of(error)}, said_of(error))
     return replace(line, seconds=time.monotonic() - start)
 
 

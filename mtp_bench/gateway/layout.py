@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import SubmissionError
+from ..networks import VARIABLE as WEIGHTS
 from ..sources.cache import cache_root
 from ..sources.dataset import data_root
 from .image import Image
@@ -94,9 +95,9 @@ def environment(isolated: bool, work: str = TEMPORARY, networks: str = NETWORKS)
 
     ``isolated``: it has a root of its own; else ``work`` is its temporary folder and ``networks`` its weights.
     """
-    kernels = f"{work}/kernels" if isolated else os.environ.get("NUMBA_CACHE_DIR")
-    own = {"HOME": work, "TMPDIR": work, "LANG": "C.UTF-8", "USER": "agent", "MTP_BENCH_WEIGHTS": networks}
-    own |= {"NUMBA_CACHE_DIR": kernels or str(_kernel_cache())}
+    kernels = f"{work}/kernels" if isolated else str(_players("tracking.kernels.compile").cache_folder())
+    own = {"HOME": work, "TMPDIR": work, "LANG": "C.UTF-8", "USER": "agent", WEIGHTS: networks}
+    own |= {"NUMBA_CACHE_DIR": kernels}
     return {name: os.environ[name] for name in _PASSED if name in os.environ} | own
 
 
@@ -132,15 +133,14 @@ def compiled_kernels() -> list[Path]:
 def _kernels() -> list[Any]:
     found = []
     for module, names in _KERNELS.items():
-        loaded = importlib.import_module(f"mtp_bench.{module}")
+        loaded = _players(module)
         found += [getattr(loaded, name) for name in names]
     return found
 
 
-def _kernel_cache() -> Path:
-    from platformdirs import user_cache_path
-
-    return user_cache_path("mtp_bench", appauthor=False)
+def _players(module: str) -> Any:
+    """A module of the players' parts, loaded when it is needed: the judge does not import them."""
+    return importlib.import_module(f"mtp_bench.{module}")
 
 
 def _system_libraries() -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:

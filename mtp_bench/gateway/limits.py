@@ -29,15 +29,13 @@ class Limits:
 class Isolation:
     """What held an agent: see ``SECURITY.md``."""
 
-    mechanism: Literal["bubblewrap", "namespaces", "none"] = "none"  # who made its root, its processes, its network
-    filtered: bool = False  # it could not make the calls of the system that a filter names
+    mechanism: Literal["bubblewrap", "namespaces", "none"] = "none"  # who shut it in
     memory: Literal["cgroup", "watch"] = "watch"  # who bounds the memory of all its processes together
-    cuda: bool = False  # it was given the graphics cards
 
     @property
     def holds(self) -> bool:
         """Whether it was kept from truth, network and other processes; without that nothing can be confirmed."""
-        return self.mechanism != "none" and self.filtered
+        return self.mechanism != "none"
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ import time
 from collections import deque
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from ..errors import MtpBenchError
 from .cgroup import make_group
@@ -72,9 +72,7 @@ class AgentProcess:
     @property
     def isolation(self) -> Isolation:
         """What holds the agent."""
-        way = self._cell.way
-        memory: Literal["cgroup", "watch"] = "watch" if self._group is None else "cgroup"
-        return Isolation(way, filtered=way != "none", memory=memory, cuda=self._limits.cuda)
+        return Isolation(self._cell.way, "watch" if self._group is None else "cgroup")
 
     def __enter__(self) -> AgentProcess:
         if sys.platform == "win32":

@@ -32,7 +32,7 @@ def out_of_bounds(content: Any, where: str = "", depth: int = 0) -> Iterator[str
     elif isinstance(content, float) and not math.isfinite(content):
         yield f"{where} is {content}, expected a finite number"
     elif isinstance(content, int) and abs(content) > _LARGEST:
-        yield f"{where} has {len(str(content))} digits, expected at most {len(str(_LARGEST))}"
+        yield f"{where} is a number of {len(str(abs(content)))} digits, expected at most {_LARGEST}"
 
 
 def _text(text: str, where: str) -> Iterator[str]:

@@ -91,8 +91,6 @@ def _other_conditions(record: Record, ships: Ships) -> Iterator[str]:
         yield f"scene {other.scene!r} has other targets than its frozen event weights"
     if record.division == "closed" and record.limits != LimitsPart(**asdict(Limits())):
         yield "other limits than those of the closed division"
-    if record.division == "closed" and record.isolation.cuda:
-        yield "graphics cards are for the open division"
 
 
 def _has_sums_of(known: Shipped, env_id: str, scene: ScenePart) -> bool:

@@ -39,12 +39,15 @@ class Parts:
     folder: Path
 
     def read(self, seed: int, scene: str) -> SceneRun | None:
-        """A scene that was finished; None where it was not, or its file is broken."""
+        """A scene that was finished; None where it was not, its file is broken, or another version wrote it."""
         arrays = read_arrays(self._path(seed, scene))
         if arrays is None or arrays.keys() != {*ARRAYS, _SAID}:
             return None
         said = json.loads(str(arrays.pop(_SAID)))
-        return SceneRun(Rollout(scene, **arrays), **{**said, "isolation": Isolation(**said["isolation"])})
+        try:
+            return SceneRun(Rollout(scene, **arrays), **{**said, "isolation": Isolation(**said["isolation"])})
+        except TypeError:  # other fields
+            return None
 
     def write(self, seed: int, run: SceneRun) -> None:
         """Store a scene as a whole; raises MtpBenchError where that fails."""

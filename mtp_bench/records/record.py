@@ -14,6 +14,7 @@ from ..scoring.subsets import Subset
 from ..strict import Section
 from ..submission.manifest import NAME_PATTERN
 
+Division = Literal["closed", "open"]
 Mechanism = Literal["bubblewrap", "namespaces", "none"]
 Status = Literal["finished", "partial", "crashed", "rejected"]
 TOLERANCE = 1e-9  # of a number that is scored again, absolute and relative
@@ -132,14 +133,12 @@ class IsolationPart(Section):
     """What held the agent in every run, the weakest of them; as `gateway.Isolation`."""
 
     mechanism: Mechanism
-    filtered: bool
     memory: Literal["cgroup", "watch"]
-    cuda: bool
 
     @property
     def holds(self) -> bool:
         """Whether it was kept from truth, network and other processes."""
-        return self.mechanism != "none" and self.filtered
+        return self.mechanism != "none"
 
 
 class ScenePart(Section):
@@ -170,7 +169,7 @@ class Record(Section):
 
     format: Literal[2] = 2
     submission: SubmissionPart
-    division: Literal["closed", "open"]
+    division: Division
     training_data: Annotated[list[_Text], Field(max_length=MOST_NAMES)]  # as declared
     env: EnvPart
     scorer: ScorerPart

@@ -52,8 +52,6 @@ def why_not_isolated(record: Record, held: Iterable[IsolationPart]) -> str:
     for when, part in (("when the record was made", record.isolation), *(("in this run", each) for each in held)):
         if not part.holds:
             return f"nothing held the agent {when} (isolation {part.mechanism!r})"
-        if part.cuda and record.division == "closed":
-            return f"the agent had the graphics cards {when}, which only the open division allows"
     return ""
 
 

@@ -77,8 +77,11 @@ def load_record(path: str | Path) -> Record:
     Raises RecordError, naming the file, where it is missing, too large, of another format or schema, does not fit its
     digest, or says what does not follow from the rest of it.
     """
-    path = Path(path)
-    content = read_table(path, "no such record; `mtp-bench submit` makes one")
+    return checked(read_table(Path(path), "no such record; `mtp-bench submit` makes one"), str(path))
+
+
+def checked(content: dict[str, Any], path: str) -> Record:
+    """The record that is ``content``, as JSON was read from ``path``. Raises RecordError as `load_record`."""
     problem = next(out_of_bounds(content), None)
     if problem is not None:
         raise RecordError(f"{path}: {problem}")
@@ -90,7 +93,7 @@ def load_record(path: str | Path) -> Record:
     for name, advice in _MOVED.items():
         if name in content:
             raise RecordError(f"{path}: has the key {name!r}: {advice}")
-    record = validate(Record, content, str(path), RecordError)
+    record = validate(Record, content, path, RecordError)
     for what, found, said in (
         ("its content", content_digest(content), record.digest),
         ("its section 'measured'", measured_digest(content), record.measured.digest),

@@ -6,10 +6,10 @@ import datetime
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from ..cards import Card, load_card
-from ..errors import MtpBenchError, SubmissionError
+from ..errors import MtpBenchError, RecordError, SubmissionError
 from ..files import reason_of, require_file, require_folder, whole_file, whole_folder
 from ..gateway import Limits, SceneRun, image_of
 from ..parallel import parallel_map
@@ -18,13 +18,24 @@ from ..running.reference import reference_for
 from ..running.rollout_files import require_run_folder, save_run
 from ..running.run import library_versions
 from ..scoring import DEFINITIONS
-from ..strict import validate
+from ..strict import parse_json, require_part, validate
 from ..submission.loader import Submission, load_submission
 from ..submission.manifest import MANIFEST
+from .bounds import out_of_bounds
 from .evaluation import Evaluation, status_of
 from .parts import Start, open_parts
 from .provenance import hardware, scorer_digest
-from .record import EnvPart, HardwarePart, LimitsPart, MeasuredPart, MissedPart, Record, ScorerPart, SubmissionPart
+from .record import (
+    Division,
+    EnvPart,
+    HardwarePart,
+    LimitsPart,
+    MeasuredPart,
+    MissedPart,
+    Record,
+    ScorerPart,
+    SubmissionPart,
+)
 from .running import (
     Plan,
     evaluate_plan,
@@ -40,7 +51,7 @@ from .running import (
     unanswered,
 )
 from .stated import finished_record, stated_before
-from .storage import ROLLOUTS, seed_folder, written
+from .storage import ROLLOUTS, checked, seed_folder, written
 
 RECORDS = Path("leaderboard", "records")  # relative to the working folder: the checkout
 
@@ -50,7 +61,7 @@ def submit(
     env_id: str,
     options: RunOptions = DEFAULTS,
     output: str | Path | None = None,
-    division: Literal["closed", "open"] = "closed",
+    division: Division = "closed",
     training_data: Sequence[str] = (),
     limits: Limits = Limits(),  # noqa: B008  (frozen)
     start: Start = "new",
@@ -82,10 +93,10 @@ def submit(
     plan = plan_run(submission, env_id, options)
     target = record_path(submission, load_card(env_id), output, options.split)
     require_writable(target, submission)
-    said_of(plan)  # what no record can hold is refused before the work
     _require_limits(division, limits)
     note = submission.note_on(plan.card.id)
     declared = [*submission.training_data, *training_data, *([note] if note else [])]
+    _require_recordable(plan, limits, division, declared)
     stated = stated_before(plan, limits, division, declared)
     if start == "resume" and (record := finished_record(target, stated)) is not None:
         return record
@@ -95,13 +106,13 @@ def submit(
         runs = {seed: run_seed(plan, seed, limits, parts) for seed in options.seeds}
         _require_unchanged(plan)
         found = evaluate_plan(plan, runs, reference, watched=True)
-        more: dict[str, Any] = {"division": division, "training_data": declared}
-        return _save(target, plan, runs, _record(plan, runs, found, limits).model_copy(update=more))
+        return _save(target, plan, runs, _record(plan, runs, found, limits, division, declared))
 
 
 def _save(target: Path, plan: Plan, runs: Mapping[int, Sequence[SceneRun]], record: Record) -> Record:
     """Put record and rollouts in the place of earlier ones; whatever can fail comes before the first is replaced."""
     record, text = written(record, target)
+    checked(parse_json(text, str(target), RecordError), str(target))  # what cannot be read again is no record
     try:
         with whole_file(target) as file:
             file.write_text(text, encoding="utf-8")
@@ -130,6 +141,24 @@ def _require_limits(division: str, limits: Limits) -> None:
         )
 
 
+def _require_recordable(plan: Plan, limits: Limits, division: str, training_data: Sequence[str]) -> None:
+    """Refuse before the work what no record can hold: a text that is too long, too many seeds."""
+    where, card = f"a record of {plan.submission.name} on {plan.card.id}", plan.card
+    content = {
+        "submission": said_of(plan).model_dump(mode="json"),
+        "division": division,
+        "training_data": list(training_data),
+        "env": {"id": card.id, "split": card.source.split, "keywords": plan.keywords},
+        "seeds": list(plan.options.seeds),
+        "limits": asdict(limits),
+        "per_scene": [{"scene": name} for name in plan.scenes],
+    }
+    require_part(Record, content, where, RecordError)
+    problem = next(out_of_bounds(content), None)
+    if problem is not None:
+        raise RecordError(f"{where}: {problem}")
+
+
 def record_path(submission: Submission, card: Card, output: str | Path | None, split: str | None = None) -> Path:
     """Where the record of a submission on the env of ``card`` goes; on another ``split`` beside the one on its own."""
     folder = RECORDS / submission.name if output is None else Path(output)
@@ -151,13 +180,20 @@ def require_writable(target: Path, submission: Submission) -> None:
             require_run_folder(folder)
 
 
-def _record(plan: Plan, runs: Mapping[int, Sequence[SceneRun]], found: Evaluation, limits: Limits) -> Record:
+def _record(
+    plan: Plan,
+    runs: Mapping[int, Sequence[SceneRun]],
+    found: Evaluation,
+    limits: Limits,
+    division: Division,
+    training_data: Sequence[str],
+) -> Record:
     lost, rollouts, submission, card = unanswered(runs), rollouts_of(runs), plan.submission, plan.card
     every = [rollout for results in rollouts.values() for rollout in results]
     return Record(
         submission=said_of(plan),
-        division="closed",
-        training_data=[],
+        division=division,
+        training_data=list(training_data),
         env=EnvPart(
             id=card.id,
             card_digest=card.digest,

@@ -115,7 +115,10 @@ def _find(name: str | Path) -> Path:
 
 
 def _check_parameters(name: str, function: Callable[..., Any], given: dict[str, Any]) -> None:
-    _, *parameters = inspect.signature(function).parameters.values()  # the first one is the task
+    takes = list(inspect.signature(function).parameters.values())
+    if not takes:
+        raise SubmissionError(f"{name}: {function.__name__} takes nothing, expected the task as its first parameter")
+    parameters = takes[1:]
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
         return
     known = {parameter.name: parameter for parameter in parameters if parameter.kind is not parameter.VAR_POSITIONAL}

@@ -14,6 +14,7 @@ from ..strict import Section, read_toml, validate
 
 MANIFEST = "submission.toml"
 NAME_PATTERN = r"^[a-z0-9][a-z0-9_.-]*$"
+MOST_NAME = 64  # characters
 Value = bool | int | float | str | list[Any] | dict[str, Any]
 NetworkName = Annotated[str, Field(pattern=r"^[a-z0-9_]+-(truth|tracklets)$")]  # network and what it was trained on
 MOST_SETTINGS = 1000  # that a comparison runs
@@ -48,7 +49,7 @@ class CompareSection(Section):
 class Manifest(Section):
     """The content of ``submission.toml``."""
 
-    name: Annotated[str, Field(pattern=NAME_PATTERN, max_length=64)]  # it names a folder of records
+    name: Annotated[str, Field(pattern=NAME_PATTERN, max_length=MOST_NAME)]  # it names a folder of records
     authors: Annotated[tuple[_Author, ...], Field(min_length=1, max_length=50, strict=False)]
     agent: Annotated[str, Field(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*$")]
     description: Annotated[str, Field(max_length=2000), _Shown] = ""

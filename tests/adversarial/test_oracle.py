@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from mtp_bench._bundle import bundled
 from mtp_bench.cards import load_card
 from mtp_bench.env.rollouts import digest
 from mtp_bench.gateway import SceneRun, run, run_isolated
@@ -18,6 +17,7 @@ from mtp_bench.scoring import mean_plain_error, score_scene
 from mtp_bench.sources import discard, open_source
 from tests.support.command_line import write_submission
 from tests.support.runs import PATIENT
+from tests.support.small_scenes import write_short_card
 
 ENV = "MTP-Merge-v0"
 ORACLE = '''
@@ -81,13 +81,7 @@ BODY = """
 
 @pytest.fixture(scope="module")
 def short(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """Card of short scenes."""
-    text = (bundled("envs") / f"{ENV}.toml").read_text()
-    lines = {"seconds": "seconds = 3.0", "vehicles": "vehicles = 8", "val": "val = [10000, 10002]"}
-    found = [lines.get(line.split(" = ")[0], line) for line in text.splitlines()]
-    path = tmp_path_factory.mktemp("card") / f"{ENV}.toml"
-    path.write_text("\n".join(found))
-    return str(path)
+    return write_short_card(tmp_path_factory.mktemp("card"), ENV)
 
 
 class Hall:

@@ -12,10 +12,11 @@ from mtp_bench.errors import SubmissionError
 from mtp_bench.gateway import run_isolated
 from mtp_bench.gateway.cgroup import Group, _places, make_group
 from mtp_bench.gateway.image import image_of
-from mtp_bench.gateway.layout import LIBRARY, layout_for, library
+from mtp_bench.gateway.layout import LIBRARY, environment, layout_for, library
 from mtp_bench.networks import VARIABLE, file_name
 from mtp_bench.submission import load_submission
 from mtp_bench.submission.contents import files_of
+from mtp_bench.tracking.kernels.compile import cache_folder
 from tests.support.hostile import MANIFEST, QUICK, SCENE, submission
 
 IMPORTS = """
@@ -60,6 +61,14 @@ def test_kernels_in_the_users_cache_are_no_secret(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr("mtp_bench.gateway.layout.compiled_kernels", lambda: [kernels])
     image = image_of(load_submission(submission(tmp_path / "mine")), "MTP-X-v0")
     assert (str(kernels), "/kernels/kernels-0") in layout_for(image, None).shown
+
+
+def test_kernels_are_found_from_any_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An agent does not start where the judge does."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "kernels")
+    monkeypatch.chdir(tmp_path)
+    assert cache_folder() == tmp_path / "kernels"
+    assert environment(isolated=False)["NUMBA_CACHE_DIR"] == str(tmp_path / "kernels")
 
 
 def test_data_behind_a_link_in_its_root_is_a_secret(tmp_path: Path) -> None:

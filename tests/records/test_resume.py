@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import random
 import shutil
@@ -14,6 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from mtp_bench.errors import MtpBenchError, RecordError
@@ -23,6 +25,7 @@ from mtp_bench.records import load_record, running, submit
 from mtp_bench.records.parts import count_parts
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run
+from mtp_bench.sources.cache import read_arrays, write_arrays
 from tests.support.command_line import CommandLine, plain_environment, write_submission
 from tests.support.disks import mounted
 from tests.support.small_scenes import CARD_ID, write_kitti
@@ -280,6 +283,19 @@ def test_only_what_is_left_is_run_and_broken_parts_are_left(
     assert load_record(begun).digest == undisturbed
     assert len(ran) == SCENES - found + 1
     assert ran[0] == "0001"
+
+
+def test_parts_of_another_version_are_run_again(
+    cli: CommandLine, command: list[str], begun: Path, undisturbed: str
+) -> None:
+    part = begun.with_suffix(".part") / "seed-0" / "0001.npz"
+    arrays = read_arrays(part)
+    assert arrays is not None
+    said = json.loads(str(arrays["said"]))
+    said["isolation"]["filtered"] = True
+    write_arrays(part, {**{k: v for k, v in arrays.items() if k != "said"}, "said": np.array(json.dumps(said))})
+    cli.ok(*command, "--resume")
+    assert load_record(begun).digest == undisturbed
 
 
 def test_foreign_files_are_not_removed(cli: CommandLine, command: list[str], tmp_path: Path) -> None:

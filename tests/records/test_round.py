@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import errno
 import shutil
 from dataclasses import asdict, fields
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from mtp_bench.gateway import Limits
-from mtp_bench.records import load_record, save_record, submit
+from mtp_bench.records import load_record, save_record, submit, verify
 from mtp_bench.records.attestation import level_path
 from mtp_bench.records.record import LimitsPart
 from mtp_bench.records.rerun import run_again
 from mtp_bench.records.running import plan_run, rollout_digests, rollouts_of
+from mtp_bench.records.verifying import Verification
 from mtp_bench.running.options import RunOptions
 from mtp_bench.submission.loader import load_submission
 from tests.support.command_line import CommandLine, read_json, write_submission
@@ -63,6 +66,20 @@ def test_a_round_goes_through_all_records_and_goes_on_when_started_again(
     shutil.rmtree(records / "moved")
     assert "re-run, signed by" in " ".join(cli.ok(*arguments).split())
     assert signed.is_file()
+
+
+def test_a_disk_that_fails_once_stops_no_round(
+    made: Path, cli: CommandLine, card: str, kitti: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(path: Path, *arguments: Any) -> Verification:
+        if path.parent.name == "echo":
+            raise OSError(errno.ENOSPC, "No space left on device", "/cache/scene.npz")
+        return verify(path, *arguments)
+
+    monkeypatch.setattr("mtp_bench.records.verify", failing)
+    output = cli("verify", made / "records", "--env", card, "--data", kitti, "--jobs", 1)
+    assert output.error.startswith("/cache/scene.npz: No space left on device, ")
+    assert output.out.count("holds, re-scored") == 2
 
 
 def test_without_a_key_nothing_is_written(made: Path, cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 
-from mtp_bench._bundle import bundled
 from mtp_bench.cards import load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import MtpBenchError, RecordError
@@ -20,6 +19,7 @@ from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring import read_reference
 from mtp_bench.sources.highway.source import HighwayTraffic
 from tests.support.command_line import CommandLine
+from tests.support.small_scenes import write_short_card
 from tests.support.stored_records import ships_of
 
 ENV = "MTP-Merge-v0"
@@ -28,13 +28,7 @@ SCENES = 8  # enough for intervals
 
 @pytest.fixture(scope="module")
 def short(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """Card of two short scenes."""
-    text = (bundled("envs") / f"{ENV}.toml").read_text()
-    lines = {"seconds": "seconds = 3.0", "vehicles": "vehicles = 8", "val": "val = [10000, 10002]"}
-    found = [lines.get(line.split(" = ")[0], line) for line in text.splitlines()]
-    path = tmp_path_factory.mktemp("card") / f"{ENV}.toml"
-    path.write_text("\n".join(found))
-    return str(path)
+    return write_short_card(tmp_path_factory.mktemp("card"), ENV)
 
 
 def test_a_seal_is_a_secret_and_a_promise(tmp_path: Path) -> None:
@@ -123,8 +117,7 @@ def test_a_submission_on_hidden_scenes(
     assert path.read_bytes() == before, "a level never changes the record"
     trust, sealed = trusted(leaderboard), open_seal(secret)
     signed, why = read_level(path, made, trust)
-    assert (signed is not None, why) == (True, "")
-    assert signed is not None
+    assert signed is not None, why
     assert (signed.level, signed.signer, signed.statement.isolation) == ("hidden", "tester", made.isolation.mechanism)
     hidden = signed.hidden
     assert hidden is not None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 import pytest
 
 from mtp_bench.errors import MtpBenchError, RecordError, RolloutError, UnknownNameError
+from mtp_bench.gateway import Limits
 from mtp_bench.parallel import Workers
 from mtp_bench.records import Record, load_record, save_record, submit, verify, why_unranked
 from mtp_bench.records.verifying import confirm
@@ -323,6 +325,37 @@ def test_a_record_is_not_written_into_the_submission(submission: Path, card: str
     with pytest.raises(MtpBenchError, match=r"inside the submission .* name another folder"):
         submit(submission, card, RunOptions(kitti), submission / "records")
     assert not (submission / "records").exists()
+
+
+@pytest.mark.parametrize(
+    ("table", "options", "reason"),
+    [
+        ("", {"seeds": range(51)}, "seeds: got [0, 1"),
+        ("", {"seeds": (1 << 31,)}, "seeds.0: got 2147483648"),
+        ("", {"training_data": "x" * 2001}, "String should have at most 2000 characters"),
+        ("", {"training_data": "\x1b[31m"}, "training_data[0] has the character U+001B"),
+        (f"[parameters]\nlarge = {2**53 + 1}", {}, "parameters.large is a number of 16 digits, expected at most 9007"),
+        (f'[parameters]\ntext = "{"x" * 2001}"', {}, "parameters.text has 2001 characters, expected at most 2000"),
+        ("", {"limits": Limits(scene=1e5)}, "limits.scene: got 100000.0"),
+        ("", {"division": "middle"}, "division: got 'middle'"),
+        ("", {"card": CARD.replace(CARD_ID, "MTP Small")}, "env.id: got 'MTP Small'"),
+    ],
+    ids=["seeds", "seed", "length", "control", "number", "parameter", "limits", "division", "card"],
+)  # fmt: skip
+def test_what_no_record_can_hold_is_refused_before_the_work(
+    table: str, options: dict[str, Any], reason: str, card: str, kitti: str, tmp_path: Path
+) -> None:
+    folder = write_submission(tmp_path / "mine", "mine", tables=table)
+    if "card" in options:
+        (tmp_path / "MTP Small.toml").write_text(options["card"])
+        card = str(tmp_path / "MTP Small.toml")
+    with pytest.raises(RecordError, match=rf"a record of mine on MTP.Small.*{re.escape(reason)}"):
+        submit(
+            folder, card, RunOptions(kitti, seeds=options.get("seeds", (0,))), tmp_path / "out",
+            division=options.get("division", "open"), limits=options.get("limits", Limits()),
+            training_data=[options["training_data"]] if "training_data" in options else (),
+        )  # fmt: skip
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_record_has_no_other_detector(submission: Path, card: str, kitti: str, tmp_path: Path) -> None:

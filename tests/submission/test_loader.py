@@ -241,6 +241,7 @@ WRONG_CODE = {
     "exception": ("1 / 0", "importing agent.py failed: ZeroDivisionError"),
     "no agent": ("def build(task, gate):\n    return 3", "returned 'int' without reset and act"),
     "half an agent": (AGENT.replace("def act", "def akt"), "returned 'Silent' without act"),
+    "no parameter": ("def build():\n    return 3", "build takes nothing, expected the task as its first parameter"),
     "a parameter without value": (AGENT.replace("hypotheses=1", "hypotheses"), "parameter 'hypotheses' has no value"),
 }
 

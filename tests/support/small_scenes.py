@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mtp_bench._bundle import bundled
 from mtp_bench.types import Action as Action
 from mtp_bench.types import Detections, Floats, Scene, Task, Truth
 
@@ -41,6 +42,15 @@ def write_card(folder: Path, content: str = CARD) -> str:
     """Path of the card."""
     path = folder / f"{CARD_ID}.toml"
     path.write_text(content)
+    return str(path)
+
+
+def write_short_card(folder: Path, env_id: str) -> str:
+    """Card of a simulated env with two short scenes of little traffic."""
+    lines = {"seconds": "seconds = 3.0", "vehicles": "vehicles = 8", "val": "val = [10000, 10002]"}
+    text = (bundled("envs") / f"{env_id}.toml").read_text()
+    path = folder / f"{env_id}.toml"
+    path.write_text("\n".join(lines.get(line.split(" = ")[0], line) for line in text.splitlines()))
     return str(path)
 
 

@@ -95,7 +95,7 @@ def make_record(
         "versions": {"numpy": "2.1"},
         "limits": asdict(Limits()),
         "missed": {"late": 0, "malformed": 0, "crashed_scenes": 0, "reasons": {}},
-        "isolation": {"mechanism": "bubblewrap", "filtered": True, "memory": "watch", "cuda": False},
+        "isolation": {"mechanism": "bubblewrap", "memory": "watch"},
         "hypotheses": rows[0]["hypotheses"],
         "samples": rows[0]["samples"],
         "rows": rows,

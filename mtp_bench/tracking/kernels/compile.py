@@ -89,7 +89,7 @@ class Kernel(Generic[P, R]):
     @property
     def folder(self) -> Path:
         """Where the compiled kernel is kept, once it is."""
-        return _root() / f"kernels-{self._digest(importlib.import_module('numba').__version__)}"
+        return cache_folder() / f"kernels-{self._digest(importlib.import_module('numba').__version__)}"
 
     def _as_callee(self, numba: Any) -> Any:
         if self._inner is None:
@@ -203,10 +203,11 @@ def _source(path: str) -> str:
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
-def _root() -> Path:
+def cache_folder() -> Path:
+    """The folder of all compiled kernels: the one that NUMBA_CACHE_DIR names, else the user's cache folder."""
     given = os.environ.get("NUMBA_CACHE_DIR")
     if given:
-        return Path(given)
+        return Path(given).absolute()  # numba, and whoever shows it to an agent, may work in another folder
     from platformdirs import user_cache_path
 
     return user_cache_path("mtp_bench", appauthor=False)
