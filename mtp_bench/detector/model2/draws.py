@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...types import Floats, Ints, Truth
-from ..draws import decayed
+from ..chains import decayed
 from .neighbours import Neighbours, neighbours_of
-from .profile import ClassNoise2, Shared
+from .profile import ClassNoise, Shared
 
 _GOLDEN, _FIRST, _SECOND = (np.uint64(n) for n in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
 Keys = NDArray[np.uint64]  # what numbers are drawn for
@@ -108,14 +108,14 @@ def _mixed(state: NDArray[np.uint64]) -> NDArray[np.uint64]:
 
 
 @dataclass(frozen=True, eq=False)
-class Grid2:
+class Grid:
     """Rows of boxes in F frames of J objects, and the noise of the class of each."""
 
     frames: int
     ids: Ints  # [J] ascending
     frame: Ints  # [R]
     column: Ints  # [R] object of every row
-    noise: tuple[ClassNoise2, ...]  # per class
+    noise: tuple[ClassNoise, ...]  # per class
     object_class: Ints  # [J]
     steps: float  # frame periods of the profile per frame of the scene
     lives: tuple[Ints, Ints] | None = None  # [J] first frame and the one after the last; None: those of the rows
@@ -135,15 +135,15 @@ class Grid2:
         """Keys of object and frame of every row ``[R]``."""
         return keys_of(self.id_of_rows, self.frame)
 
-    def of_objects(self, parameter: Callable[[ClassNoise2], float | Sequence[float]]) -> Floats:
+    def of_objects(self, parameter: Callable[[ClassNoise], float | Sequence[float]]) -> Floats:
         """A parameter of every object's class: ``[J]``, or ``[J, n]`` if it has n components."""
         return np.array([parameter(noise) for noise in self.noise], dtype=np.float64)[self.object_class]
 
-    def of_rows(self, parameter: Callable[[ClassNoise2], float | Sequence[float]]) -> Floats:
+    def of_rows(self, parameter: Callable[[ClassNoise], float | Sequence[float]]) -> Floats:
         """The same for every row: ``[R]`` or ``[R, n]``."""
         return self.of_objects(parameter)[self.column]
 
-    def of_these(self, row: Ints) -> Grid2:
+    def of_these(self, row: Ints) -> Grid:
         """The grid of some rows, without the objects that have none of them."""
         used, column = np.unique(self.column[row], return_inverse=True)
         lives = self.span[0][used], self.span[1][used]  # memory begins where it did
@@ -195,7 +195,7 @@ class Grid2:
         return value[self.frame, self.column]
 
     def latent(
-        self, memory: Callable[[ClassNoise2], Shared], neighbours: Neighbours, draws: Draws, kind: Kind
+        self, memory: Callable[[ClassNoise], Shared], neighbours: Neighbours, draws: Draws, kind: Kind
     ) -> Floats:
         """Standard normal numbers ``[R]`` that last, and are shared with neighbours as far as they last."""
         bias, ar, phi, white, shared = self.of_objects(
@@ -208,13 +208,13 @@ class Grid2:
         return np.asarray(np.sqrt(1 - share) * lasting + np.sqrt(share) * new)
 
 
-def grid_of(truth: Truth, noise: Sequence[ClassNoise2], steps: float) -> Grid2:
+def grid_of(truth: Truth, noise: Sequence[ClassNoise], steps: float) -> Grid:
     """The grid of a truth whose ``class_id`` is an index into ``noise``."""
     ids, first, column = np.unique(truth.object_id, return_index=True, return_inverse=True)
-    return Grid2(truth.frames, ids, truth.frame_of_rows, column, tuple(noise), truth.class_id[first], steps)
+    return Grid(truth.frames, ids, truth.frame_of_rows, column, tuple(noise), truth.class_id[first], steps)
 
 
-def neighbours_in(grid: Grid2, place: Floats, length: float) -> Neighbours:
+def neighbours_in(grid: Grid, place: Floats, length: float) -> Neighbours:
     """Neighbours within ``length`` m of rows at ``place`` ``[R, 2]``: of one frame and with the same noise."""
     kind = np.array([grid.noise.index(noise) for noise in grid.noise])
     moment = grid.frame * len(kind) + kind[grid.object_class[grid.column]]

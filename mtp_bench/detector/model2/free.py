@@ -8,11 +8,12 @@ import numpy as np
 
 from ...geometry import wrap_angle
 from ...types import Floats, Ints, Ragged
-from ..draws import decayed
-from ..false_positives import SIZE_SPREAD, SMALLEST_SHARE, Labels, Rows, Surroundings, ground_at, places
+from ..chains import decayed
+from ..rows import Rows
 from ..sight import polar
-from .draws import Draws, Grid2, Kind, Whose
-from .profile import ClassNoise2, FreeGhosts
+from ..surroundings import Labels, Surroundings, ground_at, places, spread_sides
+from .draws import Draws, Grid, Kind, Whose
+from .profile import ClassNoise, FreeGhosts
 from .quality import score_by_rank, seen_rank
 from .reports import Ghosts, report
 from .skewed import exponential, with_exponential
@@ -29,7 +30,7 @@ class _Members:
     class_id: Ints  # [B]
 
 
-def free_ghosts(noise: ClassNoise2, labels: Labels, around: Surroundings, number: int, seed: int) -> Rows:
+def free_ghosts(noise: ClassNoise, labels: Labels, around: Surroundings, number: int, seed: int) -> Rows:
     """False positives of one noise over a scene; ``number`` tells the random numbers of several noises apart.
 
     ``labels``: classes and sizes that they may have. What appears beyond the sensor's reach is dropped.
@@ -42,7 +43,7 @@ def free_ghosts(noise: ClassNoise2, labels: Labels, around: Surroundings, number
     rows = Ragged.of_counts(members.life)
     which = rows.frame_of_rows
     age = np.arange(len(which)) - rows.start[which]
-    grid = Grid2(
+    grid = Grid(
         int(members.life.max(initial=0)),
         np.arange(len(members.life)),
         age,
@@ -71,7 +72,7 @@ def _on_the_ground(box: Floats, which: Ints, birth: Ints, around: Surroundings) 
     return np.column_stack([box[:, :2], height + box[:, 6] / 2, box[:, 3:]])
 
 
-def _seen(law: FreeGhosts, members: _Members, grid: Grid2, draws: Draws) -> tuple[Ints, Floats]:
+def _seen(law: FreeGhosts, members: _Members, grid: Grid, draws: Draws) -> tuple[Ints, Floats]:
     """Rows of the grid that are seen, and the ranks of their quality; siblings share a part of it."""
     families = int(members.family.max(initial=-1)) + 1
     of_families = replace(
@@ -88,7 +89,7 @@ def _seen(law: FreeGhosts, members: _Members, grid: Grid2, draws: Draws) -> tupl
     return seen_rank(quality, law.bias, law.chance)
 
 
-def _latent(law: FreeGhosts, grid: Grid2, draws: Draws, kind: Kind) -> tuple[Floats, Floats]:
+def _latent(law: FreeGhosts, grid: Grid, draws: Draws, kind: Kind) -> tuple[Floats, Floats]:
     """Normal numbers that change over frames ``[R]``, and those behind the constant share ``[J]``."""
     ar = law.ar / max(1 - law.bias, 1e-12)
     rng = draws.stream(kind)  # hashes would take long for so many
@@ -112,7 +113,7 @@ def _members(law: FreeGhosts, labels: Labels, around: Surroundings, draws: Draws
     heading = wrap_angle(2 * np.pi * draws.stream(Kind.HEADING).random(len(birth)))[family]
     label = draws.stream(Kind.CLASS).choice(len(labels.share), len(family), p=labels.share)
     spread = draws.stream(Kind.SIZE).standard_normal((len(family), 3))
-    size = labels.size[label] * np.maximum(1.0 + SIZE_SPREAD * spread, SMALLEST_SHARE)
+    size = spread_sides(labels.size[label], spread)
     birth, life = birth[family], life[family]
     box = np.column_stack([place, np.zeros(len(place)), heading, size])
     return _Members(birth, life, family, box, labels.class_id[label])

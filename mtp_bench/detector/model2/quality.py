@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...types import Bools, Floats, Ints
-from ..sight import Sight
-from ..undetected import features
-from .draws import Draws, Grid2, Kind
+from ..sight import Sight, features
+from .draws import Draws, Grid, Kind
 from .neighbours import Neighbours
 from .profile import RANKS, Lapses
 from .skewed import below, exceeded, raised
@@ -24,7 +23,7 @@ class Qualities(NamedTuple):
     reported: Bools  # [R] its score reaches the operating point
 
 
-def qualities(grid: Grid2, sight: Sight, neighbours: Neighbours, draws: Draws) -> Qualities:
+def qualities(grid: Grid, sight: Sight, neighbours: Neighbours, draws: Draws) -> Qualities:
     """Qualities of all rows, covered by the sensor or not."""
     random = random_quality(grid, neighbours, draws)
     location = (location_features(features(sight)) * grid.of_rows(lambda noise: noise.quality.location)).sum(-1)
@@ -36,7 +35,7 @@ def qualities(grid: Grid2, sight: Sight, neighbours: Neighbours, draws: Draws) -
     return Qualities(random, score, present, present & (score >= floor))
 
 
-def random_quality(grid: Grid2, neighbours: Neighbours, draws: Draws) -> Floats:
+def random_quality(grid: Grid, neighbours: Neighbours, draws: Draws) -> Floats:
     """The random part of the quality ``[R]``: a normal number, less the exponential one of a lapse."""
     usual = grid.latent(lambda noise: noise.quality, neighbours, draws, Kind.QUALITY)
     bias, phi, shared, share = grid.of_objects(lambda n: _numbers(n.quality.lapses)).T
@@ -70,7 +69,7 @@ def seen_rank(quality: Floats, tail: float, chance: float) -> tuple[Ints, Floats
     return seen, np.clip(rank, 0.0, 1.0)
 
 
-def rows_by_class(grid: Grid2) -> list[Ints]:
+def rows_by_class(grid: Grid) -> list[Ints]:
     """Rows of every class of the grid."""
     row_class = grid.object_class[grid.column]
     return [np.flatnonzero(row_class == number) for number in range(len(grid.noise))]

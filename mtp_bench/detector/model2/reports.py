@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...types import Floats, Ints
-from ..false_positives import Rows, Surroundings
+from ..rows import Rows
 from ..sight import polar, within
-from .draws import Draws, Grid2
+from ..surroundings import Surroundings
+from .draws import Draws, Grid
 from .errors import box_errors, velocities
 from .neighbours import neighbours_of
 
@@ -20,7 +21,7 @@ _POOR = -1.0  # random part of the quality that the errors of false positives ha
 class Ghosts:
     """False positives that are seen, before any error; those that the sensor does not cover included."""
 
-    grid: Grid2
+    grid: Grid
     frame: Ints  # [R] of the scene; those of the grid may be others
     box: Floats  # [R, 7]
     velocity: Floats  # [R, 2] m/s
