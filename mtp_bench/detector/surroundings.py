@@ -64,11 +64,14 @@ def ground_at(place: Floats, frame: Ints, around: Surroundings) -> Floats:
     underside = truth.box[:, 2] - truth.box[:, 6] / 2
     above = underside - ego[truth.frame_of_rows, 2]
     ground = ego[frame, 2] + (np.median(above) if len(above) else 0.0)
-    for t in np.unique(frame):
-        rows, here = truth.rows(int(t)), np.flatnonzero(frame == t)
+    order = np.argsort(frame, kind="stable")
+    start = np.searchsorted(frame[order], np.arange(truth.frames + 1))
+    for t in np.flatnonzero(np.diff(start)):
+        rows, here = truth.rows(int(t)), order[start[t] : start[t + 1]]
         if rows.stop > rows.start:
-            off = truth.box[None, rows, :2] - place[here, None]
-            ground[here] = underside[rows][np.argmin((off**2).sum(axis=-1), axis=1)]
+            off = place[here, :, None] - truth.box[rows, :2].T
+            off *= off
+            ground[here] = underside[rows][(off[:, 0] + off[:, 1]).argmin(axis=1)]
     return np.asarray(ground)
 
 

@@ -18,14 +18,13 @@ from .profile import ClassNoise, PositionNoise
 _LATENT = np.linspace(-5.0, 5.0, 1001)  # beyond, tails are as heavy as at the end
 
 
-def box_errors(
-    true: Floats, grid: Grid, distance: Floats, toward: Floats, quality: Floats, neighbours: Neighbours, draws: Draws
+def position_errors(
+    grid: Grid, distance: Floats, toward: Floats, quality: Floats, neighbours: Neighbours, draws: Draws
 ) -> Floats:
-    """Boxes ``[R, 7]`` as the detector would estimate ``true`` ones at ``distance`` ``[R]`` m.
+    """Errors of the positions ``[R, 2]`` m of boxes at ``distance`` ``[R]`` m.
 
     ``toward`` ``[R]`` rad points from the sensor to them; ``quality`` ``[R]`` is the random part of their quality.
     """
-    box = reshaped(true, grid, draws)
     tails = _tails(grid, draws)
 
     def error(axis: Callable[[ClassNoise], PositionNoise], kind: Kind) -> Floats:
@@ -35,8 +34,7 @@ def box_errors(
         return np.asarray(np.clip(scale * tails * latent, -FARTHEST, FARTHEST))
 
     off = [error(lambda n: n.radial, Kind.RADIAL), error(lambda n: n.tangential, Kind.TANGENTIAL)]
-    box[:, :2] += rotate(np.stack(off, axis=-1), toward)
-    return box
+    return rotate(np.stack(off, axis=-1), toward)
 
 
 def _tails(grid: Grid, draws: Draws) -> Floats:
@@ -44,8 +42,8 @@ def _tails(grid: Grid, draws: Draws) -> Floats:
     bias, ar, phi, nu = grid.of_objects(lambda n: (n.radial.bias, n.radial.ar, n.radial.phi, n.nu)).T
     lasts = bias + ar > 0  # else it is new in every frame
     latent = grid.lasting(bias / np.maximum(bias + ar, 1e-12), phi, draws, Kind.TAIL)
-    lasts = lasts[grid.column]
-    latent = np.where(lasts, latent, draws.normal(Kind.TAIL, Part.WHITE, grid.of_frames))
+    if not lasts.all():
+        latent = np.where(lasts[grid.column], latent, draws.normal(Kind.TAIL, Part.WHITE, grid.of_frames))
     factor = np.ones(len(latent))
     of_rows = nu[grid.column]
     for freedom in np.unique(nu):
@@ -62,9 +60,10 @@ def _mixing(nu: float) -> Floats:
     return np.asarray(np.sqrt(nu / chdtri(nu, ndtr(_LATENT))))
 
 
-def reshaped(true: Floats, grid: Grid, draws: Draws) -> Floats:
-    """Boxes ``[R, 7]`` at their true places, with the errors of height, heading and size."""
+def estimated(true: Floats, off: Floats, grid: Grid, draws: Draws) -> Floats:
+    """Boxes ``[R, 7]`` as the detector estimates ``true`` ones, ``off`` ``[R, 2]`` m from their places."""
     box = np.array(true, dtype=np.float64)
+    box[:, :2] += off
     mean, deviation = grid.of_rows(lambda noise: noise.z).T
     box[:, 2] += mean + deviation * draws.normal(Kind.Z, Part.WHITE, grid.of_frames)
     box[:, 3] = wrap_angle(box[:, 3] + _heading_error(grid, draws))
@@ -75,6 +74,8 @@ def reshaped(true: Floats, grid: Grid, draws: Draws) -> Floats:
 def velocities(true: Floats, grid: Grid, toward: Floats, draws: Draws) -> Floats:
     """Measured velocities ``[R, 2]`` m/s; NaN where the class has none or the truth is unknown."""
     deviation = grid.of_rows(lambda noise: np.nan if noise.velocity is None else noise.velocity)
+    if np.isnan(deviation).all():
+        return np.full(true.shape, np.nan)
     error = _components(draws, Kind.VELOCITY, Part.WHITE, grid, 2)
     return np.asarray(true + rotate(deviation[:, None] * error, toward))
 

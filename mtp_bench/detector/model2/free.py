@@ -59,17 +59,20 @@ def free_ghosts(noise: ClassNoise, labels: Labels, around: Surroundings, number:
     kept, score = kept[reported], score[reported]
     which = which[kept]
     frame = members.birth[which] + age[kept]
-    box = _on_the_ground(members.box[which], which, members.birth[which], around)
+    box = _on_the_ground(members, which, around)
     still = np.zeros((len(which), 2))
     ghosts = Ghosts(grid.of_these(kept), frame, box, still, members.class_id[which], score)
     return report(ghosts, around, draws)
 
 
-def _on_the_ground(box: Floats, which: Ints, birth: Ints, around: Surroundings) -> Floats:
+def _on_the_ground(members: _Members, which: Ints, around: Surroundings) -> Floats:
     """Boxes ``[R, 7]`` of members ``which`` ``[R]`` at the height of the ground in the frame of their birth."""
-    _, first, again = np.unique(which, return_index=True, return_inverse=True)
-    height = ground_at(box[first, :2], birth[first], around)[again]
-    return np.column_stack([box[:, :2], height + box[:, 6] / 2, box[:, 3:]])
+    used = np.flatnonzero(np.bincount(which))
+    ground = np.zeros(len(members.birth))
+    ground[used] = ground_at(members.box[used, :2], members.birth[used], around)
+    box = members.box[which]
+    box[:, 2] = ground[which] + box[:, 6] / 2
+    return box
 
 
 def _seen(law: FreeGhosts, members: _Members, grid: Grid, draws: Draws) -> tuple[Ints, Floats]:
@@ -79,7 +82,7 @@ def _seen(law: FreeGhosts, members: _Members, grid: Grid, draws: Draws) -> tuple
         grid,
         ids=np.arange(families),
         column=members.family[grid.column],
-        object_class=np.zeros(families, dtype=np.int64),
+        of_noise=np.zeros(families, dtype=np.int64),
     )
     own, alone = _latent(law, grid, draws, Kind.QUALITY)
     common, together = _latent(law, of_families, draws, Kind.FAMILY)
@@ -94,10 +97,9 @@ def _latent(law: FreeGhosts, grid: Grid, draws: Draws, kind: Kind) -> tuple[Floa
     ar = law.ar / max(1 - law.bias, 1e-12)
     rng = draws.stream(kind)  # hashes would take long for so many
     constant, (push, white) = rng.standard_normal(len(grid.ids)), rng.standard_normal((2, len(grid.cells[0])))
-    new = np.zeros((grid.frames, len(grid.ids)))
-    new[grid.cells] = white  # siblings have the same rows of their family
+    new = grid.of_rows_in(grid.spread(white))  # siblings have the same rows of their family
     series = grid.series_of(np.full(len(grid.ids), law.phi), push)
-    return np.sqrt(ar) * series + np.sqrt(1 - ar) * new[grid.frame, grid.column], constant
+    return np.sqrt(ar) * series + np.sqrt(1 - ar) * new, constant
 
 
 def _members(law: FreeGhosts, labels: Labels, around: Surroundings, draws: Draws) -> _Members:

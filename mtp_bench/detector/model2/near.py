@@ -13,7 +13,7 @@ from ..rows import Rows
 from ..surroundings import Surroundings, spread_sides
 from .draws import Draws, Grid, Kind, Part, Whose, keys_of
 from .profile import SLOTS, ClassNoise, NearGhosts
-from .quality import Qualities, place_by_rank, rows_by_class, score_by_rank, seen_rank
+from .quality import Qualities, place_by_rank, score_by_rank, seen_rank
 from .reports import Ghosts, report
 from .skewed import exponential, with_exponential
 
@@ -56,7 +56,7 @@ def _slots(grid: Grid) -> Grid:
         ids=(grid.ids[:, None] * SLOTS + slot).ravel(),
         frame=np.repeat(grid.frame, SLOTS),
         column=(grid.column[:, None] * SLOTS + slot).ravel(),
-        object_class=np.repeat(grid.object_class, SLOTS),
+        of_noise=np.repeat(grid.of_noise, SLOTS),
     )
 
 
@@ -70,8 +70,8 @@ def _seen(slots: Grid, of_object: Floats, draws: Draws) -> tuple[Ints, Floats]:
     positive = exponential(draws.normal(Kind.QUALITY, Part.BIAS, slots.of_ids))
     quality = with_exponential(own, positive[slots.column], bias[slots.column])
     kept, ranks = [], []
-    for number, rows in enumerate(rows_by_class(slots)):
-        law = _law(slots.noise[number])
+    for noise, rows in slots.by_noise():
+        law = _law(noise)
         seen, rank = seen_rank(quality[rows], law.bias, law.chance)
         kept.append(rows[seen])
         ranks.append(rank)
@@ -82,16 +82,16 @@ def _seen(slots: Grid, of_object: Floats, draws: Draws) -> tuple[Ints, Floats]:
 def _offsets(slots: Grid, draws: Draws) -> Floats:
     """Distances from the objects' centres ``[R]`` m."""
     offset = draws.uniform(Kind.PLACE, Part.BIAS, slots.of_ids)[slots.column]
-    for number, rows in enumerate(rows_by_class(slots)):
-        offset[rows] = place_by_rank(offset[rows], _law(slots.noise[number]).offset)
+    for noise, rows in slots.by_noise():
+        offset[rows] = place_by_rank(offset[rows], _law(noise).offset)
     return offset
 
 
 def _scores(slots: Grid, rank: Floats, duplicate: Bools) -> Floats:
     """Scores ``[R]`` by ranks; those of duplicates have a law of their own where the profile has it."""
     score = np.zeros(len(rank))
-    for number, rows in enumerate(rows_by_class(slots)):
-        law = _law(slots.noise[number])
+    for noise, rows in slots.by_noise():
+        law = _law(noise)
         weaker = law.score if law.duplicates is None else law.duplicates
         score[rows] = np.where(duplicate[rows], score_by_rank(rank[rows], weaker), score_by_rank(rank[rows], law.score))
     return score

@@ -28,8 +28,8 @@ def qualities(grid: Grid, sight: Sight, neighbours: Neighbours, draws: Draws) ->
     random = random_quality(grid, neighbours, draws)
     location = (location_features(features(sight)) * grid.of_rows(lambda noise: noise.quality.location)).sum(-1)
     score, present, floor = np.zeros(len(random)), np.zeros(len(random), dtype=bool), np.zeros(len(random))
-    for number, rows in enumerate(rows_by_class(grid)):
-        law = grid.noise[number].quality
+    for noise, rows in grid.by_noise():
+        law = noise.quality
         quality, floor[rows] = location[rows] + random[rows], law.floor
         score[rows], present[rows] = np.interp(quality, law.latent, law.score), quality >= law.latent[0]
     return Qualities(random, score, present, present & (score >= floor))
@@ -67,9 +67,3 @@ def seen_rank(quality: Floats, tail: float, chance: float) -> tuple[Ints, Floats
     seen = np.flatnonzero(quality >= exceeded(chance, tail))
     rank = (below(quality[seen], tail) - (1.0 - chance)) / chance
     return seen, np.clip(rank, 0.0, 1.0)
-
-
-def rows_by_class(grid: Grid) -> list[Ints]:
-    """Rows of every class of the grid."""
-    row_class = grid.object_class[grid.column]
-    return [np.flatnonzero(row_class == number) for number in range(len(grid.noise))]

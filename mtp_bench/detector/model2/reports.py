@@ -11,8 +11,8 @@ from ..rows import Rows
 from ..sight import polar, within
 from ..surroundings import Surroundings
 from .draws import Draws, Grid
-from .errors import box_errors, velocities
-from .neighbours import neighbours_of
+from .errors import estimated, position_errors, velocities
+from .neighbours import Neighbours
 
 _POOR = -1.0  # random part of the quality that the errors of false positives have
 
@@ -36,7 +36,8 @@ def report(ghosts: Ghosts, around: Surroundings, draws: Draws) -> Rows:
     grid = ghosts.grid.of_these(np.flatnonzero(kept))
     frame, distance = ghosts.frame[kept], distance[kept]
     toward, poor = bearing[kept] + around.ego[frame, 3], np.full(len(frame), _POOR)
-    alone = neighbours_of(np.zeros((0, 2)), frame[:0], frame[:0], 1.0)
-    box = box_errors(ghosts.box[kept], grid, distance, toward, poor, alone, draws)
+    alone = Neighbours.none()
+    off = position_errors(grid, distance, toward, poor, alone, draws)
+    box = estimated(ghosts.box[kept], off, grid, draws)
     velocity = velocities(ghosts.velocity[kept], grid, toward, draws)
     return Rows(frame, box, velocity, ghosts.class_id[kept], ghosts.score[kept])

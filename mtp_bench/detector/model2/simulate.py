@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from ...types import Detections, Truth
 from ..rows import Rows, in_order
 from ..sight import Sight, within
 from ..surroundings import Labels, Surroundings, labels_of
 from .draws import Draws, grid_of, neighbours_in
-from .errors import box_errors, velocities
+from .errors import estimated, position_errors, velocities
 from .free import free_ghosts
 from .near import classes_alike, near_ghosts
 from .profile import Profile
@@ -28,10 +30,12 @@ def simulate2(
     neighbours = neighbours_in(grid, truth.box[:, :2], profile.neighbours)
     found = qualities(grid, sight, neighbours, draws)
     toward = sight.bearing + around.ego[grid.frame, 3]
-    box = box_errors(truth.box, grid, sight.distance, toward, found.random, neighbours, draws)
-    velocity = velocities(truth.velocity, grid, toward, draws)
-    hit = found.reported & within(sight.distance, sight.bearing, around.sensor)
-    objects = Rows(grid.frame[hit], box[hit], velocity[hit], truth.class_id[hit], found.score[hit])
+    off = position_errors(grid, sight.distance, toward, found.random, neighbours, draws)
+    hit = np.flatnonzero(found.reported & within(sight.distance, sight.bearing, around.sensor))
+    seen = grid.of_these(hit)
+    box = estimated(truth.box[hit], off[hit], seen, draws)
+    velocity = velocities(truth.velocity[hit], seen, toward[hit], draws)
+    objects = Rows(seen.frame, box, velocity, truth.class_id[hit], found.score[hit])
     alike = classes_alike(truth, [profile.noise_name(name) for name in classes])
     near = near_ghosts(grid, around, found, alike, seed)
     return in_order([objects, near, *_free(profile, classes, around, seed)], len(around.ego))

@@ -12,7 +12,7 @@ from ...fit.samples import FalsePositiveSamples
 from ...rows import Rows
 from ...sight import Sensor, Sight, covered, sight
 from ...surroundings import Surroundings
-from ..draws import Draws, Grid, grid_of, neighbours_in
+from ..draws import Draws, grid_of, neighbours_in
 from ..free import free_ghosts
 from ..near import BESIDE, classes_alike, near_ghosts
 from ..profile import ClassNoise, Profile
@@ -129,19 +129,18 @@ class _Fit:
             made.append(np.append(figures(seen, self.frames, self.high), seen.near.sum() / self.frames))
         return np.asarray(np.mean(made, axis=0))
 
-    def _qualities(self, stage: _Stage, seed: int) -> tuple[Grid, Qualities]:
+    def _qualities(self, stage: _Stage, seed: int) -> Qualities:
         """Qualities of the true objects."""
         truth = stage.around.truth
         grid = grid_of(truth, [self.profile.noise(name) for name in self.classes], 1.0)
         near = neighbours_in(grid, truth.box[:, :2], self.profile.neighbours)
-        return grid, qualities(grid, stage.sight, near, Draws(seed))
+        return qualities(grid, stage.sight, near, Draws(seed))
 
     def _scene(self, profile: Profile, stage: _Stage, number: int, seed: int) -> Seen:
-        grid, known = self.qualities[seed * len(self.stages) + number]
+        known = self.qualities[seed * len(self.stages) + number]
         truth = stage.around.truth
         alike = classes_alike(truth, self.names_of_noise)
-        noise = tuple(profile.noise(name) for name in self.classes)
-        grid = Grid(grid.frames, grid.ids, grid.frame, grid.column, noise, grid.object_class, grid.steps)
+        grid = grid_of(truth, [profile.noise(name) for name in self.classes], 1.0)
         rows = [near_ghosts(grid, stage.around, known, alike, 1000 * seed + number)]
         labels = labels_in(truth, self.classes, profile, self.own)
         if labels is not None:
