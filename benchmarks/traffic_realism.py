@@ -4,8 +4,8 @@
 
 `--data` holds nuScenes mini (truth of all objects) and KITTI, `--targets` the training scenes of nuScenes, where only
 prediction targets are known. All are measured by the same code, `traffic_motion.py`, on boxes as they are labelled:
-labels jitter by centimetres, simulated boxes do not. Generator 2 was fitted on seeds below 400; `--first` is the
-first seed that is shown.
+labels jitter by centimetres, simulated boxes do not. The traffic was fitted on seeds below 400; `--first` is the first
+seed that is shown.
 
 Errors are those of constant velocity, mean distances over the horizon: of vehicles that move at 0.5 m/s and more, and
 of all people on foot, where the next six seconds are known. Parked is who stays within 1 m all the time. Towns are
@@ -25,7 +25,6 @@ import numpy as np
 
 from benchmarks.tracking.report import show
 from benchmarks.tracking.scenes import KITTI, NUSCENES, Row
-from benchmarks.traffic import card_of
 from benchmarks.traffic_motion import HORIZONS, PERIOD, motion, samples
 from mtp_bench.cards import Card, load_card
 from mtp_bench.sources import open_source
@@ -102,8 +101,8 @@ def recorded(env_id: str, data: str | None, split: str | None = None) -> Figures
     return figures((source.load(name) for name in source.names), card)
 
 
-def simulated(name: str, generator: int, seeds: range) -> Figures:
-    card = card_of(f"MTP-{name}-v0", generator).with_split("train")
+def simulated(name: str, seeds: range) -> Figures:
+    card = load_card(f"MTP-{name}-v0").with_split("train")
     source = HighwayTraffic(card)
     return figures((source.load(scene_name(source.section.scenario, seed)) for seed in seeds), card)
 
@@ -115,7 +114,7 @@ def table(real: dict[str, Figures], made: dict[str, Figures], roads: bool) -> li
         wanted = figure.on_roads if roads else figure.wanted
         if roads and figure.as_kitti:
             wanted = _same(real["KITTI"][figure.name])
-        rows.append({"figure": figure.name, **values, **_judged(wanted, {n: values[n] for n in made if n[-1] == "2"})})
+        rows.append({"figure": figure.name, **values, **_judged(wanted, {n: values[n] for n in made})})
     return rows
 
 
@@ -140,11 +139,8 @@ def main() -> None:
     town = {"nuScenes mini": recorded(NUSCENES, given.data)}
     if given.targets is not None:
         town["nuScenes targets"] = recorded(TARGETS, given.targets, "train")
-    of_towns, of_roads = (
-        {f"{name} {generator}": simulated(name, generator, seeds) for name in names for generator in (1, 2)}
-        for names in (TOWNS, ROADS)
-    )
-    shown = f"seeds {seeds.start} to {seeds.stop - 1}, generators 1 and 2"
+    of_towns, of_roads = ({name: simulated(name, seeds) for name in names} for names in (TOWNS, ROADS))
+    shown = f"seeds {seeds.start} to {seeds.stop - 1}"
     show(f"Towns: {shown}", table(town | kitti, of_towns, roads=False))
     show(f"Fast roads: {shown}", table(kitti, of_roads, roads=True))
     if given.json:

@@ -9,6 +9,7 @@ from pathlib import Path
 VARIABLE = "MTP_BENCH_WEIGHTS"
 LENDERS = {  # envs that take the weights of another one, where objects move alike at the same rate
     "MTP-Merge-v0": "MTP-Highway-v0",
+    "MTP-IntersectionRaw-v0": "MTP-Intersection-v0",
     "MTP-Roundabout-v0": "MTP-Intersection-v0",
 }
 

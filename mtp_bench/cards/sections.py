@@ -24,13 +24,12 @@ def _rising(seeds: tuple[int, int]) -> tuple[int, int]:
 
 
 def _current(generator: int) -> int:
-    if generator not in GENERATORS:
-        raise ValueError(f"this version of the library makes generators {', '.join(map(str, GENERATORS))}")
+    if generator != GENERATOR:
+        raise ValueError(f"this version of the library makes generator {GENERATOR}")
     return generator
 
 
-GENERATOR = 1  # version of the content that a seed gives, of the shipped cards
-GENERATORS = (GENERATOR, 2)
+GENERATOR = 2  # version of the simulated content: of what a seed gives
 STORED_DETECTOR = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"  # begins the names of files
 Generator = Annotated[int, AfterValidator(_current)]
 SeedRange = Annotated[tuple[int, int], Field(strict=False), AfterValidator(_rising)]
@@ -95,8 +94,7 @@ class HighwaySource(Section):
     seconds: Annotated[float, Field(gt=0, le=600)] = 20.0
     vehicles: Annotated[int, Field(ge=2, le=200)]  # aimed at on the road
     pedestrians: Annotated[int, Field(ge=0, le=200)] = 0  # aimed at; only the intersection has crossings
-    parked: Annotated[int, Field(ge=1, le=200)] | None = None  # cars along the kerbs; None: none
-    drivers: Literal["cooperative"] = "cooperative"  # the only kind: they give way; part of every card's digest
+    parked: Annotated[int, Field(ge=0, le=200)] = 0  # cars along the kerbs of junctions
     seeds: SeedRanges
 
     @field_validator("pedestrians")
@@ -108,10 +106,9 @@ class HighwaySource(Section):
 
     @field_validator("parked")
     @classmethod
-    def _where_they_park(cls, parked: int | None, info: ValidationInfo) -> int | None:
-        kerbs = info.data.get("scenario") in ("intersection", "roundabout") and info.data.get("generator") != 1
-        if parked and not kerbs:
-            raise ValueError("expected none: only the intersection and the roundabout of generator 2 have kerbs")
+    def _where_they_park(cls, parked: int, info: ValidationInfo) -> int:
+        if parked and info.data.get("scenario") not in ("intersection", "roundabout"):
+            raise ValueError("expected 0: only the intersection and the roundabout have kerbs")
         return parked
 
     @property

@@ -63,15 +63,13 @@ _GROUND_PLANE: dict[str, dict[str, ClassParameters]] = {
 # For simulated detectors: those of the detector that their noise was fitted to. Classes that KITTI does not have take
 # those of the most similar class, and simulated motorcycles, which move like cars, those of cars. A detector without
 # errors is tracked like Megvii's.
+_LIKE_KITTI = {**_KITTI, **dict.fromkeys(("truck", "bus"), _KITTI["car"]), "motorcycle": _KITTI["cyclist"]}
+_LIKE_MEGVII = {**AB3DMOT["megvii"], "motorcycle": _MEGVII["car"]}
 _SIMULATED: dict[str, dict[str, ClassParameters]] = {
-    "kitti_pointrcnn": {
-        **_KITTI,
-        **dict.fromkeys(("truck", "bus"), _KITTI["car"]),
-        "motorcycle": _KITTI["cyclist"],
-    },
-    "nuscenes_megvii": {**AB3DMOT["megvii"], "motorcycle": _MEGVII["car"]},
+    **dict.fromkeys(("kitti_pointrcnn", "kitti_pointrcnn_raw"), _LIKE_KITTI),
+    **dict.fromkeys(("nuscenes_megvii", "nuscenes_megvii_raw"), _LIKE_MEGVII),
     "nuscenes_centerpoint": {**AB3DMOT["centerpoint"], "motorcycle": _CENTERPOINT["car"]},
-    "clean": {**AB3DMOT["megvii"], "motorcycle": _MEGVII["car"], "cyclist": _MEGVII["car"]},
+    "clean": {**_LIKE_MEGVII, "cyclist": _MEGVII["car"]},
 }
 
 

@@ -70,8 +70,11 @@ RECIPES: dict[str, Recipe] = {
         terms="figures derived from WILDTRACK: research only",
     ),
     "nuscenes_megvii": Recipe(_simulated("Intersection", "Roundabout")),
+    "nuscenes_megvii_raw": Recipe(_simulated("Intersection", "Roundabout", detector="nuscenes_megvii_raw")),
     "nuscenes_centerpoint": Recipe(_simulated("Intersection", "Roundabout", detector="nuscenes_centerpoint")),
     "kitti_pointrcnn": Recipe(_simulated("Merge", "Highway")),
+    # On fast roads whatever stands is false, and nobody walks: what is learnt there is wrong in a town.
+    "kitti_pointrcnn_raw": Recipe(_simulated("Intersection", detector="kitti_pointrcnn_raw")),
     "clean": Recipe(_simulated("Intersection", "Roundabout", "Merge", "Highway", detector="clean", first=20)),
     "default": Recipe(
         _simulated("Intersection", "Roundabout", "Merge", "Highway", first=20),

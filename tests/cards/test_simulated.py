@@ -17,6 +17,7 @@ from tests.cards.test_cards import Content, put
 
 PROTOCOL = {
     "MTP-Intersection-v0": ("intersection", 2.0, 4, 12, 10, "nuscenes_megvii", True),
+    "MTP-IntersectionRaw-v0": ("intersection", 2.0, 4, 12, 10, "nuscenes_megvii_raw", True),
     "MTP-Roundabout-v0": ("roundabout", 2.0, 4, 12, 10, "nuscenes_megvii", True),
     "MTP-Merge-v0": ("merge", 10.0, 10, 10, 20, "kitti_pointrcnn", False),
     "MTP-Highway-v0": ("highway", 10.0, 10, 10, 20, "kitti_pointrcnn", False),
@@ -44,7 +45,7 @@ def test_shipped_cards_follow_the_protocol(env_id: str) -> None:
     assert ("pedestrian" in card.task.classes) == (scenario == "intersection")
     assert card.source.seconds == 20.0
     ranges = [getattr(card.source.seeds, split) for split in ("train", "val", "test")]
-    assert ranges[1][1] - ranges[1][0] == 50
+    assert [end - first for first, end in ranges] == [500, 150, 150]
     for (_, end), (first, _) in itertools.pairwise(ranges):
         assert end <= first, "splits have no scene in common"
 
@@ -95,11 +96,7 @@ WRONG: dict[str, tuple[str, object, str]] = {
     "misspelt key of the detector": ("detector.profil", "x", "unknown key 'detector.profil': did you mean 'profile'?"),
     "no such profile": ("detector.profile", "megvii", "card.toml: unknown detector profile 'megvii'"),
     "a file as profile": ("detector.profile", "mine.toml", "belongs into [detector.noise]"),
-    "an older generator": (
-        "source.generator",
-        0,
-        "source.generator: got 0: this version of the library makes",
-    ),
+    "an older generator": ("source.generator", 1, "source.generator: got 1: this version of the library makes"),
     "splits that overlap": (
         "source.seeds.test",
         [0, 10],

@@ -133,8 +133,7 @@ def test_a_submission_on_hidden_scenes(
     assert hidden.row.error == pytest.approx(sum(hidden.unit_error("all")) / sum(hidden.unit_weight("all")))
     frozen = made.reference.model_copy(update={"frozen": True})  # the card of this test has none
     ranks = made.model_copy(update={"reference": frozen, "seeds": [0, 1, 2]})
-    few = why_unranked(ranks, signed, ships_of(made, simulated=True))
-    assert few == "scored on 8 hidden scenes, ranks need 50"
+    assert why_unranked(ranks, signed, ships_of(made, simulated=True)) == "scored on 8 hidden scenes, ranks need 50"
     weights = tmp_path / "s.weights.json"  # made once per seal
     assert stat.S_IMODE(weights.stat().st_mode) == 0o600
     assert read_reference(weights).digest == hidden.weights

@@ -125,7 +125,7 @@ def test_first_come_first_served() -> None:
     assert 5 in every[0].zones  # route 0: arm 0 to the left, route 5: arm 1 straight on
     profile = draw_profile(False, np.random.default_rng(0))
     vehicles = []
-    for number, (route, at) in enumerate(((0, 60.0), (5, 50.0))):
+    for number, (route, at) in enumerate(((0, 90.0), (5, 80.0))):
         lane = town.routes[route].roads[0][0]
         way = town.geometry.lanes[lane]
         vehicle = Driver(None, way.position(at, 0.0), way.heading_at(at), 6.0, profile, number)
@@ -136,7 +136,7 @@ def test_first_come_first_served() -> None:
     rules = RightOfWay(every, first_in_first_out=True)
     stop = rules.update(state, ahead, [], set(), 0.0)
     assert np.isinf(stop[0])
-    assert stop[1] == pytest.approx(every[5].line - 50.0 - profile.length / 2)
+    assert stop[1] == pytest.approx(every[5].line - 80.0 - profile.length / 2)
     rules = RightOfWay(every, first_in_first_out=True)
     someone = Walk(every[0].stripes[0].crossing, every[0].stripes[0].across, 1.0, 1.2)
     assert np.isfinite(rules.update(state, ahead, [someone], set(), 0.0)[0])

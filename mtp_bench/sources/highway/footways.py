@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from ...types import Bools, Floats
+from . import plans
 from .networks import Crossing, Pavement
-from .plans import Plan
 
 _FAR = (62.0, 70.0)  # m from the middle of the junction, where people come from and go to
 _COMING, _GOING = (0.9, 1.6), (2.7, 3.4)  # m from the kerb, of those who come and of those who go
@@ -28,10 +28,10 @@ class Side:
     kerb: float  # m from the kerb
 
 
-def draw_side(coming: bool, plan: Plan, rng: np.random.Generator) -> Side:
+def draw_side(coming: bool, rng: np.random.Generator) -> Side:
     """One of the two sidewalks of a corner, behind the parked cars; who comes and who goes keep apart."""
-    kerb = plan.strip + rng.uniform(*(_COMING if coming else _GOING))
-    return Side(bool(rng.uniform() < plan.straight_on), float(rng.uniform(*_FAR)), float(kerb))
+    kerb = plans.STRIP + rng.uniform(*(_COMING if coming else _GOING))
+    return Side(bool(rng.uniform() < plans.STRAIGHT_ON), float(rng.uniform(*_FAR)), float(kerb))
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ class Footway:
         aside, far = side.kerb + _BESIDE * (k % 2), side.far + _BEHIND * (k // 2)
         away = end * self.direction
         if not side.around:
-            ends = (far, self.pavement.corner + _CLEAR) if self.pavement.strip else (far,)
+            ends = far, self.pavement.corner + _CLEAR
             return [np.array([self._kerb(end) + away * aside, place - out]) for place in ends]
         across = self.pavement.kerb + aside - out
         places = (far, self.pavement.corner + 1.0)

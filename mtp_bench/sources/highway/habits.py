@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ...types import Bools, Floats, Ints
 from .drift import Drift
 from .following import Leaders
-from .population import Profile
 from .state import State
 
 _PACE, _PACE_MEMORY = 0.06, 5.0  # share of the desired speed, s
@@ -23,19 +20,6 @@ _STANDS = 0.5  # share of one's own speed: nobody is late behind a faster leader
 _ALERT = 2.7  # m/s, who is slower is never late
 _SUDDEN, _SUDDEN_FOR, _SUDDENLY = 1 / 110.0, (0.6, 1.4), (3.2, 5.0)  # 1/s, s, m/s2: hard braking for nothing
 _LEFT = 0.3  # m that are kept to what one brakes for
-
-
-def lively(profile: Profile, rng: np.random.Generator) -> Profile:
-    """The vehicle with a driver who keeps a gap, a pace and an acceleration as people do."""
-    heavy = profile.top_speed < 30.0
-    gap = float(np.clip(np.exp(rng.normal(-0.32, 0.5)), 0.3, 2.4))
-    return replace(
-        profile,
-        pace=round(float(np.clip(rng.normal(0.88 if heavy else 0.98, 0.14), 0.6, 1.3)), 6),
-        time_gap=round(max(gap, 0.8) if heavy else gap, 6),
-        acceleration=round(float(rng.uniform(0.8, 1.3) if heavy else rng.uniform(1.2, 2.2)), 6),
-        braking=round(float(rng.uniform(1.6, 2.6)), 6),
-    )
 
 
 class Habits:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -11,8 +11,8 @@ from highway_env.road.lane import CircularLane, SineLane, StraightLane
 from highway_env.road.road import RoadNetwork
 
 from ...types import Floats
+from . import plans
 from .lane_geometry import LaneGeometry
-from .plans import PLANS, Plan
 from .routes import Route
 from .world import ScenarioName
 
@@ -41,7 +41,7 @@ class Pavement:
 
     corner: float  # m, the middle of a kerb's bend is at (+-corner, +-corner)
     radius: float  # m, of the bend
-    strip: float = 0.0  # m, beside the kerb along the arms, where cars park; people walk behind it
+    strip: float  # m, beside the kerb along the arms, where cars park; people walk behind it
 
     @property
     def kerb(self) -> float:
@@ -72,16 +72,15 @@ class RoadMap:
     first_in_first_out: bool  # False: also in front of somebody who is far away
     pavement: Pavement | None = None
     kerbs: tuple[Kerb, ...] = ()
-    plan: Plan = PLANS[1]
 
 
-def build(scenario: ScenarioName, seconds: float, plan: Plan = PLANS[1]) -> RoadMap:
+def build(scenario: ScenarioName, seconds: float) -> RoadMap:
     """The map of ``scenario``; fast roads are long enough that somebody stays on them for ``seconds``."""
     if scenario == "intersection":
-        return _intersection(plan)
+        return _intersection()
     if scenario == "roundabout":
-        return _roundabout(plan)
-    return replace(_merge(seconds) if scenario == "merge" else _highway(seconds), plan=plan)
+        return _roundabout()
+    return _merge(seconds) if scenario == "merge" else _highway(seconds)
 
 
 def _turned(corner: int, x: float, y: float) -> Floats:
@@ -89,25 +88,25 @@ def _turned(corner: int, x: float, y: float) -> Floats:
     return np.array([cos * x - sin * y, sin * x + cos * y], dtype=np.float64)
 
 
-def _intersection(plan: Plan, lanes: int = 2) -> RoadMap:
+def _intersection(lanes: int = 2) -> RoadMap:
     network = RoadNetwork()
     outermost = WIDTH * (lanes - 0.5)
     mouth = outermost + RIGHT_RADIUS
     for arm in range(4):
-        _intersection_arm(network, arm, lanes, mouth, plan)
+        _intersection_arm(network, arm, lanes, mouth)
     table = LaneGeometry(network)
     routes = []
     for arm in range(4):
         into, left, ahead, right = (f"m{arm}", *(f"w{(arm + turn) % 4}" for turn in (1, 2, 3)))
         for to, places, turn, heavy in (
-            (left, (0,), plan.turns[0], False),
-            (ahead, tuple(range(lanes)), plan.turns[1], True),
-            (right, (lanes - 1,), plan.turns[2], False),
+            (left, (0,), plans.TURNS[0], False),
+            (ahead, tuple(range(lanes)), plans.TURNS[1], True),
+            (right, (lanes - 1,), plans.TURNS[2], False),
         ):
             for k in places:
                 within = k if heavy else 0  # a turn has a single lane
                 indices = ((f"o{arm}", into, k), (into, to, within), (to, "x" + to[1], k))
-                weight = plan.arms[arm] * turn / len(places)
+                weight = plans.ARMS[arm] * turn / len(places)
                 routes.append(Route(tuple((table.number[i],) for i in indices), weight, heavy))
     half = WIDTH * lanes
     middle = mouth + sum(ZEBRA) / 2
@@ -115,11 +114,11 @@ def _intersection(plan: Plan, lanes: int = 2) -> RoadMap:
         Crossing((float(o[0]), float(o[1])), (float(u[0]), float(u[1])), span=2 * half, width=ZEBRA[1] - ZEBRA[0])
         for o, u in ((_turned(arm, -half, middle), _turned(arm, 1.0, 0.0)) for arm in range(4))
     )
-    corner = mouth + plan.strip + 2.0  # behind the sidewalks, so that nobody stands right in front of the sensor
-    pavement = Pavement(mouth, mouth - half, plan.strip)
+    corner = mouth + plans.STRIP + 2.0  # behind the sidewalks, so that nobody stands right in front of the sensor
+    pavement = Pavement(mouth, mouth - half, plans.STRIP)
     sensor = (corner, corner, 4.0)
-    kerbs = _kerbs(half + plan.strip, mouth, plan.approach)
-    return RoadMap(network, table, tuple(routes), crossings, sensor, True, False, True, pavement, kerbs, plan)
+    kerbs = _kerbs(half + plans.STRIP, mouth, plans.APPROACH)
+    return RoadMap(network, table, tuple(routes), crossings, sensor, True, False, True, pavement, kerbs)
 
 
 def _kerbs(aside: float, mouth: float, approach: float) -> tuple[Kerb, ...]:
@@ -133,19 +132,21 @@ def _kerbs(aside: float, mouth: float, approach: float) -> tuple[Kerb, ...]:
     return tuple(found)
 
 
-def _intersection_arm(network: Any, arm: int, lanes: int, mouth: float, plan: Plan) -> None:
+def _intersection_arm(network: Any, arm: int, lanes: int, mouth: float) -> None:
     quarter = np.pi / 2 * arm
     into, left, ahead, right = (f"m{arm}", *(f"w{(arm + turn) % 4}" for turn in (1, 2, 3)))
     inner, outer = WIDTH / 2, WIDTH * (lanes - 0.5)
     for k in range(lanes):
         x = WIDTH * (k + 0.5)
-        start, end, over = _turned(arm, x, mouth + plan.approach), _turned(arm, x, mouth), _turned(arm, x, -mouth)
-        network.add_lane(f"o{arm}", into, StraightLane(start, end, WIDTH, speed_limit=plan.street))
-        network.add_lane(into, ahead, StraightLane(end, over, WIDTH, speed_limit=plan.street))
-        start, end = _turned(arm, -x, mouth), _turned(arm, -x, mouth + plan.approach)
-        network.add_lane(f"w{arm}", f"x{arm}", StraightLane(start, end, WIDTH, speed_limit=plan.street))
-    right_arc = _arc(_turned(arm, mouth, mouth), mouth - outer, (quarter + np.pi, quarter + 1.5 * np.pi), plan.bends[1])
-    left_arc = _arc(_turned(arm, -mouth, mouth), mouth + inner, (quarter, quarter - np.pi / 2), plan.bends[0])
+        start, end, over = _turned(arm, x, mouth + plans.APPROACH), _turned(arm, x, mouth), _turned(arm, x, -mouth)
+        network.add_lane(f"o{arm}", into, StraightLane(start, end, WIDTH, speed_limit=plans.STREET))
+        network.add_lane(into, ahead, StraightLane(end, over, WIDTH, speed_limit=plans.STREET))
+        start, end = _turned(arm, -x, mouth), _turned(arm, -x, mouth + plans.APPROACH)
+        network.add_lane(f"w{arm}", f"x{arm}", StraightLane(start, end, WIDTH, speed_limit=plans.STREET))
+    right_arc = _arc(
+        _turned(arm, mouth, mouth), mouth - outer, (quarter + np.pi, quarter + 1.5 * np.pi), plans.BENDS[1]
+    )
+    left_arc = _arc(_turned(arm, -mouth, mouth), mouth + inner, (quarter, quarter - np.pi / 2), plans.BENDS[0])
     network.add_lane(into, right, right_arc)
     network.add_lane(into, left, left_arc)
 
@@ -154,47 +155,47 @@ def _arc(center: Floats, radius: float, phases: tuple[float, float], limit: floa
     return CircularLane(center, radius, *phases, clockwise=phases[1] > phases[0], width=width, speed_limit=limit)
 
 
-def _roundabout(plan: Plan) -> RoadMap:
+def _roundabout() -> RoadMap:
     network = RoadNetwork()
     for arm in range(4):
-        _roundabout_arm(network, arm, plan)
+        _roundabout_arm(network, arm)
     table = LaneGeometry(network)
     ring = [node for k in range(4) for node in (f"n{-k % 4}", f"e{(-k - 1) % 4}")]
     routes = []
     for arm in range(4):
-        for quarters, share in zip((1, 2, 3), plan.quarters, strict=True):
+        for quarters, share in zip((1, 2, 3), plans.QUARTERS, strict=True):
             out = (arm - quarters) % 4
             first = ring.index(f"n{arm}")
             nodes = [f"o{arm}", f"a{arm}", *(ring[(first + k) % 8] for k in range(2 * quarters)), f"z{out}", f"x{out}"]
-            weight = plan.arms[arm] * share
+            weight = plans.ARMS[arm] * share
             routes.append(Route(tuple((table.number[a, b, 0],) for a, b in pairwise(nodes)), weight, heavy=True))
-    kerbs = _kerbs(ISLAND + ROUND_WIDTH / 2 + plan.strip, _mouth(plan), plan.approach)
-    return RoadMap(network, table, tuple(routes), (), (0.0, 0.0, 4.0), True, False, False, None, kerbs, plan)
+    kerbs = _kerbs(ISLAND + ROUND_WIDTH / 2 + plans.STRIP, _mouth(), plans.APPROACH)
+    return RoadMap(network, table, tuple(routes), (), (0.0, 0.0, 4.0), True, False, False, None, kerbs)
 
 
-def _mouth(plan: Plan) -> float:
+def _mouth() -> float:
     """Metres from the middle of the roundabout to where its arms are straight."""
-    return float(np.sqrt((plan.ring + plan.entry) ** 2 - (ISLAND + plan.entry) ** 2))
+    return float(np.sqrt((plans.RING + plans.ENTRY) ** 2 - (ISLAND + plans.ENTRY) ** 2))
 
 
-def _roundabout_arm(network: Any, arm: int, plan: Plan) -> None:
-    aside, away = ISLAND + plan.entry, _mouth(plan)
-    into, ring, out = plan.around
+def _roundabout_arm(network: Any, arm: int) -> None:
+    aside, away = ISLAND + plans.ENTRY, _mouth()
+    into, ring, out = plans.AROUND
     angle = float(np.arctan2(away, aside))  # where the entry touches the ring; the exit mirrors it
     quarter = np.pi / 2 * arm
 
     def straight(start: tuple[float, float], end: tuple[float, float]) -> Any:
-        return StraightLane(_turned(arm, *start), _turned(arm, *end), ROUND_WIDTH, speed_limit=plan.street)
+        return StraightLane(_turned(arm, *start), _turned(arm, *end), ROUND_WIDTH, speed_limit=plans.STREET)
 
     def arc(center: tuple[float, float], radius: float, start: float, end: float, limit: float) -> Any:
         return _arc(_turned(arm, *center), radius, (quarter + start, quarter + end), limit, ROUND_WIDTH)
 
-    network.add_lane(f"o{arm}", f"a{arm}", straight((ISLAND, away + plan.approach), (ISLAND, away)))
-    network.add_lane(f"a{arm}", f"n{arm}", arc((aside, away), plan.entry, np.pi, np.pi + angle, into))
-    network.add_lane(f"e{arm}", f"z{arm}", arc((-aside, away), plan.entry, -angle, 0.0, out))
-    network.add_lane(f"z{arm}", f"x{arm}", straight((-ISLAND, away), (-ISLAND, away + plan.approach)))
-    network.add_lane(f"n{arm}", f"e{(arm - 1) % 4}", arc((0.0, 0.0), plan.ring, angle, np.pi / 2 - angle, ring))
-    network.add_lane(f"e{arm}", f"n{arm}", arc((0.0, 0.0), plan.ring, np.pi - angle, angle, ring))
+    network.add_lane(f"o{arm}", f"a{arm}", straight((ISLAND, away + plans.APPROACH), (ISLAND, away)))
+    network.add_lane(f"a{arm}", f"n{arm}", arc((aside, away), plans.ENTRY, np.pi, np.pi + angle, into))
+    network.add_lane(f"e{arm}", f"z{arm}", arc((-aside, away), plans.ENTRY, -angle, 0.0, out))
+    network.add_lane(f"z{arm}", f"x{arm}", straight((-ISLAND, away), (-ISLAND, away + plans.APPROACH)))
+    network.add_lane(f"n{arm}", f"e{(arm - 1) % 4}", arc((0.0, 0.0), plans.RING, angle, np.pi / 2 - angle, ring))
+    network.add_lane(f"e{arm}", f"n{arm}", arc((0.0, 0.0), plans.RING, np.pi - angle, angle, ring))
 
 
 def _parallel(network: Any, road: tuple[str, str], x: tuple[float, float], lanes: range, limit: float) -> None:

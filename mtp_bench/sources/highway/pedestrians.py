@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...types import Bools, Floats, Ints
+from . import plans
 from .footways import Footway, cut, draw_side, kept_off_road, slowed_at_kerb
 from .moods import Moods
 from .networks import Pavement, RoadMap
@@ -25,7 +26,7 @@ _HARDEST = 3.8  # m/s2, how people change their velocity
 _NEAR, _QUEUED = 0.7, 2.0  # m to the place to wait at: there, or standing behind others
 _CORNER = 2.0  # m, who is this near to a point on the way turns to the next one
 _LOOKS = 3.0  # m before the place to wait at, from where people see whether they may cross
-_STROLL = 0.55  # share of the groups who do not cross, with moods
+_STROLL = 0.55  # share of the groups who do not cross
 _GONE = 1.4  # m to the end of the way
 _CROSSED, _COME = 0.25, 0.8  # of the first people: share who have crossed, largest share of the way of the others done
 
@@ -56,8 +57,8 @@ class Person:
 class Crowd:
     """Everybody on foot: keeps their number on the map at what is aimed at."""
 
-    def __init__(self, town: RoadMap, aim: int, rng: np.random.Generator, moods: Moods | None = None) -> None:
-        self._crossings, self._pavement, self._plan = town.crossings, town.pavement, town.plan
+    def __init__(self, town: RoadMap, aim: int, rng: np.random.Generator, moods: Moods) -> None:
+        self._crossings, self._pavement = town.crossings, town.pavement
         self._aim, self._rng, self._moods = aim, rng, moods
         self.people: list[Person] = []
         self._made = self._groups = 0
@@ -69,8 +70,7 @@ class Crowd:
             if len(self.people) < aim:
                 stage = LEAVING if rng.uniform() < _CROSSED else ARRIVING
                 self._arrive(stage, float(rng.uniform(1.0 - _COME, 1.0)))
-                if moods is not None:
-                    moods.stand(self._groups - 1)
+                moods.stand(self._groups - 1)
 
     def xy(self) -> tuple[Floats, Floats]:
         """Places and velocities ``[M, 2]``, ``[M, 2]`` in the frame of the road."""
@@ -99,9 +99,8 @@ class Crowd:
         """Moves everybody by ``dt`` seconds around vehicles (boxes ``[N, 7]``) and lets new people come."""
         if self._pavement is None:
             return
-        if self._moods is not None:
-            self._moods.step(np.array([p.group for p in self.people], dtype=np.int64))
-            self._turn_back(self._moods.turning)
+        self._moods.step(np.array([p.group for p in self.people], dtype=np.int64))
+        self._turn_back(self._moods.turning)
         self._advance(dt, free)
         self._move(dt, vehicles, self._pavement)
         self.people = [p for p in self.people if p.stage != LEAVING or len(p.ahead) > 1 or _left(p) > _GONE]
@@ -122,10 +121,10 @@ class Crowd:
         way = Footway(
             self._crossings[crossing], self._pavement, direction=1.0 if rng.uniform() < 0.5 else -1.0,
             middle=float(rng.uniform(-0.8, 0.8)) if size == 1 else float(rng.uniform(-0.95, 0.05)),
-            coming=draw_side(True, self._plan, rng), going=draw_side(False, self._plan, rng),
+            coming=draw_side(True, rng), going=draw_side(False, rng),
         )  # fmt: skip
         pace, patience = float(rng.uniform(1.05, 1.55)), float(rng.uniform(*_PATIENCE))
-        strolls = self._moods is not None and rng.uniform() < _STROLL
+        strolls = bool(rng.uniform() < _STROLL)
         others = self.xy()[0]
         for k in range(size):
             points = way.stroll(k) if strolls else way.arrival(k) if stage == ARRIVING else way.departure(k)
@@ -142,9 +141,8 @@ class Crowd:
 
     def _draw_crossing(self, rng: np.random.Generator) -> int:
         """People cross the quieter arms more often."""
-        count = len(self._crossings)
-        quiet = 1.0 / np.array(self._plan.arms)
-        return int(rng.integers(count) if self._moods is None else rng.choice(count, p=quiet / quiet.sum()))
+        quiet = 1.0 / np.array(plans.ARMS)
+        return int(rng.choice(len(self._crossings), p=quiet / quiet.sum()))
 
     def _person(self, crossing: int, way: Footway, k: int, stage: int, place: Floats, ahead: list[Floats],
                 pace: float, patience: float) -> Person:  # fmt: skip
@@ -175,14 +173,14 @@ class Crowd:
                 p.stage, p.ahead = LEAVING, p.departure
         for group in sorted({p.group for p in self.people if self._at_kerb(p)}):
             members = [p for p in self.people if p.group == group]
-            ready = self._moods is None or group in self._moods.ready
+            ready = group in self._moods.ready
             if ready and all(self._at_kerb(p) for p in members) and all(free(self._walk(p)) for p in members):
                 for p in members:
                     p.stage, p.trail = CROSSING, []
 
     def _at_kerb(self, person: Person) -> bool:
         """Whether somebody waits, or comes near enough to walk on without a stop."""
-        comes = self._moods is not None and person.stage == ARRIVING and len(person.ahead) == 1
+        comes = person.stage == ARRIVING and len(person.ahead) == 1
         return person.stage == WAITING or (comes and _left(person) < _LOOKS)
 
     def _turn_back(self, groups: set[int]) -> None:
@@ -201,10 +199,9 @@ class Crowd:
         group = np.array([p.group for p in self.people])
         beside = np.array([p.stage != CROSSING for p in self.people])
         way = goal - place
-        if self._moods is not None:
-            number = np.array([p.number for p in self.people])
-            way = self._moods.heading_for(way, number, ~beside)
-            pace = self._moods.pace(pace, number, group, ~beside)
+        number = np.array([p.number for p in self.people])
+        way = self._moods.heading_for(way, number, ~beside)
+        pace = self._moods.pace(pace, number, group, ~beside)
         new = shortened(velocity + dt * social_force(place, velocity, way, pace, group), 1.25 * pace)
         new = slowed_at_kerb(place, eased(place, new, vehicles, dt), pavement, beside)
         new = velocity + shortened(new - velocity, _HARDEST * dt)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 from highway_env.vehicle.kinematics import Vehicle
 
 from ...types import Floats
+from . import plans
 from .networks import RoadMap
 from .routes import Route
 from .world import CLASSES
@@ -98,18 +99,19 @@ def draw_profile(fast: bool, rng: np.random.Generator) -> Profile:
     kind = _KINDS[int(rng.choice(len(_KINDS), p=_SHARES["fast" if fast else "urban"]))]
     size, width, height = draw_size(kind, rng)
     heavy = kind in ("truck", "bus")
+    gap = float(np.clip(np.exp(rng.normal(-0.32, 0.5)), 0.3, 2.4))
     return Profile(
         class_id=CLASSES.index("car" if kind == "van" else kind),
         length=round(size, 2),
         width=round(width, 2),
         height=round(height, 2),
         wheelbase=round((0.55 if heavy else 0.6) * size, 2),
-        pace=float(rng.uniform(0.78, 0.95) if heavy else rng.uniform(0.85, 1.12)),
+        pace=round(float(np.clip(rng.normal(0.88 if heavy else 0.98, 0.14), 0.6, 1.3)), 6),
         top_speed=23.5 if heavy else 40.0,
-        time_gap=float(rng.uniform(1.2, 1.8) if heavy else rng.uniform(0.7, 1.4)),
+        time_gap=round(max(gap, 0.8) if heavy else gap, 6),
         min_gap=float(rng.uniform(0.6, 1.6)),
-        acceleration=float(rng.uniform(1.0, 1.5) if heavy else rng.uniform(1.6, 2.6)),
-        braking=float(rng.uniform(1.8, 2.8)),
+        acceleration=float(rng.uniform(0.8, 1.3) if heavy else rng.uniform(1.2, 2.2)),
+        braking=float(rng.uniform(1.6, 2.6)),
         politeness=float(rng.uniform(0.0, 0.6)),
         aside=float(rng.uniform(-0.5, 0.5) if kind == "motorcycle" else rng.uniform(-0.2, 0.2)),
     )
@@ -128,25 +130,21 @@ def draw_size(kind: str, rng: np.random.Generator) -> tuple[float, float, float]
 class Gate:
     """Where vehicles come in: keeps the road at the number of vehicles that is aimed at."""
 
-    def __init__(
-        self, town: RoadMap, vehicles: int, rng: np.random.Generator,
-        manner: Callable[[Profile, np.random.Generator], Profile] = lambda profile, rng: profile,
-    ) -> None:  # fmt: skip
-        self._map, self._aim, self._rng, self._manner = town, vehicles, rng, manner
+    def __init__(self, town: RoadMap, vehicles: int, rng: np.random.Generator) -> None:
+        self._map, self._aim, self._rng = town, vehicles, rng
         self._made = 0
         self._next: tuple[Profile, int] | None = None  # waits until there is room
         self._tries = 0
 
     def fill(self, road: Any) -> None:
         """Puts the first vehicles on the first part of the entry lanes, and some on the exit lanes."""
-        plan = self._map.plan
-        junction, leaving = self._map.regulated, plan.leaving * self._map.regulated
+        junction, leaving = self._map.regulated, plans.LEAVING * self._map.regulated
         for _ in range(20 * self._aim):
             if len(road.vehicles) >= self._aim:
                 return
             profile, route = self._draw()
             lane = self._lanes(profile, route)[0]
-            part = plan.filled[0 if junction else 1]
+            part = plans.FILLED[0 if junction else 1]
             if leaving and self._rng.uniform() < leaving:
                 lane, part = self._map.routes[route].roads[-1][0], 0.9
             at = float(self._rng.uniform(profile.length / 2, part * self._map.geometry.length[lane]))
@@ -169,7 +167,7 @@ class Gate:
 
     def _draw(self) -> tuple[Profile, int]:
         routes: tuple[Route, ...] = self._map.routes
-        profile = self._manner(draw_profile(self._map.overtaking, self._rng), self._rng)
+        profile = draw_profile(self._map.overtaking, self._rng)
         weight = np.array([r.weight if r.heavy or profile.length < LONG else 0.0 for r in routes])
         return profile, int(self._rng.choice(len(routes), p=weight / weight.sum()))
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...types import Floats
+from . import plans
 from .conflicts import Passage, Stripe, Zone
 from .following import Leaders
 from .state import State
@@ -57,7 +58,6 @@ class RightOfWay:
 
     passages: tuple[Passage, ...]
     first_in_first_out: bool
-    ask_time: float = 2.0  # s before its line, at which a vehicle asks, and `_ASK` m earlier
     _granted: dict[int, list[tuple[int, Zone]]] = field(default_factory=dict)  # whom to let go first, and where
     _asked: dict[int, float] = field(default_factory=dict)  # time
     _seen: dict[int, _Vehicle] = field(default_factory=dict)
@@ -127,7 +127,7 @@ class RightOfWay:
     def _give(self, waiting: list[int], walks: list[Walk], claimed: set[int], time: float) -> None:
         for number in waiting:
             me = self._seen[number]
-            if self.passages[me.route].line - me.front < _ASK + self.ask_time * me.speed:
+            if self.passages[me.route].line - me.front < _ASK + plans.ASK_TIME * me.speed:
                 self._asked.setdefault(number, time)
         impatient: list[int] = []  # routes
         self._wanted = []

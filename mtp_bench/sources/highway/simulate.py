@@ -10,16 +10,16 @@ from highway_env.road.road import Road
 
 from ...errors import DataError
 from ...types import Bools, Floats, Ints
+from . import plans
 from .conflicts import Passage, passages
 from .following import HARDEST, braking, desired_speed, free_acceleration, leaders, steering
-from .habits import Habits, lively
+from .habits import Habits
 from .lane_change import LaneChanges
 from .lane_geometry import lane_map
 from .moods import Moods
 from .networks import RoadMap, build
 from .parking import parked_boxes
 from .pedestrians import Crowd
-from .plans import PLANS, Plan
 from .population import Driver, Gate, boxes, snap
 from .recording import Recording
 from .right_of_way import RightOfWay
@@ -53,8 +53,8 @@ def simulate_world(traffic: Traffic, seed: int) -> World:
 
 
 @lru_cache(maxsize=8)
-def _town(scenario: ScenarioName, seconds: float, plan: Plan) -> tuple[RoadMap, RouteTable, tuple[Passage, ...]]:
-    town = build(scenario, seconds, plan)
+def _town(scenario: ScenarioName, seconds: float) -> tuple[RoadMap, RouteTable, tuple[Passage, ...]]:
+    town = build(scenario, seconds)
     routes = tabulate(town.routes, town.geometry)
     return town, routes, passages(town, routes) if town.regulated else ()
 
@@ -64,22 +64,20 @@ class _Attempt:
 
     def __init__(self, traffic: Traffic, seed: int, attempt: int) -> None:
         self._traffic = traffic
-        places = _town(traffic.scenario, traffic.seconds, PLANS[traffic.generator])
+        places = _town(traffic.scenario, traffic.seconds)
         self._map = places[0]
         entries, people, self._rng, parking, driving, walking = (
             np.random.default_rng([seed, attempt, kind]) for kind in range(6)
         )
         self._parked = parked_boxes(self._map.kerbs, traffic.parked, parking)
-        alive = traffic.generator > 1
-        moods = Moods(1.0 / RATE, walking) if alive else None
-        self._crowd = Crowd(self._map, traffic.pedestrians, people, moods)
-        self._drivers = _Drivers(*places, self._crowd, Habits(1.0 / RATE, driving) if alive else None)
-        self._gate = Gate(self._map, traffic.vehicles, entries, *([lively] if alive else []))
+        self._crowd = Crowd(self._map, traffic.pedestrians, people, Moods(1.0 / RATE, walking))
+        self._drivers = _Drivers(*places, self._crowd, Habits(1.0 / RATE, driving))
+        self._gate = Gate(self._map, traffic.vehicles, entries)
 
     def run(self, rejected: tuple[str, ...]) -> World | str:
         """The recorded world, or a word for what was wrong."""
         frames = round(self._traffic.seconds * RATE)
-        warm_up = round(self._map.plan.warm_up * RATE)
+        warm_up = round(plans.WARM_UP * RATE)
         recording, road = Recording(frames, self._parked), self._drivers.road
         self._gate.fill(road)
         for step in range(warm_up + frames):
@@ -97,12 +95,12 @@ class _Drivers:
     """Drivers who give way, make room for each other and wait for people on foot."""
 
     def __init__(
-        self, town: RoadMap, routes: RouteTable, conflicts: tuple[Passage, ...], crowd: Crowd, habits: Habits | None
+        self, town: RoadMap, routes: RouteTable, conflicts: tuple[Passage, ...], crowd: Crowd, habits: Habits
     ) -> None:
         self._map, self._routes, self._crowd, self._habits = town, routes, crowd, habits
         unused: Any = np.random.default_rng(0)  # otherwise the road would make a generator with a seed from the clock
         self.road: Any = Road(network=town.network, np_random=unused)
-        self._rules = RightOfWay(conflicts, town.first_in_first_out, town.plan.ask_time) if town.regulated else None
+        self._rules = RightOfWay(conflicts, town.first_in_first_out) if town.regulated else None
         self._changes = LaneChanges(town, routes) if town.overtaking else None
 
     def step(self, step: int, obstacles: Floats) -> list[Driver]:
@@ -125,12 +123,8 @@ class _Drivers:
     def _acceleration(self, state: State, step: int) -> Floats:
         geometry, routes = self._map.geometry, self._routes
         ahead = leaders(state, geometry, routes)
-        wanted = desired_speed(state, geometry, routes)
-        if self._habits is not None:
-            wanted = self._habits.wanted(state, wanted)
-        free = free_acceleration(state.speed, wanted, state.temper)
-        if self._habits is not None:
-            free = self._habits.pedal(state, free)
+        wanted = self._habits.wanted(state, desired_speed(state, geometry, routes))
+        free = self._habits.pedal(state, free_acceleration(state.speed, wanted, state.temper))
         result: Floats = free - braking(state.speed, ahead.gap, ahead.speed, state.temper)
         lines = np.full(len(state), np.inf)
         if self._rules is not None:
@@ -141,8 +135,7 @@ class _Drivers:
             result = np.minimum(result, self._changes.bounds(state, wanted))
             self._changes.decide(state, wanted, step, 1.0 / RATE)
         result = np.minimum(result, free - braking(state.speed, lines, np.zeros(1), state.temper, _AT_LINES))
-        if self._habits is not None:
-            result = self._habits.braking(state, result, free, ahead, lines)
+        result = self._habits.braking(state, result, free, ahead, lines)
         before = np.array([vehicle.action["acceleration"] for vehicle in state.vehicles])
         result = np.clip(result, before - _JERK[0] / RATE, before + _JERK[1] / RATE)
         least = np.maximum(-HARDEST, -state.speed * RATE)  # nobody drives backwards

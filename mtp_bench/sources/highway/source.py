@@ -86,8 +86,7 @@ def generate(card: Card, data: object, how: Preparation) -> None:
 def traffic_of(section: HighwaySource) -> Traffic:
     """The part of the section that the simulation depends on."""
     return Traffic(
-        section.scenario, section.sensor, section.seconds, section.vehicles, section.pedestrians, section.parked or 0,
-        section.generator,
+        section.scenario, section.sensor, section.seconds, section.vehicles, section.pedestrians, section.parked
     )  # fmt: skip
 
 

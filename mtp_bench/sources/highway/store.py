@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...cards.sections import GENERATOR
 from ...errors import DataError
 from ...parallel import Workers, unordered_map
 from ...types import Floats, Ints, Lane, Truth
@@ -40,14 +41,7 @@ class WorldStore:
         """Where the worlds of this traffic are; its name is a digest of all that their content depends on."""
         from importlib.metadata import version
 
-        traffic = asdict(self.traffic)
-        if self.traffic.generator == 1:  # worlds made before cars could park
-            del traffic["parked"]
-        described = {
-            **traffic,
-            "drivers": "cooperative",  # the only kind; it stays in the name, so that worlds made earlier are found
-            "highway-env": version("highway-env"),
-        }
+        described = {**asdict(self.traffic), "generator": GENERATOR, "highway-env": version("highway-env")}
         digest = hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()[:16]
         return cache_root() / "worlds" / f"{self.traffic.scenario}-{digest}"
 

@@ -26,7 +26,6 @@ class Traffic:
     vehicles: int  # aimed at on the road at any time, the ego among them
     pedestrians: int  # aimed at on the map at any time
     parked: int = 0  # parked cars along the kerbs
-    generator: int = 1  # version of the content
 
 
 @dataclass(frozen=True, eq=False)

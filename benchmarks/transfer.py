@@ -1,0 +1,127 @@
+"""What was learnt on simulated detections, on recorded ones: presence and a predictor of tracklets.
+
+    python benchmarks/transfer.py presence [--data ROOT]
+    python benchmarks/transfer.py predictor --data TRAINVAL [--split val] [--scenes 100] [--also-scenes 150]
+
+Presence: AUC on the tracks of recorded scenes, of the model that was fitted on simulated detections and of one that was
+fitted on other scenes of the same recordings. Predictor: minADE on the tracklets of 20 hypotheses of recorded scenes,
+targets with a whole future, weighed by the mass of their hypotheses; one network learnt from recorded scenes, one from
+simulated ones. Simulated traffic has no trailers and no construction vehicles: they are forecast as trucks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from mtp_bench.parallel import Workers
+from mtp_bench.prediction.learned.local import to_absolute
+from mtp_bench.prediction.learned.registry import network_of
+from mtp_bench.prediction.learned.weights import Stored, read_weights
+from mtp_bench.prediction.presence import file_of, read_model
+from mtp_bench.running.options import RunOptions
+from mtp_bench.training import Windows, windows
+from mtp_bench.training.predictors import HYPOTHESES, Request, learnable, taught, train_predictor
+from mtp_bench.training.presence import Quality, Rows, fit, said_by, training_rows
+from mtp_bench.training.presence_recipes import RECIPES, Recipe
+
+PRESENCE = {"megvii": ("nuscenes_megvii_raw", "nuscenes_megvii"), "pointrcnn": ("kitti_pointrcnn_raw",)}
+REAL, SIMULATED = "MTP-nuScenes-v0", ("MTP-IntersectionRaw-v0", "MTP-Roundabout-v0")
+STANDS_FOR = {"trailer": "truck", "construction_vehicle": "truck"}
+ROWS = 20_000  # windows that are forecast at once
+
+
+def presence(given: argparse.Namespace) -> None:
+    """AUC of both models on recorded tracks, over all classes and of each."""
+    for detector, profiles in PRESENCE.items():
+        rows, _ = training_rows(RECIPES[detector], RunOptions(given.data))
+        same = replace(RECIPES[detector], features=Recipe(()).features, products=True, calibrated=True)
+        said = {"recorded": fit(rows, RECIPES[detector])[1], "recorded, all features": fit(rows, same)[1]}
+        for profile in profiles:
+            model, _ = read_model(file_of(profile))
+            said[profile] = said_by(model, rows)
+        best = max(_auc(rows, said[name], None) for name in ("recorded", "recorded, all features"))
+        print(f"{detector}: {len(rows.present)} tracks in frames, {100 * rows.present.mean():.0f} % there")
+        for name, values in said.items():
+            every = _auc(rows, values, None)
+            own = ", ".join(f"{c} {_auc(rows, values, c):.3f}" for c in sorted(set(rows.class_name)))
+            print(f"  {name:28} AUC {every:.4f} ({100 * every / best:.1f} % of the best fitted here); {own}")
+
+
+def _auc(rows: Rows, said: np.ndarray, class_name: str | None) -> float:
+    mine = np.ones(len(said), dtype=bool) if class_name is None else rows.class_name == class_name
+    return Quality.of(said[mine], rows.present[mine]).auc
+
+
+def predictor(given: argparse.Namespace) -> None:
+    """Errors of both networks on recorded tracklets."""
+    workers = Workers(given.jobs)
+    requests = {
+        f"{given.scenes} scenes of {REAL}": (Request(given.network, REAL, "tracklets"), given.scenes, given.data),
+        f"{given.also_scenes} scenes each of {', '.join(SIMULATED)}": (
+            Request(given.network, SIMULATED[0], "tracklets", also=SIMULATED[1:]), given.also_scenes, None,
+        ),
+    }  # fmt: skip
+    asked = windows(REAL, given.split, HYPOTHESES, None, RunOptions(given.data, workers=workers))
+    asked = asked.those(taught(asked) & asked.target & asked.future_known.all(1))
+    still = _error(asked, np.zeros((len(asked), 1, asked.future.shape[1], 2)) + asked.box[:, -1, None, None, :2])
+    print(f"{REAL}, {given.split}: {len(asked)} windows of tracklets; standing still {still:.3f} m")
+    with tempfile.TemporaryDirectory() as folder:
+        for number, (name, (request, scenes, data)) in enumerate(requests.items()):
+            start = time.process_time()
+            found = learnable(request, RunOptions(data, scenes, workers=workers))
+            path, card = train_predictor(found, request, Path(folder) / f"{number}.safetensors")
+            stored = read_weights(path, network_of(request.network))
+            error = _error(asked, _forecasts(asked, stored))
+            spent = time.process_time() - start
+            print(
+                f"  {given.network} from {name}: minADE {error:.3f} m; {card['windows']} windows, validation "
+                f"{card['validation_minADE']} m, {spent:.0f} CPU-s",
+                flush=True,
+            )
+
+
+def _forecasts(asked: Windows, stored: Stored) -> np.ndarray:
+    """Samples ``[n, k, T, 2]`` of a network; classes that it does not know stand for others."""
+    known = stored.sizes.classes
+    own = [known.index(name if name in known else STANDS_FOR[name]) for name in asked.task.classes]
+    asked = replace(asked, class_id=np.array(own)[asked.class_id])
+    seen = replace(asked.seen, class_id=np.array(own)[asked.seen.class_id])
+    network, parts = network_of(stored.network), []
+    for low in range(0, len(asked), ROWS):
+        part = asked.those(slice(low, low + ROWS))
+        said = network.forward(stored.weights, network.inputs(part, part.moment, seen, stored.sizes), stored.sizes)
+        parts.append(to_absolute(part, said["modes"]))
+    return np.concatenate(parts)
+
+
+def _error(asked: Windows, samples: np.ndarray) -> float:
+    away = np.linalg.norm(samples - asked.future[:, None], axis=-1).mean(-1).min(1)
+    return float(np.average(away, weights=asked.mass))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = parser.add_subparsers(required=True)
+    one = commands.add_parser("presence")
+    one.set_defaults(run=presence)
+    two = commands.add_parser("predictor")
+    two.add_argument("--network", default="modes")
+    two.add_argument("--split", default="val")
+    two.add_argument("--scenes", type=int, default=100, help="recorded ones to learn from")
+    two.add_argument("--also-scenes", type=int, default=100, help="simulated ones to learn from, of each env")
+    two.add_argument("--jobs", type=int, default=2)
+    two.set_defaults(run=predictor)
+    for each in (one, two):
+        each.add_argument("--data")
+    given = parser.parse_args()
+    given.run(given)
+
+
+if __name__ == "__main__":
+    main()
