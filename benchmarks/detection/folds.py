@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from mtp_bench.cards import load_card
-from mtp_bench.detector import Profile, load_profile
-from mtp_bench.detector.model2.fit import fit_profile2
-from mtp_bench.detector.model2.profile import Profile2
+from mtp_bench.detector import Profile, Profile1, load_profile
+from mtp_bench.detector.model2.fit import fit_profile
 from mtp_bench.detector.profile import profile_text
 from mtp_bench.detector.sight import Sensor, Sight, sight, visible_fractions
 from mtp_bench.detector.simulate import simulate
@@ -36,10 +35,10 @@ class Recordings:
     detector: str | None = None  # another one than the card's
 
     @property
-    def model1(self) -> Profile:
+    def model1(self) -> Profile1:
         """The profile of model 1, whose floors are the operating point of a tracker."""
         profile = load_profile(self.first)
-        if not isinstance(profile, Profile):
+        if not isinstance(profile, Profile1):
             raise MtpBenchError(f"detector profile {self.first!r} is of model {profile.model}, expected one of model 1")
         return profile
 
@@ -76,7 +75,7 @@ class Fold:
 
     scenes: list[Scene]
     sights: list[Sight]
-    profile: Profile2
+    profile: Profile
 
 
 def folds(
@@ -93,19 +92,19 @@ def folds(
             profile = fit(recordings, classes, rest)
             if path is not None:
                 path.write_text(profile_text(profile), encoding="utf-8")
-        assert isinstance(profile, Profile2)
+        assert isinstance(profile, Profile)
         seen = [sight(one.truth, one.ego, recordings.sensor, one.visible) for one in held]
         yield Fold(held, seen, profile)
 
 
-def fit(recordings: Recordings, classes: Sequence[str], scenes: Sequence[Scene]) -> Profile2:
+def fit(recordings: Recordings, classes: Sequence[str], scenes: Sequence[Scene]) -> Profile:
     """The profile of some scenes at all scores."""
     dt = recordings.model1.dt
-    return fit_profile2(scenes, classes, dt, recordings.sensor, recordings.name, "", "", None, recordings.pooled)
+    return fit_profile(scenes, classes, dt, recordings.sensor, recordings.name, "", "", None, recordings.pooled)
 
 
 def detected(
-    fold: Fold, recordings: Recordings, classes: Sequence[str], profile: Profile | Profile2, seed: int
+    fold: Fold, recordings: Recordings, classes: Sequence[str], profile: Profile | Profile1, seed: int
 ) -> list[Scene]:
     """The scenes of a fold as the simulated detector sees them."""
     return [

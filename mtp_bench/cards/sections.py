@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
-from ..detector import Profile, Profile2, Variant, load_profile
+from ..detector import Profile, Profile1, Variant, load_profile
 from ..errors import CardError
 from ..strict import Section
 
@@ -193,12 +193,11 @@ def _name(profile: str) -> str:
 
 def _model(content: object) -> str:
     """Which class of profiles the content is of; those of model 1 have no key ``model``."""
-    return (
-        "Profile2" if isinstance(content, Profile2) or (isinstance(content, dict) and "model" in content) else "Profile"
-    )
+    of_model1 = "model" not in content if isinstance(content, dict) else isinstance(content, Profile1)
+    return "Profile1" if of_model1 else "Profile"
 
 
-Noise = Annotated[Annotated[Profile, Tag("Profile")] | Annotated[Profile2, Tag("Profile2")], Discriminator(_model)]
+Noise = Annotated[Annotated[Profile, Tag("Profile")] | Annotated[Profile1, Tag("Profile1")], Discriminator(_model)]
 
 
 class DetectorSection(Section):
@@ -219,7 +218,7 @@ class DetectorSection(Section):
         return self.resolved.name
 
     @property
-    def resolved(self) -> Profile | Profile2:
+    def resolved(self) -> Profile | Profile1:
         """The noise that is meant; raises CardError or UnknownNameError where it is not there."""
         if (self.profile is None) == (self.noise is None):
             raise CardError("[detector] has both or none of 'profile' and 'noise', expected one of them")

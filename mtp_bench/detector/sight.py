@@ -63,6 +63,13 @@ def sight(truth: Truth, ego: Floats, sensor: Sensor, visible: Floats | None = No
     return Sight(frame, distance, bearing, np.asarray(occlusion), np.asarray(truncated))
 
 
+def features(sight: Sight) -> Floats:
+    """What chances to be seen depend on: 1, d (10 m), partly, largely, hidden, truncated: ``[R, 6]``."""
+    levels = [sight.occlusion == level for level in (PARTLY, LARGELY, HIDDEN)]
+    columns = [np.ones(len(sight.distance)), sight.distance / 10, *levels, sight.truncated]
+    return np.stack(columns, axis=-1).astype(np.float64)
+
+
 def polar(place: Floats, pose: Floats) -> tuple[Floats, Floats]:
     """Distance (m) and bearing (rad, from the heading) of places ``[..., 2]`` seen from poses ``[..., 4]``."""
     dx, dy = place[..., 0] - pose[..., 0], place[..., 1] - pose[..., 1]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..cards import Card
-from ..detector import Profile, Profile2
+from ..detector import Profile, Profile1
 from ..types import Scene
 from .base import SceneSource
 from .people import as_places, extent
@@ -63,7 +63,7 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
     return replace(scene, detections=seen, detector=_label(noise), simulated=True, skipped={}, visible=visible)
 
 
-def _label(noise: Profile | Profile2) -> str:
+def _label(noise: Profile | Profile1) -> str:
     return f"{noise.name}, simulated detections"
 
 

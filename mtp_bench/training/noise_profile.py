@@ -37,7 +37,7 @@ def fit_noise(
 
     Raises MtpBenchError for whatever the user can mend.
     """
-    from ..detector.model2.fit import fit_profile2
+    from ..detector.model2.fit import fit_profile
     from ..detector.profile import profile_text
     from ..detector.sight import Sensor
 
@@ -48,7 +48,7 @@ def fit_noise(
     section = known.model_copy(
         update={"reach": reach or known.reach, "field_of_view": field_of_view or known.field_of_view}
     )
-    profile = fit_profile2(
+    profile = fit_profile(
         map(_complete, split.scenes()),
         card.task.classes,
         1.0 / card.task.rate,

@@ -54,7 +54,7 @@ def test_the_fit_finds_the_noise_that_made_the_detections(section: Path) -> None
     )
     assert fitted["heading"]["scale"] == pytest.approx(car.heading.scale, rel=0.15)
     assert fitted["velocity"] == pytest.approx(0.25, rel=0.1)
-    assert abs(fitted["radial"]["quality"]) < 0.1  # in model 1 scores say nothing of errors
+    assert fitted["radial"]["quality"] == pytest.approx(car.radial.quality, abs=0.15)
 
 
 def test_the_command_writes_and_prints(cli: CommandLine, tmp_path: Path) -> None:

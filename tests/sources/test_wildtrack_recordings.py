@@ -14,8 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from mtp_bench.cards import load_card
 from mtp_bench.detector import load_profile
-from mtp_bench.detector.fit.detector import fit_false_positives, fit_undetected
-from mtp_bench.detector.fit.errors import fit_position
+from mtp_bench.detector.fit.errors import robust_deviation
 from mtp_bench.detector.fit.samples import RADIAL, TANGENTIAL, collect
 from mtp_bench.detector.sight import Sensor, sight
 from mtp_bench.detector.simulate import simulate
@@ -24,7 +23,6 @@ from mtp_bench.sources.wildtrack.files import read_annotations
 from mtp_bench.sources.wildtrack.source import ANNOTATIONS, SCENES, SPLITS, STORED, Wildtrack
 from mtp_bench.sources.wildtrack.status import wildtrack_status
 from mtp_bench.types import Detections, Floats, Scene, Truth
-from tests.support.detector_scenes import profile1
 
 pytestmark = pytest.mark.data
 
@@ -147,20 +145,19 @@ def test_feet_project_to_the_lower_edges_of_the_pixel_boxes(data_root: Path) -> 
         assert (np.abs(feet[:, 0] - (left + right)[whole] / 2) < width / 2 + 1).mean() > 0.99
 
 
-def test_the_profile_is_what_the_last_frames_give(scenes: dict[str, Scene]) -> None:
-    """The library's own fit, with neither distance nor occlusion."""
-    noise = profile1("wildtrack_mvdet").noise("pedestrian")
-    people, clutter = collect([scenes[STORED]], PEOPLE, SENSOR)["pedestrian"]
+def test_the_profile_makes_what_the_last_frames_have(scenes: dict[str, Scene]) -> None:
+    """MVDet's detections and simulated ones of the same frames: misses, errors, false positives."""
+    scene, profile = scenes[STORED], load_profile("wildtrack_mvdet")
+    people, clutter = collect([scene], PEOPLE, SENSOR)["pedestrian"]
     assert (len(people.hit), int(people.hit.sum()), len(clutter.score)) == (952, 911, 55)
-    people = replace(people, feature=people.feature * [1, 0, 0, 0, 0, 0])
-    np.testing.assert_allclose(fit_undetected(people).first, noise.miss.first, atol=2e-3)
-    np.testing.assert_allclose(fit_undetected(people).later, noise.miss.later, atol=2e-3)
-    for column, law in ((RADIAL, noise.radial), (TANGENTIAL, noise.tangential)):
-        fitted = fit_position(people, column).model_copy(update={"s1": 0.0})
-        got, expected = fitted.model_dump(), law.model_dump()
-        assert got == pytest.approx(expected, abs=0.02, rel=0.05)
-    assert clutter.duplicate.sum() / people.hit.sum() == pytest.approx(noise.duplicates, abs=1e-4)
-    assert fit_false_positives(clutter, noise.score) == noise.false_positives
+    look = sight(scene.truth, scene.ego, SENSOR, scene.visible)
+    runs = [simulate(scene.truth, scene.ego, PEOPLE, profile, SENSOR, seed, 0.5, sight=look) for seed in range(30)]
+    made, false = collect([replace(scene, detections=run) for run in runs], PEOPLE, SENSOR)["pedestrian"]
+    assert made.hit.mean() == pytest.approx(people.hit.mean(), abs=0.015)
+    assert len(false.score) / len(runs) == pytest.approx(len(clutter.score), rel=0.25)
+    for column in (RADIAL, TANGENTIAL):
+        real, spread = (robust_deviation(one.error[one.hit, column]) for one in (people, made))
+        assert spread == pytest.approx(real, rel=0.2)
 
 
 def test_simulated_detections_are_as_good_as_stored_ones(scenes: dict[str, Scene]) -> None:

@@ -1,3 +1,1 @@
-"""The noise profile of a real detector, fitted to its detections."""
-
-from .detector import fit_profile as fit_profile
+"""What detections show of known objects: matches, errors, and how they hang together."""

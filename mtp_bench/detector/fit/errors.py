@@ -1,4 +1,4 @@
-"""Errors of position, heading, size, height and velocity, fitted to the true boxes that were hit."""
+"""Errors of heading, size and velocity, fitted to the true boxes that were hit; shares of a memory."""
 
 from __future__ import annotations
 
@@ -6,65 +6,14 @@ import numpy as np
 
 from ...geometry import wrap_angle
 from ...types import Floats
-from ..profile import HeadingNoise, Memory, PositionNoise, SizeNoise
-from .samples import HEADING, HEIGHT, SIZE, ObjectSamples
+from ..sections import HeadingNoise, Memory, SizeNoise
+from .samples import HEADING, SIZE, ObjectSamples
 
 _LAGS = range(1, 9)  # frames
 _FEW = 30  # pairs or values from which a figure is taken
 _LATENT = 4.0  # bound of a latent normal number: one wild error does not make an autocorrelation
 _NORMAL_MAD = 1.4826  # standard deviation over median absolute deviation of a normal number
 _PHI = np.linspace(0.0, 0.98, 99)
-
-
-def fit_position(objects: ObjectSamples, column: int) -> PositionNoise:
-    """Student's t margins by maximum likelihood, then the memory of the latent normal numbers behind the errors."""
-    from scipy.special import ndtri, stdtr
-
-    error, distance = objects.error[:, column], objects.feature[:, 1]
-    s0, s1, nu = _student(error[objects.hit], distance[objects.hit])
-    latent = np.full(len(error), np.nan)
-    latent[objects.hit] = ndtri(stdtr(nu, error[objects.hit] / (s0 + s1 * distance[objects.hit])))
-    memory = fit_memory(objects, latent).model_dump()
-    return PositionNoise(s0=round(s0, 4), s1=round(s1, 4), nu=round(nu, 4), **memory)
-
-
-def _student(error: Floats, distance: Floats) -> tuple[float, float, float]:
-    """s0, s1 and nu of errors distributed as ``(s0 + s1 d) T_nu``."""
-    from scipy.optimize import minimize
-    from scipy.special import gammaln
-
-    def loss(log: Floats) -> float:
-        s0, s1, nu = np.exp(log[0]), np.exp(log[1]), 1.05 + np.exp(log[2])
-        scale = s0 + s1 * distance
-        norm = gammaln((nu + 1) / 2) - gammaln(nu / 2) - 0.5 * np.log(nu * np.pi)
-        each = norm - np.log(scale) - (nu + 1) / 2 * np.log1p((error / scale) ** 2 / nu)
-        return -float(each.mean())
-
-    typical = np.log(max(robust_deviation(error) or 0.0, 1e-3))
-    bounds = [(-7.0, 1.0), (-10.0, 1.0), (-2.0, 4.0)]
-    start = np.clip([typical - 0.7, typical - 2.0, 1.0], *np.transpose(bounds))
-    log = minimize(loss, start, method="L-BFGS-B", bounds=bounds).x
-    return float(np.exp(log[0])), float(np.exp(log[1])), float(1.05 + np.exp(log[2]))
-
-
-def fit_memory(objects: ObjectSamples, latent: Floats) -> Memory:
-    """Shares of a latent number's variance from its autocorrelation over 1 to 8 frames; ``latent`` ``[R]``, mean 0.
-
-    The autocorrelation is ``bias + ar phi^lag``. Its mean is known, so short tracks do not pull it down. Without
-    enough pairs all of it is white.
-    """
-    latent = np.clip(latent, -_LATENT, _LATENT)
-    variance = float(np.mean(latent[objects.hit] ** 2))
-    lags, correlation, weight = [], [], []
-    for lag in _LAGS:
-        earlier, later = objects.hit_pairs(lag)
-        if len(earlier) >= _FEW and variance > 0:
-            lags.append(lag)
-            correlation.append(float(np.mean(latent[earlier] * latent[later])) / variance)
-            weight.append(np.sqrt(len(earlier)))
-    if not lags:
-        return Memory(bias=0.0, ar=0.0, phi=0.0, white=1.0)
-    return shares_of(np.array(lags), np.array(correlation), np.array(weight))
 
 
 def shares_of(lag: Floats, correlation: Floats, weight: Floats) -> Memory:
@@ -109,13 +58,7 @@ def fit_size(objects: ObjectSamples) -> SizeNoise:
     product = [latent[a] * latent[b] for a, b in (objects.hit_pairs(lag) for lag in _LAGS)]
     kept = float(np.mean(np.concatenate(product))) if sum(map(len, product)) >= _FEW else 0.0
     white = min(max(1.0 - kept, 0.0), 1.0)
-    return SizeNoise(mean=triple(mean), deviation=triple(deviation), white=round(white, 4))
-
-
-def fit_height(objects: ObjectSamples) -> tuple[float, float]:
-    """Mean and deviation of the error of the centre's height, m."""
-    error = objects.error[objects.hit, HEIGHT]
-    return round(float(error.mean()), 4), round(float(error.std()), 4)
+    return SizeNoise(mean=_triple(mean), deviation=_triple(deviation), white=round(white, 4))
 
 
 def fit_velocity(objects: ObjectSamples) -> float | None:
@@ -130,6 +73,6 @@ def robust_deviation(value: Floats) -> float | None:
     return float(_NORMAL_MAD * np.median(np.abs(value - np.median(value)))) if len(value) else None
 
 
-def triple(value: Floats) -> tuple[float, float, float]:
+def _triple(value: Floats) -> tuple[float, float, float]:
     """Three figures of a profile, rounded."""
     return round(float(value[0]), 4), round(float(value[1]), 4), round(float(value[2]), 4)

@@ -12,7 +12,7 @@ from ...errors import DataError
 from ...geometry import center_distance, wrap_angle
 from ...types import Bools, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
 from ..sight import Sensor, covered, polar, sight, within
-from ..undetected import features as features_of
+from ..sight import features as features_of
 
 RADIAL, TANGENTIAL, HEIGHT, HEADING, SIZE = 0, 1, 2, 3, slice(4, 7)  # columns of ``ObjectSamples.error``
 

@@ -1,3 +1,1 @@
 """Detector model 2: one lasting quality per object and frame behind score, error, miss; false positives that live."""
-
-from .profile import Profile2 as Profile2

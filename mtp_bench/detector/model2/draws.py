@@ -13,16 +13,19 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ...types import Floats, Ints, Truth
-from ..draws import decayed
+from ...types import Bools, Floats, Ints, Truth
+from ..chains import decayed
 from .neighbours import Neighbours, neighbours_of
-from .profile import ClassNoise2, Shared
+from .profile import ClassNoise, Shared
 
 _GOLDEN, _FIRST, _SECOND = (np.uint64(n) for n in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
 Keys = NDArray[np.uint64]  # what numbers are drawn for
 
 _MODEL = 2  # keeps the streams apart from those of model 1
 _TINY = 1e-12
+_SHIFTS = np.uint64(30), np.uint64(27), np.uint64(31)
+_LOW = np.uint64(11)  # bits that a float has no room for
+_ALL = 2**64 - 1
 
 
 class Kind(IntEnum):
@@ -72,9 +75,9 @@ class Draws:
     number: int = 0  # which noise of the profile free false positives have; 0 for everything else
 
     @cached_property
-    def _key(self) -> NDArray[np.uint64]:
+    def _key(self) -> int:
         words = [self.seed, _MODEL, int(self.whose), self.number]
-        return np.random.SeedSequence(words).generate_state(1, np.uint64).astype(np.uint64)
+        return int(np.random.SeedSequence(words).generate_state(1, np.uint64)[0])
 
     def stream(self, kind: Kind) -> np.random.Generator:
         """A generator, for what belongs to the scene as a whole."""
@@ -82,8 +85,13 @@ class Draws:
 
     def uniform(self, kind: Kind, part: int, where: Keys) -> Floats:
         """Numbers in (0, 1), one for each key of `keys_of`."""
-        own = _mixed(self._key + np.array([64 * int(kind) + part + 1], dtype=np.uint64) * _GOLDEN)
-        return (np.asarray(_mixed(where + own) >> np.uint64(11), dtype=np.float64) + 0.5) * 2.0**-53
+        own = _mixed_number(self._key + (64 * int(kind) + part + 1) * int(_GOLDEN))
+        bits = _mixed(where + np.uint64(own))
+        bits >>= _LOW
+        number = bits.astype(np.float64)
+        number += 0.5
+        number *= 2.0**-53
+        return number
 
     def normal(self, kind: Kind, part: int, where: Keys) -> Floats:
         """Standard normal numbers, as `uniform`."""
@@ -96,27 +104,43 @@ def keys_of(*index: Ints | Keys) -> Keys:
     """A key for each tuple of whole numbers, of a common shape; further numbers may be added to a key."""
     state = np.zeros(1, dtype=np.uint64)
     for one in index:
-        state = _mixed(state + np.asarray(one).astype(np.uint64) * _GOLDEN + _GOLDEN)
+        state = further(state, one)
     return state
 
 
-def _mixed(state: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Every bit of the result depends on every bit of ``state`` (the finaliser of SplitMix64)."""
-    state = (state ^ (state >> np.uint64(30))) * _FIRST
-    state = (state ^ (state >> np.uint64(27))) * _SECOND
-    return np.asarray(state ^ (state >> np.uint64(31)))
+def further(key: Keys, index: Ints | Keys) -> Keys:
+    """The key of `keys_of` for one more number."""
+    return _mixed(key + (np.asarray(index).astype(np.uint64) * _GOLDEN + _GOLDEN))
+
+
+def _mixed(state: Keys) -> Keys:
+    """Every bit of the result depends on every bit of ``state``, which is lost (the finaliser of SplitMix64)."""
+    for shift, factor in ((_SHIFTS[0], _FIRST), (_SHIFTS[1], _SECOND)):
+        state ^= state >> shift
+        state *= factor
+    state ^= state >> _SHIFTS[2]
+    return state
+
+
+def _mixed_number(state: int) -> int:
+    """The same of one number, taken modulo 2^64."""
+    for shift, factor in ((30, int(_FIRST)), (27, int(_SECOND))):
+        state &= _ALL
+        state = (state ^ (state >> shift)) * factor
+    state &= _ALL
+    return state ^ (state >> 31)
 
 
 @dataclass(frozen=True, eq=False)
-class Grid2:
-    """Rows of boxes in F frames of J objects, and the noise of the class of each."""
+class Grid:
+    """Rows of boxes in F frames of J objects, and the noise of each."""
 
     frames: int
     ids: Ints  # [J] ascending
     frame: Ints  # [R]
     column: Ints  # [R] object of every row
-    noise: tuple[ClassNoise2, ...]  # per class
-    object_class: Ints  # [J]
+    noise: tuple[ClassNoise, ...]
+    of_noise: Ints  # [J] index of each object's noise
     steps: float  # frame periods of the profile per frame of the scene
     lives: tuple[Ints, Ints] | None = None  # [J] first frame and the one after the last; None: those of the rows
 
@@ -133,22 +157,30 @@ class Grid2:
     @cached_property
     def of_frames(self) -> Keys:
         """Keys of object and frame of every row ``[R]``."""
-        return keys_of(self.id_of_rows, self.frame)
+        return further(self.of_ids[self.column], self.frame)
 
-    def of_objects(self, parameter: Callable[[ClassNoise2], float | Sequence[float]]) -> Floats:
-        """A parameter of every object's class: ``[J]``, or ``[J, n]`` if it has n components."""
-        return np.array([parameter(noise) for noise in self.noise], dtype=np.float64)[self.object_class]
+    def of_objects(self, parameter: Callable[[ClassNoise], float | Sequence[float]]) -> Floats:
+        """A parameter of every object's noise: ``[J]``, or ``[J, n]`` if it has n components."""
+        return np.array([parameter(noise) for noise in self.noise], dtype=np.float64)[self.of_noise]
 
-    def of_rows(self, parameter: Callable[[ClassNoise2], float | Sequence[float]]) -> Floats:
+    def of_rows(self, parameter: Callable[[ClassNoise], float | Sequence[float]]) -> Floats:
         """The same for every row: ``[R]`` or ``[R, n]``."""
         return self.of_objects(parameter)[self.column]
 
-    def of_these(self, row: Ints) -> Grid2:
+    def by_noise(self) -> list[tuple[ClassNoise, Ints]]:
+        """Each noise, and the rows that have it."""
+        of_rows = self.of_noise[self.column]
+        return [(noise, np.flatnonzero(of_rows == number)) for number, noise in enumerate(self.noise)]
+
+    def of_these(self, row: Ints) -> Grid:
         """The grid of some rows, without the objects that have none of them."""
-        used, column = np.unique(self.column[row], return_inverse=True)
-        lives = self.span[0][used], self.span[1][used]  # memory begins where it did
-        ids, object_class = self.ids[used], self.object_class[used]
-        return replace(self, ids=ids, frame=self.frame[row], column=column, object_class=object_class, lives=lives)
+        old = self.column[row]
+        kept = np.bincount(old, minlength=len(self.ids)) > 0
+        used, column = np.flatnonzero(kept), (np.cumsum(kept) - 1)[old]
+        frame, end = self.frame[row], np.zeros(len(used), dtype=np.int64)
+        end[column] = frame + 1  # rows of an object are in the order of frames
+        lives = self.span[0][used], end  # memory begins where it did, and what comes later does not matter
+        return replace(self, ids=self.ids[used], frame=frame, column=column, of_noise=self.of_noise[used], lives=lives)
 
     @cached_property
     def span(self) -> tuple[Ints, Ints]:
@@ -165,14 +197,31 @@ class Grid2:
         """Frames and objects of all cells of the grid from each object's first to its last frame."""
         first, end = self.span
         frame = np.arange(self.frames)[:, None]
-        inside = np.argwhere((frame >= first) & (frame < end))
-        return inside[:, 0], inside[:, 1]
+        frame, column = ((frame >= first) & (frame < end)).nonzero()
+        return frame, column
+
+    @cached_property
+    def _at_cells(self) -> Ints:
+        """Where the `cells` are on the grid as one row of numbers."""
+        frame, column = self.cells
+        return np.asarray(frame * len(self.ids) + column)
+
+    @cached_property
+    def _at_rows(self) -> Ints:
+        """Where the rows are on the grid as one row of numbers ``[R]``."""
+        return np.asarray(self.frame * len(self.ids) + self.column)
+
+    @cached_property
+    def _begins(self) -> Bools:
+        """Which of the `cells` are the first of their objects."""
+        frame, column = self.cells
+        return np.asarray(frame == self.span[0][column])
 
     @cached_property
     def of_cells(self) -> Keys:
         """Keys of object and frame of all `cells`."""
         frame, column = self.cells
-        return keys_of(self.ids[column], frame)
+        return further(self.of_ids[column], frame)
 
     def lasting(self, bias: Floats, phi: Floats, draws: Draws, kind: Kind) -> Floats:
         """Standard normal numbers ``[R]``: a share ``bias`` [J] of object bias, else autoregression with ``phi``."""
@@ -187,15 +236,25 @@ class Grid2:
     def series_of(self, phi: Floats, push: Floats) -> Floats:
         """The same from standard normal numbers for all `cells`."""
         phi = decayed(phi, self.steps)
-        frame, column = self.cells
-        value = np.zeros((self.frames, len(self.ids)))
-        value[frame, column] = push * np.where(frame == self.span[0][column], 1.0, np.sqrt(1.0 - phi**2)[column])
+        scale = np.sqrt(1.0 - phi**2)[self.cells[1]]
+        scale[self._begins] = 1.0
+        value = self.spread(push * scale)
         for t in range(1, self.frames):
             value[t] += phi * value[t - 1]
-        return value[self.frame, self.column]
+        return self.of_rows_in(value)
+
+    def spread(self, value: Floats) -> Floats:
+        """Numbers of the `cells` on the whole grid ``[F, J]``, 0 elsewhere."""
+        spread = np.zeros(self.frames * len(self.ids))
+        spread[self._at_cells] = value
+        return spread.reshape(self.frames, len(self.ids))
+
+    def of_rows_in(self, value: Floats) -> Floats:
+        """What the rows have of numbers ``[F, J]``: ``[R]``."""
+        return value.ravel()[self._at_rows]
 
     def latent(
-        self, memory: Callable[[ClassNoise2], Shared], neighbours: Neighbours, draws: Draws, kind: Kind
+        self, memory: Callable[[ClassNoise], Shared], neighbours: Neighbours, draws: Draws, kind: Kind
     ) -> Floats:
         """Standard normal numbers ``[R]`` that last, and are shared with neighbours as far as they last."""
         bias, ar, phi, white, shared = self.of_objects(
@@ -208,14 +267,18 @@ class Grid2:
         return np.asarray(np.sqrt(1 - share) * lasting + np.sqrt(share) * new)
 
 
-def grid_of(truth: Truth, noise: Sequence[ClassNoise2], steps: float) -> Grid2:
+def grid_of(truth: Truth, noise: Sequence[ClassNoise], steps: float) -> Grid:
     """The grid of a truth whose ``class_id`` is an index into ``noise``."""
     ids, first, column = np.unique(truth.object_id, return_index=True, return_inverse=True)
-    return Grid2(truth.frames, ids, truth.frame_of_rows, column, tuple(noise), truth.class_id[first], steps)
+    kinds: list[ClassNoise] = []
+    for one in noise:
+        if one not in kinds:
+            kinds.append(one)
+    of_noise = np.array([kinds.index(one) for one in noise])[truth.class_id[first]]
+    return Grid(truth.frames, ids, truth.frame_of_rows, column, tuple(kinds), of_noise, steps)
 
 
-def neighbours_in(grid: Grid2, place: Floats, length: float) -> Neighbours:
+def neighbours_in(grid: Grid, place: Floats, length: float) -> Neighbours:
     """Neighbours within ``length`` m of rows at ``place`` ``[R, 2]``: of one frame and with the same noise."""
-    kind = np.array([grid.noise.index(noise) for noise in grid.noise])
-    moment = grid.frame * len(kind) + kind[grid.object_class[grid.column]]
+    moment = grid.frame * len(grid.noise) + grid.of_noise[grid.column]
     return neighbours_of(place, moment, grid.id_of_rows, length)

@@ -9,43 +9,41 @@ import numpy as np
 
 from ...geometry import rotate, wrap_angle
 from ...types import Bools, Floats
-from ..box_errors import FARTHEST, ROBUST_T4, SMALLEST
-from ..draws import at_period, stationary, two_state
-from .draws import Draws, Grid2, Kind, Part, keys_of
+from ..chains import at_period, stationary, two_state
+from ..estimates import FARTHEST, ROBUST_T4, sized
+from .draws import Draws, Grid, Kind, Part, keys_of
 from .neighbours import Neighbours
-from .profile import ClassNoise2, PositionNoise2
+from .profile import ClassNoise, PositionNoise
 
 _LATENT = np.linspace(-5.0, 5.0, 1001)  # beyond, tails are as heavy as at the end
 
 
-def box_errors(
-    true: Floats, grid: Grid2, distance: Floats, toward: Floats, quality: Floats, neighbours: Neighbours, draws: Draws
+def position_errors(
+    grid: Grid, distance: Floats, toward: Floats, quality: Floats, neighbours: Neighbours, draws: Draws
 ) -> Floats:
-    """Boxes ``[R, 7]`` as the detector would estimate ``true`` ones at ``distance`` ``[R]`` m.
+    """Errors of the positions ``[R, 2]`` m of boxes at ``distance`` ``[R]`` m.
 
     ``toward`` ``[R]`` rad points from the sensor to them; ``quality`` ``[R]`` is the random part of their quality.
     """
-    box = reshaped(true, grid, draws)
     tails = _tails(grid, draws)
 
-    def error(axis: Callable[[ClassNoise2], PositionNoise2], kind: Kind) -> Floats:
+    def error(axis: Callable[[ClassNoise], PositionNoise], kind: Kind) -> Floats:
         latent = grid.latent(axis, neighbours, draws, kind)
         s0, s1, gain = grid.of_rows(lambda n: (axis(n).s0, axis(n).s1, axis(n).quality)).T
         scale = (s0 + s1 * distance / 10) * np.exp(-gain * quality)
         return np.asarray(np.clip(scale * tails * latent, -FARTHEST, FARTHEST))
 
     off = [error(lambda n: n.radial, Kind.RADIAL), error(lambda n: n.tangential, Kind.TANGENTIAL)]
-    box[:, :2] += rotate(np.stack(off, axis=-1), toward)
-    return box
+    return rotate(np.stack(off, axis=-1), toward)
 
 
-def _tails(grid: Grid2, draws: Draws) -> Floats:
+def _tails(grid: Grid, draws: Draws) -> Floats:
     """What makes Student's t of normal numbers ``[R]``; it lasts as the radial error does."""
     bias, ar, phi, nu = grid.of_objects(lambda n: (n.radial.bias, n.radial.ar, n.radial.phi, n.nu)).T
     lasts = bias + ar > 0  # else it is new in every frame
     latent = grid.lasting(bias / np.maximum(bias + ar, 1e-12), phi, draws, Kind.TAIL)
-    lasts = lasts[grid.column]
-    latent = np.where(lasts, latent, draws.normal(Kind.TAIL, Part.WHITE, grid.of_frames))
+    if not lasts.all():
+        latent = np.where(lasts[grid.column], latent, draws.normal(Kind.TAIL, Part.WHITE, grid.of_frames))
     factor = np.ones(len(latent))
     of_rows = nu[grid.column]
     for freedom in np.unique(nu):
@@ -62,9 +60,10 @@ def _mixing(nu: float) -> Floats:
     return np.asarray(np.sqrt(nu / chdtri(nu, ndtr(_LATENT))))
 
 
-def reshaped(true: Floats, grid: Grid2, draws: Draws) -> Floats:
-    """Boxes ``[R, 7]`` at their true places, with the errors of height, heading and size."""
+def estimated(true: Floats, off: Floats, grid: Grid, draws: Draws) -> Floats:
+    """Boxes ``[R, 7]`` as the detector estimates ``true`` ones, ``off`` ``[R, 2]`` m from their places."""
     box = np.array(true, dtype=np.float64)
+    box[:, :2] += off
     mean, deviation = grid.of_rows(lambda noise: noise.z).T
     box[:, 2] += mean + deviation * draws.normal(Kind.Z, Part.WHITE, grid.of_frames)
     box[:, 3] = wrap_angle(box[:, 3] + _heading_error(grid, draws))
@@ -72,19 +71,21 @@ def reshaped(true: Floats, grid: Grid2, draws: Draws) -> Floats:
     return box
 
 
-def velocities(true: Floats, grid: Grid2, toward: Floats, draws: Draws) -> Floats:
+def velocities(true: Floats, grid: Grid, toward: Floats, draws: Draws) -> Floats:
     """Measured velocities ``[R, 2]`` m/s; NaN where the class has none or the truth is unknown."""
     deviation = grid.of_rows(lambda noise: np.nan if noise.velocity is None else noise.velocity)
+    if np.isnan(deviation).all():
+        return np.full(true.shape, np.nan)
     error = _components(draws, Kind.VELOCITY, Part.WHITE, grid, 2)
     return np.asarray(true + rotate(deviation[:, None] * error, toward))
 
 
-def _components(draws: Draws, kind: Kind, part: Part, grid: Grid2, count: int) -> Floats:
+def _components(draws: Draws, kind: Kind, part: Part, grid: Grid, count: int) -> Floats:
     """New normal numbers for every row ``[R, count]``."""
     return draws.normal(kind, part, keys_of(grid.of_frames[:, None], np.arange(count)[None, :]))
 
 
-def _heading_error(grid: Grid2, draws: Draws) -> Floats:
+def _heading_error(grid: Grid, draws: Draws) -> Floats:
     """Error of the heading ``[R]``, radians, turns by pi included."""
     after_no = grid.of_objects(lambda noise: noise.heading.flip)
     after_yes = grid.of_objects(lambda noise: noise.heading.flip_again)
@@ -93,7 +94,7 @@ def _heading_error(grid: Grid2, draws: Draws) -> Floats:
     return np.asarray(scale * _student4(grid, draws) + flipped)
 
 
-def _flips(after_no: Floats, after_yes: Floats, grid: Grid2, draws: Draws) -> Bools:
+def _flips(after_no: Floats, after_yes: Floats, grid: Grid, draws: Draws) -> Bools:
     """Whether headings are turned by pi ``[F, J]``."""
     if not after_no.any():
         return np.zeros((grid.frames, len(grid.ids)), dtype=bool)
@@ -106,19 +107,18 @@ def _flips(after_no: Floats, after_yes: Floats, grid: Grid2, draws: Draws) -> Bo
     return two_state((first, no, yes), begins, uniform)
 
 
-def _student4(grid: Grid2, draws: Draws) -> Floats:
+def _student4(grid: Grid, draws: Draws) -> Floats:
     """Student's t with 4 degrees of freedom ``[R]``: a normal number over the root of a chi-squared one."""
     first, second = (draws.uniform(Kind.HEADING, part, grid.of_frames) for part in (Part.PUSH, Part.OTHER))
     square = -0.5 * np.log(first * second)
     return np.asarray(draws.normal(Kind.HEADING, Part.WHITE, grid.of_frames) / np.sqrt(square))
 
 
-def _sizes(true: Floats, grid: Grid2, draws: Draws) -> Floats:
+def _sizes(true: Floats, grid: Grid, draws: Draws) -> Floats:
     """Estimated length, width, height ``[R, 3]``."""
     bias = draws.normal(Kind.SIZE, Part.BIAS, keys_of(grid.of_ids[:, None], np.arange(3)[None, :]))
     white = _components(draws, Kind.SIZE, Part.WHITE, grid, 3)
     share = grid.of_rows(lambda noise: noise.size.white)[:, None]
     latent = np.sqrt(1 - share) * bias[grid.column] + np.sqrt(share) * white
     error = grid.of_rows(lambda noise: noise.size.mean) + grid.of_rows(lambda noise: noise.size.deviation) * latent
-    smallest = np.minimum(true, np.maximum(SMALLEST[0], SMALLEST[1] * true))
-    return np.asarray(np.maximum(true + error, smallest))
+    return sized(true, error)

@@ -8,11 +8,12 @@ import numpy as np
 
 from ...geometry import wrap_angle
 from ...types import Floats, Ints, Ragged
-from ..draws import decayed
-from ..false_positives import SIZE_SPREAD, SMALLEST_SHARE, Labels, Rows, Surroundings, ground_at, places
+from ..chains import decayed
+from ..rows import Rows
 from ..sight import polar
-from .draws import Draws, Grid2, Kind, Whose
-from .profile import ClassNoise2, FreeGhosts
+from ..surroundings import Labels, Surroundings, ground_at, places, spread_sides
+from .draws import Draws, Grid, Kind, Whose
+from .profile import ClassNoise, FreeGhosts
 from .quality import score_by_rank, seen_rank
 from .reports import Ghosts, report
 from .skewed import exponential, with_exponential
@@ -29,7 +30,7 @@ class _Members:
     class_id: Ints  # [B]
 
 
-def free_ghosts(noise: ClassNoise2, labels: Labels, around: Surroundings, number: int, seed: int) -> Rows:
+def free_ghosts(noise: ClassNoise, labels: Labels, around: Surroundings, number: int, seed: int) -> Rows:
     """False positives of one noise over a scene; ``number`` tells the random numbers of several noises apart.
 
     ``labels``: classes and sizes that they may have. What appears beyond the sensor's reach is dropped.
@@ -42,7 +43,7 @@ def free_ghosts(noise: ClassNoise2, labels: Labels, around: Surroundings, number
     rows = Ragged.of_counts(members.life)
     which = rows.frame_of_rows
     age = np.arange(len(which)) - rows.start[which]
-    grid = Grid2(
+    grid = Grid(
         int(members.life.max(initial=0)),
         np.arange(len(members.life)),
         age,
@@ -58,27 +59,30 @@ def free_ghosts(noise: ClassNoise2, labels: Labels, around: Surroundings, number
     kept, score = kept[reported], score[reported]
     which = which[kept]
     frame = members.birth[which] + age[kept]
-    box = _on_the_ground(members.box[which], which, members.birth[which], around)
+    box = _on_the_ground(members, which, around)
     still = np.zeros((len(which), 2))
     ghosts = Ghosts(grid.of_these(kept), frame, box, still, members.class_id[which], score)
     return report(ghosts, around, draws)
 
 
-def _on_the_ground(box: Floats, which: Ints, birth: Ints, around: Surroundings) -> Floats:
+def _on_the_ground(members: _Members, which: Ints, around: Surroundings) -> Floats:
     """Boxes ``[R, 7]`` of members ``which`` ``[R]`` at the height of the ground in the frame of their birth."""
-    _, first, again = np.unique(which, return_index=True, return_inverse=True)
-    height = ground_at(box[first, :2], birth[first], around)[again]
-    return np.column_stack([box[:, :2], height + box[:, 6] / 2, box[:, 3:]])
+    used = np.flatnonzero(np.bincount(which))
+    ground = np.zeros(len(members.birth))
+    ground[used] = ground_at(members.box[used, :2], members.birth[used], around)
+    box = members.box[which]
+    box[:, 2] = ground[which] + box[:, 6] / 2
+    return box
 
 
-def _seen(law: FreeGhosts, members: _Members, grid: Grid2, draws: Draws) -> tuple[Ints, Floats]:
+def _seen(law: FreeGhosts, members: _Members, grid: Grid, draws: Draws) -> tuple[Ints, Floats]:
     """Rows of the grid that are seen, and the ranks of their quality; siblings share a part of it."""
     families = int(members.family.max(initial=-1)) + 1
     of_families = replace(
         grid,
         ids=np.arange(families),
         column=members.family[grid.column],
-        object_class=np.zeros(families, dtype=np.int64),
+        of_noise=np.zeros(families, dtype=np.int64),
     )
     own, alone = _latent(law, grid, draws, Kind.QUALITY)
     common, together = _latent(law, of_families, draws, Kind.FAMILY)
@@ -88,15 +92,14 @@ def _seen(law: FreeGhosts, members: _Members, grid: Grid2, draws: Draws) -> tupl
     return seen_rank(quality, law.bias, law.chance)
 
 
-def _latent(law: FreeGhosts, grid: Grid2, draws: Draws, kind: Kind) -> tuple[Floats, Floats]:
+def _latent(law: FreeGhosts, grid: Grid, draws: Draws, kind: Kind) -> tuple[Floats, Floats]:
     """Normal numbers that change over frames ``[R]``, and those behind the constant share ``[J]``."""
     ar = law.ar / max(1 - law.bias, 1e-12)
     rng = draws.stream(kind)  # hashes would take long for so many
     constant, (push, white) = rng.standard_normal(len(grid.ids)), rng.standard_normal((2, len(grid.cells[0])))
-    new = np.zeros((grid.frames, len(grid.ids)))
-    new[grid.cells] = white  # siblings have the same rows of their family
+    new = grid.of_rows_in(grid.spread(white))  # siblings have the same rows of their family
     series = grid.series_of(np.full(len(grid.ids), law.phi), push)
-    return np.sqrt(ar) * series + np.sqrt(1 - ar) * new[grid.frame, grid.column], constant
+    return np.sqrt(ar) * series + np.sqrt(1 - ar) * new, constant
 
 
 def _members(law: FreeGhosts, labels: Labels, around: Surroundings, draws: Draws) -> _Members:
@@ -112,7 +115,7 @@ def _members(law: FreeGhosts, labels: Labels, around: Surroundings, draws: Draws
     heading = wrap_angle(2 * np.pi * draws.stream(Kind.HEADING).random(len(birth)))[family]
     label = draws.stream(Kind.CLASS).choice(len(labels.share), len(family), p=labels.share)
     spread = draws.stream(Kind.SIZE).standard_normal((len(family), 3))
-    size = labels.size[label] * np.maximum(1.0 + SIZE_SPREAD * spread, SMALLEST_SHARE)
+    size = spread_sides(labels.size[label], spread)
     birth, life = birth[family], life[family]
     box = np.column_stack([place, np.zeros(len(place)), heading, size])
     return _Members(birth, life, family, box, labels.class_id[label])

@@ -9,10 +9,11 @@ import numpy as np
 
 from ...geometry import rotate
 from ...types import Bools, Floats, Ints, Truth
-from ..false_positives import SIZE_SPREAD, SMALLEST_SHARE, Rows, Surroundings
-from .draws import Draws, Grid2, Kind, Part, Whose, keys_of
-from .profile import SLOTS, ClassNoise2, NearGhosts
-from .quality import Qualities, place_by_rank, rows_by_class, score_by_rank, seen_rank
+from ..rows import Rows
+from ..surroundings import Surroundings, spread_sides
+from .draws import Draws, Grid, Kind, Part, Whose, keys_of
+from .profile import SLOTS, ClassNoise, NearGhosts
+from .quality import Qualities, place_by_rank, score_by_rank, seen_rank
 from .reports import Ghosts, report
 from .skewed import exponential, with_exponential
 
@@ -21,7 +22,7 @@ BESIDE = 0.75, 1.5  # m from the object's centre: what is nearer, or farther, ha
 _NONE = NearGhosts(bias=0, ar=0, phi=0, white=1, chance=1e-12, score=(0.0,) * 11, offset=(0.0,) * 11, same=(1, 1, 1))
 
 
-def near_ghosts(grid: Grid2, around: Surroundings, found: Qualities, alike: Sequence[Ints], seed: int) -> Rows:
+def near_ghosts(grid: Grid, around: Surroundings, found: Qualities, alike: Sequence[Ints], seed: int) -> Rows:
     """False positives beside the true boxes of a scene.
 
     ``grid``: the truth's; ``found``: qualities of the objects; ``alike``: for every class the others with the same
@@ -43,11 +44,11 @@ def near_ghosts(grid: Grid2, around: Surroundings, found: Qualities, alike: Sequ
     return report(Ghosts(slots, slots.frame, box, velocity, class_id[reported], score[reported]), around, draws)
 
 
-def _law(noise: ClassNoise2) -> NearGhosts:
+def _law(noise: ClassNoise) -> NearGhosts:
     return _NONE if noise.near is None else noise.near
 
 
-def _slots(grid: Grid2) -> Grid2:
+def _slots(grid: Grid) -> Grid:
     """The places beside every true box, as objects of their own."""
     slot = np.arange(SLOTS)
     return replace(
@@ -55,11 +56,11 @@ def _slots(grid: Grid2) -> Grid2:
         ids=(grid.ids[:, None] * SLOTS + slot).ravel(),
         frame=np.repeat(grid.frame, SLOTS),
         column=(grid.column[:, None] * SLOTS + slot).ravel(),
-        object_class=np.repeat(grid.object_class, SLOTS),
+        of_noise=np.repeat(grid.of_noise, SLOTS),
     )
 
 
-def _seen(slots: Grid2, of_object: Floats, draws: Draws) -> tuple[Ints, Floats]:
+def _seen(slots: Grid, of_object: Floats, draws: Draws) -> tuple[Ints, Floats]:
     """Rows that are seen, and the ranks of their quality among those."""
     bias, ar, phi, parent = slots.of_objects(lambda n: (_law(n).bias, _law(n).ar, _law(n).phi, _law(n).parent)).T
     ar, parent = (ar / np.maximum(1 - bias, 1e-12))[slots.column], parent[slots.column]
@@ -69,8 +70,8 @@ def _seen(slots: Grid2, of_object: Floats, draws: Draws) -> tuple[Ints, Floats]:
     positive = exponential(draws.normal(Kind.QUALITY, Part.BIAS, slots.of_ids))
     quality = with_exponential(own, positive[slots.column], bias[slots.column])
     kept, ranks = [], []
-    for number, rows in enumerate(rows_by_class(slots)):
-        law = _law(slots.noise[number])
+    for noise, rows in slots.by_noise():
+        law = _law(noise)
         seen, rank = seen_rank(quality[rows], law.bias, law.chance)
         kept.append(rows[seen])
         ranks.append(rank)
@@ -78,36 +79,36 @@ def _seen(slots: Grid2, of_object: Floats, draws: Draws) -> tuple[Ints, Floats]:
     return np.concatenate(kept)[order], np.concatenate(ranks)[order]
 
 
-def _offsets(slots: Grid2, draws: Draws) -> Floats:
+def _offsets(slots: Grid, draws: Draws) -> Floats:
     """Distances from the objects' centres ``[R]`` m."""
     offset = draws.uniform(Kind.PLACE, Part.BIAS, slots.of_ids)[slots.column]
-    for number, rows in enumerate(rows_by_class(slots)):
-        offset[rows] = place_by_rank(offset[rows], _law(slots.noise[number]).offset)
+    for noise, rows in slots.by_noise():
+        offset[rows] = place_by_rank(offset[rows], _law(noise).offset)
     return offset
 
 
-def _scores(slots: Grid2, rank: Floats, duplicate: Bools) -> Floats:
+def _scores(slots: Grid, rank: Floats, duplicate: Bools) -> Floats:
     """Scores ``[R]`` by ranks; those of duplicates have a law of their own where the profile has it."""
     score = np.zeros(len(rank))
-    for number, rows in enumerate(rows_by_class(slots)):
-        law = _law(slots.noise[number])
+    for noise, rows in slots.by_noise():
+        law = _law(noise)
         weaker = law.score if law.duplicates is None else law.duplicates
         score[rows] = np.where(duplicate[rows], score_by_rank(rank[rows], weaker), score_by_rank(rank[rows], law.score))
     return score
 
 
-def _boxes(slots: Grid2, true: Floats, offset: Floats, draws: Draws) -> Floats:
+def _boxes(slots: Grid, true: Floats, offset: Floats, draws: Draws) -> Floats:
     """Boxes ``[R, 7]`` at distances from ``true`` ones that turn with these."""
     angle = 2 * np.pi * draws.uniform(Kind.PLACE, Part.OTHER, slots.of_ids)[slots.column]
     box = np.array(true, dtype=np.float64)
     box[:, :2] += rotate(offset[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1), true[:, 3])
     spread = draws.normal(Kind.SIZE, Part.OTHER, keys_of(slots.of_ids[:, None], np.arange(3)[None, :]))[slots.column]
-    box[:, 4:] *= np.maximum(1.0 + SIZE_SPREAD * spread, SMALLEST_SHARE)
+    box[:, 4:] = spread_sides(box[:, 4:], spread)
     box[:, 2] += (box[:, 6] - true[:, 6]) / 2  # on the same ground
     return box
 
 
-def _classes(slots: Grid2, true: Ints, offset: Floats, alike: Sequence[Ints], draws: Draws) -> Ints:
+def _classes(slots: Grid, true: Ints, offset: Floats, alike: Sequence[Ints], draws: Draws) -> Ints:
     """Classes ``[R]``: that of the object, or perhaps another one with the same noise."""
     same = slots.of_rows(lambda noise: _law(noise).same)[np.arange(len(offset)), np.digitize(offset, BESIDE)]
     wrong = draws.uniform(Kind.CLASS, Part.BIAS, slots.of_ids)[slots.column] >= same

@@ -17,6 +17,12 @@ class Neighbours:
     other: Ints  # [Q]
     weight: Floats  # [Q] 1 at distance 0, 0 where nothing is shared
 
+    @classmethod
+    def none(cls) -> Neighbours:
+        """No pairs."""
+        no_rows = np.zeros(0, dtype=np.int64)
+        return cls(no_rows, no_rows, np.zeros(0))
+
     def shared(self, value: Floats, share: Floats) -> Floats:
         """Numbers ``[R]`` of variance 1 mixed with those of the neighbours; the variance stays 1.
 
@@ -40,13 +46,13 @@ def neighbours_of(place: Floats, moment: Ints, ids: Ints, length: float) -> Neig
     from scipy.spatial import KDTree
 
     if not len(place):
-        none = np.zeros(0, dtype=np.int64)
-        return Neighbours(none, none, np.zeros(0))
+        return Neighbours.none()
     apart = np.column_stack([place, 2.0 * length * moment])
     tree = KDTree(apart, balanced_tree=False, compact_nodes=False)
-    pairs = tree.query_pairs(length, output_type="ndarray").reshape(-1, 2)
-    row, other = np.concatenate([pairs, pairs[:, ::-1]]).T
-    order = np.lexsort((ids[other], row))
-    row, other = row[order], other[order]
-    distance = np.hypot(*(place[row] - place[other]).T)
-    return Neighbours(row, other, (1.0 - np.minimum(distance / length, 1.0)) ** 2)
+    one, two = tree.query_pairs(length, output_type="ndarray").reshape(-1, 2).T
+    distance = np.hypot(*(place[one] - place[two]).T)
+    weight = (1.0 - np.minimum(distance / length, 1.0)) ** 2
+    row, other = np.concatenate([one, two]), np.concatenate([two, one])
+    _, rank = np.unique(ids, return_inverse=True)
+    order = np.argsort(row * len(place) + rank[other])  # no two are equal
+    return Neighbours(row[order], other[order], np.concatenate([weight, weight])[order])

@@ -10,9 +10,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from ...errors import UnknownNameError
 from ...strict import Section
-from ..profile import SIMILAR, Correlation, HeadingNoise, Memory, Scale, Share, SizeNoise
+from ..sections import Correlation, HeadingNoise, Memory, Scale, Share, SizeNoise, known_noise, noise_name
 
 LOCATION = 7  # what the quality depends on: 1, d, d^2, partly, largely occluded, hidden, truncated
 QUANTILES = 11  # of places: at 0, 10, ..., 100 %
@@ -69,7 +68,7 @@ class Quality(Shared):
         return floor
 
 
-class PositionNoise2(Shared):
+class PositionNoise(Shared):
     """Position error along one axis: ``(s0 + s1 d) exp(-quality q) H z``, q the random part of quality.
 
     H makes the errors Student's t; it lasts, and both axes have the same.
@@ -128,12 +127,12 @@ class NearGhosts(Ghosts):
         return _ascending(values)
 
 
-class ClassNoise2(Section):
+class ClassNoise(Section):
     """All noise of one class."""
 
     quality: Quality
-    radial: PositionNoise2
-    tangential: PositionNoise2
+    radial: PositionNoise
+    tangential: PositionNoise
     nu: Annotated[float, Field(gt=1)]  # degrees of freedom of Student's t, of both position errors
     heading: HeadingNoise
     size: SizeNoise
@@ -143,7 +142,7 @@ class ClassNoise2(Section):
     z: Annotated[tuple[float, float], Field(strict=False)] = (0.0, 0.0)  # m, height of the centre: mean, deviation
 
 
-class Profile2(Section):
+class Profile(Section):
     """A detector by model 2: noise per class at one frame period."""
 
     model: Literal[2]
@@ -153,29 +152,16 @@ class Profile2(Section):
     dt: Annotated[float, Field(gt=0)]  # s between frames at which the memory was fitted
     field_of_view: Annotated[float, Field(gt=0, le=360)] = 360.0  # degrees in which the false positives were counted
     neighbours: Annotated[float, Field(gt=0)] = 20.0  # m: farther objects share nothing
-    classes: dict[str, ClassNoise2]
+    classes: dict[str, ClassNoise]
     # Further classes and the class whose noise they have.
     alike: dict[str, str] = Field(default_factory=dict)
 
-    @field_validator("alike")
-    @classmethod
-    def _have_noise(cls, alike: dict[str, str], info: ValidationInfo) -> dict[str, str]:
-        known: dict[str, ClassNoise2] = info.data.get("classes", {})
-        for own in alike.values():
-            if known and own not in known:
-                raise ValueError(f"{own!r} has no noise; expected one of {', '.join(map(repr, known))}")
-        return alike
+    _have_noise = field_validator("alike")(known_noise)
 
-    def noise(self, class_name: str) -> ClassNoise2:
+    def noise(self, class_name: str) -> ClassNoise:
         """Noise of a class, or of a similar one; raises UnknownNameError for what the profile does not know."""
         return self.classes[self.noise_name(class_name)]
 
     def noise_name(self, class_name: str) -> str:
         """The class whose noise a class has; raises UnknownNameError for what the profile does not know."""
-        own = self.alike.get(class_name, class_name)
-        if own not in self.classes and class_name in SIMILAR:
-            return self.noise_name(SIMILAR[class_name])
-        if own not in self.classes:
-            known = [*self.classes, *self.alike]
-            raise UnknownNameError(f"class of detector profile {self.name!r}", class_name, known)
-        return own
+        return noise_name(class_name, self.classes, self.alike, self.name)

@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...types import Bools, Floats, Ints
-from ..sight import Sight
-from ..undetected import features
-from .draws import Draws, Grid2, Kind
+from ..sight import Sight, features
+from .draws import Draws, Grid, Kind
 from .neighbours import Neighbours
 from .profile import RANKS, Lapses
 from .skewed import below, exceeded, raised
@@ -24,19 +23,19 @@ class Qualities(NamedTuple):
     reported: Bools  # [R] its score reaches the operating point
 
 
-def qualities(grid: Grid2, sight: Sight, neighbours: Neighbours, draws: Draws) -> Qualities:
+def qualities(grid: Grid, sight: Sight, neighbours: Neighbours, draws: Draws) -> Qualities:
     """Qualities of all rows, covered by the sensor or not."""
     random = random_quality(grid, neighbours, draws)
     location = (location_features(features(sight)) * grid.of_rows(lambda noise: noise.quality.location)).sum(-1)
     score, present, floor = np.zeros(len(random)), np.zeros(len(random), dtype=bool), np.zeros(len(random))
-    for number, rows in enumerate(rows_by_class(grid)):
-        law = grid.noise[number].quality
+    for noise, rows in grid.by_noise():
+        law = noise.quality
         quality, floor[rows] = location[rows] + random[rows], law.floor
         score[rows], present[rows] = np.interp(quality, law.latent, law.score), quality >= law.latent[0]
     return Qualities(random, score, present, present & (score >= floor))
 
 
-def random_quality(grid: Grid2, neighbours: Neighbours, draws: Draws) -> Floats:
+def random_quality(grid: Grid, neighbours: Neighbours, draws: Draws) -> Floats:
     """The random part of the quality ``[R]``: a normal number, less the exponential one of a lapse."""
     usual = grid.latent(lambda noise: noise.quality, neighbours, draws, Kind.QUALITY)
     bias, phi, shared, share = grid.of_objects(lambda n: _numbers(n.quality.lapses)).T
@@ -68,9 +67,3 @@ def seen_rank(quality: Floats, tail: float, chance: float) -> tuple[Ints, Floats
     seen = np.flatnonzero(quality >= exceeded(chance, tail))
     rank = (below(quality[seen], tail) - (1.0 - chance)) / chance
     return seen, np.clip(rank, 0.0, 1.0)
-
-
-def rows_by_class(grid: Grid2) -> list[Ints]:
-    """Rows of every class of the grid."""
-    row_class = grid.object_class[grid.column]
-    return [np.flatnonzero(row_class == number) for number in range(len(grid.noise))]

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...types import Floats, Ints
-from ..false_positives import Rows, Surroundings
+from ..rows import Rows
 from ..sight import polar, within
-from .draws import Draws, Grid2
-from .errors import box_errors, velocities
-from .neighbours import neighbours_of
+from ..surroundings import Surroundings
+from .draws import Draws, Grid
+from .errors import estimated, position_errors, velocities
+from .neighbours import Neighbours
 
 _POOR = -1.0  # random part of the quality that the errors of false positives have
 
@@ -20,7 +21,7 @@ _POOR = -1.0  # random part of the quality that the errors of false positives ha
 class Ghosts:
     """False positives that are seen, before any error; those that the sensor does not cover included."""
 
-    grid: Grid2
+    grid: Grid
     frame: Ints  # [R] of the scene; those of the grid may be others
     box: Floats  # [R, 7]
     velocity: Floats  # [R, 2] m/s
@@ -35,7 +36,8 @@ def report(ghosts: Ghosts, around: Surroundings, draws: Draws) -> Rows:
     grid = ghosts.grid.of_these(np.flatnonzero(kept))
     frame, distance = ghosts.frame[kept], distance[kept]
     toward, poor = bearing[kept] + around.ego[frame, 3], np.full(len(frame), _POOR)
-    alone = neighbours_of(np.zeros((0, 2)), frame[:0], frame[:0], 1.0)
-    box = box_errors(ghosts.box[kept], grid, distance, toward, poor, alone, draws)
+    alone = Neighbours.none()
+    off = position_errors(grid, distance, toward, poor, alone, draws)
+    box = estimated(ghosts.box[kept], off, grid, draws)
     velocity = velocities(ghosts.velocity[kept], grid, toward, draws)
     return Rows(frame, box, velocity, ghosts.class_id[kept], ghosts.score[kept])

@@ -7,18 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...types import Detections, Truth
-from ..false_positives import Labels, Rows, Surroundings, in_order
+from ..rows import Rows, in_order
 from ..sight import Sight, within
+from ..surroundings import Labels, Surroundings, labels_of
 from .draws import Draws, grid_of, neighbours_in
-from .errors import box_errors, velocities
+from .errors import estimated, position_errors, velocities
 from .free import free_ghosts
 from .near import classes_alike, near_ghosts
-from .profile import Profile2
+from .profile import Profile
 from .quality import qualities
 
 
 def simulate2(
-    truth: Truth, classes: Sequence[str], profile: Profile2, around: Surroundings, sight: Sight, seed: int
+    truth: Truth, classes: Sequence[str], profile: Profile, around: Surroundings, sight: Sight, seed: int
 ) -> Detections:
     """What a detector with the noise of ``profile`` reports of a scene; see `mtp_bench.detector.simulate.simulate`.
 
@@ -29,38 +30,29 @@ def simulate2(
     neighbours = neighbours_in(grid, truth.box[:, :2], profile.neighbours)
     found = qualities(grid, sight, neighbours, draws)
     toward = sight.bearing + around.ego[grid.frame, 3]
-    box = box_errors(truth.box, grid, sight.distance, toward, found.random, neighbours, draws)
-    velocity = velocities(truth.velocity, grid, toward, draws)
-    hit = found.reported & within(sight.distance, sight.bearing, around.sensor)
-    objects = Rows(grid.frame[hit], box[hit], velocity[hit], truth.class_id[hit], found.score[hit])
+    off = position_errors(grid, sight.distance, toward, found.random, neighbours, draws)
+    hit = np.flatnonzero(found.reported & within(sight.distance, sight.bearing, around.sensor))
+    seen = grid.of_these(hit)
+    box = estimated(truth.box[hit], off[hit], seen, draws)
+    velocity = velocities(truth.velocity[hit], seen, toward[hit], draws)
+    objects = Rows(seen.frame, box, velocity, truth.class_id[hit], found.score[hit])
     alike = classes_alike(truth, [profile.noise_name(name) for name in classes])
     near = near_ghosts(grid, around, found, alike, seed)
     return in_order([objects, near, *_free(profile, classes, around, seed)], len(around.ego))
 
 
-def _free(profile: Profile2, classes: Sequence[str], around: Surroundings, seed: int) -> list[Rows]:
+def _free(profile: Profile, classes: Sequence[str], around: Surroundings, seed: int) -> list[Rows]:
     """False positives where nothing is, by noise of the profile."""
     rows = []
     for number, (own, noise) in enumerate(profile.classes.items()):
-        labels = labels_of(around.truth, classes, profile, own)
+        labels = labels_in(around.truth, classes, profile, own)
         if labels is not None:
             rows.append(free_ghosts(noise, labels, around, number, seed))
     return rows
 
 
-def labels_of(truth: Truth, classes: Sequence[str], profile: Profile2, own: str) -> Labels | None:
-    """The classes of the task that have the noise of ``own``, by their number of true boxes in the scene.
-
-    Where it has none: the class ``own``, or the first with its noise; None where no class of the task has it.
-    """
+def labels_in(truth: Truth, classes: Sequence[str], profile: Profile, own: str) -> Labels | None:
+    """What free false positives with the noise ``own`` are reported as; None where there are none."""
     having = [class_id for class_id, name in enumerate(classes) if profile.noise_name(name) == own]
     free = profile.classes[own].free
-    if not having or free is None:
-        return None
-    boxes = np.bincount(truth.class_id, minlength=len(classes))
-    there = [class_id for class_id in having if boxes[class_id]]
-    if there:
-        size = [truth.box[truth.class_id == class_id, 4:].mean(axis=0) for class_id in there]
-        return Labels(np.array(there), boxes[there] / boxes[there].sum(), np.array(size))
-    alone = classes.index(own) if own in classes else having[0]
-    return Labels(np.array([alone]), np.ones(1), np.array([free.size]))
+    return None if free is None else labels_of(truth, classes, having, own, free.size)

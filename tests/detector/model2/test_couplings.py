@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import rankdata
 
-from mtp_bench.detector import Profile2
+from mtp_bench.detector import Profile
 from mtp_bench.types import Bools, Detections, Floats
 from tests.support.detector_scenes import AHEAD, nothing
-from tests.support.quality_scenes import FREE, LASTING, NEAR, cars, detect2, profile2
+from tests.support.model2_scenes import FREE, LASTING, NEAR, cars, detect, profile_of
 
 FRAMES, OBJECTS, GAP = 200, 60, 30.0
 ERROR = {"s0": 0.3, "s1": 0.0}
@@ -25,8 +25,8 @@ def on_grid(found: Detections, gap: float = GAP, objects: int = OBJECTS) -> tupl
     return hit, score, error
 
 
-def seen(profile: Profile2, gap: float = GAP, seed: int = 0) -> tuple[Bools, Floats, Floats]:
-    return on_grid(detect2(cars(FRAMES, OBJECTS, gap), profile, seed), gap)
+def seen(profile: Profile, gap: float = GAP, seed: int = 0) -> tuple[Bools, Floats, Floats]:
+    return on_grid(detect(cars(FRAMES, OBJECTS, gap), profile, seed), gap)
 
 
 def correlation(one: Floats, other: Floats) -> float:
@@ -41,13 +41,13 @@ def test_recall_is_what_the_location_says(lapses: float) -> None:
 
     law = {"share": lapses, "bias": 0.0, "phi": 0.5, "shared": 0.7}
     quality = {"bias": 0.0, "ar": 0.6, "phi": 0.5, "white": 0.4, "shared": 0.7, "lapses": law}
-    hit, _, _ = seen(profile2(quality=quality), gap=4.0)
+    hit, _, _ = seen(profile_of(quality=quality), gap=4.0)
     assert hit.mean() == pytest.approx(float(below(np.asarray(1.2816), lapses)), abs=0.02)
 
 
 def test_a_low_score_tells_of_a_large_error() -> None:
     for gain, least, most in ((0.5, -0.5, -0.2), (0.0, -0.04, 0.04)):
-        _, score, error = seen(profile2(radial={**ERROR, "quality": gain}))
+        _, score, error = seen(profile_of(radial={**ERROR, "quality": gain}))
         known = np.isfinite(score)
         rank = rankdata(score[known]), rankdata(np.abs(error[known]))
         assert least < np.corrcoef(*rank)[0, 1] < most
@@ -55,7 +55,7 @@ def test_a_low_score_tells_of_a_large_error() -> None:
 
 def test_a_low_score_tells_of_a_miss_in_the_next_frame_where_quality_lasts() -> None:
     for memory, lowest, highest in ((LASTING, 0.1, 0.6), ({}, -0.03, 0.03)):
-        hit, score, _ = seen(profile2(quality=memory))
+        hit, score, _ = seen(profile_of(quality=memory))
         now, later = score[:-1], ~hit[1:]
         known = np.isfinite(now)
         weak = now[known] < np.quantile(now[known], 0.25)
@@ -65,7 +65,7 @@ def test_a_low_score_tells_of_a_miss_in_the_next_frame_where_quality_lasts() -> 
 
 def test_a_lapse_makes_misses_that_last_longer_than_weak_scores() -> None:
     lapse = {"share": 0.5, "bias": 0.5, "phi": 0.9, "shared": 0.0}
-    hit, score, _ = seen(profile2(quality={"lapses": lapse}))
+    hit, score, _ = seen(profile_of(quality={"lapses": lapse}))
     miss = (~hit).astype(float)
     assert correlation(miss[:-1].ravel(), miss[1:].ravel()) > 0.35
     assert correlation(score[:-1].ravel(), score[1:].ravel()) < 0.35
@@ -75,7 +75,7 @@ def test_a_lapse_makes_misses_that_last_longer_than_weak_scores() -> None:
 def test_close_neighbours_share_scores_misses_and_errors(gap: float, lowest: float, highest: float) -> None:
     memory = {"bias": 0.0, "ar": 0.9, "phi": 0.5, "white": 0.1, "shared": 0.8}
     lapse = {"share": 0.5, "bias": 0.0, "phi": 0.5, "shared": 0.8}
-    profile = profile2(quality={**memory, "lapses": lapse}, radial={**memory, "s0": 0.1, "s1": 0.0})
+    profile = profile_of(quality={**memory, "lapses": lapse}, radial={**memory, "s0": 0.1, "s1": 0.0})
     hit, score, error = seen(profile, gap)
     for value in ((~hit).astype(float), score, error):
         assert lowest < correlation(value[:, ::2].ravel(), value[:, 1::2].ravel()) < highest
@@ -84,7 +84,7 @@ def test_close_neighbours_share_scores_misses_and_errors(gap: float, lowest: flo
 def test_errors_have_tails_that_last() -> None:
     """Objects with large errors now have large ones later; the changes between frames are small for most."""
     radial = {**LASTING, "bias": 0.8, "ar": 0.0, "s0": 0.1}
-    _, _, error = seen(profile2(radial=radial, nu=2.5, quality={"location": (5, 0, 0, 0, 0, 0, 0)}))
+    _, _, error = seen(profile_of(radial=radial, nu=2.5, quality={"location": (5, 0, 0, 0, 0, 0, 0)}))
     size = np.log(np.abs(error) + 1e-3)
     assert np.corrcoef(size[::40].ravel(), size[20::40].ravel())[0, 1] > 0.3
     change = np.abs(np.diff(error, axis=0))
@@ -94,8 +94,8 @@ def test_errors_have_tails_that_last() -> None:
 def test_the_floor_drops_only_what_is_below() -> None:
     truth = cars(60, 30, 5.0)
     parts = {"quality": LASTING, "radial": {**ERROR, **LASTING}, "free": FREE, "near": NEAR}
-    raw = detect2(truth, profile2(**parts))
-    high = detect2(truth, profile2(**{**parts, "quality": {**LASTING, "floor": 0.5}}))
+    raw = detect(truth, profile_of(**parts))
+    high = detect(truth, profile_of(**{**parts, "quality": {**LASTING, "floor": 0.5}}))
     kept = raw.those(raw.score >= 0.5)
     assert 0 < len(high.box) < len(raw.box)
     for name in ("start", "box", "velocity", "score"):
@@ -104,18 +104,18 @@ def test_the_floor_drops_only_what_is_below() -> None:
 
 def test_false_positives_stand_in_families_and_live() -> None:
     truth = nothing(2000)
-    few = detect2(truth, profile2(free=FREE), sensor=AHEAD)
-    many = detect2(truth, profile2(free={**FREE, "siblings": 1.0, "family": 0.8}), sensor=AHEAD)
+    few = detect(truth, profile_of(free=FREE), sensor=AHEAD)
+    many = detect(truth, profile_of(free={**FREE, "siblings": 1.0, "family": 0.8}), sensor=AHEAD)
     assert together(few) < 0.12
     assert together(many) > 0.4
     assert len(many.box) == pytest.approx(len(few.box), rel=0.25)
-    brief = detect2(truth, profile2(free={**FREE, "survive": 0.0}), sensor=AHEAD)
+    brief = detect(truth, profile_of(free={**FREE, "survive": 0.0}), sensor=AHEAD)
     assert followed(few) > 3 * followed(brief)
 
 
 def test_few_false_positives_are_good_and_those_stay() -> None:
     """High scores are followed by high scores far more often than the share of high scores."""
-    found = detect2(nothing(2000), profile2(free={**FREE, "bias": 0.6, "ar": 0.2, "white": 0.2}), sensor=AHEAD)
+    found = detect(nothing(2000), profile_of(free={**FREE, "bias": 0.6, "ar": 0.2, "white": 0.2}), sensor=AHEAD)
     strong = found.those(found.score > np.quantile(found.score, 0.9))
     assert followed(strong) > 0.4
 
@@ -144,7 +144,7 @@ def test_false_positives_beside_an_object_follow_it() -> None:
     truth = cars(100, 1)
     truth.box[:, 0] += 3.0 * np.arange(100)
     fixed = {**NEAR, "offset": (2.0,) * 11, "bias": 0.9, "ar": 0.05, "white": 0.05, "chance": 0.9}
-    found = detect2(truth, profile2(near=fixed, quality={"location": (-9, 0, 0, 0, 0, 0, 0)}))
+    found = detect(truth, profile_of(near=fixed, quality={"location": (-9, 0, 0, 0, 0, 0, 0)}))
     off = np.hypot(*(found.box[:, :2] - truth.box[found.frame_of_rows, :2]).T)
     assert len(off) > 100
     np.testing.assert_allclose(off, 2.0, atol=1e-9)
@@ -154,6 +154,6 @@ def test_false_positives_beside_an_object_follow_it() -> None:
 def test_a_duplicate_needs_its_original() -> None:
     truth = cars(200, 20)
     beside = {**NEAR, "offset": (0.5,) * 11}
-    missed = profile2(near=beside, quality={"location": (-9, 0, 0, 0, 0, 0, 0)})
-    assert len(detect2(truth, missed).box) == 0
-    assert len(detect2(truth, profile2(near=beside)).box) > 200 * 20
+    missed = profile_of(near=beside, quality={"location": (-9, 0, 0, 0, 0, 0, 0)})
+    assert len(detect(truth, missed).box) == 0
+    assert len(detect(truth, profile_of(near=beside)).box) > 200 * 20

@@ -10,11 +10,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mtp_bench.detector import Profile
 from mtp_bench.detector.model2.draws import Draws, Kind, keys_of
-from mtp_bench.detector.model2.profile import Profile2
 from mtp_bench.types import Detections
 from tests.detector.model2.test_couplings import correlation, on_grid
-from tests.support.quality_scenes import FREE, LASTING, NEAR, cars, detect2, profile2
+from tests.support.model2_scenes import FREE, LASTING, NEAR, cars, detect, profile_of
 
 LAPSES = {"share": 0.4, "bias": 0.3, "phi": 0.8, "shared": 0.8}
 EVERYTHING = {
@@ -27,8 +27,8 @@ EVERYTHING = {
 }
 
 
-def everything() -> Profile2:
-    return profile2(**EVERYTHING)
+def everything() -> Profile:
+    return profile_of(**EVERYTHING)
 
 
 def same(one: Detections, other: Detections) -> bool:
@@ -41,27 +41,27 @@ def test_permuted_objects_are_detected_alike() -> None:
     order = np.concatenate([12 * t + np.random.default_rng(t).permutation(12) for t in range(30)])
     columns = ("box", "velocity", "class_id", "object_id", "eligible", "neutral")
     turned = replace(truth, **{name: getattr(truth, name)[order] for name in columns})
-    assert same(detect2(truth, everything()), detect2(turned, everything()))
+    assert same(detect(truth, everything()), detect(turned, everything()))
 
 
 def test_far_objects_and_other_frames_do_not_matter() -> None:
     """Objects beyond the reach of neighbours may go, to the last digit of all others."""
     truth = cars(30, 20, 9.0)
-    whole = detect2(truth, everything())
-    left = detect2(truth.those(truth.box[:, 0] < 70.0), everything())
+    whole = detect(truth, everything())
+    left = detect(truth.those(truth.box[:, 0] < 70.0), everything())
     for found in (whole, left):
         assert len(found.those(found.box[:, 0] < 30.0).box) > 60
     near = [found.those(found.box[:, 0] < 30.0) for found in (whole, left)]
     assert same(near[0], near[1])
     # those nearer than 20 m do matter
-    close = detect2(truth.those(truth.box[:, 0] < 20.0), everything())
+    close = detect(truth.those(truth.box[:, 0] < 20.0), everything())
     assert not same(close.those(close.box[:, 0] < 15.0), whole.those(whole.box[:, 0] < 15.0))
 
 
 def test_levels_of_one_kind_leave_the_others_alone() -> None:
     truth = cars(40, 10, 5.0)
-    plain = detect2(truth, profile2(**{**EVERYTHING, "near": None}))
-    worse = detect2(truth, profile2(**{**EVERYTHING, "near": None, "velocity": 0.9}))
+    plain = detect(truth, profile_of(**{**EVERYTHING, "near": None}))
+    worse = detect(truth, profile_of(**{**EVERYTHING, "near": None, "velocity": 0.9}))
     assert np.array_equal(plain.box, worse.box)
     assert not np.array_equal(plain.velocity, worse.velocity)
 
@@ -73,10 +73,10 @@ def digest(found: Detections) -> str:
 def test_the_same_bits_in_another_process() -> None:
     code = (
         "from tests.detector.model2.test_draws import *\n"
-        "print(digest(detect2(cars(30, 12, 4.0), profile2(**EVERYTHING, free=FREE), seed=2**63 + 5)))"
+        "print(digest(detect(cars(30, 12, 4.0), profile_of(**EVERYTHING, free=FREE), seed=2**63 + 5)))"
     )
     other = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout.strip()
-    assert other == digest(detect2(cars(30, 12, 4.0), profile2(**EVERYTHING, free=FREE), seed=2**63 + 5))
+    assert other == digest(detect(cars(30, 12, 4.0), profile_of(**EVERYTHING, free=FREE), seed=2**63 + 5))
 
 
 def test_numbers_are_uniform_and_independent() -> None:
@@ -100,10 +100,10 @@ def test_numbers_are_uniform_and_independent() -> None:
 def test_memory_decays_with_the_frame_period() -> None:
     """Frames twice as far apart have the correlation over two frames."""
     quality = {"bias": 0.0, "ar": 1.0, "phi": 0.8, "white": 0.0, "location": (4, 0, 0, 0, 0, 0, 0)}
-    profile = profile2(quality=quality)
+    profile = profile_of(quality=quality)
     found = []
     for dt in (0.5, 0.25):
-        _, score, _ = on_grid(detect2(cars(400, 40, 30.0), profile.model_copy(update={"dt": dt})), 30.0, 40)
+        _, score, _ = on_grid(detect(cars(400, 40, 30.0), profile.model_copy(update={"dt": dt})), 30.0, 40)
         found.append([correlation(score[:-lag].ravel(), score[lag:].ravel()) for lag in (1, 2)])
     assert found[1][0] == pytest.approx(found[0][1], abs=0.04)
     assert found[0][0] > found[0][1] + 0.08

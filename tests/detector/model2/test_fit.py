@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mtp_bench.detector import Profile2
+from mtp_bench.detector import Profile
 from mtp_bench.detector.fit.couplings import Couplings, couplings, lives
 from mtp_bench.detector.fit.samples import Samples, collect
-from mtp_bench.detector.model2.fit import fit_profile2
+from mtp_bench.detector.model2.fit import fit_profile
 from mtp_bench.detector.model2.fit.latent import ordered_levels
 from mtp_bench.detector.model2.skewed import below, density, raised
 from mtp_bench.detector.sight import Sensor
@@ -16,7 +16,7 @@ from mtp_bench.detector.simulate import simulate
 from mtp_bench.errors import DataError
 from mtp_bench.types import Detections, Scene, Truth
 from tests.support.detector_scenes import grid_truth
-from tests.support.quality_scenes import CLASSES, DT, FREE, NEAR, profile2
+from tests.support.model2_scenes import CLASSES, DT, FREE, NEAR, profile_of
 
 SENSOR = Sensor(60.0, 2 * np.pi)
 FRAMES, SCENES, OBJECTS = 50, 8, 40
@@ -24,9 +24,9 @@ MEMORY = {"bias": 0.35, "ar": 0.5, "phi": 0.75, "white": 0.15}
 LAPSES = {"share": 0.5, "bias": 0.5, "phi": 0.8, "shared": 0.7}
 
 
-def original() -> Profile2:
+def original() -> Profile:
     axis = {**MEMORY, "s0": 0.05, "s1": 0.04, "quality": 0.3, "shared": 0.3}
-    return profile2(
+    return profile_of(
         quality={**MEMORY, "shared": 0.2, "location": (2.6, -0.4, 0, 0, 0, 0, 0), "lapses": LAPSES},
         radial=axis,
         tangential=axis,
@@ -48,7 +48,7 @@ def a_truth(rng: np.random.Generator) -> Truth:
     return grid_truth(np.tile(box, (FRAMES, 1, 1)), np.zeros((OBJECTS, 2)), np.zeros(OBJECTS, int))
 
 
-def scenes_of(profile: Profile2, seed: int) -> list[Scene]:
+def scenes_of(profile: Profile, seed: int) -> list[Scene]:
     rng = np.random.default_rng(1)
     scenes = []
     for i in range(SCENES):
@@ -64,15 +64,15 @@ def scenes() -> list[Scene]:
 
 
 @pytest.fixture(scope="module")
-def refit(scenes: list[Scene]) -> Profile2:
-    return fit_profile2(scenes, CLASSES, DT, SENSOR, "refit", "", "")
+def refit(scenes: list[Scene]) -> Profile:
+    return fit_profile(scenes, CLASSES, DT, SENSOR, "refit", "", "")
 
 
 def of_car(scenes: list[Scene]) -> Samples:
     return collect(scenes, CLASSES, SENSOR)["car"]
 
 
-def test_margins_come_back(refit: Profile2) -> None:
+def test_margins_come_back(refit: Profile) -> None:
     before, after = original().classes["car"], refit.classes["car"]
     assert after.quality.floor == pytest.approx(0.1, abs=0.002)
     for distance in (1.0, 4.0):
@@ -90,7 +90,7 @@ def test_margins_come_back(refit: Profile2) -> None:
     assert after.velocity == pytest.approx(0.3, rel=0.1)
 
 
-def test_couplings_come_back(scenes: list[Scene], refit: Profile2) -> None:
+def test_couplings_come_back(scenes: list[Scene], refit: Profile) -> None:
     """The refit, on the same truth with other random numbers, behaves as the original."""
     before = couplings(*of_car(scenes))
     runs = [couplings(*of_car(scenes_of(refit, seed))) for seed in (2, 3, 4)]
@@ -113,7 +113,7 @@ def test_couplings_come_back(scenes: list[Scene], refit: Profile2) -> None:
 
 def test_too_little_data_is_one_clear_error(scenes: list[Scene]) -> None:
     with pytest.raises(DataError, match="car 0; expected at least 100 of one class"):
-        fit_profile2(scenes[:1], CLASSES, DT, SENSOR, "none", "", "", {"car": 2.0})
+        fit_profile(scenes[:1], CLASSES, DT, SENSOR, "none", "", "", {"car": 2.0})
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.7])

@@ -1,3 +1,3 @@
 """The profile of model 2 of a real detector, fitted to its detections."""
 
-from .profile import fit_profile2 as fit_profile2
+from .profile import fit_profile as fit_profile

@@ -8,15 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....types import Floats, Scene
-from ...false_positives import Rows, Surroundings
 from ...fit.samples import FalsePositiveSamples
+from ...rows import Rows
 from ...sight import Sensor, Sight, covered, sight
-from ..draws import Draws, Grid2, grid_of, neighbours_in
+from ...surroundings import Surroundings
+from ..draws import Draws, grid_of, neighbours_in
 from ..free import free_ghosts
 from ..near import BESIDE, classes_alike, near_ghosts
-from ..profile import ClassNoise2, Profile2
+from ..profile import ClassNoise, Profile
 from ..quality import Qualities, qualities
-from ..simulate import labels_of
+from ..simulate import labels_in
 from .ghost_figures import NEAR, Seen, figures
 from .ghost_start import first_free, first_near, memory_of
 from .search import nearest, odds
@@ -38,9 +39,9 @@ class _Stage:
 
 
 def fit_ghosts(
-    scenes: Sequence[Scene], classes: Sequence[str], profile: Profile2, own: str, real: FalsePositiveSamples,
+    scenes: Sequence[Scene], classes: Sequence[str], profile: Profile, own: str, real: FalsePositiveSamples,
     sensor: Sensor,
-) -> ClassNoise2:  # fmt: skip
+) -> ClassNoise:  # fmt: skip
     """The noise of class ``own`` of the profile with its false positives ``real``."""
     noise = profile.classes[own]
     boxes = sum(_boxes_of(scene, classes, profile, own, sensor) for scene in scenes)
@@ -57,7 +58,7 @@ def fit_ghosts(
     return _Fit(scenes, classes, profile, own, real, sensor, start).best()
 
 
-def _boxes_of(scene: Scene, classes: Sequence[str], profile: Profile2, own: str, sensor: Sensor) -> int:
+def _boxes_of(scene: Scene, classes: Sequence[str], profile: Profile, own: str, sensor: Sensor) -> int:
     ids = [i for i, name in enumerate(classes) if profile.noise_name(name) == own]
     return int((covered(scene.truth, scene.ego, sensor) & np.isin(scene.truth.class_id, ids)).sum())
 
@@ -71,8 +72,8 @@ class _Fit:
     )  # fmt: skip
 
     def __init__(
-        self, scenes: Sequence[Scene], classes: Sequence[str], profile: Profile2, own: str,
-        real: FalsePositiveSamples, sensor: Sensor, start: ClassNoise2,
+        self, scenes: Sequence[Scene], classes: Sequence[str], profile: Profile, own: str,
+        real: FalsePositiveSamples, sensor: Sensor, start: ClassNoise,
     ) -> None:  # fmt: skip
         self.classes, self.profile, self.own, self.start = classes, profile, own, start
         self.frames = sum(scene.frames for scene in scenes)
@@ -85,13 +86,13 @@ class _Fit:
         self.real = np.append(figures(seen, self.frames, self.high), near.sum() / self.frames)
         self.qualities = [self._qualities(stage, seed) for seed in range(_SEEDS) for stage in self.stages]
 
-    def best(self) -> ClassNoise2:
+    def best(self) -> ClassNoise:
         """The noise whose figures are nearest to the real ones."""
         start = np.array([-1.7, 2.0, 1.0, 0.0, 1.0, 0.0, -0.9, 0.0, 0.0, 0.0, 0.0, 0.0])
         scale = 0.08 * np.abs(self.real) + 0.01
         return self.noise(nearest(lambda x: self.simulated(self.noise(x)), self.real, scale, start, _ROUNDS))
 
-    def noise(self, unknown: Floats) -> ClassNoise2:
+    def noise(self, unknown: Floats) -> ClassNoise:
         """Parameters of unknowns."""
         value = dict(zip(self.names, (float(one) for one in unknown), strict=True))
         free, near = self.start.free, self.start.near
@@ -117,7 +118,7 @@ class _Fit:
         )
         return self.start.model_copy(update={"free": free, "near": near})
 
-    def simulated(self, noise: ClassNoise2) -> Floats:
+    def simulated(self, noise: ClassNoise) -> Floats:
         """Figures of simulated false positives."""
         classes = {name: one.model_copy(update={"near": None}) for name, one in self.profile.classes.items()}
         profile = self.profile.model_copy(update={"classes": {**classes, self.own: noise}})
@@ -128,21 +129,20 @@ class _Fit:
             made.append(np.append(figures(seen, self.frames, self.high), seen.near.sum() / self.frames))
         return np.asarray(np.mean(made, axis=0))
 
-    def _qualities(self, stage: _Stage, seed: int) -> tuple[Grid2, Qualities]:
+    def _qualities(self, stage: _Stage, seed: int) -> Qualities:
         """Qualities of the true objects."""
         truth = stage.around.truth
         grid = grid_of(truth, [self.profile.noise(name) for name in self.classes], 1.0)
         near = neighbours_in(grid, truth.box[:, :2], self.profile.neighbours)
-        return grid, qualities(grid, stage.sight, near, Draws(seed))
+        return qualities(grid, stage.sight, near, Draws(seed))
 
-    def _scene(self, profile: Profile2, stage: _Stage, number: int, seed: int) -> Seen:
-        grid, known = self.qualities[seed * len(self.stages) + number]
+    def _scene(self, profile: Profile, stage: _Stage, number: int, seed: int) -> Seen:
+        known = self.qualities[seed * len(self.stages) + number]
         truth = stage.around.truth
         alike = classes_alike(truth, self.names_of_noise)
-        noise = tuple(profile.noise(name) for name in self.classes)
-        grid = Grid2(grid.frames, grid.ids, grid.frame, grid.column, noise, grid.object_class, grid.steps)
+        grid = grid_of(truth, [profile.noise(name) for name in self.classes], 1.0)
         rows = [near_ghosts(grid, stage.around, known, alike, 1000 * seed + number)]
-        labels = labels_of(truth, self.classes, profile, self.own)
+        labels = labels_in(truth, self.classes, profile, self.own)
         if labels is not None:
             rows.append(free_ghosts(profile.classes[self.own], labels, stage.around, 0, 1000 * seed + number))
         found = Rows(*(np.concatenate([getattr(one, n) for one in rows]) for n in Rows.__dataclass_fields__))
@@ -165,7 +165,7 @@ class _Fit:
         return Seen(scene, found.frame, found.box[:, :2], found.score, np.asarray(beside < NEAR), alone)
 
 
-def _stage(scene: Scene, classes: Sequence[str], profile: Profile2, own: str, sensor: Sensor) -> _Stage:
+def _stage(scene: Scene, classes: Sequence[str], profile: Profile, own: str, sensor: Sensor) -> _Stage:
     ids = [i for i, name in enumerate(classes) if profile.noise_name(name) == own]
     around = Surroundings(scene.truth, scene.ego, sensor, 1.0, 1.0)
     return _Stage(around, sight(scene.truth, scene.ego, sensor, scene.visible), ids)

@@ -8,7 +8,7 @@ from ....types import Bools, Floats, Ints
 from ...fit.errors import fit_heading, fit_size, fit_velocity, robust_deviation, shares_of
 from ...fit.samples import HEIGHT, RADIAL, TANGENTIAL, ObjectSamples
 from ..neighbours import Neighbours, neighbours_of
-from ..profile import ClassNoise2, PositionNoise2
+from ..profile import ClassNoise, PositionNoise
 from .quality import LENGTH, fit_quality, random_part
 
 _LAGS = (1, 2, 3, 4, 6, 8, 12, 16)  # frames
@@ -18,7 +18,7 @@ _DRAWS = 100_000
 _BOUND = 3.0  # of a latent number: one wild error does not make a correlation
 
 
-def fit_objects(objects: ObjectSamples, floor: float) -> ClassNoise2:
+def fit_objects(objects: ObjectSamples, floor: float) -> ClassNoise:
     """The noise of a class without false positives."""
     quality = fit_quality(objects, floor)
     random = np.clip(random_part(objects, quality), -4.0, 4.0)
@@ -31,8 +31,8 @@ def fit_objects(objects: ObjectSamples, floor: float) -> ClassNoise2:
         memory = _memory_of(objects, latent)
         lasting = (1.0 - memory["white"]) * _attenuation(nu)
         shared = _shared(np.clip(latent, -_BOUND, _BOUND), near, objects, lasting)
-        axes.append(PositionNoise2(s0=round(s0, 4), s1=round(s1, 4), quality=round(gain, 4), shared=shared, **memory))
-    return ClassNoise2(
+        axes.append(PositionNoise(s0=round(s0, 4), s1=round(s1, 4), quality=round(gain, 4), shared=shared, **memory))
+    return ClassNoise(
         quality=quality,
         radial=axes[0],
         tangential=axes[1],

@@ -9,16 +9,17 @@ import numpy as np
 
 from ....errors import DataError
 from ....types import Scene
-from ...fit.detector import LEAST_HITS
 from ...fit.samples import Samples, collect
 from ...sight import Sensor
-from ..profile import ClassNoise2, Profile2
+from ..profile import ClassNoise, Profile
 from .ghosts import fit_ghosts
 from .objects import fit_objects
 from .quality import LENGTH
 
+LEAST_HITS = 100  # detections of true boxes that a class needs to be fitted
 
-def fit_profile2(
+
+def fit_profile(
     scenes: Iterable[Scene],
     classes: Sequence[str],
     dt: float,
@@ -28,7 +29,7 @@ def fit_profile2(
     source: str,
     floor: Mapping[str, float] | None = None,
     alike: Mapping[str, str] | None = None,
-) -> Profile2:
+) -> Profile:
     """The profile of the detector that made the detections of ``scenes``, for the classes with enough data.
 
     ``sensor`` is what the detector can see, ``name``, ``summary`` and ``source`` are texts of the profile.
@@ -46,7 +47,7 @@ def fit_profile2(
             "one class. Give more scenes, or a lower floor of the scores"
         )
     noise = {one: fit_objects(samples[one][0], _least(samples[one], one, floor)) for one in enough}
-    profile = Profile2(
+    profile = Profile(
         model=2,
         name=name,
         summary=summary,
@@ -69,8 +70,8 @@ def _least(samples: Samples, name: str, floor: Mapping[str, float] | None) -> fl
 
 
 def _with_ghosts(
-    scenes: Sequence[Scene], classes: Sequence[str], profile: Profile2, samples: Mapping[str, Samples], sensor: Sensor
-) -> dict[str, ClassNoise2]:
+    scenes: Sequence[Scene], classes: Sequence[str], profile: Profile, samples: Mapping[str, Samples], sensor: Sensor
+) -> dict[str, ClassNoise]:
     """The noise of all classes with their false positives."""
     known = [name for name in classes if profile.alike.get(name, name) in profile.classes]
     if len(known) < len(classes):  # what has no noise takes no part

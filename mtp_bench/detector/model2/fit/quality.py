@@ -8,9 +8,9 @@ import numpy as np
 
 from ....types import Bools, Floats, Ints
 from ...fit.samples import ObjectSamples
-from ..draws import Draws, Grid2
+from ..draws import Draws, Grid
 from ..neighbours import Neighbours, neighbours_of
-from ..profile import ClassNoise2, Lapses, Quality
+from ..profile import ClassNoise, Lapses, Quality
 from ..quality import location_features, random_quality
 from .latent import ordered_levels
 from .search import nearest, odds
@@ -101,7 +101,7 @@ class Shown:
 class Stage:
     """True objects of a class over scenes, as one long scene in which a quality can be drawn."""
 
-    grid: Grid2
+    grid: Grid
     neighbours: Neighbours
     location: Floats  # [R]
     law: Quality  # with the margins
@@ -115,7 +115,7 @@ class Stage:
         width = int(objects.frame.max(initial=0)) + 1
         ids, column = np.unique(objects.object, return_inverse=True)
         none = np.zeros(len(ids), dtype=np.int64)
-        grid = Grid2(width, ids, objects.frame, column, (), none, 1.0)
+        grid = Grid(width, ids, objects.frame, column, (), none, 1.0)
         moment = objects.scene * width + objects.frame
         near = neighbours_of(objects.place, moment, objects.object, LENGTH)
         off = np.hypot(*(objects.place[near.row] - objects.place[near.other]).T)
@@ -137,7 +137,7 @@ class Stage:
 
     def made(self, law: Quality) -> Floats:
         """Figures of a simulated quality, mean over seeds."""
-        noise = (ClassNoise2.model_construct(quality=law),)
+        noise = (ClassNoise.model_construct(quality=law),)
         grid = replace(self.grid, noise=noise)
         made = []
         for seed in range(_SEEDS):

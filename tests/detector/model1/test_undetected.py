@@ -11,18 +11,8 @@ from mtp_bench.detector.sight import Sensor, sight
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.detector.variants import with_variant
 from mtp_bench.types import Bools
-from tests.support.detector_scenes import (
-    CLASSES,
-    DT,
-    crowd,
-    detect,
-    inner_gaps,
-    missing,
-    noisy,
-    on_grid,
-    seen_at,
-    truth_of,
-)
+from tests.support.detector_scenes import CLASSES, DT, crowd, detect, inner_gaps, on_grid, seen_at, truth_of
+from tests.support.model1_scenes import missing, noisy
 
 FRAMES, OBJECTS = 200, 300
 

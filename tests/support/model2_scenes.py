@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mtp_bench.detector.model2.profile import Profile2
+from mtp_bench.detector import Profile
 from mtp_bench.detector.sight import Sensor, Sight
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.types import Detections, Floats, Truth
@@ -29,7 +29,7 @@ NEAR: dict[str, Any] = {
 }  # fmt: skip
 
 
-def profile2(**sections: Any) -> Profile2:
+def profile_of(**sections: Any) -> Profile:
     """A detector of cars without errors that misses a tenth; sections change it."""
     still = {**NEW, "s0": 0.0, "s1": 0.0}
     quality = {**NEW, "location": (1.2816, 0, 0, 0, 0, 0, 0), "lapses": ALONE, **SCORES, "floor": 0.1}
@@ -41,11 +41,11 @@ def profile2(**sections: Any) -> Profile2:
     for name, change in sections.items():
         car[name] = {**(car.get(name) or {}), **change} if isinstance(change, dict) else change
     content = {"model": 2, "name": "synthetic", "summary": "", "source": "", "dt": DT, "classes": {"car": car}}
-    return Profile2.model_validate(content)
+    return Profile.model_validate(content)
 
 
-def detect2(
-    truth: Truth, profile: Profile2, seed: int = 0, sight: Sight | None = None, sensor: Sensor = EVERYWHERE
+def detect(
+    truth: Truth, profile: Profile, seed: int = 0, sight: Sight | None = None, sensor: Sensor = EVERYWHERE
 ) -> Detections:
     """Detections by a sensor at the origin; without ``sight`` all objects are seen alike, at 20 m."""
     ego = np.zeros((truth.frames, 4))

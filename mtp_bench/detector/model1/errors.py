@@ -7,15 +7,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..geometry import rotate, wrap_angle
-from ..types import Bools, Floats
-from .draws import Grid, Kind, Streams, at_period, stationary, stream, two_state
+from ...geometry import rotate, wrap_angle
+from ...types import Bools, Floats
+from ..chains import at_period, stationary, two_state
+from ..estimates import FARTHEST, ROBUST_T4, sized
+from .draws import Grid, Kind, Streams, stream
 from .profile import ClassNoise, PositionNoise
 from .truncated import within_limits
 
-FARTHEST = 2.0  # m: a position error beyond would be another object's detection
-SMALLEST = 0.2, 0.3  # m and share of the true size: no side of a box is estimated below the larger of both
-ROBUST_T4 = 1.4826 * 0.7406970841  # robust standard deviation of Student's t with 4 degrees of freedom
 _BESIDE = 0.2  # m, deviation per axis of a duplicate from its original
 _WEAKER = 0.5  # the latent number of a duplicate's score is lower by this times a half-normal number
 _LATENT = np.linspace(0.0, 8.0, 801)  # a standard normal number beyond happens once in 10^15
@@ -125,5 +124,4 @@ def _sizes(true: Floats, grid: Grid, streams: Streams) -> Floats:
     share = grid.of_rows(lambda noise: noise.size.white)[:, None]
     latent = np.sqrt(1 - share) * bias[grid.column] + np.sqrt(share) * grid.rows_of(white)
     error = grid.of_rows(lambda noise: noise.size.mean) + grid.of_rows(lambda noise: noise.size.deviation) * latent
-    smallest = np.minimum(true, np.maximum(SMALLEST[0], SMALLEST[1] * true))
-    return np.asarray(np.maximum(true + error, smallest))
+    return sized(true, error)

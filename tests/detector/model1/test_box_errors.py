@@ -10,7 +10,8 @@ from scipy import stats
 
 from mtp_bench.geometry import wrap_angle
 from mtp_bench.types import Floats
-from tests.support.detector_scenes import DT, FALSE_POSITIVES, MEMORY, WHITE, crowd, detect, noisy, on_grid, seen_at
+from tests.support.detector_scenes import DT, MEMORY, WHITE, crowd, detect, on_grid, seen_at
+from tests.support.model1_scenes import FALSE_POSITIVES, noisy
 
 FRAMES, OBJECTS = 200, 300
 TRUE_YAW = 0.3

@@ -13,18 +13,8 @@ from mtp_bench.detector.sight import Sensor
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.geometry import wrap_angle
 from mtp_bench.types import Detections, Floats
-from tests.support.detector_scenes import (
-    AHEAD,
-    DT,
-    FALSE_POSITIVES,
-    MEMORY,
-    in_empty_scene,
-    noisy,
-    nothing,
-    perfect_with,
-    profile1,
-    truth_of,
-)
+from tests.support.detector_scenes import AHEAD, DT, MEMORY, nothing, truth_of
+from tests.support.model1_scenes import FALSE_POSITIVES, in_empty_scene, noisy, perfect_with, profile1
 
 
 def _survivors(detections: Detections) -> Floats:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mtp_bench.detector.fit.samples import at_floor, gate, match
+from mtp_bench.detector.fit.samples import at_floor, collect, gate, match
 from mtp_bench.detector.sight import Sensor
 from mtp_bench.errors import DataError
 from mtp_bench.types import Detections, Floats, Scene, Truth
@@ -192,3 +192,10 @@ def test_objects_of_different_scenes_are_different_ones() -> None:
     assert (figures.boxes, figures.gaps) == (6, 0)
     with pytest.raises(DataError, match="no scenes"):
         detector_statistics([], CLASSES, AHEAD)
+
+
+def test_known_visibility_is_used() -> None:
+    plain = pattern("+++")
+    hidden = replace(plain, visible=np.zeros(len(plain.truth.box)))
+    levels = [collect([one], CLASSES, AHEAD)["car"][0].feature[:, 4] for one in (plain, hidden)]
+    assert [level.tolist() for level in levels] == [[0, 0, 0], [1, 1, 1]]

@@ -1,65 +1,40 @@
-"""Variants of a noise profile, and the profiles that ship."""
+"""Variants of profiles of model 1, and what they refuse."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pytest
 
-from mtp_bench.detector import Profile, load_profile, profile_names
-from mtp_bench.detector.draws import decayed
+from mtp_bench.detector import Profile1, load_profile
 from mtp_bench.detector.profile import profile_text
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.detector.variants import with_variant
 from mtp_bench.errors import CardError
 from mtp_bench.types import Floats
-from tests.support.detector_scenes import (
-    EVERYWHERE,
-    FALSE_POSITIVES,
-    crowd,
-    detect,
-    in_empty_scene,
-    inner_gaps,
-    noisy,
-    on_grid,
-    perfect_with,
-    profile1,
-    seen_at,
-)
+from tests.support.detector_scenes import EVERYWHERE, crowd, detect, inner_gaps, on_grid, seen_at
+from tests.support.model1_scenes import FALSE_POSITIVES, in_empty_scene, noisy, perfect_with, profile1
 
 FITTED = ["kitti_pointrcnn", "nuscenes_centerpoint", "nuscenes_megvii"]  # of vehicles, with a view from one place
 FRAMES, OBJECTS = 150, 200
 
 
-def _objects_only(profile: Profile) -> Profile:
+def _objects_only(profile: Profile1) -> Profile1:
     update = {"false_positives": None, "duplicates": 0.0}
     return profile.model_copy(
         update={"classes": {name: noise.model_copy(update=update) for name, noise in profile.classes.items()}}
     )
 
 
-def _run(profile: Profile, distance: float = 30.0) -> tuple[Floats, Floats]:
+def _run(profile: Profile1, distance: float = 30.0) -> tuple[Floats, Floats]:
     """Hits ``[F, J]`` and errors of the boxes ``[F, J, 7]`` of a crowd of cars."""
     truth = crowd(FRAMES, OBJECTS)
     sight = seen_at(truth, distance)
     found = simulate(truth, np.zeros((FRAMES, 4)), ("car",), _objects_only(profile), EVERYWHERE, 0, profile.dt, sight)
     hit, box, _, _ = on_grid(found, OBJECTS)
     return hit.astype(float), box - truth.box.reshape(FRAMES, OBJECTS, 7)
-
-
-def test_as_fitted_is_the_profile_itself() -> None:
-    profile = profile1("kitti_pointrcnn")
-    assert with_variant(profile, "as_fitted") is profile
-
-
-@pytest.mark.parametrize("name", FITTED)
-@pytest.mark.parametrize("variant", ["iid", "hard"])
-def test_variants_are_valid_profiles_of_their_own_name(name: str, variant: Literal["iid", "hard"]) -> None:
-    changed = with_variant(profile1(name), variant)
-    assert changed.name == f"{name}-{variant}"
-    assert Profile.model_validate(changed.model_dump()) == changed
 
 
 @pytest.mark.parametrize("name", FITTED)
@@ -120,24 +95,6 @@ def test_false_positives_without_memory_have_the_same_rate() -> None:
     assert abs(np.corrcoef(counts[1][1:], counts[1][:-1])[0, 1]) < 0.06
 
 
-def test_the_variants_of_no_noise_are_no_noise() -> None:
-    truth = crowd(20, 30)
-    for profile in (load_profile("clean"), profile1("clean")):
-        for variant in ("as_fitted", "iid", "hard"):
-            found = detect(truth, with_variant(profile, variant), seen_at(truth, 20.0, occlusion=3))
-            np.testing.assert_allclose(found.box, truth.box)
-
-
-def test_the_shipped_profiles_are_those_of_the_documentation() -> None:
-    fitted = ["kitti_pointrcnn", "nuscenes_centerpoint", "nuscenes_megvii", "wildtrack_mvdet"]
-    assert profile_names() == sorted(["clean", "kitti_pointrcnn_raw", "nuscenes_megvii_raw", *fitted])
-    assert profile_names(1) == [f"v1/{name}" for name in ("clean", *fitted)]
-    for name in (*profile_names(), *profile_names(1)):
-        assert load_profile(name).name == name.removeprefix("v1/")
-        assert load_profile(name).source
-        assert load_profile(name) is load_profile(name), "read once"
-
-
 @pytest.mark.parametrize("name", FITTED)
 def test_hidden_and_far_objects_are_undetected_more_often(name: str) -> None:
     truth = crowd(40, 50)
@@ -177,9 +134,3 @@ def test_messages_of_a_wrong_profile_are_short(tmp_path: Path) -> None:
         with pytest.raises(CardError, match=message) as caught:
             load_profile(str(path))
         assert len(str(caught.value)) < 220
-
-
-@pytest.mark.parametrize(("steps", "expected"), [(1.0, -0.5), (2.0, 0.25), (0.3 / 0.1, -0.125), (1.5, -(0.5**1.5))])
-def test_a_negative_correlation_over_frames(steps: float, expected: float) -> None:
-    assert float(decayed(np.asarray(-0.5), steps)) == pytest.approx(expected)
-    assert float(decayed(np.asarray(-0.5), np.inf)) == 0.0

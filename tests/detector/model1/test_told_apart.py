@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from mtp_bench.detector import Profile
+from mtp_bench.detector import Profile1
 from mtp_bench.detector.sight import Sensor
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.types import Bools, Detections, Floats, Ints, Truth
-from tests.support.detector_scenes import grid_truth, profile1
+from tests.support.detector_scenes import grid_truth
+from tests.support.model1_scenes import profile1
 
 SENSOR = Sensor(reach=60.0, field_of_view=2 * np.pi)
 CLASSES = ("car", "truck", "pedestrian")
@@ -35,11 +36,11 @@ def _traffic() -> tuple[Truth, Floats]:
     return grid_truth(box, velocity, KIND), ego
 
 
-def _simulated(profile: Profile) -> Detections:
+def _simulated(profile: Profile1) -> Detections:
     return simulate(*_traffic(), CLASSES, profile, SENSOR, 4, profile.dt)
 
 
-def _with(profile: Profile, duplicates: float, false: bool) -> Profile:
+def _with(profile: Profile1, duplicates: float, false: bool) -> Profile1:
     """The profile with so many duplicates, and with as many false positives as in an average scene or none."""
     classes = {}
     for name, noise in profile.classes.items():
@@ -72,19 +73,19 @@ def _told_apart(more: Detections, fewer: Detections) -> Seen:
 
 
 @pytest.fixture(scope="module", params=["nuscenes_megvii", "nuscenes_centerpoint"])
-def profile(request: pytest.FixtureRequest) -> Profile:
+def profile(request: pytest.FixtureRequest) -> Profile1:
     return profile1(request.param)
 
 
 @pytest.fixture(scope="module")
-def scene(profile: Profile) -> Seen:
+def scene(profile: Profile1) -> Seen:
     seen = _told_apart(_simulated(_with(profile, 0.0, True)), _simulated(_with(profile, 0.0, False)))
     assert seen.false.sum() > 200
     return seen
 
 
 @pytest.fixture(scope="module")
-def doubled(profile: Profile) -> Seen:
+def doubled(profile: Profile1) -> Seen:
     seen = _told_apart(_simulated(_with(profile, 0.2, False)), _simulated(_with(profile, 0.0, False)))
     assert seen.false.sum() > 200
     return seen
@@ -139,7 +140,7 @@ def test_sizes_of_false_positives_are_those_of_true_objects_of_their_class(class
     np.testing.assert_allclose(np.median(size, axis=0), SIZES[class_id], rtol=0.12)
 
 
-def test_all_scores_differ_and_none_is_at_the_floor(profile: Profile) -> None:
+def test_all_scores_differ_and_none_is_at_the_floor(profile: Profile1) -> None:
     found = _simulated(_with(profile, 0.1, True))
     assert len(np.unique(found.score)) == len(found.score)
     for class_id, name in enumerate(CLASSES):

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..types import Bools, Floats
-from .draws import Grid, Kind, at_period, stationary, stream, two_state
-from .sight import HIDDEN, LARGELY, PARTLY, Sight
+from ...types import Bools, Floats
+from ..chains import at_period, stationary, two_state
+from ..sight import Sight, features
+from .draws import Grid, Kind, stream
 
 
 def undetected(grid: Grid, sight: Sight, covered: Bools, seed: int) -> Bools:
@@ -22,13 +23,6 @@ def undetected(grid: Grid, sight: Sight, covered: Bools, seed: int) -> Bools:
     first, after_hit, after_none = (_on_grid(grid, chance) for chance in chances(grid, sight))
     state = two_state((first, after_hit, after_none), begins, uniform)
     return ~covered | grid.rows_of(state)
-
-
-def features(sight: Sight) -> Floats:
-    """What the log-odds of being undetected depend on: 1, d (10 m), partly, largely, hidden, truncated: ``[R, 6]``."""
-    levels = [sight.occlusion == level for level in (PARTLY, LARGELY, HIDDEN)]
-    columns = [np.ones(len(sight.distance)), sight.distance / 10, *levels, sight.truncated]
-    return np.stack(columns, axis=-1).astype(np.float64)
 
 
 def chances(grid: Grid, sight: Sight) -> tuple[Floats, Floats, Floats]:
