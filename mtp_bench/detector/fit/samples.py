@@ -58,7 +58,6 @@ class FalsePositiveSamples:
     """The false positives of a class inside the sensor's coverage."""
 
     count: Ints  # [F] per frame, all scenes one after another
-    own: Ints  # [F] of those, the ones that are no duplicates
     duplicate: Bools  # [D] a second detection of an object
     judged: Bools  # [D] there is a next frame
     followed: Bools  # [D] another one is within 1 m in the next frame
@@ -171,7 +170,6 @@ def _false_positives(
     beside, of_class, parent = _parents(scene, detections, matches, row, class_ids)
     return FalsePositiveSamples(
         count=np.diff(first),
-        own=np.bincount(frame[~matches.duplicate[row]], minlength=scene.frames),
         duplicate=matches.duplicate[row],
         judged=frame < scene.frames - 1,
         followed=followed,
