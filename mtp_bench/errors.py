@@ -50,7 +50,7 @@ class UnknownNameError(MtpBenchError, KeyError):
         return str(self.args[0])
 
 
-MOST_NAMES = 12  # listed in an error text
+MOST_NAMES = 16  # listed in an error text
 
 
 def nearest(got: str, known: Iterable[str]) -> str:

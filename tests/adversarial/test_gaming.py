@@ -80,7 +80,7 @@ def test_other_confidences_of_the_same_forecasts_change_no_event_subset(
 def test_no_cheat_gains_over_all_targets(report: Report, gaming: ModuleType) -> None:
     honest = error(report, "stp")
     gains = {agent: honest - error(report, agent) for agent in gaming.CHANGES}
-    assert max(gains.values()) < 0.02, gains  # a shuffle may be lucky in two scenes
+    assert max(gains.values()) < 0.01 * honest, gains  # wider samples may be the better forecast, by a little
 
 
 def test_repeats_and_copies_cost_or_are_never_looked_at(report: Report) -> None:

@@ -102,7 +102,6 @@ WRONG: dict[str, tuple[str, object, str]] = {
         [0, 10],
         "source.seeds: got a table: expected splits without a",
     ),
-    "unknown drivers": ("source.drivers", "idm", "source.drivers: got 'idm': Input should be 'cooperative'"),
     "too short": ("source.seconds", 5.0, "scenes of 5 s at 2 Hz have 10 frames, expected at least 16"),
     "two kinds of noise": ("detector.noise", load_profile("clean").model_dump(exclude_none=True), "both or none"),
     "an empty split": ("source.seeds.val", [5, 5], "source.seeds.val: got [5, 5]"),

@@ -82,7 +82,7 @@ def test_another_detector_sees_the_same_world() -> None:
 
 def test_another_split_has_other_scenes() -> None:
     names = [set(MTPEnv("MTP-Merge-v0", split=split).scene_names) for split in ("train", "val", "test")]
-    assert [len(part) for part in names] == [500, 50, 50]
+    assert [len(part) for part in names] == [500, 150, 150]
     assert not (names[0] & names[1] | names[1] & names[2] | names[0] & names[2])
 
 
