@@ -116,18 +116,20 @@ def tau(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.asarray((x * y).sum(0) / np.maximum(pairs, 1))
 
 
-def agreement(real: dict[str, np.ndarray], made: dict[str, np.ndarray], kind: str, subset: str) -> dict[str, Any]:
-    """Tau with its interval, and both worlds' errors."""
+def agreement(
+    real: dict[str, np.ndarray], made: dict[str, np.ndarray], kind: str, subset: str, moving: str
+) -> dict[str, Any]:
+    """Tau with its interval, and both worlds' errors; ``moving``: of the simulated targets these alone."""
     agents = [a for a in AGENTS if f"{a}/E/all" in real and f"{a}/E/all" in made]
     rng = np.random.default_rng(0)
 
-    def sampled(arrays: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    def sampled(arrays: dict[str, np.ndarray], subset: str) -> tuple[np.ndarray, np.ndarray]:
         units = len(arrays[f"{agents[0]}/weight/all"])
         every = np.arange(units)[None]
         drawn = rng.integers(units, size=(RESAMPLES, units))
         return means(arrays, agents, kind, subset, every), means(arrays, agents, kind, subset, drawn)
 
-    (here, resampled), (there, again) = sampled(real), sampled(made)
+    (here, resampled), (there, again) = sampled(real, subset), sampled(made, subset + moving)
     low, high = np.quantile(tau(resampled, again), [0.025, 0.975])
     errors = {agent: (float(x), float(y)) for agent, x, y in zip(agents, here[:, 0], there[:, 0], strict=True)}
     own = np.quantile(tau(resampled, np.repeat(here, RESAMPLES, 1)), 0.05)  # the recorded scenes with themselves
@@ -148,7 +150,7 @@ def shown(given: argparse.Namespace) -> None:
     kept: dict[str, Any] = {}
     for env, made in simulated:
         for kind, moving in itertools.product(MEASURES, ("", MOVING)):
-            found = {subset: agreement(real, made, kind, f"{subset}{moving}") for subset in SUBSETS}
+            found = {subset: agreement(real, made, kind, subset, moving) for subset in SUBSETS}
             cells = [f"{f['tau']:.2f} [{f['low']:.2f}, {f['high']:.2f}] ({f['real']:.2f})" for f in found.values()]
             table.add_row(env, "moving" if moving else "all", str(len(found["all"]["errors"])), kind, *cells)
             kept[f"{env}/{kind}{moving}"] = found
