@@ -395,7 +395,7 @@ def test_nothing_is_cut_off_at_80_columns(tmp_path: Path) -> None:
     assert max(map(len, printed)) <= 80
     assert not [line for line in printed if "…" in line]
     row = next(line for line in printed if line.startswith("forest_of_maybe"))
-    assert " ".join(row.split()) == "forest_of_maybe 1 0.744 [0.690, 0.797] 1.15 1.34 47 % 22.9 scored"
+    assert " ".join(row.split()) == "forest_of_maybe 1 0.744 [0.690, 0.797] 1.16 1.35 47 % 22.9 scored"
 
 
 def test_the_command_shows_one_env_and_the_same_record_once(files: tuple[Path, Path], cli: CommandLine) -> None:
