@@ -20,7 +20,7 @@ from mtp_bench.scoring import SUBSETS
 from mtp_bench.scoring.subsets import Subset
 from mtp_bench.scoring.weights import scene_key
 from mtp_bench.viz.board import Entry, Found, entries_of
-from tests.support.stored_records import hex_of, make_record, make_row, merged, signed_level
+from tests.support.stored_records import SIMULATED, hex_of, make_record, make_row, merged, signed_level
 
 Table = dict[str, Any]
 
@@ -78,7 +78,7 @@ def _weights(env_id: str) -> Mapping[str, Mapping[Subset, float]]:
     known, old = shipped(env_id), _OLD / f"{env_id.replace('-k10', '')}.json"
     if known is None:
         return {f"{i:04d}": TARGETS for i in range(SCENES)}
-    if old.is_file():
+    if old.is_file() and env_id != SIMULATED:
         names = [part["scene"] for part in json.loads(old.read_text())["per_scene"]]
     else:
         names = [f"{env_id.split('-')[1].lower()}-{seed}" for seed in range(10_000, 10_000 + len(known.sums))]
