@@ -81,7 +81,7 @@ def _weights(env_id: str) -> Mapping[str, Mapping[Subset, float]]:
     if old.is_file() and env_id != SIMULATED:
         names = [part["scene"] for part in json.loads(old.read_text())["per_scene"]]
     else:
-        names = [f"{env_id.split('-')[1].lower()}-{seed}" for seed in range(10_000, 10_000 + len(known.sums))]
+        names = [f"{env_id.split('-')[1].lower()}-{seed:06d}" for seed in range(10_000, 10_000 + len(known.sums))]
     return {name: dict(known.sums[scene_key(env_id, name)]) for name in names}
 
 
