@@ -23,7 +23,7 @@ from mtp_bench.submission import load_submission
 from mtp_bench.types import Floats, Ragged, Rollout, Scene
 
 ENV = "MTP-Intersection-v0"
-EXAMPLES = (("intersection-010045", 18, 54), ("intersection-010003", 16, 24))  # scene, frame, object
+EXAMPLES = (("intersection-010042", 14, 40), ("intersection-010044", 12, 2))  # scene, frame, object
 COLORS = ("#0072b2", "#d55e00")  # the track that was the object's, and the one that is
 OTHER = "#777777"  # tracks
 WIDTH, HEIGHT, HEAD = 300, 150, 46  # px
