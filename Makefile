@@ -13,7 +13,7 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 .PHONY: demo test lint clean
 
 demo: .venv/installed
-	@$(BIN)/mtp-bench compare truth_past stp stp_same_budget mtp --env MTP-Intersection-v0 --scenes 10
+	@$(BIN)/mtp-bench compare truth_past stp stp_same_budget mtp --env MTP-Intersection-v0 --scenes 10 --seeds 1
 
 test: lint
 	@echo '== pytest'
