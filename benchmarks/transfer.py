@@ -6,7 +6,8 @@
 Presence: AUC on the tracks of recorded scenes, of the model that was fitted on simulated detections and of one that was
 fitted on other scenes of the same recordings. Predictor: minADE on the tracklets of 20 hypotheses of recorded scenes,
 targets with a whole future, weighed by the mass of their hypotheses; one network learnt from recorded scenes, one from
-simulated ones. Simulated traffic has no trailers and no construction vehicles: they are forecast as trucks.
+simulated ones, both without velocities where the recorded detector has none. Simulated traffic has no trailers and no
+construction vehicles: they are forecast as trucks.
 """
 
 from __future__ import annotations
@@ -75,6 +76,7 @@ def predictor(given: argparse.Namespace) -> None:
         for number, (name, (request, scenes, data)) in enumerate(requests.items()):
             start = time.process_time()
             found = learnable(request, RunOptions(data, scenes, workers=workers))
+            found = found if asked.seen.velocity.any() else without_velocity(found)
             path, card = train_predictor(found, request, Path(folder) / f"{number}.safetensors")
             stored = read_weights(path, network_of(request.network))
             error = _error(asked, _forecasts(asked, stored))
@@ -84,6 +86,12 @@ def predictor(given: argparse.Namespace) -> None:
                 f"{card['validation_minADE']} m, {spent:.0f} CPU-s",
                 flush=True,
             )
+
+
+def without_velocity(found: Windows) -> Windows:
+    """The windows as of a detector that measures no velocities."""
+    seen = replace(found.seen, velocity=np.zeros_like(found.seen.velocity))
+    return replace(found, velocity=np.zeros_like(found.velocity), seen=seen)
 
 
 def _forecasts(asked: Windows, stored: Stored) -> np.ndarray:
