@@ -77,11 +77,15 @@ def command(submission: Path, card: str, kitti: str, tmp_path: Path) -> list[str
 
 
 def start(command: list[str], *before: str) -> subprocess.Popen[str]:
-    """The command in a session of its own."""
-    return subprocess.Popen(
-        [sys.executable, *(before or ("-m", "mtp_bench")), *command], stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE, text=True, start_new_session=True, env=plain_environment(),
-    )  # fmt: skip
+    """The command in a session of its own, which Ctrl-C reaches also where tests run in the background of a shell."""
+    inherited = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        return subprocess.Popen(
+            [sys.executable, *(before or ("-m", "mtp_bench")), *command], stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE, text=True, start_new_session=True, env=plain_environment(),
+        )  # fmt: skip
+    finally:
+        signal.signal(signal.SIGINT, inherited)
 
 
 def kill(process: subprocess.Popen[str]) -> None:
