@@ -1,7 +1,7 @@
 """What was learnt on simulated detections, on recorded ones: presence and a predictor of tracklets.
 
     python benchmarks/transfer.py presence [--data ROOT]
-    python benchmarks/transfer.py predictor --data TRAINVAL [--split val] [--scenes 100] [--also-scenes 150]
+    python benchmarks/transfer.py predictor --data TRAINVAL [--split val] [--scenes 100] [--also-scenes 130]
 
 Presence: AUC on the tracks of recorded scenes, of the model that was fitted on simulated detections and of one that was
 fitted on other scenes of the same recordings. Predictor: minADE on the tracklets of 20 hypotheses of recorded scenes,
@@ -122,7 +122,7 @@ def main() -> None:
     two.add_argument("--network", default="modes")
     two.add_argument("--split", default="val")
     two.add_argument("--scenes", type=int, default=100, help="recorded ones to learn from")
-    two.add_argument("--also-scenes", type=int, default=100, help="simulated ones to learn from, of each env")
+    two.add_argument("--also-scenes", type=int, default=130, help="simulated ones to learn from, of each env")
     two.add_argument("--jobs", type=int, default=2)
     two.set_defaults(run=predictor)
     for each in (one, two):
