@@ -5,11 +5,12 @@ from __future__ import annotations
 import io
 import sys
 import warnings
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
+from .._version import __version__
 from ..errors import MtpBenchError
 from .board import board
 from .check import check
@@ -54,13 +55,24 @@ class Commands(TyperGroup):
             raise InterruptedCommandError(AFTER.get(ctx.invoked_subcommand, "nothing was written")) from None
 
 
-app = typer.Typer(
-    cls=Commands,
-    help="Tracking and prediction together: your agent sees detections, not the truth.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
+app = typer.Typer(cls=Commands, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        print(f"mtp-bench {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def about(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    """Tracking and prediction together: your agent sees detections, not the truth."""
+
+
 for command in (
     envs, data, run, score, compare, view, events, video, fit_noise, new, check, submit, verify, seal, board,
 ):  # fmt: skip

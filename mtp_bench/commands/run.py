@@ -17,6 +17,7 @@ def run(
     workers: WorkerChoice,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the rollouts.")],
     seed: Annotated[int, typer.Option(min=0, help="Seed of the run.")] = 0,
+    force: Annotated[bool, typer.Option("--force", help="Replace an earlier run in that folder.")] = False,
 ) -> None:
     """Run an agent and store what it said."""
     from ..running.reading import skipped_line
@@ -26,7 +27,7 @@ def run(
     options = on.options(workers, [seed])
     prepare(on.env, options)
     with working(agent, options) as watched:
-        stored = run_agent(agent, on.env, output, watched)
+        stored = run_agent(agent, on.env, output, watched, replace=force)
     line = skipped_line(stored.skipped)
     if line is not None:
         show(line)

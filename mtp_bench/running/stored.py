@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ..cards import Card
 from ..env.environment import MTPEnv
+from ..errors import RolloutError
 from ..files import require_folder
 from ..scoring import AgentScores, Report, SceneScore, score_scene, stated_hypotheses, summarise
 from ..submission.loader import load_submission
@@ -37,19 +38,25 @@ class StoredScore:
     skipped: dict[str, int]  # rows of the data that could not be used, by reason
 
 
-def run(agent: str | Path, env_id: str, folder: str | Path, options: RunOptions = DEFAULTS) -> StoredRun:
+def run(
+    agent: str | Path, env_id: str, folder: str | Path, options: RunOptions = DEFAULTS, replace: bool = False
+) -> StoredRun:
     """Run a submission on the scenes of an env and store its rollouts.
 
     Args:
         agent: Folder of the submission, or name of a baseline.
         env_id: Id of the env or path of its card.
-        folder: Where the rollouts go; an earlier run there is replaced.
+        folder: Where the rollouts go.
         options: Data, scenes, changes of the card, workers and progress; of the seeds, the first.
+        replace: Whether an earlier run in ``folder`` gives way, once this one is complete.
 
-    Raises MtpBenchError for whatever the user can mend, a folder that cannot be written before anything runs.
+    Raises MtpBenchError for whatever the user can mend, and before anything runs where ``folder`` cannot be written or
+    holds a run that is not to be replaced.
     """
     folder = Path(folder)
     require_run_folder(folder.absolute())
+    if not replace and folder.exists() and any(folder.iterdir()):
+        raise RolloutError(f"{folder} holds an earlier run: choose another folder, or replace it (--force)")
     require_folder(folder)
     submission, seed = load_submission(agent), options.seeds[0]
     env = MTPEnv(env_id, observe=submission.compare.observe, evaluation=True, **options.env_keywords)

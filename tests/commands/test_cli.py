@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 import typer.main
 
+import mtp_bench
 from mtp_bench import card_ids, load_card
 from mtp_bench.commands.app import app
 from tests.support.command_line import CommandLine, copy_sequence, read_json, write_submission
@@ -62,7 +63,11 @@ def test_help(arguments: list[str], cli: CommandLine) -> None:
     assert "Usage: mtp-bench" in cli.ok(*arguments, "--help")
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["envs"], ["data", "--data", "/nowhere"]], ids=str)
+def test_version(cli: CommandLine) -> None:
+    assert cli.ok("--version") == f"mtp-bench {mtp_bench.__version__}\n"
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["envs"], ["data", "--data", "/nowhere"]], ids=str)
 def test_nothing_heavy_is_loaded_for_help_and_listings(arguments: list[str]) -> None:
     code = f"""
 import sys

@@ -226,6 +226,19 @@ def test_a_folder_that_is_no_run_is_refused_before_anything_runs(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "mine", "photos"]
 
 
+def test_an_earlier_run_is_replaced_only_when_asked(
+    cli: CommandLine, folder: Path, tmp_path: Path, card: str, kitti: str
+) -> None:
+    before = digests(folder)
+    command = ("run", "ab3dmot", "--env", card, "--data", kitti, "-o", folder, "--jobs", 1)
+    assert f"{folder} holds an earlier run: choose another folder, or replace it (--force)" in cli(*command).error
+    assert digests(folder) == before
+    (tmp_path / "empty").mkdir()
+    cli.ok(*command[:-3], tmp_path / "empty", "--jobs", 1)
+    cli.ok(*command, "--force")
+    assert load_run(folder).info.agent == "ab3dmot"
+
+
 @pytest.mark.parametrize("jobs", [1, 2])
 @pytest.mark.parametrize("body", ["1 / 0", "import nothing_at_all"])
 def test_a_failing_agent_leaves_the_earlier_run(
@@ -233,7 +246,7 @@ def test_a_failing_agent_leaves_the_earlier_run(
 ) -> None:
     before = digests(folder)
     agent = write_submission(tmp_path / "mine", body=f"if len(observation): {body}")
-    error = cli("run", agent, "--env", card, "--data", kitti, "-o", folder, "--jobs", jobs).error
+    error = cli("run", agent, "--env", card, "--data", kitti, "-o", folder, "--jobs", jobs, "--force").error
     assert "agent 'echo' failed on scene '000" in error
     assert "at frame 0: " in error
     assert digests(folder) == before
