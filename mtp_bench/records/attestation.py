@@ -44,7 +44,7 @@ class HiddenPart(Section):
     targets: Count
     rows: list[Row]  # one per subset
     silence: float | None  # m, what an agent that says nothing scores there
-    weight: UnitSums  # [units] of the targets, over all scenes in the order of the seal
+    weight: UnitSums  # [units] of the targets, over all scenes, in an order that the salt of the seal draws
     error: UnitSums  # [units] m, weighted, at the budgets of all hidden scenes, mean over seeds
 
     @property
