@@ -56,7 +56,9 @@ def run(
     folder = Path(folder)
     require_run_folder(folder.absolute())
     if not replace and folder.exists() and any(folder.iterdir()):
-        raise RolloutError(f"{folder} holds an earlier run: choose another folder, or replace it (--force, replace=True)")
+        raise RolloutError(
+            f"{folder} holds an earlier run: choose another folder, or replace it (--force, replace=True)"
+        )
     require_folder(folder)
     submission, seed = load_submission(agent), options.seeds[0]
     env = MTPEnv(env_id, observe=submission.compare.observe, evaluation=True, **options.env_keywords)

@@ -231,7 +231,10 @@ def test_an_earlier_run_is_replaced_only_when_asked(
 ) -> None:
     before = digests(folder)
     command = ("run", "ab3dmot", "--env", card, "--data", kitti, "-o", folder, "--jobs", 1)
-    assert f"{folder} holds an earlier run: choose another folder, or replace it (--force, replace=True)" in cli(*command).error
+    assert (
+        f"{folder} holds an earlier run: choose another folder, or replace it (--force, replace=True)"
+        in cli(*command).error
+    )
     assert digests(folder) == before
     (tmp_path / "empty").mkdir()
     cli.ok(*command[:-3], tmp_path / "empty", "--jobs", 1)
