@@ -212,7 +212,7 @@ SPOILED: dict[str, tuple[Callable[[Path], Any], str]] = {
     "pickle inside": (pickled, "truncated or not a rollout"),
     "box changed": (edit_array("track_box", lambda array: array + np.float32(0.01)), "it was changed after the run"),
     "forecast changed": (edit_array("forecast", lambda array: array + np.int16(1)), "it was changed after the run"),
-    "dtype changed": (edit_array("track_class", lambda array: array.astype(float)), "track_class has dtype float64"),
+    "dtype changed": (edit_array("track_class", lambda array: array.astype(np.int32)), "track_class has dtype int32"),
     "rows gone": (edit_array("track_id", lambda array: array[1:]), "track_box has shape"),
     "frames out of order": (edit_array("object_start", lambda array: array[::-1]), "object_start does not divide"),
     "starts beyond": (edit_array("track_start", lambda array: array + 1), "track_start does not divide"),
