@@ -10,7 +10,6 @@ import inspect
 from dataclasses import dataclass
 from typing import Any
 
-
 PACKAGES = ("tracking", "prediction", "training", "scoring", "testing")
 
 
@@ -27,7 +26,7 @@ class Group:
 
 OTHERS = Group("Others", "others", intro="Public names beside these.")
 GROUPS = (
-    Group("Environment", "environment", ("env", "cards", "_bundle"), intro="Environments, cards, and answers to a frame."),
+    Group("Environment", "environment", ("env", "cards", "_bundle"), intro="Environments, cards, answers to a frame."),
     Group("Agents", "agents", ("agent", "tracks", "submission"), intro="What an agent is, and its parts."),
     Group("Records", "records", ("types", "sources"), intro="Scenes, and everything that was said of them."),
     Group(
