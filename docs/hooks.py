@@ -52,6 +52,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Links are written for readers of the repository; here they lead to the pages of the site."""
+    if page.file.src_uri == environments.TABLE:
+        markdown = environments.linked(markdown)
     return repository.relinked(markdown, page.file.src_uri, config.repo_url or "")
 
 

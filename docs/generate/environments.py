@@ -15,6 +15,7 @@ from mtp_bench.scoring import DEFINITIONS
 from mtp_bench.sources import describe
 
 ROOT = Path(__file__).resolve().parents[2]
+TABLE = "environment/index.md"  # the page with the table of all of them
 PICTURES = "environment/pictures"  # drawn by pictures.py; recorded scenes are never among them
 CAPTION = '*A frame as `render()` draws it with `render_mode="rgb_array"`; the agent is `stp`.*'
 RECORDED = """\
@@ -40,10 +41,15 @@ def pages() -> dict[str, str]:
     return {_place(env_id): page(load_card(env_id)) for env_id in ordered()}
 
 
+def linked(table: str) -> str:
+    """The table of environments with links to their pages, which only the site has."""
+    return re.sub(r"^\| `(MTP-[^`]+)`", r"| [`\1`](\1.md)", table, flags=re.MULTILINE)
+
+
 def ordered() -> list[str]:
     """Ids in the order of the table of environments."""
-    table = (ROOT / "docs/environment/index.md").read_text()
-    listed = re.findall(r"^\| \[?`(MTP-[^`]+)`", table, flags=re.MULTILINE)
+    table = (ROOT / "docs" / TABLE).read_text()
+    listed = re.findall(r"^\| `(MTP-[^`]+)`", table, flags=re.MULTILINE)
     return [*listed, *sorted(set(card_ids()) - set(listed))]
 
 
@@ -108,7 +114,7 @@ def _properties(card: Card) -> str:
         "Miss error c": f"{_per_class(task.miss_error)} (m)",
         "An action has": f"{action_numbers(rules(card)):,} numbers".replace(",", " "),
     }
-    return "\n".join(["| | |", "|---|---|", *(f"| {name} | {text} |" for name, text in rows.items())])
+    return "\n".join(["| rule | here |", "|---|---|", *(f"| {name} | {text} |" for name, text in rows.items())])
 
 
 def _per_class(values: dict[str, float]) -> str:

@@ -22,16 +22,27 @@ class Group:
     modules: tuple[str, ...] = ()  # of mtp_bench
     package: str = ""
     intro: str = ""
+    beside: tuple[str, ...] = ()  # what the names of the page take or give, by its full name
 
 
 OTHERS = Group("Others", "others", intro="Public names beside these.")
 GROUPS = (
-    Group("Environment", "environment", ("env", "cards", "_bundle"), intro="Environments, cards, answers to a frame."),
+    Group(
+        "Environment", "environment", ("env", "cards", "_bundle"), intro="Environments, cards, answers to a frame.",
+        beside=("mtp_bench.env.arguments.EnvKeywords",),
+    ),
     Group("Agents", "agents", ("agent", "tracks", "submission"), intro="What an agent is, and its parts."),
-    Group("Records", "records", ("types", "sources"), intro="Scenes, and everything that was said of them."),
+    Group(
+        "Records", "records", ("types", "sources"), intro="Scenes, and everything that was said of them.",
+        beside=("mtp_bench.types.Ragged",),
+    ),
     Group(
         "Running and training", "running", ("running", "scoring", "training"),
         intro="Run agents, compare them, score what was stored; what a model is trained on.",
+        beside=(
+            "mtp_bench.running.options.RunOptions", "mtp_bench.parallel.Workers",
+            "mtp_bench.running.stored.StoredRun", "mtp_bench.running.compare.Comparison",
+        ),
     ),
     Group("Errors", "errors", ("errors",), intro="Every error that a user can cause is an `MtpBenchError`."),
     OTHERS,
@@ -63,7 +74,8 @@ def _place(group: Group) -> str:
 def _page(group: Group) -> str:
     whole = f"mtp_bench.{group.package}" if group.package else "mtp_bench"
     lines = [f"# {group.title}", group.intro or _docstring(whole)]
-    return "\n\n".join([*lines, *(f"::: {whole}.{name}" for name in _names(group))]) + "\n"
+    names = [*(f"{whole}.{name}" for name in _names(group)), *group.beside]
+    return "\n\n".join([*lines, *(f"::: {name}" for name in names)]) + "\n"
 
 
 def _docstring(module: str) -> str:
