@@ -1,5 +1,5 @@
 # make demo   the comparison of the paper on ten scenes of simulated traffic: no data needed, a minute or two
-# make test   lint, types, import rules and tests; DATA=folder or MTP_BENCH_DATA adds those on real recordings
+# make test   lint, types, import rules and tests, which build the site too; DATA=folder or MTP_BENCH_DATA adds those on real recordings
 # make docs   the site in site/: static, no server and no network needed; warnings are errors
 # All create .venv and install what they need the first time; PYTHON=python3.13 chooses another interpreter for it.
 
@@ -16,7 +16,7 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 demo: .venv/installed
 	@$(BIN)/mtp-bench compare truth_past stp stp_same_budget mtp --env MTP-Intersection-v0 --scenes 10 --seeds 1
 
-test: lint docs
+test: lint
 	@echo '== pytest'
 	@$(BIN)/python -m pytest -q --numprocesses auto --dist loadfile
 

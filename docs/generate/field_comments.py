@@ -1,6 +1,6 @@
 """For mkdocstrings: the comment behind a field is what the reference says of it.
 
-In this library shapes and units of a field stand there: `box: Floats  # [R, 7]`. The fields of a class become one table.
+In this library shapes and units stand there: `box: Floats  # [R, 7]`. The fields of a class become one table.
 """
 
 from __future__ import annotations

@@ -50,14 +50,26 @@ GROUPS = (
 )  # fmt: skip
 
 
-def navigation() -> list[dict[str, str]]:
+INDEX = "reference/index.md"
+HEAD = """\
+# Reference
+
+`import mtp_bench` gives the public names. What takes time to import is imported when it is first used.
+"""
+LEGEND = """
+Shapes of arrays are in these letters:
+
+"""
+
+
+def navigation() -> list[str | dict[str, str]]:
     """The pages in the order of the navigation; a page without names is left out."""
-    return [{group.title: _place(group)} for group in GROUPS if _names(group)]
+    return [INDEX, *({group.title: _place(group)} for group in GROUPS if _names(group))]
 
 
 def pages() -> dict[str, str]:
     """Place and Markdown of every page."""
-    return {_place(group): _page(group) for group in GROUPS if _names(group)}
+    return {INDEX: _index(), **{_place(group): _page(group) for group in GROUPS if _names(group)}}
 
 
 def public_names() -> list[str]:
@@ -67,13 +79,30 @@ def public_names() -> list[str]:
     return [name for name in names if not inspect.ismodule(getattr(root, name))]
 
 
+def names_of(package: str) -> list[str]:
+    """Names that a package of `mtp_bench` offers, sorted."""
+    module = importlib.import_module(f"mtp_bench.{package}")
+    return sorted(name for name, value in vars(module).items() if _offered(name, value))
+
+
+def _index() -> str:
+    """The first page: what is where, and the letters of shapes."""
+    lines = [f"- [{group.title}]({group.place}.md): {_intro(group)}" for group in GROUPS if _names(group)]
+    legend = inspect.cleandoc(importlib.import_module("mtp_bench.types").__doc__ or "").split("\n\n", 1)[1]
+    return HEAD + "\n" + "\n".join([*lines, "- [Commands](commands.md): `mtp-bench`"]) + "\n" + LEGEND + legend + "\n"
+
+
+def _intro(group: Group) -> str:
+    return " ".join((group.intro or _docstring(f"mtp_bench.{group.package}")).split())
+
+
 def _place(group: Group) -> str:
     return f"reference/{group.place}.md"
 
 
 def _page(group: Group) -> str:
     whole = f"mtp_bench.{group.package}" if group.package else "mtp_bench"
-    lines = [f"# {group.title}", group.intro or _docstring(whole)]
+    lines = [f"# {group.title}", _intro(group)]
     names = [*(f"{whole}.{name}" for name in _names(group)), *group.beside]
     return "\n\n".join([*lines, *(f"::: {name}" for name in names)]) + "\n"
 
@@ -85,8 +114,7 @@ def _docstring(module: str) -> str:
 def _names(group: Group) -> list[str]:
     """Names of a page, sorted."""
     if group.package:
-        module = importlib.import_module(f"mtp_bench.{group.package}")
-        return sorted(name for name, value in vars(module).items() if _offered(name, value))
+        return names_of(group.package)
     return [name for name in public_names() if _group_of(name) is group]
 
 
