@@ -98,7 +98,7 @@ def test_nobody_s_address_is_invented(pages: dict[Path, Page], repository: Path)
 @pytest.mark.parametrize("env_id", card_ids())
 def test_every_environment_has_its_page(site: Path, env_id: str) -> None:
     text = (site / "environment" / f"{env_id}.html").read_text()
-    for name in [*(field.name for field in FIELDS), "detection_box", "ego_pose", "dt"]:
+    for name in [*(part.name for part in FIELDS), "detection_box", "ego_pose", "dt"]:
         assert f"<code>{name}</code>" in text
     for heading in ("observation", "action", "reward", "data-and-licence", "history"):
         assert f'id="{heading}"' in text

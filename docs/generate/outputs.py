@@ -1,6 +1,6 @@
 """Run examples and write what they print, for the pages that show it.
 
-    python docs/generate/outputs.py        # all that are shown; docs/outputs/NAME.txt
+    python -m docs.generate.outputs        # all that are shown; docs/outputs/NAME.txt
 
 `tests/test_examples.py` compares what an example prints now with what is shown.
 """

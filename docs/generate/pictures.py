@@ -1,6 +1,6 @@
 """Draw one frame of every simulated environment, with what STP says of it.
 
-    python docs/generate/pictures.py
+    python -m docs.generate.pictures
 
 Recorded scenes are not drawn: nothing of a dataset is published.
 """

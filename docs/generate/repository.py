@@ -30,6 +30,13 @@ _FENCED = re.compile(r"^(```.*?^```)", flags=re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)")
 
 
+def files() -> dict[str, str]:
+    """Files of the repository that the site holds, with their places; the records are those that the board links to."""
+    board = (ROOT / "leaderboard/index.html").read_text()
+    records = [target.removeprefix("./") for target in re.findall(r'href="(\./[^"]+\.json)"', board)]
+    return {**PLACES, **{f"leaderboard/{name}": f"leaderboard/{name}" for name in records}}
+
+
 def source_of(place: str) -> str:
     """The file of the repository that a page is read from."""
     return SOURCES.get(place, f"docs/{place}")
