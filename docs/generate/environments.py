@@ -15,6 +15,9 @@ from mtp_bench.scoring import DEFINITIONS
 from mtp_bench.sources import describe
 
 ROOT = Path(__file__).resolve().parents[2]
+ARGUMENTS = """\
+Another split, detector, data root, or other sizes are keywords of `gym.make`: see
+[`EnvKeywords`](../reference/environment.md#mtp_bench.env.arguments.EnvKeywords)."""
 TABLE = "environment/index.md"  # the page with the table of all of them
 PICTURES = "environment/pictures"  # drawn by pictures.py; recorded scenes are never among them
 CAPTION = '*A frame as `render()` draws it with `render_mode="rgb_array"`; the agent is `stp`.*'
@@ -68,6 +71,8 @@ def page(card: Card) -> str:
         _actions(rules(card)),
         "## Reward",
         _reward(card.task),
+        "## Arguments",
+        ARGUMENTS,
         "## Data and licence",
         _data(card),
         "## History",
@@ -168,7 +173,7 @@ def _reward(task: TaskSection) -> str:
 
 
 def _data(card: Card) -> str:
-    about = describe(card).about
+    about = describe(card, ROOT / "docs").about  # what is known of it, whatever lies on this machine
     lines = [f"**{about.name}**: {about.licence}.", f"Cite: {about.citation}.", f"How to get it: {about.how_to_get}."]
     if about.layout:
         lines.append(f"```text\n{about.layout}\n```")
