@@ -33,7 +33,7 @@ lint: .venv/installed-dev
 
 docs: .venv/installed-dev
 	@echo '== site'
-	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 # pip is the last thing that `python -m venv` writes
 .venv/bin/pip:
