@@ -18,6 +18,7 @@ import typer.main
 import mtp_bench
 from mtp_bench import card_ids, load_card
 from mtp_bench.commands.app import app
+from tests.conftest import REPOSITORY
 from tests.support.command_line import CommandLine, copy_sequence, read_json, write_submission
 from tests.support.small_scenes import write_kitti
 
@@ -331,7 +332,17 @@ def commands_of(text: str) -> list[list[str]]:
     return [words[1:] for words in calls if words and Path(words[0]).name == "mtp-bench"]
 
 
-@pytest.mark.parametrize("document", ["README.md", "CONTRIBUTING.md", "baselines/README.md", "envs/README.md"])
+DOCUMENTS = [
+    "README.md",
+    "CONTRIBUTING.md",
+    "baselines/README.md",
+    "envs/README.md",
+    "leaderboard/SUBMITTING.md",
+    *sorted(path.relative_to(REPOSITORY).as_posix() for path in (REPOSITORY / "docs").rglob("*.md")),
+]
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
 def test_the_commands_of_the_documents_exist(document: str, repository: Path) -> None:
     text = (repository / document).read_text()
     for words in commands_of(text):
