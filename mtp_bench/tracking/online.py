@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -34,8 +34,8 @@ class OnlineDetections:
 
     def those(self, kept: Bools) -> OnlineDetections:
         """The detections where ``kept`` [D]."""
-        parts = (self.box, self.rectangle, self.class_id, self.score, self.velocity)
-        return OnlineDetections(*(part[kept] for part in parts), time=self.time, dt=self.dt)
+        named = ("box", "rectangle", "class_id", "score", "velocity")
+        return replace(self, **{name: getattr(self, name)[kept] for name in named})
 
 
 @runtime_checkable
@@ -63,7 +63,8 @@ class OnlineTracker:
     track takes a detection, whose scores are remembered instead.
 
     ``per_class``: a tracker for each class of the task, which sees the detections of that class alone.
-    ``view``: how rectangles are drawn. ``gate``: metres, BEV, up to which a track takes a detection that it did not name.
+    ``view``: how rectangles are drawn. ``gate``: metres, BEV, up to which a track takes a detection that it did not
+    name.
 
     Example: `Pipeline(OnlineTracker(lambda task: MyTracker()), KinematicPredictor(), KMeansSampler())`.
 
@@ -147,7 +148,6 @@ class OnlineTracker:
         column = k_best(np.where(distance <= self._gate, cost, np.inf), 1)[1][0]
         taken[silent] = np.append(free, -1)[column]
         return taken
-
 
     def _centre(self, box: Floats) -> Floats:
         """Centre [2] of a box [7] or of a rectangle [4], m."""

@@ -63,7 +63,7 @@ def _identity(value: Any, where: str) -> Hashable:
         hash(value)
     except TypeError:
         raise ShapeError(f"{where} the id is a {type(value).__name__}, expected a number or a text") from None
-    if value is None or value != value:  # None or NaN are nobody
+    if value is None or (isinstance(value, float) and np.isnan(value)):
         raise ShapeError(f"{where} the id is {value}, expected a number or a text; leave out what has no id yet")
     return value  # type: ignore[no-any-return]
 
