@@ -41,8 +41,8 @@ TracksOption = Annotated[
     Path | None,
     typer.Option(
         "--tracks",
-        help="Stored tracks, for agents that observe them: a nuScenes tracking submission (.json), or a folder of KITTI "
-        "results (.txt) or tables (.csv), one per scene.",
+        help="Stored tracks, for agents that observe them: a nuScenes tracking submission (.json), or a folder of "
+        "KITTI results (.txt) or tables (.csv), one per scene.",
     ),
 ]
 RunCardOption = Annotated[str | None, typer.Option("--env", help="Card of the run, where it does not ship.")]
