@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +17,8 @@ from ..sources.kitti.tracks import poses_of, result_lines
 from ..sources.nuscenes.source import NuScenes
 from ..sources.nuscenes.tracks import submission_box
 from ..sources.tracks.table import table_path, write_table_of_tracks
-from ..types import Floats, Ints, Rollout, Scene
+from ..types import Floats, Ints, Rollout, Scene, starts_of_sorted
 from .opened import OpenedRun
-
-SAME = 0.05  # m: the track of a forecast object is where the object is
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,26 +32,34 @@ class TrackRows:
     score: Floats  # [R]
 
 
-def track_rows(rollout: Rollout) -> TrackRows:
+def track_rows(rollout: Rollout, scene: Scene, card: Card) -> TrackRows:
     """The tracks of the heaviest hypothesis of each frame.
 
-    A rollout has no scores of tracks: the confidence of the forecast object at the same place stands for it, else 0.
+    A rollout has no scores of tracks. As in the files of other trackers it is the score of the detection at the place
+    of the track (the nearest of its class within the forecast gate), or of the last one; 0 before there was any.
     """
     frame = rollout.tracks.frame_of_rows
     heaviest = rollout.hypothesis_log_weight.argmax(axis=1)
     kept = rollout.member[np.arange(len(frame)), heaviest[frame]] & (rollout.track_class >= 0)
-    box, class_id = rollout.track_box.astype(np.float64), rollout.track_class
-    return TrackRows(frame[kept], rollout.track_id[kept], class_id[kept], box[kept], _scores(rollout)[kept])
+    box, class_id, track_id = rollout.track_box.astype(np.float64), rollout.track_class, rollout.track_id
+    rows = TrackRows(frame[kept], track_id[kept], class_id[kept], box[kept], np.zeros(int(kept.sum())))
+    gate = np.array(card.per_class(card.task.forecast_gate))
+    return replace(rows, score=_scores(rows, scene, gate))
 
 
-def _scores(rollout: Rollout) -> Floats:
-    score = np.zeros(len(rollout.track_id))
-    for t in range(rollout.frames):
-        tracks, objects = rollout.tracks.rows(t), rollout.objects.rows(t)
-        apart = rollout.track_box[tracks, None, :2] - rollout.object_box[None, objects, :2]
-        same = rollout.track_class[tracks, None] == rollout.object_class[None, objects]
-        near = (np.linalg.norm(apart, axis=-1) < SAME) & same
-        score[tracks] = np.where(near, rollout.object_confidence[None, objects], 0.0).max(axis=1, initial=0.0)
+def _scores(rows: TrackRows, scene: Scene, gate: Floats) -> Floats:
+    """Scores [R]; ``gate`` [C] m."""
+    score, last = np.zeros(len(rows.frame)), dict[int, float]()
+    start = starts_of_sorted(rows.frame, scene.frames)
+    for t in range(scene.frames):
+        seen, mine = scene.detections.rows(t), slice(start[t], start[t + 1])
+        apart = np.linalg.norm(rows.box[mine, None, :2] - scene.detections.box[None, seen, :2], axis=-1)
+        apart[rows.class_id[mine, None] != scene.detections.class_id[None, seen]] = np.inf
+        near = apart.min(axis=1, initial=np.inf) <= gate[rows.class_id[mine]]
+        for at, found, distance in zip(range(start[t], start[t + 1]), near.tolist(), apart, strict=True):
+            if found:
+                last[int(rows.track_id[at])] = float(scene.detections.score[seen][distance.argmin()])
+            score[at] = last.get(int(rows.track_id[at]), 0.0)
     return score
 
 
@@ -64,8 +70,9 @@ def export_tracks(opened: OpenedRun, path: str | Path, table: bool = False) -> i
     ``table``, and of every other source: a folder of tables (`sources.tracks.table`). Raises CardError where a path
     does not fit, and RolloutError for a folder that is not empty.
     """
-    rows = ((opened.recorded(rollout.scene), track_rows(rollout)) for rollout in opened.run.rollouts)
-    return write_tracks(rows, opened.card, opened.data, Path(path).absolute(), table)
+    card, scenes = opened.card, ((rollout, opened.recorded(rollout.scene)) for rollout in opened.run.rollouts)
+    rows = ((scene, track_rows(rollout, scene, card)) for rollout, scene in scenes)
+    return write_tracks(rows, card, opened.data, Path(path).absolute(), table)
 
 
 def write_tracks(
@@ -123,7 +130,7 @@ def _samples(
 ) -> Iterator[tuple[str, list[dict[str, object]]]]:
     """The boxes of each sample; velocities are those from the box before of the same track."""
     before: dict[int, tuple[float, Floats]] = {}
-    start = np.searchsorted(rows.frame, np.arange(scene.frames + 1))
+    start = starts_of_sorted(rows.frame, scene.frames)
     for t, token in enumerate(tokens):
         boxes: list[dict[str, object]] = []
         for at in range(start[t], start[t + 1]):
