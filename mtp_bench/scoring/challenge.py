@@ -42,7 +42,8 @@ def challenge_errors(
     """Errors of n predictions.
 
     ``modes``: n of [S, T, 2] m, S may differ. ``truth``: n of [T, 2] m. ``probability``: n of [S]; of equal ones the
-    later mode counts as the more probable, as in the devkit. Raises ShapeError for shapes that do not fit.
+    later mode counts as the more probable (the devkit leaves it to the sort). Raises ShapeError for shapes that do not
+    fit.
     """
     table = np.zeros((3, len(modes), len(ks)))
     for at, (guess, true, chance) in enumerate(zip(modes, truth, probability, strict=True)):
@@ -51,7 +52,7 @@ def challenge_errors(
                 f"prediction {at} has shape {np.shape(guess)} with {np.shape(chance)} probabilities, expected "
                 f"{('S', *np.shape(true))} with S of them, S at least 1"
             )
-        distance = np.linalg.norm(np.asarray(guess) - true, axis=-1)[np.argsort(chance)[::-1]]
+        distance = np.linalg.norm(np.asarray(guess) - true, axis=-1)[np.argsort(chance, kind="stable")[::-1]]
         each = np.stack([distance.mean(axis=1), distance[:, -1], distance.max(axis=1) >= TOLERANCE])
         best = np.minimum.accumulate(each, axis=1)
         table[:, at] = best[:, [min(k, len(guess)) - 1 for k in ks]]

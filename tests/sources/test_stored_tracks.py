@@ -241,7 +241,7 @@ def test_a_changed_file_is_read_again(tmp_path: Path) -> None:
 
 def test_what_holds_no_tracks(card: str, kitti: str, tmp_path: Path) -> None:
     one = load_card(card)
-    with pytest.raises(DataError, match="no file or folder .*nowhere, expected stored tracks"):
+    with pytest.raises(DataError, match=r"no file or folder .*nowhere, expected stored tracks"):
         tracks_of(one, kitti, tmp_path / "nowhere", "0001")
     with pytest.raises(
         DataError, match=r"holds no stored tracks that fit MTP-Small-v0, expected a folder with a KITTI"

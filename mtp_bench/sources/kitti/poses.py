@@ -46,7 +46,8 @@ class Poses:
         heading = np.stack([np.cos(box[:, 3]), np.sin(box[:, 3])], axis=-1)
         heading = np.linalg.solve(rotation[:, :2, :2], heading[..., None])[..., 0]  # its shadow is the heading there
         moved = np.array(box, dtype=np.float64)
-        moved[:, :3] = np.einsum("rji,rj->ri", rotation, box[:, :3] - self.position[frame])
+        place = box[:, :3] - self.position[frame]
+        moved[:, :3] = np.linalg.solve(rotation, place[..., None])[..., 0]  # odometry's are rotations up to rounding
         moved[:, 3] = np.arctan2(heading[:, 1], heading[:, 0])
         return moved
 
