@@ -113,7 +113,7 @@ def test_the_command_exports_what_can_be_read_back(
 ) -> None:
     run = Path(tracks).parent / "run"
     said = cli.ok("export", "tracks", run, *known, "--table", "-o", tmp_path / "tables")
-    assert said == f"{tmp_path / 'tables'}: 48 tracked positions\n"
+    assert said == f"{tmp_path / 'tables'}: 36 tracked positions\n"
     assert (tmp_path / "tables/0001.csv").read_text().startswith("frame,id,class,x,y,z,yaw,l,w,h,score\n0,0,car,")
     arguments = ("run", "given_tracks", *known, "--jobs", 1)
     cli.ok(*arguments, "--tracks", tmp_path / "tables", "-o", tmp_path / "by_table")

@@ -54,7 +54,8 @@ def test_what_is_remembered_of_a_track() -> None:
     assert last.past[0, -4:, 0].tolist() == [0.0, 1.0, 2.2, 3.0]  # the detections, and its own box where it had none
     assert last.past_valid[0].tolist() == [False] * 6 + [True, True, False, True]
     assert last.past_detection[0].tolist() == [UNBORN] * 6 + [0, 0, -1, 0]
-    assert (last.score.tolist(), last.last_score) == ([1.0], [1.0])  # of its detections, not the tracker's 0.9
+    assert last.last_score is not None
+    assert (last.score.tolist(), last.last_score.tolist()) == ([1.0], [1.0])  # of its detections, not the tracker's 0.9
     assert (last.member.shape, last.log_weight.tolist()) == ((1, 1), [0.0])
 
 
@@ -65,7 +66,9 @@ def test_an_id_that_returns_after_a_gap_goes_on() -> None:
     last = tracks[-1]
     assert last.past_detection is not None
     assert last.past_detection[0, -4:].tolist() == [0, -1, -1, 0]
-    assert (last.hits, last.age) == ([2], [4])
+    assert last.hits is not None
+    assert last.age is not None
+    assert (last.hits.tolist(), last.age.tolist()) == ([2], [4])
 
 
 def test_an_id_in_another_class_is_another_identity() -> None:
