@@ -19,7 +19,7 @@ from ..errors import DataError, MtpBenchError, RolloutError
 from ..scoring.error import frame_error
 from ..scoring.forecasts import Forecasts
 from ..scoring.targets import Targets, find_targets
-from ..sources import detected, open_source
+from ..sources import detected, open_source, with_tracks
 from ..types import Action, Observation, Rollout, Scene, Task
 from .arguments import OBSERVE as OBSERVE
 from .arguments import RENDER_MODES, EnvKeywords, checked, choose, require_room, size, wanted
@@ -82,6 +82,8 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         if self._fresh_noise and self._evaluation:
             raise MtpBenchError("fresh_noise is for training: an evaluation takes the detections of the card")
         self._source = open_source(self.card, data)
+        if given["track_file"] is not None:
+            self._source = with_tracks(self._source, self.card, data, given["track_file"])
         self.scene_names = choose(tuple(self._source.names), given["scenes"])
         self.observation_space = cast("gymnasium.Space[Observation]", observation_space(self.task))
         self.action_space = cast("gymnasium.Space[Action]", action_space(self.task))
