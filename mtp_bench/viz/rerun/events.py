@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...types import Ints, Scene
-from ..replay import KINDS, Incident, Replay, incident_text
+from ..case import Case
+from ..replay import KINDS, Incident, Replay
+from ..sentence import sentence
 from .arrays import ShownAgent
 from .colors import EVENTS, SERIES, SWITCH, UNTRACKED, packed, tone, track_colors
 from .entities import EDGE, Log, frame_times
@@ -50,7 +52,7 @@ def _log_texts(log: Log, replay: Replay) -> None:
     for kind in KINDS:
         incidents = [i for i in replay.incidents if i.kind == kind]
         if incidents:
-            texts = [incident_text(i, replay.card.task.classes) for i in incidents]
+            texts = [sentence(Case(replay, incident)) for incident in incidents]
             colors = np.tile(packed(EVENTS[kind]), len(texts))
             columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=colors)
             times = frame_times(replay.scene, np.array([i.frame for i in incidents]))
