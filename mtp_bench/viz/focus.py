@@ -33,7 +33,7 @@ class Key(NamedTuple):
     """One line of the key."""
 
     role: str  # of ROLES
-    mark: str  # "box", "path", "forecast", "ring"
+    mark: str  # "box", "other", "path", "forecast", "ring"
     text: str
 
 
@@ -116,6 +116,10 @@ class Focus:
     def before(self) -> Forecast | None:
         """The forecast of the frame before."""
         return self.case.forecast(self.at.frame - 1) if self.at.frame and self.at.kind != "spurious" else None
+
+    def lasts(self, t: int) -> bool:
+        """Whether the ring is there: from the event on, around a false forecast as long as it is one."""
+        return t >= self.at.frame and (t <= self.at.until or self.at.kind != "spurious")
 
     def forecasts(self, t: int) -> list[tuple[str, Forecast]]:
         """The forecasts that a picture of frame ``t`` shows, each with its role, the most important one last.
@@ -219,7 +223,7 @@ class Focus:
             lines += [Key("truth", "box", f"{self.case.noun} {at.object_id}, true box")]
             lines += [Key("truth", "path", f"where it really goes in {horizon:g} s")]
         if len(shown.others):
-            lines += [Key("truth", "box", "true object of the other track")]
+            lines += [Key("truth", "other", "true object of the other track")]
         for track in shown.tracks:
             lines += [Key(track.role, "box", f"track {track.track_id}, {_ROLE[track.role]}")]
         for role, forecast in self.forecasts(at.frame):

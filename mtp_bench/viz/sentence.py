@@ -29,7 +29,7 @@ def _who(case: Case) -> str:
 
 def _switched(case: Case) -> str:
     at = case.at
-    return f"{_who(case)} changes from track {at.old_id} to {_taker(case)}, {_left(case)}"
+    return f"{_who(case)} changes from track {at.old_id} to {_taker(case)}{_left(case)}"
 
 
 def _taker(case: Case) -> str:
@@ -41,7 +41,7 @@ def _taker(case: Case) -> str:
     other = case.followed(at.new_id, at.frame - 1)
     if other >= 0:
         return f"track {at.new_id}, which followed {case.named(other)} before"
-    return f"track {at.new_id}, which is {_frames(before)} old and followed no object before"
+    return f"track {at.new_id} ({_frames(before)} old, of no object before)"
 
 
 def _left(case: Case) -> str:
@@ -49,10 +49,10 @@ def _left(case: Case) -> str:
     at = case.at
     row, other = case.track_row(at.old_id, at.frame), case.followed(at.old_id, at.frame)
     if row < 0:
-        return f"and track {at.old_id} ends"
+        return f", and track {at.old_id} ends"
     if other >= 0:
-        return f"and track {at.old_id} goes to {case.named(other)}"
-    return f"while track {at.old_id} stays {_away(case, row):.1f} m away"
+        return f", and track {at.old_id} goes to {case.named(other)}"
+    return f", while track {at.old_id} stays {_away(case, row):.1f} m away"
 
 
 def _lost(case: Case) -> str:
@@ -102,7 +102,7 @@ def _worth(case: Case) -> str:
     if at.error is None:
         return "no error is counted, for it is no target then"
     forecast = case.forecast(at.frame)
-    before = "" if at.error_before is None else f" (a frame before: {at.error_before:.1f} m)"
+    before = "" if at.error_before is None else f" (the frame before: {at.error_before:.1f} m)"
     if at.minADE is None or forecast is None:
         return f"nothing is forecast for it, which costs {at.error:.1f} m{before}"
     samples = len(forecast.path)

@@ -35,7 +35,7 @@ def draw_focus(focus: Focus, t: int, size: tuple[int, int], window: Window, near
     canvas.boxes(shown.dim_track, DIM_TRACK)
     canvas.boxes(shown.dim_truth, DIM_TRUTH)
     ring, radius = canvas.pixels(focus.case.place(t)), _radius(canvas, shown)
-    if t >= focus.at.frame or near:
+    if near or focus.lasts(t):
         canvas.ring(ring, radius)
     for role, forecast in forecasts:
         _draw_forecast(canvas, forecast, ROLES[role], role == "now")
@@ -57,9 +57,9 @@ def draw_focus(focus: Focus, t: int, size: tuple[int, int], window: Window, near
 
 
 def _draw_forecast(canvas: Canvas, forecast: Forecast, color: Color, newest: bool) -> None:
-    """All samples thin, the one nearest to the truth bold with a dot where it ends; dashed where it is the old one."""
-    for path in forecast.path:
-        canvas.lines([np.concatenate([forecast.start[None], path])], color, 1.0, 70 if newest else 45)
+    """The sample nearest to the truth bold, with a dot where it ends, the others thin; of an old one it alone, dashed."""
+    for path in forecast.path if newest else ():
+        canvas.lines([np.concatenate([forecast.start[None], path])], color, 1.0, 70)
     nearest = canvas.pixels(forecast.nearest_path)
     canvas.stroke(nearest, color, 3.0 if newest else 2.0, dashed=not newest)
     canvas.dot(nearest[-1], 5.0 if newest else 3.5, color)

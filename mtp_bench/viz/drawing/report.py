@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from ...files import whole_file
 from ..focus import ROLES, Focus, Key, Window
 from ..palette import BLACK, Color
 from .canvas import Canvas, Outline, Viewport, font, text_size
-from .focus import DETECTED, DIM_TRUTH, OBJECT, draw_focus
+from .focus import DETECTED, DIM_TRUTH, OBJECT, OTHER_OBJECT, draw_focus
 
 SIZE = (1200, 800)  # pixels, of a report
 COLUMN, CAPTION = 300, 26
@@ -94,7 +95,7 @@ def _followed(focus: Focus, t: int) -> tuple[str, Color]:
     if not len(shown.object_box):
         return f"no {focus.case.noun} {focus.at.object_id} there", GRAY
     if track < 0:
-        return f"no track follows {focus.case.noun} {focus.at.object_id}", GRAY
+        return f"no track follows {focus.case.noun} {focus.at.object_id}", ROLES["now"]
     role = {mine.track_id: mine.role for mine in shown.tracks}.get(track)
     return f"track {track} follows {focus.case.noun} {focus.at.object_id}", BLACK if role is None else ROLES[role]
 
@@ -116,7 +117,10 @@ def _column(focus: Focus, size: tuple[int, int]) -> Image.Image:
     return image
 
 
-_REMARK = "Seen from above; the way of the object, or its front, points to the right. Forecasts: thin all samples, bold the one nearest to the truth."
+_REMARK = (
+    "Seen from above; the way of the object, or its front, points to the right. Bold: the sample of the forecast that is "
+    "nearest to the truth; thin: the others."
+)
 
 
 def _mark(canvas: Canvas, key: Key, y: float) -> None:
@@ -132,14 +136,14 @@ def _mark(canvas: Canvas, key: Key, y: float) -> None:
         canvas.stroke(path, color, 3.0 if key.role == "now" else 2.0, dashed=key.role != "now")
         canvas.dot(path[1], 4.0, color)
     else:
-        outlines = {"truth": OBJECT, "detection": DETECTED, "dim": DIM_TRUTH}
+        outlines = {"truth": OTHER_OBJECT if key.mark == "other" else OBJECT, "detection": DETECTED, "dim": DIM_TRUTH}
         box = np.array([[26.0 - canvas.width / 2, canvas.height / 2 - y, 0.0, 0.0, 20.0, 11.0, 1.0]])
         canvas.boxes(box, outlines.get(key.role) or Outline(color, 1.5, fill=90))
 
 
 def _lines(text: str, size: int, wide: float) -> list[str]:
     """``text`` in lines of at most ``wide`` pixels, broken between words."""
-    lines, rest = [], text.split()
+    lines, rest = [], re.sub(r"(\d) (m|s)\b", "\\1\u00a0\\2", text).split(" ")  # a number stays with its unit
     while rest:
         count = len(rest)
         while count > 1 and text_size(" ".join(rest[:count]), size)[0] > wide:
