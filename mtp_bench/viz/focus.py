@@ -14,7 +14,7 @@ import numpy as np
 from ..geometry import rotate
 from ..types import Floats, Ints
 from .case import Case, Forecast
-from .palette import BEFORE, BLACK, DIM, EVENT, NOW, TRUTH, Color
+from .palette import BEFORE, BLACK, DIM, EVENT, NOW, TRUTH
 from .replay import Incident, Replay
 from .sentence import sentence
 
@@ -177,13 +177,18 @@ class Focus:
         ways = [self.case.future(t), self.case.path(t, max(0, t - self.replay.frames))[::-1]]
         ways += [self.now.nearest_path] if self.now is not None else []
         for way in ways:
-            if len(way) > 1 and np.hypot(*(way[-1] - way[0])) > max(1.0, 0.5 * self._length):
+            if len(way) > 1 and np.hypot(*(way[-1] - way[0])) > max(1.0, 0.5 * self.length):
                 return float(np.arctan2(*(way[-1] - way[0])[::-1]))
         row = self.case.rows[t]
         return float(self.replay.scene.truth.box[row, 3]) if row >= 0 else 0.0
 
+    @property
+    def height(self) -> float:
+        """Height of the event's place, m."""
+        return self.at.position[2]
+
     @cached_property
-    def _length(self) -> float:
+    def length(self) -> float:
         """Length of the object, m."""
         boxes = [*self.frame(self.at.frame).object_box, *(track.box for track in self.frame(self.at.frame).tracks)]
         return float(boxes[0][4]) if boxes else 2.0
@@ -194,14 +199,14 @@ class Focus:
         paths = [self.case.future(t), *(forecast.nearest_path for _, forecast in self.forecasts(t))]
         shown = self.frame(t)
         boxes = np.concatenate([shown.object_box, *(track.box[None] for track in shown.tracks)])
-        return self._around(t, np.concatenate([*paths, boxes[:, :2]]), 1.5 + 1.2 * self._length)
+        return self._around(t, np.concatenate([*paths, boxes[:, :2]]), 1.5 + 1.2 * self.length)
 
     def close_window(self, t: int) -> Window:
         """What a small picture of frame ``t`` shows: the object and its tracks from near, all three at one scale."""
         shown = self.frame(self.at.frame)
         box = np.concatenate([shown.object_box, *(track.box[None] for track in shown.tracks)])
         reach = np.hypot(*(box[:, :2] - self.case.place(self.at.frame)).T) + box[:, 4] / 2
-        half = float(np.clip(1.3 * reach.max(initial=0.0), 1.2 + 0.8 * self._length, 12.0))
+        half = float(np.clip(1.3 * reach.max(initial=0.0), 1.2 + 0.8 * self.length, 12.0))
         x, y = self.case.place(t).tolist()
         return Window(x, y, 2 * half, 2 * half, self.turn)
 
@@ -227,7 +232,8 @@ class Focus:
         for track in shown.tracks:
             lines += [Key(track.role, "box", f"track {track.track_id}, {_ROLE[track.role]}")]
         for role, forecast in self.forecasts(at.frame):
-            lines += [Key(role, "forecast", f"forecast {'a frame before' if role == 'before' else 'now'}, {_of(forecast)}")]
+            when = "a frame before" if role == "before" else "now"
+            lines += [Key(role, "forecast", f"forecast {when}, {_of(forecast)}")]
         if len(shown.detection_box):
             lines += [Key("detection", "box", f"detections within {self.case.near:g} m")]
         return (*lines, Key("event", "ring", "the event"), Key("dim", "box", "all other boxes"))

@@ -118,7 +118,9 @@ def went(forecast: Forecast, future: Floats) -> str:
     turn = float(wrap_angle(np.arctan2(said[1], said[0]) - np.arctan2(true[1], true[0])))
     end = f"ends {float(np.hypot(*(path[-1] - future[-1]))):.1f} m from the true place"
     if far < STILL:
-        return ("stands still like the object and " if way < STILL else "moves off though the object stands, and ") + end
+        return (
+            "stands still like the object" if way < STILL else "moves off though the object stands,"
+        ) + f" and {end}"
     if way < max(STILL, 0.2 * far):
         return f"stands still and {end}"
     if abs(turn) > BACK:

@@ -86,8 +86,8 @@ class Canvas:
     def pixels(self, xy: Floats) -> NDArray[np.float64]:
         """Pixels [..., 2] of places [..., 2] of the world, y downwards."""
         moved = np.asarray(xy, dtype=np.float64) - [self.viewport.x, self.viewport.y]
-        moved = rotate(moved, -self.viewport.turn) if self.viewport.turn else moved
-        return np.asarray(moved * [self.scale, -self.scale] + [self.width / 2, self.height / 2])
+        turned = rotate(moved, -self.viewport.turn) if self.viewport.turn else moved
+        return np.asarray(turned * [self.scale, -self.scale] + [self.width / 2, self.height / 2])
 
     def inside(self, xy: Floats, margin: float | Floats = 0.0) -> NDArray[np.bool_]:
         """Which places [..., 2] of the world lie in the picture, ``margin`` pixels around it included."""

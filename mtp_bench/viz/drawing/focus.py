@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 from PIL import Image, ImageDraw
@@ -22,6 +23,7 @@ DIM_TRUTH = Outline((205, 205, 205), 1.0, fill=40)
 DIM_TRACK = Outline((215, 215, 215), 0.8)
 DIM_DETECTION = Outline((225, 225, 225), 0.8)
 BIG = 15  # pixels, of the labels
+Said = Sequence[tuple[str, Forecast]]  # the forecasts in sight, each with its role
 GAP = 1.0  # m, that the forecast is off at its end: less needs no line
 
 
@@ -57,7 +59,7 @@ def draw_focus(focus: Focus, t: int, size: tuple[int, int], window: Window, near
 
 
 def _draw_forecast(canvas: Canvas, forecast: Forecast, color: Color, newest: bool) -> None:
-    """The sample nearest to the truth bold, with a dot where it ends, the others thin; of an old one it alone, dashed."""
+    """The sample nearest to the truth bold, with a dot at its end, the others thin; of an old one it alone, dashed."""
     for path in forecast.path if newest else ():
         canvas.lines([np.concatenate([forecast.start[None], path])], color, 1.0, 70)
     nearest = canvas.pixels(forecast.nearest_path)
@@ -103,13 +105,18 @@ def _radius(canvas: Canvas, shown: FocusFrame) -> float:
 
 def _keep_clear(canvas: Canvas, path: Floats) -> None:
     """No label lies on ``path`` [n, 2]."""
-    for a, b in zip(path[:-1], path[1:], strict=True):
+    for a, b in pairwise(path):
         for xy in canvas.pixels(np.linspace(a, b, 4)):
             canvas.taken.append((*(xy - 4).tolist(), *(xy + 4).tolist()))
 
 
 def _labels(
-    focus: Focus, shown: FocusFrame, forecasts: list[tuple[str, Forecast]], gap: Floats | None, radius: float, near: bool
+    focus: Focus,
+    shown: FocusFrame,
+    forecasts: Said,
+    gap: Floats | None,
+    radius: float,
+    near: bool,
 ) -> Iterator[tuple[Floats, str, Color, float]]:
     """Texts with their places [2], colours, and pixels to stay away; the most important first."""
     if gap is not None:
@@ -131,7 +138,7 @@ def _labels(
         yield forecast.nearest_path[-1], "forecast " + _when(focus, role, shown.frame), ROLES[role], 6.0
 
 
-def _missing(focus: Focus, shown: FocusFrame, forecasts: list[tuple[str, Forecast]]) -> str | None:
+def _missing(focus: Focus, shown: FocusFrame, forecasts: Said) -> str | None:
     """What the object ought to have from the event on and has not."""
     if shown.frame < focus.at.frame or not len(shown.object_box):
         return None
@@ -142,4 +149,6 @@ def _missing(focus: Focus, shown: FocusFrame, forecasts: list[tuple[str, Forecas
 
 
 def _when(focus: Focus, role: str, t: int) -> str:
-    return "a frame before" if role == "before" and t >= focus.at.frame else "now"
+    if role == "now" or t < focus.at.frame:
+        return "now"
+    return "a frame before" if t == focus.at.frame else "before the event"

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 SMALL, MIDDLE = 11, 13  # pixels
 PAPER: Color = (255, 255, 255)
+FAR = (8.0, 26.0, 48.0, 76.0, 110.0)  # pixels from a thing to a board that names it, and in which direction (degrees)
+SIDES = (-60, 60, -120, 120, -30, 30, -90, 90, 180, 0)
 Spot = tuple[float, float, float, float]  # left, top, right, bottom
 
 
@@ -67,7 +69,7 @@ def callout(
     wide, high = text_size(text, size)
     wide, high = wide + 10, high + 6
     x, y = (float(value) for value in tip)
-    for far, angle in product((8.0, 26.0, 48.0, 76.0, 110.0), np.deg2rad([-60, 60, -120, 120, -30, 30, -90, 90, 180, 0])):
+    for far, angle in product(FAR, np.deg2rad(SIDES)):
         dx, dy = float(np.cos(angle)), float(np.sin(angle))
         left = x + dx * (reach + far) + wide * (dx - 1) / 2
         top = y + dy * (reach + far) + high * (dy - 1) / 2

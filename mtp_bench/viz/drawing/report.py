@@ -29,13 +29,19 @@ def report(focus: Focus) -> Image.Image:
     """The picture of an event, of SIZE: frame t, and below it t - 1, t and t + 1 from near."""
     whole = Image.new("RGB", SIZE, PAPER)
     whole.paste(picture(focus, focus.at.frame, (SIZE[0], SIZE[1] - ROW)), (0, 0))
+    whole.paste(strip(focus), (0, SIZE[1] - ROW))
+    return whole
+
+
+def strip(focus: Focus) -> Image.Image:
+    """The small pictures of the frames t - 1, t and t + 1."""
     wide = SIZE[0] // 3
+    whole = Image.new("RGB", (SIZE[0], ROW), PAPER)
+    ink = ImageDraw.Draw(whole)
     for i, t in enumerate((focus.at.frame - 1, focus.at.frame, focus.at.frame + 1)):
         if 0 <= t < focus.replay.frames:
-            whole.paste(_small(focus, t, (wide, ROW)), (i * wide, SIZE[1] - ROW))
-    ink = ImageDraw.Draw(whole)
-    for x in (0, wide, 2 * wide):
-        ink.rectangle([x, SIZE[1] - ROW, x + wide - 1, SIZE[1] - 1], outline=EDGE)
+            whole.paste(_small(focus, t, (wide, ROW)), (i * wide, 0))
+        ink.rectangle([i * wide, 0, (i + 1) * wide - 1, ROW - 1], outline=EDGE)
     return whole
 
 
@@ -66,6 +72,9 @@ def save_report(path: Path, focus: Focus) -> None:
     about.add_text("Software", f"mtp_bench {__version__}")
     with whole_file(path) as part:
         report(focus).quantize(128, dither=Image.Dither.NONE).save(part, format="PNG", pnginfo=about, optimize=True)
+
+
+_TIED = "\u00a0"  # a blank that breaks no line; the font has none
 
 
 def _title(focus: Focus, t: int) -> str:
@@ -118,8 +127,8 @@ def _column(focus: Focus, size: tuple[int, int]) -> Image.Image:
 
 
 _REMARK = (
-    "Seen from above; the way of the object, or its front, points to the right. Bold: the sample of the forecast that is "
-    "nearest to the truth; thin: the others."
+    "Seen from above; the way of the object, or its front, points to the right. Bold: the sample of the forecast that "
+    "is nearest to the truth; thin: the others."
 )
 
 
@@ -143,11 +152,11 @@ def _mark(canvas: Canvas, key: Key, y: float) -> None:
 
 def _lines(text: str, size: int, wide: float) -> list[str]:
     """``text`` in lines of at most ``wide`` pixels, broken between words."""
-    lines, rest = [], re.sub(r"(\d) (m|s)\b", "\\1\u00a0\\2", text).split(" ")  # a number stays with its unit
+    lines, rest = [], re.sub(r"(\d) (m|s)\b", rf"\1{_TIED}\2", text).split(" ")  # a number stays with its unit
     while rest:
         count = len(rest)
         while count > 1 and text_size(" ".join(rest[:count]), size)[0] > wide:
             count -= 1
-        lines.append(" ".join(rest[:count]))
+        lines.append(" ".join(rest[:count]).replace(_TIED, " "))
         rest = rest[count:]
     return lines

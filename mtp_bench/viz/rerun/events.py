@@ -18,7 +18,6 @@ from .sdk import rr
 
 EVENT_FRAMES = 10  # frames that an event stays in the picture
 MARKER = (0.0, 3.4, 3.0)  # m, from an event to its mark: beside the label of the box
-RING = 3.0  # m, around the event that the views look at
 
 
 def log_judgement(log: Log, agent: ShownAgent) -> None:
@@ -75,14 +74,14 @@ def _log_markers(log: Log, replay: Replay) -> None:
     places = rr.Points3D.columns(positions=replay.rollout.object_box[rows, :3].astype(np.float32))
     count = np.diff(np.searchsorted(rows, replay.rollout.object_start))
     style = rr.Points3D.from_fields(radii=0.3, colors=EVENTS["spurious"])
-    log.columns("world/false_forecast", style, places.partition(count))
+    log.columns("world/false_forecast/place", style, places.partition(count))
 
 
-def log_ring(recording: rr.RecordingStream, scene: Scene, at: Incident) -> None:
-    """A ring around the event that the views look at, as long as its mark is there."""
+def log_ring(recording: rr.RecordingStream, scene: Scene, at: Incident, radius: float) -> None:
+    """A ring of ``radius`` metres around the event that the views look at, as long as its mark is there."""
     angle = np.linspace(0.0, 2 * np.pi, 49)
     x, y, z = at.position
-    ring = np.column_stack([x + RING * np.cos(angle), y + RING * np.sin(angle), np.full(len(angle), z)])
+    ring = np.column_stack([x + radius * np.cos(angle), y + radius * np.sin(angle), np.full(len(angle), z)])
     end = at.frame + EVENT_FRAMES
     frames = np.arange(at.frame, min(end + 1, scene.frames))
     drawn = (frames < end).astype(int)  # the frame after it clears the ring

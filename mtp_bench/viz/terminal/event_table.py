@@ -19,8 +19,8 @@ _HEADINGS = ("scene", "frame", "event", "object", "track", "minADE", "error", "s
 _LEFT = _FOLDED = ("scene", "object", "track")
 CAPTION = (
     "minADE: of the forecast made then, metres; – where the object is no target, or was not forecast. error: "
-    "min(minADE, c), c where it was not forecast: what the event costs. sure: the forecast's confidence; of a run of false forecasts "
-    "(spurious) the highest. *: the old track is still output, outside the gate."
+    "min(minADE, c), c where it was not forecast: what the event costs. sure: the forecast's confidence; of a run of "
+    "false forecasts (spurious) the highest. *: the old track is still output, outside the gate."
 )
 LOOK = (
     "To look at one, name its scene and event as for the first of them; with --png FILE.png it becomes a picture, "
