@@ -51,7 +51,7 @@ def picture(focus: Focus, t: int, size: tuple[int, int]) -> Image.Image:
     window = focus.window()
     x, y = focus.case.place(t) - focus.case.place(focus.at.frame)
     moved = Window(window.x + float(x), window.y + float(y), window.wide, window.high, window.turn)
-    said = _lines(focus.sentence, LARGE, size[0] - 28)
+    said = wrapped_words(focus.sentence, LARGE, size[0] - 28)
     top = 40 + 26 * len(said)
     main = draw_focus(focus, t, (size[0] - COLUMN, size[1] - top), moved)
     whole.paste(main, (0, top))
@@ -120,7 +120,7 @@ def _column(focus: Focus, size: tuple[int, int]) -> Image.Image:
     for key in focus.key:
         ink.text((56, y), key.text, fill=BLACK, font=font(SMALL))
         y += LINE
-    for line in _lines(_REMARK, SMALL, size[0] - 26):
+    for line in wrapped_words(_REMARK, SMALL, size[0] - 26):
         y += 19
         ink.text((14, y), line, fill=GRAY, font=font(SMALL))
     return image
@@ -150,7 +150,7 @@ def _mark(canvas: Canvas, key: Key, y: float) -> None:
         canvas.boxes(box, outlines.get(key.role) or Outline(color, 1.5, fill=90))
 
 
-def _lines(text: str, size: int, wide: float) -> list[str]:
+def wrapped_words(text: str, size: int, wide: float) -> list[str]:
     """``text`` in lines of at most ``wide`` pixels, broken between words."""
     lines, rest = [], re.sub(r"(\d) (m|s)\b", rf"\1{_TIED}\2", text).split(" ")  # a number stays with its unit
     while rest:
