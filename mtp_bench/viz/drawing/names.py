@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ...geometry import bev_corners
 from ...types import Floats
 from ..focus import ROLES
 from ..palette import BLACK, Color
@@ -38,6 +39,9 @@ def write_names(view: CloseUp, ink: ImageDraw.ImageDraw) -> None:
     scale_bar(canvas, ink)
     held = view.radius + 3.0 if view.ringed else 0.8 * view.radius
     canvas.taken.append((*(view.center - held).tolist(), *(view.center + held).tolist()))
+    for box in [*(track.box for track in view.shown.tracks), *view.shown.others]:
+        corners = canvas.pixels(bev_corners(box))
+        canvas.taken.append((*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist()))
     for path in [view.shown.future, *(forecast.nearest_path for _, forecast in view.forecasts)]:
         _keep_clear(view, path)
     for name in (
