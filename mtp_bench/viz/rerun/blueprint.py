@@ -18,6 +18,7 @@ from .sdk import rr, rrb
 
 NEAR = 16.0  # m, half the side of what the views show around an event
 MOST_LANES, FEWER_LANES = 5, 3  # in the first tab: as many as fit, without an event and with one
+FAST = 1e6  # times the usual speed
 ASIDE, UP = (-0.9, -1.0, 0.9), (0.0, 0.0, 1.0)
 
 
@@ -41,7 +42,20 @@ def layout(contents: Contents) -> rrb.Blueprint:
         return _blueprint(parts, "Paused", agents[0].replay.card)
     shares = [2.2, 1.0, *[1.2] * (len(agents) - 1)]
     parts = rrb.Vertical(rrb.Horizontal(*columns, column_shares=shares), below, row_shares=[3.2, 1])
-    return _blueprint(parts, "Playing", agents[0].replay.card, contents.at.frame)
+    last = contents.at.frame == agents[0].replay.frames - 1
+    return _blueprint(
+        parts, "Following" if last else "Playing", agents[0].replay.card, {} if last else _held(contents.at.frame)
+    )
+
+
+def _held(frame: int) -> dict[str, Any]:
+    """Settings of a time panel that stands at ``frame``: at once, and until somebody moves the time cursor.
+
+    A layout has no place for the cursor itself. One that plays a selection so fast that every step leaves it is put
+    back to its beginning at every step.
+    """
+    selection = rr.encodings.AbsoluteTimeRange(frame, frame + 1)
+    return {"loop_mode": "selection", "time_selection": selection, "playback_speed": FAST}
 
 
 def live_layout(scene: Scene, card: Card, root: str = "") -> rrb.Blueprint:
@@ -58,14 +72,11 @@ def live_layout(scene: Scene, card: Card, root: str = "") -> rrb.Blueprint:
     return _blueprint(rrb.Tabs(*views, active_tab=0), "Following", card)
 
 
-def _blueprint(parts: Any, play: Any, card: Card, frame: int | None = None) -> rrb.Blueprint:
-    """``parts`` with a time panel; it repeats ``frame``, for a layout cannot say where the time cursor is."""
-    held: dict[str, Any] = {}
-    if frame is not None:
-        held = {"loop_mode": "selection", "time_selection": rr.encodings.AbsoluteTimeRange(frame, frame + 1)}
+def _blueprint(parts: Any, play: Any, card: Card, more: dict[str, Any] | None = None) -> rrb.Blueprint:
+    """``parts`` with a time panel."""
     return rrb.Blueprint(
         parts,
-        rrb.TimePanel(state="collapsed", timeline="frame", play_state=play, fps=card.task.rate, **held),
+        rrb.TimePanel(state="collapsed", timeline="frame", play_state=play, fps=card.task.rate, **(more or {})),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
     )

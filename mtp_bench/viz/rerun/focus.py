@@ -47,7 +47,10 @@ def text(focus: Focus) -> str:
     """The sentence and the key, in Markdown."""
     lines = [f"| {WORDS[key.role]} {key.mark.replace('other', 'box')} | {key.text} |" for key in focus.key]
     table = "\n".join(["| mark | what |", "|---|---|", *lines])
-    hint = f"The viewer stays at frame {focus.at.frame}: it repeats it. Drag the time cursor to leave it."
+    hint = (
+        f"The viewer stays at frame {focus.at.frame}. Drag the time cursor to leave it, and step with the arrow keys; "
+        "the play button leads back. To play the whole scene, switch the loop off and set the speed to 1."
+    )
     return f"### {focus.sentence}.\n\n{table}\n\nBold: the sample nearest to the truth. {hint}\n"
 
 
