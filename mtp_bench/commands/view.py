@@ -56,7 +56,7 @@ def view(
     what = _sentence(replays[0], incident)
     if save is not None:
         save_recording(save, replays, level, incident)
-        show(f"{save}: {what}; open it with `rerun {save}`" + (f", at frame {incident.frame}" if incident else ""))
+        show(f"{save}: {what}; open it with `rerun {save}`")
     elif web:
         serve_recording(replays, level, incident, lambda url: show(f"{what}: {url} until Ctrl-C"))
     else:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..scoring.displacement import floored
 from ..scoring.forecasts import sample_weights
@@ -80,12 +81,12 @@ class Case:
             rows[truth.frame_of_rows[own]] = own
         return rows
 
-    def place(self, t: int) -> Floats:
+    def place(self, t: int) -> NDArray[np.float64]:
         """Where the object [2] is at frame ``t``; where it is not there, its nearest known place in time."""
         known = np.flatnonzero(self.rows >= 0)
         if len(known):
             nearest = known[np.argmin(np.abs(known - t))]
-            return self.replay.scene.truth.box[self.rows[nearest], :2]
+            return np.asarray(self.replay.scene.truth.box[self.rows[nearest], :2], dtype=np.float64)
         row = self.track_row(self.at.new_id, t)
         return np.array(self.at.position[:2]) if row < 0 else self.replay.rollout.track_box[row, :2].astype(np.float64)
 

@@ -45,7 +45,9 @@ def near(image: Picture, color: palette.Color, tolerance: int = 40) -> NDArray[n
 def coloured(image: Picture) -> int:
     """Number of things in an image that are not grey: parts a few pixels from each other are one."""
     thick = ndimage.binary_dilation(np.ptp(image.astype(int), axis=-1) > 15, np.ones((9, 9)))
-    return int(ndimage.label(thick)[1])
+    labels = np.zeros(thick.shape, dtype=np.int64)
+    ndimage.label(thick, output=labels)
+    return int(labels.max())
 
 
 def main_panel(image: Picture) -> Picture:

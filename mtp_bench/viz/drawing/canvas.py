@@ -87,7 +87,7 @@ class Canvas:
         """Pixels [..., 2] of places [..., 2] of the world, y downwards."""
         moved = np.asarray(xy, dtype=np.float64) - [self.viewport.x, self.viewport.y]
         turned = rotate(moved, -self.viewport.turn) if self.viewport.turn else moved
-        return np.asarray(turned * [self.scale, -self.scale] + [self.width / 2, self.height / 2])
+        return np.asarray(turned * [self.scale, -self.scale] + [self.width / 2, self.height / 2], dtype=np.float64)
 
     def inside(self, xy: Floats, margin: float | Floats = 0.0) -> NDArray[np.bool_]:
         """Which places [..., 2] of the world lie in the picture, ``margin`` pixels around it included."""

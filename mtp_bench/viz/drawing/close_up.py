@@ -56,7 +56,7 @@ class CloseUp:
     def radius(self) -> float:
         """Pixels of the ring, which is around the box of the object."""
         size = self.shown.object_box[0, 4:6] if len(self.shown.object_box) else np.ones(2)
-        return float(np.clip(0.6 * np.hypot(*size) * self.canvas.scale, 15.0, 110.0))
+        return float(np.clip(0.6 * np.hypot(size[0], size[1]) * self.canvas.scale, 15.0, 110.0))
 
     @cached_property
     def gap(self) -> Floats | None:

@@ -12,14 +12,21 @@ from ..drawing.report import strip
 from ..focus import Focus, FocusFrame
 from ..palette import NOW, SKY, TRUTH, Color
 from .arrays import Boxes, Strips
-from .colors import EGO, SWITCH, Colors, packed
+from .colors import SWITCH, Colors, packed
 from .entities import Log, frame_times
 from .sdk import rr
 
 ROOT = "world/focus"
 SECONDS = 5.0  # before and after the event in which its things are bright
-COLORS: dict[str, Color] = {"truth": TRUTH, "before": SKY, "now": NOW, "detection": EGO, "event": SWITCH}
-WORDS = {"truth": "green", "before": "blue", "now": "orange", "detection": "white", "event": "pink", "dim": "grey"}
+COLORS: dict[str, Color] = {"truth": TRUTH, "before": SKY, "now": NOW, "detection": (190, 190, 190), "event": SWITCH}
+WORDS = {
+    "truth": "green",
+    "before": "blue",
+    "now": "orange",
+    "detection": "light grey",
+    "event": "pink",
+    "dim": "dark grey",
+}
 SIDES = {"truth": np.pi / 2, "now": -np.pi / 2, "before": np.pi}  # rad from the way of the object, where its name is
 BOLD, THIN, EDGE = -2.5, -0.6, -1.2  # half the width of lines: negative numbers are points of the screen
 LIFT = 0.3  # m, that lines lie above the ground of what is dim
@@ -32,7 +39,7 @@ def log_focus(recording: rr.RecordingStream, focus: Focus) -> None:
     frames = np.append(near, near[-1] + 1)[: focus.replay.frames - near[0]]  # the last one clears them
     shown = [focus.frame(t) if t <= near[-1] else None for t in frames.tolist()]
     log = Log(recording, frame_times(focus.replay.scene, frames))
-    log.boxes(f"{ROOT}/truth", _boxes(shown, _truth_boxes), radius=EDGE)
+    log.boxes(f"{ROOT}/truth", _boxes(shown, _truth_boxes), radius=BOLD)
     log.boxes(f"{ROOT}/detection", _boxes(shown, _detected), radius=THIN)
     log.boxes(f"{ROOT}/track", _boxes(shown, _track_boxes), "transparentfillmajorwireframe", EDGE)
     log.strips(f"{ROOT}/way", _strips(shown, _ways, focus.height), BOLD)
