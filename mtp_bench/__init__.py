@@ -23,6 +23,7 @@ from .agent import Predictor as Predictor
 from .agent import Sampler as Sampler
 from .agent import Tracker as Tracker
 from .env.building import answer as answer
+from .errors import ActionError as ActionError
 from .errors import CardError as CardError
 from .errors import DataError as DataError
 from .errors import MtpBenchError as MtpBenchError

@@ -22,7 +22,7 @@ from mtp_bench import _bundle
 from mtp_bench.running.options import RunOptions
 
 PUBLIC = {
-    "Action", "Agent", "CardError", "DataError", "Detections", "MtpBenchError", "Objects", "Observation",
+    "Action", "ActionError", "Agent", "CardError", "DataError", "Detections", "MtpBenchError", "Objects", "Observation",
     "Forecasts", "Frame", "Pipeline", "Predictor", "RecordError", "Rollout", "RolloutError", "Sampler", "Scene",
     "ShapeError", "SubmissionError", "Task", "Tracker", "Tracks", "Truth", "UnknownNameError", "answer", "card_ids",
 }  # fmt: skip
