@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium import logger
 
 from ..errors import ActionError
-from ..types import Bools, Floats, Task
+from ..types import Floats, Task
 from .action import Rows
 from .checks import Examined, present
 from .problems import Problem
@@ -84,7 +84,8 @@ def _absolute(examined: Examined, task: Task) -> list[Problem]:
     if not far.any():
         return []
     rows, position, distance = rows[far], position[far], distance[far]
-    first = _median(examined.arrays["forecast"][rows, :, 0], present(examined.arrays["forecast_log_weight"][rows]))
+    sample = present(examined.arrays["forecast_log_weight"][rows]).argmax(axis=1)  # the first one that is there
+    first = examined.arrays["forecast"][rows, sample, 0]
     as_positions = (np.linalg.norm(first - position, axis=1) <= distance / 4).all()
     if not as_positions or (len(rows) < _SOME and distance.max() * 3 / 4 < _FASTEST * task.dt):
         return []
@@ -92,11 +93,6 @@ def _absolute(examined: Examined, task: Task) -> list[Problem]:
     example = f"forecast[{rows[0]}]: {_point(first[0])} in the first frame, the object is at {_point(position[0])}"
     advice = "subtract the centre of the box"
     return [_doubt("forecast", "looks like absolute coordinates", expected, len(rows), example, advice)]
-
-
-def _median(offset: Floats, there: Bools) -> Floats:
-    """Median [n, 2] of the offsets [n, K, 2] of the samples that are there [n, K], at least one each."""
-    return np.nanmedian(np.where(there[:, :, None], offset, np.nan), axis=1)
 
 
 def _point(xy: Floats) -> str:
