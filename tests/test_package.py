@@ -38,9 +38,9 @@ LAZY_NAMES = {
     "windows",
 }
 LAZY_NAMES |= {"run", "score"}
-LAZY = {"prediction", "scoring", "tracking", "training"}
+LAZY = {"prediction", "scoring", "tracking", "training", "wrappers"}
 SLOW = {"torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "rich", "typer", "pandas", "matplotlib"}
-SLOW |= {"jinja2", "pygame", "safetensors", "PIL", "av"}
+SLOW |= {"stable_baselines3", "jinja2", "pygame", "safetensors", "PIL", "av"}
 
 
 def python(code: str, *arguments: str) -> str:
