@@ -10,6 +10,8 @@ for among 61, on training scenes.
 
 from __future__ import annotations
 
+# needs: stable-baselines3
+
 import sys
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,8 @@
-"""The example of reinforcement learning trains, and says what came of it."""
+"""The example of reinforcement learning trains and says what came of it, and the blocks of its page run."""
 
 from __future__ import annotations
 
+import re
 import runpy
 from pathlib import Path
 
@@ -21,3 +22,15 @@ def test_the_example_trains_and_compares(repository: Path, capsys: pytest.Captur
     printed = capsys.readouterr().out
     beaten = "beaten" if rewards["PPO"] > rewards["best constant"] else "not beaten"
     assert f"after 100 steps the best constant policy is {beaten} by PPO" in printed
+
+
+def test_the_blocks_of_docs_environment_reinforcement_md_run(
+    repository: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = (repository / "docs/environment/reinforcement.md").read_text()
+    found = re.findall(r"^```python\n(.*?)^```$", page, flags=re.MULTILINE | re.DOTALL)
+    assert len(found) == 3
+    for block in found:
+        exec(compile(block, "reinforcement.md", "exec"), {})
+    printed = capsys.readouterr().out
+    assert re.search(r"^-\d+\.\d m per step$", printed, flags=re.MULTILINE)
