@@ -8,9 +8,9 @@ policy, and of the nearest neighbour. A constant policy gives the same action in
 for among 61, on training scenes.
 """
 
-from __future__ import annotations
-
 # needs: stable-baselines3
+
+from __future__ import annotations
 
 import sys
 from collections.abc import Callable
