@@ -76,4 +76,6 @@ def nearest(got: str, known: Iterable[str]) -> str:
 
 def closest(got: str, known: Iterable[str]) -> str:
     """The known name that looks most like ``got``; empty where none does."""
-    return next(iter(difflib.get_close_matches(got, sorted(known), n=1, cutoff=0.5)), "")
+    lower = {name.lower(): name for name in sorted(known)}  # other case is no other name
+    close = difflib.get_close_matches(got.lower(), lower, n=1, cutoff=0.5)
+    return lower[close[0]] if close else ""
