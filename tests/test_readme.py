@@ -21,6 +21,7 @@ from mtp_bench.cards import (
     WildtrackSource,
 )
 from tests.conftest import REPOSITORY
+from tests.support.command_line import CommandLine
 from tests.support.small_scenes import task
 
 TASK = task(classes=("car",), detections=5, objects=7)
