@@ -23,6 +23,7 @@ class EnvKeywords(TypedDict, total=False):
     detections: int | None  # D
     scenes: Sequence[str] | None  # names to choose from
     evaluation: bool  # the reward is 0 and nothing that is returned derives from the truth
+    strict: bool | None  # an action outside the action space is an ActionError; None: unless ``evaluation``
     rigid_motion: bool  # the local frame of every episode is turned and shifted at random
     split: str | None  # another split of the card's source
     detector: str | None  # another detector, simulated on the true boxes or stored (`Card.with_detector`)
@@ -40,7 +41,9 @@ def checked(keywords: Mapping[str, Any]) -> dict[str, Any]:
             raise UnknownNameError("keyword of the env", name, known)
     flags = dict.fromkeys(("evaluation", "rigid_motion", "fresh_noise"), False)
     whole = {**dict.fromkeys(known), "observe": "detections", **flags, **keywords}
-    for name in flags:
+    if whole["strict"] is None:
+        whole["strict"] = not whole["evaluation"]
+    for name in (*flags, "strict"):
         if not isinstance(whole[name], bool):
             raise MtpBenchError(f"{name} is {whole[name]!r}, expected true or false")
     for name in ("split", "detector", "detection_file", "track_file"):
