@@ -37,7 +37,7 @@ SplitOption = Annotated[
 ]
 TextOption = Annotated[Path | None, typer.Option("-o", "--output", help="Write here instead of printing.")]
 FolderArgument = Annotated[Path, typer.Argument(help="Folder written by `mtp-bench run`.")]
-RunCardOption = Annotated[str | None, typer.Option("--env", help="Card of the run, where it does not ship.")]
+RunCardOption = Annotated[str | None, typer.Option("--env", help="Another card than the one that the run keeps.")]
 SubmissionArgument = Annotated[str, typer.Argument(help="Folder of a submission or name of a baseline.")]
 
 
@@ -57,7 +57,13 @@ class EnvScenes:
             "Stored (nuScenes): the first part of its files' names."
         ),
     ] = None
-    detections: Annotated[Path | None, typer.Option(help="File of stored detections, as submitted to nuScenes.")] = None
+    detections: Annotated[
+        Path | None,
+        typer.Option(help="Stored detections: a file as submitted to nuScenes; for KITTI a folder of text files."),
+    ] = None
+    files: Annotated[Path | None, typer.Option(help="Folder of scenes of your own, in place of the environment's.")] = (
+        None
+    )
 
     def options(self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)) -> RunOptions:
         """These scenes under ``seeds`` as options of a run."""
@@ -65,13 +71,15 @@ class EnvScenes:
         from ..running.options import RunOptions
 
         # absolute: a stored run is scored from anywhere
-        file = None if self.detections is None else str(self.detections.expanduser().absolute())
+        file, files = (
+            None if path is None else str(path.expanduser().absolute()) for path in (self.detections, self.files)
+        )
         chosen = (workers or WorkerChoice()).workers()
         try:
             fold = None if self.fold is None else fold_of(self.fold)
         except MtpBenchError as error:
             raise typer.BadParameter(str(error), param_hint="--fold") from None
-        return RunOptions(self.data, self.scenes, seeds, self.split, self.detector, fold, file, chosen)
+        return RunOptions(self.data, self.scenes, seeds, self.split, self.detector, fold, file, chosen, files=files)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from ..scoring.targets import Targets, find_targets
 from ..sources import detected, open_source
 from ..types import Action, Observation, Rollout, Scene, Task
 from .arguments import OBSERVE as OBSERVE
-from .arguments import RENDER_MODES, EnvKeywords, checked, choose, require_room, size, wanted
+from .arguments import RENDER_MODES, EnvKeywords, checked, choose, own_scenes, require_room, size, wanted
 from .decoding import Answer, decode
 from .live import LiveEpisode, live_episode
 from .observation import Feed, LocalFrame, make_feed
@@ -58,7 +58,8 @@ class _Episode:
 class MTPEnv(gymnasium.Env[Observation, Action]):
     """Tracking and prediction of one log: detections in, hypotheses and forecasts out.
 
-    ``card``: env id, path of a card (.toml), or a card. ``data``: data root. `EnvKeywords` says what the others are.
+    ``card``: env id, path of a card (.toml), or a card. ``data``: data root. `EnvKeywords` says what the others are;
+    ``scenes=[scene, ...]`` with `Scene` objects and ``files=folder`` play scenes of one's own under the card's rules.
 
     Raises UnknownNameError, DataError or CardError (all MtpBenchError) for a wrong argument or missing data.
     """
@@ -69,7 +70,9 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         given = checked(keywords)
         self.render_mode = given["render_mode"]
         card = card if isinstance(card, Card) else load_card(card)
-        self.card = changed_card(card, given["split"], given["detector"], given["detection_file"])
+        own = own_scenes(given)
+        card = card if own is None else card.with_scenes(own)
+        self.card = changed_card(card, given["split"], given["detector"], given["detection_file"], given["files"])
         sizes = {"samples": self.card.task.samples, **self.card.size.model_dump()}
         sizes = {name: size(name, given[name], default) for name, default in sizes.items()}
         self.task = _task(self.card, given["observe"], sizes)
@@ -82,7 +85,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         if self._fresh_noise and self._evaluation:
             raise MtpBenchError("fresh_noise is for training: an evaluation takes the detections of the card")
         self._source = open_source(self.card, data)
-        self.scene_names = choose(tuple(self._source.names), given["scenes"])
+        self.scene_names = choose(tuple(self._source.names), given["scenes"] if own is None else None)
         self.observation_space = cast("gymnasium.Space[Observation]", observation_space(self.task))
         self.action_space = cast("gymnasium.Space[Action]", action_space(self.task))
         self._episode: _Episode | None = None

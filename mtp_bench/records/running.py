@@ -56,6 +56,8 @@ def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
     """
     if options.detector is not None or options.detection_file is not None:
         raise MtpBenchError("a record is of the detections that its env names: no other detector can be chosen")
+    if options.files is not None:
+        raise MtpBenchError("a record is of the scenes that its env names: no files can take their place")
     env = MTPEnv(env_id, observe=submission.compare.observe, evaluation=True, data=options.data, split=options.split)
     keywords = setting_of(submission, env.card).env_keywords(env.card)
     del keywords["observe"]  # the submission says it, and the record in a field of its own
