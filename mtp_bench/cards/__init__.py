@@ -2,6 +2,7 @@
 
 from .card import Card as Card
 from .card import TaskSection as TaskSection
+from .card import card_text as card_text
 from .card import changed_card as changed_card
 from .card import load_card as load_card
 from .card import parse_card as parse_card

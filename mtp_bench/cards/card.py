@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from .._bundle import bundled, card_ids
+from ..detector.profile import toml_table, toml_values
 from ..errors import CardError, MtpBenchError, UnknownNameError, nearest
 from ..strict import Section, read_toml, validate
 from ..types import Scene
@@ -182,6 +183,18 @@ def parse_card(content: dict[str, Any], where: str = "card", stem: str | None = 
         raise CardError(f"{where}: id is {card.id!r}, expected the file's stem {stem!r}")
     check_card(card, where)
     return card
+
+
+def card_text(card: Card) -> str:
+    """TOML of a card that `load_card` reads again; of own scenes without what they hold, which is found anew."""
+    content = card.model_dump(exclude_none=True, exclude={"source": {"sha256"}})
+    tables = {name: content.pop(name) for name in ("source", "detector", "task", "size") if name in content}
+    if isinstance(card.source, FilesSource) and card.source.folder is not None:
+        tables["source"]["folder"] = card.source.folder
+    lines = toml_values(content)
+    for name, table in tables.items():
+        lines += toml_table(name, table)
+    return "\n".join(lines) + "\n"
 
 
 def changed_card(

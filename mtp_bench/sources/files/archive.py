@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from ...errors import DataError, nearest
 from ...files import open_regular
-from ...types import Detections, ImageField, Lane, Ragged, Scene, Truth, starts_of_sorted
+from ...types import Detections, Scene, Truth
 from .columns import ARRAYS, BOX, Array
 from .content import Content, Rows
+from .surroundings import Arrays, image_arrays, image_of, lane_arrays, lanes_of
 
 MOST_BYTES = 1 << 30  # of the arrays of a scene
 SAID: dict[str, type] = {  # fields of `Scene` that are no arrays, in the JSON of the array "said"
@@ -25,7 +26,6 @@ SAID: dict[str, type] = {  # fields of `Scene` that are no arrays, in the JSON o
     "recording": str,
 }  # fmt: skip
 _BROKEN = (OSError, TypeError, ValueError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error, NotImplementedError)
-Arrays = dict[str, NDArray[Any]]
 
 
 def arrays_of(scene: Scene, classes: Sequence[str]) -> Arrays:
@@ -62,15 +62,15 @@ def arrays_of(scene: Scene, classes: Sequence[str]) -> Arrays:
     if scene.world is not None:
         arrays["world"] = scene.world
     if scene.image is not None:
-        arrays |= _image_arrays(scene.image, names)
-    return {name: np.asarray(value) for name, value in (arrays | _lane_arrays(scene.lanes)).items()}
+        arrays |= image_arrays(scene.image, names)
+    return {name: np.asarray(value) for name, value in (arrays | lane_arrays(scene.lanes)).items()}
 
 
 def _require_rows(what: str, rows: Truth | Detections, frames: int, classes: int) -> None:
     start, class_id = np.asarray(rows.start), np.asarray(rows.class_id)
     if len(start) != frames + 1 or start[0] != 0 or start[-1] != len(rows.box) or (np.diff(start) < 0).any():
         raise DataError(f"{what}.start does not divide the {len(rows.box)} rows into {frames} frames")
-    if len(class_id) and not (0 <= class_id.min() and class_id.max() < classes):
+    if len(class_id) and (class_id.min() < 0 or class_id.max() >= classes):
         raise DataError(
             f"{what}.class_id has {class_id.min()} to {class_id.max()}, expected places among {classes} classes"
         )
@@ -84,9 +84,9 @@ def content_of(arrays: Arrays, name: str, where: str) -> Content:
     if "world" in arrays:
         said["world"] = arrays["world"]
     if any(key.startswith("image_") for key in arrays):
-        said["image"] = _image(arrays, frames, where)
+        said["image"] = image_of(arrays, frames, where)
     if "lane_of" in arrays:
-        said["lanes"] = _lanes(arrays, where)
+        said["lanes"] = lanes_of(arrays, where)
     return Content(
         name=name,
         where=where,
@@ -139,10 +139,8 @@ def _rows(arrays: Arrays, table: str, where: str, further: Arrays) -> Rows:
         named = f"{table}_{array_of.get(column, column)}"
         return f"{where}, array {named!r}, row {at}" + (f" ({column})" if column in array_of else "")
 
-    own = (arrays.get(f"{table}_{name}") for name in ("frame", "box", "velocity", "class"))
-    frame, box, velocity, kind = own
-    assert frame is not None and box is not None and kind is not None  # `_check` saw to it
-    return Rows(place, frame, box, velocity, kind, further)
+    frame, box, kind = (arrays[f"{table}_{name}"] for name in ("frame", "box", "class"))
+    return Rows(place, frame, box, arrays.get(f"{table}_velocity"), kind, further)
 
 
 def _check(arrays: Arrays, where: str) -> None:
@@ -173,10 +171,8 @@ def _checked(array: Array, value: NDArray[Any], sizes: dict[str, int], where: st
     expected = tuple(sizes.get(letter, -1) if isinstance(letter, str) else letter for letter in array.shape)
     if value.shape != expected:
         letters = f"[{', '.join(map(str, array.shape))}]"
-        told = ", ".join(f"{letter} {sizes[letter]}" for letter in array.shape if letter in sizes)
-        raise DataError(
-            f"{where}, array {array.name!r}: its shape is {list(value.shape)}, expected {letters}{told and ' with '}{told}"
-        )
+        sized = ", ".join(f"{letter} {sizes[letter]}" for letter in array.shape if letter in sizes)
+        raise DataError(f"{where}, array {array.name!r}: its shape is {list(value.shape)}, expected {letters}, {sized}")
     to = {"number": np.float64, "whole": np.int64}.get(array.kind)
     return value if to is None or (array.kind == "number" and value.dtype.kind == "f") else value.astype(to)
 
@@ -197,64 +193,3 @@ def _said(text: NDArray[Any] | None, where: str) -> dict[str, Any]:
     if not all(type(count) is int for count in counts):
         raise DataError(f"{where}, array 'said': skipped holds something else than counts")
     return said
-
-
-def _image_arrays(image: ImageField, names: NDArray[np.str_]) -> Arrays:
-    return {
-        "image_projection": image.projection,
-        "image_height": image.height,
-        "image_heading": image.heading,
-        "image_size": np.array(image.size),
-        "image_region": image.region,
-        "image_region_frame": Ragged(image.region_start).frame_of_rows,
-        "image_classes": names,
-        "image_box_size": image.box_size,
-    }
-
-
-def _image(arrays: Arrays, frames: int, where: str) -> ImageField:
-    needed = [array.name for array in ARRAYS if array.name.startswith("image_")]
-    for name in needed:
-        if name not in arrays:
-            raise DataError(f"{where}: no array {name!r}, but others of {', '.join(needed)}; expected all or none")
-    region = arrays["image_region_frame"]
-    if (np.diff(region) < 0).any() or len(region) and not 0 <= region[0] <= region[-1] < frames:
-        raise DataError(f"{where}, array 'image_region_frame': expected frames of the scene, sorted")
-    width, height = arrays["image_size"].tolist()
-    return ImageField(
-        projection=arrays["image_projection"],
-        height=arrays["image_height"],
-        heading=arrays["image_heading"],
-        size=(width, height),
-        region=arrays["image_region"],
-        region_start=starts_of_sorted(region, frames),
-        box_size=arrays["image_box_size"],
-    )
-
-
-def _lane_arrays(lanes: Sequence[Lane]) -> Arrays:
-    if not lanes:
-        return {}
-    points = [np.stack([lane.center, lane.left, lane.right], axis=1) for lane in lanes]
-    following = [(at, after) for at, lane in enumerate(lanes) for after in lane.following]
-    return {
-        "lane_of": np.repeat(np.arange(len(lanes)), [len(own) for own in points]),
-        "lane_points": np.concatenate(points),
-        "lane_following": np.array(following, dtype=np.int64).reshape(-1, 2),
-    }
-
-
-def _lanes(arrays: Arrays, where: str) -> tuple[Lane, ...]:
-    of = arrays["lane_of"]
-    points, following = arrays.get("lane_points"), arrays.get("lane_following", np.zeros((0, 2), dtype=np.int64))
-    count = int(of[-1]) + 1 if len(of) else 0
-    if points is None or not np.array_equal(np.unique(of), np.arange(count)) or (np.diff(of) < 0).any():
-        raise DataError(f"{where}, array 'lane_of': expected the lanes 0, 1, 2, ... of 'lane_points', sorted")
-    if len(following) and not (0 <= following.min() and following.max() < count):
-        raise DataError(f"{where}, array 'lane_following': expected lanes from 0 to {count - 1}")
-    start = starts_of_sorted(of, count)
-    lanes = []
-    for at in range(count):
-        center, left, right = (points[start[at] : start[at + 1], side] for side in range(3))
-        lanes.append(Lane(center, left, right, tuple(following[following[:, 0] == at, 1].tolist())))
-    return tuple(lanes)

@@ -64,7 +64,7 @@ class Cells:
         bad = (value != 0) & (value != 1)
         if bad.any():
             self.refuse(bad, column, f"{value[int(np.argmax(bad))]:g}, expected 0 or 1")
-        return value == 1
+        return np.asarray(value == 1)
 
 
 def read_cells(path: Path, table: str) -> Cells:
@@ -150,9 +150,8 @@ def _read_parquet(path: Path, table: str) -> Cells:
             )
             names = list(file.schema_arrow.names)
             if rows > MOST_ROWS or size > MOST_BYTES:
-                raise DataError(
-                    f"{path}: {rows} rows of {size >> 20} MiB, expected at most {MOST_ROWS} rows and {MOST_BYTES >> 20} MiB"
-                )
+                most = f"expected at most {MOST_ROWS} rows and {MOST_BYTES >> 20} MiB"
+                raise DataError(f"{path}: {rows} rows of {size >> 20} MiB, {most}")
             _check_names(path, names, table)
             content = file.read()
     except FileNotFoundError:

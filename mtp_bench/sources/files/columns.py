@@ -1,4 +1,4 @@
-"""Columns of the tables and arrays of the NPZ files that hold own scenes: readers, writer and documentation go by them."""
+"""Columns of the tables, and arrays of the NPZ files, that hold own scenes: reading, writing and docs go by them."""
 
 from __future__ import annotations
 

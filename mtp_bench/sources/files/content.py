@@ -17,6 +17,7 @@ from ..motion import backward_velocity
 from ..text import LIMIT
 from .columns import BOX
 
+LEAST = 1e-6  # m, of the size of a box
 OFF = 0.2  # share by which the frames of a scene may be closer or farther apart than the task says
 
 
@@ -99,8 +100,8 @@ def _with_detections(scene: Scene, content: Content, card: Card, skipped: dict[s
     if card.detector is not None:
         if not scene.truth_complete:
             raise DataError(
-                f"{content.where}: its truth has prediction targets only, so a simulated detector would see nothing else; "
-                "take the detections of the files"
+                f"{content.where}: its truth has prediction targets only, so a simulated detector would see nothing "
+                "else; take the detections of the files"
             )
         return replace(scene, detector="", simulated=False)
     if content.detections is None:
@@ -161,19 +162,22 @@ def _check(rows: Rows, frames: int) -> None:
     outside = (rows.frame < 0) | (rows.frame >= frames)
     rows.refuse(outside, "frame", lambda at: f"frame {rows.frame[at]}, but the scene has the frames 0 to {frames - 1}")
     for place, column in enumerate(BOX):
-        value = rows.box[:, place]
-        rows.refuse(~(np.abs(value) <= LIMIT), column, lambda at, v=value: f"{v[at]:g}, expected a finite number")
-        if column in ("l", "w", "h"):
-            rows.refuse(value <= 0, column, lambda at, v=value: f"{v[at]:g}, expected a size above 0")
+        _refuse_beyond(rows, column, rows.box[:, place], LEAST if column in ("l", "w", "h") else -LIMIT, LIMIT)
     if rows.velocity is not None:
+        known = np.where(np.isnan(rows.velocity), 0.0, rows.velocity)
         for place, column in enumerate(("vx", "vy")):
-            value = rows.velocity[:, place]
-            rows.refuse(np.abs(value) > LIMIT, column, lambda at, v=value: f"{v[at]:g}, expected a finite number")
-    for column, (low, high) in {"score": (-LIMIT, LIMIT), "visible": (0, 1)}.items():
+            _refuse_beyond(rows, column, known[:, place], -LIMIT, LIMIT)
+    for column, low, high in (("score", -LIMIT, LIMIT), ("visible", 0.0, 1.0)):
         if column in rows.further:
-            value = rows.further[column]
-            bad = ~((value >= low) & (value <= high))
-            rows.refuse(bad, column, lambda at, v=value, r=(low, high): f"{v[at]:g}, expected {r[0]:g} to {r[1]:g}")
+            _refuse_beyond(rows, column, rows.further[column], low, high)
+
+
+def _refuse_beyond(rows: Rows, column: str, value: Floats, low: float, high: float) -> None:
+    rows.refuse(
+        ~((value >= low) & (value <= high)),
+        column,
+        lambda at: f"{value[at]:g}, expected a number from {low:g} to {high:g}",
+    )
 
 
 def _refuse_second_box(rows: Rows) -> None:

@@ -77,8 +77,8 @@ def _readers(section: FilesSource, card: Card) -> dict[str, Callable[[], Content
     found = folder_digest(folder)
     if section.sha256 not in (None, found):
         raise DataError(
-            f"{folder}: its files have the sha256 {found[:12]}, expected {str(section.sha256)[:12]}: they are not those "
-            f"of {card.id}, or were changed since it was used; run the agent again"
+            f"{folder}: its files have the sha256 {found[:12]}, expected {str(section.sha256)[:12]}: they are not "
+            f"those of {card.id}, or were changed after it was used; run the agent again"
         )
     rate = card.task.rate
     return {

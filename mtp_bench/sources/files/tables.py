@@ -16,6 +16,7 @@ from .cells import Cells, read_cells
 from .columns import BOX, FORMS, TABLES
 from .content import Content, Rows
 
+MOST_FRAMES = 1_000_000
 CLOSE = 1e-3  # s: times that are no farther apart are of one frame
 GAP = 1.5  # periods: more between two frames, and one is lacking
 
@@ -107,6 +108,8 @@ def _numbered(folder: Path, tables: list[Cells], rate: float) -> Frames:
         raise DataError(
             f"{folder}: frames are {numbers[0]}, {numbers[1]}, ..., every {step}th; number them 0, 1, 2, ..."
         )
+    if numbers[-1] - numbers[0] >= MOST_FRAMES:
+        raise DataError(f"{folder}: frames {numbers[0]} to {numbers[-1]}, expected at most {MOST_FRAMES} frames")
     number = np.arange(numbers[0], numbers[-1] + 1)
     timed = [table for table in tables if table.has("time")]
     if not timed:
@@ -181,8 +184,7 @@ def _detection_rows(cells: Cells, frames: Frames) -> Rows:
 
 
 def _rows(cells: Cells, frames: Frames, further: dict[str, NDArray[Any]]) -> Rows:
-    columns = dict(cells.number)
-    columns.setdefault("z", columns["h"] / 2)
+    columns = {"z": cells.number["h"] / 2, **cells.number}
     velocity = np.column_stack([columns["vx"], columns["vy"]]) if cells.has("vx") else None
     box = np.column_stack([columns[name] for name in BOX])
     return Rows(cells.where, frames.of(cells), box, velocity, cells.text["class"], further)

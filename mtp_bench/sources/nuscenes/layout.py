@@ -109,7 +109,7 @@ def detection_paths(root: Path, card: Card) -> tuple[Path, ...]:
         )
     folder = root / "detections"
     if not folder.is_dir():
-        raise DataError(f"no folder {folder}{instead_of_stored(card)}; {DATASET.how_to_get}")
+        raise DataError(f"no folder {folder}{instead_of_stored(card)}; to get them: {DATASET.how_to_get}")
     paths = tuple(sorted(path for path in folder.glob(f"{glob.escape(section.detector)}*.json") if path.is_file()))
     if not paths:
         found = ", ".join(_labelled(path) for path in sorted(folder.glob("*.json"))) or "none"
