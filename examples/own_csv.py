@@ -13,8 +13,7 @@ for table, ids in (("truth", ("0,", "1,")), ("detections", ("", ""))):
 env = mtp_bench.MTPEnv("MTP-nuScenes-v0", files="logs", render_mode="rgb_array")
 mtp_bench.run("stp", env.card, "runs/stp")
 print(mtp_bench.score("runs/stp").report.rows[0])
-observation, _ = env.reset(seed=0)
-agent = mtp_bench.load_submission("stp").build(env.task)
+agent, (observation, _) = mtp_bench.load_submission("stp").build(env.task), env.reset(seed=0)
 agent.reset(env.task)
 for _ in range(20):
     observation, *_ = env.step(agent.act(observation))

@@ -37,7 +37,7 @@ LAZY_NAMES = {
     "load_submission",
     "windows",
 }
-LAZY_NAMES |= {"run", "score"}
+LAZY_NAMES |= {"run", "save_scene", "score"}
 LAZY = {"prediction", "scoring", "tracking", "training"}
 SLOW = {"torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "rich", "typer", "pandas", "matplotlib"}
 SLOW |= {"jinja2", "pygame", "safetensors", "PIL", "av"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -82,4 +83,4 @@ def _write(scenes: Iterator[Scene], card: Card, output: Path, posed: bool, form:
     with progress_bar("import") as (_, done):
         number, path = import_scenes(scenes, card, output, posed, form, done)  # type: ignore[arg-type]  # one of FORMS
     show(f"{count(number, 'scene')} and their card {path.name} in {output}; next:")
-    show_command(f"mtp-bench run stp --env {path} -o runs/{path.stem}")
+    show_command(f"mtp-bench run stp --env {shlex.quote(str(path))} -o runs/{path.stem}")

@@ -1,4 +1,4 @@
-"""Recordings in the text of KITTI's tracking benchmark, and nuScenes with other detections, as folders of own scenes."""
+"""Text of KITTI's tracking benchmark as scenes, and any scenes as a folder of own scenes with a card."""
 
 from __future__ import annotations
 
@@ -100,9 +100,8 @@ def import_scenes(
 def _kitti_scene(text: KittiText, name: str, classes: tuple[str, ...]) -> Scene:
     labels = read_labels(text.labels / f"{name}.txt")
     poses = _poses(text, name)
-    length = (
-        len(poses.position) if poses is not None else _length(text, name, int(labels.frame.max(initial=-1)), classes)
-    )
+    last = int(labels.frame.max(initial=-1))
+    length = _length(text, name, last, classes) if poses is None else len(poses.position)
     frames = Frames(length, 1, poses, text.period)
     frames.check(labels)
     detections, skipped, label = no_detections(length), dict[str, int](), ""

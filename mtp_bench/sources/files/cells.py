@@ -20,6 +20,7 @@ from .columns import TABLES, Column
 
 MOST_BYTES = 1 << 30  # of a file
 MOST_ROWS = 50_000_000
+LATEST = 1e12  # s: clocks that count from 1970 are fine
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,12 +127,13 @@ def _number(cells: Cells, column: Column, at: int, value: str) -> float:
 
 
 def _add_numbers(cells: Cells, column: Column, numbers: Floats) -> None:
-    bad = ~(np.abs(numbers) <= LIMIT)
+    most = LATEST if column.name == "time" else LIMIT
+    bad = ~(np.abs(numbers) <= most)
     if column.gaps:
         bad &= ~np.isnan(numbers)
     if bad.any():
         got = numbers[int(np.argmax(bad))]
-        cells.refuse(bad, column.name, f"{got:g}, expected a finite number up to {LIMIT:g}")
+        cells.refuse(bad, column.name, f"{got:g}, expected a finite number up to {most:g}")
     cells.number[column.name] = numbers
 
 
@@ -166,15 +168,15 @@ def _read_parquet(path: Path, table: str) -> Cells:
 
 def _add_arrow(cells: Cells, column: Column, values: Any) -> None:
     """Add a column of Parquet to ``cells``."""
-    listed = values.to_pylist() if column.text else None
-    if listed is not None:
-        _add(cells, column, ["" if value is None else str(value) for value in listed])
+    from pyarrow import types
+
+    if column.text:
+        _add(cells, column, ["" if value is None else str(value) for value in values.to_pylist()])
         return
-    try:
-        numbers = np.asarray(values.to_numpy(zero_copy_only=False) if hasattr(values, "chunks") else values, np.float64)
-    except (TypeError, ValueError):
-        raise DataError(f"{cells.path}, column {column.name!r}: {values.type}, expected numbers") from None
-    _add_numbers(cells, column, numbers)
+    kind = values.type
+    if not (types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind)):
+        raise DataError(f"{cells.path}, column {column.name!r}: {kind}, expected numbers")
+    _add_numbers(cells, column, values.cast("float64").to_numpy(zero_copy_only=False))
 
 
 def _check_names(path: Path, names: Sequence[str], table: str) -> None:

@@ -145,13 +145,12 @@ def _usable(rows: Rows, table: str, content: Content, classes: Sequence[str], sk
     """The rows of ``classes``, checked and sorted by frame, otherwise in their order."""
     _check(rows, len(content.time))
     used = np.isin(rows.kind, classes)
-    names, count = np.unique(rows.kind[~used], return_counts=True)
-    if len(names) and not used.any():
-        known = f"expected one of {', '.join(classes)}{nearest(str(names[0]), classes)}"
-        raise DataError(
-            f"{rows.where(0, 'class')}: no row of the {table} has a class of the task: {names[0]!r}, {known}"
-        )
-    for name, number in zip(names.tolist(), count.tolist(), strict=True):
+    names, count = (column.tolist() for column in np.unique(rows.kind[~used], return_counts=True))
+    if names and not used.any():
+        got, known = f"{rows.where(0, 'class')}: {str(rows.kind[0])!r}", ", ".join(classes)
+        advice = nearest(str(rows.kind[0]), classes)
+        raise DataError(f"{got}, and no other row of the {table} has a class of the task, one of {known}{advice}")
+    for name, number in zip(names, count, strict=True):
         skipped[f"{table} of class {name!r}, which is none of the task"] = number
     row = np.flatnonzero(used)
     return rows.of(row[np.argsort(rows.frame[row], kind="stable")])

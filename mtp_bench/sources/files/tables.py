@@ -169,7 +169,7 @@ def _ego(ego: Cells | None, frames: int) -> Floats:
 
 
 def _truth_rows(cells: Cells, frames: Frames) -> Rows:
-    further = {
+    further: dict[str, NDArray[Any]] = {
         "id": _ids(cells),
         "eligible": cells.flags("eligible", default=True),
         "neutral": cells.flags("neutral", default=False),

@@ -75,7 +75,8 @@ def write_table(path: Path, columns: Columns) -> None:
 
 
 def _require_plain(scene: Scene) -> None:
-    held = [name for name, empty in _EMPTY.items() if getattr(scene, name) != empty]
+    values = {name: getattr(scene, name) for name in _EMPTY}
+    held = [name for name, value in values.items() if isinstance(value, np.ndarray) or value != _EMPTY[name]]
     if held:
         raise MtpBenchError(f"scene {scene.name!r} has {', '.join(held)}, which no table can hold: write it as NPZ")
 

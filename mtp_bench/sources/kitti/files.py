@@ -96,7 +96,7 @@ def read_results(path: Path, kind: str) -> StoredDetections:
     """
     table = read_table(path, RESULT, text="type")
     unknown = ~np.isin(table.text, KINDS)
-    table.refuse(unknown, lambda at: f"type {table.text[at]!r}, expected one of {', '.join(KINDS)}")
+    table.refuse(unknown, lambda at: f"type {str(table.text[at])!r}, expected one of {', '.join(KINDS)}")
     frame, row = table.whole("frame"), np.flatnonzero(table.text == kind)
     value = table.value[row]
     box = sensor_boxes(value[:, 10:13], value[:, 13:16], value[:, 16])
