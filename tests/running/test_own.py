@@ -120,7 +120,7 @@ def test_wrong_scenes_of_an_env(scene: Scene, logs: Path) -> None:
     with pytest.raises(MtpBenchError, match=r"scenes is the scene 'one', expected a list: scenes=\[scene\]"):
         mtp_bench.MTPEnv(ENV, scenes=scene)  # type: ignore[arg-type]
     with pytest.raises(CardError, match="scenes holds str, expected Scene objects only, or names only"):
-        mtp_bench.MTPEnv(ENV, scenes=[scene, "two"])  # type: ignore[list-item]
+        mtp_bench.MTPEnv(ENV, scenes=[scene, "two"])  # type: ignore[arg-type]
     with pytest.raises(
         MtpBenchError, match="scenes holds Scene objects and files names a folder, expected one of them"
     ):

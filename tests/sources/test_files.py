@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -389,6 +390,21 @@ def test_texts_where_parquet_should_have_numbers(tmp_path: Path, base: Card) -> 
     parquet.write_table(pyarrow.table(columns), folder / "one" / "truth.parquet")
     with pytest.raises(DataError, match=r"truth\.parquet, column 'frame': string, expected numbers"):
         only(base, folder)
+
+
+def test_parquet_without_its_library(tmp_path: Path, base: Card, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = replace(make_scene(), detector="mine")
+    save_scene(scene, tmp_path / "own", CLASSES, "parquet")
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    for attempt in (
+        lambda: save_scene(scene, tmp_path / "other", CLASSES, "parquet"),
+        lambda: only(base, tmp_path / "own"),
+    ):
+        with pytest.raises(
+            MtpBenchError, match=r"Parquet needs pyarrow: pip install 'mtp-bench\[parquet\]', or write CSV"
+        ):
+            attempt()
+    assert not list((tmp_path / "other").iterdir()), "nothing half written"
 
 
 def test_a_folder_without_scenes(tmp_path: Path, base: Card) -> None:

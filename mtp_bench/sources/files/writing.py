@@ -53,7 +53,7 @@ def save_scene(scene: Scene, folder: str | Path, classes: Sequence[str], form: F
 
 def file_stem(name: str) -> str:
     """A scene's name as the name of a file; one that begins with a dot would not be seen."""
-    stem = quote(name, safe=" ")
+    stem = quote(name, safe="")
     return f"%2E{stem[1:]}" if stem.startswith(".") else stem
 
 
