@@ -56,8 +56,9 @@ MOST_NAMES = 16  # listed in an error text
 def nearest(got: str, known: Iterable[str]) -> str:
     """The part of an error text that names the nearest known name, else all of them."""
     names = sorted(known)
-    close = difflib.get_close_matches(got, names, n=1, cutoff=0.5)
+    lower = {name.lower(): name for name in names}  # other case is no other name
+    close = difflib.get_close_matches(got.lower(), lower, n=1, cutoff=0.5)
     if close:
-        return f": did you mean {close[0]!r}?"
+        return f": did you mean {lower[close[0]]!r}?"
     shown = ", ".join(names[:MOST_NAMES]) + (f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else "")
     return f": known are {shown}" if names else ": none is known"

@@ -56,7 +56,7 @@ class Commands(TyperGroup):
             raise InterruptedCommandError(AFTER.get(ctx.invoked_subcommand, "nothing was written")) from None
 
 
-app = typer.Typer(cls=Commands, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+app = typer.Typer(cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False)
 
 
 def _version(asked: bool) -> None:

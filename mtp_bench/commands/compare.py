@@ -7,12 +7,15 @@ from typing import Annotated
 
 import typer
 
+from .completion import submissions
 from .options import EnvScenes, FullOption, JsonOption, WorkerChoice
 from .output import count, prepare, require_writable, show_report, working, write_json
 
 
 def compare(
-    agents: Annotated[list[str], typer.Argument(help="Names of baselines or folders of submissions.")],
+    agents: Annotated[
+        list[str], typer.Argument(help="Names of baselines or folders of submissions.", autocompletion=submissions)
+    ],
     on: EnvScenes,
     workers: WorkerChoice,
     seeds: Annotated[int, typer.Option(min=1, help="Runs with different random draws.")] = 3,

@@ -7,12 +7,13 @@ from typing import Annotated
 import typer
 
 from ..errors import MtpBenchError
+from .completion import env_ids
 from .options import DataOption, JsonOption, SplitOption
 from .output import write_json
 
 
 def data(
-    env: Annotated[str | None, typer.Option(help="Only this environment.")] = None,
+    env: Annotated[str | None, typer.Option(help="Only this environment.", autocompletion=env_ids)] = None,
     root: DataOption = None,
     json_file: JsonOption = None,
     split: SplitOption = None,

@@ -11,8 +11,8 @@ def envs(json_file: JsonOption = None) -> None:
     from .._bundle import card_ids
     from ..cards import load_card
     from ..viz.terminal.listings import env_table
-    from ..viz.terminal.output import show
+    from ..viz.terminal.output import show_numbers
 
     cards = [load_card(env_id) for env_id in card_ids()]
     write_json(json_file, {card.id: {**card.model_dump(mode="json"), "digest": card.digest} for card in cards})
-    show(env_table(cards))
+    show_numbers(env_table(cards))

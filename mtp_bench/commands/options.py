@@ -14,6 +14,7 @@ import typer
 from typer.core import TyperCommand
 
 from ..errors import MtpBenchError
+from .completion import detectors, env_ids, submissions
 from .output import json_alone
 
 if TYPE_CHECKING:
@@ -29,7 +30,9 @@ JsonOption = Annotated[
     typer.Option("--json", callback=json_alone, help="Write the table's content to this file; -: print it instead."),
 ]
 FullOption = Annotated[bool, typer.Option("--full", help="All tables, not only the first.")]
-EnvOption = Annotated[str, typer.Option("--env", help="Environment id; `mtp-bench envs` lists them.")]
+EnvOption = Annotated[
+    str, typer.Option("--env", help="Environment id; `mtp-bench envs` lists them.", autocompletion=env_ids)
+]
 JobsOption = Annotated[int, typer.Option("--jobs", min=0, help="Processes; 0 takes one per core.")]
 ScenesOption = Annotated[int | None, typer.Option("--scenes", min=1, help="Only the first N scenes.")]
 SplitOption = Annotated[
@@ -37,8 +40,12 @@ SplitOption = Annotated[
 ]
 TextOption = Annotated[Path | None, typer.Option("-o", "--output", help="Write here instead of printing.")]
 FolderArgument = Annotated[Path, typer.Argument(help="Folder written by `mtp-bench run`.")]
-RunCardOption = Annotated[str | None, typer.Option("--env", help="Another card than the one that the run keeps.")]
-SubmissionArgument = Annotated[str, typer.Argument(help="Folder of a submission or name of a baseline.")]
+RunCardOption = Annotated[
+    str | None, typer.Option("--env", help="Another card than the one that the run keeps.", autocompletion=env_ids)
+]
+SubmissionArgument = Annotated[
+    str, typer.Argument(help="Folder of a submission or name of a baseline.", autocompletion=submissions)
+]
 
 
 @dataclass(frozen=True)
@@ -54,7 +61,8 @@ class EnvScenes:
         str | None,
         typer.Option(
             help="Another detector. Simulated: a profile, iid, hard or a .toml file of a profile. "
-            "Stored (nuScenes): the first part of its files' names."
+            "Stored (nuScenes): the first part of its files' names.",
+            autocompletion=detectors,
         ),
     ] = None
     detections: Annotated[

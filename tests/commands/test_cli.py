@@ -18,6 +18,7 @@ import typer.main
 import mtp_bench
 from mtp_bench import card_ids, load_card
 from mtp_bench.commands.app import app
+from tests.conftest import REPOSITORY
 from tests.support.command_line import CommandLine, copy_sequence, read_json, write_submission
 from tests.support.small_scenes import write_kitti
 
@@ -213,8 +214,8 @@ def test_data(cli: CommandLine, tmp_path: Path, kitti: str) -> None:
     content = read_json(tmp_path / "a.json")
     assert list(content) == list(card_ids())
     assert "usable, counts differ" in printed
-    assert "sequences: 3 / 21" in printed
-    assert printed.count("Licence: CC BY-NC-SA 3.0 (Geiger et al.)") == 1
+    assert "found: 3 of 21 sequences" in printed
+    assert printed.count("licence: CC BY-NC-SA 3.0 (Geiger et al.)") == 1
     first = content["MTP-KITTI-v0"]
     assert (first["usable"], first["verified"], first["missing"], first["problems"]) == (True, False, [], [])
     assert {"what": "sequences", "found": 3, "known": 21} in first["checks"]
@@ -223,7 +224,12 @@ def test_data(cli: CommandLine, tmp_path: Path, kitti: str) -> None:
 def test_data_that_is_not_there(cli: CommandLine, tmp_path: Path) -> None:
     output = cli("data", "--data", tmp_path, "--env", "MTP-KITTI-v0", "--json", tmp_path / "a.json")
     assert output.error.startswith("data is missing or broken for MTP-KITTI-v0")
-    for text in ("not found", "How to get it: register at https://", "training/label_02/%04d.txt"):
+    for text in (
+        "not found",
+        "missing; looked in",
+        "how to get it: register at https://",
+        "training/label_02/%04d.txt",
+    ):
         assert text in output.out
     assert read_json(tmp_path / "a.json")["MTP-KITTI-v0"]["root"] is None
 
@@ -326,7 +332,17 @@ def commands_of(text: str) -> list[list[str]]:
     return [words[1:] for words in calls if words and Path(words[0]).name == "mtp-bench"]
 
 
-@pytest.mark.parametrize("document", ["README.md", "CONTRIBUTING.md", "baselines/README.md", "envs/README.md"])
+DOCUMENTS = [
+    "README.md",
+    "CONTRIBUTING.md",
+    "baselines/README.md",
+    "envs/README.md",
+    "leaderboard/SUBMITTING.md",
+    *sorted(path.relative_to(REPOSITORY).as_posix() for path in (REPOSITORY / "docs").rglob("*.md")),
+]
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
 def test_the_commands_of_the_documents_exist(document: str, repository: Path) -> None:
     text = (repository / document).read_text()
     for words in commands_of(text):

@@ -11,11 +11,13 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from mtp_bench import load_card
 from mtp_bench.running.reading import skipped_line, total_skipped
 from mtp_bench.running.sensitivity import AtCut
 from mtp_bench.scoring import SUBSETS, Report
 from mtp_bench.scoring.rows import PairedRow, Row
 from mtp_bench.scoring.subsets import Subset
+from mtp_bench.viz.terminal.listings import env_table
 from mtp_bench.viz.terminal.output import TEXT_WIDTH, short, show, show_lines, show_numbers
 from mtp_bench.viz.terminal.paper import paper_figures, paper_gap
 from mtp_bench.viz.terminal.tables import full_tables, main_table, notes, sensitivity_table
@@ -176,6 +178,15 @@ def render(content: Any, width: int = TEXT_WIDTH) -> str:
 def lines_of(text: str, agent: str) -> list[list[str]]:
     """Words of the lines of a rendered table that begin with ``agent``."""
     return [line.split() for line in text.splitlines() if line.split()[:1] == [agent]]
+
+
+def test_a_wide_table_goes_on_below_with_its_other_columns() -> None:
+    for table in (main_table(report(LARGE)), env_table([load_card("MTP-KITTI-v0"), load_card("MTP-nuScenes-v0")])):
+        whole, narrow = render(table, width=200), render(table, width=60)
+        assert max(map(len, narrow.splitlines())) <= 60
+        assert set(re.findall(r"[\d./]+", whole)) == set(re.findall(r"[\d./]+", narrow))
+        for words in ("nuScenes-v0", "truth_past"):  # the names of rows stand in each part
+            assert words not in whole or narrow.count(words) > whole.count(words)
 
 
 def test_one_table_of_80_columns() -> None:

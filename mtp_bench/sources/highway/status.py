@@ -31,8 +31,6 @@ def highway_status(card: Card, data: object = None) -> DataStatus:
         attempts = len(worlds) + sum(reasons.values())
         listed = f" ({', '.join(f'{reason} {count}' for reason, count in sorted(reasons.items()))})" if reasons else ""
         share = 100 * sum(reasons.values()) / attempts
-        found.notes.append(
-            f"{card.id}: {share:.0f} % of {attempts} attempts rejected{listed}; all scenes are crash-free"
-        )
+        found.notes.append(f"{share:.0f} % of {attempts} attempts rejected{listed}; all scenes are crash-free")
     found.checks.append(DataCheck("scenes generated", len(worlds), len(source.names)))
     return found

@@ -9,15 +9,18 @@ from ...cards import Card
 from ...sources import DataStatus
 from .output import new_table
 
+WORDS = 28  # columns of text of a sentence, at least
+
 if TYPE_CHECKING:
-    from rich.console import Group
+    from rich.console import Group, RenderableType
     from rich.table import Table
 
 
 def env_table(cards: Sequence[Card]) -> Table:
     """One row per environment."""
     headings = ("id", "rate", "past / future", "k", "classes", "what")
-    table = new_table("Environments", headings, left=headings, whole=("id",))
+    table = new_table("Environments", headings, left=headings, whole=("id", "past / future"))
+    table.columns[-1].min_width = WORDS
     for card in cards:
         task = card.task
         table.add_row(
@@ -32,20 +35,19 @@ def env_table(cards: Sequence[Card]) -> Table:
 
 
 def data_report(statuses: Mapping[str, DataStatus]) -> Group:
-    """What each environment needs of its dataset: found, missing, checked; how to get it, licence and citation."""
+    """A row per environment; then, per dataset: where it is, what is missing or wrong, notes, licence and citation."""
     from rich.console import Group
+    from rich.padding import Padding
     from rich.text import Text
 
-    parts: list[Table | Text] = [_status_table(statuses)]
-    shown: set[str] = set()
-    for status in statuses.values():
-        for line in (*status.missing, *status.problems, *status.notes):
-            if line not in shown:
-                shown.add(line)
-                parts.append(Text(f"  {line}", no_wrap=True, overflow="ignore"))  # a path stays whole
-        if status.about.name not in shown:
-            shown.add(status.about.name)
-            parts.append(Text(_about(status)))
+    datasets: dict[str, dict[str, DataStatus]] = {}
+    for env_id, status in statuses.items():
+        datasets.setdefault(status.about.name, {})[env_id] = status
+    parts: list[RenderableType] = [_status_table(statuses)]
+    for name, those in datasets.items():
+        parts.append(Text(f"\n{name}", style="bold"))
+        parts += [Text(f"  {line}", no_wrap=True, overflow="ignore") for line in _lines(those)]  # a path stays whole
+        parts += [Padding(Text(line), (0, 0, 0, 2)) for line in _about(those)]
     return Group(*parts)
 
 
@@ -65,21 +67,32 @@ def status_json(status: DataStatus) -> dict[str, Any]:
 
 
 def _status_table(statuses: Mapping[str, DataStatus]) -> Table:
-    from rich.markup import escape
-
-    headings = ("environment", "dataset", "state", "root", "counts (found / known)")
+    headings = ("environment", "dataset", "state")
     table = new_table("Data", headings, left=headings, whole=("environment",))
-    shown: dict[str, str] = {}  # counts, and the environment beside which they stand
     for env_id, status in statuses.items():
-        checks = "\n".join(
-            f"{'' if check.ok else '[red]'}{check.what}: {check.found} / {check.expected}" for check in status.checks
-        )
-        beside = shown.setdefault(f"{status.root} {checks}", env_id)
-        if checks and beside != env_id:
-            checks = f"as {beside}"
-        root = str(status.root) if status.root else "looked in " + ", ".join(map(str, status.searched))
-        table.add_row(env_id, status.about.name, _state(status), escape(root), checks)
+        table.add_row(env_id, status.about.name, _state(status))
     return table
+
+
+def _lines(statuses: Mapping[str, DataStatus]) -> list[str]:
+    """What was found of a dataset, each line once; one that does not hold for all of its environments names those."""
+    envs: dict[str, list[str]] = {}
+    for env_id, status in statuses.items():
+        for line in _found(status):
+            envs.setdefault(line, []).append(env_id)
+    return [line if len(ids) == len(statuses) else f"{', '.join(ids)}: {line}" for line, ids in envs.items()]
+
+
+def _found(status: DataStatus) -> list[str]:
+    where = f"in {status.root}" if status.root else f"missing; looked in {', '.join(map(str, status.searched))}"
+    counts = [f"{check.found} of {check.expected} {check.what}" for check in status.checks]
+    return [
+        where,
+        *(f"missing: {line}" for line in status.missing),
+        *(f"wrong: {line}" for line in status.problems),
+        *(f"found: {', '.join(counts[i : i + 4])}" for i in range(0, len(counts), 4)),
+        *status.notes,
+    ]
 
 
 def _state(status: DataStatus) -> str:
@@ -92,7 +105,9 @@ def _state(status: DataStatus) -> str:
     return "[red]not found[/red]" if status.root is None else "[red]incomplete[/red]"
 
 
-def _about(status: DataStatus) -> str:
-    about = status.about
-    missing = "" if status.usable else f"\nExpected layout:\n{about.layout}\n\nHow to get it: {about.how_to_get}"
-    return f"\n{about.name}\nLicence: {about.licence}\nPlease cite: {about.citation}{missing}"
+def _about(statuses: Mapping[str, DataStatus]) -> list[str]:
+    about = next(iter(statuses.values())).about
+    lines = [f"licence: {about.licence}", f"please cite: {about.citation}"]
+    if not all(status.usable for status in statuses.values()):
+        lines += [f"how to get it: {about.how_to_get}", "expected layout:", *about.layout.splitlines()]
+    return lines

@@ -6,6 +6,9 @@ import sys
 import textwrap
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from copy import copy
+from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
@@ -15,6 +18,7 @@ if TYPE_CHECKING:
 NOTHING = "–"  # where a number is not defined
 PIPE_WIDTH = 180  # columns where the output is a file or a pipe
 TEXT_WIDTH = 80  # columns of reports
+NAMES = ("agent", "H", "K")  # headings of columns that name a row; the first column does anyway
 NAME_WIDTH = 16  # columns of the first column of a report's table; longer names are folded
 
 
@@ -92,11 +96,39 @@ def show_command(words: str) -> None:
 
 
 def show_numbers(table: Table, console: Console | None = None) -> None:
-    """Print a table of results; where that is too narrow, words are folded and lines wrap, but no number is cut off."""
+    """Print a table of results; one that is too wide goes on below with its other columns, and no number is cut off."""
     console = console or _console()
-    needed = console.measure(table, options=console.options.update(max_width=10 * PIPE_WIDTH)).minimum
-    console.width = max(console.width, needed)
-    console.print(table, highlight=False)
+    for part in by_columns(table, console):
+        console.width = max(console.width, _needed(part, console))  # one column alone may be too wide
+        console.print(part, highlight=False)
+
+
+def by_columns(table: Table, console: Console) -> list[Table]:
+    """``table``, or its columns as several tables that fit into the console, each with the columns that name a row."""
+    headings = [str(column.header).strip() for column in table.columns]
+    names = next((i for i, heading in enumerate(headings) if i > 0 and heading not in NAMES), len(headings))
+    parts = [list(range(names))]
+    for place in range(names, len(headings)):
+        wider = _part(table, [*parts[-1], place])
+        if len(parts[-1]) > names and _needed(wider, console) > console.width:
+            parts.append(list(range(names)))
+        parts[-1].append(place)
+    found = [_part(table, part) for part in parts]
+    for first, later in pairwise(found):
+        first.caption, later.title = None, None
+    return found
+
+
+def _part(table: Table, places: Sequence[int]) -> Table:
+    """A table with the columns at ``places`` alone."""
+    part = copy(table)
+    part.columns = [replace(table.columns[place], _index=i) for i, place in enumerate(places)]
+    return part
+
+
+def _needed(table: Table, console: Console) -> int:
+    """Columns of text that the table needs where its words are not broken."""
+    return console.measure(table, options=console.options.update(max_width=10 * PIPE_WIDTH)).minimum
 
 
 @contextmanager

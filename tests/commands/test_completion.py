@@ -1,0 +1,57 @@
+"""What a shell offers: the words that it would type, asked for as the shell asks."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mtp_bench._bundle import baseline_names, card_ids
+from mtp_bench.detector.profile import profile_names
+
+
+def offered(words: str, folder: Path) -> list[str]:
+    """Words that bash is offered for the last of ``words``."""
+    line = f"mtp-bench {words}"
+    asked = {"_MTP_BENCH_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(line.split(" ")) - 1)}
+    done = subprocess.run(
+        [sys.executable, "-m", "mtp_bench"], env={**os.environ, **asked}, cwd=folder, text=True, capture_output=True,
+        check=False,
+    )  # fmt: skip
+    assert done.stderr == ""
+    return done.stdout.split()
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Somebody's own card and submission."""
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "submission.toml").touch()
+    (tmp_path / "mine.toml").touch()
+    return tmp_path
+
+
+def test_environments_and_cards(folder: Path) -> None:
+    assert offered("run stp --env MTP-KITTI", folder) == [name for name in card_ids() if name.startswith("MTP-KITTI")]
+    assert offered("compare stp --env MTP-nu", folder) == ["MTP-nuScenes-mini-v0", "MTP-nuScenes-v0"]
+    assert offered("data --env mi", folder) == ["mine.toml"]
+
+
+def test_submissions(folder: Path) -> None:
+    assert offered("run stp_s", folder) == [name for name in baseline_names() if name.startswith("stp_s")]
+    assert offered("compare stp o", folder) == ["own"]
+    assert offered("submit ./o", folder) == ["./own"]
+
+
+def test_detectors(folder: Path) -> None:
+    kitti = [name for name in profile_names() if name.startswith("kitti")]
+    assert len(kitti) > 1
+    assert offered("run stp --env MTP-KITTI-v0 --detector kitti", folder) == kitti
+
+
+def test_commands_and_options(folder: Path) -> None:
+    assert offered("ver", folder) == ["verify"]
+    assert sorted(offered("run --sc", folder)) == ["--scenes", "--scheduler"]
