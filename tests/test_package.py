@@ -23,7 +23,7 @@ from mtp_bench import _bundle
 from mtp_bench.running.options import RunOptions
 
 PUBLIC = {
-    "Action", "Agent", "CardError", "DataError", "Detections", "MtpBenchError", "Objects", "Observation",
+    "Action", "ActionError", "Agent", "CardError", "DataError", "Detections", "MtpBenchError", "Objects", "Observation",
     "Forecasts", "Frame", "Pipeline", "Predictor", "RecordError", "Rollout", "RolloutError", "Sampler", "Scene",
     "ShapeError", "SubmissionError", "Task", "Tracker", "Tracks", "Truth", "UnknownNameError", "answer", "card_ids",
 }  # fmt: skip
@@ -39,9 +39,9 @@ LAZY_NAMES = {
     "windows",
 }
 LAZY_NAMES |= {"run", "save_scene", "score"}
-LAZY = {"prediction", "scoring", "tracking", "training"}
+LAZY = {"prediction", "scoring", "tracking", "training", "wrappers"}
 SLOW = {"torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "rich", "typer", "pandas", "matplotlib"}
-SLOW |= {"jinja2", "pygame", "safetensors", "PIL", "av"}
+SLOW |= {"stable_baselines3", "jinja2", "pygame", "safetensors", "PIL", "av"}
 
 
 def python(code: str, *arguments: str) -> str:

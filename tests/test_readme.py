@@ -22,6 +22,7 @@ from mtp_bench.cards import (
     WildtrackSource,
 )
 from tests.conftest import REPOSITORY
+from tests.support.command_line import CommandLine
 from tests.support.small_scenes import task
 
 TASK = task(classes=("car",), detections=5, objects=7)
@@ -81,9 +82,14 @@ def test_links_lead_somewhere(repository: Path, document: str) -> None:
 
 def test_the_example_runs(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
     exec(compile(block(repository / "README.md", "python", "gym.make"), "README.md", "exec"), {})
-    found = re.match(r"intersection-\d{6}: error (\d+\.\d+) m per frame", capsys.readouterr().out)
-    assert found
-    assert 0 < float(found[1]) < 1000
+    rewards = re.findall(r"^frame \d+: reward (-?\d+\.\d)$", capsys.readouterr().out, flags=re.MULTILINE)
+    assert len(rewards) == 40
+    assert -1000 < min(map(float, rewards)) < 0
+
+
+def test_the_first_agent_has_eight_lines(repository: Path) -> None:
+    lines = block(repository / "README.md", "python", "gym.make").splitlines()
+    assert len([line for line in lines if line and not line.startswith("import")]) == 8
 
 
 def test_the_example_of_the_detector_runs(repository: Path) -> None:
@@ -111,6 +117,17 @@ def test_the_submission_works(repository: Path, tmp_path: Path) -> None:
     assert action["object_box"].shape == (7, 7)
     np.testing.assert_array_equal(action["object_box"][:3], observation["detection_box"][:3])
     assert action["forecast"].shape == (7, 4, 3, 2)
+
+
+def test_the_submission_passes_check(repository: Path, tmp_path: Path, cli: CommandLine) -> None:
+    """Whichever page shows it."""
+    pages = [repository / "README.md", *sorted(repository.glob("docs/start/*.md"))]
+    (page,) = [page for page in pages if "standing_still/agent.py" in page.read_text()]
+    folder = tmp_path / "standing_still"
+    folder.mkdir()
+    (folder / "submission.toml").write_text(block(page, "toml", "standing_still/submission.toml"))
+    (folder / "agent.py").write_text(block(page, "python", "standing_still/agent.py"))
+    assert "error" not in cli.ok("check", folder).splitlines()[-1]
 
 
 def test_the_example_manifest_is_valid(repository: Path, tmp_path: Path) -> None:
