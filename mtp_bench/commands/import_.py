@@ -76,6 +76,32 @@ def nuscenes(
     _write(load_scenes(card, root), card, output, True, form)
 
 
+@import_.command()
+def tracks(
+    file: Annotated[Path, typer.Argument(help="A tracking submission of nuScenes, or KITTI's result files.")],
+    env: Annotated[str, typer.Option("--env", help="Environment or card whose scenes they are of.")],
+    output: FolderOption,
+    root: DataOption = None,
+    split: SplitOption = None,
+) -> None:
+    """Tracks of another program as tables, one for each scene."""
+    from ..running.options import RunOptions
+    from ..sources import open_source, with_tracks
+    from ..sources.importing import import_tracks
+    from ..viz.terminal.output import progress_bar, show, show_command
+
+    options = RunOptions(root, split=split)
+    prepare(env, options)
+    card = options.card(env)
+    source = with_tracks(open_source(card, root), card, root, file)
+    with progress_bar("import") as (started, done):
+        started(len(source.names))
+        scenes, boxes = import_tracks(source, card, output, done)
+    show(f"{count(boxes, 'tracked position')} of {count(scenes, 'scene')} in {output}; next:")
+    given = shlex.join(["--env", env, *(["--split", split] if split else []), "--tracks", str(output)])
+    show_command(f"mtp-bench run given_tracks {given} -o runs/given_tracks")
+
+
 def _write(scenes: Iterator[Scene], card: Card, output: Path, posed: bool, form: str) -> None:
     from ..sources.importing import import_scenes
     from ..viz.terminal.output import progress_bar, show, show_command

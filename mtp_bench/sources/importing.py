@@ -13,12 +13,13 @@ from ..cards import Card, FilesSource, card_text
 from ..errors import DataError, MtpBenchError
 from ..files import make_folder, write_text
 from ..types import Scene
-from .base import no_detections
+from .base import SceneSource, no_detections
 from .files.writing import Form, save_scene
 from .kitti.files import SENSOR_FROM_CAMERA, read_imu_to_camera, read_labels, read_odometry, read_oxts
 from .kitti.layout import TYPES
 from .kitti.poses import FRAME_PERIOD, Poses, integrated_poses
 from .kitti.source import Frames, detections_of, stored_rows, truth_of
+from .tracks.table import table_path, write_table_of_tracks
 
 MOST_FRAMES = 1_000_000  # of a scene
 
@@ -78,10 +79,7 @@ def import_scenes(
     ``card``: its task, sizes and detector are those of the new card. ``posed``: the frames of a scene share one frame
     of reference. Raises MtpBenchError, also where the folder holds anything.
     """
-    folder = folder.expanduser().absolute()
-    if folder.exists() and any(folder.iterdir()):
-        raise MtpBenchError(f"{folder} is not empty: choose another folder")
-    make_folder(folder)
+    folder = _new_folder(folder)
     count = 0
     for scene in scenes:
         save_scene(scene, folder, card.task.classes, form)
@@ -95,6 +93,36 @@ def import_scenes(
     path = folder / f"{name}.toml"
     write_text(path, card_text(own.model_copy(update=update)))
     return count, path
+
+
+def import_tracks(
+    source: SceneSource, card: Card, folder: Path, done: Callable[[str], object] = lambda _: None
+) -> tuple[int, int]:
+    """Write the stored tracks of the scenes of ``source`` into ``folder``, a table for each scene.
+
+    Returns the numbers of scenes and of boxes. Raises DataError where the tracks are wrong, and MtpBenchError where the
+    folder holds anything.
+    """
+    scenes = [scene for scene in map(source.load, source.names) if scene.tracks is not None]
+    folder = _new_folder(folder)
+    boxes = 0
+    for scene in scenes:
+        tracks = scene.tracks
+        assert tracks is not None
+        names = [card.task.classes[place] for place in tracks.class_id]
+        columns = (tracks.frame_of_rows.tolist(), tracks.object_id.tolist(), names, *tracks.box.T.tolist())
+        write_table_of_tracks(table_path(folder, scene.name), zip(*columns, tracks.score.tolist(), strict=True))
+        boxes += len(names)
+        done(scene.name)
+    return len(scenes), boxes
+
+
+def _new_folder(folder: Path) -> Path:
+    folder = folder.expanduser().absolute()
+    if folder.exists() and any(folder.iterdir()):
+        raise MtpBenchError(f"{folder} is not empty: choose another folder")
+    make_folder(folder)
+    return folder
 
 
 def _kitti_scene(text: KittiText, name: str, classes: tuple[str, ...]) -> Scene:

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card
+from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import DataError, MtpBenchError
+from mtp_bench.running.rollout_files import load_run
 from mtp_bench.sources import load_scenes
 from mtp_bench.sources.importing import KittiText, import_scenes, kitti_scenes
 from mtp_bench.types import Scene
@@ -144,3 +146,25 @@ def test_a_nuscenes_submission_becomes_own_scenes(tmp_path: Path, data_root: Pat
         np.testing.assert_array_equal(own.detections.box, original.detections.box)
         np.testing.assert_array_equal(own.truth.box, original.truth.box)
     assert card.detector_name == given.detector_name == "megvii-centerpoint_mini_val"
+
+
+@pytest.mark.data
+def test_a_tracking_submission_becomes_tables_that_score_alike(
+    tmp_path: Path, data_root: Path, cli: CommandLine
+) -> None:
+    env = ("--env", "MTP-nuScenes-mini-v0", "--split", "mini_val", "--data", data_root)
+    cli.ok("run", "stp", *env, "-o", tmp_path / "stp", "--jobs", 1)
+    file = tmp_path / "submission.json"
+    cli.ok("export", "tracks", tmp_path / "stp", "-o", file, "--data", data_root)
+    said = cli.ok("import", "tracks", file, *env, "-o", tmp_path / "tables")
+    assert sorted(path.name for path in (tmp_path / "tables").iterdir()) == ["scene-0103.csv", "scene-0916.csv"]
+    assert "of 2 scenes in" in said
+    digests = []
+    for name, tracks in (("of_json", file), ("of_tables", tmp_path / "tables")):
+        cli.ok("run", "given_tracks", *env, "--tracks", tracks, "-o", tmp_path / name, "--jobs", 1)
+        digests.append([digest(rollout) for rollout in load_run(tmp_path / name).rollouts])
+    assert digests[0] == digests[1]
+    assert (
+        "tables is not empty: choose another folder"
+        in cli("import", "tracks", file, *env, "-o", tmp_path / "tables").error
+    )
