@@ -13,13 +13,16 @@ from typer.core import TyperGroup
 from .._version import __version__
 from ..errors import MtpBenchError
 from .board import board
+from .challenge import challenge
 from .check import check
 from .compare import compare
 from .data import data
 from .envs import envs
 from .events import events
+from .export import export
 from .fit_noise import fit_noise
 from .freeze import freeze
+from .import_ import import_
 from .new import new
 from .options import Command, opened
 from .output import fail, said_of, say
@@ -75,9 +78,11 @@ def about(
 
 for command in (
     envs, data, run, score, compare, view, events, video, fit_noise, new, check, submit, verify, seal, board,
+    export, challenge,
 ):  # fmt: skip
     app.command(cls=Command)(opened(command))
 app.add_typer(train, name="train")
+app.add_typer(import_, name="import")
 app.command(hidden=True)(opened(freeze))
 
 

@@ -6,28 +6,31 @@ from collections.abc import Mapping, Sequence
 from typing import Any, TypedDict
 
 from ..errors import MtpBenchError, UnknownNameError
+from ..types import Scene
 
 MOST_BYTES = 64 << 20  # of one answer, and of one observation: what is sent between an agent and its judge
-OBSERVE = ("detections", "truth")
+OBSERVE = ("detections", "truth", "tracks")
 RENDER_MODES = ("rgb_array", "rerun")  # each has its renderer in viz/drawing/live.py
 
 
 class EnvKeywords(TypedDict, total=False):
     """Keywords of `MTPEnv`; None and what is not given stand for the card's own or for no."""
 
-    observe: str  # "detections", or "truth" for true boxes with true ids
+    observe: str  # "detections", "truth" for true boxes with true ids, or "tracks" for those of ``track_file``
     samples: int | None  # K; more than the card's belong to unranked runs
     tracks: int | None  # N
     objects: int | None  # O
     hypotheses: int | None  # H
     detections: int | None  # D
-    scenes: Sequence[str] | None  # names to choose from
+    scenes: Sequence[str] | Sequence[Scene] | None  # names to choose from, or scenes of one's own (`Card.with_scenes`)
     evaluation: bool  # the reward is 0 and nothing that is returned derives from the truth
     strict: bool | None  # an action outside the action space is an ActionError; None: unless ``evaluation``
     rigid_motion: bool  # the local frame of every episode is turned and shifted at random
     split: str | None  # another split of the card's source
     detector: str | None  # another detector, simulated on the true boxes or stored (`Card.with_detector`)
     detection_file: str | None  # stored detections of one's own (`Card.with_detections`)
+    track_file: str | None  # file or folder of stored tracks (`sources.tracks`), for ``observe="tracks"``
+    files: str | None  # a folder of scenes of one's own (`Card.with_files`)
     fresh_noise: bool  # the noise of a simulated detector is drawn anew in every episode, for training
     render_mode: str | None  # what `render` does, of RENDER_MODES
 
@@ -45,11 +48,16 @@ def checked(keywords: Mapping[str, Any]) -> dict[str, Any]:
     for name in (*flags, "strict"):
         if not isinstance(whole[name], bool):
             raise MtpBenchError(f"{name} is {whole[name]!r}, expected true or false")
-    for name in ("split", "detector", "detection_file"):
+    for name in ("split", "detector", "detection_file", "track_file", "files"):
         if whole[name] is not None and not isinstance(whole[name], str):
             raise MtpBenchError(f"{name} is {whole[name]!r}, expected a text")
     if whole["observe"] not in OBSERVE:
         raise UnknownNameError("value of observe", str(whole["observe"]), OBSERVE)
+    if (whole["observe"] == "tracks") != (whole["track_file"] is not None):
+        raise MtpBenchError(
+            f"observe is {whole['observe']!r} and track_file is {whole['track_file']!r}, expected observe='tracks' and "
+            "a file or folder of stored tracks, or neither"
+        )
     if whole["render_mode"] not in (None, *RENDER_MODES):
         raise UnknownNameError("render mode", str(whole["render_mode"]), RENDER_MODES)
     return whole
@@ -72,6 +80,18 @@ def require_room(env_id: str, sizes: Mapping[str, int], kind: str, count: int) -
             f"{env_id} with {given}: one {kind} would have {8 * count / 2**20:.0f} MiB, expected at most "
             f"{MOST_BYTES >> 20} MiB, which is what is sent between an agent and its judge: choose smaller sizes"
         )
+
+
+def own_scenes(given: Mapping[str, Any]) -> Sequence[Scene] | None:
+    """The scenes of one's own among the keywords; None where ``scenes`` holds names."""
+    scenes = given["scenes"]
+    if isinstance(scenes, Scene):
+        raise MtpBenchError(f"scenes is the scene {scenes.name!r}, expected a list: scenes=[scene]")
+    if scenes is None or isinstance(scenes, str) or not any(isinstance(scene, Scene) for scene in scenes):
+        return None
+    if given["files"] is not None:
+        raise MtpBenchError("scenes holds Scene objects and files names a folder, expected one of them")
+    return list(scenes)
 
 
 def choose(known: tuple[str, ...], wanted: Sequence[str] | None) -> tuple[str, ...]:

@@ -73,7 +73,7 @@ class Statement(Section):
     env: _Text
     card: _Text
     data: Sha256
-    observe: Literal["detections", "truth"]
+    observe: Literal["detections", "truth", "tracks"]
     submission: Sha256
     seeds: list[int]
     measured: Sha256  # times, memory and machine

@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from .._bundle import card_ids
-from ..cards import Card, changed_card, load_card
-from ..env.observation import true_detections
+from ..cards import Card, changed_card, load_card, parse_card
+from ..env.observation import shown_boxes
 from ..errors import RolloutError, UnknownNameError
-from ..sources import SceneSource, open_source
+from ..sources import SceneSource, open_source, with_tracks
 from ..types import Rollout, Scene
 from .rollout_files import Run, RunInfo, load_run
 
-CHANGES = ("split", "detector", "detection_file")  # of the card, as `changed_card` takes them
+CHANGES = ("split", "detector", "detection_file", "files")  # of the card, as `changed_card` takes them
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +26,7 @@ class OpenedRun:
     run: Run
     card: Card  # with the run's own split and detector
     source: SceneSource
+    data: str | None  # root that the scenes come from
 
     def rollouts(self, scene: str | None = None) -> Sequence[Rollout]:
         """All rollouts, or that of one scene; raises UnknownNameError where the run has none of it."""
@@ -44,12 +45,17 @@ class OpenedRun:
         return rollouts[0]
 
     def scene(self, name: str) -> Scene:
-        """The scene of this name with the detections that the agent was shown: of a run on true pasts, true boxes.
+        """The scene of this name with the boxes that the agent was shown as its detections: see `shown_boxes`.
 
-        Raises UnknownNameError where the source has none of this name.
+        Raises UnknownNameError where the source has none of this name, and DataError where stored tracks are gone.
         """
-        scene = self.recorded(name)
-        return replace(scene, detections=true_detections(scene)[0]) if self.run.info.observe == "truth" else scene
+        scene, info = self.recorded(name), self.run.info
+        if info.observe == "tracks":
+            file = _text(self.folder, info, "track_file")
+            if file is None:
+                raise RolloutError(f"{self.folder}: does not say where the stored tracks are that its agent was given")
+            scene = with_tracks(self.source, self.card, self.data, file).load(name)
+        return replace(scene, detections=shown_boxes(scene, info.observe)[0])
 
     def recorded(self, name: str) -> Scene:
         """The scene of this name as its source has it: what is scored, whatever the agent was shown.
@@ -61,24 +67,31 @@ class OpenedRun:
         return self.source.load(name)
 
 
-def open_run(folder: Path, data: str | None = None, env_id: str | None = None) -> OpenedRun:
-    """The run stored in ``folder``; ``env_id`` names the card of a run whose env does not ship with the library.
+def open_run(folder: Path, data: str | None = None, env: str | Card | None = None) -> OpenedRun:
+    """The run stored in ``folder``, by the card that it keeps; ``env``: id, path or card, where another one is meant.
 
     Raises RolloutError where the run was made for another version of the card, or says other things than its rollouts,
     and DataError where its data is missing.
     """
     run = load_run(folder)
-    card = _card(folder, run, env_id)
+    card = _card(folder, run, env)
     _check(folder, run)
-    return OpenedRun(folder, run, card, open_source(card, data))
+    return OpenedRun(folder, run, card, open_source(card, data), data)
 
 
-def _card(folder: Path, run: Run, env_id: str | None) -> Card:
+def _card(folder: Path, run: Run, env: str | Card | None) -> Card:
     """The card that the run was made for, by its digest."""
     info = run.info
-    if env_id is None and info.env_id not in card_ids():
-        raise RolloutError(f"{folder}: made for {info.env_id!r}, which does not ship here; name its card with --env")
-    card = changed_card(load_card(env_id or info.env_id), *(_text(folder, info, key) for key in CHANGES))
+    if env is None and info.card is not None:
+        card = parse_card(info.card, f"{folder}, card")
+    else:
+        if env is None and info.env_id not in card_ids():
+            raise RolloutError(
+                f"{folder}: made for {info.env_id!r}, which does not ship here; name its card with --env"
+            )
+        card = env if isinstance(env, Card) else load_card(env or info.env_id)
+        if card.digest != info.card_digest:
+            card = changed_card(card, *(_text(folder, info, key) for key in CHANGES))
     if card.digest != info.card_digest:
         raise RolloutError(
             f"{folder}: made for {info.env_id} with card digest {info.card_digest}, {card.id} now has {card.digest}; "

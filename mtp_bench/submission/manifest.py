@@ -46,7 +46,7 @@ class CompareSection(Section):
 
     sweep: dict[str, _Values] = Field(default_factory=dict)  # parameter of the agent -> values to run it with
     budgets: Annotated[tuple[Literal["equal", "free"], ...], _NOT_EMPTY] = ("equal",)
-    observe: Literal["detections", "truth"] = "detections"  # what the env feeds; "truth" is never ranked
+    observe: Literal["detections", "truth", "tracks"] = "detections"  # what the env feeds; others are never ranked
     hypotheses: str | None = None  # parameter that is the number H of hypotheses; None: what the agent states
     draws: str | None = None  # parameter that is the number of times k samples are drawn per hypothesis; None: once
     # Between what its gap is measured: with these parameters it is a single-hypothesis pipeline, and takes true pasts
