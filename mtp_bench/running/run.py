@@ -34,7 +34,7 @@ def run_scene(agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str |
 
     ``scene_name``: one of ``env.scene_names``. The agent's own seed depends on ``seed`` alone, so that it does not give
     the scene away. Raises SubmissionError, naming the agent (``name``, else its class), scene and frame, if the agent
-    raises; answers that break the contract are counted in the rollout instead.
+    raises; answers that break the contract are counted in the rollout instead, or are an ActionError of a strict env.
     """
     name = name or type(agent).__name__
     observation, _ = env.reset(seed=derived_seed(seed, scene_name, "env"), options={"scene": scene_name})
