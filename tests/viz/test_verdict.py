@@ -279,6 +279,14 @@ def test_the_figures_of_the_paper() -> None:
     assert paper_gap("MTP-WILDTRACK-v0", row(MTP, "all")) is None
 
 
+def test_the_paper_stands_beside_its_own_scenes_alone() -> None:
+    known = report([*rows(TRUTH), *rows(STP), *rows(MTP)], env="MTP-nuScenes-v0")
+    own = replace(known, condition={**known.condition, "source": "files"})
+    assert ("the paper's" in notes(known)[0], "13.89" in render(main_table(known))) == (True, True)
+    assert ("the paper's" in notes(own)[0], "13.89" in render(main_table(own))) == (False, False)
+    assert "the paper's" not in notes(report(rows(MINE)))[0]  # the paper has no such agent
+
+
 def test_the_counts_of_subsets_in_words() -> None:
     some: dict[Subset, dict[str, Any]] = {"paper_ids": {"targets": 1, "objects": 1, "scenes": 1}}
     table = [row(STP, subset, **some.get(subset, {})) for subset in SUBSETS]
