@@ -76,8 +76,8 @@ def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:
         path = folder / f"{scene.name}.txt"
         if not path.is_file():
             raise DataError(
-                f"no file {path}, expected the tracks of each sequence that is run; --scenes N (scenes= in Python) runs "
-                "fewer, and an empty file says that nothing was tracked"
+                f"no file {path}, expected the tracks of each sequence that is run; --scenes N (scenes= in Python) "
+                "runs fewer, and an empty file says that nothing was tracked"
             )
         return read_result(path, scene, card.task.classes, stride, poses_of(card, data, scene.name))
 
