@@ -22,7 +22,9 @@ from .wrapped import task_of
 if TYPE_CHECKING:
     from ..agent import SamplingPredictor
 
-IGNORE, NEW, CONTINUE = 0, 1, 2  # choices; CONTINUE + i: the i-th nearest track
+IGNORE = 0  # the choice that leaves a detection out
+NEW = 1  # the choice that begins a track
+CONTINUE = 2  # CONTINUE + i: the choice of the i-th nearest track
 _REACH = 100.0  # m; positions are told in it
 _OWN, _OF_TRACK = 4, 4  # columns of a detection beside its class, and of each track near it
 _STANDING, _PATIENCE = 64, 2  # tracks that there may be, frames without a detection after which one ends

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from ...running.sensitivity import AtCut
 from ...scoring import Report
 from ...scoring.definitions import RANKED_SUBSETS
+from ...scoring.rank import NOT_CAUSAL
 from ...scoring.rows import Details, Interval, PairedRow, Row
 from ...scoring.subsets import SUBSETS, Subset
 from ...scoring.weights import EVENTS
@@ -64,6 +65,8 @@ def notes(report: Report) -> list[str]:
             few = "" if subset != "ids" else f" ({row.effective_targets:.1f} and {row.effective_objects:.1f} effective)"
             on = f"{counted(row.targets, 'target')} on {counted(row.objects, 'object')}{few}"
             lines.append(f"{name}: {on} in {counted(row.scenes, 'scene')}")
+    unfair = dict.fromkeys(row.agent for row in report.rows if row.unranked_because == NOT_CAUSAL)
+    lines += [f"{agent}: never ranked, {NOT_CAUSAL}" for agent in unfair]
     for detail in report.details:
         if detail.guessed_parents:
             share = _percent(detail.guessed_parents)
