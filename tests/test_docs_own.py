@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import pytest
@@ -10,6 +9,7 @@ import pytest
 from mtp_bench.cards import load_card
 from mtp_bench.sources.files.columns import ARRAYS, TABLES
 from tests.support.own_scenes import write_long_log
+from tests.test_readme import blocks
 
 PAGE = "docs/data/own.md"
 
@@ -46,13 +46,13 @@ def test_the_arrays_are_those_of_the_code(repository: Path) -> None:
 def test_the_blocks_run(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_long_log(tmp_path / "logs")
     monkeypatch.chdir(tmp_path)
-    for block in re.findall(r"^```python\n(.*?)^```", page(repository), re.DOTALL | re.MULTILINE):
+    for block in blocks(repository / PAGE, "python"):
         exec(compile(block, PAGE, "exec"), {})
     assert (tmp_path / "runs" / "stp" / "run.json").is_file()
 
 
 def test_the_card_is_one(repository: Path, tmp_path: Path) -> None:
-    (block,) = re.findall(r"^```toml\n(.*?)^```", page(repository), re.DOTALL | re.MULTILINE)
+    (block,) = blocks(repository / PAGE, "toml")
     (tmp_path / "MTP-logs-v0.toml").write_text(block)
     card = load_card(tmp_path / "MTP-logs-v0.toml")
     assert card.detector_name == "pointrcnn-ours"

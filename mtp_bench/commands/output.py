@@ -79,7 +79,8 @@ def show_report(report: Report, of: str, skipped: Mapping[str, int], full: bool)
     condition = report.condition
     show_numbers(main_table(report))
     show_lines(notes(report))
-    data = f"split {condition['split']}, {condition['detections']}; truth: {condition['truth']}"
+    own = "own scenes, settings of the environment; " if condition["source"] == "files" else ""
+    data = f"{own}split {condition['split']}, {condition['detections']}; truth: {condition['truth']}"
     show_lines([f"{of}; {data}", condition["weights"], *([condition["trained"]] if "trained" in condition else [])])
     show_lines([line for line in [skipped_line(skipped)] if line is not None])
     for table in full_tables(report) if full else ():

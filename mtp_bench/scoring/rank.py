@@ -12,6 +12,8 @@ from .definitions import LARGEST_SHARE, RANKED_OBJECTS, RANKED_SUBSETS, RANKED_U
 from .rows import Budget
 from .statistics import ROUNDING, beyond_rounding, effective_number, sign_flip_test
 
+NOT_CAUSAL = "not causal: stored tracks, which may have seen the future"
+
 
 @dataclass(frozen=True)
 class Entrant:
@@ -31,7 +33,7 @@ def why_unranked(entrant: Entrant) -> str | None:
     if entrant.saw_truth:
         return "saw the truth"
     if entrant.stored_tracks:
-        return "not causal: stored tracks, which may have seen the future"
+        return NOT_CAUSAL
     if entrant.budget != "equal":
         return f"{entrant.samples} samples per object, not the env's own k"
     return None

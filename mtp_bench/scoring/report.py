@@ -29,7 +29,9 @@ class Report:
     rows: list[Row]  # the keys of design.md, "compare --json"
     paired: list[PairedRow]  # differences to the controls
     details: list[Details]  # per agent
-    condition: dict[str, str] = field(default_factory=dict)  # split, detector, card digest, detections, truth, weights
+    condition: dict[str, str] = field(
+        default_factory=dict
+    )  # source, split, detector, card digest, detections, truth, weights
 
     def to_json(self, *further: str) -> dict[str, Any]:
         """The content of ``compare --json``: env, definitions, rows, and the ``further`` fields that are named."""
@@ -105,6 +107,7 @@ def _condition(tables: Sequence[AgentTable], card: Card, reference: Reference | 
     made = Counter(score.detections for score in scenes)
     complete = all(table.complete for table in tables)
     return {
+        "source": card.source.name,
         "split": card.source.split,
         "detector": card.detector_name,
         "card": card.digest,

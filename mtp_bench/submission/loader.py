@@ -124,7 +124,9 @@ def _check_parameters(name: str, function: Callable[..., Any], given: dict[str, 
     known = {parameter.name: parameter for parameter in parameters if parameter.kind is not parameter.VAR_POSITIONAL}
     for key in given:
         if key not in known:
-            raise UnknownNameError(f"parameter of {name}", key, known)
+            raise UnknownNameError(
+                f"parameter of {name}", key, known, f"parameters stand in {MANIFEST} and behind the task in build"
+            )
     for key, parameter in known.items():
         if parameter.default is parameter.empty and key not in given:
             raise SubmissionError(f"{name}: parameter {key!r} has no value; give one in {MANIFEST} under [parameters]")

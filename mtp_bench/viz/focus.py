@@ -223,10 +223,12 @@ class Focus:
     def key(self) -> tuple[Key, ...]:
         """What the marks of the picture of the event mean."""
         at, shown, lines = self.at, self.frame(self.at.frame), []
-        horizon = self.replay.card.task.future / self.replay.card.task.rate
+        last = at.frame + max(len(self.case.future(at.frame)) - 1, 0)
+        known = self.case.seconds(last) - self.case.seconds(at.frame)
         if len(shown.object_box):
             lines += [Key("truth", "box", f"{self.case.noun} {at.object_id}, true box")]
-            lines += [Key("truth", "path", f"where it really goes in {horizon:g} s")]
+        if known > 0:
+            lines += [Key("truth", "path", f"where it really goes in {round(known, 1):g} s")]
         if len(shown.others):
             lines += [Key("truth", "other", "true object of the other track")]
         for track in shown.tracks:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, SupportsFloat, cast, final
+import reprlib
+from typing import TYPE_CHECKING, Any, SupportsFloat, final
 
 import gymnasium
 import numpy as np
+from gymnasium.error import ResetNeeded
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
@@ -15,14 +17,14 @@ from ..errors import ActionError, MtpBenchError, sentence
 from ..geometry import rotate
 from ..types import Action, Floats, Ints, Observation
 from .slots import FREE, Slots
+from .wrapped import task_of
 
 if TYPE_CHECKING:
     from ..agent import SamplingPredictor
-    from ..env import MTPEnv
 
-IGNORE = 0  # a choice: the detection belongs to no track
-NEW = 1  # a choice: it begins a track
-CONTINUE = 2  # CONTINUE + i is a choice: it continues the i-th nearest track
+IGNORE = 0  # the choice that leaves a detection out
+NEW = 1  # the choice that begins a track
+CONTINUE = 2  # CONTINUE + i: the choice of the i-th nearest track
 _REACH = 100.0  # m; positions are told in it
 _OWN, _OF_TRACK = 4, 4  # columns of a detection beside its class, and of each track near it
 _STANDING, _PATIENCE = 64, 2  # tracks that there may be, frames without a detection after which one ends
@@ -56,7 +58,7 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
         near: Metres from which on a detection cannot continue a track.
         presence: How likely it is that a track's object is there; None: certain, so the agent alone decides.
 
-    Raises MtpBenchError for a size or a distance that is not above 0.
+    Raises MtpBenchError for a size or a distance that is not above 0, and for an env of another library.
     """
 
     def __init__(
@@ -77,8 +79,8 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
         RecordConstructorArgs.__init__(self, predictor=predictor, presence=presence, **given)
         untyped: Any = env  # Gymnasium types the inner env like the outer one
         gymnasium.Wrapper.__init__(self, untyped)
-        self._env, inner = env, cast("MTPEnv", env.unwrapped)
-        self._task, self._near = inner.task, near
+        self._env, self._task, self._near = env, task_of(env, "AssociationOnly"), near
+        self._started = False
         self._slots = Slots(_STANDING, _PATIENCE)
         self._agent = Pipeline(self._slots, predictor or KinematicPredictor(), KMeansSampler(), presence=presence)
         self._choices = choices
@@ -91,18 +93,21 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """The first frame; there is no track yet."""
         self._seen, info = self._env.reset(seed=seed, options=options)
+        self._started = True
         self._agent.reset(self._task)
         return self._shown(), info
 
     def step(self, action: Ints) -> tuple[NDArray[np.float32], SupportsFloat, bool, bool, dict[str, Any]]:
         """Associate the detections that were shown, forecast the tracks, and show the next frame.
 
-        Raises ActionError for what is no array of choices.
+        Raises ActionError for what is no array of choices, and ResetNeeded before the first `reset`.
         """
+        if not self._started:
+            raise ResetNeeded("no scene yet: call reset() first")
         choice = np.asarray(action)
         if not self.action_space.contains(choice):
             expected = f"{self._shape[0]} whole numbers from 0 to {CONTINUE + self._choices - 1}"
-            raise ActionError(sentence(f"the choices are {action!r}", expected))
+            raise ActionError(sentence(f"the choices are {reprlib.repr(choice.tolist())}", expected))
         self._slots.choose(*self._resolved(choice))
         answer = self._agent.act(self._seen)
         answer["forecast"] = _within(answer["forecast"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, final
+from typing import Any, final
 
 import gymnasium
 import numpy as np
@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 from ..env.action import BOX, CONFIDENCE, FIELDS, LOG_WEIGHT, MASK, OFFSET, PARENT, Field
 from ..errors import ActionError, sentence
 from ..types import Action, Floats, Observation, Task
-
-if TYPE_CHECKING:
-    from ..env import MTPEnv
+from .wrapped import task_of
 
 FAINTEST = -10.0  # log-weight that stands at -1; at 1 it is 0
 _SIZES = 0.1, 20.0  # m, of boxes
@@ -42,8 +40,7 @@ class FlattenAction(gymnasium.ActionWrapper[Observation, NDArray[np.float32], Ac
     def __init__(self, env: gymnasium.Env[Observation, Action], reach: float = 100.0, speed: float = 20.0) -> None:
         RecordConstructorArgs.__init__(self, reach=reach, speed=speed)
         gymnasium.ActionWrapper.__init__(self, env)
-        inner: MTPEnv = env.unwrapped  # type: ignore[assignment]
-        self._task = inner.task
+        self._task = task_of(env, "FlattenAction")
         self._reach, self._speed = reach, speed
         self.columns: dict[str, slice] = {}
         end = 0

@@ -49,7 +49,7 @@ def test_a_recording_is_written(cli: CommandLine, folder: Path, known: list[str]
         (["--scene", "0009", "--save", "a.rrd"], "unknown scene of .*run '0009'"),
         (["--at", "ids-99", "--save", "a.rrd"], "unknown event of scene 0001 'ids-99'.*`mtp-bench events` lists them"),
         (["--save", "missing/a.rrd"], "missing"),
-        ([], "no display for the viewer: write a file with --save FILE.rrd, or serve it with --web"),
+        ([], "no display for the viewer: write a file with --save FILE.rrd, serve it with --web, or draw"),
     ],
     ids=["scene", "event", "folder of the file", "display"],
 )

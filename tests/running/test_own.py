@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import json
+import re
 import runpy
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +22,7 @@ from mtp_bench.running.rollout_files import load_run
 from mtp_bench.types import Scene
 from tests.support.command_line import CommandLine
 from tests.support.own_scenes import write_long_log
+from tests.test_readme import blocks
 
 ENV = "MTP-nuScenes-v0"
 
@@ -38,13 +42,20 @@ def test_the_example_is_short_and_shows_something(
     repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = repository / "examples" / "own_csv.py"
-    code = [line for line in path.read_text(encoding="utf-8").splitlines() if line.strip() and '"""' not in line]
-    assert len(code) <= 15
+    _, *statements = ast.parse(path.read_text(encoding="utf-8")).body  # without the docstring
+    assert sum((one.end_lineno or 0) - one.lineno + 1 for one in statements) <= 15
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(path))
-    assert "error=" in capsys.readouterr().out
-    picture = np.asarray(Image.open(tmp_path / "own.png"))
-    view = picture[:, : picture.shape[1] * 3 // 4].reshape(-1, 3)
+    assert re.search(r"error \d+\.\d\d m", capsys.readouterr().out)
+    with Image.open(tmp_path / "failure.png") as picture:
+        pixels, sentence = np.asarray(picture), picture.info["Description"]
+    assert "lost-0: at 6.5 s car 0 loses track" in str(sentence)
+    (block,) = blocks(repository / "docs" / "seeing" / "why.md", "python")  # the same from Python
+    page: dict[str, Any] = {}
+    exec(compile(block, "why.md", "exec"), page)
+    assert page["picture_of"]("runs/stp", "one", "lost-0", "same.png") == sentence
+    assert (tmp_path / "same.png").read_bytes() == (tmp_path / "failure.png").read_bytes()
+    view = pixels[:, : pixels.shape[1] * 3 // 4].reshape(-1, 3)
     assert len(np.unique(view, axis=0)) > 20
     assert (view != view[0]).any(axis=1).mean() > 0.01
 

@@ -103,7 +103,8 @@ def scenes(draw: st.DrawFn) -> Scene:
 
 
 def boxes(rng: np.random.Generator, rows: int) -> NDArray[np.float64]:
-    return np.hstack([rng.normal(scale=1e3, size=(rows, 4)), rng.exponential(size=(rows, 3)) + 1e-5])
+    place, yaw = rng.normal(scale=1e3, size=(rows, 3)), rng.normal(scale=np.pi, size=(rows, 1))
+    return np.hstack([place, yaw, rng.exponential(size=(rows, 3)) + 1e-5])
 
 
 def velocities(rng: np.random.Generator, rows: int) -> NDArray[np.float64]:
@@ -275,7 +276,15 @@ TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
     "two boxes": ({"truth": [*TRUTH, TRUTH[1]]}, "line 5, column 'id': a second box of this object in this frame"),
     "other classes only": (
         {"truth": [TRUTH[0], f"0,1,cars,0,0,{BOX}"], "detections": DETECTIONS[:2]},
-        "'class': 'cars', and no other row of the truth has a class of the task, one of car, pedestrian: did you mean",
+        "'class': 'cars', and no other row of the truth has a class of the task, one of car, pedestrian; did you mean",
+    ),
+    "a class like none": (
+        {"truth": [TRUTH[0], f"0,1,zz,0,0,{BOX}"], "detections": DETECTIONS[:2]},
+        "one of car, pedestrian; `mtp-bench envs` shows the classes of each environment",
+    ),
+    "degrees": (
+        {"detections": [*DETECTIONS, "2,car,0,0,1,-90,4,2,1,1"]},
+        "line 4, column 'yaw': -90, expected radians, such as -pi to pi; np.radians(yaw) makes radians of degrees",
     ),
     "a flag": (
         {"truth": [TRUTH[0] + ",neutral", *(f"{line},2" for line in TRUTH[1:])]},
@@ -352,6 +361,12 @@ def test_a_mistake_in_a_table(tables: dict[str, list[str] | None], text: str, tm
     assert str(tmp_path) in str(caught.value)
 
 
+def test_the_folder_of_a_scene_instead_of_the_one_above(tmp_path: Path, base: Card) -> None:
+    write_tables(tmp_path)
+    with pytest.raises(DataError, match=rf"it is a scene itself: name the folder above, {re.escape(str(tmp_path))}$"):
+        only(base, tmp_path / "one")
+
+
 def test_two_forms_of_one_table(tmp_path: Path, base: Card) -> None:
     write_tables(tmp_path)
     (tmp_path / "one" / "truth.parquet").touch()
@@ -411,7 +426,7 @@ def test_a_folder_without_scenes(tmp_path: Path, base: Card) -> None:
     with pytest.raises(DataError, match=r"no folder .*none, expected one with scenes"):
         base.with_files(tmp_path / "none")
     card = base.with_files(tmp_path)
-    with pytest.raises(DataError, match="has no scene; expected NPZ files of one scene each, or a sub-folder for each"):
+    with pytest.raises(DataError, match="has no scene, expected NPZ files of one scene each, or a sub-folder for each"):
         open_source(card)
     assert describe(card).missing
     assert not describe(card).usable

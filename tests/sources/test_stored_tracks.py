@@ -248,5 +248,7 @@ def test_what_holds_no_tracks(card: str, kitti: str, tmp_path: Path) -> None:
     ):
         tracks_of(one, kitti, tmp_path, "0001")
     (tmp_path / "0006.txt").write_text("")
-    with pytest.raises(DataError, match=r"no file .*0001.txt"):
+    with pytest.raises(
+        DataError, match=r"no file .*0001.txt, expected the tracks of each sequence that is run; --scenes"
+    ):
         tracks_of(one, kitti, tmp_path, "0001")

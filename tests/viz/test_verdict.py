@@ -15,6 +15,7 @@ from mtp_bench import load_card
 from mtp_bench.running.reading import skipped_line, total_skipped
 from mtp_bench.running.sensitivity import AtCut
 from mtp_bench.scoring import SUBSETS, Report
+from mtp_bench.scoring.rank import NOT_CAUSAL
 from mtp_bench.scoring.rows import PairedRow, Row
 from mtp_bench.scoring.subsets import Subset
 from mtp_bench.viz.terminal.listings import env_table
@@ -277,6 +278,21 @@ def test_the_figures_of_the_paper() -> None:
     for env, gap in gaps.items():
         assert paper_gap(env, row(MTP, "all")) == pytest.approx(gap, abs=5e-4)
     assert paper_gap("MTP-WILDTRACK-v0", row(MTP, "all")) is None
+
+
+def test_the_paper_stands_beside_its_own_scenes_alone() -> None:
+    known = report([*rows(TRUTH), *rows(STP), *rows(MTP)], env="MTP-nuScenes-v0")
+    own = replace(known, condition={**known.condition, "source": "files"})
+    assert ("the paper's" in notes(known)[0], "13.89" in render(main_table(known))) == (True, True)
+    assert ("the paper's" in notes(own)[0], "13.89" in render(main_table(own))) == (False, False)
+    assert "the paper's" not in notes(report(rows(MINE)))[0]  # the paper has no such agent
+
+
+def test_stored_tracks_are_said_to_be_unfair() -> None:
+    given = [row.model_copy(update={"unranked_because": NOT_CAUSAL}) for row in rows(MINE)]
+    assert notes(report([*rows(STP), *given]))[-1] == (
+        "mine: never ranked, not causal: stored tracks, which may have seen the future"
+    )
 
 
 def test_the_counts_of_subsets_in_words() -> None:

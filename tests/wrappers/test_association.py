@@ -9,6 +9,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from mtp_bench import ActionError, MtpBenchError
 from mtp_bench.env import MTPEnv
 from mtp_bench.prediction import LearnedPresence
-from mtp_bench.wrappers import CONTINUE, IGNORE, NEW, AssociationOnly
+from mtp_bench.wrappers import CONTINUE, IGNORE, NEW, AssociationOnly, FlattenAction
 from tests.env.conftest import MakeEnv
 from tests.env.conftest import make_env as make_env
 from tests.env.test_gymnasium import make_small
@@ -165,6 +166,18 @@ def test_any_choice_is_a_sound_action() -> None:
     choices: Any = env.action_space
     choices.seed(0)
     assert np.isfinite(reward(env, lambda observation: choices.sample()))
+
+
+def test_a_step_before_the_first_reset() -> None:
+    env = make_roundabout()
+    with pytest.raises(ResetNeeded, match=r"call reset\(\) first"):
+        env.step(np.zeros(env.action_space.shape or (), dtype=int))
+
+
+@pytest.mark.parametrize("wrapper", [AssociationOnly, FlattenAction])
+def test_an_env_of_another_library(wrapper: Any) -> None:
+    with pytest.raises(MtpBenchError, match=rf"is a CartPoleEnv, expected one of mtp_bench.*\({wrapper.__name__}\)"):
+        wrapper(gym.make("CartPole-v1"))
 
 
 def test_both_checkers_accept_it(card: str, kitti: str) -> None:

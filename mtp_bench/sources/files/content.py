@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...cards import Card, FilesSource, instead_of_stored
-from ...errors import DataError, nearest
+from ...errors import DataError, closest
 from ...types import Bools, Detections, Floats, ImageField, Ints, Scene, Truth, starts_of_sorted
 from ..base import class_ids, no_detections, section_of
 from ..motion import backward_velocity
@@ -18,6 +18,7 @@ from ..text import LIMIT
 from .columns import BOX
 
 LEAST = 1e-6  # m, of the size of a box
+TURN = 8 * np.pi  # rad; an angle that is never wrapped may be some turns beyond one
 OFF = 0.2  # share by which the frames of a scene may be closer or farther apart than the task says
 
 
@@ -148,8 +149,9 @@ def _usable(rows: Rows, table: str, content: Content, classes: Sequence[str], sk
     names, count = (column.tolist() for column in np.unique(rows.kind[~used], return_counts=True))
     if names and not used.any():
         got, known = f"{rows.where(0, 'class')}: {str(rows.kind[0])!r}", ", ".join(classes)
-        advice = nearest(str(rows.kind[0]), classes)
-        raise DataError(f"{got}, and no other row of the {table} has a class of the task, one of {known}{advice}")
+        similar = closest(str(rows.kind[0]), classes)
+        advice = f"did you mean {similar!r}?" if similar else "`mtp-bench envs` shows the classes of each environment"
+        raise DataError(f"{got}, and no other row of the {table} has a class of the task, one of {known}; {advice}")
     for name, number in zip(names, count, strict=True):
         skipped[f"{table} of class {name!r}, which is none of the task"] = number
     row = np.flatnonzero(used)
@@ -162,6 +164,8 @@ def _check(rows: Rows, frames: int) -> None:
     rows.refuse(outside, "frame", lambda at: f"frame {rows.frame[at]}, but the scene has the frames 0 to {frames - 1}")
     for place, column in enumerate(BOX):
         _refuse_beyond(rows, column, rows.box[:, place], LEAST if column in ("l", "w", "h") else -LIMIT, LIMIT)
+    degrees = "expected radians, such as -pi to pi; np.radians(yaw) makes radians of degrees"
+    rows.refuse(np.abs(rows.box[:, 3]) > TURN, "yaw", lambda at: f"{rows.box[at, 3]:g}, {degrees}")
     if rows.velocity is not None:
         known = np.where(np.isnan(rows.velocity), 0.0, rows.velocity)
         for place, column in enumerate(("vx", "vy")):

@@ -50,15 +50,19 @@ def scene_paths(folder: Path) -> dict[str, Path]:
 
     Raises DataError where a scene is there in both forms.
     """
-    tables = [f"{table}.{form}" for table in TABLES for form in FORMS]
     archives = {path.stem: path for path in folder.glob("*.npz") if path.is_file() and not path.name.startswith(".")}
-    folders = {path.name: path for path in folder.iterdir() if any((path / name).is_file() for name in tables)}
+    folders = {path.name: path for path in folder.iterdir() if is_scene(path)}
     both = sorted(archives.keys() & folders.keys())
     if both:
         raise DataError(
             f"{folder} has the scene {both[0]!r} as {both[0]}.npz and as a sub-folder, expected one of them"
         )
     return dict(sorted((archives | folders).items()))
+
+
+def is_scene(folder: Path) -> bool:
+    """Whether a table of a scene is in the folder."""
+    return any((folder / f"{table}.{form}").is_file() for table in TABLES for form in FORMS)
 
 
 def _readers(section: FilesSource, card: Card) -> dict[str, Callable[[], Content]]:
@@ -73,7 +77,9 @@ def _readers(section: FilesSource, card: Card) -> dict[str, Callable[[], Content
         raise DataError(f"{card.id}: no folder {folder}, expected {EXPECTED}; name another one with --files")
     paths = scene_paths(folder)
     if not paths:
-        raise DataError(f"{folder} has no scene; expected {EXPECTED}")
+        itself = is_scene(folder)
+        advice = f"; it is a scene itself: name the folder above, {folder.parent}" if itself else ""
+        raise DataError(f"{folder} has no scene, expected {EXPECTED}{advice}")
     found = folder_digest(folder)
     if section.sha256 not in (None, found):
         raise DataError(

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ...cards import Card, KittiSource
+from ...errors import DataError
 from ...types import Floats, Ints, Scene, StoredTracks
 from ..base import DataRoot, ReadTracks, TrackForm, section_of
 from ..text import read_table
@@ -73,6 +74,11 @@ def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:
 
     def read(scene: Scene) -> StoredTracks:
         path = folder / f"{scene.name}.txt"
+        if not path.is_file():
+            raise DataError(
+                f"no file {path}, expected the tracks of each sequence that is run; --scenes N (scenes= in Python) "
+                "runs fewer, and an empty file says that nothing was tracked"
+            )
         return read_result(path, scene, card.task.classes, stride, poses_of(card, data, scene.name))
 
     return read

@@ -21,7 +21,7 @@ from .sdk import INSTALL, ViewerClient
 
 LOCAL = "127.0.0.1"  # the viewer's own default is every network interface
 START_SECONDS = 30.0
-OTHERWISE = "write a file with --save FILE.rrd, or serve it with --web"
+OTHERWISE = "write a file with --save FILE.rrd, serve it with --web, or draw an event with --at and --png"
 
 
 def viewer_program() -> str:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 ORDERS = ("time", "cost")
 LONGEST = 3  # runs of false forecasts of a scene in the table, unless their kind is asked for
+SCENE_WIDTH = 20  # columns of names of scenes, so that those of the simulated ones can be copied in one piece
 _HEADINGS = ("scene", "frame", "event", "object", "track", "minADE", "error", "sure")
 _LEFT = _FOLDED = ("scene", "object", "track")
 CAPTION = (
@@ -125,6 +126,7 @@ def event_table(rows: Sequence[EventRow]) -> Table:
 
     title = "Events of the best hypothesis, along its lineage"
     table = slim_table(title, _HEADINGS, left=(*_LEFT, "event"), folded=_FOLDED)
+    table.columns[0].max_width = SCENE_WIDTH
     for row in rows:
         table.add_row(*(escape(cell) for cell in _cells(row)))
     return table

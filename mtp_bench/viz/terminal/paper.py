@@ -7,9 +7,15 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from ...scoring import Report
 from ...scoring.rows import Row
 
 Figures = dict[str, list[float]]  # subset -> minADE, minFDE in metres
+
+
+def paper_env(report: Report) -> str:
+    """The env whose figures of the paper may stand beside a report; empty where its scenes are somebody's own."""
+    return "" if report.condition.get("source") == "files" else report.env
 
 
 def paper_figures(env_id: str, row: Row) -> Figures:
@@ -24,11 +30,6 @@ def paper_gap(env_id: str, row: Row) -> float | None:
     if own is None or ends[0] is None or ends[1] is None:
         return None
     return (ends[1][0] - own[0]) / (ends[1][0] - ends[0][0])
-
-
-def has_paper(env_id: str) -> bool:
-    """Whether the paper has figures for this env."""
-    return env_id in _paper()["dataset"]
 
 
 def _figures(env_id: str, agent: str, budget: str, hypotheses: int) -> Figures:

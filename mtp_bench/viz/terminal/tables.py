@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 from ...running.sensitivity import AtCut
 from ...scoring import Report
 from ...scoring.definitions import RANKED_SUBSETS
+from ...scoring.rank import NOT_CAUSAL
 from ...scoring.rows import Details, Interval, PairedRow, Row
 from ...scoring.subsets import SUBSETS, Subset
 from ...scoring.weights import EVENTS
 from .output import NOTHING, counted, short, slim_table
-from .paper import has_paper, paper_figures
+from .paper import paper_env, paper_figures
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -31,7 +32,7 @@ def main_table(report: Report) -> Table:
     table = slim_table(f"{report.env}: m, less is better", headings)
     blocks = list(_by_setting(report))
     for rows in [block for block in blocks if block["all"].budget == "equal"] or blocks:
-        first, paper = rows["all"], paper_figures(report.env, rows["all"])
+        first, paper = rows["all"], paper_figures(paper_env(report), rows["all"])
         cells = []
         for subset, name in _PAPER.items():
             theirs = f"\n[dim]{short(paper[name][0])}/{short(paper[name][1])}[/dim]" if name in paper else ""
@@ -48,7 +49,8 @@ def notes(report: Report) -> list[str]:
         allowed = "averaged over budgets of forecasts per live frame"
     silence = next((detail.silence for detail in report.details), None)
     said = "" if silence is None else f" Saying nothing: {short(silence)}."
-    paper = " Below ours, dim: the paper's." if has_paper(report.env) else ""
+    env = paper_env(report)
+    paper = " Below ours, dim: the paper's." if any(paper_figures(env, row) for row in report.rows) else ""
     about = (
         f"minADE/FDE: of the targets with a forecast (cov.); IDS, FRAG: where plain STP has that event.{paper} error: "
         f"{allowed}; on ids as many as STP makes.{said} #: rank, {NOTHING} shown only. "
@@ -63,6 +65,8 @@ def notes(report: Report) -> list[str]:
             few = "" if subset != "ids" else f" ({row.effective_targets:.1f} and {row.effective_objects:.1f} effective)"
             on = f"{counted(row.targets, 'target')} on {counted(row.objects, 'object')}{few}"
             lines.append(f"{name}: {on} in {counted(row.scenes, 'scene')}")
+    unfair = dict.fromkeys(row.agent for row in report.rows if row.unranked_because == NOT_CAUSAL)
+    lines += [f"{agent}: never ranked, {NOT_CAUSAL}" for agent in unfair]
     for detail in report.details:
         if detail.guessed_parents:
             share = _percent(detail.guessed_parents)
