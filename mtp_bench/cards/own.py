@@ -65,13 +65,13 @@ def folder_digest(folder: Path, patterns: Sequence[str] = SCENES) -> str:
     Raises DataError where one cannot be read.
     """
     digest = hashlib.sha256()
-    found = {path for pattern in patterns for path in folder.glob(pattern) if not path.name.startswith(".")}
+    found = {path for pattern in patterns for path in folder.glob(pattern) if not _hidden(path.relative_to(folder))}
     for path in sorted(found):
         try:
             content = known_digest(path)
         except OSError as error:
             raise DataError(f"{path}: cannot be read: {error.strerror or error}") from None
-        digest.update(f"{path.relative_to(folder).as_posix()} {content};".encode("utf-8", "surrogateescape"))
+        digest.update(f"{path.relative_to(folder).as_posix()}\0{content};".encode("utf-8", "surrogateescape"))
     return digest.hexdigest()
 
 
@@ -87,6 +87,10 @@ def scenes_digest(scenes: Sequence[Scene]) -> str:
     for scene in scenes:
         _add(digest, scene)
     return digest.hexdigest()
+
+
+def _hidden(path: Path) -> bool:
+    return any(part.startswith(".") for part in path.parts)
 
 
 def _section(card: Card) -> FilesSource:
