@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache
@@ -75,6 +76,11 @@ def folder_digest(folder: Path, patterns: Sequence[str] = SCENES) -> str:
     return digest.hexdigest()
 
 
+def plain_name(name: str) -> str:
+    """A name, such as that of a file, as the name of a detector: with hyphens for what is not allowed there."""
+    return re.sub(r"[^A-Za-z0-9_.-]", "-", name).lstrip("_.-") or "own"
+
+
 def known_digest(path: Path) -> str:
     """Hex sha256 of a file, which is read once per process and state. Raises OSError."""
     state = path.stat()
@@ -98,7 +104,7 @@ def _section(card: Card) -> FilesSource:
     traits = card.source.traits
     return FilesSource(
         name="files",
-        detector=card.detector_name,
+        detector=plain_name(card.detector_name),
         velocity=card.velocity,
         ego_motion=traits.common_frame,
         ego=traits.has_ego,

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 from ...errors import DataError, MtpBenchError, nearest
 from ...files import open_regular, read_bounded
 from ...types import Bools, Floats, Ints
-from ..text import LIMIT
+from ..text import LIMIT, MOST_LETTERS
 from .columns import TABLES, Column
 
 MOST_BYTES = 1 << 30  # of a file
-MOST_LETTERS = 200  # of a word: an array has room for the longest in every row
 LATEST = 1e12  # s: clocks that count from 1970 are fine
 
 

@@ -61,7 +61,9 @@ def scene_paths(folder: Path) -> dict[str, Path]:
     for stem, path in sorted(stems):
         name = unquote(stem)
         if name in paths:
-            raise DataError(f"{folder} has the scene {name!r} as {paths[name].name} and {path.name}, expected one of them")
+            raise DataError(
+                f"{folder} has the scene {name!r} as {paths[name].name} and {path.name}, expected one of them"
+            )
         paths[name] = path
     return paths
 
@@ -72,8 +74,8 @@ def _require_plain_names(card: Card, names: tuple[str, ...]) -> None:
         sound = isinstance(name, str) and name.encode("utf-8", "replace").decode() == name
         if not sound or not 0 < len(quote(name, safe="")) <= MOST_NAME:
             raise DataError(
-                f"{card.id}: a scene is called {reprlib.repr(name)}, expected a text of 1 to {MOST_NAME} characters, as "
-                "they are written in the name of a file"
+                f"{card.id}: a scene is called {reprlib.repr(name)}, expected a text of 1 to {MOST_NAME} characters, "
+                "as they are written in the name of a file"
             )
 
 
