@@ -128,6 +128,8 @@ def _add(digest: Any, value: Any) -> None:
         for part in value:
             _add(digest, part)
     elif isinstance(value, np.ndarray):
+        if value.dtype.hasobject:  # whose bytes are places in memory
+            raise CardError("a scene has an array of objects, expected numbers")
         array = np.ascontiguousarray(value)
         digest.update(f"{array.dtype.str} {array.shape};".encode())
         digest.update(array.tobytes())

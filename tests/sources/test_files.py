@@ -251,6 +251,12 @@ def test_the_digest_of_scenes_in_memory_holds_everything(base: Card) -> None:
     assert base.with_scenes([scene, moved_name(scene)]).digest != base.with_scenes([moved_name(scene), scene]).digest
 
 
+def test_an_array_of_objects_has_no_digest(base: Card) -> None:
+    scene = whole_scene()
+    with pytest.raises(CardError, match="a scene has an array of objects, expected numbers"):
+        base.with_scenes([replace(scene, time=scene.time.astype(object))])
+
+
 def moved_name(scene: Scene) -> Scene:
     return replace(scene, name="two")
 
