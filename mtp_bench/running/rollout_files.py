@@ -22,7 +22,7 @@ from ..types import Rollout
 from .packing import packed, unpacked
 
 RUN_FILE = "run.json"
-FORMAT = 2
+FORMAT: Literal[2] = 2
 MOST_BYTES = 1 << 30  # of the arrays of a scene
 MOST_RUN = 4 << 30  # of all scenes of a run
 _BROKEN = (OSError, TypeError, ValueError, EOFError, MemoryError, RuntimeError, zipfile.BadZipFile, zlib.error)
