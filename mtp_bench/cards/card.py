@@ -243,6 +243,7 @@ def check_card(card: Card, where: str) -> None:
     _check_classes(card, where)
     check_detector(card, where)
     _check_length(card, where)
+    _check_detections(card, where)
 
 
 def _check_classes(card: Card, where: str) -> None:
@@ -285,6 +286,16 @@ def check_detector(card: Card, where: str) -> None:
             noise.noise(name)
     except MtpBenchError as error:
         raise CardError(f"{where}: {error}") from None
+
+
+def _check_detections(card: Card, where: str) -> None:
+    """A place is no part of the digest, so the content must be: else other detections would have the same digest."""
+    place, content = (getattr(card.source, f"detections_{name}", None) for name in ("file", "sha256"))
+    if place is not None and content is None:
+        raise CardError(
+            f"{where}: source.detections_file needs source.detections_sha256, what the file holds; or leave it out and "
+            "name the file with --detections"
+        )
 
 
 def _check_length(card: Card, where: str) -> None:

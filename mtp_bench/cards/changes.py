@@ -79,6 +79,6 @@ def with_detections(card: Card, file: str | Path) -> Source:
         digest = own.folder_digest(path, own.TEXTS) if path.is_dir() else own.known_digest(path)
     except OSError as error:
         raise DataError(f"detections {path}: {error.strerror}; expected {expected}") from None
-    name = f"{card.source.traits.stored_detector}-{path.stem}"
+    name = own.plain_name(f"{card.source.traits.stored_detector}-{path.stem}")
     changed = {"detector": name, "detections_sha256": digest, "detections_file": str(path)}
     return card.source.model_copy(update=changed)

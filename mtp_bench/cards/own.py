@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache
@@ -65,14 +66,19 @@ def folder_digest(folder: Path, patterns: Sequence[str] = SCENES) -> str:
     Raises DataError where one cannot be read.
     """
     digest = hashlib.sha256()
-    found = {path for pattern in patterns for path in folder.glob(pattern) if not path.name.startswith(".")}
+    found = {path for pattern in patterns for path in folder.glob(pattern) if not _hidden(path.relative_to(folder))}
     for path in sorted(found):
         try:
             content = known_digest(path)
         except OSError as error:
             raise DataError(f"{path}: cannot be read: {error.strerror or error}") from None
-        digest.update(f"{path.relative_to(folder).as_posix()} {content};".encode("utf-8", "surrogateescape"))
+        digest.update(f"{path.relative_to(folder).as_posix()}\0{content};".encode("utf-8", "surrogateescape"))
     return digest.hexdigest()
+
+
+def plain_name(name: str) -> str:
+    """A name, such as that of a file, as the name of a detector: with hyphens for what is not allowed there."""
+    return re.sub(r"[^A-Za-z0-9_.-]", "-", name).lstrip("_.-") or "own"
 
 
 def known_digest(path: Path) -> str:
@@ -89,12 +95,16 @@ def scenes_digest(scenes: Sequence[Scene]) -> str:
     return digest.hexdigest()
 
 
+def _hidden(path: Path) -> bool:
+    return any(part.startswith(".") for part in path.parts)
+
+
 def _section(card: Card) -> FilesSource:
     """The section that keeps what ``card`` says of detections and frames of reference."""
     traits = card.source.traits
     return FilesSource(
         name="files",
-        detector=card.detector_name,
+        detector=plain_name(card.detector_name),
         velocity=card.velocity,
         ego_motion=traits.common_frame,
         ego=traits.has_ego,
@@ -118,6 +128,8 @@ def _add(digest: Any, value: Any) -> None:
         for part in value:
             _add(digest, part)
     elif isinstance(value, np.ndarray):
+        if value.dtype.hasobject:  # whose bytes are places in memory
+            raise CardError("a scene has an array of objects, expected numbers")
         array = np.ascontiguousarray(value)
         digest.update(f"{array.dtype.str} {array.shape};".encode())
         digest.update(array.tobytes())

@@ -63,11 +63,11 @@ class Layout:
     masked: tuple[str, ...] = tuple(path for path in MASKED if Path(path).exists())
 
 
-def layout_for(image: Image, data: str | None, cuda: bool = False) -> Layout:
+def layout_for(image: Image, data: str | None, cuda: bool = False, own: Sequence[Path] = ()) -> Layout:
     """The files that the agent of ``image`` sees; with ``cuda`` the graphics cards too.
 
-    Raises SubmissionError where the data or the cache of scenes lies inside a folder that is shown, or there is no
-    graphics card.
+    ``own``: files and folders of scenes, detections or tracks of one's own. Raises SubmissionError where they, the data
+    or the cache of scenes lie inside a folder that is shown, or there is no graphics card.
     """
     links, shown = _system_libraries()
     _add(shown, (os.fspath(interpreter()), *_standard_library(), *packages()))
@@ -76,7 +76,7 @@ def layout_for(image: Image, data: str | None, cuda: bool = False) -> Layout:
     shown += [(str(path), str(path)) for path in (package / part for part in LIBRARY) if path.exists()]
     shown += [(str(folder), f"{KERNELS}/{folder.name}") for folder in compiled_kernels()]
     shown += [(str(image.submission), SUBMISSION), (str(image.networks), NETWORKS)]
-    _require_apart([*(here for here, _ in shown), str(image.source)], data)
+    _require_apart([*(here for here, _ in shown), str(image.source)], data, own)
     devices: tuple[str, ...] = DEVICES
     if cuda:
         devices += _graphics_cards()
@@ -171,13 +171,13 @@ def _inside(path: Path, shown: Sequence[tuple[str, str]]) -> bool:
     return any(path.is_relative_to(there) for _, there in shown)
 
 
-def _require_apart(shown: Sequence[str], data: str | None) -> None:
-    """Refuse a data root or a cache of scenes inside what is shown."""
+def _require_apart(shown: Sequence[str], data: str | None, own: Sequence[Path]) -> None:
+    """Refuse a data root, a cache of scenes or files of one's own inside what is shown."""
     roots = {data_root(data)[0], data_root(None)[0]}
     below = {path for root in roots if root.is_dir() for path in root.iterdir()}  # a root may be of links
-    for secret in {path.resolve() for path in (*roots, *below, cache_root())}:
+    for secret in {path.resolve() for path in (*roots, *below, *own, cache_root())}:
         for here in shown:
-            if secret.is_dir() and secret.is_relative_to(Path(here).resolve()):
+            if secret.exists() and secret.is_relative_to(Path(here).resolve()):
                 raise SubmissionError(f"{secret} holds data inside {here}, which agents see: move the data elsewhere")
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..cards import Card
 from ..env.environment import MTPEnv
 from ..errors import SubmissionError
 from ..parallel import ALONE, QUIET, Progress, Workers, unordered_map
@@ -61,7 +62,8 @@ def run_isolated(
     image = image_of(loaded, env.card.id)
     if digest is not None and image.digest != digest:
         raise SubmissionError(f"{loaded.path}: its files changed while it ran; run it again")
-    cell = Cell(layout_for(image, keywords.get("data"), limits.cuda), image, way or mechanism())
+    layout = layout_for(image, keywords.get("data"), limits.cuda, _own(env.card, keywords))
+    cell = Cell(layout, image, way or mechanism())
     with AgentProcess(limits, cell, answer_bytes(env.action_space, limits)) as process:
         setup = process.setup(loaded.parameters if parameters is None else parameters)
         exchange = Exchange(process, limits, env.action_space, seal_start(env.card.digest, scene, seed))
@@ -105,6 +107,12 @@ def run_isolated_scenes(
         finished(run)
         progress.done(scenes[place])
     return [runs[place] for place in range(len(scenes))]
+
+
+def _own(card: Card, keywords: dict[str, Any]) -> list[Path]:
+    """Files and folders of one's own that scenes, detections or tracks come from."""
+    stated = [getattr(card.source, name, None) for name in ("folder", "detections_file")]
+    return [Path(place).expanduser() for place in (*stated, keywords.get("track_file")) if place is not None]
 
 
 def seal_start(card_digest: str, scene: str, seed: int) -> bytes:

@@ -22,8 +22,10 @@ def packed(name: str, array: NDArray[Any]) -> NDArray[Any]:
     return split_bytes(array) if array.dtype.kind == "f" else array
 
 
-def unpacked(name: str, stored: NDArray[Any], dtype: str) -> NDArray[Any]:
+def unpacked(name: str, stored: NDArray[Any] | bytes, dtype: str) -> NDArray[Any]:
     """The array ``name`` of a rollout, of which ``stored`` was kept; ValueError where that cannot be."""
+    if isinstance(stored, bytes):  # so NumPy hands over what is no array in an archive
+        raise ValueError(f"{name} is no array")
     if name == "forecast":
         return unpack_forecasts(stored)
     kind = np.dtype(dtype)

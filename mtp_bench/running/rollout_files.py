@@ -16,14 +16,16 @@ from numpy.typing import NDArray
 
 from ..env.rollouts import ARRAYS, digest
 from ..errors import RolloutError
-from ..files import open_regular, reason_of, whole_folder
+from ..files import clean_text, open_regular, reason_of, whole_folder
 from ..strict import Section, read_json, validate
 from ..types import Rollout
 from .packing import packed, unpacked
 
 RUN_FILE = "run.json"
+FORMAT: Literal[2] = 2
 MOST_BYTES = 1 << 30  # of the arrays of a scene
 MOST_RUN = 4 << 30  # of all scenes of a run
+_BROKEN = (OSError, TypeError, ValueError, EOFError, MemoryError, RuntimeError, zipfile.BadZipFile, zlib.error)
 
 
 class RunInfo(Section):
@@ -87,6 +89,11 @@ def load_run(folder: str | Path) -> Run:
     """
     path = Path(folder) / RUN_FILE
     content = read_json(path, RolloutError, f"no {RUN_FILE} there, expected a folder written by `mtp-bench run`")
+    if content.get("format", FORMAT) != FORMAT:
+        raise RolloutError(
+            f"{path}: has the format {clean_text(str(content['format']), 20)}, and this version of the library reads "
+            f"format {FORMAT}: run the agent again"
+        )
     run = validate(_RunFile, content, str(path), RolloutError)
     rollouts: list[Rollout] = []
     held = 0
@@ -124,7 +131,7 @@ def _write(folder: Path, info: RunInfo, rollouts: Iterable[Rollout]) -> None:
         stored = {name: packed(name, array) for name, array in arrays.items()}
         np.savez_compressed(folder / _scene_file(rollout.scene), allow_pickle=False, **stored)
         entries.append(_Entry(scene=rollout.scene, frames=rollout.frames, digest=digest(rollout)))
-    content = _RunFile(format=2, info=info, scenes=entries).model_dump()
+    content = _RunFile(format=FORMAT, info=info, scenes=entries).model_dump()
     try:
         text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
     except (TypeError, ValueError) as error:
@@ -143,7 +150,7 @@ def _read_scene(folder: Path, entry: _Entry) -> Rollout:
         raise RolloutError(f"{path} is missing, {RUN_FILE} names it; run the agent again") from None
     except KeyError as error:
         raise RolloutError(f"{path}: {error.args[0]}; run the agent again") from None
-    except (OSError, TypeError, ValueError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error) as error:
+    except _BROKEN as error:
         raise RolloutError(f"{path}: truncated or not a rollout ({error}); run the agent again") from None
     _check_arrays(path, arrays, entry.frames)
     rollout = Rollout(scene=entry.scene, **arrays)

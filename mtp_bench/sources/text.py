@@ -16,6 +16,7 @@ from ..errors import DataError
 from ..types import Bools, Floats, Ints
 
 LIMIT = 1e9  # of a number: far beyond metres, pixels, frames and identities
+MOST_LETTERS = 200  # of a word: an array has room for the longest in every row
 _FEW = 10  # columns, which an error can name
 
 

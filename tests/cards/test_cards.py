@@ -267,3 +267,26 @@ def test_a_card_cannot_be_changed() -> None:
 def test_shipped_cards_have_different_digests() -> None:
     cards: list[Card] = [load_card(env_id) for env_id in card_ids()]
     assert len({card.digest for card in cards}) == len(cards) == len(list(bundled("envs").glob("*.toml")))
+
+
+@pytest.mark.parametrize("env_id", ["MTP-KITTI-v0", "MTP-nuScenes-v0"])
+def test_other_detections_are_not_those_of_a_shipped_card(env_id: str) -> None:
+    """A place is no part of the digest: with it alone the digest would be that of the card that ships."""
+    stored = load_card(env_id).stored()
+    stored["source"]["detections_file"] = "truth.json"
+    with pytest.raises(
+        CardError, match=r"source\.detections_file needs source\.detections_sha256, what the file holds"
+    ):
+        parse_card(stored)
+    stored["source"]["detections_sha256"] = "0" * 64
+    assert parse_card(stored).digest != load_card(env_id).digest
+
+
+def test_a_card_is_stored_whatever_its_files_are_called(tmp_path: Path) -> None:
+    file, folder = tmp_path / "my détections.json", tmp_path / "my boxes"
+    file.write_text("{}")
+    folder.mkdir()
+    named = load_card("MTP-nuScenes-mini-v0").with_detections(file), load_card("MTP-KITTI-v0").with_detections(folder)
+    assert [card.detector_name for card in named] == ["megvii-my-d-tections", "pointrcnn-my-boxes"]
+    for card in (*named, named[1].with_files(folder)):
+        assert parse_card(card.stored()) == card

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from mtp_bench.cards import card_text, load_card
 from mtp_bench.errors import SubmissionError
 from mtp_bench.gateway import run_isolated
 from mtp_bench.gateway.cgroup import Group, _places, make_group
@@ -18,6 +19,7 @@ from mtp_bench.submission import load_submission
 from mtp_bench.submission.contents import files_of
 from mtp_bench.tracking.kernels.compile import cache_folder
 from tests.support.hostile import MANIFEST, QUICK, SCENE, submission
+from tests.support.own_scenes import write_long_log
 
 IMPORTS = """
 import importlib, pkgutil, sys
@@ -79,6 +81,27 @@ def test_data_behind_a_link_in_its_root_is_a_secret(tmp_path: Path) -> None:
     image = image_of(load_submission(folder), "MTP-X-v0")
     with pytest.raises(SubmissionError, match="which agents see: move the data elsewhere"):
         layout_for(image, str(root))
+
+
+def test_own_files_inside_a_submission_are_a_secret(tmp_path: Path) -> None:
+    folder = submission(tmp_path / "mine")
+    tracks = folder / "tracks.json"
+    tracks.write_text("{}")
+    image = image_of(load_submission(folder), "MTP-X-v0")
+    for own in (tracks, folder):
+        with pytest.raises(SubmissionError, match=rf"{own} holds data inside .*, which agents see"):
+            layout_for(image, None, own=[own])
+    assert layout_for(image, None, own=[tmp_path / "elsewhere"])
+
+
+def test_scenes_inside_a_submission_are_no_scenes_for_it(tmp_path: Path) -> None:
+    folder = submission(tmp_path / "mine")
+    card = load_card("MTP-nuScenes-v0").with_files(write_long_log(folder / "log", frames=20))
+    (tmp_path / "own.toml").write_text(card_text(card.model_copy(update={"id": "own"})))
+    with pytest.raises(
+        SubmissionError, match=r"log holds data inside .*mine, which agents see: move the data elsewhere"
+    ):
+        run_isolated(folder, str(tmp_path / "own.toml"), {}, "one")
 
 
 def test_an_image_is_what_its_digest_covers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

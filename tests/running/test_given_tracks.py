@@ -153,6 +153,8 @@ def test_records_are_of_the_open_division_and_never_ranked(card: str, kitti: str
         submit("given_tracks", card, options, tmp_path)
     with pytest.raises(MtpBenchError, match="given_tracks observes stored tracks: name their file"):
         submit("given_tracks", card, replace(options, track_file=None), tmp_path, "open")
+    with pytest.raises(MtpBenchError, match="stored tracks are named, but nobody observes them: stp"):
+        submit("stp", card, options, tmp_path)
     submit("given_tracks", card, options, tmp_path, "open")
     path = tmp_path / f"{CARD_ID}.json"
     record = load_record(path)

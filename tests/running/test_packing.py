@@ -48,6 +48,8 @@ def test_what_is_no_packed_array_is_refused() -> None:
             unpacked("forecast", wrong, "<i2")
     with pytest.raises(ValueError, match="expected 4 planes of bytes"):
         unpacked("track_box", np.zeros((8, 3, 7), np.uint8), "<f4")
+    with pytest.raises(ValueError, match="track_box is no array"):
+        unpacked("track_box", b"no array", "<f4")
 
 
 def test_whole_numbers_stay_as_they_are() -> None:

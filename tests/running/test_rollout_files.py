@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zipfile
 from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
@@ -177,14 +178,32 @@ def flip_byte(folder: Path) -> None:
 
 
 def drop_array(folder: Path) -> None:
+    drop(folder, "member")
+
+
+def drop(folder: Path, name: str) -> None:
     arrays = dict(np.load(folder / "one.npz"))
-    del arrays["member"]
+    del arrays[name]
     np.savez_compressed(folder / "one.npz", allow_pickle=False, **arrays)
 
 
 def one_array(folder: Path) -> None:
     with (folder / "one.npz").open("wb") as file:
         np.save(file, np.zeros(3))
+
+
+def no_array(folder: Path) -> None:
+    drop(folder, "forecast")
+    with zipfile.ZipFile(folder / "one.npz", "a") as archive:
+        archive.writestr("forecast.npy", b"no array")
+
+
+def encrypt(folder: Path) -> None:
+    """Say that the first array is encrypted."""
+    content = bytearray((folder / "one.npz").read_bytes())
+    for head, flags in ((b"PK\x01\x02", 8), (b"PK\x03\x04", 6)):
+        content[content.index(head) + flags] |= 1
+    (folder / "one.npz").write_bytes(bytes(content))
 
 
 def pickled(folder: Path) -> None:
@@ -201,7 +220,11 @@ SPOILED: dict[str, tuple[Callable[[Path], Any], str]] = {
     "run.json not text": (lambda folder: (folder / "run.json").write_bytes(b"\xff\xfe"), "no text in UTF-8"),
     "unknown key": (edit_json(lambda content: content.update(scene=1)), "unknown key 'scene': did you mean 'scenes'"),
     "key missing": (edit_json(lambda content: content["info"].pop("seed")), r"key 'info\.seed' is missing"),
-    "later format": (edit_json(lambda content: content.update(format=3)), "format: got 3"),
+    "earlier format": (
+        edit_json(lambda content: content.update(format=1)),
+        "has the format 1, and this version of the library reads format 2: run the agent again",
+    ),
+    "later format": (edit_json(lambda content: content.update(format=3)), "has the format 3, and this version"),
     "frames changed": (edit_json(lambda content: content["scenes"][0].update(frames=4)), "track_start has shape"),
     "scene cut": (cut("one.npz"), "truncated or not a rollout"),
     "scene empty": (lambda folder: (folder / "one.npz").write_bytes(b""), "truncated or not a rollout"),
@@ -209,6 +232,8 @@ SPOILED: dict[str, tuple[Callable[[Path], Any], str]] = {
     "scene is one array": (one_array, "truncated or not a rollout"),
     "byte flipped": (flip_byte, r"one\.npz"),
     "array missing": (drop_array, "member"),
+    "no array inside": (no_array, "truncated or not a rollout .*forecast is no array"),
+    "encrypted": (encrypt, "truncated or not a rollout .*is encrypted"),
     "pickle inside": (pickled, "truncated or not a rollout"),
     "box changed": (edit_array("track_box", lambda array: array + np.float32(0.01)), "it was changed after the run"),
     "forecast changed": (edit_array("forecast", lambda array: array + np.int16(1)), "it was changed after the run"),

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 import sys
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mtp_bench.cards import Card
+from mtp_bench.cards.own import folder_digest
 from mtp_bench.errors import CardError, DataError, MtpBenchError, UnknownNameError
 from mtp_bench.sources import describe, load_scenes, open_source
 from mtp_bench.sources.files.writing import Form, file_stem, save_scene
@@ -249,6 +252,12 @@ def test_the_digest_of_scenes_in_memory_holds_everything(base: Card) -> None:
     assert base.with_scenes([scene, moved_name(scene)]).digest != base.with_scenes([moved_name(scene), scene]).digest
 
 
+def test_an_array_of_objects_has_no_digest(base: Card) -> None:
+    scene = whole_scene()
+    with pytest.raises(CardError, match="a scene has an array of objects, expected numbers"):
+        base.with_scenes([replace(scene, time=scene.time.astype(object))])
+
+
 def moved_name(scene: Scene) -> Scene:
     return replace(scene, name="two")
 
@@ -296,7 +305,7 @@ TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
     ),
     "steps": (
         {"truth": [TRUTH[0], f"0,1,car,0,0,{BOX}", f"5,1,car,1,0,{BOX}"], "detections": DETECTIONS[:2]},
-        "one: frames are 0, 5, ..., every 5th; number them 0, 1, 2, ...",
+        "one: rows are of the frames 0, 5, ..., all 5 apart; number them 0, 1, 2, ..., or say by an ego table",
     ),
     "endless": (
         {"truth": [*TRUTH, f"99999999,1,car,0,0,{BOX}"]},
@@ -343,6 +352,14 @@ TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
         {"ego": ["time", "0", "0.1", "0.2"], "truth": ["time,id,class,x,y,z,yaw,l,w,h", f"0.05,1,car,0,0,{BOX}"]},
         "truth.csv, line 2, column 'time': no frame of the ego table has this time",
     ),
+    "an object of two classes": (
+        {"truth": [*TRUTH[:2], TRUTH[2].replace("car", "pedestrian"), TRUTH[3]]},
+        "truth.csv, line 3, column 'class': 'pedestrian', but this object is of another class before",
+    ),
+    "a word without end": (
+        {"truth": [*TRUTH, f"3,{'a' * 100_000},car,0,0,{BOX}"]},
+        "truth.csv, line 5, column 'id': a word of 100000 characters, expected at most 200",
+    ),
     "another rate": (
         {"ego": ["frame,time", "0,0", "1,0.02", "2,0.04"]},
         "one: frames are 0.02 s apart, but MTP-Small-v0 has 10 frames per second: keep every 5th frame, or take a card",
@@ -376,7 +393,7 @@ def test_two_forms_of_one_table(tmp_path: Path, base: Card) -> None:
 
 def test_a_scene_in_two_forms(tmp_path: Path, base: Card) -> None:
     save_scene(replace(make_scene("one"), detector="mine"), write_tables(tmp_path), CLASSES)
-    with pytest.raises(DataError, match=r"has the scene 'one' as one\.npz and as a sub-folder, expected one of them"):
+    with pytest.raises(DataError, match=r"has the scene 'one' as one and one\.npz, expected one of them"):
         only(base, tmp_path)
 
 
@@ -453,6 +470,13 @@ ARRAYS: dict[str, tuple[dict[str, NDArray[np.generic] | None], str]] = {
     "regions": ({"image_region_frame": np.array([7, 8])}, "array 'image_region_frame': expected frames"),
     "lanes": ({"lane_of": np.full(9, 2)}, "array 'lane_of': expected the lanes 0, 1, 2, ... of 'lane_points', sorted"),
     "next lane": ({"lane_following": np.array([[0, 7]])}, "array 'lane_following': expected lanes from 0 to 2"),
+    "far lanes": ({"lane_of": np.array([0] * 8 + [2**50])}, "array 'lane_of': expected the lanes 0, 1, 2, ... of"),
+    "lanes at no place": ({"lane_points": np.full((9, 3, 2), np.nan)}, "array 'lane_points': a number that is not"),
+    "an image of nothing": ({"image_size": np.array([0, 0])}, "array 'image_size': 0 x 0 pixels, expected"),
+    "an image of no place": ({"image_projection": np.full((6, 3, 4), np.inf)}, "array 'image_projection': a number"),
+    "no room": ({"truth_id": np.arange(2**63, 2**63 + 18, dtype=np.uint64)}, "expected whole numbers below 2**63"),
+    "endless time": ({"time": np.array([0, 0.1, 0.2, 0.3, 0.4, np.inf])}, "time inf of frame 5, expected a number"),
+    "deeply said": ({"said": np.array("[" * 100_000)}, "array 'said': expected JSON with some of truth_complete"),
     "image classes": (
         {"image_classes": np.array(["car", "van"])},
         "image_classes has no 'pedestrian', which MTP-Small-v0 has; found: car, van",
@@ -471,6 +495,65 @@ def test_a_mistake_in_an_archive(
     with pytest.raises(DataError, match=re.escape(text)) as caught:
         only(base, tmp_path)
     assert str(path) in str(caught.value)
+
+
+def test_what_is_no_array_in_an_archive(tmp_path: Path, base: Card) -> None:
+    path = save_scene(whole_scene(), tmp_path, CLASSES)
+    with np.load(path) as stored:
+        np.savez(path, allow_pickle=False, **{name: array for name, array in stored.items() if name != "ego"})
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("ego.npy", b"no array")
+    with pytest.raises(DataError, match=r"one\.npz: no NPZ file, or a broken one: 'ego' in it is no array"):
+        only(base, tmp_path)
+
+
+def test_numbers_of_any_width_and_order(tmp_path: Path, base: Card) -> None:
+    scene = whole_scene()
+    path = save_scene(scene, tmp_path, CLASSES)
+    with np.load(path) as stored:
+        turned = {name: array.astype(array.dtype.newbyteorder(">")) for name, array in stored.items()}
+    np.savez(path, allow_pickle=False, **turned)
+    assert_same(only(base, tmp_path), scene)
+
+
+def test_names_that_two_scenes_would_have(tmp_path: Path, base: Card) -> None:
+    scene = replace(make_scene(), detector="mine")
+    save_scene(replace(scene, name="a/b"), tmp_path, CLASSES)
+    (tmp_path / "a%2Fb.npz").rename(tmp_path / "a%2fb.npz")
+    save_scene(replace(scene, name="a/b"), tmp_path, CLASSES)
+    with pytest.raises(DataError, match=r"has the scene 'a/b' as a%2Fb\.npz and a%2fb\.npz, expected one of them"):
+        only(base, tmp_path)
+
+
+@pytest.mark.parametrize("name", ["", "x" * 201, "\udcff", 3])
+def test_names_that_no_file_of_a_run_could_have(name: str, base: Card) -> None:
+    with pytest.raises(DataError, match=r"a scene is called .*, expected a text of 1 to 200 characters"):
+        open_source(base.with_scenes([replace(make_scene(), detector="mine", name=name)]))
+
+
+def test_what_is_hidden_is_no_scene(tmp_path: Path, base: Card) -> None:
+    card = base.with_files(write_tables(tmp_path))
+    write_tables(tmp_path / "other")
+    (tmp_path / "other" / "one").rename(tmp_path / ".checkpoint")
+    (tmp_path / "other").rmdir()
+    assert open_source(base.with_files(tmp_path)).names == ("one",)
+    assert base.with_files(tmp_path).digest == card.digest
+
+
+def test_names_do_not_stand_for_contents(tmp_path: Path) -> None:
+    first, second = (tmp_path / name for name in "ab")
+    for folder in (first, second):
+        folder.mkdir()
+        (folder / "b.npz").write_bytes(b"two")
+    (first / "a.npz").write_bytes(b"one")
+    known = f"a.npz {hashlib.sha256(b'one').hexdigest()};b.npz"
+    (second / "b.npz").rename(second / known)
+    assert folder_digest(first) != folder_digest(second)
+
+
+def test_1_and_01_are_two_objects(tmp_path: Path, base: Card) -> None:
+    write_tables(tmp_path, truth=[*TRUTH, f"2,01,car,9,0,{BOX}"])
+    assert len(set(only(base, tmp_path).truth.object_id.tolist())) == 2
 
 
 def test_an_archive_of_objects_is_not_opened(tmp_path: Path, base: Card) -> None:

@@ -85,18 +85,17 @@ def test_a_named_file_is_used_alone(data: Path, tmp_path: Path) -> None:
     content = make_detections()
     content["results"][T] = [detection(T, x=11.0, rotation=AHEAD)]
     write_json(path, content)
-    card = nuscenes_card(detections_file=str(path), detector="mine")
-    np.testing.assert_array_equal(open_source(card, data).load("scene-0003").detections.rows(1), slice(2, 3))
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    same = nuscenes_card(detections_file=str(path), detector="mine", detections_sha256=digest)
-    assert open_source(same, data).load("scene-0003").detector == "mine, stored detections"
+    card = nuscenes_card(detections_file=str(path), detector="mine", detections_sha256=digest)
+    np.testing.assert_array_equal(open_source(card, data).load("scene-0003").detections.rows(1), slice(2, 3))
+    assert open_source(card, data).load("scene-0003").detector == "mine, stored detections"
     other = nuscenes_card(detections_file=str(path), detector="mine", detections_sha256="0" * 64)
     with pytest.raises(DataError, match=rf"mine\.json has the sha256 {digest}, expected 0000"):
         open_source(other, data)
     with pytest.raises(DataError, match=r"sha256 0000.*: name it with --detections"):
         open_source(nuscenes_card(detections_sha256="0" * 64), data)
     with pytest.raises(DataError, match=r"no file .*none\.json, expected detections"):
-        open_source(nuscenes_card(detections_file="none.json"), data)
+        open_source(nuscenes_card(detections_file="none.json", detections_sha256="0" * 64), data)
 
 
 def test_unknown_detector(data: Path) -> None:

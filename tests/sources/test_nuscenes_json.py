@@ -87,6 +87,8 @@ BAD_JSON: dict[str, tuple[str, str]] = {  # text, what the error says
     "not a number of JSON": ('[{"a": Infinity}]', "invalid char in json text"),
     "too many digits": ('[{"a": ' + "9" * 5000 + "}]", "integer overflow"),
     "deep, but not too deep": ("[" * 500 + "]" * 500, r"got '\[+\.\.\.\]+', expected a record"),
+    "too deep": ("[" * 100_000, "nested deeper than 1000 levels"),
+    "too deep within a record": ('[{"a": ' * 100_000, "nested deeper than 1000 levels"),
     "no record": ("[1, 2]", "got '1', expected a record"),
     "more after the end": ('[{"a": 1}] []', "trailing garbage"),
 }

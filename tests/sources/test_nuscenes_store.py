@@ -106,7 +106,7 @@ def test_status_names_what_is_missing(data: Path) -> None:
     status = describe(nuscenes_card(truth="targets"), data)
     assert status.missing == ["maps/prediction/prediction_scenes.json", "detections/megvii*.json"]
     assert [check.found for check in status.checks] == [3, 12]
-    (line,) = describe(nuscenes_card(detections_file="none.json"), data).missing
+    (line,) = describe(nuscenes_card(detections_file="none.json", detections_sha256="0" * 64), data).missing
     assert "no file none.json" in line
     (data / "nuscenes" / VERSION / "scene.json").unlink()
     assert describe(nuscenes_card(), data).missing == ["v1.0-mini/scene.json", "detections/megvii*.json"]

@@ -161,6 +161,19 @@ TABLE: dict[str, tuple[str, str]] = {
     "half a frame": (csv("0.5,1,car,1,1,1,0,4,2,1,1"), "line 2: frame is '0.5', expected a whole number"),
     "after the end": (csv("9,1,car,1,1,1,0,4,2,1,1"), "line 2: frame 9, but scene '0001' has 9 frames"),
     "cut off": (csv("0,1,car,1,1"), "line 2: more or fewer columns than in the first line"),
+    "empty": ("", "0001.csv: no column 'frame', 'id', 'class', 'x', 'y', 'z', 'yaw', 'l', 'w', 'h'"),
+    "another table": ("a,b\n", "0001.csv: no column 'frame', 'id', 'class'"),
+    "a column twice": (
+        csv("0,1,car,1,1,1,0,4,2,1,1,5", "frame,id,class,x,y,z,yaw,l,w,h,score,x"),
+        "column 'x' is there twice",
+    ),
+    "a class in capitals": (
+        csv("0,1,Car,1,1,1,0,4,2,1,1"),
+        "line 2: class is 'Car', and no row has a class of the task; did you mean 'car'",
+    ),
+    "an id without end": (csv(f"0,{'a' * 201},car,1,1,1,0,4,2,1,1"), r"line 2: id is 'a+\.\.\.a+', expected 1 to 200"),
+    "a field without end": (csv(f"0,{'a' * 200_000},car,1,1,1,0,4,2,1,1"), "field larger than field limit"),
+    "behind blank lines": (csv("\n\n0,1,car,here,1,1,0,4,2,1,1"), "0001.csv, line 4: x is 'here'"),
     "a box twice": (
         csv("0,a,car,1,1,1,0,4,2,1,1\n0,a,car,2,1,1,0,4,2,1,1"),
         "line 3: a second box of car a in frame 0",
@@ -203,6 +216,10 @@ NUSCENES: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "no id": (
         lambda r: r[TOKEN][0].pop("tracking_id"),
         f"sample '{TOKEN}', box 0: tracking_id is None, expected a text",
+    ),
+    "an id without end": (
+        lambda r: r[TOKEN][0].update(tracking_id="a" * 201),
+        r"tracking_id is 'a+\.\.\.a+', expected at most 200",
     ),
     "a box twice": (lambda r: r[TOKEN].append(tracked(TOKEN)), f"sample '{TOKEN}': a second box of tracking_id '7'"),
     "detections": (

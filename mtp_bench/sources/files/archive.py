@@ -25,7 +25,8 @@ SAID: dict[str, type] = {  # fields of `Scene` that are no arrays, in the JSON o
     "truth_complete": bool, "listed_targets": bool, "detector": str, "simulated": bool, "skipped": dict,
     "recording": str,
 }  # fmt: skip
-_BROKEN = (OSError, TypeError, ValueError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error, NotImplementedError)
+_SURROUND = ("world", "image_", "lane_")  # of these every number is known
+_BROKEN = (OSError, TypeError, ValueError, EOFError, MemoryError, RuntimeError, zipfile.BadZipFile, zlib.error)
 
 
 def arrays_of(scene: Scene, classes: Sequence[str]) -> Arrays:
@@ -106,10 +107,11 @@ def read_archive(path: Path) -> Content:
             if sum(entry.file_size for entry in stored.zip.infolist()) > MOST_BYTES:
                 raise DataError(f"{path}: unpacks to more than {MOST_BYTES >> 20} MiB, expected at most so much")
             arrays: Arrays = {name: stored[name] for name in stored.files}
+            plain = next((name for name, value in arrays.items() if not isinstance(value, np.ndarray)), None)
+            if plain is not None:
+                raise ValueError(f"{plain!r} in it is no array")
     except FileNotFoundError:
         raise DataError(f"no file {path}") from None
-    except AttributeError:  # a single array has no parts
-        raise DataError(f"{path}: one array, expected an NPZ file of several") from None
     except _BROKEN as error:
         raise DataError(f"{path}: no NPZ file, or a broken one: {error}") from None
     return content_of(arrays, unquote(path.stem), str(path))
@@ -173,8 +175,18 @@ def _checked(array: Array, value: NDArray[Any], sizes: dict[str, int], where: st
         letters = f"[{', '.join(map(str, array.shape))}]"
         sized = ", ".join(f"{letter} {sizes[letter]}" for letter in array.shape if letter in sizes)
         raise DataError(f"{where}, array {array.name!r}: its shape is {list(value.shape)}, expected {letters}, {sized}")
-    to = {"number": np.float64, "whole": np.int64}.get(array.kind)
-    return value if to is None or (array.kind == "number" and value.dtype.kind == "f") else value.astype(to)
+    if array.name.startswith(_SURROUND) and array.kind == "number" and not np.isfinite(value).all():
+        raise DataError(f"{where}, array {array.name!r}: a number that is not finite")
+    kept = value.dtype in (np.float32, np.float64) if array.kind == "number" else array.kind != "whole"
+    return value if kept else _converted(array, value, where)
+
+
+def _converted(array: Array, value: NDArray[Any], where: str) -> NDArray[Any]:
+    """Numbers as float64 and whole numbers as int64. Raises DataError where one has no room there."""
+    found = value.astype(np.float64 if array.kind == "number" else np.int64)
+    if array.kind == "whole" and not np.array_equal(found, value):
+        raise DataError(f"{where}, array {array.name!r}: {value.max()}, expected whole numbers below 2**63")
+    return found
 
 
 def _said(text: NDArray[Any] | None, where: str) -> dict[str, Any]:
@@ -183,7 +195,7 @@ def _said(text: NDArray[Any] | None, where: str) -> dict[str, Any]:
         return {}
     try:
         said = json.loads(str(text))
-    except ValueError:
+    except (ValueError, RecursionError):
         said = None
     if not isinstance(said, dict) or not all(
         name in SAID and type(value) is SAID[name] for name, value in said.items()

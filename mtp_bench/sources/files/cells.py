@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import reprlib
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,11 +16,10 @@ from numpy.typing import NDArray
 from ...errors import DataError, MtpBenchError, nearest
 from ...files import open_regular, read_bounded
 from ...types import Bools, Floats, Ints
-from ..text import LIMIT
+from ..text import LIMIT, MOST_LETTERS
 from .columns import TABLES, Column
 
 MOST_BYTES = 1 << 30  # of a file
-MOST_ROWS = 50_000_000
 LATEST = 1e12  # s: clocks that count from 1970 are fine
 
 
@@ -75,7 +75,7 @@ def read_cells(path: Path, table: str) -> Cells:
 
 def _read_csv(path: Path, table: str) -> Cells:
     text = read_bounded(path, MOST_BYTES, DataError).removeprefix("\ufeff")  # some editors write a mark first
-    reader = csv.reader(text.splitlines(keepends=True))
+    reader = csv.reader(io.StringIO(text, newline=""))
     names: list[str] = []
     rows: list[list[str]] = []
     place: list[int] = []
@@ -105,7 +105,12 @@ def _read_csv(path: Path, table: str) -> Cells:
 def _add(cells: Cells, column: Column, values: Sequence[str]) -> None:
     """Add a column of texts to ``cells``."""
     if column.text:
-        words = np.array([value.strip() for value in values], dtype=np.str_)
+        stripped = [value.strip() for value in values]
+        long = next((at for at, word in enumerate(stripped) if len(word) > MOST_LETTERS), None)
+        if long is not None:
+            got = f"a word of {len(stripped[long])} characters, expected at most {MOST_LETTERS}"
+            raise DataError(f"{cells.where(long, column.name)}: {got}")
+        words = np.array(stripped, dtype=np.str_)
         cells.refuse(words == "", column.name, "an empty cell, expected a word")
         cells.text[column.name] = words
         return
@@ -151,10 +156,10 @@ def _read_parquet(path: Path, table: str) -> Cells:
                 sum(file.metadata.row_group(i).total_byte_size for i in range(file.metadata.num_row_groups)),
             )
             names = list(file.schema_arrow.names)
-            if rows > MOST_ROWS or size > MOST_BYTES:
-                most = f"expected at most {MOST_ROWS} rows and {MOST_BYTES >> 20} MiB"
-                raise DataError(f"{path}: {rows} rows of {size >> 20} MiB, {most}")
             _check_names(path, names, table)
+            size = max(size, 8 * rows * len(names))  # a column of one value is small until it is read
+            if size > MOST_BYTES:
+                raise DataError(f"{path}: {rows} rows, {size >> 20} MiB, expected at most {MOST_BYTES >> 20} MiB")
             content = file.read()
     except FileNotFoundError:
         raise DataError(f"no file {path}") from None
@@ -170,13 +175,15 @@ def _add_arrow(cells: Cells, column: Column, values: Any) -> None:
     """Add a column of Parquet to ``cells``."""
     from pyarrow import types
 
+    if column.text and types.is_nested(values.type):
+        raise DataError(f"{cells.path}, column {column.name!r}: {values.type}, expected words")
     if column.text:
         _add(cells, column, ["" if value is None else str(value) for value in values.to_pylist()])
         return
     kind = values.type
     if not (types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind)):
         raise DataError(f"{cells.path}, column {column.name!r}: {kind}, expected numbers")
-    _add_numbers(cells, column, values.cast("float64").to_numpy(zero_copy_only=False))
+    _add_numbers(cells, column, values.cast("float64", safe=False).to_numpy(zero_copy_only=False))
 
 
 def _check_names(path: Path, names: Sequence[str], table: str) -> None:

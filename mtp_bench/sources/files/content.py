@@ -69,6 +69,7 @@ def scene_of(content: Content, card: Card) -> Scene:
     skipped: dict[str, int] = dict(content.said.get("skipped", {}))
     truth = _usable(content.truth, "truth", content, card.task.classes, skipped)
     _refuse_second_box(content.truth)
+    _refuse_second_class(content.truth, card.task.classes)
     scene = Scene(
         name=content.name,
         time=content.time,
@@ -191,13 +192,24 @@ def _refuse_second_box(rows: Rows) -> None:
     rows.refuse(twice, "id", lambda at: "a second box of this object in this frame")
 
 
+def _refuse_second_class(rows: Rows, classes: Sequence[str]) -> None:
+    """An object is of one class; classes that the task does not have say nothing about it."""
+    used = np.flatnonzero(np.isin(rows.kind, classes))
+    order = used[np.lexsort((rows.frame[used], rows.further["id"][used]))]
+    object_id, kind = rows.further["id"][order], rows.kind[order]
+    other = np.zeros(len(rows.kind), dtype=bool)
+    other[order[1:]] = (np.diff(object_id) == 0) & (kind[1:] != kind[:-1])
+    rows.refuse(other, "class", lambda at: f"{str(rows.kind[at])!r}, but this object is of another class before")
+
+
 def _check_time(content: Content, card: Card) -> None:
     """Frames there are, with rising times, as far apart as the task says."""
     time = content.time
     if not len(time):
         raise DataError(f"{content.where}: no frames, expected at least one")
-    if not (np.abs(time) < np.inf).all() or not (np.diff(time) > 0).all():
-        at = int(np.argmax(~(np.diff(time, prepend=-np.inf) > 0)))
+    wrong = ~((np.abs(time) < np.inf) & (np.diff(time, prepend=-np.inf) > 0))
+    if wrong.any():
+        at = int(np.argmax(wrong))
         raise DataError(
             f"{content.where}: time {time[at]:g} of frame {at}, expected a number above that of the frame before"
         )

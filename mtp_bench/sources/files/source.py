@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from urllib.parse import unquote
+from urllib.parse import quote, unquote
 
 from ...cards import Card, FilesSource
 from ...cards.own import folder_digest, split_folder
@@ -17,6 +18,7 @@ from .columns import FORMS, TABLES
 from .content import Content, scene_of
 from .tables import read_tables
 
+MOST_NAME = 200  # characters of a quoted name: files of 255 bytes are usual, and writers need some of them
 EXPECTED = "NPZ files of one scene each, or a sub-folder for each scene with the tables truth, detections and ego"
 
 
@@ -37,6 +39,7 @@ class OwnScenes:
         if not self._read:
             raise DataError(f"{card.id}: no scene in the list, expected at least one")
         self.names = tuple(self._read)
+        _require_plain_names(card, self.names)
 
     def load(self, name: str) -> Scene:
         """Read one scene; DataError names the file, line and column that is wrong."""
@@ -46,18 +49,33 @@ class OwnScenes:
 
 
 def scene_paths(folder: Path) -> dict[str, Path]:
-    """The NPZ file, or the sub-folder with tables, of each scene of a folder, by the file's name.
+    """The NPZ file, or the sub-folder with tables, of each scene of a folder, by the scene's name.
 
-    Raises DataError where a scene is there in both forms.
+    What begins with a dot is hidden. Raises DataError where two of them have one name.
     """
-    archives = {path.stem: path for path in folder.glob("*.npz") if path.is_file() and not path.name.startswith(".")}
-    folders = {path.name: path for path in folder.iterdir() if is_scene(path)}
-    both = sorted(archives.keys() & folders.keys())
-    if both:
-        raise DataError(
-            f"{folder} has the scene {both[0]!r} as {both[0]}.npz and as a sub-folder, expected one of them"
-        )
-    return dict(sorted((archives | folders).items()))
+    seen = [path for path in folder.iterdir() if not path.name.startswith(".")]
+    stems = [(path.stem, path) for path in seen if path.suffix == ".npz" and path.is_file()]
+    stems += [(path.name, path) for path in seen if is_scene(path)]
+    paths: dict[str, Path] = {}
+    for stem, path in sorted(stems):
+        name = unquote(stem)
+        if name in paths:
+            raise DataError(
+                f"{folder} has the scene {name!r} as {paths[name].name} and {path.name}, expected one of them"
+            )
+        paths[name] = path
+    return paths
+
+
+def _require_plain_names(card: Card, names: tuple[str, ...]) -> None:
+    """Raise DataError for a name that no file of a run could have."""
+    for name in names:
+        sound = isinstance(name, str) and name.encode("utf-8", "replace").decode() == name
+        if not sound or not 0 < len(quote(name, safe="")) <= MOST_NAME:
+            raise DataError(
+                f"{card.id}: a scene is called {reprlib.repr(name)}, expected a text of 1 to {MOST_NAME} characters, "
+                "as they are written in the name of a file"
+            )
 
 
 def is_scene(folder: Path) -> bool:
@@ -88,8 +106,8 @@ def _readers(section: FilesSource, card: Card) -> dict[str, Callable[[], Content
         )
     rate = card.task.rate
     return {
-        name: partial(read_archive, path) if path.suffix == ".npz" else partial(read_tables, path, rate)
-        for name, path in ((unquote(stem), path) for stem, path in paths.items())
+        name: partial(read_archive, path) if path.is_file() else partial(read_tables, path, rate)
+        for name, path in paths.items()
     }
 
 

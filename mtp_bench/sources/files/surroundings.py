@@ -39,6 +39,8 @@ def image_of(arrays: Arrays, frames: int, where: str) -> ImageField:
     if (np.diff(region) < 0).any() or (len(region) and not 0 <= region[0] <= region[-1] < frames):
         raise DataError(f"{where}, array 'image_region_frame': expected frames of the scene, sorted")
     width, height = arrays["image_size"].tolist()
+    if min(width, height) < 1:
+        raise DataError(f"{where}, array 'image_size': {width} x {height} pixels, expected at least one each way")
     return ImageField(
         projection=arrays["image_projection"],
         height=arrays["image_height"],
@@ -68,7 +70,8 @@ def lanes_of(arrays: Arrays, where: str) -> tuple[Lane, ...]:
     of = arrays["lane_of"]
     points, following = arrays.get("lane_points"), arrays.get("lane_following", np.zeros((0, 2), dtype=np.int64))
     count = int(of[-1]) + 1 if len(of) else 0
-    if points is None or not np.array_equal(np.unique(of), np.arange(count)) or (np.diff(of) < 0).any():
+    steps = np.diff(of, prepend=-1)
+    if points is None or not ((steps == 0) | (steps == 1)).all() or (len(of) and of[0] != 0):
         raise DataError(f"{where}, array 'lane_of': expected the lanes 0, 1, 2, ... of 'lane_points', sorted")
     if len(following) and (following.min() < 0 or following.max() >= count):
         raise DataError(f"{where}, array 'lane_following': expected lanes from 0 to {count - 1}")

@@ -106,7 +106,8 @@ def _numbered(folder: Path, tables: list[Cells], rate: float) -> Frames:
     step = int(np.gcd.reduce(np.diff(numbers))) if len(numbers) > 1 else 1
     if step > 1:
         raise DataError(
-            f"{folder}: frames are {numbers[0]}, {numbers[1]}, ..., every {step}th; number them 0, 1, 2, ..."
+            f"{folder}: rows are of the frames {numbers[0]}, {numbers[1]}, ..., all {step} apart; number them 0, 1, 2, "
+            "..., or say by an ego table which frames there are"
         )
     if numbers[-1] - numbers[0] >= MOST_FRAMES:
         raise DataError(f"{folder}: frames {numbers[0]} to {numbers[-1]}, expected at most {MOST_FRAMES} frames")
@@ -194,6 +195,9 @@ def _ids(cells: Cells) -> Ints:
     """Numbers of the objects: those of the file, or, of words, their places among all words, sorted."""
     words = cells.text["id"]
     try:
-        return words.astype(np.int64) if len(words) else np.zeros(0, dtype=np.int64)
+        number = words.astype(np.int64) if len(words) else np.zeros(0, dtype=np.int64)
+        if np.array_equal(number.astype(np.str_), words):  # else 1 and 01 would be one object
+            return number
     except (ValueError, OverflowError):
-        return np.unique(words, return_inverse=True)[1].astype(np.int64)
+        pass
+    return np.unique(words, return_inverse=True)[1].astype(np.int64)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...errors import DataError
 from ...types import Floats, Ints
+from ..text import MOST_LETTERS
 from .classes import CLASSES
 from .fields import LIMIT, extended, first_wrong, floats, ints, upright_boxes
 from .json_stream import Read, brief, read_entries
@@ -142,6 +143,8 @@ class _Rows:
         identity = box.get("tracking_id") if self.form.identified else ""
         if isinstance(identity, bool) or not isinstance(identity, str | int):
             self._refuse(entry, place, f"tracking_id is {brief(identity)}, expected a text")
+        if len(str(identity)) > MOST_LETTERS:
+            self._refuse(entry, place, f"tracking_id is {brief(identity)}, expected at most {MOST_LETTERS} characters")
         self.identity.append(str(identity))
 
     def refuse_first(self, wrong: tuple[int, str] | None) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
 
 import ijson
+import numpy as np
 
 from ...errors import DataError
 from ..text import read_json
@@ -19,6 +20,8 @@ Record = dict[str, Any]
 Read = Callable[[int], object]  # is told the number of bytes each time some were read
 
 _CHUNK = 1 << 14  # bytes: ijson is slower with more at once
+_DEEPEST = 1000  # lists and objects in each other: the parser keeps a path for each of them
+_OPEN, _CLOSE = (np.frombuffer(letters, dtype=np.uint8) for letters in (b"[{", b"]}"))
 _NAN = re.compile(rb'(?<![\w"])NaN(?![\w"])')
 _BRIEF = reprlib.Repr()  # short for long numbers, texts and lists, and for deeply nested ones
 _BRIEF.maxstring = _BRIEF.maxother = 80
@@ -55,7 +58,7 @@ def _parsed(path: Path, read: Read, start: bytes, parse: Callable[[_Strict], Ite
                 file.seek(len(codecs.BOM_UTF8))
             if head.removeprefix(codecs.BOM_UTF8).lstrip()[:1] != start:
                 raise DataError(f"{path}: got {brief(head[:20])}, expected a text that begins with {start.decode()!r}")
-            yield from parse(_Strict(file, read))
+            yield from parse(_Strict(path, file, read))
     except OSError as error:
         raise DataError(f"{path} cannot be read: {error.strerror}") from None
     except ijson.JSONError as error:
@@ -64,10 +67,14 @@ def _parsed(path: Path, read: Read, start: bytes, parse: Callable[[_Strict], Ite
 
 
 class _Strict:
-    """A file with null in place of NaN, which detection files have for unknown velocities and strict JSON has not."""
+    """A file with null in place of NaN, which detection files have for unknown velocities and strict JSON has not.
 
-    def __init__(self, file: BinaryIO, read: Read) -> None:
-        self._file, self._read = file, read
+    Brackets in texts are counted too: no text of a data set has a thousand of them.
+    """
+
+    def __init__(self, path: Path, file: BinaryIO, read: Read) -> None:
+        self._path, self._file, self._read = path, file, read
+        self._depth = 0
 
     def read(self, size: int) -> bytes:
         """The next bytes, some more than ``size`` where a NaN would be cut in two."""
@@ -75,4 +82,15 @@ class _Strict:
         while chunk.endswith((b"N", b"Na")) and (more := self._file.read(2)):
             chunk += more
         self._read(len(chunk))
+        self._descend(chunk)
         return _NAN.sub(b"null", chunk) if b"NaN" in chunk else chunk
+
+    def _descend(self, chunk: bytes) -> None:
+        """Raise DataError where lists and objects are nested so deeply that their paths would fill the memory."""
+        opened = chunk.count(b"[") + chunk.count(b"{")
+        if self._depth + opened > _DEEPEST:
+            letter = np.frombuffer(chunk, dtype=np.uint8)
+            step = np.isin(letter, _OPEN).astype(np.int64) - np.isin(letter, _CLOSE)
+            if self._depth + int(step.cumsum().max()) > _DEEPEST:
+                raise DataError(f"{self._path} cannot be read as JSON: nested deeper than {_DEEPEST} levels")
+        self._depth += opened - chunk.count(b"]") - chunk.count(b"}")

@@ -8,6 +8,8 @@ scene's frame of reference) and, if known, ``score``. A slash in the name of a s
 from __future__ import annotations
 
 import csv
+import io
+import reprlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from urllib.parse import quote
@@ -18,7 +20,7 @@ from ...cards import Card
 from ...errors import DataError
 from ...types import Scene, StoredTracks
 from ..base import DataRoot, ReadTracks, TrackForm
-from ..text import LIMIT, read_text
+from ..text import LIMIT, MOST_LETTERS, read_text
 from .building import stored_tracks
 
 NUMBERS = ("frame", "x", "y", "z", "yaw", "l", "w", "h")
@@ -32,12 +34,10 @@ def table_path(folder: Path, scene: str) -> Path:
 
 def read_table_of_tracks(path: Path, scene: Scene, classes: Sequence[str]) -> StoredTracks:
     """The tracks of a scene; DataError names the line that is wrong."""
-    rows = list(csv.DictReader(read_text(path).splitlines()))
-    _require_columns(path, rows)
-    for line, row in enumerate(rows, 2):
-        if None in row or None in row.values():
-            raise DataError(f"{path}, line {line}: more or fewer columns than in the first line: is the file cut off?")
-    used = [(line, row) for line, row in enumerate(rows, 2) if row["class"] in classes]
+    rows = _read(path)
+    used = [(line, row) for line, row in rows if row["class"] in classes]
+    if rows and not used:
+        _refuse_misspelt(path, *rows[0], classes)
     value = np.array([_numbers(path, line, row) for line, row in used]).reshape(-1, 9)
     frame = value[:, 0].astype(np.int64)
     identity = np.array([row["id"] for _, row in used], dtype=np.str_)
@@ -60,10 +60,44 @@ def write_table_of_tracks(path: Path, rows: Iterable[Sequence[object]]) -> None:
         table.writerows(rows)
 
 
-def _require_columns(path: Path, rows: Sequence[dict[str, str]]) -> None:
-    lacking = [name for name in COLUMNS[:-1] if rows and name not in rows[0]]
+def _read(path: Path) -> list[tuple[int, dict[str, str]]]:
+    """The rows of a table, each with its line; DataError where it is none."""
+    reader = csv.DictReader(io.StringIO(read_text(path), newline=""))
+    rows = []
+
+    def at() -> str:
+        return f"{path}, line {reader.line_num}"
+
+    try:
+        _require_columns(path, reader.fieldnames or ())
+        for row in reader:
+            if None in row or None in row.values():
+                raise DataError(f"{at()}: more or fewer columns than in the first line: is the file cut off?")
+            if not 0 < len(row["id"]) <= MOST_LETTERS:
+                raise DataError(f"{at()}: id is {reprlib.repr(row['id'])}, expected 1 to {MOST_LETTERS} characters")
+            rows.append((reader.line_num, row))
+    except csv.Error as error:
+        raise DataError(f"{at()}: {error}") from None
+    return rows
+
+
+def _require_columns(path: Path, names: Sequence[str]) -> None:
+    lacking = [name for name in COLUMNS[:-1] if name not in names]
     if lacking:
         raise DataError(f"{path}: no column {', '.join(map(repr, lacking))}; expected {', '.join(COLUMNS)}")
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise DataError(f"{path}: column {twice!r} is there twice, expected once")
+
+
+def _refuse_misspelt(path: Path, line: int, row: dict[str, str], classes: Sequence[str]) -> None:
+    """Raise DataError for a class that is one of the task's but for its case; tracks of others alone are fine."""
+    meant = next((name for name in classes if name.lower() == row["class"].lower()), None)
+    if meant is not None:
+        raise DataError(
+            f"{path}, line {line}: class is {row['class']!r}, and no row has a class of the task; did you mean "
+            f"{meant!r}?"
+        )
 
 
 def _numbers(path: Path, line: int, row: dict[str, str]) -> list[float]:

@@ -7,15 +7,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from ..._bundle import card_ids
+from ...cards import load_card
 from ...scoring import Report
 from ...scoring.rows import Row
 
 Figures = dict[str, list[float]]  # subset -> minADE, minFDE in metres
-
-
-def paper_env(report: Report) -> str:
-    """The env whose figures of the paper may stand beside a report; empty where its scenes are somebody's own."""
-    return "" if report.condition.get("source") == "files" else report.env
 
 
 def paper_figures(env_id: str, row: Row) -> Figures:
@@ -30,6 +27,16 @@ def paper_gap(env_id: str, row: Row) -> float | None:
     if own is None or ends[0] is None or ends[1] is None:
         return None
     return (ends[1][0] - own[0]) / (ends[1][0] - ends[0][0])
+
+
+def shipped_env(report: Report) -> str:
+    """The env whose figures may stand beside those of ``report``; empty where its card is not the shipped one.
+
+    Scenes, a split or detections of one's own keep the name of the env, not its content.
+    """
+    if report.env not in card_ids():
+        return report.env
+    return report.env if report.condition.get("card") in (None, load_card(report.env).digest) else ""
 
 
 def _figures(env_id: str, agent: str, budget: str, hypotheses: int) -> Figures:

@@ -14,7 +14,7 @@ from ...scoring.rows import Details, Interval, PairedRow, Row
 from ...scoring.subsets import SUBSETS, Subset
 from ...scoring.weights import EVENTS
 from .output import NOTHING, counted, short, slim_table
-from .paper import paper_env, paper_figures
+from .paper import paper_figures, shipped_env
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -29,10 +29,11 @@ def main_table(report: Report) -> Table:
     headings = (
         "agent", "H", "minADE/FDE\nall", "\nIDS", "\nFRAG", "\ncov.", "error\nall", "\n#", "error\nids", "\n#"
     )  # fmt: skip
-    table = slim_table(f"{report.env}: m, less is better", headings)
+    env = shipped_env(report)
+    table = slim_table(f"{report.env}{'' if env else ', changed'}: m, less is better", headings)
     blocks = list(_by_setting(report))
     for rows in [block for block in blocks if block["all"].budget == "equal"] or blocks:
-        first, paper = rows["all"], paper_figures(paper_env(report), rows["all"])
+        first, paper = rows["all"], paper_figures(env, rows["all"])
         cells = []
         for subset, name in _PAPER.items():
             theirs = f"\n[dim]{short(paper[name][0])}/{short(paper[name][1])}[/dim]" if name in paper else ""
@@ -49,7 +50,7 @@ def notes(report: Report) -> list[str]:
         allowed = "averaged over budgets of forecasts per live frame"
     silence = next((detail.silence for detail in report.details), None)
     said = "" if silence is None else f" Saying nothing: {short(silence)}."
-    env = paper_env(report)
+    env = shipped_env(report)
     paper = " Below ours, dim: the paper's." if any(paper_figures(env, row) for row in report.rows) else ""
     about = (
         f"minADE/FDE: of the targets with a forecast (cov.); IDS, FRAG: where plain STP has that event.{paper} error: "

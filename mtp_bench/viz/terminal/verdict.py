@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from ...scoring import Report
 from ...scoring.definitions import FORECASTS_PER_FRAME, RANKED_SUBSETS, SIGNIFICANT
 from ...scoring.rows import Interval, Row
-from .paper import paper_env, paper_gap
+from .paper import paper_gap, shipped_env
 
 SAW_TRUTH = "saw the truth"  # of `why_unranked`
 WHERE = {"all": "over all targets", "ids": "on ids", "reacquired": "on reacquired"}
@@ -104,7 +104,7 @@ def _gap(report: Report, row: Row, stp: str, truth: str) -> str | None:
     own = said(lambda r: r.gap_closed_same_predictor, lambda r: r.gap_same_predictor_interval)
     parts.append(f"between ends with its own predictor and presence {own}" if own else "its own ends are not stated")
     parts.append(f"by the plain error {said(plain) or 'unknown'}")
-    if (paper := paper_gap(paper_env(report), row)) is not None:
+    if (paper := paper_gap(shipped_env(report), row)) is not None:
         parts.append(f"in the paper, by minADE on IDS, {_percent(paper)}")
     return "; ".join(parts) + "."
 
