@@ -21,7 +21,7 @@ Read = Callable[[int], object]  # is told the number of bytes each time some wer
 
 _CHUNK = 1 << 14  # bytes: ijson is slower with more at once
 _DEEPEST = 1000  # lists and objects in each other: the parser keeps a path for each of them
-_OPEN, _CLOSE = (np.frombuffer(letters, dtype=np.uint8) for letters in (b"[{", b"]}"))
+_STEP = np.array([(letter in b"[{") - (letter in b"]}") for letter in range(256)], dtype=np.int8)  # of the depth
 _NAN = re.compile(rb'(?<![\w"])NaN(?![\w"])')
 _BRIEF = reprlib.Repr()  # short for long numbers, texts and lists, and for deeply nested ones
 _BRIEF.maxstring = _BRIEF.maxother = 80
@@ -89,8 +89,7 @@ class _Strict:
         """Raise DataError where lists and objects are nested so deeply that their paths would fill the memory."""
         opened = chunk.count(b"[") + chunk.count(b"{")
         if self._depth + opened > _DEEPEST:
-            letter = np.frombuffer(chunk, dtype=np.uint8)
-            step = np.isin(letter, _OPEN).astype(np.int64) - np.isin(letter, _CLOSE)
-            if self._depth + int(step.cumsum().max()) > _DEEPEST:
+            step = _STEP[np.frombuffer(chunk, dtype=np.uint8)]
+            if self._depth + int(step.cumsum(dtype=np.int32).max()) > _DEEPEST:
                 raise DataError(f"{self._path} cannot be read as JSON: nested deeper than {_DEEPEST} levels")
         self._depth += opened - chunk.count(b"]") - chunk.count(b"}")
