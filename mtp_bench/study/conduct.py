@@ -1,0 +1,108 @@
+"""A whole study, from nothing to its page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from ..files import make_folder, require_folder
+from ..running.options import DEFAULTS, RunOptions
+from ..running.perturbation import score_cuts
+from ..running.reference import reference_for
+from ..running.sensitivity import AtCut, at_cut
+from ..scoring import AgentScores, Reference, summarise
+from .findings import Findings
+from .plan import CUT_AGENTS, HYPOTHESES, QUANTILES, Plan, key_of, make_plan, with_cuts
+from .runs import Bench, Measured, measure, open_bench
+from .speed import speed_of
+from .table import Table
+from .tables import make_tables
+
+QUICK_SCENES = 6
+QUICK_HYPOTHESES = (1, 5, 20)
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """What was found, and where it lies."""
+
+    folder: Path
+    findings: Findings
+    tables: dict[str, Table]
+    page: Path
+
+
+def study(
+    names: Sequence[str], env_id: str, folder: str | Path, options: RunOptions = DEFAULTS, quick: bool = False
+) -> Study:
+    """Study agents on the scenes of an env, and write the page, tables and figures into ``folder``.
+
+    Args:
+        names: Folders of submissions, or names of baselines; the story is about the first.
+        env_id: Id of the env or path of its card.
+        folder: Where everything goes; runs that lie there already are used where nothing has changed.
+        options: Data, scenes, seeds (what ranks is run with all, the rest with the first), workers and progress.
+        quick: A first look: the first scenes, one seed, fewer hypotheses, no cuts of the input.
+
+    Raises MtpBenchError for whatever the user can mend.
+    """
+    folder = Path(folder).absolute()
+    require_folder(folder)
+    make_folder(folder)
+    if quick:
+        options = replace(options, seeds=options.seeds[:1], scenes=min(options.scenes or QUICK_SCENES, QUICK_SCENES))
+    from .write import write_study
+
+    found = find(names, env_id, folder, options, quick)
+    tables = make_tables(found)
+    return Study(folder, found, tables, write_study(folder, found, tables))
+
+
+def find(names: Sequence[str], env_id: str, folder: Path, options: RunOptions, quick: bool = False) -> Findings:
+    """Run and score everything that a study needs."""
+    bench = open_bench(env_id, folder, options)
+    hypotheses = QUICK_HYPOTHESES if quick else HYPOTHESES
+    plan = make_plan(names, bench.card, hypotheses, hypotheses[-1:] if quick else hypotheses[1:])
+    if not quick:
+        plan = with_cuts(plan, bench.card, _cuts(bench))
+    reference = reference_for(bench.card, bench.scenes, options)
+    measured = _measure_all(bench, plan)
+    subject = plan.subjects[0]
+    speeds = tuple(speed_of(bench, setting) for setting in subject.equal.values())
+    return Findings(bench, plan, reference, measured, speeds, _sensitivity(bench, plan, reference, measured))
+
+
+def _measure_all(bench: Bench, plan: Plan) -> dict[str, Measured]:
+    first = bench.options.seeds[:1]
+    work = [(s, bench.options.seeds) for s in plan.equal] + [(s, first) for s in [*plan.free, *plan.cut]]
+    progress = bench.options.progress
+    progress.started(len(bench.scenes) * sum(len(seeds) for _, seeds in work))
+    return {key_of(setting): measure(bench, setting, seeds, progress.done) for setting, seeds in work}
+
+
+def _cuts(bench: Bench) -> dict[float, dict[str, float]]:
+    """Least scores per class, by the share of true detections that lie below."""
+    classes = bench.card.task.classes
+    return {
+        share: dict(zip(classes, score_cuts(bench.matched, len(classes), share), strict=True)) for share in QUANTILES
+    }
+
+
+def _sensitivity(bench: Bench, plan: Plan, reference: Reference, measured: dict[str, Measured]) -> tuple[AtCut, ...]:
+    """What the baselines score with all detections, and at each cut."""
+    if not plan.cuts:
+        return ()
+    from ..running.settings import setting_of
+    from ..submission.loader import load_submission
+
+    whole = [setting_of(load_submission(name), bench.card) for name in CUT_AGENTS]
+    at = {0.0: whole, **plan.cuts} if all(key_of(setting) in measured for setting in whole) else plan.cuts
+    rows = []
+    for share, settings in at.items():
+        agents = [
+            AgentScores(s.submission.name, s.hypotheses or 1, s.samples, s.budget, measured[key_of(s)].scores[:1])
+            for s in settings
+        ]
+        rows.append(at_cut(share, agents, summarise(agents, bench.card, reference)))
+    return tuple(rows)
