@@ -109,6 +109,11 @@ class Findings:
         some = weight > 0
         return Mean(ratio(top.sum(), whole.sum()), low, high, int(some.sum()), len(np.unique(table.person[some])))
 
+    def covered_mean(self, table: AgentTable, summed: Floats, weight: Floats | Bools) -> Mean:
+        """Mean over targets with a forecast, of what is ``summed`` [n] over the seeds that have one."""
+        mean = np.divide(summed, table.covered, out=np.zeros(len(summed)), where=table.covered > 0)
+        return self.mean(table, mean, weight * table.covered)
+
     def causes(self, subject: Subject, setting: Setting, subset: Subset = "all") -> Floats:
         """Parts [len(CAUSES), n], m, of the number that ranks on a subset, per target."""
         table, measured = self.table(setting), self.of(setting)

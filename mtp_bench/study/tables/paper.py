@@ -25,6 +25,8 @@ class PastRow:
     targets_of: Text
     past: Text  # "true pasts" or "tracklets"
     minADE: Metres  # noqa: N815
+    minADE_low: Metres  # noqa: N815
+    minADE_high: Metres  # noqa: N815
     minFDE: Metres  # noqa: N815
     plain_error: Metres
     plain_low: Metres
@@ -59,6 +61,7 @@ def past_table(found: Findings) -> Table:
 def _past_row(found: Findings, subject: Subject, subset: Subset, past: str, setting: Setting) -> PastRow:
     row, table = found.row(setting, subset), found.table(setting)
     plain = found.mean(table, table.capped, table.weight[subset])
+    ade = found.covered_mean(table, table.min_ade, table.weight[subset])
     key = PAPERS.get(subset, "all" if subset == "all" else "")
     who = "truth_past" if past == "true pasts" else "stp"
     papers = figures_of(found.bench.card.id, who, "equal", 1).get(key, [None, None])
@@ -67,6 +70,8 @@ def _past_row(found: Findings, subject: Subject, subset: Subset, past: str, sett
         targets_of=subset_name(subset),
         past=past,
         minADE=row.minADE,
+        minADE_low=ade.low,
+        minADE_high=ade.high,
         minFDE=row.minFDE,
         plain_error=plain.value,
         plain_low=plain.low,
