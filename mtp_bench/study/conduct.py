@@ -31,10 +31,16 @@ class Study:
     findings: Findings
     tables: dict[str, Table]
     page: Path
+    figures: int
 
 
 def study(
-    names: Sequence[str], env_id: str, folder: str | Path, options: RunOptions = DEFAULTS, quick: bool = False
+    names: Sequence[str],
+    env_id: str,
+    folder: str | Path,
+    options: RunOptions = DEFAULTS,
+    quick: bool = False,
+    command: str = "",
 ) -> Study:
     """Study agents on the scenes of an env, and write the page, tables and figures into ``folder``.
 
@@ -44,19 +50,24 @@ def study(
         folder: Where everything goes; runs that lie there already are used where nothing has changed.
         options: Data, scenes, seeds (what ranks is run with all, the rest with the first), workers and progress.
         quick: A first look: the first scenes, one seed, fewer hypotheses, no cuts of the input.
+        command: That makes the study again; the page tells it.
 
     Raises MtpBenchError for whatever the user can mend.
     """
     folder = Path(folder).absolute()
     require_folder(folder)
     make_folder(folder)
-    if quick:
-        options = replace(options, seeds=options.seeds[:1], scenes=min(options.scenes or QUICK_SCENES, QUICK_SCENES))
     from .write import write_study
 
-    found = find(names, env_id, folder, options, quick)
+    found = find(names, env_id, folder, quick_options(options) if quick else options, quick)
     tables = make_tables(found)
-    return Study(folder, found, tables, write_study(folder, found, tables))
+    written = write_study(folder, found, tables, command)
+    return Study(folder, found, tables, written.page, written.figures)
+
+
+def quick_options(options: RunOptions) -> RunOptions:
+    """The first scenes and one seed."""
+    return replace(options, seeds=options.seeds[:1], scenes=min(options.scenes or QUICK_SCENES, QUICK_SCENES))
 
 
 def find(names: Sequence[str], env_id: str, folder: Path, options: RunOptions, quick: bool = False) -> Findings:

@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 from ..files import make_folder, write_bytes, write_text
 from .figures import make_figures
 from .findings import Findings
+from .gallery import gallery
+from .page import study_page
 from .table import Table
 
-TABLES, FIGURES, PAGE = "tables", "figures", "index.html"
+TABLES, FIGURES, EVENTS, PAGE = "tables", "figures", "events", "index.html"
 
 
-def write_study(folder: Path, found: Findings, tables: dict[str, Table]) -> Path:
-    """Write everything; the path of the page."""
+class Written(NamedTuple):
+    """What was written."""
+
+    page: Path
+    figures: int
+
+
+def write_study(folder: Path, found: Findings, tables: dict[str, Table], command: str) -> Written:
+    """Write everything. ``command``: that makes the study again."""
     make_folder(folder / TABLES)
     for table in tables.values():
         write_text(folder / TABLES / f"{table.name}.csv", table.to_csv())
@@ -23,4 +33,10 @@ def write_study(folder: Path, found: Findings, tables: dict[str, Table]) -> Path
     for figure in figures.values():
         write_text(folder / FIGURES / f"{figure.name}.svg", figure.svg_file)
         write_bytes(folder / FIGURES / f"{figure.name}.png", figure.png)
-    return folder / PAGE
+    pictures = gallery(found)
+    if pictures:
+        make_folder(folder / EVENTS)
+    for picture in pictures:
+        write_bytes(folder / EVENTS / f"{picture.name}.png", picture.png)
+    write_text(folder / PAGE, study_page(found, tables, figures, pictures, command))
+    return Written(folder / PAGE, len(figures))

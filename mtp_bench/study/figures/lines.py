@@ -85,8 +85,8 @@ def ranked_figure(found: Findings, tables: Tables) -> Figure:
     return draw(
         "ranked",
         "The error that ranks, against one hypothesis",
-        "Difference of the error at false-forecast budgets to that of one hypothesis, at equal k, with its 95 % interval. "
-        "Below the dashed line hypotheses win more than sampling alone.",
+        "Difference of the error at false-forecast budgets to that of one hypothesis, at equal k, with its 95 % "
+        "interval. Below the dashed line hypotheses win more than sampling alone.",
         n_of(found),
         paint,
         panels=3,

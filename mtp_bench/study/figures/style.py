@@ -57,6 +57,7 @@ class Figure:
     title: str
     sentence: str  # what it shows
     n: str  # how many targets, objects and scenes it is of
+    wide: bool  # it needs the width of the page
     svg: str  # for a page: colours are CSS variables, and neither title nor sentence is in it
     svg_file: str  # alone: with both
     png: bytes
@@ -89,7 +90,7 @@ def draw(
         svg = _svg(canvas, name)
         foot = textwrap.fill(f"{sentence} n: {n}.", int(width * _LETTERS))
         png = _png(canvas, title, foot, sentence)
-    return Figure(name, title, sentence, n, svg, _alone(svg, title, foot), png)
+    return Figure(name, title, sentence, n, width > WIDTH * 1.2, svg, _alone(svg, title, foot), png)
 
 
 def _png(canvas: Any, title: str, foot: str, sentence: str) -> bytes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ..findings import Findings
+from ..relations import relation_table
 from ..table import Table
 from .costs import budget_table, cut_table, gap_table, k_table, knee_table, surface_table
 from .events import distance_table, frame_table, frequency_table, shared_table
@@ -30,6 +31,7 @@ ALL = (
     calibration_table,
     cut_table,
     people_table,
+    relation_table,
 )
 
 
