@@ -102,11 +102,11 @@ class Findings:
 
     def mean(self, table: AgentTable, value: Floats, weight: Floats | Bools) -> Mean:
         """Mean of ``value`` [n] over targets by their ``weight`` [n]."""
-        weight = np.asarray(weight, dtype=np.float64)
-        top, whole = table.per_unit(value, weight), table.unit_weight(weight)
+        share = np.asarray(weight, dtype=np.float64)
+        top, whole = table.per_unit(np.asarray(value, dtype=np.float64), share), table.unit_weight(share)
         interval = bootstrap_interval(top, whole)
         low, high = interval or (None, None)
-        some = weight > 0
+        some = share > 0
         return Mean(ratio(top.sum(), whole.sum()), low, high, int(some.sum()), len(np.unique(table.person[some])))
 
     def covered_mean(self, table: AgentTable, summed: Floats, weight: Floats | Bools) -> Mean:

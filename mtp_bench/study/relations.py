@@ -41,8 +41,8 @@ def relation_table(found: Findings) -> Table:
         "relations",
         "What the paper finds, and what holds here",
         "Relations of the paper with the 95 % interval of ours. One holds where the whole interval says so, and does "
-        "not where the whole interval says the opposite. Else, and with fewer than 6 effective recordings, it cannot be "
-        "told.",
+        "not where the whole interval says the opposite. Else, and with fewer than 6 effective recordings, it cannot "
+        "be told.",
         list(relations(found)),
     )
 

@@ -37,6 +37,7 @@ def write_study(folder: Path, found: Findings, tables: dict[str, Table], command
     if pictures:
         make_folder(folder / EVENTS)
     for picture in pictures:
-        write_bytes(folder / EVENTS / f"{picture.name}.png", picture.png)
+        write_text(folder / EVENTS / f"{picture.figure.name}.svg", picture.figure.svg_file)
+        write_bytes(folder / EVENTS / f"{picture.figure.name}.png", picture.figure.png)
     write_text(folder / PAGE, study_page(found, tables, figures, pictures, command))
     return Written(folder / PAGE, len(figures))

@@ -108,7 +108,7 @@ def causes_figure(found: Findings, tables: Tables) -> Figure:
             up, down = up + np.maximum(value, 0), down + np.minimum(value, 0)
         axis.plot(pick(rows, "error"), place, "|", color=color("ink"), markersize=17, markeredgewidth=2, label="error")
         for at, row in zip(place, rows, strict=True):
-            axis.text(max(up[at], row.error), at, f"  {row.error:.2f}", va="center", fontsize=9)
+            axis.text(max(up[int(at)], row.error), float(at), f"  {row.error:.2f}", va="center", fontsize=9)
         axis.axvline(0, color=color("soft"), linewidth=0.8)
         axis.set_yticks(place, [called(row.agent, row.H) for row in rows])
         axis.set_xlabel("error that ranks, m, averaged over budgets of false forecasts")
@@ -140,8 +140,8 @@ def gaps_figure(found: Findings, tables: Tables) -> Figure:
                 mine = [row for row in where(rows, targets_of=subset) if getattr(row, field) is not None]
                 at = [labels.index(called(row.agent, row.H)) + 0.16 - 0.32 * shift for row in mine]
                 value = [100 * v for v in pick(mine, field)]
-                ends = [[None if v is None else 100 * v for v in pick(mine, end)] for end in (low, high)]
-                caps(axis, at, value, *ends, across=True, name=name)
+                least, most = ([None if v is None else 100 * v for v in pick(mine, end)] for end in (low, high))
+                caps(axis, at, value, least, most, across=True, name=name)
                 axis.plot(value, at, marker, color=color(name), markersize=6, label=label)
             for row in where(rows, targets_of=subset):
                 if row.paper_closed is not None:

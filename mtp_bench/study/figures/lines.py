@@ -21,8 +21,8 @@ Tables = dict[str, Table]
 def gain_figure(found: Findings, tables: Tables) -> Figure:
     """MinADE over H, with and without sampling, where identities switch and over all targets."""
     subject = found.subject
-    panels = (("targeted", "IDS"), ("targeted", "ids"), ("global", "all"))
-    panels = tuple(p for p in panels if any(r.minADE is not None for r in where(tables[p[0]].rows, targets_of=p[1])))
+    known = (("targeted", "IDS"), ("targeted", "ids"), ("global", "all"))
+    panels = [p for p in known if any(r.minADE is not None for r in where(tables[p[0]].rows, targets_of=p[1]))]
 
     def paint(axes: list[Axes]) -> None:
         for axis, (table, subset) in zip(axes, panels, strict=True):

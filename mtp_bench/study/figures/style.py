@@ -122,7 +122,7 @@ def _png(canvas: Any, title: str, foot: str, sentence: str) -> bytes:
 def _settings(name: str) -> Iterator[None]:
     import matplotlib as mpl
 
-    settings = {
+    settings: Any = {
         "font.family": "sans-serif",
         "font.sans-serif": ["DejaVu Sans"],
         "font.size": 10,

@@ -44,8 +44,17 @@ def frequency_table(found: Findings) -> Table:
     rows = []
     for kind in KINDS:
         events = sum(len(scene.own[kind].frame) for scene in near)
-        per = [events / max(1, whole) for whole in (objects, frames, boxes / 1000)]
-        rows.append(FrequencyRow(kind, events, *per, objects, frames, boxes))
+        per = FrequencyRow(
+            kind=kind,
+            events=events,
+            per_trajectory=events / max(1, objects),
+            per_frame=events / max(1, frames),
+            per_1000_boxes=1000 * events / max(1, boxes),
+            trajectories=objects,
+            frames=frames,
+            boxes=boxes,
+        )
+        rows.append(per)
     return Table(
         "frequency",
         "How often identities err",

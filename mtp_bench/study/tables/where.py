@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from ...running.settings import Setting
 from ...scoring.causes import CAUSES
+from ...scoring.definitions import DISTANCE_BINS, PLANNING_SIGMA
 from ...scoring.subsets import Subset
+from ...types import Bools, Floats
 from ..findings import Findings, Mean
 from ..plan import Subject
 from ..table import Count, Metres, Number, Share, Table, Text
@@ -86,7 +89,7 @@ class BinRow:
     objects: Count
 
 
-def _bin_row(found: Findings, setting: Setting, by: str, name: str, mask: np.ndarray) -> BinRow | None:  # type: ignore[type-arg]
+def _bin_row(found: Findings, setting: Setting, by: str, name: str, mask: Bools) -> BinRow | None:
     table = found.table(setting)
     mean: Mean = found.mean(table, table.capped, mask)
     if not mean.targets:
@@ -165,11 +168,7 @@ def bin_table(found: Findings) -> Table:
     )
 
 
-def _distance_masks(distance: np.ndarray) -> dict[str, np.ndarray]:  # type: ignore[type-arg]
-    from itertools import pairwise
-
-    from ...scoring.definitions import DISTANCE_BINS
-
+def _distance_masks(distance: Floats) -> dict[str, Bools]:
     return {
         f"{low:g}-{high:g} m" if np.isfinite(high) else f"beyond {low:g} m": (distance >= low) & (distance < high)
         for low, high in pairwise(DISTANCE_BINS)
@@ -177,8 +176,6 @@ def _distance_masks(distance: np.ndarray) -> dict[str, np.ndarray]:  # type: ign
 
 
 def _planning(found: Findings, setting: Setting) -> BinRow | None:
-    from ...scoring.definitions import PLANNING_SIGMA
-
     if not found.bench.card.has_ego:
         return None
     table = found.table(setting)
