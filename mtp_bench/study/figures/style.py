@@ -25,14 +25,14 @@ COLORS = {
     "soft": ("#5b646e", "#a4adb6"),
     "grid": ("#e2e5e8", "#31383f"),
     "paper": ("#ffffff", "#1a1e22"),
-    "green": ("#009e73", "#2fc79b"),
-    "blue": ("#0072b2", "#4fa8e0"),
-    "orange": ("#e69f00", "#f0b432"),
+    "green": ("#009e73", "#25b78c"),
+    "blue": ("#0072b2", "#3f8fe0"),
+    "orange": ("#e69f00", "#e8a317"),
     "vermillion": ("#d55e00", "#f0793a"),
-    "purple": ("#cc79a7", "#dc93bd"),
-    "sky": ("#56b4e9", "#8fd0f5"),
-    "grey": ("#8a8f94", "#b4bac0"),
-    "yellow": ("#e0c800", "#f0e442"),
+    "purple": ("#cc79a7", "#e39cc6"),
+    "sky": ("#56b4e9", "#a3dcfa"),
+    "grey": ("#555b61", "#737a81"),
+    "yellow": ("#f0e442", "#f5ec7a"),
 }
 SERIES = ("green", "blue", "orange", "vermillion", "purple", "sky", "grey")
 MARKERS = dict(zip(SERIES, "osDv^P*", strict=True))
@@ -102,7 +102,7 @@ def _png(canvas: Any, title: str, foot: str, sentence: str) -> bytes:
     canvas.savefig(plain, format="png", dpi=DOTS)
     drawing = Image.open(plain).convert("RGB")
     point = DOTS / 72
-    faces = [font_manager.findfont(font_manager.FontProperties("DejaVu Sans", weight=w)) for w in ("bold", "normal")]
+    faces = [font_manager.findfont(font_manager.FontProperties(family="DejaVu Sans", weight=w)) for w in ("bold", "normal")]
     bold, small = (ImageFont.truetype(face, round(size * point)) for face, size in zip(faces, (12, 8.5), strict=True))
     above, below = round(24 * point), round((11 * (1 + foot.count("\n")) + 10) * point)
     whole = Image.new("RGB", (drawing.width, drawing.height + above + below), PAPER)
