@@ -1,6 +1,7 @@
 # make demo   the comparison of the paper on ten scenes of simulated traffic: no data needed, a minute or two
-# make test   lint, types, import rules and tests; DATA=folder or MTP_BENCH_DATA adds those on real recordings
-# Both create .venv and install what they need the first time; PYTHON=python3.13 chooses another interpreter for it.
+# make test   lint, types, import rules and tests, which build the site too; DATA=folder or MTP_BENCH_DATA adds those on real recordings
+# make docs   the site in site/: static, no server and no network needed; warnings are errors
+# All create .venv and install what they need the first time; PYTHON=python3.13 chooses another interpreter for it.
 
 DATA ?= $(MTP_BENCH_DATA)
 ifneq ($(DATA),)
@@ -10,7 +11,7 @@ BIN := .venv/bin
 PYTHON ?= python3.11
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
-.PHONY: demo test lint clean
+.PHONY: demo test lint docs clean
 
 demo: .venv/installed
 	@$(BIN)/mtp-bench compare truth_past stp stp_same_budget mtp --env MTP-Intersection-v0 --scenes 10 --seeds 1
@@ -29,6 +30,10 @@ lint: .venv/installed-dev
 	@$(BIN)/pyright
 	@echo '== import-linter'
 	@$(BIN)/lint-imports --no-logo --no-cache
+
+docs: .venv/installed-dev
+	@echo '== site'
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 # pip is the last thing that `python -m venv` writes
 .venv/bin/pip:
@@ -51,4 +56,4 @@ lint: .venv/installed-dev
 	@touch $@ .venv/installed
 
 clean:
-	rm -rf build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf build dist site .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

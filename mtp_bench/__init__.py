@@ -23,6 +23,7 @@ from .agent import Predictor as Predictor
 from .agent import Sampler as Sampler
 from .agent import Tracker as Tracker
 from .env.building import answer as answer
+from .errors import ActionError as ActionError
 from .errors import CardError as CardError
 from .errors import DataError as DataError
 from .errors import MtpBenchError as MtpBenchError
@@ -46,6 +47,7 @@ if _typing.TYPE_CHECKING:
     from . import scoring as scoring
     from . import tracking as tracking
     from . import training as training
+    from . import wrappers as wrappers
     from .cards import Card as Card
     from .cards import load_card as load_card
     from .env import MTPEnv as MTPEnv
@@ -63,6 +65,7 @@ else:  # hidden from type checkers, for which it would make every misspelt attri
         "scoring": "scoring",
         "tracking": "tracking",
         "training": "training",
+        "wrappers": "wrappers",
         "Card": "cards",
         "MTPEnv": "env",
         "Report": "scoring",

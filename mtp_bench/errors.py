@@ -14,6 +14,10 @@ class CardError(MtpBenchError):
     """An environment card is missing, misspelt or inconsistent."""
 
 
+class ActionError(MtpBenchError):
+    """A strict env was given an action outside its action space."""
+
+
 class DataError(MtpBenchError):
     """A data root, a file or a row of a dataset is missing or broken."""
 
@@ -50,15 +54,28 @@ class UnknownNameError(MtpBenchError, KeyError):
         return str(self.args[0])
 
 
+def sentence(got: str, expected: str = "", where: str = "", advice: str = "") -> str:
+    """What is wrong, as errors and findings say it; what is not known is left out."""
+    wanted = f", expected {expected}" if expected else ""
+    place = f" ({where})" if where else ""
+    return f"{got}{wanted}{place}" + (f"; {advice}" if advice else "")
+
+
 MOST_NAMES = 16  # listed in an error text
 
 
 def nearest(got: str, known: Iterable[str]) -> str:
     """The part of an error text that names the nearest known name, else all of them."""
     names = sorted(known)
-    lower = {name.lower(): name for name in names}  # other case is no other name
-    close = difflib.get_close_matches(got.lower(), lower, n=1, cutoff=0.5)
+    close = closest(got, names)
     if close:
-        return f": did you mean {lower[close[0]]!r}?"
+        return f": did you mean {close!r}?"
     shown = ", ".join(names[:MOST_NAMES]) + (f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else "")
     return f": known are {shown}" if names else ": none is known"
+
+
+def closest(got: str, known: Iterable[str]) -> str:
+    """The known name that looks most like ``got``; empty where none does."""
+    lower = {name.lower(): name for name in sorted(known)}  # other case is no other name
+    close = difflib.get_close_matches(got.lower(), lower, n=1, cutoff=0.5)
+    return lower[close[0]] if close else ""

@@ -196,6 +196,16 @@ def file_digest(path: Path, most: int | None = None) -> str:
     return digest.hexdigest()
 
 
+def content_digest(path: Path) -> str:
+    """Hex sha256 of a file, or of the names and contents of the files that lie in a folder; raises OSError."""
+    if path.is_file():
+        return file_digest(path)
+    digest = hashlib.sha256()
+    for file in sorted(each for each in path.iterdir() if each.is_file()):
+        digest.update(f"{file.name}|{file_digest(file)}\n".encode())
+    return digest.hexdigest()
+
+
 def clean_text(text: str, most: int) -> str:
     """``text`` in one line that can be stored and shown: at most ``most`` characters, none of them invisible.
 

@@ -120,6 +120,13 @@ class Detections(Ragged):
 
 
 @dataclass(frozen=True, eq=False)
+class StoredTracks(Detections):
+    """Boxes of a foreign tracker, with what it took them for; it may have seen the future."""
+
+    object_id: Ints  # [R] identity within the scene, from 0; one of them has one class, and one box in a frame
+
+
+@dataclass(frozen=True, eq=False)
 class Lane:
     """A lane of the road map: polylines along the direction of travel."""
 
@@ -160,6 +167,7 @@ class Scene:
     recording: str = ""  # that the scene is cut from: its objects keep their ids in all scenes of it; empty: none
     image: ImageField | None = None  # what the labels of a camera can confirm; None: everything around
     world: Floats | None = None  # [F, 4] x y z yaw of each frame's origin, where every frame has its own; None: one
+    tracks: StoredTracks | None = None  # of a foreign tracker, for agents that observe them; None: there are none
     lanes: tuple[Lane, ...] = ()  # the road map, for drawing and training; empty where there is none
 
     @property
@@ -184,7 +192,7 @@ class Task:
     objects: int  # O
     hypotheses: int  # H
     detector: str  # e.g. "pointrcnn": agents choose their parameters by it
-    observe: str = "detections"  # "truth": true boxes with true ids come as detections
+    observe: str = "detections"  # "truth": true boxes with true ids come as detections; "tracks": stored tracks do
     ego_motion: bool = True  # False: every frame is given in its own ego frame, the world moves
     velocity: bool = False  # detections carry a measured velocity
     seed: int = 0  # for the agent's own random draws

@@ -16,13 +16,14 @@ from types import ModuleType
 
 import gymnasium as gym
 import pytest
+import yaml
 
 import mtp_bench
 from mtp_bench import _bundle
 from mtp_bench.running.options import RunOptions
 
 PUBLIC = {
-    "Action", "Agent", "CardError", "DataError", "Detections", "MtpBenchError", "Objects", "Observation",
+    "Action", "ActionError", "Agent", "CardError", "DataError", "Detections", "MtpBenchError", "Objects", "Observation",
     "Forecasts", "Frame", "Pipeline", "Predictor", "RecordError", "Rollout", "RolloutError", "Sampler", "Scene",
     "ShapeError", "SubmissionError", "Task", "Tracker", "Tracks", "Truth", "UnknownNameError", "answer", "card_ids",
 }  # fmt: skip
@@ -38,9 +39,9 @@ LAZY_NAMES = {
     "windows",
 }
 LAZY_NAMES |= {"run", "score"}
-LAZY = {"prediction", "scoring", "tracking", "training"}
+LAZY = {"prediction", "scoring", "tracking", "training", "wrappers"}
 SLOW = {"torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "rich", "typer", "pandas", "matplotlib"}
-SLOW |= {"jinja2", "pygame", "safetensors", "PIL", "av"}
+SLOW |= {"stable_baselines3", "jinja2", "pygame", "safetensors", "PIL", "av"}
 
 
 def python(code: str, *arguments: str) -> str:
@@ -228,3 +229,23 @@ def test_tests_on_real_data_are_deselected_visibly(repository: Path) -> None:
     wrong = run(env=environment | {"MTP_BENCH_DATA": "/nowhere/at/all"})
     assert wrong.returncode == pytest.ExitCode.USAGE_ERROR
     assert "MTP_BENCH_DATA is '/nowhere/at/all', expected an existing folder" in wrong.stderr
+
+
+def test_only_a_release_that_is_switched_on_is_published(repository: Path) -> None:
+    """No token: the step that publishes has an identity of its own, and no other step may do it."""
+    workflow = yaml.safe_load((repository / ".github" / "workflows" / "release.yml").read_text())
+    build, publish = workflow["jobs"]["build"], workflow["jobs"]["publish"]
+    assert workflow[True] == {"push": {"tags": ["v*"]}}, "YAML reads the key `on` as true"
+    assert workflow["permissions"] == {"contents": "read"}
+    assert "permissions" not in build
+    assert (publish["needs"], publish["if"]) == ("build", "vars.PUBLISH == 'true'")
+    assert publish["permissions"] == {"id-token": "write"}
+    assert "secrets." not in (repository / ".github" / "workflows" / "release.yml").read_text()
+
+
+def test_the_tools_of_the_release_are_those_of_the_tests(repository: Path) -> None:
+    extras = tomllib.loads((repository / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    (pinned,) = [name for name in extras["dev"] if name.startswith("build==")]
+    assert f" {pinned} " in (repository / ".github" / "workflows" / "release.yml").read_text()
+    assert "mtp-bench[docs]" in extras["dev"]
+    assert all("==" in name for name in extras["docs"])

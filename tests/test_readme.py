@@ -20,25 +20,31 @@ from mtp_bench.cards import (
     TaskSection,
     WildtrackSource,
 )
+from tests.conftest import REPOSITORY
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import task
 
 TASK = task(classes=("car",), detections=5, objects=7)
+PAGES = sorted(path.relative_to(REPOSITORY).as_posix() for path in (REPOSITORY / "docs").rglob("*.md"))
 DOCUMENTS = (
     "README.md",
     "CONTRIBUTING.md",
+    "SECURITY.md",
     "envs/README.md",
     "baselines/README.md",
-    "baselines/TRAINING.md",
     "leaderboard/README.md",
     "leaderboard/RESULTS.md",
+    "leaderboard/SUBMITTING.md",
+    "leaderboard/MAINTAINING.md",
     "mtp_bench/detector/README.md",
+    *PAGES,
 )
 
 
 def blocks(path: Path, language: str) -> list[str]:
-    """Fenced blocks of one language in a document."""
-    return re.findall(rf"^```{language}\n(.*?)^```$", path.read_text(), flags=re.MULTILINE | re.DOTALL)
+    """Fenced blocks of one language that are written in a document; those that show a file run as that file."""
+    found = re.findall(rf"^```{language}\n(.*?)^```$", path.read_text(), flags=re.MULTILINE | re.DOTALL)
+    return [text for text in found if not text.startswith("--8<--")]
 
 
 def block(path: Path, language: str, contains: str) -> str:
@@ -75,9 +81,14 @@ def test_links_lead_somewhere(repository: Path, document: str) -> None:
 
 def test_the_example_runs(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
     exec(compile(block(repository / "README.md", "python", "gym.make"), "README.md", "exec"), {})
-    found = re.match(r"intersection-\d{6}: error (\d+\.\d+) m per frame", capsys.readouterr().out)
-    assert found
-    assert 0 < float(found[1]) < 1000
+    rewards = re.findall(r"^frame \d+: reward (-?\d+\.\d)$", capsys.readouterr().out, flags=re.MULTILINE)
+    assert len(rewards) == 40
+    assert -1000 < min(map(float, rewards)) < 0
+
+
+def test_the_first_agent_has_eight_lines(repository: Path) -> None:
+    lines = block(repository / "README.md", "python", "gym.make").splitlines()
+    assert len([line for line in lines if line and not line.startswith("import")]) == 8
 
 
 def test_the_example_of_the_detector_runs(repository: Path) -> None:
@@ -88,11 +99,11 @@ def test_the_example_of_the_detector_runs(repository: Path) -> None:
 
 
 def test_the_submission_works(repository: Path, tmp_path: Path) -> None:
-    readme = repository / "README.md"
+    page = repository / "docs/start/submission.md"
     folder = tmp_path / "standing_still"
     folder.mkdir()
-    (folder / "submission.toml").write_text(block(readme, "toml", "standing_still/submission.toml"))
-    (folder / "agent.py").write_text(block(readme, "python", "standing_still/agent.py"))
+    (folder / "submission.toml").write_text(block(page, "toml", "standing_still/submission.toml"))
+    (folder / "agent.py").write_text(block(page, "python", "standing_still/agent.py"))
     agent = load_submission(folder).build(TASK)
     agent.reset(TASK)
     observation: dict[str, Any] = {
@@ -107,6 +118,17 @@ def test_the_submission_works(repository: Path, tmp_path: Path) -> None:
     assert action["forecast"].shape == (7, 4, 3, 2)
 
 
+def test_the_submission_passes_check(repository: Path, tmp_path: Path, cli: CommandLine) -> None:
+    """Whichever page shows it."""
+    pages = [repository / "README.md", *sorted(repository.glob("docs/start/*.md"))]
+    (page,) = [page for page in pages if "standing_still/agent.py" in page.read_text()]
+    folder = tmp_path / "standing_still"
+    folder.mkdir()
+    (folder / "submission.toml").write_text(block(page, "toml", "standing_still/submission.toml"))
+    (folder / "agent.py").write_text(block(page, "python", "standing_still/agent.py"))
+    assert "error" not in cli.ok("check", folder).splitlines()[-1]
+
+
 def test_the_example_manifest_is_valid(repository: Path, tmp_path: Path) -> None:
     (tmp_path / "submission.toml").write_text(block(repository / "baselines/README.md", "toml", "[compare]"))
     (tmp_path / "agent.py").write_text("def build(task, hypotheses): ...")
@@ -114,7 +136,7 @@ def test_the_example_manifest_is_valid(repository: Path, tmp_path: Path) -> None
 
 
 def test_the_table_of_environments_is_complete(repository: Path) -> None:
-    readme = repository / "README.md"
+    readme = repository / "docs/environment/index.md"
     assert first_column(readme, "MTP-") == set(card_ids())
     for env_id in card_ids():
         task = load_card(env_id).task
@@ -139,15 +161,26 @@ def test_the_table_of_card_keys_is_complete(repository: Path) -> None:
         assert f"`{key}`" in documented or f"`source.{key}`" in documented, key
 
 
-def test_the_tutorial_runs(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cli: CommandLine) -> None:
-    """From windows to an agent that passes `check`, as it is written, and in at most 80 lines."""
-    tutorial = repository / "baselines" / "TRAINING.md"
-    assert len(tutorial.read_text().splitlines()) <= 80
-    train, agent = blocks(tutorial, "python")
+def test_the_readme_is_short(repository: Path) -> None:
+    """What it is, two commands, one picture, one table, links."""
+    text = (repository / "README.md").read_text()
+    assert len(text.splitlines()) <= 150
+    assert text.count("![") == 1
+    assert len(re.findall(r"^\|[-:| ]+\|$", text, flags=re.MULTILINE)) == 1
+
+
+RUN_ELSEWHERE = re.compile(r"^<!-- blocks run in (\S+) -->$", flags=re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(REPOSITORY / page, "python")])
+def test_python_blocks_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One after the other, as a reader would; a page may say which other test runs its blocks."""
+    elsewhere = RUN_ELSEWHERE.findall((REPOSITORY / page).read_text())
+    if elsewhere:
+        (test,) = elsewhere
+        assert Path(page).name in (REPOSITORY / test).read_text(), f"{test} does not read {page}"
+        return
     monkeypatch.chdir(tmp_path)
-    cli.ok("new", "mine")
-    exec(compile(train, "mine/train.py", "exec"), {})
-    (tmp_path / "mine" / "agent.py").write_text(agent)
-    manifest = tmp_path / "mine" / "submission.toml"
-    manifest.write_text(re.sub(r"^(gate|patience) = .*\n", "", manifest.read_text(), flags=re.MULTILINE))
-    cli.ok("check", "mine")
+    names: dict[str, Any] = {"__name__": "__main__"}
+    for text in blocks(REPOSITORY / page, "python"):
+        exec(compile(text, page, "exec"), names)

@@ -13,11 +13,13 @@ from typer.core import TyperGroup
 from .._version import __version__
 from ..errors import MtpBenchError
 from .board import board
+from .challenge import challenge
 from .check import check
 from .compare import compare
 from .data import data
 from .envs import envs
 from .events import events
+from .export import export
 from .fit_noise import fit_noise
 from .freeze import freeze
 from .new import new
@@ -77,6 +79,7 @@ def about(
 
 for command in (
     envs, data, run, score, compare, study, view, events, video, fit_noise, new, check, submit, verify, seal, board,
+    export, challenge,
 ):  # fmt: skip
     app.command(cls=Command)(opened(command))
 app.add_typer(train, name="train")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import SubmissionError
-from .options import DataOption, JsonOption, SubmissionArgument
+from .options import DataOption, JsonOption, SubmissionArgument, TracksOption, absolute
 from .output import count, number, prepare, require_writable, working, write_json
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ def check(
         str, typer.Option(help="Environment to check on; `mtp-bench envs` lists them.")
     ] = "MTP-Intersection-v0",
     root: DataOption = None,
+    tracks: TracksOption = None,
     json_file: JsonOption = None,
 ) -> None:
     """Check that a submission keeps the contract, and score three scenes beside STP. Status 1 for errors."""
@@ -34,7 +35,7 @@ def check(
     from ..viz.terminal.output import show, show_numbers
 
     require_writable(json_file)
-    options = RunOptions(root, SCENES, workers=Workers(cores()))
+    options = RunOptions(root, SCENES, track_file=absolute(tracks), workers=Workers(cores()))
     prepare(env, options)
     with working("check", options) as watched:
         checked = check_submission(path, env, watched)

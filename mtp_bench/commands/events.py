@@ -16,6 +16,8 @@ def events(
     kind: Annotated[
         list[str] | None, typer.Option(help="Only ids, lost, reacquired or spurious (false forecasts); repeatable.")
     ] = None,
+    sort: Annotated[str, typer.Option(help="cost: the largest error first; time: by scene and frame.")] = "time",
+    top: Annotated[int | None, typer.Option(min=1, help="Only the first N.")] = None,
     root: DataOption = None,
     env: RunCardOption = None,
     json_file: JsonOption = None,
@@ -25,12 +27,15 @@ def events(
     from ..viz.replay import KINDS, replay
     from ..viz.terminal.event_table import (
         CAPTION,
+        LOOK,
+        ORDERS,
         EventRow,
         Shown,
         Tally,
         event_rows,
         event_table,
         events_json,
+        in_order,
         longest_only,
         tally_line,
     )
@@ -38,6 +43,7 @@ def events(
 
     for name in kind or ():
         one_of(name, KINDS, "--kind")
+    one_of(sort, ORDERS, "--sort")
     require_writable(json_file)
     shown, tally = Shown(str(folder), root, env), Tally()
     rows: list[EventRow] = []
@@ -50,11 +56,12 @@ def events(
             tally.add(played)
             rows += event_rows(played, kind or KINDS, shown)
             done(rollout.scene)
+    rows = in_order(rows, sort)[:top]
     write_json(json_file, events_json(rows, tally, opened.card.id, opened.run.info.agent))
-    listed = rows if kind else longest_only(rows)
+    listed = rows if kind or top else longest_only(rows)
     if listed:
         show_numbers(event_table(listed))
         show("")
-        show_lines([CAPTION, "To look at one, name its scene and event as for the first of them:"])
+        show_lines([CAPTION, LOOK])
         show_command(listed[0].view)
     show(tally_line(tally, all_listed=len(listed) == len(rows)))

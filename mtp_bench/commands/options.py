@@ -40,6 +40,14 @@ SplitOption = Annotated[
 ]
 TextOption = Annotated[Path | None, typer.Option("-o", "--output", help="Write here instead of printing.")]
 FolderArgument = Annotated[Path, typer.Argument(help="Folder written by `mtp-bench run`.")]
+TracksOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--tracks",
+        help="Stored tracks, for agents that observe them: a nuScenes tracking submission (.json), or a folder of "
+        "KITTI results (.txt) or tables (.csv), one per scene.",
+    ),
+]
 RunCardOption = Annotated[
     str | None, typer.Option("--env", help="Card of the run, where it does not ship.", autocompletion=env_ids)
 ]
@@ -66,20 +74,20 @@ class EnvScenes:
         ),
     ] = None
     detections: Annotated[Path | None, typer.Option(help="File of stored detections, as submitted to nuScenes.")] = None
+    tracks: TracksOption = None
 
     def options(self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)) -> RunOptions:
         """These scenes under ``seeds`` as options of a run."""
         from ..running.folds import fold_of
         from ..running.options import RunOptions
 
-        # absolute: a stored run is scored from anywhere
-        file = None if self.detections is None else str(self.detections.expanduser().absolute())
+        file, tracks = absolute(self.detections), absolute(self.tracks)
         chosen = (workers or WorkerChoice()).workers()
         try:
             fold = None if self.fold is None else fold_of(self.fold)
         except MtpBenchError as error:
             raise typer.BadParameter(str(error), param_hint="--fold") from None
-        return RunOptions(self.data, self.scenes, seeds, self.split, self.detector, fold, file, chosen)
+        return RunOptions(self.data, self.scenes, seeds, self.split, self.detector, fold, file, tracks, chosen)
 
 
 @dataclass(frozen=True)
@@ -134,6 +142,11 @@ def opened(command: Callable[..., None]) -> Callable[..., None]:
     call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     call.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return call
+
+
+def absolute(path: Path | None) -> str | None:
+    """A path that holds wherever a stored run is scored from."""
+    return None if path is None else str(path.expanduser().absolute())
 
 
 def one_of(value: str, known: Sequence[str], option: str) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import MtpBenchError, RecordError
-from .options import DataOption, SubmissionArgument, WorkerChoice, one_of
+from .options import DataOption, SubmissionArgument, TracksOption, WorkerChoice, absolute, one_of
 from .output import count, number, prepare, said_of, say, some_of, working
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ class Entry:
     ] = None
 
     cuda: Annotated[bool, typer.Option("--cuda", help="Give the agent the graphics cards: open division.")] = False
+    tracks: TracksOption = None
 
     def stated(self) -> dict[str, Any]:
         """As arguments of `records.submit`; wrong usage for an unknown division, and what it does not have."""
@@ -86,7 +87,8 @@ def submit(
     from ..viz.terminal.output import show, show_numbers
 
     more = {**entry.stated(), "start": again.start()}
-    options = RunOptions(root, scenes, range(seeds), split, workers=workers.workers())
+    tracks = absolute(entry.tracks)
+    options = RunOptions(root, scenes, range(seeds), split, track_file=tracks, workers=workers.workers())
     submission = load_submission(path)
     targets = {env_id: record_path(submission, load_card(env_id), output, split) for env_id in env}
     for target in targets.values():

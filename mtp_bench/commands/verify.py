@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import MtpBenchError, RecordError
-from .options import DataOption, JobsOption, JsonOption, WorkerChoice
+from .options import DataOption, JobsOption, JsonOption, TracksOption, WorkerChoice, absolute
 from .output import count, number, require_writable, said_of, some_of, working, write_json
 
 if TYPE_CHECKING:
@@ -77,6 +77,7 @@ def verify(
     ] = False,
     jobs: JobsOption = 0,
     env: Annotated[str | None, typer.Option(help="Card of the record, where it does not ship.")] = None,
+    tracks: TracksOption = None,
     json_file: JsonOption = None,
 ) -> None:
     """Check records: digest, card, data, and stored rollouts scored again. Status 1 where one does not hold."""
@@ -100,7 +101,7 @@ def verify(
         return
     seals = _seals(again.hidden, again.commitment, trust)
     asked = Round(again.rerun, seals, again.submissions, again.submission)
-    options = RunOptions(root, workers=WorkerChoice(jobs).workers())
+    options = RunOptions(root, track_file=absolute(tracks), workers=WorkerChoice(jobs).workers())
     _check_all(record, _Work(asked, trust, options, env, write, signing.sign, signing.signer or ""), json_file)
 
 

@@ -16,7 +16,8 @@ def video(
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write: .mp4 or .gif.")],
     scene: Annotated[str | None, typer.Option(help="Which scene; the first of the run.")] = None,
     at: Annotated[
-        str | None, typer.Option(help="Only 2 s before and after this event; `mtp-bench events` lists them.")
+        str | None,
+        typer.Option(help="This event alone, from 3 s before to 3 s after; `mtp-bench events` lists them."),
     ] = None,
     fps: Annotated[
         float | None, typer.Option(min=0.1, max=50, help="Pictures per second; as many as were recorded.")

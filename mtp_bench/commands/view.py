@@ -26,22 +26,29 @@ def view(
         str, typer.Option(help="off, tracks, top (3 samples per object) or all (every sample and hypothesis).")
     ] = "top",
     save: Annotated[Path | None, typer.Option(help="Write a recording (.rrd) instead.")] = None,
+    png: Annotated[
+        Path | None, typer.Option(help="Write a picture of the event (.png) instead; needs --at, no screen, no rerun.")
+    ] = None,
     web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on this machine instead.")] = False,
     root: DataOption = None,
     env: RunCardOption = None,
 ) -> None:
     """Look at tracks, hypotheses, forecasts and events of stored rollouts in rerun."""
     from ..viz.rerun.arrays import LEVELS
+
+    one_of(level, LEVELS, "--level")
+    if (save is not None) + web + (png is not None) > 1:
+        raise typer.BadParameter("choose one of them", param_hint="--save, --web, --png")
+    if save is not None and save.suffix != ".rrd":
+        raise typer.BadParameter(f"{save}: the viewer opens files that end in .rrd", param_hint="--save")
+    require_writable(save, png)
+    if png is not None:
+        _write_picture(png, at, folders, scene, root, env)
+        return
     from ..viz.rerun.log import save_recording
     from ..viz.rerun.viewer import require_display, serve_recording, show_recording
     from ..viz.terminal.output import show
 
-    one_of(level, LEVELS, "--level")
-    if save is not None and web:
-        raise typer.BadParameter("a recording is either written or served", param_hint="--save, --web")
-    if save is not None and save.suffix != ".rrd":
-        raise typer.BadParameter(f"{save}: the viewer opens files that end in .rrd", param_hint="--save")
-    require_writable(save)
     if save is None and not web:
         require_display()
     replays = _replays(folders, scene, root, env)
@@ -49,12 +56,34 @@ def view(
     what = _sentence(replays[0], incident)
     if save is not None:
         save_recording(save, replays, level, incident)
-        show(f"{save}: {what}; open it with `rerun {save}`" + (f", at frame {incident.frame}" if incident else ""))
+        show(f"{save}: {what}; open it with `rerun {save}`")
     elif web:
         serve_recording(replays, level, incident, lambda url: show(f"{what}: {url} until Ctrl-C"))
     else:
         show_recording(replays, level, incident)
         show(what)
+
+
+def _write_picture(
+    png: Path, at: str | None, folders: Sequence[Path], scene: str | None, data: str | None, env_id: str | None
+) -> None:
+    """Write the picture of an event of one run."""
+    from ..viz.drawing.report import save_report
+    from ..viz.focus import Focus
+    from ..viz.terminal.output import show
+
+    if png.suffix.lower() != ".png":
+        raise typer.BadParameter(f"{png}: expected a name that ends in .png", param_hint="--png")
+    if at is None:
+        raise typer.BadParameter(
+            "a picture shows one event: name it with --at; `mtp-bench events` lists them", param_hint="--png"
+        )
+    if len(folders) > 1:
+        raise typer.BadParameter(f"a picture shows one run, got {len(folders)} folders", param_hint="--png")
+    (replay,) = _replays(folders, scene, data, env_id)
+    incident = replay.incident(at)
+    save_report(png, Focus.of(replay, incident))
+    show(f"{png}: {_sentence(replay, incident)}")
 
 
 def _replays(folders: Sequence[Path], scene: str | None, data: str | None, env_id: str | None) -> list[Replay]:
@@ -79,8 +108,9 @@ def _replays(folders: Sequence[Path], scene: str | None, data: str | None, env_i
 
 
 def _sentence(replay: Replay, incident: Incident | None) -> str:
-    from ..viz.replay import incident_text
+    from ..viz.case import Case
+    from ..viz.sentence import sentence
 
     if incident is None:
         return f"scene {replay.scene.name}"
-    return f"scene {replay.scene.name}, frame {incident.frame}, {incident_text(incident, replay.card.task.classes)}"
+    return f"scene {replay.scene.name}, frame {incident.frame}, {sentence(Case(replay, incident))}"

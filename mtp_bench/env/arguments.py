@@ -8,14 +8,14 @@ from typing import Any, TypedDict
 from ..errors import MtpBenchError, UnknownNameError
 
 MOST_BYTES = 64 << 20  # of one answer, and of one observation: what is sent between an agent and its judge
-OBSERVE = ("detections", "truth")
+OBSERVE = ("detections", "truth", "tracks")
 RENDER_MODES = ("rgb_array", "rerun")  # each has its renderer in viz/drawing/live.py
 
 
 class EnvKeywords(TypedDict, total=False):
     """Keywords of `MTPEnv`; None and what is not given stand for the card's own or for no."""
 
-    observe: str  # "detections", or "truth" for true boxes with true ids
+    observe: str  # "detections", "truth" for true boxes with true ids, or "tracks" for those of ``track_file``
     samples: int | None  # K; more than the card's belong to unranked runs
     tracks: int | None  # N
     objects: int | None  # O
@@ -23,10 +23,12 @@ class EnvKeywords(TypedDict, total=False):
     detections: int | None  # D
     scenes: Sequence[str] | None  # names to choose from
     evaluation: bool  # the reward is 0 and nothing that is returned derives from the truth
+    strict: bool | None  # an action outside the action space is an ActionError; None: unless ``evaluation``
     rigid_motion: bool  # the local frame of every episode is turned and shifted at random
     split: str | None  # another split of the card's source
     detector: str | None  # another detector, simulated on the true boxes or stored (`Card.with_detector`)
     detection_file: str | None  # stored detections of one's own (`Card.with_detections`)
+    track_file: str | None  # file or folder of stored tracks (`sources.tracks`), for ``observe="tracks"``
     fresh_noise: bool  # the noise of a simulated detector is drawn anew in every episode, for training
     render_mode: str | None  # what `render` does, of RENDER_MODES
 
@@ -39,14 +41,21 @@ def checked(keywords: Mapping[str, Any]) -> dict[str, Any]:
             raise UnknownNameError("keyword of the env", name, known)
     flags = dict.fromkeys(("evaluation", "rigid_motion", "fresh_noise"), False)
     whole = {**dict.fromkeys(known), "observe": "detections", **flags, **keywords}
-    for name in flags:
+    if whole["strict"] is None:
+        whole["strict"] = not whole["evaluation"]
+    for name in (*flags, "strict"):
         if not isinstance(whole[name], bool):
             raise MtpBenchError(f"{name} is {whole[name]!r}, expected true or false")
-    for name in ("split", "detector", "detection_file"):
+    for name in ("split", "detector", "detection_file", "track_file"):
         if whole[name] is not None and not isinstance(whole[name], str):
             raise MtpBenchError(f"{name} is {whole[name]!r}, expected a text")
     if whole["observe"] not in OBSERVE:
         raise UnknownNameError("value of observe", str(whole["observe"]), OBSERVE)
+    if (whole["observe"] == "tracks") != (whole["track_file"] is not None):
+        raise MtpBenchError(
+            f"observe is {whole['observe']!r} and track_file is {whole['track_file']!r}, expected observe='tracks' and "
+            "a file or folder of stored tracks, or neither"
+        )
     if whole["render_mode"] not in (None, *RENDER_MODES):
         raise UnknownNameError("render mode", str(whole["render_mode"]), RENDER_MODES)
     return whole

@@ -11,7 +11,7 @@ from ..errors import ShapeError
 from ..tracks import Tracks
 from ..types import Action, Task
 from .action import FIELD
-from .checks import Problem, examine
+from .checks import examine
 
 _ARGUMENT = {  # what fills a field
     "object_box": "boxes",
@@ -24,14 +24,6 @@ _ARGUMENT = {  # what fills a field
     "track_class": "tracks.class_id",
     "hypothesis_log_weight": "tracks.log_weight",
     "hypothesis_parent": "tracks.parent",
-}
-_PADDING = "leave out the padding of the observation, where detection_valid is 0"
-_ADVICE = {
-    "object_box": _PADDING,
-    "object_class": _PADDING,
-    "object_confidence": "state how likely it is that the object is there, not the detector's score as it is",
-    "hypothesis_parent": "-1 where it is not known",
-    "forecast": "subtract the centre of the box from absolute positions",
 }
 
 
@@ -154,13 +146,5 @@ def _check(action: Action, task: Task) -> None:
     """Raise ShapeError for the first thing that the env would take out; objects come before tracks."""
     problems = [problem for problem in examine(action, task).problems if problem.level == "error"]
     if problems:
-        raise ShapeError(_text(min(problems, key=lambda problem: problem.kind != "objects")))
-
-
-def _text(problem: Problem) -> str:
-    rows = "1 row" if problem.rows == 1 else f"{problem.rows} rows"
-    advice = _ADVICE.get(problem.field, "leave such rows out")
-    return (
-        f"{_ARGUMENT[problem.field]}: {problem.reason} in {rows}, the first is {problem.example};"
-        f" expected {problem.expected}: {advice}"
-    )
+        first = min(problems, key=lambda problem: problem.kind != "objects")
+        raise ShapeError(first.sentence(name=_ARGUMENT[first.field]))

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import closest
 from ..types import ABSENT_BELOW, Bools, Floats, Ints, Task
 from .action import (
     COORDINATE_LIMIT,
@@ -19,27 +20,19 @@ from .action import (
     FIELDS,
     FORECAST_LIMIT,
     ID_LIMIT,
+    MASK,
     ROWS,
     SIZE_LIMIT,
     Field,
     Rows,
 )
+from .problems import Problem, rows_problem
 
 Arrays = dict[str, NDArray[Any]]
-_MOST_NUMBERS = 8  # of one row that are shown
-
-
-@dataclass(frozen=True)
-class Problem:
-    """One thing that is wrong with an answer."""
-
-    field: str
-    reason: str
-    expected: str
-    rows: int = 1
-    example: str = ""  # the first such row
-    kind: str = ""  # of ROWS, where rows of it are taken out
-    level: Literal["warning", "error"] = "error"
+_IN_ONE = "every valid track in a hypothesis whose log-weight is present"
+_LEAVE_OUT = "leave such rows out"
+_PADDING = "leave out the padding of the observation, where detection_valid is 0"
+_BUILDER = "mtp_bench.answer makes whole actions of plain arrays"
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +70,7 @@ def examine(action: object, task: Task) -> Examined:
             sound[rows][place[~bad]] = True
     if {"hypothesis_member", "hypothesis_log_weight"} <= set(arrays):
         problems += _check_membership(arrays, sound, task)
+    problems += _check_masks(arrays)
     whole = {field.name: arrays[field.name] if field.name in arrays else field.filled(task) for field in FIELDS}
     return Examined(whole, claimed, sound, problems)
 
@@ -94,19 +88,22 @@ def _read_all(action: object, task: Task) -> tuple[Arrays, list[Problem]]:
     except Exception:  # a mapping of the agent's own
         given = None
     if given is None:
-        return {}, [Problem("action", f"is a {type(action).__name__}", f"a dict with {known}", kind="objects")]
+        reason = f"is a {type(action).__name__}"
+        return {}, [Problem("action", reason, f"a dict with {known}", kind="objects", advice=_BUILDER)]
     arrays: Arrays = {}
     problems: list[Problem] = []
     for field in FIELDS:
         got = _read(given, field, task)
         if isinstance(got, str):
-            problems.append(Problem(field.name, got, field.array_in(task), kind=field.rows))
+            problems.append(Problem(field.name, got, field.array_in(task), kind=field.rows, advice=_BUILDER))
         else:
             arrays[field.name] = got
     unknown = sorted(key if isinstance(key, str) else type(key).__name__ for key in given if key not in FIELD)
     if unknown:
+        close = closest(unknown[0], FIELD)
+        advice = f"did you mean {close!r}?" if close else ""
         reason = "has keys that nobody reads"
-        problems.append(Problem("action", reason, known, len(unknown), unknown[0], level="warning"))
+        problems.append(Problem("action", reason, known, example=unknown[0], level="warning", advice=advice))
     return arrays, problems
 
 
@@ -188,7 +185,9 @@ class _Check(NamedTuple):
     field: str
     reason: str
     bad: Callable[[Arrays, str, Task], Bools]  # of the claimed rows of all fields of a kind, and the field's name
+    advice: str = _LEAVE_OUT
     expected: str = ""  # empty: what the table of fields says of its entries
+    outside: bool = True  # as in `Problem`
 
 
 _CHECKS = (
@@ -197,16 +196,22 @@ _CHECKS = (
     _Check("track_id", "out of range", _no_id),
     _Check("track_class", "unknown", _no_class),
     _Check("hypothesis_log_weight", "NaN or +inf", _no_log_weight),
-    _Check("hypothesis_parent", "unknown", _no_parent),
+    _Check("hypothesis_parent", "unknown", _no_parent, "-1 where it is not known"),
     _Check("object_box", "not finite", _not_finite),
-    _Check("object_box", "out of range", _out_of_range),
-    _Check("object_class", "unknown", _no_class),
-    _Check("object_confidence", "no probability", _no_probability),
+    _Check("object_box", "out of range", _out_of_range, _PADDING),
+    _Check("object_class", "unknown", _no_class, _PADDING),
+    _Check(
+        "object_confidence", "no probability", _no_probability,
+        "state how likely it is that the object is there, not the detector's score as it is",
+    ),
     _Check("forecast_log_weight", "NaN or +inf", _no_log_weight),
-    _Check("forecast_log_weight", "no sample present", _no_sample, "at least one per valid object"),
+    _Check(
+        "forecast_log_weight", "no sample present", _no_sample, _LEAVE_OUT, "at least one per valid object",
+        outside=False,
+    ),
     _Check("forecast", "not finite", _sample_not_finite),
-    _Check("forecast", "too far", _sample_too_far),
-)
+    _Check("forecast", "too far", _sample_too_far, "subtract the centre of the box from absolute positions"),
+)  # fmt: skip
 
 
 def _check_membership(arrays: Arrays, sound: dict[Rows, Bools], task: Task) -> list[Problem]:
@@ -216,11 +221,23 @@ def _check_membership(arrays: Arrays, sound: dict[Rows, Bools], task: Task) -> l
     loose = np.flatnonzero(sound["tracks"] & ~member.any(axis=0))
     twice = np.flatnonzero(_repeated(track_id, member))
     sound["tracks"][twice] = False
-    expected = "every valid track in a hypothesis whose log-weight is present"
+    once = "an id once per hypothesis"
+    apart = "give every object an identity of its own"
     return [
-        *_rows_problem("track_id", "twice in one hypothesis", "an id once per hypothesis", twice, track_id, "tracks"),
-        *_rows_problem("track_valid", "in no hypothesis, so unused", expected, loose, track_id),
+        *rows_problem("track_id", "twice in one hypothesis", once, twice, track_id, "tracks", apart, outside=False),
+        *rows_problem("track_valid", "in no hypothesis, so unused", _IN_ONE, loose, track_id, outside=False),
     ]
+
+
+def _check_masks(arrays: Arrays) -> list[Problem]:
+    """Entries of masks that are neither 0 nor 1 are taken as 1, and only warned of."""
+    problems: list[Problem] = []
+    for field in FIELDS:
+        if field.content is MASK and field.name in arrays:
+            mask = arrays[field.name].reshape(len(arrays[field.name]), -1)
+            rows = np.flatnonzero(((mask < 0) | (mask > 1)).any(axis=1))
+            problems += rows_problem(field.name, "neither 0 nor 1", field.content.expected, rows, arrays[field.name])
+    return problems
 
 
 def _repeated(track_id: Ints, member: Bools) -> Bools:
@@ -239,21 +256,5 @@ def _problem(check: _Check, rows: Ints, arrays: Arrays, task: Task) -> list[Prob
     """The problem of the bad ``rows``, with the first of them as example; none without any."""
     field = FIELD[check.field]
     expected = check.expected or field.expected_in(task)
-    return _rows_problem(field.name, check.reason, expected, rows, arrays[field.name], field.rows)
-
-
-def _rows_problem(
-    field: str, reason: str, expected: str, rows: Ints, values: NDArray[Any], kind: str = ""
-) -> list[Problem]:
-    if not len(rows):
-        return []
-    example = f"{field}[{rows[0]}]{_shown(np.asarray(values[rows[0]]))}"
-    level: Literal["warning", "error"] = "error" if kind else "warning"
-    return [Problem(field, reason, expected, len(rows), example, kind, level)]
-
-
-def _shown(value: NDArray[Any]) -> str:
-    """The entries of a row, as far as they say something at a glance."""
-    numbers = [f"{number:.4g}" for number in value.ravel()[:_MOST_NUMBERS]]
-    more = ", ..." if value.size > _MOST_NUMBERS else ""
-    return "" if value.ndim > 1 else f" = [{', '.join(numbers)}{more}]" if value.ndim else f" = {numbers[0]}"
+    values = arrays[field.name]
+    return rows_problem(field.name, check.reason, expected, rows, values, field.rows, check.advice, check.outside)

@@ -19,15 +19,17 @@ from ..errors import DataError, MtpBenchError, RolloutError
 from ..scoring.error import frame_error
 from ..scoring.forecasts import Forecasts
 from ..scoring.targets import Targets, find_targets
-from ..sources import detected, open_source
+from ..sources import detected, open_source, with_tracks
 from ..types import Action, Observation, Rollout, Scene, Task
 from .arguments import OBSERVE as OBSERVE
 from .arguments import RENDER_MODES, EnvKeywords, checked, choose, require_room, size, wanted
-from .decoding import Answer, decode
+from .checks import examine
+from .decoding import Answer, answer_of
 from .live import LiveEpisode, live_episode
 from .observation import Feed, LocalFrame, make_feed
 from .rollouts import assemble
 from .spaces import action_numbers, action_space, observation_numbers, observation_space
+from .teaching import Teacher
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -81,7 +83,10 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             raise MtpBenchError(f"fresh_noise needs a simulated detector: {self.card.id} has stored detections")
         if self._fresh_noise and self._evaluation:
             raise MtpBenchError("fresh_noise is for training: an evaluation takes the detections of the card")
+        self._teacher = Teacher(self.task) if given["strict"] else None
         self._source = open_source(self.card, data)
+        if given["track_file"] is not None:
+            self._source = with_tracks(self._source, self.card, data, given["track_file"])
         self.scene_names = choose(tuple(self._source.names), given["scenes"])
         self.observation_space = cast("gymnasium.Space[Observation]", observation_space(self.task))
         self.action_space = cast("gymnasium.Space[Action]", action_space(self.task))
@@ -112,12 +117,17 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Take the answer to the last observation and show the next frame; ``truncated`` after the last frame.
 
-        Whatever breaks the contract is taken out of the answer and counted in ``info``, never raised.
+        With ``strict`` an action outside the action space is an ActionError, which leaves the frame as it was. Without,
+        whatever breaks the contract is taken out of the answer and counted in ``info``.
         """
         episode = self._started()
         if episode.over:
             raise ResetNeeded(f"step() after the last frame of {episode.scene.name!r}: call reset() first")
-        answer = decode(action, self.task, episode.frame, episode.feed.of_class(episode.t, len(self.task.classes)))
+        examined = examine(action, self.task)
+        if self._teacher is not None:
+            self._teacher.look(examined, f"frame {episode.t}")
+        seen = episode.feed.of_class(episode.t, len(self.task.classes))
+        answer = answer_of(examined, self.task, episode.frame, seen)
         reward = 0.0 if episode.targets is None else self._reward(episode, episode.targets, answer)
         episode.answers.append(answer)
         self._follow()

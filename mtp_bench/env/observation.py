@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..errors import DataError
 from ..geometry import rotate, transform_boxes
 from ..types import Bools, Detections, Floats, Ints, Observation, Ragged, Scene, Task, starts_of
 from .action import COORDINATE_LIMIT, SIZE_LIMIT, padded
@@ -52,7 +53,7 @@ class Feed(Ragged):
     velocity: Floats  # [R, 2]
     score: Floats  # [R]
     class_id: Ints  # [R]
-    object_id: Ints | None  # [R] with observe="truth"
+    object_id: Ints | None  # [R] with observe="truth" or "tracks"
     ego: Floats  # [F, 4]
     time: Floats  # [F] s since the first frame
     dt: Floats  # [F] s since the frame before
@@ -82,8 +83,8 @@ class Feed(Ragged):
 
 
 def make_feed(scene: Scene, frame: LocalFrame, task: Task) -> Feed:
-    """Observations of ``scene`` under ``task``: detections or, with ``observe="truth"``, the true boxes."""
-    shown, object_id = (scene.detections, None) if task.observe == "detections" else true_detections(scene)
+    """Observations of ``scene`` under ``task``: what it observes of the scene, see `shown_boxes`."""
+    shown, object_id = shown_boxes(scene, task.observe)
     with np.errstate(over="ignore", invalid="ignore"):  # what does not fit into float32 is out of range below
         box = frame.to_local(shown.box).astype(np.float32)
         velocity = rotate(shown.velocity, frame.yaw).astype(np.float32)
@@ -108,6 +109,21 @@ def make_feed(scene: Scene, frame: LocalFrame, task: Task) -> Feed:
         dt=np.diff(time, prepend=-task.dt),
         dropped=shown.counts - count,
     )
+
+
+def shown_boxes(scene: Scene, observe: str) -> tuple[Detections, Ints | None]:
+    """The boxes of a scene that an agent is shown, and their ids where it is told them.
+
+    ``observe``: "detections", "truth" for the true boxes, or "tracks" for those of a foreign tracker. Raises DataError
+    where the scene has none.
+    """
+    if observe == "detections":
+        return scene.detections, None
+    if observe == "truth":
+        return true_detections(scene)
+    if scene.tracks is None:
+        raise DataError(f"scene {scene.name!r} has no stored tracks: name them with --tracks or track_file=")
+    return scene.tracks, scene.tracks.object_id
 
 
 def true_detections(scene: Scene) -> tuple[Detections, Ints]:

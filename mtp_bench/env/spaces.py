@@ -41,7 +41,7 @@ def observation_space(task: Task) -> spaces.Dict:
     """Space of one frame, in the local frame of the scene: metres, seconds, radians.
 
     Rows where ``detection_valid`` is 0 hold zeros, and -1 as class and id. With ``observe="truth"`` true boxes come as
-    detections with score 1 and ``detection_id`` (D,) is added.
+    detections with score 1 and ``detection_id`` (D,) is added; with ``observe="tracks"`` those of a foreign tracker do.
     """
     d = task.detections
     fields: AnySpaces = {
@@ -54,7 +54,7 @@ def observation_space(task: Task) -> spaces.Dict:
         "time": Box(0.0, TIME_LIMIT, (), np.float64),
         "dt": Box(0.0, TIME_LIMIT, (), np.float64),
     }
-    if task.observe == "truth":
+    if task.observe != "detections":
         fields["detection_id"] = Box(-1, ID_LIMIT, (d,), np.int64)
     return spaces.Dict(fields)
 

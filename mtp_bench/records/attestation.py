@@ -41,7 +41,6 @@ class HiddenPart(Section):
     commitment: Sha256  # of the secret
     weights: Sha256  # hash of their event weights, which are made once per seal
     scenes: Count
-    targets: Count
     rows: list[Row]  # one per subset
     silence: float | None  # m, what an agent that says nothing scores there
     weight: UnitSums  # [units] of the targets, over all scenes, in an order that the salt of the seal draws
@@ -74,7 +73,7 @@ class Statement(Section):
     env: _Text
     card: _Text
     data: Sha256
-    observe: Literal["detections", "truth"]
+    observe: Literal["detections", "truth", "tracks"]
     submission: Sha256
     seeds: list[int]
     measured: Sha256  # times, memory and machine

@@ -48,7 +48,7 @@ def check_submission(path: str, env_id: str, options: RunOptions) -> Checked:
     data that is not there.
     """
     submission, told = load_submission(path), options.progress
-    keywords: dict[str, Any] = {"data": options.data, "observe": submission.compare.observe, "evaluation": True}
+    keywords: dict[str, Any] = {"data": options.data, **options.shown_to(submission), "evaluation": True}
     env = MTPEnv(env_id, **keywords)
     names = options.chosen(env.scene_names)
     told.started(1 + 2 * len(names))

@@ -58,7 +58,7 @@ def inconsistencies(record: Record) -> Iterator[str]:
         if row.scenes != scenes:
             yield f"row {row.subset!r}: scenes is {row.scenes}, {scenes} have weight"
         yield from _of_setting(row, record)
-    if record.silence is not None and not 0 <= record.silence <= most:
+    if record.silence is not None and not 0 <= record.silence <= most * (1 + _CLOSE):
         yield f"silence is {record.silence}, expected 0 to {most:g} m"
     if len(canonical(record.details)) > MOST_DETAILS:
         yield f"details take {len(canonical(record.details))} bytes, expected at most {MOST_DETAILS}"

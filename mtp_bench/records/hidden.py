@@ -50,7 +50,6 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed, limits: Limits) -> Hi
         commitment=sealed.commitment,
         weights=reference.digest,
         scenes=len(names),
-        targets=found.rows[0].targets,
         rows=found.rows,
         silence=found.silence,
         weight={subset: [w for scene in found.per_scene for w in scene.weight[subset]] for subset in SUBSETS},

@@ -57,7 +57,7 @@ class EnvPart(Section):
     data_manifest: Sha256  # over all that the scorer read
     scenes: Annotated[int, Field(ge=1, le=MOST_SCENES)]
     scenes_of_split: Count
-    observe: Literal["detections", "truth"]
+    observe: Literal["detections", "truth", "tracks"]
     truth_complete: bool  # False: false forecasts are not known, all forecasts count against the budgets
     keywords: dict[str, Any]  # settings of the env beyond the card
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from ..cards import Card, load_card
 from ..env.environment import MTPEnv
 from ..env.rollouts import digest
 from ..errors import MtpBenchError
-from ..files import clean_text
+from ..files import clean_text, content_digest
 from ..gateway import Image, Limits, SceneRun, image_of, run_isolated_scenes
 from ..parallel import QUIET
 from ..running.options import RunOptions
@@ -48,6 +49,18 @@ class Plan:
         """The submission with its own parameters and k samples."""
         return setting_of(self.submission, self.card)
 
+    @property
+    def shown(self) -> dict[str, Any]:
+        """Keywords of the env for what the submission observes."""
+        return self.options.shown_to(self.submission)
+
+    @property
+    def stated_keywords(self) -> dict[str, Any]:
+        """The keywords as the record states them: of stored tracks what they are, not where they lie."""
+        if self.options.track_file is None:
+            return self.keywords
+        return {**self.keywords, "tracks_sha256": content_digest(Path(self.options.track_file))}
+
 
 def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
     """The scenes of an env for a submission, with its own parameters and k samples.
@@ -56,7 +69,8 @@ def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
     """
     if options.detector is not None or options.detection_file is not None:
         raise MtpBenchError("a record is of the detections that its env names: no other detector can be chosen")
-    env = MTPEnv(env_id, observe=submission.compare.observe, evaluation=True, data=options.data, split=options.split)
+    shown = options.shown_to(submission)
+    env = MTPEnv(env_id, evaluation=True, data=options.data, split=options.split, **shown)
     keywords = setting_of(submission, env.card).env_keywords(env.card)
     del keywords["observe"]  # the submission says it, and the record in a field of its own
     if env.card.source.split != load_card(env_id).source.split:
@@ -91,7 +105,7 @@ def run_seed(
         run_isolated_scenes(
             plan.submission.path,
             plan.env,
-            {**plan.keywords, "data": plan.options.data, "rigid_motion": True},
+            {**plan.keywords, **plan.shown, "data": plan.options.data, "rigid_motion": True},
             seed=seed,
             parameters=plan.submission.parameters,
             limits=limits,
@@ -119,9 +133,8 @@ def evaluate_plan(
 
 def info_of(plan: Plan, seed: int) -> RunInfo:
     """What a stored run of the plan says of itself; the data root is nobody's business."""
-    observe, data = plan.submission.compare.observe, plan.options.data
-    env = MTPEnv(plan.env, data=data, observe=observe, evaluation=True, **plan.keywords)
-    info = run_info(env, plan.setting, seed, {**plan.keywords, "rigid_motion": True})
+    env = MTPEnv(plan.env, data=plan.options.data, evaluation=True, **plan.shown, **plan.keywords)
+    info = run_info(env, plan.setting, seed, {**plan.stated_keywords, "rigid_motion": True})
     return info.model_copy(update={"submission_digest": plan.image.digest})
 
 

@@ -25,7 +25,7 @@ def stated_before(plan: Plan, limits: Limits, division: str, training_data: Sequ
         "scenes": list(plan.scenes),
         "seeds": list(plan.options.seeds),
         "observe": plan.submission.compare.observe,
-        "keywords": plan.keywords,
+        "keywords": plan.stated_keywords,
         "limits": asdict(limits),
         "division": division,
         "training_data": list(training_data),

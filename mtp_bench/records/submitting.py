@@ -93,6 +93,7 @@ def submit(
     plan = plan_run(submission, env_id, options)
     target = record_path(submission, load_card(env_id), output, options.split)
     require_writable(target, submission)
+    _require_causal(division, submission)
     _require_limits(division, limits)
     note = submission.note_on(plan.card.id)
     declared = [*submission.training_data, *training_data, *([note] if note else [])]
@@ -133,6 +134,15 @@ def _require_unchanged(plan: Plan) -> None:
         )
 
 
+def _require_causal(division: str, submission: Submission) -> None:
+    """Tracks that were stored before belong to the open division: nothing kept their program from the future."""
+    if division == "closed" and submission.compare.observe == "tracks":
+        raise MtpBenchError(
+            f"{submission.name} observes stored tracks, which may have seen the future: choose the open division; "
+            "there it is shown, not ranked"
+        )
+
+
 def _require_limits(division: str, limits: Limits) -> None:
     if division == "closed" and limits != Limits():
         changed = [name for name, value in asdict(limits).items() if value != getattr(Limits(), name)]
@@ -148,7 +158,7 @@ def _require_recordable(plan: Plan, limits: Limits, division: str, training_data
         "submission": said_of(plan).model_dump(mode="json"),
         "division": division,
         "training_data": list(training_data),
-        "env": {"id": card.id, "split": card.source.split, "keywords": plan.keywords},
+        "env": {"id": card.id, "split": card.source.split, "keywords": plan.stated_keywords},
         "seeds": list(plan.options.seeds),
         "limits": asdict(limits),
         "per_scene": [{"scene": name} for name in plan.scenes],
@@ -203,7 +213,7 @@ def _record(
             scenes_of_split=plan.scenes_of_split,
             observe=submission.compare.observe,
             truth_complete=found.truth_complete,
-            keywords=plan.keywords,
+            keywords=plan.stated_keywords,
         ),
         seeds=list(runs),
         versions=library_versions(),

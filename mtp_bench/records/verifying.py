@@ -168,7 +168,7 @@ def _said_otherwise(record: Record, plan: Plan, again: Runs, limits: Limits) -> 
     yield from unequal("seals", record.seals, seals(again))
     yield from unequal("submission", record.submission.model_dump(), said_of(plan).model_dump())
     yield from unequal("env.observe", record.env.observe, plan.submission.compare.observe)
-    yield from unequal("env.keywords", record.env.keywords, plan.keywords)
+    yield from unequal("env.keywords", record.env.keywords, plan.stated_keywords)
     yield from unequal("limits", record.limits.model_dump(), LimitsPart(**asdict(limits)).model_dump())
     lost = {"malformed", "crashed_scenes"}  # on any machine; late answers are a matter of the machine
     missed = (part.model_dump(include=lost) for part in (record.missed, unanswered(again)))

@@ -42,13 +42,15 @@ def compare(names: Sequence[str], env_id: str, options: RunOptions = DEFAULTS) -
     env = MTPEnv(env_id, **options.env_keywords)
     card, scenes = env.card, options.chosen(env.scene_names)
     settings = all_settings([*CONTROLS, *names], card)
+    options.require_tracks_used([setting.submission for setting in settings])
     frozen_reference(card)  # a broken file shows before anything runs
     ends = {s.label: s.ends for s in settings if s.budget == "equal" and s.ends is not None}
     further = [end for pair in ends.values() for end in pair]
     further = [end for i, end in enumerate(further) if end not in further[:i]]  # settings of a sweep share their ends
     jobs: list[Job] = []
     for setting, seed in itertools.product([*settings, *further], options.seeds):
-        keywords = {**options.env_keywords, **setting.env_keywords(card)}
+        shown = options.shown_to(setting.submission) if setting.observe == "tracks" else {}
+        keywords = {**options.env_keywords, **setting.env_keywords(card), **shown}
         jobs += jobs_of(setting.submission, env_id, keywords, scenes, seed, setting.parameters, setting.label)
     scores: list[SceneScore] = run_jobs(jobs, options, score_scene)
     runs = iter([tuple(scores[i : i + len(scenes)]) for i in range(0, len(scores), len(scenes))])
@@ -74,4 +76,5 @@ def _notes(settings: Sequence[Setting], env_id: str) -> dict[str, str]:
 
 def _agent(setting: Setting, seeds: Sequence[tuple[SceneScore, ...]]) -> AgentScores:
     hypotheses = setting.hypotheses or stated_hypotheses(seeds)
-    return AgentScores(setting.label, hypotheses, setting.samples, setting.budget, tuple(seeds), setting.ideal)
+    stored = setting.observe == "tracks"
+    return AgentScores(setting.label, hypotheses, setting.samples, setting.budget, tuple(seeds), setting.ideal, stored)

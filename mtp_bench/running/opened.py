@@ -9,9 +9,9 @@ from pathlib import Path
 
 from .._bundle import card_ids
 from ..cards import Card, changed_card, load_card
-from ..env.observation import true_detections
+from ..env.observation import shown_boxes
 from ..errors import RolloutError, UnknownNameError
-from ..sources import SceneSource, open_source
+from ..sources import SceneSource, open_source, with_tracks
 from ..types import Rollout, Scene
 from .rollout_files import Run, RunInfo, load_run
 
@@ -26,6 +26,7 @@ class OpenedRun:
     run: Run
     card: Card  # with the run's own split and detector
     source: SceneSource
+    data: str | None  # root that the scenes come from
 
     def rollouts(self, scene: str | None = None) -> Sequence[Rollout]:
         """All rollouts, or that of one scene; raises UnknownNameError where the run has none of it."""
@@ -44,12 +45,17 @@ class OpenedRun:
         return rollouts[0]
 
     def scene(self, name: str) -> Scene:
-        """The scene of this name with the detections that the agent was shown: of a run on true pasts, true boxes.
+        """The scene of this name with the boxes that the agent was shown as its detections: see `shown_boxes`.
 
-        Raises UnknownNameError where the source has none of this name.
+        Raises UnknownNameError where the source has none of this name, and DataError where stored tracks are gone.
         """
-        scene = self.recorded(name)
-        return replace(scene, detections=true_detections(scene)[0]) if self.run.info.observe == "truth" else scene
+        scene, info = self.recorded(name), self.run.info
+        if info.observe == "tracks":
+            file = _text(self.folder, info, "track_file")
+            if file is None:
+                raise RolloutError(f"{self.folder}: does not say where the stored tracks are that its agent was given")
+            scene = with_tracks(self.source, self.card, self.data, file).load(name)
+        return replace(scene, detections=shown_boxes(scene, info.observe)[0])
 
     def recorded(self, name: str) -> Scene:
         """The scene of this name as its source has it: what is scored, whatever the agent was shown.
@@ -70,7 +76,7 @@ def open_run(folder: Path, data: str | None = None, env_id: str | None = None) -
     run = load_run(folder)
     card = _card(folder, run, env_id)
     _check(folder, run)
-    return OpenedRun(folder, run, card, open_source(card, data))
+    return OpenedRun(folder, run, card, open_source(card, data), data)
 
 
 def _card(folder: Path, run: Run, env_id: str | None) -> Card:

@@ -9,6 +9,7 @@ from typing import Any
 from ..cards import Card, changed_card, load_card
 from ..errors import MtpBenchError
 from ..parallel import ALONE, QUIET, Progress, Workers
+from ..submission.loader import Submission
 from .folds import Fold, held_out
 
 
@@ -24,6 +25,7 @@ class RunOptions:
         detector: Another detector than the card's: a profile, or the first part of the names of stored files.
         fold: Only the scenes of a fold of the split, such as (1, 4); see `folds`.
         detection_file: File of stored detections in place of the card's.
+        track_file: File or folder of stored tracks, for submissions that observe them.
         workers: Who does the work: processes of this machine, or a Dask cluster.
         progress: Who is told how many pieces of work there are, and of each that is done.
 
@@ -37,6 +39,7 @@ class RunOptions:
     detector: str | None = None
     fold: Fold | None = None
     detection_file: str | None = None
+    track_file: str | None = None
     workers: Workers = ALONE
     progress: Progress = QUIET
 
@@ -59,6 +62,29 @@ class RunOptions:
     def env_keywords(self) -> dict[str, Any]:
         """Keywords of `MTPEnv`: the data root and the changes of the card."""
         return {"data": self.data, **self.changes}
+
+    def shown_to(self, submission: Submission) -> dict[str, Any]:
+        """Keywords of `MTPEnv` for what a submission observes: by its manifest, and of stored tracks the file.
+
+        Raises MtpBenchError where it observes stored tracks and none are named.
+        """
+        observe = submission.compare.observe
+        if observe != "tracks":
+            return {"observe": observe}
+        if self.track_file is None:
+            raise MtpBenchError(
+                f"{submission.name} observes stored tracks: name their file or folder (--tracks, track_file=)"
+            )
+        return {"observe": observe, "track_file": self.track_file}
+
+    def require_tracks_used(self, submissions: Sequence[Submission]) -> None:
+        """Raise MtpBenchError where stored tracks are named and none of the submissions observes them."""
+        if self.track_file is not None and not any(one.compare.observe == "tracks" for one in submissions):
+            names = ", ".join(dict.fromkeys(one.name for one in submissions))
+            raise MtpBenchError(
+                f"stored tracks are named, but nobody observes them: {names}; run given_tracks, or a submission with "
+                'observe = "tracks" under [compare]'
+            )
 
     def card(self, env_id: str) -> Card:
         """The card of an env with the changes; raises CardError, UnknownNameError."""

@@ -1,4 +1,4 @@
-"""Runs on disk: a folder with ``run.json`` and one ``.npz`` per scene, each with its digest."""
+"""Runs on disk: a folder with ``run.json`` and one ``.npz`` per scene (see `packing`), each with its digest."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from ..errors import RolloutError
 from ..files import open_regular, reason_of, whole_folder
 from ..strict import Section, read_json, validate
 from ..types import Rollout
+from .packing import packed, unpacked
 
 RUN_FILE = "run.json"
 MOST_BYTES = 1 << 30  # of the arrays of a scene
@@ -59,7 +60,7 @@ class _Entry(Section):
 
 
 class _RunFile(Section):
-    format: Literal[1]
+    format: Literal[2]
     info: RunInfo
     scenes: list[_Entry]
 
@@ -119,9 +120,10 @@ def _write(folder: Path, info: RunInfo, rollouts: Iterable[Rollout]) -> None:
         if any(entry.scene == rollout.scene for entry in entries):
             raise RolloutError(f"scene {rollout.scene!r} occurs twice among the rollouts of a run, expected once")
         arrays = {name: np.asarray(getattr(rollout, name), dtype=dtype) for name, (dtype, _) in ARRAYS.items()}
-        np.savez_compressed(folder / _scene_file(rollout.scene), allow_pickle=False, **arrays)
+        stored = {name: packed(name, array) for name, array in arrays.items()}
+        np.savez_compressed(folder / _scene_file(rollout.scene), allow_pickle=False, **stored)
         entries.append(_Entry(scene=rollout.scene, frames=rollout.frames, digest=digest(rollout)))
-    content = _RunFile(format=1, info=info, scenes=entries).model_dump()
+    content = _RunFile(format=2, info=info, scenes=entries).model_dump()
     try:
         text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
     except (TypeError, ValueError) as error:
@@ -135,7 +137,7 @@ def _read_scene(folder: Path, entry: _Entry) -> Rollout:
         with open_regular(path) as file, np.load(file, allow_pickle=False) as stored:
             if sum(entry.file_size for entry in stored.zip.infolist()) > MOST_BYTES:
                 raise RolloutError(f"{path}: unpacks to more than {MOST_BYTES >> 20} MiB, expected at most so much")
-            arrays = {name: stored[name] for name in ARRAYS}
+            arrays = {name: unpacked(name, stored[name], dtype) for name, (dtype, _) in ARRAYS.items()}
     except FileNotFoundError:
         raise RolloutError(f"{path} is missing, {RUN_FILE} names it; run the agent again") from None
     except KeyError as error:

@@ -61,9 +61,11 @@ def run(
         )
     require_folder(folder)
     submission, seed = load_submission(agent), options.seeds[0]
-    env = MTPEnv(env_id, observe=submission.compare.observe, evaluation=True, **options.env_keywords)
+    options.require_tracks_used([submission])
+    shown = options.shown_to(submission)
+    env = MTPEnv(env_id, evaluation=True, **shown, **options.env_keywords)
     setting = setting_of(submission, env.card)
-    keywords = {**setting.env_keywords(env.card), **options.changes}
+    keywords = {**setting.env_keywords(env.card), **shown, **options.changes}
     names = options.chosen(env.scene_names)
     jobs = jobs_of(submission, env_id, {"data": options.data, **keywords}, names, seed)
     results: list[tuple[Rollout, dict[str, int]]] = run_jobs(jobs, options, _keep)
@@ -100,6 +102,7 @@ def score(folder: str | Path, options: RunOptions = DEFAULTS, env_id: str | None
         budget="equal" if info.samples == card.task.samples else "free",
         seeds=(tuple(scores),),
         ideal=info.observe == "truth",
+        stored_tracks=info.observe == "tracks",
     )
     reference = reference_for(card, [rollout.scene for rollout in opened.run.rollouts], options)
     report = summarise([agent], card, reference)

@@ -21,6 +21,7 @@ class Entrant:
     samples: int  # per object
     saw_truth: bool
     unfinished: str = ""  # in a few words why not all of it was run; empty: all was
+    stored_tracks: bool = False  # its tracks were made before, by a program that may have seen the future
 
 
 def why_unranked(entrant: Entrant) -> str | None:
@@ -29,6 +30,8 @@ def why_unranked(entrant: Entrant) -> str | None:
         return entrant.unfinished
     if entrant.saw_truth:
         return "saw the truth"
+    if entrant.stored_tracks:
+        return "not causal: stored tracks, which may have seen the future"
     if entrant.budget != "equal":
         return f"{entrant.samples} samples per object, not the env's own k"
     return None

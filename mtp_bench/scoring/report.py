@@ -229,7 +229,8 @@ def _with_ranks(
         why: list[str | None] = []
         for table, of_all in zip(tables, total, strict=True):
             setting = table.setting
-            reason = why_unranked(Entrant(setting.budget, setting.samples, setting.ideal))
+            entrant = Entrant(setting.budget, setting.samples, setting.ideal, stored_tracks=setting.stored_tracks)
+            reason = why_unranked(entrant)
             weight = table.unit_weight(table.weight[subset])
             reason = reason or why_not_on(subset, _effective_objects(table, subset), weight)
             if subset != "all" and reason is None:

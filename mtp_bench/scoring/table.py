@@ -31,6 +31,7 @@ class AgentScores:
     budget: Budget  # "free": another number of samples than the task's k, never ranked
     seeds: tuple[tuple[SceneScore, ...], ...]
     ideal: bool = False  # saw the truth: shown, never ranked
+    stored_tracks: bool = False  # was given tracks that may have seen the future: shown, never ranked
 
 
 @dataclass(frozen=True, eq=False)

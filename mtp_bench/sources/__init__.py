@@ -15,6 +15,8 @@ from .dataset import DataCheck as DataCheck
 from .dataset import DataStatus as DataStatus
 from .simulated import SimulatedDetections as SimulatedDetections
 from .simulated import detected as detected
+from .tracks import TrackedScenes as TrackedScenes
+from .tracks import find_tracks
 
 
 def open_source(card: Card, data: str | Path | None = None) -> SceneSource:
@@ -25,6 +27,14 @@ def open_source(card: Card, data: str | Path | None = None) -> SceneSource:
     """
     source = _package(card).open(card, data)
     return source if card.detector is None else SimulatedDetections(source, card)
+
+
+def with_tracks(source: SceneSource, card: Card, data: str | Path | None, path: str | Path) -> SceneSource:
+    """The scenes of ``source`` with the stored tracks of a foreign program; `sources.tracks` says in which forms.
+
+    ``card`` and ``data``: what ``source`` was opened with. Raises DataError where ``path`` holds no tracks for it.
+    """
+    return TrackedScenes(source, find_tracks(_package(card), card, data, path))
 
 
 def load_scenes(

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..cards import Card, HighwaySource, KittiSource, Mot3dSource, NuScenesSource, WildtrackSource
 from ..errors import CardError, nearest
-from ..types import Detections, Ints, Scene
+from ..types import Detections, Ints, Scene, StoredTracks
 from .dataset import DataStatus
 
 DataRoot = str | Path | None  # None: from MTP_BENCH_DATA, else the user data folder
@@ -41,12 +41,25 @@ class Preparation:
     progress: Callable[[str], object] | None = None  # is told the name of each that is done
 
 
+ReadTracks = Callable[[Scene], StoredTracks]
+
+
+@dataclass(frozen=True)
+class TrackForm:
+    """A form in which foreign programs store tracks of a dataset."""
+
+    name: str  # in words, for errors
+    fits: Callable[[Path], bool]
+    open: Callable[[Card, DataRoot, Path], ReadTracks]
+
+
 @dataclass(frozen=True)
 class SourcePackage:
     """What the package of a source offers, as its ``PACKAGE``; `mtp_bench.sources` finds it by the card's section."""
 
     open: Callable[[Card, DataRoot], SceneSource]
     describe: Callable[[Card, DataRoot], DataStatus]
+    tracks: TrackForm | None = None  # in which foreign trackers store their tracks of this dataset
     prepare: Callable[[Card, DataRoot, Preparation], None] = lambda card, data, how: None
     discard: Callable[[Card], None] = lambda card: None
     keep_private: Callable[[Card], None] = lambda card: None

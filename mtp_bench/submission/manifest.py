@@ -15,6 +15,7 @@ from ..strict import Section, read_toml, validate
 MANIFEST = "submission.toml"
 NAME_PATTERN = r"^[a-z0-9][a-z0-9_.-]*$"
 MOST_NAME = 64  # characters
+PARTS = (".part", ".rollouts")  # endings of what lies beside records
 Value = bool | int | float | str | list[Any] | dict[str, Any]
 NetworkName = Annotated[str, Field(pattern=r"^[a-z0-9_]+-(truth|tracklets)$")]  # network and what it was trained on
 MOST_SETTINGS = 1000  # that a comparison runs
@@ -26,6 +27,13 @@ def _visible(text: str) -> str:
     return text
 
 
+def _no_part(name: str) -> str:
+    if name.endswith(PARTS):
+        raise ValueError(f"expected another ending than {' and '.join(PARTS)}: folders beside records have these")
+    return name
+
+
+_FolderName = Annotated[str, Field(pattern=NAME_PATTERN, max_length=MOST_NAME), AfterValidator(_no_part)]
 _NOT_EMPTY = Field(min_length=1, strict=False)  # not strict: TOML has lists, no tuples
 _Shown = AfterValidator(_visible)  # records and the leaderboard show it
 _Author = Annotated[str, Field(max_length=100), _Shown]
@@ -38,7 +46,7 @@ class CompareSection(Section):
 
     sweep: dict[str, _Values] = Field(default_factory=dict)  # parameter of the agent -> values to run it with
     budgets: Annotated[tuple[Literal["equal", "free"], ...], _NOT_EMPTY] = ("equal",)
-    observe: Literal["detections", "truth"] = "detections"  # what the env feeds; "truth" is never ranked
+    observe: Literal["detections", "truth", "tracks"] = "detections"  # what the env feeds; others are never ranked
     hypotheses: str | None = None  # parameter that is the number H of hypotheses; None: what the agent states
     draws: str | None = None  # parameter that is the number of times k samples are drawn per hypothesis; None: once
     # Between what its gap is measured: with these parameters it is a single-hypothesis pipeline, and takes true pasts
@@ -49,7 +57,9 @@ class CompareSection(Section):
 class Manifest(Section):
     """The content of ``submission.toml``."""
 
-    name: Annotated[str, Field(pattern=NAME_PATTERN, max_length=MOST_NAME)]  # it names a folder of records
+    name: Annotated[
+        str, Field(pattern=NAME_PATTERN, max_length=MOST_NAME), AfterValidator(_no_part)
+    ]  # it names a folder of records
     authors: Annotated[tuple[_Author, ...], Field(min_length=1, max_length=50, strict=False)]
     agent: Annotated[str, Field(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*$")]
     description: Annotated[str, Field(max_length=2000), _Shown] = ""

@@ -36,7 +36,7 @@ def check_agent(
 
     Raises MtpBenchError for an env, a scene or a keyword that is not there.
     """
-    keywords = {"evaluation": True, **(env_keywords or {})}
+    keywords = {"evaluation": True, **(env_keywords or {}), "strict": False}
     env = MTPEnv(env_id, **keywords)
     chosen = tuple(env.scene_names[:SCENES] if scenes is None else scenes)
     for scene in chosen:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from ..errors import MtpBenchError
+from ..errors import MtpBenchError, sentence
 
 Level = Literal["ok", "warning", "error"]
 
@@ -29,9 +29,7 @@ class Finding:
     traceback: tuple[str, ...] = ()  # the last calls, innermost last: 'agent.py, line 12, in act: x = 1 / 0'
 
     def __str__(self) -> str:
-        place = f" ({self.where})" if self.where else ""
-        wanted = f", expected {self.expected}" if self.expected else ""
-        return f"{self.check}: {self.got}{wanted}{place}" + (f"; {self.advice}" if self.advice else "")
+        return f"{self.check}: {sentence(self.got, self.expected, self.where, self.advice)}"
 
 
 class AgentError(Exception):

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..agent import Agent
-from ..env.checks import Problem, examine
+from ..env.checks import examine
 from ..env.decoding import Answer, answer_of
 from ..env.environment import MTPEnv
+from ..env.problems import Problem
 from ..running.run import MakeAgent, agent_task, derived_seed
 from ..scoring import SceneScore, score_scene
 from ..types import Observation, Task
@@ -37,7 +38,7 @@ class Seen:
         problem = self.problem
         rows = f", {self.rows} rows" if problem.kind and self.rows > 1 else ""
         got = f"{problem.field}: {problem.reason} in {self.frames} frame{'s' * (self.frames > 1)}{rows}"
-        advice = f"the judge takes such {problem.kind} out: they count as missing" if problem.kind else ""
+        advice = f"the judge takes such {problem.kind} out: they count as missing" if problem.kind else problem.advice
         return Finding(problem.level, check, got, problem.expected, self.where, advice)
 
 

@@ -82,11 +82,8 @@ def ego_boxes(ego: Floats) -> Floats:
     return np.concatenate([ego, np.broadcast_to(EGO_SIZE, (len(ego), 3))], axis=1)
 
 
-def replay_view(replay: Replay, t: int, at: Incident | None = None) -> FrameView:
-    """Frame ``t`` of a scored run, with the events of the last EVENT_SECONDS.
-
-    Runs of false forecasts are too many to be marked: only ``at``, as long as it lasts.
-    """
+def replay_view(replay: Replay, t: int) -> FrameView:
+    """Frame ``t`` of a scored run, with the events of the last EVENT_SECONDS; runs of false forecasts are too many."""
     scene, truth = replay.scene, replay.scene.truth.rows(t)
     tracks = replay.rollout.tracks.rows(t)
     tp, fn, fp = (int(series[t]) for series in replay.counts.values())
@@ -97,7 +94,7 @@ def replay_view(replay: Replay, t: int, at: Incident | None = None) -> FrameView
         track_false=replay.track_false[tracks][replay.said.shown[tracks]],
         forecast_false=replay.forecast_false[replay.rollout.objects.rows(t)],
         counts=(tp, fn, fp),
-        marked=(*_places(replay, recent, t), *_place_of_run(replay, at, t)),
+        marked=_places(replay, recent, t),
         log=tuple(event for event in reversed(replay.events) if event.frame <= t)[:LOG],
     )
     return FrameView(scene, replay.card, t, said_at(replay.said, t), judged, replay.agent)
@@ -108,18 +105,6 @@ def _places(replay: Replay, events: Sequence[Incident], t: int) -> tuple[tuple[I
     truth, rows = replay.scene.truth, replay.scene.truth.rows(t)
     place = dict(zip(truth.object_id[rows].tolist(), truth.box[rows, :2], strict=True))
     return tuple((event, place.get(event.object_id, np.array(event.position[:2]))) for event in events)
-
-
-def _place_of_run(replay: Replay, run: Incident | None, t: int) -> tuple[tuple[Incident, Floats], ...]:
-    """A run of false forecasts with its place [2] at frame ``t``, if it lasts until then."""
-    if run is None or run.kind != "spurious" or not run.frame <= t <= run.until:
-        return ()
-    rollout, rows = replay.rollout, replay.rollout.objects.rows(t)
-    same = replay.said.object_track_id[rows] == run.new_id
-    same &= replay.forecast_false[rows] & (rollout.object_class[rows] == run.class_id)
-    if run.new_id < 0:  # a forecast without a track is a run of its own
-        same = np.arange(rows.start, rows.stop) == run.row
-    return tuple((run, xy) for xy in rollout.object_box[rows, :2][same].astype(np.float64)[:1])
 
 
 def said_at(answers: Answers, t: int) -> Said:

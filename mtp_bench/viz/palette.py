@@ -21,3 +21,7 @@ FORECAST = PURPLE
 FALSE = VERMILLION  # a false track, detection or forecast
 EVENT = YELLOW
 EGO = BLACK
+
+# an event alone: what belongs to it is bright, all else dim
+BEFORE, NOW = BLUE, VERMILLION  # the track and the forecast before the event, and from it on
+DIM: Color = (190, 190, 190)

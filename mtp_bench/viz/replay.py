@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from ..cards import Card
 from ..errors import UnknownNameError
 from ..scoring.error import capped_error
+from ..scoring.events import object_history
 from ..scoring.forecasts import Forecasts, candidates, final_errors, grow, match_neutral_last
 from ..scoring.lineage import event_pairs, gated_pairs, lineage_events, match_hypotheses
 from ..scoring.neutral import evaluated
@@ -42,6 +42,7 @@ class Incident:
     wrong: bool = False  # a loss whose old track is still output, but outside the gate
     minADE: float | None = None  # noqa: N815  (m, of the target's forecast then; None: no target, or not covered)
     error: float | None = None  # m, min(minADE, c), c if not covered; None: no target
+    error_before: float | None = None  # m, the same of the object a frame before
     confidence: float | None = None  # of the object's forecast then; of a run the highest; None: no forecast
 
 
@@ -62,6 +63,7 @@ class Replay:
     track_false: Bools  # [N] in the best hypothesis, and of no true object
     detection_false: Bools  # [D] false positives, by the event gate
     forecast_false: Bools  # [O] by the forecast gate, every forecast kept
+    truth_forecast: Ints  # [R] forecast object that belongs to each true box, every forecast kept, -1 none
     incidents: tuple[Incident, ...]  # in the order of frames
 
     @property
@@ -125,7 +127,7 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Repla
     )
     detection_pairs = gated_pairs(truth, detected.start, detected.box, detected.class_id, card)
     of_detection = match_neutral_last(detection_pairs, truth.neutral, len(detected.box))
-    worth, forecast_false = _forecasts(scene, rollout, card)
+    worth, truth_forecast, forecast_false = _forecasts(scene, rollout, card)
     track_false = said.shown.copy()
     track_false[chosen] = of_track.unmatched
     run = Replay(
@@ -136,13 +138,14 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Repla
         track_false=track_false & scene.truth_complete,
         detection_false=of_detection.unmatched & scene.truth_complete,
         forecast_false=forecast_false & scene.truth_complete,
+        truth_forecast=truth_forecast,
         incidents=(),
     )
     return replace(run, incidents=_named([*_identity_incidents(run, worth), *_runs(run)]))
 
 
-def _forecasts(scene: Scene, rollout: Rollout, card: Card) -> tuple[NDArray[np.float64], Bools]:
-    """What the forecast of each true box [R, 3] is worth, and which forecasts [O] are false.
+def _forecasts(scene: Scene, rollout: Rollout, card: Card) -> tuple[NDArray[np.float64], Ints, Bools]:
+    """What the forecast of each true box [R, 3] is worth, which forecast it is [R], and which forecasts [O] are false.
 
     MinADE, error and confidence, NaN where there is none: of minADE and error where the box is no target, of minADE
     where it is not covered.
@@ -156,7 +159,7 @@ def _forecasts(scene: Scene, rollout: Rollout, card: Card) -> tuple[NDArray[np.f
     table[targets.row, 0] = np.where(errors.covered, errors.min_ade, np.nan)
     table[targets.row, 1] = capped_error(errors.min_ade, worst)
     table[:, 2] = np.append(rollout.object_confidence, np.nan)[forecast]
-    return table, grown.false
+    return table, forecast, grown.false
 
 
 def _identity_incidents(run: Replay, worth: Floats) -> list[Incident]:
@@ -166,6 +169,7 @@ def _identity_incidents(run: Replay, worth: Floats) -> list[Incident]:
     matched = match_hypotheses(truth, rollout, found.member, run.card)
     events = lineage_events(truth, rollout, found, matched).of(found.best[frame])
     track_id = np.append(rollout.track_id, -1)  # row -1: no track
+    error_before = np.append(worth[:, 1], np.nan)[object_history(truth).previous()]
     return [
         Incident(
             kind=kind,
@@ -180,6 +184,7 @@ def _identity_incidents(run: Replay, worth: Floats) -> list[Incident]:
             wrong=bool(events.wrong[row, 0]),
             minADE=_known(worth[row, 0]),
             error=_known(worth[row, 1]),
+            error_before=_known(error_before[row]),
             confidence=_known(worth[row, 2]),
         )
         for kind in ("ids", "lost", "reacquired")
@@ -228,25 +233,3 @@ def _named(incidents: list[Incident]) -> tuple[Incident, ...]:
         named.append(replace(incident, name=f"{incident.kind}-{count[incident.kind]}"))
         count[incident.kind] += 1
     return tuple(named)
-
-
-def incident_text(incident: Incident, classes: Sequence[str]) -> str:
-    """One line: what happened to whom, and what the forecast of that frame was worth."""
-    what = f"{incident.name}: {_happened(incident, classes[incident.class_id])}"
-    if incident.minADE is not None:
-        what += f"; forecast off by {incident.minADE:.2f} m"
-    elif incident.error is not None:
-        return f"{what}; no forecast"
-    return what if incident.confidence is None else f"{what}; confidence {incident.confidence:.2f}"
-
-
-def _happened(incident: Incident, noun: str) -> str:
-    who = f"{noun} {incident.object_id}"
-    if incident.kind == "ids":
-        return f"{who} was track {incident.old_id}, is track {incident.new_id}"
-    if incident.kind == "lost":
-        return f"{who} is lost by track {incident.old_id}" + (", which is elsewhere" if incident.wrong else "")
-    if incident.kind == "reacquired":
-        return f"{who} is found again as track {incident.new_id}"
-    track = f" of track {incident.new_id}" if incident.new_id >= 0 else ""
-    return f"false forecast of a {noun}{track}, until frame {incident.until}"

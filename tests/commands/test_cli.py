@@ -18,11 +18,12 @@ import typer.main
 import mtp_bench
 from mtp_bench import card_ids, load_card
 from mtp_bench.commands.app import app
+from tests.conftest import REPOSITORY
 from tests.support.command_line import CommandLine, copy_sequence, read_json, write_submission
 from tests.support.small_scenes import write_kitti
 
 COMMANDS = ["envs", "data", "run", "score", "compare", "view", "events", "video", "fit-noise"]
-COMMANDS += ["new", "check", "submit", "verify", "seal", "board", "train"]
+COMMANDS += ["new", "check", "submit", "verify", "seal", "board", "export", "challenge", "train"]
 TABLES = ["envs", "data", "score", "compare", "events", "check", "verify", "board"]  # what prints one
 HEAVY = ["torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "pandas", "matplotlib", "jinja2"]
 
@@ -331,7 +332,17 @@ def commands_of(text: str) -> list[list[str]]:
     return [words[1:] for words in calls if words and Path(words[0]).name == "mtp-bench"]
 
 
-@pytest.mark.parametrize("document", ["README.md", "CONTRIBUTING.md", "baselines/README.md", "envs/README.md"])
+DOCUMENTS = [
+    "README.md",
+    "CONTRIBUTING.md",
+    "baselines/README.md",
+    "envs/README.md",
+    "leaderboard/SUBMITTING.md",
+    *sorted(path.relative_to(REPOSITORY).as_posix() for path in (REPOSITORY / "docs").rglob("*.md")),
+]
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
 def test_the_commands_of_the_documents_exist(document: str, repository: Path) -> None:
     text = (repository / document).read_text()
     for words in commands_of(text):

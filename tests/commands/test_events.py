@@ -18,7 +18,7 @@ from mtp_bench.running import stored
 from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring.score import KINDS as OWN_EVENTS
 from mtp_bench.viz.replay import Incident
-from mtp_bench.viz.terminal.event_table import LONGEST, EventRow, Shown, event_table
+from mtp_bench.viz.terminal.event_table import LONGEST, EventRow, Shown, event_table, in_order
 from mtp_bench.viz.terminal.output import show_numbers
 from tests.support.command_line import CommandLine, on_terminal, read_json
 from tests.support.stored_runs import write_ghosts
@@ -43,6 +43,34 @@ def test_the_events_are_listed_by_scene_and_frame(cli: CommandLine, events_run: 
         "1 identity switch, 1 lost (0 of them with their track elsewhere), 1 reacquired; 3 false forecasts in "
         "1 run; 3 scenes"
     )
+
+
+def test_the_costliest_events_come_first() -> None:
+    def row(name: str, error: float | None, before: float | None = None, far: float | None = None) -> EventRow:
+        incident = Incident("ids", 1, 1, 0, 0, (0.0, 0.0, 0.0), name, error=error, error_before=before, minADE=far)
+        return EventRow("s", 0.1, "car", incident, "")
+
+    rows = [
+        row("no target", None),
+        row("cheap", 0.5, 0.0),
+        row("capped", 10.0, 9.0, 30.0),
+        row("capped and far", 10.0, 9.0, 40.0),
+        row("capped at once", 10.0, 0.0, 12.0),
+        row("free", 0.0),
+    ]
+    names = [one.incident.name for one in in_order(rows, "cost")]
+    assert names == ["capped at once", "capped and far", "capped", "cheap", "free", "no target"]
+    assert in_order(rows, "time") == rows
+
+
+def test_only_the_first_of_them(cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path) -> None:
+    arguments = ["--sort", "cost", "--top", "2", "--json", tmp_path / "a.json"]
+    printed = cli.ok("events", events_run, *known, *arguments)
+    assert [row[2] for row in rows_of(printed)] == ["ids-0", "lost-0"]
+    assert printed.splitlines()[-1].startswith("1 identity switch, 1 lost"), "all of them are counted"
+    assert [event["event"] for event in read_json(tmp_path / "a.json")["events"]] == ["ids-0", "lost-0"]
+    assert cli("events", events_run, *known, "--sort", "error").status == 2
+    assert cli("events", events_run, *known, "--top", "0").status == 2
 
 
 def test_nothing_is_cut_off_at_80_columns(events_run: Path, known: list[str]) -> None:
@@ -108,7 +136,7 @@ def test_the_file_has_what_is_listed(cli: CommandLine, events_run: Path, known: 
     assert switch == {
         "scene": "0001", "frame": 4, "until": 4, "time": pytest.approx(0.41, abs=0.01), "event": "ids-0", "kind": "ids",
         "object": 7, "class": "car", "old_id": 7, "new_id": 8, "wrong": False, "minADE": None, "error": 2.0,
-        "confidence": None,
+        "error_before": 2.0, "confidence": None,
     }  # fmt: skip
     assert (ghost["frame"], ghost["until"], ghost["object"], ghost["new_id"]) == (1, 3, None, 90)
 

@@ -120,23 +120,23 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "NaN": (
         {"boxes": BOX * np.array([[1.0], [np.nan]])},
-        "boxes: not finite in 1 row, the first is object_box[1] = [nan",
+        "boxes: not finite, expected finite x y z yaw",
     ),
     "absolute positions": (
         {"forecasts": FUTURE + 400},
-        "forecasts: too far in 2 rows, the first is forecast[0]; expected metres from the object's own centre",
+        "expected metres from the object's own centre, at most 327 (first forecast[0]); subtract the centre of the box",
     ),
     "an unknown class": (
         {"classes": [0, -1]},
-        "the first is object_class[1] = -1; expected 0 to 1: leave out the padding of the observation",
+        "classes: unknown, expected 0 to 1 (object_class[1] = -1); leave out the padding of the observation",
     ),
     "a score as confidence": (
         {"confidence": [0.5, 1.5]},
-        "the first is object_confidence[1] = 1.5; expected 0 to 1: state how likely it is that the object is there",
+        "expected 0 to 1 (object_confidence[1] = 1.5); state how likely it is that the object is there",
     ),
     "an unknown parent": (
         {"tracks": replace(Tracks.of_one_hypothesis(CLASS, BOX, CLASS), parent=np.array([-5]))},
-        "tracks.parent: unknown in 1 row, the first is hypothesis_parent[0] = -5; expected -1 (not stated) to 2",
+        "tracks.parent: unknown, expected -1 (not stated) to 2 (hypothesis_parent[0] = -5); -1 where it is not known",
     ),
     "an id twice": ({"ids": [7, 7]}, "ids or tracks.track_id: twice in one hypothesis in 2 rows"),
 }

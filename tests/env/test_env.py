@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import gymnasium.spaces.utils as space_utils
@@ -20,32 +19,18 @@ from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import DataError, MtpBenchError, RolloutError, UnknownNameError
 from mtp_bench.scoring import live_frames, score_scene
 from mtp_bench.types import Rollout, Scene
+from tests.env.conftest import MakeEnv
 from tests.env.test_answer import CASES
 from tests.support.small_scenes import (
     Action,
     EchoAgent,
-    MemorySource,
     bare_scene,
     empty_action,
     full_action,
     make_scene,
-    write_card,
 )
 
-MakeEnv = Callable[..., MTPEnv]
 INFO = ["frame", "dropped_detections", "invalid_tracks", "invalid_hypotheses", "invalid_objects"]
-
-
-@pytest.fixture
-def make_env(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> MakeEnv:
-    """An env on the given scenes."""
-
-    def make(*scenes: Scene, **keywords: Any) -> MTPEnv:
-        source = MemorySource(*(scenes or (make_scene(),)))
-        monkeypatch.setattr("mtp_bench.env.environment.open_source", lambda card, data: source)
-        return MTPEnv(write_card(tmp_path), **keywords)
-
-    return make
 
 
 def play(env: MTPEnv, answer: Callable[[dict[str, Any]], Action], **reset: Any) -> tuple[list[Any], list[float]]:
@@ -276,6 +261,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "scenes as text": ({"scenes": "one"}, "scenes is 'one', expected a list of names"),
     "no scene": ({"scenes": []}, "no scene to choose from"),
     "evaluation": ({"evaluation": "yes"}, "evaluation is 'yes', expected true or false"),
+    "strict": ({"strict": "yes"}, "strict is 'yes', expected true or false"),
     "rigid_motion": ({"rigid_motion": 1}, "rigid_motion is 1, expected true or false"),
     "split as number": ({"split": 1}, "split is 1, expected a text"),
     "misspelt": ({"sample": 4}, "unknown keyword of the env 'sample': did you mean 'samples'?"),
@@ -365,7 +351,7 @@ def test_every_action_of_the_space_is_sound(make_env: MakeEnv) -> None:
 
 
 def test_violations_are_counted_in_info_and_rollout(make_env: MakeEnv) -> None:
-    env = make_env(make_scene(frames=2))
+    env = make_env(make_scene(frames=2), strict=False)
     env.reset()
     action = full_action(env.task)
     action["track_box"][0] = np.nan
@@ -401,7 +387,7 @@ EPISODES = {
 @pytest.mark.parametrize("scene", EPISODES.values(), ids=EPISODES.keys())
 @pytest.mark.parametrize("wild", [False, True], ids=["echo", "anything"])
 def test_rewards_add_up_to_the_error_at_the_fixed_operating_point(scene: Scene, wild: bool, make_env: MakeEnv) -> None:
-    env = make_env(scene)
+    env = make_env(scene, strict=not wild)
     answer, rng = echo(env), np.random.default_rng(0)
 
     def said(observation: dict[str, Any]) -> Action:
@@ -437,7 +423,7 @@ def test_the_reward_of_a_frame(make_env: MakeEnv) -> None:
 @pytest.mark.parametrize("complete", [True, False])
 def test_breaking_the_contract_never_pays(case: str, complete: bool, make_env: MakeEnv) -> None:
     """Neither more than an honest answer, nor more than one that leaves the broken objects out."""
-    env = make_env(make_scene() if complete else targets_only(make_scene()))
+    env = make_env(make_scene() if complete else targets_only(make_scene()), strict=False)
     answer = echo(env)
 
     def broken(observation: dict[str, Any]) -> Action:
@@ -463,7 +449,7 @@ def test_breaking_the_contract_never_pays(case: str, complete: bool, make_env: M
 
 
 def test_an_answer_that_cannot_be_read_is_a_false_forecast_per_detection(make_env: MakeEnv) -> None:
-    env = make_env(make_scene(empty=(2,)))
+    env = make_env(make_scene(empty=(2,)), strict=False)
     unreadable: list[Any] = [None, {}, "forecast", {"forecast": 3}]
     for nothing in unreadable:
         _, rewards = play(env, lambda observation, said=nothing: said)  # type: ignore[misc]

@@ -216,6 +216,7 @@ def test_other_data_or_weights_are_not_compared(other: dict[str, Any]) -> None:
         ({"status": "crashed"}, "crashed: "),
         ({"status": "rejected"}, "rejected: "),
         ({"env": {"observe": "truth"}}, "saw the truth"),
+        ({"env": {"observe": "tracks"}}, "not causal: stored tracks, which may have seen the future"),
         ({"budget": "free"}, "4 samples per object, not the env's own k"),
     ],
 )

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from mtp_bench.env.decoding import decode
-from mtp_bench.env.rollouts import assemble, digest
+from mtp_bench.env.rollouts import ARRAYS, assemble, digest
 from mtp_bench.errors import RolloutError
+from mtp_bench.running.packing import packed, unpacked
 from mtp_bench.running.rollout_files import RunInfo, load_run, save_run
 from mtp_bench.types import Rollout
 from tests.support.small_scenes import empty_action, full_action, task
@@ -155,7 +156,7 @@ def edit_json(change: Callable[[Any], Any]) -> Callable[[Path], None]:
 def edit_array(name: str, change: Callable[[Any], Any]) -> Callable[[Path], None]:
     def apply(folder: Path) -> None:
         arrays = dict(np.load(folder / "one.npz"))
-        arrays[name] = change(arrays[name])
+        arrays[name] = packed(name, change(unpacked(name, arrays[name], ARRAYS[name][0])))
         np.savez_compressed(folder / "one.npz", allow_pickle=False, **arrays)
 
     return apply
@@ -200,7 +201,7 @@ SPOILED: dict[str, tuple[Callable[[Path], Any], str]] = {
     "run.json not text": (lambda folder: (folder / "run.json").write_bytes(b"\xff\xfe"), "no text in UTF-8"),
     "unknown key": (edit_json(lambda content: content.update(scene=1)), "unknown key 'scene': did you mean 'scenes'"),
     "key missing": (edit_json(lambda content: content["info"].pop("seed")), r"key 'info\.seed' is missing"),
-    "later format": (edit_json(lambda content: content.update(format=2)), "format: got 2"),
+    "later format": (edit_json(lambda content: content.update(format=3)), "format: got 3"),
     "frames changed": (edit_json(lambda content: content["scenes"][0].update(frames=4)), "track_start has shape"),
     "scene cut": (cut("one.npz"), "truncated or not a rollout"),
     "scene empty": (lambda folder: (folder / "one.npz").write_bytes(b""), "truncated or not a rollout"),
@@ -211,7 +212,7 @@ SPOILED: dict[str, tuple[Callable[[Path], Any], str]] = {
     "pickle inside": (pickled, "truncated or not a rollout"),
     "box changed": (edit_array("track_box", lambda array: array + np.float32(0.01)), "it was changed after the run"),
     "forecast changed": (edit_array("forecast", lambda array: array + np.int16(1)), "it was changed after the run"),
-    "dtype changed": (edit_array("forecast", lambda array: array.astype(float)), "forecast has dtype float64"),
+    "dtype changed": (edit_array("track_class", lambda array: array.astype(np.int32)), "track_class has dtype int32"),
     "rows gone": (edit_array("track_id", lambda array: array[1:]), "track_box has shape"),
     "frames out of order": (edit_array("object_start", lambda array: array[::-1]), "object_start does not divide"),
     "starts beyond": (edit_array("track_start", lambda array: array + 1), "track_start does not divide"),

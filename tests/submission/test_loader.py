@@ -209,6 +209,10 @@ WRONG_MANIFEST = {
     "no authors": (MANIFEST.replace('["A. Author"]', "[]"), "authors: got []"),
     "no list of authors": (MANIFEST.replace('["A. Author"]', '"A. Author"'), "authors: got 'A. Author'"),
     "a name that is no folder name": (MANIFEST.replace('"silent"', '"../silent"'), "name: got '../silent'"),
+    "the name of a folder of rollouts": (
+        MANIFEST.replace('"silent"', '"mine.rollouts"'),
+        "expected another ending than",
+    ),
     "an agent without function": (MANIFEST.replace("agent:build", "agent"), "agent: got 'agent'"),
     "an agent outside": (MANIFEST.replace("agent:build", "../agent:build"), "agent: got '../agent:build'"),
     "an agent that is not there": (MANIFEST.replace("agent:build", "agnet:build"), "there is no "),

@@ -51,6 +51,13 @@ class Browser:
         """What a function of this body returns in the page."""
         return self._post("execute/sync", {"script": body, "args": list(arguments)})
 
+    def wait_for(self, body: str, seconds: float = 30.0) -> Any:
+        """What a function of this body returns as soon as that is something; at the end, whatever it is."""
+        end = time.monotonic() + seconds
+        while not (found := self.script(body)) and time.monotonic() < end:
+            time.sleep(0.1)
+        return found
+
     def click(self, selector: str) -> None:
         """Click where the element is; fails where something covers it."""
         self._post(f"element/{self._find(selector)}/click", {})

@@ -65,8 +65,17 @@ def assert_recorded(
             assert logged[t]["colors"] == packed(track_colors(rollout.track_id[rows][mine])).tolist()
         objects = rollout.objects.rows(t)
         stated = np.isfinite(weight[objects]) & heaviest[objects]
-        strips = np.asarray(found["world/forecast"][t]["strips"], dtype=np.float32).reshape(-1, future.shape[2] + 1, 3)
-        np.testing.assert_array_equal(strips[:, 1:, :2], future[objects][stated])
+        strips = np.concatenate([  # those of nothing have an entity of their own
+            np.asarray(found[path][t]["strips"], dtype=np.float32).reshape(-1, future.shape[2] + 1, 3)
+            for path in ("world/forecast", "world/false_forecast/path") if path in found
+        ])  # fmt: skip
+        start = rollout.object_box[objects, None, :2].astype(np.float32)[np.nonzero(stated)[0]]
         np.testing.assert_array_equal(
-            strips[:, 0], rollout.object_box[objects, :3].astype(np.float32)[np.nonzero(stated)[0]]
+            _sorted(strips[..., :2]), _sorted(np.concatenate([start, future[objects][stated]], 1))
         )
+        assert set(strips[..., 2].ravel().tolist()) <= set(rollout.object_box[objects, 2].astype(np.float32).tolist())
+
+
+def _sorted(paths: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Paths [n, points, 2] in an order of their own."""
+    return paths[np.lexsort(paths.reshape(len(paths), -1).T)]

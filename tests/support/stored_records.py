@@ -156,7 +156,7 @@ def hidden_part(*errors: float, name: str = "echo", seal: str = "first", **chang
     }
     content = {
         "commitment": hex_of(seal), "weights": hex_of(f"weights {seal}"), "scenes": len(scenes),
-        "targets": 10 * len(scenes), "rows": rows, "silence": None, **sums,
+        "rows": rows, "silence": None, **sums,
     }  # fmt: skip
     return HiddenPart.model_validate(content | changed)
 

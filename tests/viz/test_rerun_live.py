@@ -16,6 +16,7 @@ from gymnasium.envs.registration import EnvSpec
 from mtp_bench.env import MTPEnv
 from mtp_bench.viz.rerun.arrays import TOP_SAMPLES
 from mtp_bench.viz.rerun.sdk import ViewerClient, rr
+from mtp_bench.viz.rerun.viewer import viewer_program
 from tests.support.headless_viewer import require_driver, windows_without_a_screen
 from tests.support.recordings import assert_recorded, read
 from tests.support.small_scenes import CARD_ID, full_action
@@ -63,6 +64,15 @@ def test_an_evaluation_shows_nothing_of_the_truth(card: str, kitti: str, recordi
     found = read(recording)
     assert {"world/det", "world/ego", "world/forecast", "world/hyp/00/box"} <= set(found)
     assert not any("gt" in path or "metrics" in path or "events" in path or "identity" in path for path in found)
+
+
+def test_the_layout_is_in_the_recording_of_the_user(card: str, kitti: str, recording: Path) -> None:
+    play(card, kitti, scenes=["0001"])
+    done = subprocess.run(
+        [viewer_program(), "rrd", "print", str(recording)], capture_output=True, text=True, check=True
+    )
+    assert "hypothesis 0" in done.stdout or "ViewBlueprint" in done.stdout
+    assert "Blueprint" in done.stdout
 
 
 def test_a_second_episode_has_its_own_place(card: str, kitti: str, recording: Path) -> None:

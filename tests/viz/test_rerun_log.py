@@ -17,6 +17,7 @@ from mtp_bench.env import MTPEnv
 from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.types import Rollout
 from mtp_bench.viz.answers import Answers
+from mtp_bench.viz.focus import MOST_BRIGHT, Focus
 from mtp_bench.viz.palette import FALSE
 from mtp_bench.viz.replay import Replay, replay
 from mtp_bench.viz.rerun.arrays import TOP_HYPOTHESES, TOP_SAMPLES, true_futures
@@ -26,6 +27,7 @@ from mtp_bench.viz.rerun.log import save_recording
 from mtp_bench.viz.rerun.sdk import rr
 from mtp_bench.viz.rerun.viewer import viewer_program
 from tests.support import scoring_scenes
+from tests.support.focus_scenes import EVENT, crowd
 from tests.support.recordings import Rows, assert_recorded, boxes, read
 from tests.support.scoring_scenes import at, make_card
 from tests.support.small_scenes import make_scene
@@ -119,7 +121,7 @@ def test_the_switch_is_an_event_a_mark_a_lane_and_a_count(run: Replay, top: dict
     switch = next(i for i in run.incidents if i.kind == "ids")
     assert (switch.frame, switch.object_id, switch.old_id, switch.new_id) == (4, 7, 10, 12)
     (text,) = [row["text"][0] for row in top["events/IDS"].values()]
-    assert text.startswith("ids-0: car 7 was track 10, is track 12")
+    assert text.startswith("ids-0: at 0.4 s car 7 changes from track 10 to the new track 12, and track 10 ends; ")
     marks = {t: row["labels"] for t, row in top["world/events"].items() if row.get("labels")}
     assert "ids-0: 10 → 12" in marks[4]
     assert not any("ids-0: 10 → 12" in marks.get(t, []) for t in range(4))
@@ -191,6 +193,47 @@ def test_an_event_is_ringed_while_its_mark_is_there(run: Replay, tmp_path: Path)
     assert sorted(t for t in rows if t >= 0) == [4, 5, 6, 7]
     ring = np.array(rows[4]["strips"][0])
     np.testing.assert_allclose(ring.mean(axis=0)[:2], run.incident("ids-0").position[:2], atol=0.1)
+
+
+def test_an_event_alone_is_bright_named_and_told(tmp_path: Path) -> None:
+    crowded = crowd(ahead=12.0)
+    focus = Focus.of(crowded, crowded.incident("ids-0"))
+    found = read(save(tmp_path / "at.rrd", crowded, at=focus.at))
+    for t in (EVENT - 1, EVENT, EVENT + 1):
+        shown = focus.frame(t)
+        for path, box in (
+            ("truth", np.concatenate([shown.object_box, shown.others])),
+            ("detection", shown.detection_box),
+            ("track", np.array([track.box for track in shown.tracks])),
+        ):
+            np.testing.assert_allclose(boxes(found[f"world/focus/{path}"], t), box, rtol=1e-5, err_msg=path)
+        bright = sum(len(found[f"world/focus/{path}"][t]["centers"]) for path in ("truth", "detection", "track"))
+        assert bright == shown.bright <= MOST_BRIGHT
+    ends = [strip[-1][:2] for strip in found["world/focus/forecast"][EVENT]["strips"]]
+    np.testing.assert_allclose(ends, [forecast.nearest_path[-1] for _, forecast in focus.forecasts(EVENT)], rtol=1e-5)
+    assert focus.sentence in found["focus/text"][-1]["text"][0]
+    assert all(key.text in found["focus/text"][-1]["text"][0] for key in focus.key)
+    assert found["focus/pictures"][-1]["format"][0]["width"] == 1200
+    names = found["world/focus/name"][EVENT]
+    assert {"car 5", "track 1", "track 2", "forecast now"} <= set(names["labels"])
+    places = np.array(names["positions"])[:, :2]
+    gaps = np.linalg.norm(places[:, None] - places, axis=-1)[~np.eye(len(places), dtype=bool)]
+    assert gaps.min() > 1.0, "no name hides another"
+
+
+def test_without_an_event_nothing_is_alone(top: dict[str, Rows]) -> None:
+    assert not any("focus" in path for path in top)
+
+
+def test_forecasts_of_nothing_have_a_place_of_their_own(tmp_path: Path) -> None:
+    crowded = crowd()
+    far = [at(80, (90.0, 90.0), forecast=[[[90.0, 90.0]] * 3] * 2)]
+    rollout = scoring_scenes.make_rollout([[]] * 10, [far] * 10, samples=2)
+    found = read(save(tmp_path / "a.rrd", changed(replay(crowded.scene, rollout, crowded.card), agent="mtp")))
+    live = range(1, 7)  # frames with targets
+    assert [len(found["world/false_forecast/path"][t]["strips"]) for t in live] == [2] * 6
+    assert [len(found["world/forecast"][t]["strips"]) for t in live] == [0] * 6
+    assert [len(found["world/false_forecast/place"][t]["positions"]) for t in live] == [1] * 6
 
 
 def test_a_run_that_says_nothing(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from time import sleep
 
 import numpy as np
 import pytest
@@ -12,11 +13,13 @@ from numpy.typing import NDArray
 from mtp_bench import load_submission
 from mtp_bench.env import MTPEnv
 from mtp_bench.running.run import agent_task, run_scene
+from mtp_bench.viz.palette import Color
 from mtp_bench.viz.replay import Replay, replay
 from mtp_bench.viz.rerun.colors import BORDER, SWITCH, TRUTH, track_colors
+from mtp_bench.viz.rerun.focus import COLORS
 from mtp_bench.viz.rerun.log import save_recording
 from mtp_bench.viz.rerun.sdk import ViewerClient
-from tests.support.headless_viewer import headless_viewer, near, open_at, picture, require_driver
+from tests.support.headless_viewer import headless_viewer, near, open_at, picture, require_driver, until
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +35,33 @@ def played(env_id: str, agent: str, scene: str | None = None) -> Replay:
     name = scene or env.scene_names[0]
     rollout = run_scene(load_submission(agent).build(agent_task(env, 0)), env, name, seed=0)
     return replay(env.scene, rollout, env.card, agent)
+
+
+def stays_at(viewer: ViewerClient, recording: Path, frame: int) -> bool:
+    """Whether a file, when it is opened, comes to stand at this frame by itself."""
+    viewer.close("all")
+    (store,) = viewer.open(str(recording)).store_ids
+
+    def there() -> None:
+        if time_of(viewer, store) != frame:
+            raise RuntimeError(f"{recording}: at {time_of(viewer, store)}, expected {frame}")
+
+    until(there)
+    sleep(1.0)
+    return time_of(viewer, store) == frame
+
+
+def time_of(viewer: ViewerClient, store: str) -> int | None:
+    """Where the time cursor of a recording is."""
+    viewer.take_screenshot()
+    times = {one.store_id: one.current_time for one in viewer.get_state().recordings}
+    return times.get(store)
+
+
+def track_color(track_id: int) -> Color:
+    """The colour that a track has among all."""
+    red, green, blue = track_colors(np.array([track_id]))[0].tolist()
+    return red, green, blue
 
 
 def colours(image: NDArray[np.uint8]) -> int:
@@ -52,22 +82,35 @@ def test_an_identity_switch_is_seen(
     run = played(env_id, agent, scene)
     switch = run.incident("ids-0")
     save_recording(tmp_path / "switch.rrd", [run], at=switch)
-    open_at(viewer, tmp_path / "switch.rrd", switch.frame)
+    assert stays_at(viewer, tmp_path / "switch.rrd", switch.frame)
     assert colours(picture(viewer, tmp_path / "window.png")) > 400  # and now every visible view has been drawn
     views = {view.name: view for view in viewer.get_state().views}
     assert not any(view.reports for view in views.values())
-    best = f"hypothesis {run.said.hypotheses.best[switch.frame]}"
-    for name in ("boxes per frame", "events so far", "track of each object with events"):
+    others = ("boxes per frame", "events so far", "track of each object with events", "what happened")
+    for name in (*others, "the frames t - 1, t and t + 1"):
         assert colours(picture(viewer, tmp_path / "view.png", views[name].view_id)) > 20, name
-    for name in (best, f"scene: truth, detections, {best}"):
+    image = picture(viewer, tmp_path / "view.png", views["ids-0 alone"].view_id)
+    middle = image[image.shape[0] // 4 : -image.shape[0] // 4, image.shape[1] // 4 : -image.shape[1] // 4]
+    assert near(middle, SWITCH) > 100  # the ring, in the middle
+    for role in ("truth", "before", "now"):
+        assert near(image, COLORS[role], 40) > 20, role
+    assert near(image, track_color(switch.new_id)) < 20, "the colours of tracks are dim"
+    if run.scene.lanes:
+        assert near(image, BORDER) > 20
+
+
+def test_a_recording_without_an_event_shows_everything(viewer: ViewerClient, tmp_path: Path) -> None:
+    run = played("MTP-Intersection-v0", "stp")
+    save_recording(tmp_path / "all.rrd", [run])
+    open_at(viewer, tmp_path / "all.rrd", 20)
+    picture(viewer, tmp_path / "window.png")
+    views = {view.name: view for view in viewer.get_state().views}
+    assert not any(view.reports for view in views.values())
+    for name in ("hypothesis 0", "scene: truth, detections, hypothesis 0"):
         image = picture(viewer, tmp_path / "view.png", views[name].view_id)
-        middle = image[image.shape[0] // 4 : -image.shape[0] // 4, image.shape[1] // 4 : -image.shape[1] // 4]
-        assert near(middle, SWITCH) > 100, name  # the ring, in the middle
         assert near(image, TRUTH) > 100, name
-        red, green, blue = track_colors(np.array([switch.new_id]))[0].tolist()
-        assert near(middle, (red, green, blue), 40) > 20, name
-        if run.scene.lanes:
-            assert near(image, BORDER) > 100, name
+        assert near(image, BORDER) > 100, name
+        assert near(image, track_color(run.said.rollout.track_id[0]), 40) > 0 or colours(image) > 100, name
 
 
 def test_two_agents_are_seen_side_by_side(viewer: ViewerClient, tmp_path: Path) -> None:
@@ -78,6 +121,7 @@ def test_two_agents_are_seen_side_by_side(viewer: ViewerClient, tmp_path: Path) 
     views = {view.name: view for view in viewer.get_state().views}
     assert not any(view.reports for view in views.values())
     for agent in ("stp", "stp_same_budget"):
-        image = picture(viewer, tmp_path / "view.png", views[f"{agent}: hypothesis 0"].view_id)
+        name = "stp: ids-0 alone" if agent == "stp" else f"{agent}: hypothesis 0"
+        image = picture(viewer, tmp_path / "view.png", views[name].view_id)
         assert near(image, SWITCH) > 100
         assert near(image, TRUTH) > 100

@@ -3,5 +3,6 @@
 from ..base import SourcePackage
 from .source import KittiTracking
 from .status import kitti_status
+from .tracks import FORM
 
-PACKAGE = SourcePackage(open=KittiTracking, describe=kitti_status)
+PACKAGE = SourcePackage(open=KittiTracking, describe=kitti_status, tracks=FORM)

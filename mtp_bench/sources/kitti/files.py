@@ -138,6 +138,16 @@ def read_sequence_map(path: Path) -> dict[str, int]:
     return lengths
 
 
+def camera_fields(box: Floats) -> Floats:
+    """KITTI's camera-frame fields [R, 7] height width length x y z rotation_y of boxes [R, 7] in the sensor frame.
+
+    The inverse of `sensor_boxes`.
+    """
+    x, y, z, yaw, length, width, height = box.T
+    rotation = wrap_angle(-yaw - np.pi / 2)
+    return np.column_stack([height, width, length, -y, height / 2 - z, x, rotation])
+
+
 def sensor_boxes(size: Floats, bottom: Floats, rotation_y: Floats) -> Floats:
     """Boxes ``[R, 7]`` in the sensor frame from KITTI's camera-frame fields.
 

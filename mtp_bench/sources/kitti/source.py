@@ -45,7 +45,7 @@ class KittiTracking:
         if name not in self.names:
             raise UnknownNameError("scene", name, self.names)
         section, length = self.section, self._length(name)
-        poses = read_poses(self.root, name, length)
+        poses = self.poses(name)
         frames = _Frames(length, section.stride, poses if section.ego_motion else None)
         kept = np.arange(0, length, section.stride)
         labels = read_labels(self.root / LABELS / f"{name}.txt")
@@ -66,6 +66,10 @@ class KittiTracking:
             image=self._image(name, labels, frames, Poses(poses.rotation[kept], poses.position[kept])),
             world=None if section.ego_motion else poses.ego()[kept],
         )
+
+    def poses(self, name: str) -> Poses:
+        """Poses of all frames of a sequence, also those that the card leaves out."""
+        return read_poses(self.root, name, self._length(name))
 
     def _image(self, name: str, labels: Labels, frames: _Frames, poses: Poses) -> ImageField:
         """What the image can confirm; ``poses`` of the frames of the scene."""

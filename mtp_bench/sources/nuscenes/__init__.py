@@ -3,5 +3,6 @@
 from ..base import SourcePackage
 from .source import NuScenes, prepare_nuscenes
 from .status import nuscenes_status
+from .tracks import FORM
 
-PACKAGE = SourcePackage(open=NuScenes, describe=nuscenes_status, prepare=prepare_nuscenes)
+PACKAGE = SourcePackage(open=NuScenes, describe=nuscenes_status, prepare=prepare_nuscenes, tracks=FORM)

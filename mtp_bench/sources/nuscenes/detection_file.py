@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...errors import DataError
 from ...types import Floats, Ints
@@ -18,10 +19,27 @@ from .json_stream import Read, brief, read_entries
 
 _CLASS_INDEX = {name: index for index, name in enumerate(CLASSES)}
 _COUNTS = {"translation": 3, "size": 3, "rotation": 4, "velocity": 2}
-_TRACKED = (
-    "it has a tracking_name: the file is a submission to the tracking task; expected one to the detection task, whose "
-    "boxes have detection_name and detection_score"
-)
+
+
+@dataclass(frozen=True)
+class Form:
+    """A submission form: that of a task, whose boxes have ``<task>_name`` and ``<task>_score``."""
+
+    task: str
+    other: str  # the task whose file may be taken for one of this form
+    identified: bool = False  # its boxes have a tracking_id
+
+    @property
+    def of_other(self) -> str:
+        """What is wrong with a box of the other task."""
+        return (
+            f"it has a {self.other}_name: the file is a submission to the {self.other} task; expected one to the "
+            f"{self.task} task, whose boxes have {self.task}_name and {self.task}_score"
+        )
+
+
+DETECTION = Form("detection", "tracking")
+TRACKING = Form("tracking", "detection", identified=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,14 +54,15 @@ class DetectedBoxes:
     velocity: Floats  # [R, 2] m/s, NaN where unknown: not given, NaN, or exactly 0
     class_id: Ints  # [R] index into CLASSES
     score: Floats  # [R]
+    identity: NDArray[np.str_]  # [R] tracking_id; empty texts where the form has none
 
 
-def read_detections(path: Path, row: Mapping[str, int], read: Read) -> DetectedBoxes:
+def read_detections(path: Path, row: Mapping[str, int], read: Read, form: Form = DETECTION) -> DetectedBoxes:
     """Boxes of the samples in ``row`` (token to row); other samples of the file are left out.
 
     Raises DataError that names the file, the sample token and the place of the box that is wrong.
     """
-    rows = _Rows(path)
+    rows = _Rows(path, form)
     seen: dict[str, int] = {}
     count, example = 0, ""
     for token, boxes in read_entries(path, "results", read):
@@ -57,7 +76,7 @@ def read_detections(path: Path, row: Mapping[str, int], read: Read) -> DetectedB
     sample = np.array([row[token] for token in rows.tokens], dtype=np.int64)[ints(rows.entry)]
     fields = {key: floats(rows.numbers[key], count) for key, count in _COUNTS.items()}
     score = floats(rows.score, 1)[:, 0]
-    for key, value in {**fields, "detection_score": score}.items():
+    for key, value in {**fields, f"{form.task}_score": score}.items():
         rows.refuse_first(first_wrong(key, value))
     velocity = fields.pop("velocity")
     unknown = (velocity == 0).all(axis=1)
@@ -71,14 +90,16 @@ def read_detections(path: Path, row: Mapping[str, int], read: Read) -> DetectedB
         velocity=np.where(unknown[:, None], np.nan, velocity)[order],
         class_id=ints(rows.class_id)[order],
         score=score[order],
+        identity=np.array(rows.identity, dtype=np.str_)[order],
     )
 
 
 class _Rows:
     """The boxes in the order of the file."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, form: Form) -> None:
+        self.path, self.form = path, form
+        self.identity: list[str] = []
         self.tokens: list[str] = []  # of the samples that were added
         self.entry, self.place = array("q"), array("q")  # of each box: index into tokens, place in its list
         self.class_id, self.score = array("q"), array("d")
@@ -100,13 +121,15 @@ class _Rows:
             self._add(entry, place, box)
 
     def _add(self, entry: int, place: int, box: dict[str, Any]) -> None:
-        name, score = box.get("detection_name"), box.get("detection_score")
-        if name is None and "tracking_name" in box:
-            self._refuse(entry, place, _TRACKED)
+        task = self.form.task
+        name, score = box.get(f"{task}_name"), box.get(f"{task}_score")
+        if name is None and f"{self.form.other}_name" in box:
+            self._refuse(entry, place, self.form.of_other)
         if not isinstance(name, str) or name not in _CLASS_INDEX:
-            self._refuse(entry, place, f"detection_name is {brief(name)}, expected one of {', '.join(CLASSES)}")
+            self._refuse(entry, place, f"{task}_name is {brief(name)}, expected one of {', '.join(CLASSES)}")
         if not extended(self.score, [score], 1):
-            self._refuse(entry, place, f"detection_score is {brief(score)}, expected a number up to {LIMIT:g}")
+            self._refuse(entry, place, f"{task}_score is {brief(score)}, expected a number up to {LIMIT:g}")
+        self._identify(entry, place, box)
         self.class_id.append(_CLASS_INDEX[name])
         for key, count in _COUNTS.items():
             value = box.get(key)
@@ -114,6 +137,12 @@ class _Rows:
                 value = [0.0, 0.0]  # unknown
             if not extended(self.numbers[key], value, count):
                 self._refuse(entry, place, f"{key} is {brief(value)}, expected {count} numbers up to {LIMIT:g}")
+
+    def _identify(self, entry: int, place: int, box: dict[str, Any]) -> None:
+        identity = box.get("tracking_id") if self.form.identified else ""
+        if isinstance(identity, bool) or not isinstance(identity, str | int):
+            self._refuse(entry, place, f"tracking_id is {brief(identity)}, expected a text")
+        self.identity.append(str(identity))
 
     def refuse_first(self, wrong: tuple[int, str] | None) -> None:
         """Raise DataError for the box at this place of all, and what is wrong with it."""

@@ -26,7 +26,7 @@ ROAD, CENTER_LINE, BORDER = (240, 240, 240), (205, 205, 205), (150, 150, 150)
 def draw_frame(view: FrameView, seen_by: Camera) -> NDArray[np.uint8]:
     """A frame as a picture [height, width, 3] of SIZE."""
     canvas = Canvas.blank(SIZE[0] - PANEL, SIZE[1], seen_by.at(view.scene.ego[view.frame]))
-    _draw_lanes(canvas, view.scene.lanes)
+    draw_lanes(canvas, view.scene.lanes)
     _draw_boxes(canvas, view)
     for _, xy in view.judged.marked if view.judged else ():
         canvas.ring(canvas.pixels(xy), _ring(canvas))
@@ -37,7 +37,8 @@ def draw_frame(view: FrameView, seen_by: Camera) -> NDArray[np.uint8]:
     return np.asarray(panel(image, view, PANEL), dtype=np.uint8)
 
 
-def _draw_lanes(canvas: Canvas, lanes: tuple[Lane, ...]) -> None:
+def draw_lanes(canvas: Canvas, lanes: tuple[Lane, ...]) -> None:
+    """The road, under everything else."""
     near = [lane for lane in lanes if canvas.meets(np.concatenate([lane.left, lane.right]))]
     for lane in near:
         outline = np.concatenate([lane.left, lane.right[::-1]])

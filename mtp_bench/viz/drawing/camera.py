@@ -12,7 +12,6 @@ from .canvas import Viewport
 
 SMALLEST, LARGEST = 16.0, 50.0  # m, half of what is shown around a vehicle
 MARGIN = 3.0  # m around the objects of a fixed place
-BESIDE = 6.0  # m between what is looked for and the edge of the picture
 
 
 @dataclass(frozen=True)
@@ -28,12 +27,6 @@ class Camera:
             return self.view
         x, y, yaw = float(ego[0]), float(ego[1]), float(ego[3])
         return replace(self.view, x=x + self.view.x * np.cos(yaw), y=y + self.view.x * np.sin(yaw))
-
-    def with_place(self, x: float, y: float, ego: Floats) -> Camera:
-        """The camera, farther away if that is needed to see the place (x, y) where the ego's pose is ``ego`` [4]."""
-        now = self.at(ego)
-        wide, high = 2 * (abs(x - now.x) + BESIDE), 2 * (abs(y - now.y) + BESIDE)
-        return replace(self, view=replace(self.view, wide=max(now.wide, wide), high=max(now.high, high)))
 
 
 def camera(scene: Scene, card: Card) -> Camera:

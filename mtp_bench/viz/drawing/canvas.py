@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from ...geometry import bev_corners
+from ...geometry import bev_corners, rotate
 from ...types import Floats
 from ..palette import BLACK, DETECTION, EGO, EVENT, FALSE, OTHER_TRACK, TRACK, TRUTH, Color
 
@@ -52,12 +52,13 @@ VEHICLE = Outline(EGO, 1.5, fill=200, heading=True)
 
 @dataclass(frozen=True)
 class Viewport:
-    """The part of the world that is shown, north up: its centre, and how many metres fit at least each way."""
+    """The part of the world that is shown: its centre, and how many metres fit at least each way."""
 
     x: float  # m
     y: float  # m
     wide: float  # m
     high: float  # m
+    turn: float = 0.0  # rad, the direction of the world that points to the right; 0: north is up
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +86,8 @@ class Canvas:
     def pixels(self, xy: Floats) -> NDArray[np.float64]:
         """Pixels [..., 2] of places [..., 2] of the world, y downwards."""
         moved = np.asarray(xy, dtype=np.float64) - [self.viewport.x, self.viewport.y]
-        return np.asarray(moved * [self.scale, -self.scale] + [self.width / 2, self.height / 2])
+        turned = rotate(moved, -self.viewport.turn) if self.viewport.turn else moved
+        return np.asarray(turned * [self.scale, -self.scale] + [self.width / 2, self.height / 2], dtype=np.float64)
 
     def inside(self, xy: Floats, margin: float | Floats = 0.0) -> NDArray[np.bool_]:
         """Which places [..., 2] of the world lie in the picture, ``margin`` pixels around it included."""

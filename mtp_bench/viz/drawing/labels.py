@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 SMALL, MIDDLE = 11, 13  # pixels
 PAPER: Color = (255, 255, 255)
+FAR = (8.0, 26.0, 48.0, 76.0, 110.0)  # pixels from a thing to a board that names it, and in which direction (degrees)
+SIDES = (-60, 60, -120, 120, -30, 30, -90, 90, 180, 0)
 Spot = tuple[float, float, float, float]  # left, top, right, bottom
 
 
@@ -52,6 +54,31 @@ def sign(canvas: Canvas, ink: ImageDraw.ImageDraw, xy: Floats, text: str, radius
         spot = (left, top, left + wide, top + high)
         if _take(canvas, spot):
             _board(ink, spot, (x + side * 0.7 * radius, y + up * 0.7 * radius), text)
+            return True
+    return False
+
+
+def callout(
+    canvas: Canvas, ink: ImageDraw.ImageDraw, tip: Floats, text: str, color: Color, reach: float, size: int = MIDDLE
+) -> bool:
+    """A board with ``text`` near the pixel ``tip`` [2], at least ``reach`` pixels away, with a line to it.
+
+    ``canvas`` knows the places that are taken, ``ink`` draws in ``color`` and in this ``size``. False where there is
+    no room near.
+    """
+    wide, high = text_size(text, size)
+    wide, high = wide + 10, high + 6
+    x, y = (float(value) for value in tip)
+    for far, angle in product(FAR, np.deg2rad(SIDES)):
+        dx, dy = float(np.cos(angle)), float(np.sin(angle))
+        left = x + dx * (reach + far) + wide * (dx - 1) / 2
+        top = y + dy * (reach + far) + high * (dy - 1) / 2
+        spot = (left, top, left + wide, top + high)
+        if _take(canvas, spot):
+            near = (min(max(x, left), left + wide), min(max(y, top), top + high))
+            ink.line([x + dx * reach, y + dy * reach, *near], fill=color, width=1)
+            ink.rectangle([round(v) for v in spot], fill=PAPER, outline=color)
+            ink.text((round(left + 5), round(top + 2)), text, fill=color, font=font(size))
             return True
     return False
 

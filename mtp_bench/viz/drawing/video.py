@@ -13,13 +13,15 @@ from PIL import Image
 
 from ...errors import MtpBenchError
 from ...files import whole_file
+from ..focus import Focus
 from ..frame_view import replay_view
 from ..replay import Replay
 from .birds_eye import SIZE, draw_frame
 from .camera import camera
+from .report import picture
 
 KINDS = (".mp4", ".gif")
-AROUND = 2.0  # s before and after an event
+AROUND = 3.0  # s before and after an event
 COLORS = 128  # of a gif
 Frame = NDArray[Any]  # uint8 [height, width, 3]
 
@@ -45,12 +47,13 @@ def frames_around(replay: Replay, event: str | None) -> range:
 
 
 def pictures(replay: Replay, frames: Iterable[int], event: str | None = None) -> Iterator[Frame]:
-    """Bird's-eye pictures of these frames, all with the same view; ``event`` is marked whatever its kind."""
-    seen_by, at = camera(replay.scene, replay.card), None if event is None else replay.incident(event)
-    if at is not None:
-        seen_by = seen_by.with_place(*at.position[:2], replay.scene.ego[at.frame])
-    for t in frames:
-        yield draw_frame(replay_view(replay, t, at), seen_by)
+    """Bird's-eye pictures of these frames, all of one size; around an ``event``: from near, it alone bright."""
+    if event is None:
+        seen_by = camera(replay.scene, replay.card)
+        yield from (draw_frame(replay_view(replay, t), seen_by) for t in frames)
+    else:
+        focus = Focus.of(replay, replay.incident(event))
+        yield from (np.asarray(picture(focus, t, SIZE), dtype=np.uint8) for t in frames)
 
 
 def write_video(path: Path, frames: Iterable[Frame], rate: float, done: Callable[[], object] | None = None) -> None:

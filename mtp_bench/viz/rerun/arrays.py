@@ -107,11 +107,14 @@ def _stride(rate: float) -> int:
     return max(1, round(rate / TRAIL_RATE))
 
 
-def forecasts(said: Answers, level: str) -> Strips:
-    """Forecast samples, from the object on: all, or the few that weigh most; in the colour of the object's track."""
+def forecasts(said: Answers, level: str, chosen: Bools) -> Strips:
+    """Forecast samples of the ``chosen`` objects [O], from the object on, in the colour of the object's track.
+
+    All of them, or those few that weigh most.
+    """
     rollout = said.rollout
     weight = rollout.forecast_log_weight
-    stated = np.isfinite(weight)
+    stated = np.isfinite(weight) & chosen[:, None]
     if level != "all":
         rank = np.argsort(np.argsort(-weight, axis=1, kind="stable"), axis=1, kind="stable")
         stated &= rank < TOP_SAMPLES

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,88 +12,87 @@ from ...cards import Card
 from ...types import Floats, Scene
 from ..replay import Incident, Replay
 from .arrays import TOP_HYPOTHESES, Contents, ShownAgent
+from .eye import FALSE, FOLLOW, Eye
+from .focus_layout import focus_columns
 from .sdk import rr, rrb
 
-SHARED = ("/world/map/**", "/world/ego", "/world/gt", "/world/gt_future", "/world/at")
 NEAR = 16.0  # m, half the side of what the views show around an event
-MOST_LANES = 5  # in the first tab: as many as fit
-BACKGROUND = (18, 18, 24)
-ABOVE, NORTH = (0.0, 0.0, 2.2), (0.0, 1.0, 0.0)  # where an eye is, in units of the reach; what is up there
+MOST_LANES, FEWER_LANES = 5, 3  # in the first tab: as many as fit, without an event and with one
+FAST = 1e6  # times the usual speed
 ASIDE, UP = (-0.9, -1.0, 0.9), (0.0, 0.0, 1.0)
-FOLLOW = "/world/follow"
 
 
 def layout(contents: Contents) -> rrb.Blueprint:
     """The blueprint of a recording; all views of the scene look at its event."""
     agents = contents.agents
     eye = _eye(agents[0].replay, contents.at)
-    columns: list[Any] = [_bird(agent, eye) for agent in agents]
-    if len(agents) == 1:
-        columns.insert(0, _oblique(agents[0], replace(eye, offset=ASIDE, up=UP)))
+    oblique = _oblique(agents[0], replace(eye, offset=ASIDE, up=UP))
+    columns: list[Any]
+    if contents.at is not None:
+        columns = focus_columns(contents, [oblique, *_birds(agents[0], eye)])
+        columns += [_bird(agent, eye) for agent in agents[1:]]
+    else:
+        columns = [_bird(agent, eye) for agent in agents]
+        columns[:0] = [oblique] if len(agents) == 1 else []
     identities = [_identities(agent, contents.at) for agent in agents]
     share = 1.6 if len(agents) == 1 else 1.2
     below = rrb.Horizontal(*_plots(agents), *identities, column_shares=[1, 1, *[share] * len(agents)])
-    parts = rrb.Vertical(rrb.Horizontal(*columns), below, row_shares=[2, 1])
-    return _blueprint(parts, "Paused", agents[0].replay.card)
+    if contents.at is None:
+        parts = rrb.Vertical(rrb.Horizontal(*columns), below, row_shares=[2, 1])
+        return _blueprint(parts, "Paused", agents[0].replay.card)
+    shares = [2.2, 1.0, *[1.2] * (len(agents) - 1)]
+    parts = rrb.Vertical(rrb.Horizontal(*columns, column_shares=shares), below, row_shares=[3.2, 1])
+    last = contents.at.frame == agents[0].replay.frames - 1
+    return _blueprint(
+        parts, "Following" if last else "Playing", agents[0].replay.card, {} if last else _held(contents.at.frame)
+    )
 
 
-def live_layout(scene: Scene, card: Card) -> rrb.Blueprint:
-    """The blueprint of an episode while it is played: the first hypotheses, following the newest frame."""
+def _held(frame: int) -> dict[str, Any]:
+    """Settings of a time panel that stands at ``frame``: at once, and until somebody moves the time cursor.
+
+    A layout has no place for the cursor itself. One that plays a selection so fast that every step leaves it is put
+    back to its beginning at every step.
+    """
+    selection = rr.encodings.AbsoluteTimeRange(frame, frame + 1)
+    return {"loop_mode": "selection", "time_selection": selection, "playback_speed": FAST}
+
+
+def live_layout(scene: Scene, card: Card, root: str = "") -> rrb.Blueprint:
+    """The blueprint of an episode while it is played: the first hypotheses, following the newest frame.
+
+    ``root``: prefix of the paths of the episode.
+    """
     start = np.zeros(3) if card.has_ego else _middle(scene.detections.box[scene.detections.rows(0), :3])
-    eye = _Eye(start, 2 * NEAR, FOLLOW if card.has_ego else "/world")
+    eye = Eye(start, 2 * NEAR, f"/{root}{FOLLOW if card.has_ego else 'world'}", root=root)
     views = [
-        eye.view(f"hypothesis {h}", ["/world/det", "/world/forecast"], f"/world/hyp/{h:02d}")
+        eye.view(f"hypothesis {h}", [f"/{root}world/det", f"/{root}world/forecast"], f"/{root}world/hyp/{h:02d}")
         for h in range(TOP_HYPOTHESES)
     ]
     return _blueprint(rrb.Tabs(*views, active_tab=0), "Following", card)
 
 
-def _blueprint(parts: Any, play: Any, card: Card) -> rrb.Blueprint:
+def _blueprint(parts: Any, play: Any, card: Card, more: dict[str, Any] | None = None) -> rrb.Blueprint:
+    """``parts`` with a time panel."""
     return rrb.Blueprint(
         parts,
-        rrb.TimePanel(state="collapsed", timeline="frame", play_state=play, fps=card.task.rate),
+        rrb.TimePanel(state="collapsed", timeline="frame", play_state=play, fps=card.task.rate, **(more or {})),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Eye:
-    """Where the views look, and from where."""
-
-    center: Floats  # [3]
-    reach: float  # m, half the side of what they show
-    origin: str = "/world"  # entity whose frame they show: FOLLOW moves along with the sensors
-    offset: tuple[float, float, float] = ABOVE
-    up: tuple[float, float, float] = NORTH
-
-    def view(self, name: str, paths: Sequence[str], hypothesis: str | None = None) -> rrb.Spatial3DView:
-        """What all agents share, the entities at ``paths``, and a hypothesis at its path, its tracks with labels."""
-        contents = [*SHARED, *paths, *([] if hypothesis is None else [f"{hypothesis}/**"])]
-        overrides: Any = hypothesis and {f"{hypothesis}/box": rr.Boxes3D.from_fields(show_labels=True)}
-        position = self.center + self.reach * np.array(self.offset)
-        return rrb.Spatial3DView(
-            origin=self.origin,
-            contents=contents,
-            name=name,
-            background=rrb.Background(kind="SolidColor", color=BACKGROUND),
-            line_grid=rrb.LineGrid3D(visible=False),
-            eye_controls=rrb.EyeControls3D(position=position, look_target=self.center, eye_up=self.up),
-            overrides=overrides,
-        )
-
-
-def _eye(replay: Replay, at: Incident | None) -> _Eye:
+def _eye(replay: Replay, at: Incident | None) -> Eye:
     """On the event; else on the vehicle that carries the sensors, all the way; else on the objects of frame 0."""
     if at is not None:
-        return _Eye(np.array(at.position), NEAR)
+        return Eye(np.array(at.position), NEAR)
     if replay.card.has_ego:
-        return _Eye(np.zeros(3), 2 * NEAR, FOLLOW)
+        return Eye(np.zeros(3), 2 * NEAR, f"/{FOLLOW}")
     truth = replay.scene.truth
     place = truth.box[truth.rows(0), :3]
     center = _middle(place)
     spread = np.quantile(np.linalg.norm(place[:, :2] - center[:2], axis=1), 0.8) if len(place) else 3 * NEAR
-    return _Eye(center, float(np.clip(spread, NEAR, 6 * NEAR)))
+    return Eye(center, float(np.clip(spread, NEAR, 6 * NEAR)))
 
 
 def _middle(place: Floats) -> Floats:
@@ -102,14 +101,14 @@ def _middle(place: Floats) -> Floats:
 
 
 def _paths(agent: ShownAgent) -> list[str]:
-    return [f"/{agent.root}world/{name}" for name in ("forecast", "events", "false_forecast")]
+    return [f"/{agent.root}world/{name}" for name in ("forecast", "events")] + [f"/{agent.root}{FALSE}/**"]
 
 
 def _hypothesis(agent: ShownAgent, number: int) -> str:
     return f"/{agent.root}world/hyp/{number:02d}"
 
 
-def _oblique(agent: ShownAgent, eye: _Eye) -> rrb.Spatial3DView:
+def _oblique(agent: ShownAgent, eye: Eye) -> rrb.Spatial3DView:
     """The scene from above and aside, with everything of the best hypothesis."""
     paths = ["/world/det", *_paths(agent)]
     if agent.best is None:
@@ -117,11 +116,15 @@ def _oblique(agent: ShownAgent, eye: _Eye) -> rrb.Spatial3DView:
     return eye.view(f"scene: truth, detections, hypothesis {agent.best}", paths, _hypothesis(agent, agent.best))
 
 
-def _bird(agent: ShownAgent, eye: _Eye) -> rrb.Tabs:
+def _bird(agent: ShownAgent, eye: Eye) -> rrb.Tabs:
+    """Bird's-eye views, that of the best hypothesis open."""
+    return rrb.Tabs(*_birds(agent, eye), active_tab=0 if agent.best is None else agent.hypotheses.index(agent.best))
+
+
+def _birds(agent: ShownAgent, eye: Eye) -> list[rrb.Spatial3DView]:
     """Bird's-eye views: one per hypothesis, and one of the detections."""
     views = [eye.view(agent.titled(f"hypothesis {h}"), _paths(agent), _hypothesis(agent, h)) for h in agent.hypotheses]
-    views.append(eye.view(agent.titled("detections"), ["/world/det", f"/{agent.root}world/events"]))
-    return rrb.Tabs(*views, active_tab=0 if agent.best is None else agent.hypotheses.index(agent.best))
+    return [*views, eye.view(agent.titled("detections"), ["/world/det", f"/{agent.root}world/events"])]
 
 
 def _plots(agents: Sequence[ShownAgent]) -> list[rrb.TimeSeriesView]:
@@ -140,7 +143,8 @@ def _eventful(replay: Replay, at: Incident | None) -> list[int]:
         switches = [i for i in own if i.kind == "ids"]
         gap = min(abs(i.frame - at.frame) for i in switches or own) if at else 0
         rank[object_id] = (at is not None and object_id != at.object_id, not switches, gap, -len(switches), -len(own))
-    return sorted(rank, key=lambda object_id: (rank[object_id], object_id))[:MOST_LANES]
+    most = MOST_LANES if at is None else FEWER_LANES
+    return sorted(rank, key=lambda object_id: (rank[object_id], object_id))[:most]
 
 
 def _identities(agent: ShownAgent, at: Incident | None) -> rrb.Tabs:

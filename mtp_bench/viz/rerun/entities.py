@@ -94,10 +94,16 @@ def log_scene(log: Log, scene: Scene, card: Card, false: Bools | None = None, tr
     log.boxes("world/det", arrays.detection_boxes(scene.detections, false))
 
 
-def log_answers(log: Log, said: Answers, hypotheses: Iterable[int], level: str) -> None:
-    """Tracks and trails of these hypotheses; and forecasts, where the ``level`` shows them."""
+def log_answers(log: Log, said: Answers, hypotheses: Iterable[int], level: str, false: Bools | None = None) -> None:
+    """Tracks and trails of these hypotheses; and forecasts, where the ``level`` shows them.
+
+    The ``false`` ones [O], of nothing, have an entity of their own, so that they can be hidden.
+    """
     for h in hypotheses:
         log.boxes(f"world/hyp/{h:02d}/box", arrays.hypothesis_boxes(said, h), TRACK_FILL)
         log.strips(f"world/hyp/{h:02d}/trail", arrays.trails(said, h), TRAIL)
     if level in ("top", "all"):
-        log.strips("world/forecast", arrays.forecasts(said, level), FORECAST)
+        false = np.zeros(len(said.rollout.object_box), dtype=bool) if false is None else false
+        log.strips("world/forecast", arrays.forecasts(said, level, ~false), FORECAST)
+        if false.any():
+            log.strips("world/false_forecast/path", arrays.forecasts(said, level, false), FORECAST)

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...types import Ints, Scene
-from ..replay import KINDS, Incident, Replay, incident_text
+from ..case import Case
+from ..replay import KINDS, Incident, Replay
+from ..sentence import sentence
 from .arrays import ShownAgent
 from .colors import EVENTS, SERIES, SWITCH, UNTRACKED, packed, tone, track_colors
 from .entities import EDGE, Log, frame_times
@@ -16,7 +18,6 @@ from .sdk import rr
 
 EVENT_FRAMES = 10  # frames that an event stays in the picture
 MARKER = (0.0, 3.4, 3.0)  # m, from an event to its mark: beside the label of the box
-RING = 3.0  # m, around the event that the views look at
 
 
 def log_judgement(log: Log, agent: ShownAgent) -> None:
@@ -50,7 +51,7 @@ def _log_texts(log: Log, replay: Replay) -> None:
     for kind in KINDS:
         incidents = [i for i in replay.incidents if i.kind == kind]
         if incidents:
-            texts = [incident_text(i, replay.card.task.classes) for i in incidents]
+            texts = [sentence(Case(replay, incident)) for incident in incidents]
             colors = np.tile(packed(EVENTS[kind]), len(texts))
             columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=colors)
             times = frame_times(replay.scene, np.array([i.frame for i in incidents]))
@@ -73,14 +74,14 @@ def _log_markers(log: Log, replay: Replay) -> None:
     places = rr.Points3D.columns(positions=replay.rollout.object_box[rows, :3].astype(np.float32))
     count = np.diff(np.searchsorted(rows, replay.rollout.object_start))
     style = rr.Points3D.from_fields(radii=0.3, colors=EVENTS["spurious"])
-    log.columns("world/false_forecast", style, places.partition(count))
+    log.columns("world/false_forecast/place", style, places.partition(count))
 
 
-def log_ring(recording: rr.RecordingStream, scene: Scene, at: Incident) -> None:
-    """A ring around the event that the views look at, as long as its mark is there."""
+def log_ring(recording: rr.RecordingStream, scene: Scene, at: Incident, radius: float) -> None:
+    """A ring of ``radius`` metres around the event that the views look at, as long as its mark is there."""
     angle = np.linspace(0.0, 2 * np.pi, 49)
     x, y, z = at.position
-    ring = np.column_stack([x + RING * np.cos(angle), y + RING * np.sin(angle), np.full(len(angle), z)])
+    ring = np.column_stack([x + radius * np.cos(angle), y + radius * np.sin(angle), np.full(len(angle), z)])
     end = at.frame + EVENT_FRAMES
     frames = np.arange(at.frame, min(end + 1, scene.frames))
     drawn = (frames < end).astype(int)  # the frame after it clears the ring

@@ -59,8 +59,11 @@ class LiveRecording:
             self._recording.connect_grpc(self._address)
             self._recording.send_recording_name(f"{episode.scene.name} ({self._count})")
             self._recording.send_blueprint(live_layout(episode.scene, episode.card))
-        elif self._count > 1:
-            self._root = f"episode-{self._count}/"
+        elif self._recording is not None:
+            self._root = f"episode-{self._count}/" if self._count > 1 else ""
+            # the default: a layout that the user has sent or made stays
+            layout = live_layout(episode.scene, episode.card, self._root)
+            self._recording.send_blueprint(layout, make_active=False, make_default=True)
         if self._recording is not None:
             log_map(self._recording, episode.scene, self._root)
 

@@ -13,11 +13,13 @@ from pathlib import Path
 from ...env.rollouts import digest
 from ...errors import MtpBenchError
 from ...files import whole_file
+from ..focus import Focus
 from ..replay import Incident, Replay
 from .arrays import Contents, contents_of
 from .blueprint import layout
 from .entities import Log, frame_times, log_answers, log_map, log_scene
 from .events import log_judgement, log_ring
+from .focus import log_focus
 from .sdk import rr
 
 APPLICATION = "mtp_bench"
@@ -77,9 +79,11 @@ def log_runs(recording: rr.RecordingStream, contents: Contents) -> None:
     recording.log("about", rr.TextDocument(about, media_type="text/markdown"), static=True)
     for agent in contents.agents:
         log = Log(recording, frame_times(first.scene), agent.root)
-        log_answers(log, agent.replay.said, agent.hypotheses, contents.level)
+        log_answers(log, agent.replay.said, agent.hypotheses, contents.level, agent.replay.forecast_false)
         log_judgement(log, agent)
     if contents.at is not None:
-        log_ring(recording, first.scene, contents.at)
+        focus = Focus.of(first, contents.at)
+        log_ring(recording, first.scene, contents.at, 0.4 + 0.65 * focus.length)
+        log_focus(recording, focus)
     recording.flush()
     recording.disconnect()

@@ -13,13 +13,18 @@ from .output import NOTHING, counted, number, slim_table
 if TYPE_CHECKING:
     from rich.table import Table
 
+ORDERS = ("time", "cost")
 LONGEST = 3  # runs of false forecasts of a scene in the table, unless their kind is asked for
 _HEADINGS = ("scene", "frame", "event", "object", "track", "minADE", "error", "sure")
 _LEFT = _FOLDED = ("scene", "object", "track")
 CAPTION = (
     "minADE: of the forecast made then, metres; – where the object is no target, or was not forecast. error: "
-    "min(minADE, c), c where it was not forecast. sure: the forecast's confidence; of a run of false forecasts "
-    "(spurious) the highest. *: the old track is still output, outside the gate."
+    "min(minADE, c), c where it was not forecast: what the event costs. sure: the forecast's confidence; of a run of "
+    "false forecasts (spurious) the highest. *: the old track is still output, outside the gate."
+)
+LOOK = (
+    "To look at one, name its scene and event as for the first of them; with --png FILE.png it becomes a picture, "
+    "without a screen:"
 )
 
 
@@ -84,6 +89,23 @@ def event_rows(replay: Replay, kinds: Sequence[str], shown: Shown) -> list[Event
         for incident in replay.incidents
         if incident.kind in kinds
     ]
+
+
+def in_order(rows: Sequence[EventRow], order: str) -> list[EventRow]:
+    """The rows by ``order`` of ORDERS.
+
+    "cost": the largest error first; among equal ones that which rose most since the frame before, then the largest
+    minADE. What is no target costs nothing and comes last.
+    """
+    return sorted(rows, key=_cost, reverse=True) if order == "cost" else list(rows)
+
+
+def _cost(row: EventRow) -> tuple[float, float, float]:
+    event = row.incident
+    if event.error is None:
+        return -1.0, 0.0, 0.0
+    rise = 0.0 if event.error_before is None else event.error - event.error_before
+    return event.error, rise, event.minADE or 0.0
 
 
 def longest_only(rows: Sequence[EventRow]) -> list[EventRow]:
@@ -175,6 +197,7 @@ def _record(row: EventRow) -> dict[str, Any]:
         "wrong": event.wrong,
         "minADE": event.minADE,
         "error": event.error,
+        "error_before": event.error_before,
         "confidence": event.confidence,
         "view": row.view,
     }

@@ -1,0 +1,67 @@
+"""The page of the command line: what `--help` of every command says."""
+
+from __future__ import annotations
+
+from typing import Any
+
+PAGE = "reference/commands.md"
+HEAD = """\
+# Commands
+
+Every command has `--help`. Exit status: 0, 1 for a failure that the message explains, 2 for wrong usage.
+"""
+
+
+def page() -> str:
+    """The page in Markdown."""
+    return "\n".join([HEAD, *(_section(name, command) for name, command in _commands())])
+
+
+def _commands() -> list[tuple[str, Any]]:
+    """Names and commands, those of groups after their group; hidden ones left out."""
+    from typer.main import get_command
+
+    from mtp_bench.commands.app import app
+
+    def walk(name: str, command: Any) -> list[tuple[str, Any]]:
+        parts = getattr(command, "commands", None)
+        if parts is None:
+            return [(name, command)]
+        shown = {part: inner for part, inner in parts.items() if not inner.hidden}
+        return [found for part, inner in shown.items() for found in walk(f"{name} {part}".strip(), inner)]
+
+    return walk("", get_command(app))
+
+
+def _section(name: str, command: Any) -> str:
+    """One command: what it does, its arguments and options."""
+    import click
+
+    context = click.Context(command, info_name=f"mtp-bench {name}")
+    usage = " ".join([f"mtp-bench {name}", *command.collect_usage_pieces(context)])
+    rows = [record for part in command.params if (record := _record(part, context)) is not None]
+    lines = [f"## mtp-bench {name}\n", _text(command.help or ""), "", f"```sh\n{usage}\n```\n"]
+    if rows:
+        lines += ["| option | meaning |", "|---|---|"]
+        lines += [f"| {_code(option)} | {_cell(text)} |" for option, text in rows]
+    return "\n".join([*lines, ""])
+
+
+def _record(part: Any, context: Any) -> tuple[str, str] | None:
+    """How a parameter is written, and what it means."""
+    if getattr(part, "hidden", False):
+        return None
+    record = part.get_help_record(context)
+    return record if record else (part.make_metavar(context), getattr(part, "help", "") or "")
+
+
+def _text(text: str) -> str:
+    return text.replace("\b", "").strip()
+
+
+def _code(text: str) -> str:
+    return f"`{text.replace('|', chr(92) + '|')}`"
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.replace("|", "\\|").replace("<", "&lt;").split())

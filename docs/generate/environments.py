@@ -1,0 +1,195 @@
+"""One page per environment, from its card, the spaces and what is known of its data."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from mtp_bench import Card, Task, card_ids, load_card
+from mtp_bench.cards import HighwaySource, TaskSection
+from mtp_bench.env.action import FIELDS
+from mtp_bench.env.spaces import action_numbers, observation_space
+from mtp_bench.scoring import DEFINITIONS
+from mtp_bench.sources import describe
+
+ROOT = Path(__file__).resolve().parents[2]
+ARGUMENTS = """\
+Another split, detector, data root, or other sizes are keywords of `gym.make`: see
+[`EnvKeywords`](../reference/environment.md#mtp_bench.env.arguments.EnvKeywords)."""
+TABLE = "environment/index.md"  # the page with the table of all of them
+PICTURES = "environment/pictures"  # drawn by pictures.py; recorded scenes are never among them
+CAPTION = '*A frame as `render()` draws it with `render_mode="rgb_array"`; the agent is `stp`.*'
+RECORDED = """\
+!!! note "No picture"
+    Recordings are not ours to publish. With the data on your machine `gym.make("{id}", render_mode="rgb_array")`
+    draws every frame, and these commands show a run:
+
+    ```sh
+    mtp-bench run stp --env {id} --scenes 1 -o runs/stp
+    mtp-bench events runs/stp
+    mtp-bench view runs/stp
+    ```
+"""
+
+
+def navigation() -> list[dict[str, str]]:
+    """The pages in the order of the navigation."""
+    return [{env_id: _place(env_id)} for env_id in ordered()]
+
+
+def pages() -> dict[str, str]:
+    """Place and Markdown of every page."""
+    return {_place(env_id): page(load_card(env_id)) for env_id in ordered()}
+
+
+def linked(table: str) -> str:
+    """The table of environments with links to their pages, which only the site has."""
+    return re.sub(r"^\| `(MTP-[^`]+)`", r"| [`\1`](\1.md)", table, flags=re.MULTILINE)
+
+
+def ordered() -> list[str]:
+    """Ids in the order of the table of environments."""
+    table = (ROOT / "docs" / TABLE).read_text()
+    listed = re.findall(r"^\| `(MTP-[^`]+)`", table, flags=re.MULTILINE)
+    return [*listed, *sorted(set(card_ids()) - set(listed))]
+
+
+def page(card: Card) -> str:
+    """The page of one environment."""
+    parts = [
+        f"# {card.id}",
+        _picture(card),
+        f"{card.summary}.",
+        _properties(card),
+        "## Observation",
+        "What an agent sees of one frame; rows beyond what is there are padding, and `detection_valid` says which.",
+        _observations(rules(card)),
+        "## Action",
+        "What it answers. [`mtp_bench.answer`](../reference/environment.md) makes it from arrays without padding.",
+        _actions(rules(card)),
+        "## Reward",
+        _reward(card.task),
+        "## Arguments",
+        ARGUMENTS,
+        "## Data and licence",
+        _data(card),
+        "## History",
+        _history(card),
+    ]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def rules(card: Card) -> Task:
+    """The task of a card with the sizes that it names."""
+    task, size = card.task, card.size
+    return Task(
+        env_id=card.id, classes=task.classes, dt=1 / task.rate, past=task.past, future=task.future, k=task.samples,
+        samples=task.samples, detections=size.detections, tracks=size.tracks, objects=size.objects,
+        hypotheses=size.hypotheses, detector=card.detector_name,
+    )  # fmt: skip
+
+
+def _place(env_id: str) -> str:
+    return f"environment/{env_id}.md"
+
+
+def _picture(card: Card) -> str:
+    picture = f"{PICTURES}/{card.id}.webp"
+    if not (ROOT / "docs" / picture).exists():
+        return RECORDED.format(id=card.id)
+    return f"![A frame of {card.id} from above](pictures/{card.id}.webp)\n\n{CAPTION}"
+
+
+def _properties(card: Card) -> str:
+    task = card.task
+    measure = "3D IoU at least" if task.event_gate.measure == "iou_3d" else "distance of centres, m, at most"
+    detections = "simulated" if card.detector is not None else "stored"
+    rows = {
+        "Make it": f'`gym.make("{card.id}")`',
+        "Rate": f"{task.rate:g} Hz",
+        "Past": f"{task.past} frames, the current one included",
+        "Future": f"{task.future} frames: {task.future / task.rate:.3g} s",
+        "Samples": f"k = {task.samples} per object",
+        "Classes": ", ".join(task.classes),
+        "Detections": f"{card.detector_name}, {detections}",
+        "A track follows an object": f"{measure}: {_per_class(task.event_gate.threshold)}",
+        "A forecast belongs to it": f"distance of centres, m, at most: {_per_class(task.forecast_gate)}",
+        "Miss error c": f"{_per_class(task.miss_error)} (m)",
+        "An action has": f"{action_numbers(rules(card)):,} numbers".replace(",", " "),
+    }
+    return "\n".join(["| rule | here |", "|---|---|", *(f"| {name} | {text} |" for name, text in rows.items())])
+
+
+def _per_class(values: dict[str, float]) -> str:
+    """One number where all classes have the same."""
+    if len(set(values.values())) == 1:
+        return f"{next(iter(values.values())):g}"
+    return ", ".join(f"{name} {value:g}" for name, value in values.items())
+
+
+def _observations(task: Task) -> str:
+    meanings = re.findall(r"^\| (`[^|]+`) \| \([^|]*\) \| ([^|]+) \|$", _cards_page(), flags=re.MULTILINE)
+    meaning = {name: text for names, text in meanings for name in re.findall(r"`(\w+)`", names)}
+    lines = ["| field | shape | dtype | range | meaning |", "|---|---|---|---|---|"]
+    for name, space in observation_space(task).spaces.items():
+        shape, text = _shape(space.shape or ()), meaning[name]
+        lines.append(f"| `{name}` | {shape} | {space.dtype} | {_range(space)} | {text} |")
+    return "\n".join(lines)
+
+
+def _actions(task: Task) -> str:
+    lines = ["| field | shape | dtype | entries | meaning |", "|---|---|---|---|---|"]
+    for field in FIELDS:
+        shape, dtype = _shape(field.shape_in(task)), np.dtype(field.content.dtype)
+        meaning = field.meaning + (" Optional." if field.optional else "")
+        lines.append(f"| `{field.name}` | {shape} | {dtype} | {field.expected_in(task)} | {meaning} |")
+    return "\n".join(lines)
+
+
+def _cards_page() -> str:
+    return (ROOT / "envs/README.md").read_text()
+
+
+def _shape(shape: tuple[int, ...]) -> str:
+    return f"({', '.join(map(str, shape))})"
+
+
+def _range(space: object) -> str:
+    """Least and greatest entry of a space."""
+    if not hasattr(space, "low"):
+        return "0 or 1"
+    low, high = (np.asarray(getattr(space, name)).ravel() for name in ("low", "high"))
+    return f"{low.min():g} to {high.max():g}"
+
+
+def _reward(task: TaskSection) -> str:
+    half = {name: value / 2 for name, value in task.miss_error.items()}
+    return (
+        f"Minus the error of the frame ([what that is](index.md#reward)). A target that is not forecast costs "
+        f"{_per_class(task.miss_error)} m, a false forecast {_per_class(half)} m."
+    )
+
+
+def _data(card: Card) -> str:
+    about = describe(card, ROOT / "docs").about  # what is known of it, whatever lies on this machine
+    lines = [f"**{about.name}**: {about.licence}.", f"Cite: {about.citation}.", f"How to get it: {about.how_to_get}."]
+    if about.layout:
+        lines.append(f"```text\n{about.layout}\n```")
+    lines.append("Licences of everything: [Datasets and licences](../data/index.md).")
+    return "\n\n".join(_linked(line) for line in lines)
+
+
+def _linked(text: str) -> str:
+    """The text with addresses that can be clicked."""
+    return re.sub(r"(?<![<(])https?://[^\s,;:]+[^\s,;:.)]", r"<\g<0>>", text)
+
+
+def _history(card: Card) -> str:
+    version = card.id.rsplit("-", 1)[1]
+    made = f", scenes of generator {card.source.generator}" if isinstance(card.source, HighwaySource) else ""
+    return (
+        f"- `{version}`: the first version; definitions {DEFINITIONS}{made}; digest of the card `{card.digest}`.\n\n"
+        "A published card never changes: a changed task gets the next number ([Versions](../project/versions.md))."
+    )

@@ -1,0 +1,75 @@
+"""What mkdocs calls while it builds the site: generated pages and files of the repository join those of docs/.
+
+No document is kept twice. A page that is a file of the repository is read from there (`generate/repository.py`);
+the pages of environments, of the reference and of the commands are made from the library.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+from docs.generate import commands, environments, reference, repository  # noqa: E402
+
+# Pages that other changes bring: left out of the navigation until they are there. Empty it once they are.
+COMING = {
+    "environment/errors.md",
+    "environment/reinforcement.md",
+    "agents/own_tracker.md",
+    "data/own.md",
+    "data/stored_tracks.md",
+    "data/prediction_challenge.md",
+    "seeing/why.md",
+}
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Complete the navigation: generated pages in, pages that are still to come out."""
+    missing = {name for name in COMING if not (ROOT / "docs" / name).exists()}
+    config.nav = _without(config.nav, missing)
+    _section(config.nav, "Environments").extend(environments.navigation())
+    _section(config.nav, "Reference").extend([*reference.navigation(), {"Commands": commands.PAGE}])
+    return config
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages and pictures that do not lie in docs/."""
+    pages = {**environments.pages(), **reference.pages(), commands.PAGE: commands.page()}
+    for place, text in pages.items():
+        files.append(File.generated(config, place, content=text))
+    for source, place in repository.files().items():
+        files.append(File.generated(config, place, abs_src_path=str(ROOT / source)))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Links are written for readers of the repository; here they lead to the pages of the site."""
+    if page.file.src_uri == environments.TABLE:
+        markdown = environments.linked(markdown)
+    return repository.relinked(markdown, page.file.src_uri, config.repo_url or "")
+
+
+def _without(nav: Any, missing: set[str]) -> Any:
+    """The navigation without some pages."""
+    if isinstance(nav, list):
+        kept = [_without(item, missing) for item in nav]
+        return [item for item in kept if item not in (None, {})]
+    if isinstance(nav, dict):
+        parts = {title: _without(part, missing) for title, part in nav.items()}
+        return {title: part for title, part in parts.items() if part is not None}
+    return None if nav in missing else nav
+
+
+def _section(nav: Any, title: str) -> list[Any]:
+    """The pages of a section of the navigation."""
+    (found,) = [item[title] for item in nav if title in item]
+    assert isinstance(found, list)
+    return found

@@ -1,0 +1,70 @@
+"""Makes the pictures of `docs/seeing/why.md`: the costliest event of a kind, by the plain baseline.
+
+    python docs/make_pictures.py               # simulated traffic, into docs/pictures
+    python docs/make_pictures.py --real FOLDER # recordings under MTP_BENCH_DATA, into FOLDER
+
+Pictures of recordings are not committed: their licences do not allow it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import NamedTuple
+
+from mtp_bench import load_submission
+from mtp_bench.env import MTPEnv
+from mtp_bench.running.run import agent_task, run_scene
+from mtp_bench.viz.drawing.report import save_report
+from mtp_bench.viz.focus import Focus
+from mtp_bench.viz.replay import replay
+from mtp_bench.viz.terminal.event_table import Shown, event_rows, in_order
+
+HERE = Path(__file__).parent / "pictures"
+
+
+class Shot(NamedTuple):
+    """The costliest event of a kind in a scene; the first scene where none is named."""
+
+    env_id: str
+    kind: str
+    scene: str | None = None
+
+
+SIMULATED = {
+    "focus_ids": Shot("MTP-Intersection-v0", "ids"),
+    "focus_lost": Shot("MTP-Merge-v0", "lost"),
+    "focus_reacquired": Shot("MTP-Roundabout-v0", "reacquired"),
+}
+REAL = {
+    "focus_nuscenes_ids": Shot("MTP-nuScenes-mini-v0", "ids", "scene-0655"),
+    "focus_kitti_lost": Shot("MTP-KITTI-v0", "lost", "0016"),
+    "focus_pets_ids": Shot("MTP-PETS-v0", "ids", "PETS09-S2L1-0701"),
+}
+
+
+def take(shot: Shot, path: Path) -> None:
+    """Run the plain baseline on the scene and draw its costliest event of this kind."""
+    env = MTPEnv(shot.env_id, evaluation=True)
+    scene = shot.scene or env.scene_names[0]
+    rollout = run_scene(load_submission("stp").build(agent_task(env, 0)), env, scene, seed=0)
+    run = replay(env.scene, rollout, env.card, "stp")
+    events = in_order(event_rows(run, [shot.kind], Shown("run")), "cost")
+    focus = Focus.of(run, events[0].incident)
+    save_report(path, focus)
+    print(f"{path}: {focus.sentence}")
+
+
+def main() -> None:
+    """Make all pictures of one of the two sets."""
+    parser = argparse.ArgumentParser(description="pictures of docs/seeing/why.md")
+    parser.add_argument("--real", type=Path, metavar="FOLDER", help="pictures of recordings, into this folder")
+    folder = parser.parse_args().real
+    for name, shot in (SIMULATED if folder is None else REAL).items():
+        target = HERE if folder is None else folder
+        target.mkdir(parents=True, exist_ok=True)
+        take(shot, target / f"{name}.png")
+
+
+if __name__ == "__main__":
+    main()

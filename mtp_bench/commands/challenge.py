@@ -1,0 +1,58 @@
+"""``mtp-bench challenge``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .options import DataOption, JsonOption, ScenesOption, SplitOption
+from .output import count, number, prepare, require_writable, working, write_json
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from ..running.challenge import ChallengeScore
+
+MEANING = (
+    "mean over the targets in the file, as the devkit has it; of known objects with perfect pasts: not to be compared "
+    "with errors of `mtp-bench score`. OffRoadRate needs the map and is left out"
+)
+
+
+def challenge(
+    file: Annotated[Path, typer.Argument(help="Submission to the nuScenes prediction challenge (.json).")],
+    env: Annotated[str, typer.Option(help="Environment whose targets count.")] = "MTP-nuScenes-v0",
+    root: DataOption = None,
+    split: SplitOption = None,
+    scenes: ScenesOption = None,
+    json_file: JsonOption = None,
+) -> None:
+    """Score a submission to the nuScenes prediction challenge by the challenge's own metrics."""
+    from ..running.challenge import score_predictions
+    from ..running.options import RunOptions
+    from ..viz.terminal.output import show, show_numbers
+
+    require_writable(json_file)
+    options = RunOptions(root, scenes, split=split)
+    prepare(env, options)
+    with working("challenge", options) as watched:
+        score = score_predictions(file, env, watched)
+    write_json(json_file, score.to_json())
+    show_numbers(_table(score))
+    missing = score.targets - score.predicted
+    show(
+        f"{score.predicted} of {count(score.targets, 'target')} predicted, {missing} missing; "
+        f"{count(score.elsewhere, 'prediction')} of none of them"
+    )
+    show(MEANING)
+
+
+def _table(score: ChallengeScore) -> Table:
+    from ..viz.terminal.output import new_table
+
+    table = new_table("nuScenes prediction challenge", ("metric", *(f"k = {k}" for k in score.ks)), left=("metric",))
+    for name, values in score.metrics.items():
+        table.add_row(name, *(number(value) for value in values))
+    return table

@@ -1,0 +1,41 @@
+"""``mtp-bench export``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .options import DataOption, FolderArgument, RunCardOption, one_of
+from .output import count
+
+WHAT = ("tracks", "prediction")
+
+
+def export(
+    what: Annotated[str, typer.Argument(help="tracks or prediction.")],
+    folder: FolderArgument,
+    output: Annotated[Path, typer.Option("-o", "--output", help="File (.json) or, of KITTI and tables, folder.")],
+    table: Annotated[bool, typer.Option("--table", help="Tracks as tables: a .csv file for each scene.")] = False,
+    root: DataOption = None,
+    env: RunCardOption = None,
+) -> None:
+    """Write a stored run as others read it: tracks, or forecasts as the nuScenes prediction challenge takes them."""
+    from ..running.challenge import export_predictions
+    from ..running.opened import open_run
+    from ..running.track_export import export_tracks
+    from ..viz.terminal.output import show
+
+    one_of(what, WHAT, "WHAT")
+    if table and what != "tracks":
+        raise typer.BadParameter("only with tracks", param_hint="--table")
+    opened = open_run(folder, root, env)
+    if what == "tracks":
+        show(f"{output}: {count(export_tracks(opened, output, table), 'tracked position')}")
+        return
+    done = export_predictions(opened, output)
+    show(
+        f"{output}: predictions of {done.predicted} of {count(done.targets, 'official target')}; the others have no "
+        "forecast in this run"
+    )

@@ -1,0 +1,147 @@
+"""The nuScenes prediction challenge: predictions scored, and forecasts of a stored run as a submission."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..cards import Card, NuScenesSource
+from ..errors import CardError, DataError
+from ..files import require_file, whole_file
+from ..scoring import evaluated, find_targets, live_frames
+from ..scoring.additions import final_match
+from ..scoring.challenge import KS, challenge_errors
+from ..scoring.forecasts import Forecasts, candidates, grow
+from ..sources.nuscenes.challenge import FUTURE, Prediction, read_predictions, write_predictions
+from ..sources.nuscenes.source import NuScenes
+from ..types import Floats, Rollout
+from .opened import OpenedRun
+from .options import DEFAULTS, RunOptions
+
+RATE = 2.0  # Hz
+Name = tuple[str, str]  # tokens of instance and sample
+
+
+@dataclass(frozen=True)
+class ChallengeScore:
+    """What the challenge says of a file."""
+
+    targets: int  # official ones of the split
+    predicted: int  # of them
+    elsewhere: int  # predictions of none of them: not scored
+    metrics: dict[str, list[float | None]]  # mean over the predicted targets, for each of ``ks``
+    ks: tuple[int, ...] = KS
+
+    def to_json(self) -> dict[str, Any]:
+        """As ``challenge --json`` writes it."""
+        return {**vars(self), "ks": list(self.ks), "missing": self.targets - self.predicted}
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was written."""
+
+    targets: int  # official ones of the scenes that were run
+    predicted: int  # those with a forecast
+
+
+def score_predictions(path: str | Path, env_id: str, options: RunOptions = DEFAULTS) -> ChallengeScore:
+    """The challenge's metrics of a submission to it, over the official targets of an env's split.
+
+    ``env_id``: one with ``truth = "targets"``; ``options`` may name another split, and the first scenes of it. As in
+    the devkit the means are over what is predicted; what is missing is counted beside them. Raises CardError for an
+    env that has no official targets, DataError for a file that is wrong, or has none of them.
+    """
+    path, future = Path(path), _official(options.card(env_id), options)
+    found, elsewhere = [], 0
+    for each in read_predictions(path):
+        if (each.instance, each.sample) in future:
+            found.append(each)
+        else:
+            elsewhere += 1
+    if not found:
+        raise DataError(
+            f"{path}: none of its {elsewhere} predictions is of one of the {len(future)} targets of this split; choose "
+            "another with --split"
+        )
+    truth = [future[each.instance, each.sample] for each in found]
+    errors = challenge_errors([each.modes for each in found], truth, [each.probability for each in found])
+    return ChallengeScore(len(future), len(found), elsewhere, errors.means())
+
+
+def export_predictions(opened: OpenedRun, path: str | Path) -> Exported:
+    """Write the forecasts of a stored run as a submission to the challenge.
+
+    The forecast of a target is the one that the scorer matches to it when all are kept; a target without one is not in
+    the file. Raises CardError for a run on an env without official targets.
+    """
+    path = Path(path).absolute()
+    source = _source(opened.card, opened.data)
+    require_file(path)
+    total = 0
+
+    def predictions() -> Iterator[Prediction]:
+        nonlocal total
+        for rollout in opened.run.rollouts:
+            names, said = _matched(source, opened, rollout)
+            total += len(names)
+            yield from said
+
+    with whole_file(path) as part, part.open("w", encoding="utf-8") as file:
+        count = write_predictions(file, predictions())
+    return Exported(total, count)
+
+
+def _matched(source: NuScenes, opened: OpenedRun, rollout: Rollout) -> tuple[list[Name], list[Prediction]]:
+    """The targets of a scene, and what is predicted of those that have a forecast."""
+    card, scene = opened.card, evaluated(opened.recorded(rollout.scene))
+    targets, forecasts = find_targets(scene, card), Forecasts.of(rollout)
+    found = candidates(scene, targets, forecasts, live_frames(scene, card), card)
+    matched = final_match(grow(found, forecasts.confidence).additions, len(scene.truth.box))[targets.row]
+    names = _names(source, rollout.scene, targets.object_id.tolist(), targets.frame.tolist())
+    said = []
+    for name, row in zip(names, matched.tolist(), strict=True):
+        if row < 0:
+            continue
+        one = np.array([row])
+        weight = forecasts.weights(one)[0]
+        modes, there = forecasts.paths(one)[0], weight > 0
+        if there.any():
+            said.append(Prediction(*name, modes[there], weight[there] / weight[there].sum()))
+    return names, said
+
+
+def _official(card: Card, options: RunOptions) -> dict[Name, Floats]:
+    """The true future [12, 2] of every official target of a card's scenes."""
+    source = _source(card, options.data)
+    future: dict[Name, Floats] = {}
+    for name in options.chosen(source.names):
+        targets = find_targets(source.load(name), card)
+        names = _names(source, name, targets.object_id.tolist(), targets.frame.tolist())
+        future.update(zip(names, targets.future, strict=True))
+    return future
+
+
+def _names(source: NuScenes, scene: str, object_id: list[int], frame: list[int]) -> list[Name]:
+    arrays = source.tables.arrays(scene)
+    instance, sample = arrays["instance"], arrays["sample"]
+    return [(str(instance[i]), str(sample[t])) for i, t in zip(object_id, frame, strict=True)]
+
+
+def _source(card: Card, data: str | None) -> NuScenes:
+    """The scenes of a card; CardError where it is not of the challenge's task."""
+    if not isinstance(card.source, NuScenesSource) or card.source.truth != "targets":
+        raise CardError(
+            f'{card.id} has no official prediction targets, expected a nuScenes env with truth = "targets", such as '
+            "MTP-nuScenes-v0"
+        )
+    if card.task.future != FUTURE or card.task.rate != RATE:
+        raise CardError(
+            f"{card.id} forecasts {card.task.future} frames at {card.task.rate:g} Hz, expected {FUTURE} at {RATE:g} Hz "
+            "as in the challenge"
+        )
+    return NuScenes(card, data)

@@ -1,0 +1,85 @@
+"""Tracks in the result form of the KITTI tracking benchmark: one text per sequence, boxes in camera axes.
+
+A line is that of a label with a score behind it: ``frame id type truncated occluded alpha left top right bottom height
+width length x y z rotation_y score``. AB3DMOT writes such files.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ...cards import Card, KittiSource
+from ...types import Floats, Ints, Scene, StoredTracks
+from ..base import DataRoot, ReadTracks, TrackForm, section_of
+from ..text import read_table
+from ..tracks.building import stored_tracks
+from .files import LABEL, camera_fields, sensor_boxes
+from .layout import TYPES
+from .poses import Poses
+from .source import KittiTracking
+
+RESULT = f"{LABEL} score"
+KNOWN = ("Car", "Van", "Truck", "Pedestrian", "Person", "Person_sitting", "Cyclist", "Tram", "Misc", "DontCare")
+
+
+def read_result(path: Path, scene: Scene, classes: Sequence[str], stride: int, poses: Poses | None) -> StoredTracks:
+    """The tracks of a scene of every ``stride``-th frame; ``poses``: of all frames, None where each is in its own.
+
+    Rows of other classes and other frames are left out. DataError names the line that is wrong.
+    """
+    table = read_table(path, RESULT, text="type")
+    table.refuse_not_finite()
+    frame, object_id = table.whole("frame"), table.whole("id")
+    types = [TYPES[name][0] for name in classes]
+    strange = ~np.isin(table.text, KNOWN)
+    table.refuse(strange, lambda at: f"type is {str(table.text[at])!r}, expected one of {', '.join(KNOWN)}")
+    class_id = np.array([types.index(text) if text in types else -1 for text in table.text.tolist()], dtype=np.int64)
+    used = (class_id >= 0) & (frame % stride == 0)
+    last = (scene.frames - 1) * stride
+    outside = used & ((frame < 0) | (frame > last))
+    table.refuse(outside, lambda at: f"frame {frame[at]}, but the last one of sequence {scene.name} is {last}")
+    size, bottom = table.value[:, 10:13], table.value[:, 13:16]
+    table.refuse(used & (size <= 0).any(axis=1), "a box with a size that is not above 0")
+    for index in range(len(classes)):
+        table.refuse_second_box(frame, object_id, np.flatnonzero(used & (class_id == index)))
+    box = sensor_boxes(size, bottom, table.value[:, 16])[used]
+    box = box if poses is None else poses.to_world(box, frame[used])
+    return stored_tracks(
+        scene.frames, frame[used] // stride, object_id[used], class_id[used], box, table.value[used, 17]
+    )
+
+
+def result_lines(
+    frame: Ints, track_id: Ints, types: Sequence[str], box: Floats, score: Floats, poses: Poses | None
+) -> list[str]:
+    """Lines of boxes [R, 7] in the scene's frame of reference, without what only the image tells (-1)."""
+    fields = camera_fields(box if poses is None else poses.to_sensor(box, frame))
+    return [
+        f"{t} {i} {kind} -1 -1 -10 -1 -1 -1 -1 {' '.join(f'{value:.6f}' for value in row)} {s:.6f}"
+        for t, i, kind, row, s in zip(frame, track_id, types, fields, score, strict=True)
+    ]
+
+
+def poses_of(card: Card, data: DataRoot, name: str) -> Poses | None:
+    """Poses of all frames of a sequence; None where the card gives every frame in its own sensor frame."""
+    return KittiTracking(card, data).poses(name) if section_of(card, KittiSource).ego_motion else None
+
+
+def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:
+    stride = section_of(card, KittiSource).stride
+
+    def read(scene: Scene) -> StoredTracks:
+        path = folder / f"{scene.name}.txt"
+        return read_result(path, scene, card.task.classes, stride, poses_of(card, data, scene.name))
+
+    return read
+
+
+def _fits(path: Path) -> bool:
+    return path.is_dir() and any(path.glob("*.txt"))
+
+
+FORM = TrackForm("a folder with a KITTI tracking result <sequence>.txt for each scene", _fits, _open)

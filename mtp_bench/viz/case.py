@@ -1,0 +1,179 @@
+"""One event of a run, looked up frame by frame: the object, its tracks before and after, forecasts and detections."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scoring.displacement import floored
+from ..scoring.forecasts import sample_weights
+from ..types import Floats, Ints, to_metres
+from .replay import Incident, Replay
+
+
+@dataclass(frozen=True, eq=False)
+class Forecast:
+    """One forecast of the object, in the frame of reference of the scene."""
+
+    frame: int  # in which it was made
+    track_id: int  # that it belongs to, -1 none
+    start: Floats  # [2] m
+    path: Floats  # [K, T, 2] m, one per frame after ``frame``
+    weight: Floats  # [K] 0 to 1
+    nearest: int  # the sample nearest to the true future; the heaviest where none is known
+
+    @property
+    def nearest_path(self) -> Floats:
+        """The nearest sample with its start [T + 1, 2]."""
+        return np.concatenate([self.start[None], self.path[self.nearest]])
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """An event and the run it happened in.
+
+    Tracks are those of the best hypothesis of the event's frame, back along its lineage; after it, of the best of each
+    frame. Rows are those of the tables of the run.
+    """
+
+    replay: Replay
+    at: Incident
+
+    @cached_property
+    def hypothesis(self) -> Ints:
+        """The hypothesis [F] that is looked at in each frame."""
+        found = self.replay.said.hypotheses
+        chosen = found.best.copy()
+        for t in range(self.at.frame, 0, -1):
+            chosen[t - 1] = found.parent[t, chosen[t]]
+        return chosen
+
+    @property
+    def noun(self) -> str:
+        """Class of the object, in words."""
+        return self.replay.card.task.classes[self.at.class_id].replace("_", " ")
+
+    @property
+    def near(self) -> float:
+        """Metres around the object: what is detected farther away is not of it."""
+        return 2 * float(self.replay.card.per_class(self.replay.card.task.forecast_gate)[self.at.class_id])
+
+    def named(self, row: int) -> str:
+        """The object of a row of the truth in words, such as "car 8"."""
+        truth, classes = self.replay.scene.truth, self.replay.card.task.classes
+        return f"{classes[truth.class_id[row]].replace('_', ' ')} {int(truth.object_id[row])}"
+
+    def seconds(self, t: int) -> float:
+        """Time of a frame since the first one."""
+        time = self.replay.scene.time
+        return float(time[t] - time[0])
+
+    @cached_property
+    def rows(self) -> Ints:
+        """Row [F] of the object in the truth, -1 where it is not there; all -1 where a forecast is of nothing."""
+        truth = self.replay.scene.truth
+        own = np.flatnonzero((truth.object_id == self.at.object_id) & ~truth.neutral)
+        rows = np.full(self.replay.frames, -1, dtype=np.int64)
+        if self.at.object_id >= 0:
+            rows[truth.frame_of_rows[own]] = own
+        return rows
+
+    def place(self, t: int) -> NDArray[np.float64]:
+        """Where the object [2] is at frame ``t``; where it is not there, its nearest known place in time."""
+        known = np.flatnonzero(self.rows >= 0)
+        if len(known):
+            nearest = known[np.argmin(np.abs(known - t))]
+            return np.asarray(self.replay.scene.truth.box[self.rows[nearest], :2], dtype=np.float64)
+        row = self.track_row(self.at.new_id, t)
+        return np.array(self.at.position[:2]) if row < 0 else self.replay.rollout.track_box[row, :2].astype(np.float64)
+
+    def path(self, first: int, last: int) -> Floats:
+        """Where the object [n, 2] was from frame ``first`` on until a gap or ``last``, forwards or backwards."""
+        step, places = (1 if last >= first else -1), []
+        for t in range(first, last + step, step):
+            if not 0 <= t < self.replay.frames or self.rows[t] < 0:
+                break
+            places.append(self.replay.scene.truth.box[self.rows[t], :2])
+        return np.array(places, dtype=np.float64).reshape(-1, 2)
+
+    def future(self, t: int) -> Floats:
+        """Where the object [n, 2] goes within the horizon, now first."""
+        return self.path(t, t + self.replay.card.task.future)
+
+    def track_rows(self, t: int) -> Ints:
+        """Rows of the tracks at frame ``t``."""
+        rows = self.replay.rollout.tracks.rows(t)
+        held = self.replay.said.hypotheses.member[rows, self.hypothesis[t]]
+        return np.asarray(rows.start + np.flatnonzero(held))
+
+    def track_row(self, track_id: int, t: int) -> int:
+        """Row of a track at frame ``t``, -1 where it is not output then."""
+        rows = self.track_rows(t)
+        own = rows[self.replay.rollout.track_id[rows] == track_id] if track_id >= 0 else rows[:0]
+        return int(own[0]) if len(own) else -1
+
+    def follower(self, t: int) -> int:
+        """Id of the track that follows the object at frame ``t``, -1 none."""
+        if self.rows[t] < 0:
+            return -1
+        if self.hypothesis[t] != self.replay.said.hypotheses.best[t]:
+            return self.at.old_id if self.track_row(self.at.old_id, t) >= 0 else -1
+        return int(np.append(self.replay.rollout.track_id, -1)[self.replay.truth_track[self.rows[t]]])
+
+    def followed(self, track_id: int, t: int) -> int:
+        """Row of the true box, other than the object, that a track follows at frame ``t``, -1 none."""
+        row, truth = self.track_row(track_id, t), self.replay.scene.truth.rows(t)
+        if row < 0:
+            return -1
+        own = truth.start + np.flatnonzero(self.replay.truth_track[truth] == row)
+        own = own[own != self.rows[t]]
+        return int(own[0]) if len(own) else -1
+
+    def age(self, track_id: int, t: int) -> int:
+        """Number of frames just before ``t`` in which a track was output."""
+        count = 0
+        while t - count > 0 and self.track_row(track_id, t - count - 1) >= 0:
+            count += 1
+        return count
+
+    def detections(self, t: int) -> Ints:
+        """Rows of the detections within ``near`` metres of the object at frame ``t``, the nearest first."""
+        table = self.replay.scene.detections
+        rows = table.rows(t)
+        far = np.hypot(*(table.box[rows, :2] - self.place(t)).T)
+        order = np.argsort(far, kind="stable")
+        return np.asarray(rows.start + order[far[order] <= self.near])
+
+    def forecast(self, t: int) -> Forecast | None:
+        """The forecast of frame ``t`` that the judge holds for the object's, else that of its track then."""
+        said, rollout = self.replay.said, self.replay.rollout
+        row = int(np.append(self.replay.truth_forecast, -1)[self.rows[t]])
+        if row < 0:
+            own = self.at.old_id if t < self.at.frame else self.at.new_id
+            objects = rollout.objects.rows(t)
+            found = objects.start + np.flatnonzero((said.object_track_id[objects] == own) & (own >= 0))
+            if self.at.kind == "spurious" and own < 0:  # a forecast without a track stands alone
+                found = np.array([self.at.row]) if t == self.at.frame else found[:0]
+            if not len(found):
+                return None
+            row = int(found[0])
+        start = rollout.object_box[row, :2].astype(np.float64)
+        weight = floored(sample_weights(rollout.forecast_log_weight[row : row + 1]))[0]
+        path = (start + to_metres(rollout.forecast[row]))[weight > 0]
+        weight = weight[weight > 0]
+        if not len(weight):
+            return None
+        return Forecast(
+            t, int(said.object_track_id[row]), start, path, weight, _nearest(path, weight, self.future(t)[1:])
+        )
+
+
+def _nearest(path: Floats, weight: Floats, future: Floats) -> int:
+    """The sample of ``path`` [K, T, 2] with the least mean distance to ``future`` [n, 2], else the heaviest."""
+    if not len(future):
+        return int(np.argmax(weight))
+    gap = path[:, : len(future)] - future
+    return int(np.argmin(np.hypot(gap[..., 0], gap[..., 1]).mean(axis=1)))

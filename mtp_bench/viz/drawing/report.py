@@ -1,0 +1,162 @@
+"""An event for a report: the sentence, the event alone, the key, and small pictures of the frames around it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, PngImagePlugin
+
+from ..._version import __version__
+from ...files import whole_file
+from ..focus import ROLES, Focus, Key, Window
+from ..palette import BLACK, Color
+from .canvas import Canvas, Outline, Viewport, font, text_size
+from .focus import DETECTED, DIM_TRUTH, OBJECT, OTHER_OBJECT, draw_focus
+
+SIZE = (1200, 800)  # pixels, of a report
+COLUMN, CAPTION = 300, 26
+ROW = 256  # pixels of the height for the small pictures, with their captions
+LARGE, TEXT, SMALL = 19, 15, 14  # pixels of letters
+LINE = 25  # pixels between two lines of the key
+PAPER: Color = (247, 247, 247)
+GRAY: Color = (90, 90, 90)
+EDGE: Color = (200, 200, 200)
+
+
+def report(focus: Focus) -> Image.Image:
+    """The picture of an event, of SIZE: frame t, and below it t - 1, t and t + 1 from near."""
+    whole = Image.new("RGB", SIZE, PAPER)
+    whole.paste(picture(focus, focus.at.frame, (SIZE[0], SIZE[1] - ROW)), (0, 0))
+    whole.paste(strip(focus), (0, SIZE[1] - ROW))
+    return whole
+
+
+def strip(focus: Focus) -> Image.Image:
+    """The small pictures of the frames t - 1, t and t + 1."""
+    wide = SIZE[0] // 3
+    whole = Image.new("RGB", (SIZE[0], ROW), PAPER)
+    ink = ImageDraw.Draw(whole)
+    for i, t in enumerate((focus.at.frame - 1, focus.at.frame, focus.at.frame + 1)):
+        if 0 <= t < focus.replay.frames:
+            whole.paste(_small(focus, t, (wide, ROW)), (i * wide, 0))
+        ink.rectangle([i * wide, 0, (i + 1) * wide - 1, ROW - 1], outline=EDGE)
+    return whole
+
+
+def picture(focus: Focus, t: int, size: tuple[int, int]) -> Image.Image:
+    """The sentence, frame ``t`` of the event and the key in ``size`` pixels; the view goes along with the object."""
+    whole = Image.new("RGB", size, PAPER)
+    window = focus.window()
+    x, y = focus.case.place(t) - focus.case.place(focus.at.frame)
+    moved = Window(window.x + float(x), window.y + float(y), window.wide, window.high, window.turn)
+    said = wrapped_words(focus.sentence, LARGE, size[0] - 28)
+    top = 40 + 26 * len(said)
+    main = draw_focus(focus, t, (size[0] - COLUMN, size[1] - top), moved)
+    whole.paste(main, (0, top))
+    whole.paste(_column(focus, (COLUMN, size[1] - top)), (size[0] - COLUMN, top))
+    ink = ImageDraw.Draw(whole)
+    ink.text((14, 8), _title(focus, t), fill=GRAY, font=font(SMALL))
+    for i, line in enumerate(said):
+        ink.text((14, 29 + 26 * i), line, fill=BLACK, font=font(LARGE))
+    ink.rectangle([0, top, size[0] - COLUMN - 1, size[1] - 1], outline=EDGE)
+    return whole
+
+
+def save_report(path: Path, focus: Focus) -> None:
+    """Write the picture as PNG, with the sentence as its description: a whole file or none."""
+    about = PngImagePlugin.PngInfo()
+    about.add_text("Title", _title(focus, focus.at.frame))
+    about.add_text("Description", focus.sentence)
+    about.add_text("Software", f"mtp_bench {__version__}")
+    with whole_file(path) as part:
+        report(focus).quantize(128, dither=Image.Dither.NONE).save(part, format="PNG", pnginfo=about, optimize=True)
+
+
+_TIED = "\u00a0"  # a blank that breaks no line; the font has none
+
+
+def _title(focus: Focus, t: int) -> str:
+    card, scene = focus.replay.card, focus.replay.scene
+    parts = (focus.replay.agent, card.id, scene.name, f"frame {t}, {focus.case.seconds(t):.1f} s")
+    return "   ".join(part for part in parts if part)
+
+
+def _small(focus: Focus, t: int, size: tuple[int, int]) -> Image.Image:
+    """One of the small pictures with its caption: which track follows the object."""
+    whole = Image.new("RGB", size, PAPER)
+    whole.paste(draw_focus(focus, t, (size[0], size[1] - CAPTION), focus.close_window(t), near=True), (0, CAPTION))
+    ink = ImageDraw.Draw(whole)
+    name = {-1: "t - 1", 0: "t", 1: "t + 1"}[t - focus.at.frame]
+    when = f"{name}, {focus.case.seconds(t):.1f} s:"
+    ink.text((10, 4), when, fill=BLACK, font=font(TEXT))
+    text, color = _followed(focus, t)
+    ink.text((18 + text_size(when, TEXT)[0], 4), text, fill=color, font=font(TEXT))
+    return whole
+
+
+def _followed(focus: Focus, t: int) -> tuple[str, Color]:
+    """Which track follows the object in a frame, in the colour of its role."""
+    if focus.at.object_id < 0:
+        return "", BLACK
+    track, shown = focus.case.follower(t), focus.frame(t)
+    if not len(shown.object_box):
+        return f"no {focus.case.noun} {focus.at.object_id} there", GRAY
+    if track < 0:
+        return f"no track follows {focus.case.noun} {focus.at.object_id}", ROLES["now"]
+    role = {mine.track_id: mine.role for mine in shown.tracks}.get(track)
+    return f"track {track} follows {focus.case.noun} {focus.at.object_id}", BLACK if role is None else ROLES[role]
+
+
+def _column(focus: Focus, size: tuple[int, int]) -> Image.Image:
+    """The key."""
+    canvas = Canvas.blank(*size, Viewport(0.0, 0.0, *size), PAPER)
+    for i, key in enumerate(focus.key):
+        _mark(canvas, key, 22.0 + LINE * i)
+    image = canvas.finished()
+    ink = ImageDraw.Draw(image)
+    y = 12.0
+    for key in focus.key:
+        ink.text((56, y), key.text, fill=BLACK, font=font(SMALL))
+        y += LINE
+    for line in wrapped_words(_REMARK, SMALL, size[0] - 26):
+        y += 19
+        ink.text((14, y), line, fill=GRAY, font=font(SMALL))
+    return image
+
+
+_REMARK = (
+    "Seen from above; the way of the object, or its front, points to the right. Bold: the sample of the forecast that "
+    "is nearest to the truth; thin: the others."
+)
+
+
+def _mark(canvas: Canvas, key: Key, y: float) -> None:
+    """The mark of a line of the key."""
+    color = ROLES[key.role]
+    path = np.array([[14.0, y], [42.0, y]])
+    if key.mark == "ring":
+        canvas.ring(np.array([28.0, y]), 8.0)
+    elif key.mark == "path":
+        canvas.stroke(path, color, 4.0)
+        canvas.dot(path[1], 5.0, color)
+    elif key.mark == "forecast":
+        canvas.stroke(path, color, 3.0 if key.role == "now" else 2.0, dashed=key.role != "now")
+        canvas.dot(path[1], 4.0, color)
+    else:
+        outlines = {"truth": OTHER_OBJECT if key.mark == "other" else OBJECT, "detection": DETECTED, "dim": DIM_TRUTH}
+        box = np.array([[26.0 - canvas.width / 2, canvas.height / 2 - y, 0.0, 0.0, 20.0, 11.0, 1.0]])
+        canvas.boxes(box, outlines.get(key.role) or Outline(color, 1.5, fill=90))
+
+
+def wrapped_words(text: str, size: int, wide: float) -> list[str]:
+    """``text`` in lines of at most ``wide`` pixels, broken between words."""
+    lines, rest = [], re.sub(r"(\d) (m|s)\b", rf"\1{_TIED}\2", text).split(" ")  # a number stays with its unit
+    while rest:
+        count = len(rest)
+        while count > 1 and text_size(" ".join(rest[:count]), size)[0] > wide:
+            count -= 1
+        lines.append(" ".join(rest[:count]).replace(_TIED, " "))
+        rest = rest[count:]
+    return lines

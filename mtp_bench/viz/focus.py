@@ -1,0 +1,251 @@
+"""An event alone: what belongs to it, which is bright in pictures, videos and recordings, and what does not.
+
+Nothing is drawn here. Boxes and places are in the frame of reference of the scene, metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from ..geometry import rotate
+from ..types import Floats, Ints
+from .case import Case, Forecast
+from .palette import BEFORE, BLACK, DIM, EVENT, NOW, TRUTH
+from .replay import Incident, Replay
+from .sentence import sentence
+
+MOST_DETECTIONS = 6  # that are bright: the nearest
+MOST_BRIGHT = 12  # boxes of any kind
+TRAIL_SECONDS = 3.0
+LARGEST = 60.0  # m, half of what a picture shows
+MARGIN = 1.12  # of what has to be seen
+OFF_CENTER = 0.3  # of half a picture: the object stays in the middle third
+ROLES = {  # what a thing is to the event: its colour
+    "truth": TRUTH, "before": BEFORE, "now": NOW, "detection": BLACK, "event": EVENT, "dim": DIM,
+}  # fmt: skip
+
+
+class Key(NamedTuple):
+    """One line of the key."""
+
+    role: str  # of ROLES
+    mark: str  # "box", "other", "path", "forecast", "ring"
+    text: str
+
+
+@dataclass(frozen=True)
+class Window:
+    """The part of the world that a picture shows at least."""
+
+    x: float  # m, its centre
+    y: float  # m
+    wide: float  # m
+    high: float  # m
+    turn: float  # rad, the direction of the world that points to the right: the way of the object
+
+
+@dataclass(frozen=True, eq=False)
+class Follower:
+    """One of the tracks of the event in a frame."""
+
+    track_id: int
+    role: str  # "before" or "now"
+    box: Floats  # [7]
+    trail: Floats  # [n, 2], the newest place last
+
+
+@dataclass(frozen=True, eq=False)
+class FocusFrame:
+    """One frame: what is bright, and what is dim."""
+
+    frame: int
+    object_box: Floats  # [0 or 1, 7] the true object
+    follower: int  # id of the track that follows it, -1 none
+    past: Floats  # [n, 2] where it was, now first
+    future: Floats  # [n, 2] where it goes, now first
+    tracks: tuple[Follower, ...]  # those of the event that are output
+    others: Floats  # [n, 7] true boxes that these tracks follow besides the object
+    other_names: tuple[str, ...]  # n, such as "car 8"
+    detection_box: Floats  # [D, 7] the nearest
+    dim_truth: Floats  # [n, 7]
+    dim_track: Floats  # [n, 7]
+    dim_detection: Floats  # [n, 7]
+
+    @property
+    def bright(self) -> int:
+        """Number of bright boxes, at most MOST_BRIGHT."""
+        return len(self.object_box) + len(self.tracks) + len(self.others) + len(self.detection_box)
+
+
+@dataclass(frozen=True, eq=False)
+class Focus:
+    """An event of a run with what belongs to it."""
+
+    case: Case
+
+    @classmethod
+    def of(cls, replay: Replay, at: Incident) -> Focus:
+        """The event ``at`` of a run."""
+        return cls(Case(replay, at))
+
+    @property
+    def replay(self) -> Replay:
+        """The run."""
+        return self.case.replay
+
+    @property
+    def at(self) -> Incident:
+        """The event."""
+        return self.case.at
+
+    @cached_property
+    def sentence(self) -> str:
+        """What happened, in one sentence."""
+        return sentence(self.case)
+
+    @cached_property
+    def now(self) -> Forecast | None:
+        """The forecast at the frame of the event."""
+        return self.case.forecast(self.at.frame)
+
+    @cached_property
+    def before(self) -> Forecast | None:
+        """The forecast of the frame before."""
+        return self.case.forecast(self.at.frame - 1) if self.at.frame and self.at.kind != "spurious" else None
+
+    def lasts(self, t: int) -> bool:
+        """Whether the ring is there: from the event on, around a false forecast as long as it is one."""
+        return t >= self.at.frame and (t <= self.at.until or self.at.kind != "spurious")
+
+    def forecasts(self, t: int) -> list[tuple[str, Forecast]]:
+        """The forecasts that a picture of frame ``t`` shows, each with its role, the most important one last.
+
+        From the event on the one before it stays in sight: what it said is what the switch has spoilt.
+        """
+        newest = self.now if t == self.at.frame else self.case.forecast(t)
+        role = "before" if t < self.at.frame else "now"
+        shown = [] if newest is None else [(role, newest)]
+        return [("before", self.before), *shown] if self.before is not None and t >= self.at.frame else shown
+
+    def frame(self, t: int) -> FocusFrame:
+        """What a picture of frame ``t`` shows."""
+        case, truth, scene = self.case, self.replay.scene.truth, self.replay.scene
+        tracks = self._tracks(t)
+        own = case.rows[t : t + 1][case.rows[t : t + 1] >= 0]
+        followed = np.array([case.followed(track.track_id, t) for track in tracks], dtype=np.int64)
+        others = np.unique(followed[followed >= 0])
+        near = case.detections(t)[:MOST_DETECTIONS]
+        back = round(TRAIL_SECONDS * self.replay.card.task.rate)
+        held = case.track_rows(t)
+        shown = [case.track_row(track.track_id, t) for track in tracks]
+        return FocusFrame(
+            frame=t,
+            object_box=truth.box[own],
+            follower=case.follower(t),
+            past=case.path(t, t - back),
+            future=case.future(t),
+            tracks=tracks,
+            others=truth.box[others],
+            other_names=tuple(case.named(int(row)) for row in others),
+            detection_box=scene.detections.box[near],
+            dim_truth=truth.box[_rest(truth.rows(t), own, others)],
+            dim_track=self.replay.rollout.track_box[np.setdiff1d(held, shown)].astype(np.float64),
+            dim_detection=scene.detections.box[_rest(scene.detections.rows(t), near)],
+        )
+
+    def _tracks(self, t: int) -> tuple[Follower, ...]:
+        """The tracks of the event that are output at frame ``t``."""
+        at, box = self.at, self.replay.rollout.track_box
+        roles = {at.old_id: "before", at.new_id: "now"}  # of a track that is found again under its own id: "now"
+        found = []
+        for track_id, role in roles.items():
+            row = self.case.track_row(track_id, t)
+            if row >= 0:
+                count = min(self.case.age(track_id, t), round(TRAIL_SECONDS * self.replay.card.task.rate))
+                rows = [self.case.track_row(track_id, s) for s in range(t - count, t + 1)]
+                found.append(Follower(track_id, role, box[row].astype(np.float64), box[rows, :2].astype(np.float64)))
+        return tuple(found)
+
+    @cached_property
+    def turn(self) -> float:
+        """Direction (rad) of the object's way: of its future, else its past or its forecast, else its heading."""
+        t = self.at.frame
+        ways = [self.case.future(t), self.case.path(t, max(0, t - self.replay.frames))[::-1]]
+        ways += [self.now.nearest_path] if self.now is not None else []
+        for way in ways:
+            if len(way) > 1 and np.hypot(*(way[-1] - way[0])) > max(1.0, 0.5 * self.length):
+                return float(np.arctan2(*(way[-1] - way[0])[::-1]))
+        row = self.case.rows[t]
+        return float(self.replay.scene.truth.box[row, 3]) if row >= 0 else 0.0
+
+    @property
+    def height(self) -> float:
+        """Height of the event's place, m."""
+        return self.at.position[2]
+
+    @cached_property
+    def length(self) -> float:
+        """Length of the object, m."""
+        boxes = [*self.frame(self.at.frame).object_box, *(track.box for track in self.frame(self.at.frame).tracks)]
+        return float(boxes[0][4]) if boxes else 2.0
+
+    def window(self) -> Window:
+        """What the picture of the event shows: the object in its middle third, its future and its forecasts."""
+        t = self.at.frame
+        paths = [self.case.future(t), *(forecast.nearest_path for _, forecast in self.forecasts(t))]
+        shown = self.frame(t)
+        boxes = np.concatenate([shown.object_box, *(track.box[None] for track in shown.tracks)])
+        return self._around(t, np.concatenate([*paths, boxes[:, :2]]), 1.5 + 1.2 * self.length)
+
+    def close_window(self, t: int) -> Window:
+        """What a small picture of frame ``t`` shows: the object and its tracks from near, all three at one scale."""
+        shown = self.frame(self.at.frame)
+        box = np.concatenate([shown.object_box, *(track.box[None] for track in shown.tracks)])
+        reach = np.hypot(*(box[:, :2] - self.case.place(self.at.frame)).T) + box[:, 4] / 2
+        half = float(np.clip(1.3 * reach.max(initial=0.0), 1.2 + 0.8 * self.length, 12.0))
+        x, y = self.case.place(t).tolist()
+        return Window(x, y, 2 * half, 2 * half, self.turn)
+
+    def _around(self, t: int, points: Floats, smallest: float) -> Window:
+        """A window that shows ``points`` [n, 2], with the object in its middle third."""
+        place = self.case.place(t)
+        gap = rotate(points - place, -self.turn)
+        low, high = np.minimum(gap.min(axis=0), 0.0) * MARGIN, np.maximum(gap.max(axis=0), 0.0) * MARGIN
+        half = np.clip(np.maximum((high - low) / 2, np.maximum(high, -low) / (1 + OFF_CENTER)), smallest, LARGEST)
+        center = place + rotate(np.clip((low + high) / 2, -OFF_CENTER * half, OFF_CENTER * half), self.turn)
+        return Window(float(center[0]), float(center[1]), float(2 * half[0]), float(2 * half[1]), self.turn)
+
+    @cached_property
+    def key(self) -> tuple[Key, ...]:
+        """What the marks of the picture of the event mean."""
+        at, shown, lines = self.at, self.frame(self.at.frame), []
+        horizon = self.replay.card.task.future / self.replay.card.task.rate
+        if len(shown.object_box):
+            lines += [Key("truth", "box", f"{self.case.noun} {at.object_id}, true box")]
+            lines += [Key("truth", "path", f"where it really goes in {horizon:g} s")]
+        if len(shown.others):
+            lines += [Key("truth", "other", "true object of the other track")]
+        for track in shown.tracks:
+            lines += [Key(track.role, "box", f"track {track.track_id}, {_ROLE[track.role]}")]
+        for role, forecast in self.forecasts(at.frame):
+            when = "a frame before" if role == "before" else "now"
+            lines += [Key(role, "forecast", f"forecast {when}, {_of(forecast)}")]
+        if len(shown.detection_box):
+            lines += [Key("detection", "box", f"detections within {self.case.near:g} m")]
+        return (*lines, Key("event", "ring", "the event"), Key("dim", "box", "all other boxes"))
+
+
+_ROLE = {"before": "its track before", "now": "its track now"}
+
+
+def _of(forecast: Forecast) -> str:
+    return f"of track {forecast.track_id}" if forecast.track_id >= 0 else "of no track"
+
+
+def _rest(rows: slice, *shown: Ints) -> Ints:
+    """The rows of a frame that are not shown otherwise."""
+    return np.setdiff1d(np.arange(rows.start, rows.stop), np.concatenate(shown))

@@ -1,0 +1,150 @@
+"""An event alone in a recording: what belongs to it, bright; small pictures, the sentence and the key beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...types import Floats, starts_of
+from ..drawing.report import strip
+from ..focus import Focus, FocusFrame
+from ..palette import NOW, SKY, TRUTH, Color
+from .arrays import Boxes, Strips
+from .colors import SWITCH, Colors, packed
+from .entities import Log, frame_times
+from .sdk import rr
+
+ROOT = "world/focus"
+SECONDS = 5.0  # before and after the event in which its things are bright
+COLORS: dict[str, Color] = {"truth": TRUTH, "before": SKY, "now": NOW, "detection": (190, 190, 190), "event": SWITCH}
+WORDS = {
+    "truth": "green",
+    "before": "blue",
+    "now": "orange",
+    "detection": "light grey",
+    "event": "pink",
+    "dim": "dark grey",
+}
+SIDES = {"truth": np.pi / 2, "now": -np.pi / 2, "before": np.pi}  # rad from the way of the object, where its name is
+BOLD, THIN, EDGE = -2.5, -0.6, -1.2  # half the width of lines: negative numbers are points of the screen
+LIFT = 0.3  # m, that lines lie above the ground of what is dim
+
+
+def log_focus(recording: rr.RecordingStream, focus: Focus) -> None:
+    """Log what is bright in the frames around the event, and what stands beside it."""
+    time = focus.replay.scene.time
+    near = np.flatnonzero(np.abs(time - time[focus.at.frame]) <= SECONDS)
+    frames = np.append(near, near[-1] + 1)[: focus.replay.frames - near[0]]  # the last one clears them
+    shown = [focus.frame(t) if t <= near[-1] else None for t in frames.tolist()]
+    log = Log(recording, frame_times(focus.replay.scene, frames))
+    log.boxes(f"{ROOT}/truth", _boxes(shown, _truth_boxes), radius=BOLD)
+    log.boxes(f"{ROOT}/detection", _boxes(shown, _detected), radius=THIN)
+    log.boxes(f"{ROOT}/track", _boxes(shown, _track_boxes), "transparentfillmajorwireframe", EDGE)
+    log.strips(f"{ROOT}/way", _strips(shown, _ways, focus.height), BOLD)
+    log.strips(f"{ROOT}/samples", _strips(shown, lambda f: _samples(focus, f), focus.height), THIN)
+    log.strips(f"{ROOT}/forecast", _strips(shown, lambda f: _nearest(focus, f), focus.height), BOLD)
+    _log_labels(log, focus, shown)
+    recording.log("focus/pictures", rr.Image(np.asarray(strip(focus))), static=True)
+    recording.log("focus/text", rr.TextDocument(text(focus), media_type="text/markdown"), static=True)
+
+
+def text(focus: Focus) -> str:
+    """The sentence and the key, in Markdown."""
+    lines = [f"| {WORDS[key.role]} {key.mark.replace('other', 'box')} | {key.text} |" for key in focus.key]
+    table = "\n".join(["| mark | what |", "|---|---|", *lines])
+    hint = (
+        f"The viewer stays at frame {focus.at.frame}. Drag the time cursor to leave it, and step with the arrow keys; "
+        "the play button leads back. To play the whole scene, switch the loop off and set the speed to 1."
+    )
+    return f"### {focus.sentence}.\n\n{table}\n\nBold: the sample nearest to the truth. {hint}\n"
+
+
+Things = Sequence[tuple[str, Floats]]  # a role, and boxes [7] or a path [n, 2]
+
+
+def _truth_boxes(frame: FocusFrame) -> Things:
+    return [("truth", box) for box in (*frame.object_box, *frame.others)]
+
+
+def _detected(frame: FocusFrame) -> Things:
+    return [("detection", box) for box in frame.detection_box]
+
+
+def _track_boxes(frame: FocusFrame) -> Things:
+    return [(track.role, track.box) for track in frame.tracks]
+
+
+def _ways(frame: FocusFrame) -> Things:
+    return [("truth", frame.future)] if len(frame.future) > 1 else []
+
+
+def _nearest(focus: Focus, frame: FocusFrame) -> Things:
+    return [(role, forecast.nearest_path) for role, forecast in focus.forecasts(frame.frame)]
+
+
+def _samples(focus: Focus, frame: FocusFrame) -> Things:
+    """All samples of the newest forecast, and where the tracks were."""
+    trails = [(track.role, track.trail) for track in frame.tracks if len(track.trail) > 1]
+    paths = [
+        (role, np.concatenate([forecast.start[None], path]))
+        for role, forecast in focus.forecasts(frame.frame)[-1:]
+        for path in forecast.path
+    ]
+    return [*trails, *paths]
+
+
+def _boxes(shown: Sequence[FocusFrame | None], things: Any) -> Boxes:
+    """Boxes over the frames, in the colours of their roles."""
+    rows = [things(frame) if frame is not None else [] for frame in shown]
+    box = np.array([box for row in rows for _, box in row], dtype=np.float32).reshape(-1, 7)
+    return Boxes(starts_of([len(row) for row in rows]), box, _colors(rows), [])
+
+
+def _strips(shown: Sequence[FocusFrame | None], things: Any, height: float) -> Strips:
+    """Polylines over the frames; a shorter one repeats its last point."""
+    rows = [things(frame) if frame is not None else [] for frame in shown]
+    paths = [path for row in rows for _, path in row]
+    longest = max((len(path) for path in paths), default=2)
+    point = np.full((len(paths), longest, 3), height + LIFT, dtype=np.float32)
+    for i, path in enumerate(paths):
+        point[i, :, :2] = np.concatenate([path, np.repeat(path[-1:], longest - len(path), axis=0)])
+    return Strips(starts_of([len(row) for row in rows]), point, _colors(rows))
+
+
+def _colors(rows: Sequence[Sequence[tuple[Any, ...]]]) -> Colors:
+    return np.array([COLORS[thing[0]] for row in rows for thing in row], dtype=np.uint8).reshape(-1, 3)
+
+
+def _log_labels(log: Log, focus: Focus, shown: Sequence[FocusFrame | None]) -> None:
+    """Names beside the boxes, each on a side of its own, so that none hides another."""
+    rows = [_names(focus, frame) if frame is not None else [] for frame in shown]
+    flat = [name for row in rows for name in row]
+    height = np.full(len(flat), focus.height + LIFT)
+    columns = rr.Points3D.columns(
+        positions=np.column_stack([np.array([place for _, place, _ in flat]).reshape(-1, 2), height]),
+        colors=packed(_colors(rows)),
+        labels=[name for _, _, name in flat],
+    )
+    style = rr.Points3D.from_fields(radii=rr.Radius.ui_points(1.5), show_labels=True)
+    log.columns(f"{ROOT}/name", style, columns.partition([len(row) for row in rows]))
+
+
+def _names(focus: Focus, frame: FocusFrame) -> list[tuple[str, Floats, str]]:
+    """Role, place [2] and text of the names of a frame: of the boxes beside the object, of paths where they end."""
+    window, place = focus.window(), focus.case.place(frame.frame)
+    away = 0.5 * focus.length + 0.1 * max(window.high, window.wide / 2)
+
+    def beside(role: str) -> Floats:
+        angle = focus.turn + SIDES[role]
+        return np.asarray(place + away * np.array([np.cos(angle), np.sin(angle)]))
+
+    names = [("truth", beside("truth"), f"{focus.case.noun} {focus.at.object_id}")] if len(frame.object_box) else []
+    names += [(track.role, beside(track.role), f"track {track.track_id}") for track in frame.tracks]
+    ends = [(role, path[-1], f"forecast {role}") for role, path in _nearest(focus, frame)[::-1]]
+    ends = [*ends[:1], *([("truth", frame.future[-1], "true place then")] if len(frame.future) > 1 else []), *ends[1:]]
+    for role, end, text in ends:
+        if all(np.hypot(*(end - taken)) > away for _, taken, _ in [*names, ("truth", place, "")]):
+            names.append((role, end, text))
+    return names

@@ -1,0 +1,141 @@
+"""An event in one sentence of plain words: when, to which object, which track took it, what its forecast did, the cost.
+
+The same sentence stands in the terminal, on pictures, in videos and in recordings.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..geometry import wrap_angle
+from ..types import Floats
+from .case import Case, Forecast
+
+STILL = 1.0  # m, within the horizon: what moves less stands still
+SHORT, LONG = 0.75, 1.33  # of the true way: what goes less or more has another speed
+ASIDE, BACK = np.deg2rad(25.0), np.deg2rad(120.0)
+
+
+def sentence(case: Case) -> str:
+    """The sentence, with the name of the event before it."""
+    at = case.at
+    happened = {"ids": _switched, "lost": _lost, "reacquired": _found, "spurious": _spurious}[at.kind](case)
+    return f"{at.name}: {happened}" if at.kind == "spurious" else f"{at.name}: {happened}; {_worth(case)}"
+
+
+def _who(case: Case) -> str:
+    return f"at {case.seconds(case.at.frame):.1f} s {case.noun} {case.at.object_id}"
+
+
+def _switched(case: Case) -> str:
+    at = case.at
+    return f"{_who(case)} changes from track {at.old_id} to {_taker(case)}{_left(case)}"
+
+
+def _taker(case: Case) -> str:
+    """Where the track came from that has the object now."""
+    at = case.at
+    before = case.age(at.new_id, at.frame)
+    if before == 0:
+        return f"the new track {at.new_id}"
+    other = case.followed(at.new_id, at.frame - 1)
+    if other >= 0:
+        return f"track {at.new_id}, which followed {case.named(other)} before"
+    return f"track {at.new_id} ({_frames(before)} old, of no object before)"
+
+
+def _left(case: Case) -> str:
+    """Where the track is that had the object before."""
+    at = case.at
+    row, other = case.track_row(at.old_id, at.frame), case.followed(at.old_id, at.frame)
+    if row < 0:
+        return f", and track {at.old_id} ends"
+    if other >= 0:
+        return f", and track {at.old_id} goes to {case.named(other)}"
+    return f", while track {at.old_id} stays {_away(case, row):.1f} m away"
+
+
+def _lost(case: Case) -> str:
+    at = case.at
+    row, other = case.track_row(at.old_id, at.frame), case.followed(at.old_id, at.frame)
+    if other >= 0:
+        why = f"which goes to {case.named(other)}"
+    elif row >= 0:
+        why = f"whose box is {_away(case, row):.1f} m away"
+    else:
+        why = "which ends"
+    return f"{_who(case)} loses track {at.old_id}, {why}, and {_seen(case)}"
+
+
+def _seen(case: Case) -> str:
+    """Whether there was anything to follow."""
+    found = case.detections(case.at.frame)
+    if not len(found):
+        return f"nothing is detected within {case.near:g} m"
+    box = case.replay.scene.detections.box[found[0]]
+    return f"the nearest detection is {float(np.hypot(*(box[:2] - case.place(case.at.frame)))):.1f} m away"
+
+
+def _found(case: Case) -> str:
+    at, away = case.at, 0
+    while at.frame - away > 0 and case.follower(at.frame - away - 1) < 0:
+        away += 1
+    by = f"its old track {at.new_id}" if at.new_id == at.old_id else _taker(case)
+    return f"{_who(case)} is found again after {_frames(away)} by {by}"
+
+
+def _spurious(case: Case) -> str:
+    at = case.at
+    owner = f"track {at.new_id}" if at.new_id >= 0 else "a forecast without a track"
+    when = f"from {case.seconds(at.frame):.1f} s to {case.seconds(at.until):.1f} s"
+    truth, rows = case.replay.scene.truth, case.replay.scene.truth.rows(at.frame)
+    same = truth.box[rows][truth.class_id[rows] == at.class_id]
+    far = np.hypot(*(same[:, :2] - case.place(at.frame)).T)
+    near = f"the nearest true one is {far.min():.1f} m away" if len(far) else "no true one is in the scene"
+    sure = "" if at.confidence is None else f"; confidence up to {at.confidence:.2f}"
+    return f"{when} {owner} forecasts a {case.noun} where there is none, {near}{sure}"
+
+
+def _worth(case: Case) -> str:
+    """What the forecast of that frame did, and what it cost."""
+    at = case.at
+    if at.error is None:
+        return "no error is counted, for it is no target then"
+    forecast = case.forecast(at.frame)
+    before = "" if at.error_before is None else f" (the frame before: {at.error_before:.1f} m)"
+    if at.minADE is None or forecast is None:
+        return f"nothing is forecast for it, which costs {at.error:.1f} m{before}"
+    samples = len(forecast.path)
+    which = f"the nearest of {samples} samples" if samples > 1 else "its forecast"
+    return f"{which} {went(forecast, case.future(at.frame))}, which costs {at.error:.1f} m{before}"
+
+
+def went(forecast: Forecast, future: Floats) -> str:
+    """What the nearest sample does beside the true ``future`` [n, 2], the place now first, and where it ends."""
+    path = forecast.nearest_path[: len(future)]
+    true, said = future[-1] - future[0], path[-1] - path[0]
+    far, way = float(np.hypot(*true)), float(np.hypot(*said))
+    turn = float(wrap_angle(np.arctan2(said[1], said[0]) - np.arctan2(true[1], true[0])))
+    end = f"ends {float(np.hypot(*(path[-1] - future[-1]))):.1f} m from the true place"
+    if far < STILL:
+        return (
+            "stands still like the object" if way < STILL else "moves off though the object stands,"
+        ) + f" and {end}"
+    if way < max(STILL, 0.2 * far):
+        return f"stands still and {end}"
+    if abs(turn) > BACK:
+        return f"goes back and {end}"
+    if abs(turn) > ASIDE:
+        return f"turns off to the {'left' if turn > 0 else 'right'} and {end}"
+    if way < SHORT * far:
+        return f"falls short and {end}"
+    return f"{'goes too far' if way > LONG * far else 'goes the right way'} and {end}"
+
+
+def _away(case: Case, row: int) -> float:
+    """Metres from a track to the object."""
+    return float(np.hypot(*(case.replay.rollout.track_box[row, :2] - case.place(case.at.frame))))
+
+
+def _frames(count: int) -> str:
+    return "1 frame" if count == 1 else f"{count} frames"

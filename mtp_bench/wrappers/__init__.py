@@ -1,0 +1,7 @@
+"""Wrappers that make the env fit for agents of other libraries: a flat action, and an action that only associates."""
+
+from .association import CONTINUE as CONTINUE
+from .association import IGNORE as IGNORE
+from .association import NEW as NEW
+from .association import AssociationOnly as AssociationOnly
+from .flat import FlattenAction as FlattenAction

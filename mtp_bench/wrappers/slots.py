@@ -1,0 +1,112 @@
+"""Tracks that somebody else associates, in a fixed number of slots."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..tracks import UNBORN, Tracks
+from ..types import Floats, Ints, Observation, Task
+
+FREE = -1  # identity of a slot without a track; as a slot: a new track
+
+
+class Slots:
+    """A `Tracker` of one hypothesis that is told before each frame which detection belongs to which track.
+
+    A track that gets no detection goes on as it moved, and ends after more than ``patience`` frames in a row without
+    one. ``slots``: how many tracks there may be; where none is free, no track begins.
+    """
+
+    def __init__(self, slots: int, patience: int) -> None:
+        self._slots, self._patience = slots, patience
+
+    def reset(self, task: Task) -> None:
+        """Forget everything."""
+        n, past = self._slots, task.past
+        self.identity = np.full(n, FREE)  # [N]
+        self.class_id = np.zeros(n, dtype=np.int64)  # [N]
+        self.unseen, self._age = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)  # [N] frames
+        self.hits = np.zeros(n, dtype=np.int64)  # [N] detections
+        self._score, self._last_score = np.zeros(n), np.zeros(n)  # [N] sum, and that of the last one
+        self._past, self._taken = np.zeros((n, past, 7)), np.full((n, past), UNBORN)  # the last row is the last frame
+        self._next = 0
+        self.choose(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
+
+    @property
+    def live(self) -> Ints:
+        """The slots that hold a track."""
+        return np.flatnonzero(self.identity != FREE)
+
+    @property
+    def velocity(self) -> Floats:
+        """Mean velocity [N, 2] over the past that is kept, in m per frame; 0 with a single detection."""
+        valid, last = self._taken >= 0, self._taken.shape[1] - 1
+        first, latest = valid.argmax(axis=1), last - valid[:, ::-1].argmax(axis=1)
+        slot = np.arange(len(valid))
+        moved = self._past[slot, latest, :2] - self._past[slot, first, :2]
+        return np.asarray(moved / np.maximum(latest - first, 1)[:, None])
+
+    @property
+    def expected(self) -> Floats:
+        """Boxes [N, 7] that the tracks are expected to have in the next frame."""
+        box = self._past[:, -1].copy()
+        box[:, :2] += self.velocity
+        return box
+
+    def choose(self, rows: Ints, slots: Ints) -> None:
+        """The detections ``rows`` of the next frame belong to the tracks in ``slots``, FREE for new ones."""
+        new = np.flatnonzero(slots == FREE)
+        free = np.flatnonzero(self.identity == FREE)[: len(new)]
+        self._rows, self._taking = rows, slots.copy()
+        self._taking[new[: len(free)]] = free
+        kept = self._taking != FREE
+        self._rows, self._taking = self._rows[kept], self._taking[kept]
+
+    def step(self, observation: Observation) -> Tracks:
+        """Do what was chosen; the tracks after this frame."""
+        slots, rows = self._taking, self._rows
+        expected = self.expected
+        self._past, self._taken = np.roll(self._past, -1, axis=1), np.roll(self._taken, -1, axis=1)
+        self._past[:, -1], self._taken[:, -1] = expected, -1
+        self._age += 1
+        self.unseen += 1
+        self._begin(slots[self.identity[slots] == FREE])
+        self._take(slots, rows, observation)
+        self.identity[self.unseen > self._patience] = FREE
+        return self._tracks()
+
+    def _begin(self, slots: Ints) -> None:
+        """Tracks without a past in these slots."""
+        self.identity[slots] = self._next + np.arange(len(slots))
+        self._next += len(slots)
+        self._taken[slots] = UNBORN
+        self.hits[slots], self._age[slots], self._score[slots] = 0, 1, 0.0
+
+    def _take(self, slots: Ints, rows: Ints, observation: Observation) -> None:
+        """The tracks in the ``slots`` take the detections ``rows``."""
+        self._past[slots, -1], self._taken[slots, -1] = observation["detection_box"][rows], rows
+        self.class_id[slots] = observation["detection_class"][rows]
+        self._last_score[slots] = observation["detection_score"][rows]
+        self._score[slots] += self._last_score[slots]
+        self.hits[slots] += 1
+        self.unseen[slots] = 0
+
+    def _tracks(self) -> Tracks:
+        live = self.live
+        taken = self._taken[live]
+        return Tracks(
+            track_id=self.identity[live],
+            box=self._past[live, -1],
+            class_id=self.class_id[live],
+            score=self._score[live] / self.hits[live],
+            detection=taken[:, -1],
+            past=self._past[live],
+            past_valid=taken >= 0,
+            member=np.ones((1, len(live)), dtype=bool),
+            log_weight=np.zeros(1),
+            parent=np.zeros(1, dtype=np.int64),
+            last_score=self._last_score[live],
+            hits=self.hits[live],
+            age=self._age[live],
+            past_detection=taken,
+        )

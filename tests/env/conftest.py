@@ -1,0 +1,27 @@
+"""Envs on scenes in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mtp_bench.env import MTPEnv
+from mtp_bench.types import Scene
+from tests.support.small_scenes import MemorySource, make_scene, write_card
+
+MakeEnv = Callable[..., MTPEnv]
+
+
+@pytest.fixture
+def make_env(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> MakeEnv:
+    """An env on the given scenes."""
+
+    def make(*scenes: Scene, **keywords: Any) -> MTPEnv:
+        source = MemorySource(*(scenes or (make_scene(),)))
+        monkeypatch.setattr("mtp_bench.env.environment.open_source", lambda card, data: source)
+        return MTPEnv(write_card(tmp_path), **keywords)
+
+    return make

@@ -1,0 +1,263 @@
+"""Stored tracks scored as an agent: what it is shown, how its row is marked, and STP's own tracks there and back."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench import MTPEnv, Observation, Pipeline, Task, Tracks, load_card, load_submission
+from mtp_bench.env.observation import LocalFrame
+from mtp_bench.errors import MtpBenchError, RolloutError, SubmissionError
+from mtp_bench.prediction import KinematicPredictor, KMeansSampler, LearnedPresence
+from mtp_bench.records import load_record, submit
+from mtp_bench.records.eligibility import why_unranked
+from mtp_bench.records.verifying import verify
+from mtp_bench.running import stored
+from mtp_bench.running.compare import compare
+from mtp_bench.running.opened import open_run
+from mtp_bench.running.options import RunOptions
+from mtp_bench.running.run import agent_task, run_scene
+from mtp_bench.running.track_export import TrackRows, export_tracks, write_tracks
+from mtp_bench.scoring import SceneScore, score_scene
+from mtp_bench.tracking import GivenTracker, HypothesisTracker, ab3dmot_parameters
+from tests.support.command_line import CommandLine
+from tests.support.small_scenes import CARD_ID
+
+NOT_CAUSAL = "not causal: stored tracks, which may have seen the future"
+
+
+@pytest.fixture(scope="module")
+def tracks(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> str:
+    """STP's tracks of the small scenes, as KITTI results."""
+    folder = tmp_path_factory.mktemp("stp")
+    stored.run("stp", card, folder / "run", RunOptions(kitti))
+    export_tracks(open_run(folder / "run", kitti, card), folder / "tracks")
+    return str(folder / "tracks")
+
+
+def test_stored_boxes_come_as_detections_with_ids(card: str, kitti: str, tracks: str) -> None:
+    env = MTPEnv(card, kitti, observe="tracks", track_file=tracks)
+    observation, _ = env.reset(options={"scene": "0001"})
+    assert env.observation_space.contains(observation)
+    valid = observation["detection_valid"] == 1
+    assert valid.sum() == 3
+    assert len(set(observation["detection_id"][valid].tolist())) == 3
+    assert (observation["detection_id"][~valid] == -1).all()
+    found = np.sort(observation["detection_score"][valid])
+    np.testing.assert_allclose(found, [-2.0, 1.0, 3.0])  # of the detections that the tracks took
+
+
+def test_without_a_file_there_is_nothing_to_observe(card: str, kitti: str, tracks: str) -> None:
+    with pytest.raises(MtpBenchError, match="observe is 'tracks' and track_file is None"):
+        MTPEnv(card, kitti, observe="tracks")
+    with pytest.raises(
+        MtpBenchError, match=r"observe is 'detections' and track_file is '.*', expected observe='tracks'"
+    ):
+        MTPEnv(card, kitti, track_file=tracks)
+    with pytest.raises(
+        SubmissionError, match=r'GivenTracker needs an env made with observe="tracks", got .*detections'
+    ):
+        GivenTracker().reset(MTPEnv(card, kitti).task)
+
+
+def test_a_run_is_stored_scored_and_looked_at(
+    cli: CommandLine, card: str, kitti: str, known: list[str], tracks: str, tmp_path: Path
+) -> None:
+    cli.ok("run", "given_tracks", *known, "--tracks", tracks, "-o", tmp_path / "run", "--jobs", 1)
+    info = json.loads((tmp_path / "run/run.json").read_text())["info"]
+    assert (info["observe"], info["keywords"]["track_file"]) == ("tracks", tracks)
+    report = stored.score(tmp_path / "run", RunOptions(kitti), card).report
+    assert report.to_json()["rows"][0]["unranked_because"] == NOT_CAUSAL
+    shown = open_run(tmp_path / "run", kitti, card).scene("0001").detections
+    assert shown.counts[3] == 3  # coasted boxes, where nothing is detected
+    events = json.loads(cli.ok("events", tmp_path / "run", *known, "--json", "-"))
+    stp = json.loads(cli.ok("events", Path(tracks).parent / "run", *known, "--json", "-"))
+    assert events["counts"] == stp["counts"]
+    assert events["counts"]["lost"] > 0
+
+
+def test_the_run_tells_where_its_tracks_were(card: str, kitti: str, tracks: str, tmp_path: Path) -> None:
+    moved = Path(tracks).rename(tmp_path / "tracks")
+    try:
+        options = RunOptions(kitti, scenes=1, track_file=str(moved))
+        stored.run("given_tracks", card, tmp_path / "run", options)
+    finally:
+        moved.rename(tracks)
+    assert stored.score(tmp_path / "run", RunOptions(kitti), card)  # what was said is enough for that
+    with pytest.raises(MtpBenchError, match=r"no file or folder .*tracks, expected stored tracks"):
+        open_run(tmp_path / "run", kitti, card).scene("0001")
+    run = tmp_path / "run/run.json"
+    content = json.loads(run.read_text())
+    del content["info"]["keywords"]["track_file"]
+    run.write_text(json.dumps(content))
+    with pytest.raises(RolloutError, match="does not say where the stored tracks are"):
+        open_run(tmp_path / "run", kitti, card).scene("0001")
+
+
+def test_a_comparison_shows_them_unranked(card: str, kitti: str, tracks: str) -> None:
+    report = compare(["given_tracks"], card, RunOptions(kitti, track_file=tracks)).report
+    rows = {row["agent"]: row for row in report.to_json()["rows"] if row["subset"] == "all"}
+    assert (rows["given_tracks"]["rank"], rows["given_tracks"]["unranked_because"]) == (None, NOT_CAUSAL)
+    assert rows["truth_past"]["unranked_because"] == "saw the truth"
+    assert rows["stp"]["unranked_because"] != NOT_CAUSAL
+    assert rows["given_tracks"]["coverage"] == rows["stp"]["coverage"]
+
+
+def test_the_command_exports_what_can_be_read_back(
+    cli: CommandLine, known: list[str], tracks: str, tmp_path: Path
+) -> None:
+    run = Path(tracks).parent / "run"
+    said = cli.ok("export", "tracks", run, *known, "--table", "-o", tmp_path / "tables")
+    assert said == f"{tmp_path / 'tables'}: 36 tracked positions\n"
+    assert (tmp_path / "tables/0001.csv").read_text().startswith("frame,id,class,x,y,z,yaw,l,w,h,score\n0,0,car,")
+    arguments = ("run", "given_tracks", *known, "--jobs", 1)
+    cli.ok(*arguments, "--tracks", tmp_path / "tables", "-o", tmp_path / "by_table")
+    cli.ok(*arguments, "--tracks", tracks, "-o", tmp_path / "by_result")
+    by_table, by_result = (
+        json.loads(cli.ok("score", tmp_path / name, *known, "--json", "-"))["rows"][0]
+        for name in ("by_table", "by_result")
+    )
+    assert by_table["error"] == pytest.approx(by_result["error"], abs=1e-4)
+    again = cli("export", "tracks", run, *known, "--table", "-o", tmp_path / "tables").error
+    assert again == f"{tmp_path / 'tables'} is there already, expected a new or an empty folder"
+    assert cli("export", "pictures", run, *known, "-o", tmp_path / "x").status == 2
+    assert cli("export", "prediction", run, *known, "--table", "-o", tmp_path / "x").status == 2
+
+
+WRONG: dict[str, tuple[list[str], str]] = {
+    "no tracks": (["given_tracks"], "given_tracks observes stored tracks: name their file or folder (--tracks"),
+    "nobody reads them": (["stp", "--tracks", "TRACKS"], "stored tracks are named, but nobody observes them: stp;"),
+    "no such folder": (["given_tracks", "--tracks", "nowhere"], "nowhere, expected stored tracks"),
+    "not of this dataset": (["given_tracks", "--tracks", "CARD"], "holds no stored tracks that fit MTP-Small-v0"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_usage_is_one_error(
+    case: str, cli: CommandLine, card: str, known: list[str], tracks: str, tmp_path: Path
+) -> None:
+    arguments, message = WRONG[case]
+    given = [{"TRACKS": tracks, "CARD": card}.get(word, word) for word in arguments]
+    assert message in cli("run", *given, *known, "-o", tmp_path / "run", "--jobs", 1).error
+    assert not (tmp_path / "run").exists()
+
+
+def test_records_are_of_the_open_division_and_never_ranked(card: str, kitti: str, tracks: str, tmp_path: Path) -> None:
+    options = RunOptions(kitti, seeds=(0, 1), track_file=tracks)
+    with pytest.raises(MtpBenchError, match=r"given_tracks observes stored tracks, .*: choose the open division"):
+        submit("given_tracks", card, options, tmp_path)
+    with pytest.raises(MtpBenchError, match="given_tracks observes stored tracks: name their file"):
+        submit("given_tracks", card, replace(options, track_file=None), tmp_path, "open")
+    submit("given_tracks", card, options, tmp_path, "open")
+    path = tmp_path / f"{CARD_ID}.json"
+    record = load_record(path)
+    assert (record.division, record.env.observe) == ("open", "tracks")
+    assert len(record.env.keywords["tracks_sha256"]) == 64
+    assert tracks not in path.read_text()  # what they are, not where they lie
+    assert why_unranked(record) == NOT_CAUSAL
+    assert verify(path, RunOptions(kitti), card).level == "re-scored"
+    assert verify(path, options, card, rerun=True).holds
+    other = tmp_path / "other"
+    other.mkdir()
+    for file in Path(tracks).iterdir():
+        (other / file.name).write_text("")
+    again = verify(path, replace(options, track_file=str(other)), card, rerun=True)
+    assert "env.keywords.tracks_sha256" in [difference.what for difference in again.differences]
+
+
+# ---- STP's own tracks, there and back
+
+
+class Reported:
+    """STP's tracks as files of tracks hold them: the detections that its tracks took, with their scores."""
+
+    def __init__(self) -> None:
+        self.rows: list[Tracks] = []
+        self.taken: list[tuple[Any, Any]] = []
+
+    def reset(self, task: Task) -> None:
+        """Every track is output from its first detection on, so that its whole life is in the file."""
+        rules = ab3dmot_parameters(task.detector, task.classes)
+        self._tracker = HypothesisTracker(parameters=tuple(replace(rule, min_hits=1) for rule in rules))
+        self._tracker.reset(task)
+
+    def step(self, observation: Observation) -> Tracks:
+        """Tracks that took a detection, and are where it is."""
+        tracks = self._tracker.step(observation)
+        seen = np.flatnonzero(tracks.detection >= 0)
+        row = tracks.detection[seen]
+        self.taken.append((observation["detection_box"][row].astype(np.float64), observation["detection_score"][row]))
+        self.rows.append(replace(tracks.those(seen), box=self.taken[-1][0]))
+        return self.rows[-1]
+
+
+def scored(env: MTPEnv, scene: str, agent: Any) -> SceneScore:
+    rollout = run_scene(agent, env, scene, 0)
+    return score_scene(env.scene, rollout, env.card)
+
+
+def events_of(score: SceneScore) -> dict[str, Any]:
+    return {
+        **score.own_events,
+        **{name: list(getattr(score.counts, name)) for name in ("tp", "fp", "fn", "ids", "frag")},
+    }
+
+
+SCENES = [("MTP-nuScenes-mini-v0", "scene-0103"), ("MTP-KITTI-v0", "0006"), ("MTP-KITTI-noego-v0", "0006")]
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("table", [False, True])
+@pytest.mark.parametrize(("env_id", "scene"), SCENES)
+def test_stored_detections_of_tracks_give_the_same_numbers(
+    env_id: str, scene: str, table: bool, data_root: Path, tmp_path: Path
+) -> None:
+    """Nothing that counts is lost in the file: events are equal, errors too but for its decimals."""
+    env = MTPEnv(env_id, str(data_root), evaluation=True)
+    tracker = Reported()
+    pipeline = Pipeline(tracker, KinematicPredictor(), KMeansSampler(), presence=LearnedPresence())
+    direct = scored(env, scene, pipeline)
+    frame = LocalFrame.of(env.scene)
+    rows = TrackRows(
+        frame=np.repeat(np.arange(len(tracker.rows)), [len(each.track_id) for each in tracker.rows]),
+        track_id=np.concatenate([each.track_id for each in tracker.rows]),
+        class_id=np.concatenate([each.class_id for each in tracker.rows]),
+        box=frame.to_scene(np.concatenate([box for box, _ in tracker.taken])),
+        score=np.concatenate([score for _, score in tracker.taken]),
+    )
+    path = tmp_path / ("tracks.json" if "nuScenes" in env_id and not table else "tracks")
+    write_tracks([(env.scene, rows)], env.card, str(data_root), path, table)
+    given = MTPEnv(env_id, str(data_root), observe="tracks", track_file=str(path), evaluation=True)
+    found = scored(given, scene, load_submission("given_tracks").build(agent_task(given, 0)))
+    assert events_of(found) == events_of(direct)
+    np.testing.assert_array_equal(found.covered, direct.covered)
+    covered = direct.covered
+    np.testing.assert_allclose(
+        found.min_ade[covered], direct.min_ade[covered], atol=0.02
+    )  # forecasts: whole centimetres
+    assert found.capped.mean() == pytest.approx(direct.capped.mean(), abs=1e-4)
+    assert found.fixed_error == pytest.approx(direct.fixed_error, rel=1e-3)
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(("env_id", "scene"), SCENES)
+def test_the_export_of_stp_has_its_events(env_id: str, scene: str, data_root: Path, tmp_path: Path) -> None:
+    """Its events are equal. Its errors are near only: the file holds filtered boxes, and coasted ones among them."""
+    data = str(data_root)
+    env = MTPEnv(env_id, data, evaluation=True)
+    rollout = run_scene(load_submission("stp").build(agent_task(env, 0)), env, scene, 0)
+    direct = score_scene(env.scene, rollout, env.card)
+    from mtp_bench.running.track_export import track_rows
+
+    path = tmp_path / ("tracks.json" if "nuScenes" in env_id else "tracks")
+    write_tracks([(env.scene, track_rows(rollout, env.scene, env.card))], load_card(env_id), data, path)
+    given = MTPEnv(env_id, data, observe="tracks", track_file=str(path), evaluation=True)
+    found = scored(given, scene, load_submission("given_tracks").build(agent_task(given, 0)))
+    assert events_of(found) == events_of(direct)
+    np.testing.assert_array_equal(found.covered, direct.covered)
+    assert found.capped.mean() == pytest.approx(direct.capped.mean(), rel=0.2)

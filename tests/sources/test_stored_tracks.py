@@ -1,0 +1,252 @@
+"""Stored tracks of other programs: the three forms, there and back, and one clear error for each wrong file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench.cards import Card, load_card, parse_card
+from mtp_bench.errors import DataError
+from mtp_bench.running.track_export import TrackRows, write_tracks
+from mtp_bench.sources import open_source, with_tracks
+from mtp_bench.sources.kitti.files import camera_fields, sensor_boxes
+from mtp_bench.types import Scene, StoredTracks
+from tests.support.nuscenes_root import SCENES, detection, nuscenes_card, sample, write_json, write_root
+
+
+def tracks_of(card: Card, data: str | Path, path: Path, name: str) -> StoredTracks:
+    """The stored tracks of a scene."""
+    tracks = with_tracks(open_source(card, data), card, data, path).load(name).tracks
+    assert tracks is not None
+    return tracks
+
+
+def true_rows(scene: Scene) -> TrackRows:
+    """The true boxes as tracks, with scores that tell the rows apart."""
+    truth = scene.truth
+    score = np.linspace(0.1, 0.9, len(truth.box))
+    return TrackRows(truth.frame_of_rows, truth.object_id, truth.class_id, truth.box, score)
+
+
+def require_same(found: StoredTracks, rows: TrackRows, rounding: float) -> None:
+    np.testing.assert_array_equal(found.frame_of_rows, rows.frame)
+    np.testing.assert_array_equal(found.class_id, rows.class_id)
+    np.testing.assert_allclose(found.score, rows.score, atol=rounding)
+    turned = np.remainder(found.box[:, 3] - rows.box[:, 3] + np.pi, 2 * np.pi) - np.pi
+    np.testing.assert_allclose(turned, 0, atol=rounding)
+    np.testing.assert_allclose(np.delete(found.box, 3, 1), np.delete(rows.box, 3, 1), atol=rounding)
+    pairs = set(zip(found.object_id.tolist(), rows.track_id.tolist(), strict=True))
+    assert len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
+
+
+@pytest.mark.parametrize("table", [False, True])
+@pytest.mark.parametrize("change", [{}, {"ego_motion": False}, {"stride": 2}], ids=str)
+def test_kitti_tracks_come_back_as_they_were(
+    change: dict[str, Any], table: bool, card: str, kitti: str, tmp_path: Path
+) -> None:
+    content = load_card(card).model_dump(mode="json", exclude_none=True)
+    rate = 10.0 / change.get("stride", 1)
+    changed = parse_card(
+        {**content, "source": {**content["source"], **change}, "task": {**content["task"], "rate": rate}}
+    )
+    source = open_source(changed, kitti)
+    scenes = [source.load(name) for name in source.names]
+    assert write_tracks([(s, true_rows(s)) for s in scenes], changed, kitti, tmp_path / "tracks", table) > 20
+    for scene in scenes:
+        require_same(tracks_of(changed, kitti, tmp_path / "tracks", scene.name), true_rows(scene), 1e-6)
+
+
+@pytest.mark.parametrize("table", [False, True])
+def test_nuscenes_tracks_come_back_as_they_were(table: bool, tmp_path: Path) -> None:
+    data, card = write_root(tmp_path / "data"), nuscenes_card()
+    source, path = open_source(card, data), tmp_path / ("tracks" if table else "tracks.json")
+    scenes = [source.load(name) for name in source.names]
+    write_tracks([(s, true_rows(s)) for s in scenes], card, str(data), path, table)
+    for scene in scenes:
+        require_same(tracks_of(card, data, path, scene.name), true_rows(scene), 1e-9)
+
+
+def test_a_submission_has_what_the_official_form_asks_for(tmp_path: Path) -> None:
+    data, card = write_root(tmp_path / "data"), nuscenes_card()
+    scene = open_source(card, data).load("scene-0003")
+    write_tracks([(scene, true_rows(scene))], card, str(data), tmp_path / "t.json")
+    content = json.loads((tmp_path / "t.json").read_text())
+    assert set(content["meta"]) == {"use_camera", "use_lidar", "use_radar", "use_map", "use_external"}
+    assert list(content["results"]) == [sample("scene-0003", t) for t in range(4)]
+    car = next(each for each in content["results"][sample("scene-0003", 1)] if each["tracking_name"] == "car")
+    assert set(car) == {
+        "sample_token", "translation", "size", "rotation", "velocity",
+        "tracking_id", "tracking_name", "tracking_score",
+    }  # fmt: skip
+    assert (car["translation"], car["size"]) == ([10.0, 2.0, 1.0], [2.0, 4.0, 1.5])
+    np.testing.assert_allclose(car["velocity"], [0, 4])  # 2 m in 0.5 s
+
+
+def test_ids_of_two_classes_are_two_identities(kitti: str, card: str, tmp_path: Path) -> None:
+    rows = [line(0, 1, "Car"), line(0, 1, "Pedestrian"), line(1, 1, "Car"), line(1, 2, "Van"), line(1, -1, "DontCare")]
+    tracks = tracks_of(load_card(card), kitti, kitti_folder(tmp_path, rows), "0001")
+    assert len(tracks.box) == 3
+    assert tracks.object_id.tolist()[0] != tracks.object_id.tolist()[1]
+    assert tracks.object_id.tolist()[0] == tracks.object_id.tolist()[2]
+
+
+def test_camera_fields_are_the_inverse_of_sensor_boxes(tmp_path: Path) -> None:
+    box = np.random.default_rng(0).uniform(0.5, 3.0, (20, 7))
+    fields = camera_fields(box)
+    np.testing.assert_allclose(sensor_boxes(fields[:, :3], fields[:, 3:6], fields[:, 6]), box)
+
+
+@pytest.mark.data
+def test_poses_there_and_back(data_root: Path) -> None:
+    from mtp_bench.sources.kitti.source import KittiTracking
+
+    poses = KittiTracking(load_card("MTP-KITTI-v0"), data_root).poses("0019")
+    rng = np.random.default_rng(0)
+    frame = rng.integers(0, len(poses.position), 500)
+    box = np.column_stack([rng.uniform(-50, 50, (500, 3)), rng.uniform(-3, 3, 500), rng.uniform(1, 4, (500, 3))])
+    np.testing.assert_allclose(poses.to_world(poses.to_sensor(box, frame), frame), box, atol=1e-9)
+
+
+# ---- wrong files
+
+
+def line(frame: float, identity: int, kind: str = "Car", size: str = "1.5 1.8 4", more: str = "0.9") -> str:
+    """A line of a KITTI result."""
+    return f"{frame} {identity} {kind} -1 -1 -10 0 0 50 50 {size} 1 1.5 20 0 {more}"
+
+
+def kitti_folder(folder: Path, lines: list[str]) -> Path:
+    """A folder of results: these lines for sequence 0001, nothing for the others."""
+    for name in ("0001", "0006", "0008"):
+        (folder / f"{name}.txt").write_text("\n".join(lines) if name == "0001" else "")
+    return folder
+
+
+KITTI: dict[str, tuple[list[str], str]] = {
+    "no score": ([line(0, 1, more="")], r"0001.txt, line 1: 17 columns, expected 18: is the file cut off\?"),
+    "a word": ([line(0, 1, more="high")], r"line 1, column 18 \(score\): got 'high', expected a number"),
+    "a box twice": ([line(0, 1), line(0, 1)], "line 2: a second box of object 1 in frame 0"),
+    "after the end": ([line(99, 1)], "line 1: frame 99, but the last one of sequence 0001 is 8"),
+    "before the start": ([line(-1, 1)], "line 1: frame -1, but the last one"),
+    "half a frame": ([line(0.5, 1)], "line 1: frame is 0.5, expected a whole number"),
+    "flat": ([line(0, 1, size="1.5 0 4")], "line 1: a box with a size that is not above 0"),
+    "no number": ([line(0, 1, size="nan 1 4")], "line 1: height is nan, expected a finite number"),
+    "an unknown type": ([line(0, 1, "car")], "line 1: type is 'car', expected one of Car, Van"),
+}
+
+
+@pytest.mark.parametrize("case", KITTI)
+def test_a_wrong_kitti_result(case: str, card: str, kitti: str, tmp_path: Path) -> None:
+    lines, message = KITTI[case]
+    with pytest.raises(DataError, match=message):
+        tracks_of(load_card(card), kitti, kitti_folder(tmp_path, lines), "0001")
+
+
+def csv(row: str, header: str = "frame,id,class,x,y,z,yaw,l,w,h,score") -> str:
+    return f"{header}\n{row}\n"
+
+
+TABLE: dict[str, tuple[str, str]] = {
+    "no id": (
+        csv("0,car,1,1,1,0,4,2,1", "frame,class,x,y,z,yaw,l,w,h"),
+        "0001.csv: no column 'id'; expected frame, id",
+    ),
+    "a word": (csv("0,1,car,here,1,1,0,4,2,1,1"), "0001.csv, line 2: x is 'here', expected a finite number"),
+    "flat": (csv("0,1,car,1,1,1,0,4,0,1,1"), "line 2: w is '0', expected a size above 0"),
+    "half a frame": (csv("0.5,1,car,1,1,1,0,4,2,1,1"), "line 2: frame is '0.5', expected a whole number"),
+    "after the end": (csv("9,1,car,1,1,1,0,4,2,1,1"), "line 2: frame 9, but scene '0001' has 9 frames"),
+    "cut off": (csv("0,1,car,1,1"), "line 2: more or fewer columns than in the first line"),
+    "a box twice": (
+        csv("0,a,car,1,1,1,0,4,2,1,1\n0,a,car,2,1,1,0,4,2,1,1"),
+        "line 3: a second box of car a in frame 0",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", TABLE)
+def test_a_wrong_table(case: str, card: str, kitti: str, tmp_path: Path) -> None:
+    content, message = TABLE[case]
+    (tmp_path / "0001.csv").write_text(content)
+    with pytest.raises(DataError, match=message):
+        tracks_of(load_card(card), kitti, tmp_path, "0001")
+
+
+def test_a_table_without_scores_and_with_other_classes(card: str, kitti: str, tmp_path: Path) -> None:
+    rows = "0,a,car,1,2,3,0.5,4,2,1\n0,b,tram,1,1,1,0,4,2,1"
+    (tmp_path / "0001.csv").write_text(csv(rows, "frame,id,class,x,y,z,yaw,l,w,h"))
+    tracks = tracks_of(load_card(card), kitti, tmp_path, "0001")
+    assert (tracks.box.tolist(), tracks.score.tolist()) == ([[1, 2, 3, 0.5, 4, 2, 1]], [1.0])
+
+
+def tracked(token: str, **changes: Any) -> dict[str, Any]:
+    """A box of a tracking submission."""
+    box = {k: v for k, v in detection(token).items() if not k.startswith("detection")}
+    return {**box, "tracking_id": "7", "tracking_name": "car", "tracking_score": 0.5, **changes}
+
+
+def submission(change: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
+    """A submission that tracks one car in each sample, changed."""
+    tokens = [sample(scene, t) for scene in SCENES for t in range(4)]
+    content = {"meta": {}, "results": {token: [tracked(token)] for token in tokens}}
+    change(content["results"])
+    return content
+
+
+TOKEN = sample("scene-0003", 1)
+NUSCENES: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
+    "a sample missing": (lambda r: r.pop(TOKEN), f"no entry for sample '{TOKEN}' of scene-0003, expected one for each"),
+    "no id": (
+        lambda r: r[TOKEN][0].pop("tracking_id"),
+        f"sample '{TOKEN}', box 0: tracking_id is None, expected a text",
+    ),
+    "a box twice": (lambda r: r[TOKEN].append(tracked(TOKEN)), f"sample '{TOKEN}': a second box of tracking_id '7'"),
+    "detections": (
+        lambda r: r.update({TOKEN: [detection(TOKEN)]}),
+        "it has a detection_name: the file is a submission to the detection task; expected one to the tracking task",
+    ),
+    "a class": (lambda r: r[TOKEN][0].update(tracking_name="auto"), "tracking_name is 'auto', expected one of car"),
+    "a score": (lambda r: r[TOKEN][0].update(tracking_score=None), "tracking_score is None, expected a number"),
+}
+
+
+@pytest.mark.parametrize("case", NUSCENES)
+def test_a_wrong_submission(case: str, tmp_path: Path) -> None:
+    change, message = NUSCENES[case]
+    data = write_root(tmp_path / "data")
+    write_json(tmp_path / "tracks.json", submission(change))
+    with pytest.raises(DataError, match=message):
+        tracks_of(nuscenes_card(), data, tmp_path / "tracks.json", "scene-0003")
+
+
+def test_a_submission_of_other_scenes(tmp_path: Path) -> None:
+    data = write_root(tmp_path / "data")
+    write_json(tmp_path / "tracks.json", {"meta": {}, "results": {"elsewhere": []}})
+    with pytest.raises(DataError, match=r"none of its 1 sample tokens \(for example 'elsewhere'\) is in sample.json"):
+        tracks_of(nuscenes_card(), data, tmp_path / "tracks.json", "scene-0003")
+
+
+def test_a_changed_file_is_read_again(tmp_path: Path) -> None:
+    data, path = write_root(tmp_path / "data"), tmp_path / "tracks.json"
+    counts = []
+    for kept in (1, 0):
+        write_json(path, submission(lambda r, kept=kept: r.update({TOKEN: r[TOKEN][:kept]})))  # type: ignore[misc]
+        counts.append(len(tracks_of(nuscenes_card(), data, path, "scene-0003").box))
+    assert counts == [4, 3]
+
+
+def test_what_holds_no_tracks(card: str, kitti: str, tmp_path: Path) -> None:
+    one = load_card(card)
+    with pytest.raises(DataError, match=r"no file or folder .*nowhere, expected stored tracks"):
+        tracks_of(one, kitti, tmp_path / "nowhere", "0001")
+    with pytest.raises(
+        DataError, match=r"holds no stored tracks that fit MTP-Small-v0, expected a folder with a KITTI"
+    ):
+        tracks_of(one, kitti, tmp_path, "0001")
+    (tmp_path / "0006.txt").write_text("")
+    with pytest.raises(DataError, match=r"no file .*0001.txt"):
+        tracks_of(one, kitti, tmp_path, "0001")

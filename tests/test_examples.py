@@ -1,0 +1,70 @@
+"""Every example runs from an empty folder, and prints what the documentation shows of it.
+
+A comment says what an example needs beside the library: `# needs: stable-baselines3, data` (packages of an index, or
+real recordings).
+"""
+
+from __future__ import annotations
+
+import re
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import pytest
+
+from docs.generate.outputs import OUTPUTS, ROOT, run
+
+NEEDS = re.compile(r"^# needs: (.+)$", flags=re.MULTILINE)
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+
+
+def needs(example: Path) -> list[str]:
+    """What the header of an example names."""
+    found = NEEDS.search(example.read_text())
+    return [name.strip() for name in found[1].split(",")] if found else []
+
+
+def missing(package: str) -> bool:
+    try:
+        version(package)
+    except PackageNotFoundError:
+        return True
+    return False
+
+
+def case(example: Path) -> object:
+    """The example with its marks."""
+    packages = [name for name in needs(example) if name != "data"]
+    absent = [name for name in packages if missing(name)]
+    marks = [pytest.mark.data] if "data" in needs(example) else []
+    marks += [pytest.mark.skipif(bool(absent), reason=f"not installed: {', '.join(absent)}")]
+    return pytest.param(example, marks=marks, id=example.stem)
+
+
+def sentences(output: str) -> list[str]:
+    """Lines outside of tables, with # for every number."""
+    lines = [line for line in output.splitlines() if line.strip() and line[0] not in "┏┃┡│└├╭╰ "]
+    return [re.sub(r"\d+(\.\d+)?", "#", " ".join(line.split())) for line in lines]
+
+
+@pytest.mark.parametrize("example", [case(example) for example in EXAMPLES])
+def test_it_runs(example: Path, tmp_path: Path) -> None:
+    done = run(example, tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip(), "an example shows something"
+    shown = OUTPUTS / f"{example.stem}.txt"
+    if shown.exists():
+        printed = sentences(done.stdout)
+        unknown = [line for line in sentences(shown.read_text()) if line not in printed]
+        assert not unknown, f"{done.stdout}\nthe documentation shows other lines: python -m docs.generate.outputs"
+
+
+@pytest.mark.parametrize("shown", sorted(OUTPUTS.glob("*.txt")), ids=lambda path: path.stem)
+def test_what_is_shown_is_of_an_example(shown: Path) -> None:
+    assert (ROOT / "examples" / f"{shown.stem}.py").exists()
+
+
+def test_the_trained_agent_passes() -> None:
+    assert any(
+        line.startswith("own_model passes") for line in (OUTPUTS / "train_predictor.txt").read_text().splitlines()
+    )

@@ -1,0 +1,178 @@
+"""The site: built without a warning, whole, and readable without a network."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+from docs.generate import environments, reference
+from docs.generate.drawings import DRAWINGS, FOLDER
+from docs.generate.pictures import LARGEST
+from mtp_bench import card_ids, load_card
+from mtp_bench.env.action import FIELDS
+from tests.support.browser import CHROMIUM, DRIVER, MISSING, Browser, chromium
+
+LOADED = {"script": "src", "img": "src", "iframe": "src", "source": "src", "link": "href"}  # what a browser fetches
+
+
+@dataclass
+class Page(HTMLParser):
+    """Places, links and loaded files of a page."""
+
+    file: Path
+    ids: set[str] = field(default_factory=set)
+    links: list[str] = field(default_factory=list)
+    loaded: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        super().__init__()
+        self.feed(self.file.read_text())
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = {name: value or "" for name, value in attrs}
+        self.ids |= {given[name] for name in ("id", "name") if name in given}
+        if tag == "a" and "href" in given:
+            self.links.append(given["href"])
+        if LOADED.get(tag) in given and given.get("rel") != "canonical":
+            self.loaded.append(given[LOADED[tag]])
+
+
+@pytest.fixture(scope="module")
+def site(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site, built as `make docs` does it; a warning is an error."""
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
+    environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
+    done = subprocess.run(command, cwd=repository, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "WARNING" not in done.stdout + done.stderr
+    return folder
+
+
+@pytest.fixture(scope="module")
+def pages(site: Path) -> dict[Path, Page]:
+    """All pages by their file, but the one that a server shows at any wrong address."""
+    return {file: Page(file) for file in sorted(site.rglob("*.html")) if file.name != "404.html"}
+
+
+def test_no_link_is_dead(site: Path, pages: dict[Path, Page]) -> None:
+    dead = []
+    for file, page in pages.items():
+        for target in (*page.links, *page.loaded):
+            parts = urlsplit(target)
+            if parts.scheme or parts.netloc:
+                continue
+            wanted = (file.parent / unquote(parts.path)).resolve() if parts.path else file
+            if wanted.is_dir():
+                wanted /= "index.html"
+            known = pages[wanted].ids if wanted in pages else set()
+            if not wanted.exists() or (parts.fragment and wanted in pages and unquote(parts.fragment) not in known):
+                dead.append(f"{file.relative_to(site)}: {target}")
+    assert not dead
+
+
+def test_nothing_is_loaded_from_elsewhere(site: Path, pages: dict[Path, Page]) -> None:
+    loaded = {target for page in pages.values() for target in page.loaded}
+    assert loaded
+    assert not [target for target in loaded if urlsplit(target).netloc]
+    for style in site.rglob("*.css"):
+        assert "url(http" not in style.read_text().replace('"', "").replace("'", "")
+        assert "@import" not in style.read_text()
+
+
+def test_nobody_s_address_is_invented(pages: dict[Path, Page], repository: Path) -> None:
+    """Until the project has one, no page claims to lie somewhere."""
+    assert 'repo_url: ""' in (repository / "mkdocs.yml").read_text()
+    assert not [page.file for page in pages.values() if 'rel="canonical"' in page.file.read_text()]
+    assert "[project.urls]" not in (repository / "pyproject.toml").read_text()
+
+
+@pytest.mark.parametrize("env_id", card_ids())
+def test_every_environment_has_its_page(site: Path, env_id: str) -> None:
+    text = (site / "environment" / f"{env_id}.html").read_text()
+    for name in [*(part.name for part in FIELDS), "detection_box", "ego_pose", "dt"]:
+        assert f"<code>{name}</code>" in text
+    for heading in ("observation", "action", "reward", "data-and-licence", "history"):
+        assert f'id="{heading}"' in text
+    assert load_card(env_id).digest in text
+    simulated = load_card(env_id).source.name == "highway"
+    assert (f'src="pictures/{env_id}.webp"' in text) is simulated
+
+
+def test_pictures_are_of_simulated_scenes_and_small(repository: Path) -> None:
+    pictures = list((repository / "docs" / environments.PICTURES).iterdir())
+    simulated = {env_id for env_id in card_ids() if load_card(env_id).source.name == "highway"}
+    assert {picture.stem for picture in pictures} == simulated
+    assert all(picture.stat().st_size <= LARGEST for picture in pictures)
+
+
+def test_the_table_links_to_every_environment(site: Path) -> None:
+    links = Page(site / "environment" / "index.html").links
+    assert {f"{env_id}.html" for env_id in card_ids()} <= set(links)
+
+
+def test_the_reference_is_complete(site: Path) -> None:
+    ids = {place for file in (site / "reference").glob("*.html") for place in Page(file).ids}
+    wanted = {f"mtp_bench.{name}" for name in reference.public_names()}
+    for part in reference.PACKAGES:
+        wanted |= {f"mtp_bench.{part}.{name}" for name in reference.names_of(part)}
+    assert wanted
+    assert not wanted - ids
+
+
+def test_fields_say_their_shape(site: Path) -> None:
+    assert "[R, 2] m/s, NaN where unknown" in (site / "reference" / "records.html").read_text()
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_drawings_show_what_the_scorer_says(name: str) -> None:
+    assert (FOLDER / f"{name}.svg").read_text() == DRAWINGS[name](), "run python -m docs.generate.drawings"
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    if CHROMIUM is None or DRIVER is None:
+        pytest.skip(MISSING)
+    with chromium(tmp_path_factory.mktemp("browser")) as opened:
+        opened.resize(1600, 900)
+        opened.forget()
+        yield opened
+
+
+SHOWN = ("index", "definitions/index", "environment/index", "environment/MTP-KITTI-v0", "reference/records",
+         "agents/own_model", "leaderboard/results")  # fmt: skip
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1600, 390])
+@pytest.mark.parametrize("name", SHOWN)
+def test_it_fits_and_asks_for_nothing(site: Path, browser: Browser, name: str, width: int, scheme: str) -> None:
+    browser.resize(width, 900)
+    browser.prefer(scheme)
+    browser.open(site / f"{name}.html")
+    browser.script("localStorage.clear()")  # no choice of an earlier visit
+    browser.forget()
+    browser.open(site / f"{name}.html")
+    ground = browser.script("return getComputedStyle(document.body).backgroundColor")
+    assert (ground == "rgb(255, 255, 255)") == (scheme == "light")
+    assert browser.script("return document.documentElement.scrollWidth") <= width
+    assert browser.console() == []
+    assert [url for url in browser.requests() if urlsplit(url).scheme in ("http", "https", "ws", "wss")] == []
+
+
+def test_the_search_works_without_a_server(site: Path, browser: Browser) -> None:
+    browser.resize(1600, 900)
+    browser.open(site / "index.html")
+    browser.click(".md-search__input")
+    browser.type(".md-search__input", "reacquired")
+    found = browser.wait_for("return document.querySelector('.md-search-result__item h1')?.textContent")
+    assert found
+    assert browser.console() == []

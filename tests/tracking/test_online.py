@@ -1,0 +1,232 @@
+"""Ordinary online trackers behind the adapter: what they answer, and the tracks that it makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench.errors import ShapeError, SubmissionError
+from mtp_bench.tracking import BirdsEye, HypothesisTracker, OnlineDetections, OnlineTracker
+from mtp_bench.tracks import UNBORN, Tracks
+from mtp_bench.types import Task
+from tests.support.tracking_scenes import CAR, PEDESTRIAN, Frame, at_once, frame, kitti_task, observation, random_frames
+
+Answer = Callable[[OnlineDetections], Sequence[Any]]
+
+
+def played(answer: Answer, frames: Iterable[Frame], task: Task | None = None, **options: Any) -> list[Tracks]:
+    """The tracks after each frame of a tracker that answers so."""
+    tracker = OnlineTracker(lambda task: answer, **options)
+    tracker.reset(task or kitti_task())
+    return [
+        tracker.step({**observation(seen), "time": np.array(0.1 * t), "dt": np.array(0.1)})
+        for t, seen in enumerate(frames)
+    ]
+
+
+def scripted(*answers: Sequence[Any]) -> Answer:
+    """A tracker that says this, frame by frame, whatever it is given."""
+    left = iter(answers)
+    return lambda detections: next(left)
+
+
+def box(x: float, y: float = 0.0) -> list[float]:
+    """A car."""
+    return [x, y, 0.75, 0.0, 4.0, 1.8, 1.5]
+
+
+def test_what_is_remembered_of_a_track() -> None:
+    # A car moves along x, is undetected in frame 2 and coasts there.
+    frames = [frame((0, 0, CAR)), frame((1, 0, CAR)), frame(), frame((3, 0, CAR))]
+    said = scripted(*([("a", box(x + 0.2), 0.9)] for x in (0, 1, 2, 3)))
+    *_, missed, last = played(said, frames)
+    assert (missed.detection.tolist(), last.detection.tolist()) == ([-1], [0])
+    assert last.track_id.tolist() == [0]
+    assert last.hits is not None
+    assert last.age is not None
+    assert last.past_detection is not None
+    assert (last.hits.tolist(), last.age.tolist(), missed.age.tolist()) == ([3], [4], [3])  # type: ignore[union-attr]
+    assert last.box[0, 0] == pytest.approx(3.2)  # where the tracker says it is
+    assert last.past[0, -4:, 0].tolist() == [0.0, 1.0, 2.2, 3.0]  # the detections, and its own box where it had none
+    assert last.past_valid[0].tolist() == [False] * 6 + [True, True, False, True]
+    assert last.past_detection[0].tolist() == [UNBORN] * 6 + [0, 0, -1, 0]
+    assert last.last_score is not None
+    assert (last.score.tolist(), last.last_score.tolist()) == ([1.0], [1.0])  # of its detections, not the tracker's 0.9
+    assert (last.member.shape, last.log_weight.tolist()) == ((1, 1), [0.0])
+
+
+def test_an_id_that_returns_after_a_gap_goes_on() -> None:
+    frames = [frame((0, 0, CAR))] * 4
+    tracks = played(scripted([(7, box(0), 1)], [], [], [(7, box(0), 1)]), frames)
+    assert [t.track_id.tolist() for t in tracks] == [[0], [], [], [0]]
+    last = tracks[-1]
+    assert last.past_detection is not None
+    assert last.past_detection[0, -4:].tolist() == [0, -1, -1, 0]
+    assert last.hits is not None
+    assert last.age is not None
+    assert (last.hits.tolist(), last.age.tolist()) == ([2], [4])
+
+
+def test_an_id_in_another_class_is_another_identity() -> None:
+    tracks = played(scripted([(1, box(0), 1, 0)], [(1, box(0), 1, 0)]), [frame((0, 0, CAR)), frame((0, 0, PEDESTRIAN))])
+    assert [t.track_id.tolist() for t in tracks] == [[0], [1]]
+    assert [t.class_id.tolist() for t in tracks] == [[CAR], [PEDESTRIAN]]
+
+
+@pytest.mark.parametrize("ids", [("a", "b"), (2**70, -1), (np.int64(4), 4.5), ((1, 2), frozenset())], ids=str)
+def test_any_hashable_is_an_id(ids: tuple[Any, Any]) -> None:
+    frames = [frame((0, 0, CAR), (20, 0, CAR))] * 2
+    first, second = played(
+        scripted([(ids[0], box(0), 1), (ids[1], box(20), 1)], [(ids[1], box(20), 1), (ids[0], box(0), 1)]), frames
+    )
+    assert (first.track_id.tolist(), second.track_id.tolist()) == ([0, 1], [1, 0])
+
+
+def test_tracks_take_the_nearest_detections_one_to_one() -> None:
+    # Two tracks near detection 0; the second is nearer to it, so the first takes detection 1.
+    (tracks,) = played(scripted([("a", box(0.9), 1), ("b", box(0.1), 1)]), [frame((0, 0, CAR), (1.8, 0, CAR))])
+    assert tracks.detection.tolist() == [1, 0]
+
+
+def test_a_track_prefers_detections_of_its_class() -> None:
+    frames = [frame((0, 0, CAR)), frame((0.1, 0, PEDESTRIAN), (1.0, 0, CAR))]
+    *_, tracks = played(scripted([("a", box(0), 1)], [("a", box(0.2), 1)]), frames)
+    assert (tracks.detection.tolist(), tracks.class_id.tolist()) == ([1], [CAR])
+
+
+def test_what_is_farther_than_the_gate_coasts() -> None:
+    frames = [frame((0, 0, CAR)), frame((3, 0, CAR))]
+    for gate, taken in ((2.0, -1), (4.0, 0)):
+        *_, tracks = played(scripted([("a", box(0), 1)], [("a", box(0), 1)]), frames, gate=gate)
+        assert tracks.detection.tolist() == [taken]
+
+
+def test_what_never_took_a_detection_has_no_class_and_is_left_out() -> None:
+    first, second = played(scripted([("a", box(50), 1)], [("a", box(0), 1)]), [frame((0, 0, CAR)), frame((0, 0, CAR))])
+    assert (len(first.track_id), second.track_id.tolist()) == (0, [0])
+
+
+def test_rectangles_become_the_whole_box_of_their_detection() -> None:
+    view = BirdsEye(scale=20.0, padding=0.5)
+
+    def answer(detections: OnlineDetections) -> list[Any]:
+        if len(detections):
+            return [("a", detections.rectangle[0] + 4.0, 1.0)]
+        return [("a", [100, -20, 140, 20], 1.0)]  # coasts to (6, 0)
+
+    seen, coasted = played(answer, [frame((2, 1, CAR)), frame()], view=view)
+    np.testing.assert_allclose(seen.box, frame((2, 1, CAR))[0])
+    np.testing.assert_allclose(coasted.box[0], [6, 0, *frame((2, 1, CAR))[0][0, 2:]])
+
+
+def test_a_tracker_for_each_class() -> None:
+    # Both count their tracks from 1.
+    made: list[int] = []
+
+    def make(task: Task) -> Answer:
+        made.append(len(made))
+        return lambda detections: [(1 + at, detections.box[at], 1.0, at) for at in range(len(detections))]
+
+    tracker = OnlineTracker(make, per_class=True)
+    tracker.reset(kitti_task())
+    seen = frame((0, 0, PEDESTRIAN), (9, 0, CAR), (30, 0, PEDESTRIAN))
+    tracks = tracker.step({**observation(seen), "time": np.array(0.0), "dt": np.array(0.1)})
+    assert made == [0, 1, 2]
+    assert tracks.class_id.tolist() == [CAR, PEDESTRIAN, PEDESTRIAN]
+    assert tracks.detection.tolist() == [1, 0, 2]
+    assert len(set(tracks.track_id.tolist())) == 3
+
+
+class OurOwn:
+    """Our tracker in the form of an ordinary one."""
+
+    def __init__(self, task: Task) -> None:
+        self._tracker = HypothesisTracker(parameters=at_once())
+        self._tracker.reset(task)
+
+    def update(self, detections: OnlineDetections) -> list[Any]:
+        """Rows that name their detections."""
+        seen = observation((detections.box, detections.class_id))
+        tracks = self._tracker.step({**seen, "detection_score": detections.score})
+        return list(zip(tracks.track_id.tolist(), tracks.box, tracks.score, tracks.detection.tolist(), strict=True))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_our_own_tracker_behind_the_adapter_says_the_same(seed: int) -> None:
+    frames = random_frames(np.random.default_rng(seed), 40)
+    direct, adapted = HypothesisTracker(parameters=at_once()), OnlineTracker(OurOwn)
+    number: dict[int, int] = {}
+    for tracker in (direct, adapted):
+        tracker.reset(kitti_task())
+    for t, detections in enumerate(frames):
+        seen = {**observation(detections), "time": np.array(0.1 * t), "dt": np.array(0.1)}
+        ours, theirs = direct.step(seen), adapted.step(seen)
+        for mine, its in zip(ours.track_id.tolist(), theirs.track_id.tolist(), strict=True):
+            assert number.setdefault(its, mine) == mine
+        # the ids are others; what only our filter knows is not there; before birth nobody looks at the boxes
+        other = ("track_id", "covariance", "affinity", "past", "parent", "log_weight")
+        for name in (field.name for field in fields(Tracks) if field.name not in other):
+            np.testing.assert_allclose(getattr(theirs, name), getattr(ours, name), err_msg=name)
+        born = ours.past_detection != UNBORN
+        np.testing.assert_allclose(theirs.past[born], ours.past[born])
+
+
+WRONG: dict[str, tuple[Any, str]] = {
+    "nothing": (None, r"frame 0: the tracker gave None, expected a list of \(id, box, score\)"),
+    "a text": ("tracks", r"frame 0: the tracker gave 'tracks', expected a list"),
+    "rows of an array": (np.zeros((1, 5)), r"as row 0: expected \(id, box, score\) or \(id, box, score, detection\)"),
+    "two in a row": ([(1, box(0))], r"as row 0: expected \(id, box, score\)"),
+    "five numbers": ([(1, [0, 0, 1, 1, 0], 1)], r"the box has 5 numbers, expected x y z yaw l w h, or x1 y1 x2 y2"),
+    "no numbers": ([(1, "left", 1)], r"the box is 'left', expected 7 numbers or 4"),
+    "nan": ([(1, [np.nan, 0, 0, 0, 4, 2, 1], 1)], r"the box is \[nan, .* expected finite numbers"),
+    "flat": ([(1, [0, 0, 0, 0, 4, 0, 1], 1)], r"the box has l w h \[4.0, 0.0, 1.0\], expected sizes above 0"),
+    "no score": ([(1, box(0), None)], r"the score is None, expected a finite number"),
+    "a list as id": ([([1], box(0), 1)], r"the id is a list, expected a number or a text"),
+    "no id": ([(None, box(0), 1)], r"the id is None, .* leave out what has no id yet"),
+    "nan as id": ([(float("nan"), box(0), 1)], r"the id is nan, .* leave out"),
+    "one id twice": ([(1, box(0), 1), (1, box(9), 1)], r"frame 0: the tracker gave id 1 twice, expected each id once"),
+    "one detection twice": ([(1, box(0), 1, 0), (2, box(9), 1, 0)], r"gave detection 0 to two tracks, expected one"),
+    "no such detection": ([(1, box(0), 1, 3)], r"the detection is 3, expected -1 or one of the 2 rows"),
+    "a class for the detection": ([(1, box(0), 1, None)], r"the detection is None, expected -1 or one of the 2 rows"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_wrong_answer_is_one_error(case: str) -> None:
+    said, message = WRONG[case]
+    with pytest.raises(ShapeError, match=message):
+        played(lambda detections: said, [frame((0, 0, CAR), (9, 0, CAR))])
+
+
+def test_the_error_names_the_frame() -> None:
+    with pytest.raises(ShapeError, match="frame 2: the tracker gave None"):
+        played(scripted([], [], None), [frame()] * 3)  # type: ignore[arg-type]
+
+
+def test_what_cannot_be_updated() -> None:
+    tracker = OnlineTracker(lambda task: "sort")  # type: ignore[arg-type, return-value]
+    with pytest.raises(SubmissionError, match=r"got a str from its function, expected an object with update"):
+        tracker.reset(kitti_task())
+
+
+def test_wrong_settings() -> None:
+    with pytest.raises(ShapeError, match="gate is 0"):
+        OnlineTracker(OurOwn, gate=0)
+    with pytest.raises(ShapeError, match="scale is 0"):
+        BirdsEye(0)
+    with pytest.raises(ShapeError, match="padding is -1"):
+        BirdsEye(padding=-1)
+
+
+def test_birds_eye_rectangles() -> None:
+    turned = [[10.0, 5.0, 0.0, np.pi / 2, 4.0, 2.0, 1.5]]  # 4 m along y
+    view = BirdsEye(scale=10.0, padding=0.5)
+    rectangle = view.rectangles(np.array(turned))
+    np.testing.assert_allclose(rectangle, [[85.0, 25.0, 115.0, 75.0]])
+    np.testing.assert_allclose(view.centres(rectangle), [[10.0, 5.0]])
+    slanted = BirdsEye(1.0).rectangles(np.array([[0, 0, 0, np.pi / 4, 2.0, 2.0, 1.0]]))
+    np.testing.assert_allclose(slanted, np.sqrt(2) * np.array([[-1, -1, 1, 1]]))

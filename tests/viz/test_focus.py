@@ -1,0 +1,241 @@
+"""An event alone: what is bright, where the picture looks, and what the sentence says."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mtp_bench.geometry import rotate
+from mtp_bench.viz.case import Case, Forecast
+from mtp_bench.viz.focus import LARGEST, MOST_BRIGHT, Focus
+from mtp_bench.viz.replay import replay
+from mtp_bench.viz.sentence import sentence, went
+from tests.support.focus_scenes import CARD, CROWD, EVENT, crowd, told
+from tests.support.scoring_scenes import WALKER, Thing, make_rollout, make_scene, moved, random_case
+
+THREE = (1, 2, 3)
+
+
+def switch(**options: Any) -> Focus:
+    run = crowd(**options)
+    return Focus.of(run, run.incident("ids-0"))
+
+
+# ---- what is bright
+
+
+def test_only_what_belongs_to_the_event_is_bright() -> None:
+    shown = switch().frame(EVENT)
+    assert shown.object_box[:, :2].tolist() == [[2.0, 0.0]]
+    assert [(track.track_id, track.role) for track in shown.tracks] == [(1, "before"), (2, "now")]
+    assert shown.detection_box[:, :2].tolist() == [[2.0, 0.0]]
+    assert shown.bright == 4
+    assert len(shown.dim_truth) == len(shown.dim_track) == len(shown.dim_detection) == len(CROWD)
+
+
+def test_before_the_event_its_old_track_is_there_and_the_new_one_is_not_yet() -> None:
+    focus = switch()
+    assert [track.track_id for track in focus.frame(EVENT - 1).tracks] == [1]
+    assert [focus.case.follower(t) for t in (EVENT - 1, EVENT, EVENT + 1)] == [1, 2, 2]
+    assert [role for role, _ in focus.forecasts(EVENT - 1)] == ["before"]
+    assert [(role, forecast.frame) for role, forecast in focus.forecasts(EVENT)] == [
+        ("before", EVENT - 1),
+        ("now", EVENT),
+    ]
+
+
+def test_where_the_object_was_and_goes() -> None:
+    shown = switch().frame(EVENT)
+    np.testing.assert_allclose(shown.past[:, 0], [2.0, 1.5, 1.0, 0.5, 0.0])
+    np.testing.assert_allclose(shown.future[:, 0], [2.0, 2.5, 3.0, 3.5])
+    assert [len(track.trail) for track in shown.tracks] == [5, 1]
+
+
+def test_a_swap_shows_the_other_object_by_its_name() -> None:
+    truth = [[Thing(5, t, 0.0), Thing(6, t, 3.0)] for t in range(8)]
+    tracks = [[Thing(1 if t < EVENT else 2, t, 0.0), Thing(2 if t < EVENT else 1, t, 3.0)] for t in range(8)]
+    run = replay(make_scene(truth), make_rollout(tracks), CARD)
+    shown = Focus.of(run, run.incident("ids-0")).frame(EVENT)
+    assert shown.other_names == ("car 6",)
+    assert shown.others[:, 1].tolist() == [3.0]
+    assert "track 2, which followed car 6 before, and track 1 goes to car 6" in told(truth, tracks, "ids-0")
+
+
+def test_the_tracks_are_those_of_the_lineage_not_of_the_rank() -> None:
+    # hypothesis 0 loses the car at frame 2; until then hypothesis 1, which never had track 1, weighed more
+    truth = [[Thing(5, t, 0.0)] for t in range(4)]
+    tracks = [[Thing(1, t, 0.2)] * (t < 2) + [Thing(9, t, 0.4, hypotheses=(1,))] for t in range(4)]
+    weight = np.log([[0.4, 0.6]] * 2 + [[0.9, 0.1]] * 2)
+    rollout = make_rollout(tracks, log_weight=weight, hypotheses=2)
+    rollout.hypothesis_parent[1:] = [[0, 1]] * 3
+    run = replay(make_scene(truth), rollout, CARD)
+    focus = Focus.of(run, run.incident("lost-0"))
+    assert focus.case.hypothesis.tolist() == [0, 0, 0, 0]
+    assert [track.track_id for track in focus.frame(1).tracks] == [1]
+    assert focus.case.follower(1) == 1
+
+
+@settings(derandomize=True, deadline=None, max_examples=15)
+@given(st.integers(0, 10_000))
+def test_of_any_event_few_boxes_are_bright_and_the_object_is_in_the_middle(seed: int) -> None:
+    run = replay(*random_case(seed), CARD)
+    for incident in run.incidents:
+        focus = Focus.of(run, incident)
+        for t in range(max(0, incident.frame - 1), min(run.frames, incident.frame + 2)):
+            assert focus.frame(t).bright <= MOST_BRIGHT
+        assert_in_the_middle(focus)
+        assert focus.sentence.startswith(f"{incident.name}: ")
+        assert len({line.text for line in focus.key}) == len(focus.key)
+
+
+def assert_in_the_middle(focus: Focus) -> None:
+    """The object lies in the middle third of the window, each way."""
+    window = focus.window()
+    away = rotate(focus.case.place(focus.at.frame) - [window.x, window.y], -window.turn)
+    assert (np.abs(away) <= np.array([window.wide, window.high]) / 6).all()
+
+
+# ---- where the picture looks
+
+
+@pytest.mark.parametrize("ahead", [0.0, 5.0, 40.0, 200.0])
+def test_the_window_holds_the_future_and_the_forecasts_as_far_as_it_may(ahead: float) -> None:
+    focus = switch(ahead=ahead)
+    window = focus.window()
+    assert_in_the_middle(focus)
+    assert max(window.wide, window.high) <= 2 * LARGEST
+    ends = np.array([[3.5, 0.0], [2.0 + ahead, 0.0]])
+    right = rotate(ends - [window.x, window.y], -window.turn)[:, 0]
+    assert abs(right[0]) < window.wide / 2
+    assert (abs(right[1]) < window.wide / 2) == (2.0 + ahead < LARGEST)
+
+
+@pytest.mark.parametrize("yaw", [0.5 * np.pi, np.pi, -0.5 * np.pi])
+def test_the_way_of_the_object_points_to_the_right_wherever_it_goes(yaw: float) -> None:
+    run = crowd()
+    scene, rollout = moved(run.scene, run.rollout, yaw, (100.0, -50.0, 0.0))
+    turned = replay(scene, rollout, CARD)
+    first, second = (Focus.of(one, one.incident("ids-0")) for one in (run, turned))
+    assert first.turn == pytest.approx(0.0)
+    assert np.cos(second.turn - yaw) == pytest.approx(1.0)
+    assert (second.window().wide, second.window().high) == pytest.approx((first.window().wide, first.window().high))
+    assert second.sentence == first.sentence
+
+
+def test_small_pictures_have_one_scale_and_hold_both_tracks() -> None:
+    focus = switch(old_y=1.5)
+    windows = [focus.close_window(t) for t in (EVENT - 1, EVENT, EVENT + 1)]
+    assert len({(window.wide, window.high) for window in windows}) == 1
+    assert windows[1].high / 2 > 1.5
+    assert windows[1].wide < focus.window().wide
+
+
+# ---- the sentence
+
+
+def test_a_switch_in_one_sentence() -> None:
+    assert switch(old_y=1.5, ahead=12.0).sentence == (
+        "ids-0: at 0.4 s car 5 changes from track 1 to the new track 2, while track 1 stays 1.5 m away; "
+        "the nearest of 2 samples goes too far and ends 10.5 m from the true place, which costs 7.0 m "
+        "(the frame before: 0.0 m)"
+    )
+    assert "to the new track 2, and track 1 ends; " in switch(old_y=None).sentence
+
+
+def line(ids: Sequence[int | None], y: float = 0.0, **more: Any) -> list[list[Thing]]:
+    """A thing that moves 1 m per frame along x, under another id in every frame; None: it is not there."""
+    return [[] if i is None else [Thing(i, float(t), y, **more)] for t, i in enumerate(ids)]
+
+
+SAYS: dict[str, tuple[list[list[Thing]], str, str]] = {  # tracks of car 5, event, what is said of it
+    "an older track takes it": (
+        [[Thing(1, t, 0.0 if t < 3 else 4.0), Thing(2, t, 4.0 if t < 3 else 0.0)] for t in range(8)],
+        "ids-0",
+        "changes from track 1 to track 2 (3 frames old, of no object before), while track 1 stays 4.0 m away; ",
+    ),
+    "its track ends": (
+        line([1, 1, None, None, None, None, None, None]),
+        "lost-0",
+        "car 5 loses track 1, which ends, and the nearest detection is 0.0 m away; nothing is forecast for it, ",
+    ),
+    "its track drifts off": (
+        [[Thing(1, t, 0.0 if t < 3 else 2.5)] for t in range(8)],
+        "lost-0",
+        "loses track 1, whose box is 2.5 m away, and the nearest detection",
+    ),
+    "it is found again": (
+        line([1, 1, None, None, 1, 1, 1, 1]),
+        "reacquired-0",
+        "at 0.4 s car 5 is found again after 2 frames by its old track 1; ",
+    ),
+    "another track finds it": (
+        line([1, 1, None, 2, 2, 2, 2, 2]),
+        "reacquired-0",
+        "is found again after 1 frame by the new track 2; ",
+    ),
+    "too near the end to be a target": (
+        line([1, 1, 1, 1, 1, 1, 1, 2]),
+        "ids-0",
+        "no error is counted, for it is no target then",
+    ),
+}
+
+
+@pytest.mark.parametrize(("tracks", "name", "text"), SAYS.values(), ids=SAYS)
+def test_what_is_said_of_an_event(tracks: list[list[Thing]], name: str, text: str) -> None:
+    assert text in told(line([5] * 8), tracks, name)
+
+
+def test_where_nothing_is_detected() -> None:
+    run = crowd(old_y=None, detected=False)
+    silent = replace(run.incident("ids-0"), kind="lost", name="lost-0", new_id=-1)
+    assert "which ends, and nothing is detected within 4 m; " in sentence(Case(run, silent))
+
+
+def test_a_false_forecast_in_one_sentence() -> None:
+    ghost = line([8] * 8, y=20.0, confidence=0.25, class_id=WALKER)
+    tracks = [[*own, *other] for own, other in zip(line([1] * 8), ghost, strict=True)]
+    said = [[replace(thing, forecast=[[[0.0, 0.0]] * 3], log_weight=[0.0]) for thing in frame] for frame in tracks]
+    run = replay(make_scene(line([5] * 8)), make_rollout(tracks, said), CARD)
+    assert Focus.of(run, run.incident("spurious-0")).sentence == (
+        "spurious-0: from 0.1 s to 0.4 s track 8 forecasts a pedestrian where there is none, no true one is in the "
+        "scene; confidence up to 0.25"
+    )
+
+
+WENT = {  # the true way and the forecast, each [3, 2], and what is said
+    "right": ([[4, 0], [8, 0], [12, 0]], [[4, 0], [8, 1], [12, 1]], "goes the right way and ends 1.0 m"),
+    "short": ([[4, 0], [8, 0], [12, 0]], [[2, 0], [4, 0], [6, 0]], "falls short and ends 6.0 m"),
+    "far": ([[4, 0], [8, 0], [12, 0]], [[6, 0], [12, 0], [18, 0]], "goes too far and ends 6.0 m"),
+    "still": ([[4, 0], [8, 0], [12, 0]], [[0, 0], [0, 0], [0, 0]], "stands still and ends 12.0 m"),
+    "left": ([[4, 0], [8, 0], [12, 0]], [[4, 4], [8, 8], [12, 12]], "turns off to the left and ends 12.0 m"),
+    "right turn": ([[0, 4], [0, 8], [0, 12]], [[4, 4], [8, 8], [12, 12]], "turns off to the right and ends 12.0 m"),
+    "back": ([[4, 0], [8, 0], [12, 0]], [[-4, 0], [-8, 0], [-12, 0]], "goes back and ends 24.0 m"),
+    "both stand": ([[0, 0]] * 3, [[0, 0], [0, 0], [0.5, 0]], "stands still like the object and ends 0.5 m"),
+    "moves off": ([[0, 0]] * 3, [[0, 0], [2, 0], [5, 0]], "moves off though the object stands, and ends 5.0 m"),
+}
+
+
+@pytest.mark.parametrize(("future", "path", "text"), WENT.values(), ids=WENT)
+def test_what_a_forecast_did(future: list[list[float]], path: list[list[float]], text: str) -> None:
+    samples = np.array([[[50.0, 50.0]] * 3, path])
+    forecast = Forecast(0, 1, np.zeros(2), samples, np.ones(2), nearest=1)
+    assert went(forecast, np.array([[0, 0], *future], dtype=float)) == f"{text} from the true place"
+
+
+def test_the_nearest_sample_is_the_one_that_the_score_counts() -> None:
+    runs = [replay(*random_case(seed), CARD) for seed in range(4)]
+    counted = 0
+    for case in [Case(run, event) for run in runs for event in run.events if event.minADE is not None]:
+        forecast = case.forecast(case.at.frame)
+        assert forecast is not None
+        gap = forecast.nearest_path[1:] - case.future(case.at.frame)[1:]
+        assert np.hypot(*gap.T).mean() == pytest.approx(case.at.minADE)
+        counted += 1
+    assert counted > 5

@@ -1,0 +1,216 @@
+"""Pictures of events: what a person sees is there, and in its place; of small scenes and of real recordings."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+from scipy import ndimage
+
+from mtp_bench import load_submission
+from mtp_bench.env import MTPEnv
+from mtp_bench.running.run import agent_task, run_scene
+from mtp_bench.viz import palette
+from mtp_bench.viz.drawing.birds_eye import PANEL, draw_frame
+from mtp_bench.viz.drawing.camera import Camera
+from mtp_bench.viz.drawing.canvas import Viewport
+from mtp_bench.viz.drawing.focus import draw_focus
+from mtp_bench.viz.drawing.report import COLUMN, ROW, SIZE, picture, report, save_report, wrapped_words
+from mtp_bench.viz.focus import MOST_BRIGHT, ROLES, Focus
+from mtp_bench.viz.frame_view import replay_view
+from mtp_bench.viz.replay import Replay, replay
+from mtp_bench.viz.terminal.event_table import Shown, event_rows, in_order
+from tests.support.command_line import CommandLine, plain_environment
+from tests.support.focus_scenes import EVENT, crowd
+
+Picture = NDArray[np.uint8]
+REAL = {  # the env, a scene of it and the kind of event: the costliest is shown
+    "nuScenes": ("MTP-nuScenes-mini-v0", "scene-0655", "ids"),
+    "KITTI": ("MTP-KITTI-v0", "0016", "lost"),
+    "PETS": ("MTP-PETS-v0", "PETS09-S2L1-0701", "ids"),
+}
+
+
+def near(image: Picture, color: palette.Color, tolerance: int = 40) -> NDArray[np.bool_]:
+    """Which pixels are nearly of this colour."""
+    gap: NDArray[np.bool_] = np.abs(image.astype(int) - np.array(color)).max(axis=-1) < tolerance
+    return gap
+
+
+def coloured(image: Picture) -> int:
+    """Number of things in an image that are not grey: parts a few pixels from each other are one."""
+    thick = ndimage.binary_dilation(np.ptp(image.astype(int), axis=-1) > 15, np.ones((9, 9)))
+    labels = np.zeros(thick.shape, dtype=np.int64)
+    ndimage.label(thick, output=labels)
+    return int(labels.max())
+
+
+def main_panel(image: Picture) -> Picture:
+    """The large picture of a report, without the sentence above it: that ends where the frame of the panel begins."""
+    edge = np.flatnonzero((image[:200, 5] == np.array([200, 200, 200])).all(axis=-1))[0]
+    return image[edge + 1 : SIZE[1] - ROW, : SIZE[0] - COLUMN - 1]
+
+
+def assert_ringed_in_the_middle(panel: Picture) -> None:
+    """The yellow ring is one, and its centre is in the middle third each way."""
+    y, x = np.nonzero(near(panel, palette.EVENT))
+    assert len(y) > 60
+    high, wide = panel.shape[:2]
+    middle = (x.min() + x.max()) / 2 / wide, (y.min() + y.max()) / 2 / high
+    assert all(1 / 3 < share < 2 / 3 for share in middle), middle
+    assert np.ptp(x) == pytest.approx(np.ptp(y), abs=6), "a circle, not several"
+
+
+def focus_of(run: Replay, kind: str = "ids") -> Focus:
+    """The costliest event of a kind, as `mtp-bench events --sort cost --kind` lists it first."""
+    rows = in_order(event_rows(run, [kind], Shown("run")), "cost")
+    return Focus.of(run, rows[0].incident)
+
+
+# ---- small scenes
+
+
+def test_the_event_is_bright_and_the_crowd_is_not() -> None:
+    run = crowd(ahead=12.0)
+    focus = focus_of(run)
+    image = np.asarray(report(focus))
+    assert image.shape == (SIZE[1], SIZE[0], 3)
+    panel = main_panel(image)
+    assert_ringed_in_the_middle(panel)
+    for role in ("truth", "before", "now"):
+        assert near(panel, ROLES[role]).sum() > 30, role
+    everything = np.asarray(draw_frame(replay_view(run, EVENT), Camera(False, Viewport(0.0, 0.0, 70.0, 70.0))))
+    assert coloured(everything[:, : -PANEL - 4]) > 40, "the same frame with everything in colour"
+    window = focus.window()
+    assert coloured(np.asarray(draw_focus(focus, EVENT, (900, 450), window))) <= MOST_BRIGHT
+
+
+def test_the_small_pictures_show_who_follows_the_object() -> None:
+    image = np.asarray(report(focus_of(crowd(old_y=None))))[SIZE[1] - ROW :]
+    wide = SIZE[0] // 3
+    blue, orange = (
+        [int(near(image[:, i * wide : (i + 1) * wide], ROLES[role]).sum()) for i in range(3)]
+        for role in ("before", "now")
+    )
+    assert blue[0] > 100 > blue[1] + blue[2] + orange[0]
+    assert min(orange[1:]) > 100
+
+
+def test_without_a_forecast_the_picture_says_so() -> None:
+    run = crowd(old_y=None)
+    lost = focus_of(run)
+    loud = near(main_panel(np.asarray(report(lost))), ROLES["now"]).sum()
+    assert loud > 0
+    assert np.array_equal(np.asarray(report(lost)), np.asarray(report(focus_of(crowd(old_y=None)))))
+
+
+def test_a_long_sentence_is_broken_between_words_and_never_before_a_unit() -> None:
+    lines = wrapped_words(" ".join(["costs 10.0 m and"] * 30), 19, 700)
+    assert len(lines) > 3
+    assert not any(line.startswith("m ") for line in lines)
+    assert " ".join(lines) == " ".join(["costs 10.0 m and"] * 30)
+
+
+@pytest.mark.parametrize("t", [0, EVENT - 1, EVENT, EVENT + 3, 9])
+def test_every_frame_around_the_event_has_the_same_size_and_the_object_in_the_same_place(t: int) -> None:
+    focus = focus_of(crowd(ahead=12.0))
+    image = np.asarray(picture(focus, t, (960, 720)))
+    assert image.shape == (720, 960, 3)
+    ringed = near(image[120:, : 960 - COLUMN], palette.EVENT).sum() > 60
+    assert ringed == (t >= EVENT)
+    assert near(image[120:, : 960 - COLUMN], ROLES["truth"]).sum() > 30
+
+
+def test_the_file_says_what_it_shows(tmp_path: Path) -> None:
+    focus = focus_of(crowd())
+    save_report(tmp_path / "a.png", focus)
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.size == SIZE
+        assert image.text["Description"] == focus.sentence  # type: ignore[attr-defined]
+    assert (tmp_path / "a.png").stat().st_size < 150_000
+    save_report(tmp_path / "b.png", focus)
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+# ---- the command
+
+
+def test_the_command_writes_a_picture(cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path) -> None:
+    for name in ("ids-0", "lost-0", "reacquired-0"):
+        out = cli.ok("view", events_run, *known, "--at", name, "--png", tmp_path / f"{name}.png")
+        with Image.open(tmp_path / f"{name}.png") as image:
+            assert image.text["Description"] in " ".join(out.split())  # type: ignore[attr-defined]
+    cli.ok("view", events_run, *known, "--scene", "0006", "--at", "spurious-0", "--png", tmp_path / "s.png")
+    assert len(list(tmp_path.iterdir())) == 4
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["--png", "a.png"], "a picture shows one event: name it with --at"),
+        (["--at", "ids-0", "--png", "a.jpg"], "ends in .png"),
+        (["--at", "ids-0", "--png", "a.png", "--web"], "choose one of them"),
+        (["--at", "ids-0", "--png", "a.png", "--save", "a.rrd"], "choose one of them"),
+    ],
+    ids=["no event", "suffix", "web", "save"],
+)
+def test_wrong_usage(
+    arguments: list[str], text: str, cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    output = cli("view", events_run, *known, *arguments)
+    assert output.status == 2
+    assert text in " ".join(output.err.replace("│", " ").split())
+    assert not list(tmp_path.iterdir())
+
+
+def test_two_runs_make_no_picture(cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path) -> None:
+    output = cli("view", events_run, events_run, *known, "--at", "ids-0", "--png", tmp_path / "a.png")
+    assert output.status == 2
+    assert "got 2 folders" in " ".join(output.err.replace("│", " ").split())
+
+
+def test_a_picture_needs_neither_rerun_nor_a_screen(events_run: Path, known: list[str], tmp_path: Path) -> None:
+    arguments = ["mtp-bench", "view", str(events_run), *known, "--at", "ids-0", "--png", str(tmp_path / "a.png")]
+    code = f"""
+import sys
+sys.modules["rerun"] = None
+sys.argv = {arguments!r}
+from mtp_bench.commands.app import main
+main()
+"""
+    environment = {name: value for name, value in plain_environment().items() if "DISPLAY" not in name}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "a.png").is_file()
+
+
+# ---- real recordings
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(("env_id", "scene", "kind"), REAL.values(), ids=REAL)
+def test_a_real_failure_is_told(env_id: str, scene: str, kind: str, data_root: Path, tmp_path: Path) -> None:
+    env = MTPEnv(env_id, data=str(data_root), evaluation=True)
+    rollout = run_scene(load_submission("stp").build(agent_task(env, 0)), env, scene, seed=0)
+    focus = focus_of(replay(env.scene, rollout, env.card, "stp"), kind)
+    save_report(tmp_path / "a.png", focus)
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.text["Description"] == focus.sentence  # type: ignore[attr-defined]
+        panel = main_panel(np.asarray(image.convert("RGB")))
+    assert_ringed_in_the_middle(panel)
+    shown = focus.frame(focus.at.frame)
+    assert 0 < shown.bright <= MOST_BRIGHT
+    assert len(shown.dim_detection) + len(shown.dim_truth) > 0
+    drawn = np.asarray(draw_focus(focus, focus.at.frame, (900, 450), focus.window()))
+    assert coloured(drawn) <= MOST_BRIGHT
+    for role in {"truth"} | {role for role, _ in focus.forecasts(focus.at.frame)}:
+        assert near(panel, ROLES[role]).sum() > 30, role
+    assert str(focus.at.old_id) in focus.sentence
+    assert "which costs" in focus.sentence

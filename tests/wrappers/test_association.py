@@ -1,0 +1,195 @@
+"""The agent associates, the wrapper does the rest: its rules, its observation, and what simple policies earn."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
+from numpy.typing import NDArray
+
+from mtp_bench import ActionError, MtpBenchError
+from mtp_bench.env import MTPEnv
+from mtp_bench.prediction import LearnedPresence
+from mtp_bench.wrappers import CONTINUE, IGNORE, NEW, AssociationOnly
+from tests.env.conftest import MakeEnv
+from tests.env.conftest import make_env as make_env
+from tests.env.test_gymnasium import make_small
+from tests.support.small_scenes import make_scene
+
+Policy = Callable[[NDArray[np.float32]], NDArray[Any]]
+
+
+@pytest.fixture
+def env(make_env: MakeEnv) -> AssociationOnly:
+    """A car along x, seen surest, a car along y, and a walker, who is seen least surely; one frame has no detection."""
+    return AssociationOnly(make_env(make_scene(frames=8, empty=(5,))), detections=4, choices=2)
+
+
+def play(env: AssociationOnly, *choices: list[int]) -> Any:
+    """What the env was told of the tracks, frame by frame, after these choices and the nearest for the other frames."""
+    observation, _ = env.reset(seed=0)
+    truncated, t = False, 0
+    while not truncated:
+        choice = np.array(choices[t]) if t < len(choices) else env.nearest(observation)
+        observation, _, _, truncated, _ = env.step(choice)
+        t += 1
+    inner = env.unwrapped
+    assert isinstance(inner, MTPEnv)
+    rollout = inner.rollout()
+    return [rollout.track_id[rollout.tracks.rows(t)].tolist() for t in range(rollout.frames)]
+
+
+def test_the_nearest_neighbour_keeps_the_identities(env: AssociationOnly) -> None:
+    assert play(env) == [[0, 1, 2]] * 8  # also in the frame without a detection
+
+
+def test_ignored_detections_have_no_track(env: AssociationOnly) -> None:
+    assert play(env, *[[IGNORE] * 4] * 8) == [[]] * 8
+
+
+def test_always_new_tracks_end_after_two_frames_without_a_detection(env: AssociationOnly) -> None:
+    ids = play(env, *[[NEW, IGNORE, IGNORE, IGNORE]] * 8)
+    assert ids == [[0], [0, 1], [0, 1, 2], [1, 2, 3], [4, 2, 3], [4, 3], [4, 5], [5, 6]]  # by slots
+
+
+def test_what_cannot_be_continued_is_ignored(env: AssociationOnly) -> None:
+    """Nothing is there yet; then the cars are 20 m apart, and the walker is of another class."""
+    far = [CONTINUE + 1] * 4
+    assert play(env, [CONTINUE] * 4, far, [NEW, IGNORE, IGNORE, IGNORE], far, far, far)[:6] == [
+        [], [], [0], [0], [0], []
+    ]  # fmt: skip
+
+
+def test_of_two_that_continue_a_track_the_nearer_one_does(make_env: MakeEnv) -> None:
+    env = AssociationOnly(make_env(make_scene()), detections=4, choices=1, near=1000.0)
+    first, _ = env.reset(seed=0)
+    assert (env.table(first)[:3, 4:6] == [[1, 0], [1, 0], [0, 1]]).all()  # two cars, a walker
+    env.step(np.array([IGNORE, NEW, IGNORE, IGNORE]))
+    env.step(np.array([CONTINUE, CONTINUE, CONTINUE, IGNORE]))
+    inner = env.unwrapped
+    assert isinstance(inner, MTPEnv)
+    box = inner._episode.answers[-1].track_box  # type: ignore[union-attr]
+    np.testing.assert_allclose(box[:, :2], [[40.1, 5.5]], atol=1e-3)  # the second car itself
+
+
+def test_columns_of_the_observation(env: AssociationOnly) -> None:
+    observation, _ = env.reset(seed=0)
+    table = env.table(observation)
+    assert table.shape == (4, 4 + 2 + 2 * 4)
+    assert table[:, 0].tolist() == [1, 1, 1, 0]
+    np.testing.assert_allclose(table[:3, 1], [3 / 4, 1 / 2, -2 / 3], rtol=1e-6)  # scores 3, 1, -2
+    # The car is 0.1 m along the scene's x axis, 0.5 rad to the right of the platform's heading.
+    np.testing.assert_allclose(table[0, 2:4], 0.001 * np.array([np.cos(0.5), -np.sin(0.5)]), atol=1e-6)
+    assert not table[:, 6:].any(), "there is no track yet"
+    assert not table[3].any()
+    observation, *_ = env.step(np.array([NEW, IGNORE, NEW, IGNORE]))
+    near = env.table(observation)[:3, 6:].reshape(3, 2, 4)
+    np.testing.assert_allclose(near[0, 0], [1, 1 - 0.8 / 10, 0, 0], atol=1e-5)  # it moves 0.8 m per frame
+    np.testing.assert_allclose(near[2, 0], [1, 1, 0, 0], atol=1e-5)  # the walker stands still
+    assert not near[:, 1].any()
+    assert not near[1].any(), "the other car is 20 m away"
+    observation, *_ = env.step(np.array([CONTINUE, IGNORE, IGNORE, IGNORE]))
+    near = env.table(observation)[:3, 6:].reshape(3, 2, 4)
+    np.testing.assert_allclose(near[0, 0], [1, 1, 0.5, 0], atol=1e-5)  # now its velocity is known
+    np.testing.assert_allclose(near[2, 0], [1, 1, 0, 1 / 3], atol=1e-5)  # the walker waited a frame
+
+
+def test_the_observation_turns_with_the_platform(make_env: MakeEnv) -> None:
+    seen = []
+    for keywords in ({}, {"rigid_motion": True}):
+        env = AssociationOnly(make_env(make_scene(), **keywords), detections=4)
+        observation, _ = env.reset(seed=1)
+        for _ in range(4):
+            observation, *_ = env.step(env.nearest(observation))
+        seen.append(observation)
+    np.testing.assert_allclose(seen[0], seen[1], atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "action", [None, [0, 0], [0, 0, 0, 4], [-1, 0, 0, 0], [0.5, 0, 0, 0], np.zeros((4, 4), dtype=int)], ids=str
+)
+def test_what_is_no_choice_is_one_clear_error(action: Any, env: AssociationOnly) -> None:
+    env.reset()
+    with pytest.raises(ActionError, match="expected 4 whole numbers from 0 to 3"):
+        env.step(action)
+
+
+@pytest.mark.parametrize("name", ["detections", "choices", "near"])
+def test_a_wrong_size_is_one_clear_error(name: str, make_env: MakeEnv) -> None:
+    keywords: dict[str, Any] = {name: 0}
+    with pytest.raises(MtpBenchError, match=f"{name} is 0, expected a number above 0"):
+        AssociationOnly(make_env(make_scene()), **keywords)
+
+
+def make_roundabout(**keywords: Any) -> AssociationOnly:
+    names = MTPEnv("MTP-Roundabout-v0").scene_names[:2]
+    return AssociationOnly(gym.make("MTP-Roundabout-v0", scenes=names), **keywords)
+
+
+def reward(env: AssociationOnly, policy: Policy) -> float:
+    """Mean per step over the scenes of the env."""
+    rewards = []
+    for name in env.get_wrapper_attr("scene_names"):
+        observation, _ = env.reset(seed=0, options={"scene": name})
+        truncated = False
+        while not truncated:
+            observation, one, _, truncated, info = env.step(policy(observation))
+            assert info["invalid_objects"] == info["invalid_tracks"] == 0
+            rewards.append(float(one))
+    return float(np.mean(rewards))
+
+
+def test_the_nearest_neighbour_earns_more_than_ignoring_or_beginning_everything() -> None:
+    env = make_roundabout()
+    size = env.action_space.shape
+    nearest = reward(env, env.nearest)
+    assert nearest > 0.8 * reward(env, lambda observation: np.full(size or (), IGNORE))  # rewards are negative
+    assert nearest > 0.8 * reward(env, lambda observation: np.full(size or (), NEW))
+
+
+def test_a_presence_and_a_predictor_can_be_given() -> None:
+    """Confidences below 0.5 do not cost a false forecast: one that is learned earns more."""
+    certain, weighed = (make_roundabout(presence=presence) for presence in (None, LearnedPresence()))
+    assert reward(weighed, weighed.nearest) > reward(certain, certain.nearest)
+
+
+def test_any_choice_is_a_sound_action() -> None:
+    """Tracks of wrong choices jump: what is forecast of them stays within what the env allows."""
+    env = make_roundabout(near=1000.0, choices=3)
+    choices: Any = env.action_space
+    choices.seed(0)
+    assert np.isfinite(reward(env, lambda observation: choices.sample()))
+
+
+def test_both_checkers_accept_it(card: str, kitti: str) -> None:
+    env: Any = AssociationOnly(make_small(card, kitti), detections=4)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", ".*is different from the unwrapped version.*")  # said of every wrapper
+        check_env(env, skip_render_check=True)
+        sb3 = pytest.importorskip("stable_baselines3.common.env_checker", reason="stable-baselines3 is not installed")
+        sb3.check_env(env)
+
+
+@pytest.mark.parametrize("kind", ["sync", "async"])
+def test_vector_envs(kind: str, card: str, kitti: str) -> None:
+    def make() -> gym.Env[Any, Any]:
+        return AssociationOnly(make_small(card, kitti), detections=4)
+
+    envs: Any = SyncVectorEnv([make, make]) if kind == "sync" else AsyncVectorEnv([make, make], context="spawn")
+    try:
+        envs.action_space.seed(0)
+        observation, _ = envs.reset(seed=[1, 2], options={"scene": "0006"})
+        for t in range(7):
+            assert envs.observation_space.contains(observation)
+            observation, rewards, _, truncated, _ = envs.step(envs.action_space.sample())
+            assert np.isfinite(rewards).all()
+            assert truncated.tolist() == [t == 6] * 2
+    finally:
+        envs.close()
