@@ -7,11 +7,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..files import make_folder, require_folder
+from ..parallel import Progress
 from ..running.options import DEFAULTS, RunOptions
 from ..running.perturbation import score_cuts
-from ..running.reference import reference_for
+from ..running.reference import frozen_reference, reference_for
 from ..running.sensitivity import AtCut, at_cut
+from ..running.settings import setting_of
 from ..scoring import AgentScores, Reference, summarise
+from ..sources import open_source
+from ..submission.loader import load_submission
 from .findings import Findings
 from .plan import CUT_AGENTS, HYPOTHESES, QUANTILES, Plan, key_of, make_plan, with_cuts
 from .runs import Bench, Measured, measure, open_bench
@@ -21,6 +25,7 @@ from .tables import make_tables
 
 QUICK_SCENES = 6
 QUICK_HYPOTHESES = (1, 5, 20)
+_OF_WEIGHTS = 5  # pieces of work per scene where event weights have to be made
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,13 +76,20 @@ def quick_options(options: RunOptions) -> RunOptions:
 
 
 def find(names: Sequence[str], env_id: str, folder: Path, options: RunOptions, quick: bool = False) -> Findings:
-    """Run and score everything that a study needs."""
-    bench = open_bench(env_id, folder, options)
+    """Run and score everything that a study needs; one count of the work goes over all of it."""
     hypotheses = QUICK_HYPOTHESES if quick else HYPOTHESES
-    plan = make_plan(names, bench.card, hypotheses, hypotheses[-1:] if quick else hypotheses[1:])
-    if not quick:
-        plan = with_cuts(plan, bench.card, _cuts(bench))
-    reference = reference_for(bench.card, bench.scenes, options)
+    card = options.card(env_id)
+    plan = make_plan(names, card, hypotheses, hypotheses[-1:] if quick else hypotheses[1:])
+    scenes = options.chosen(open_source(card, options.data).names)
+    cuts = 0 if quick else len(QUANTILES) * len(CUT_AGENTS)
+    frozen = frozen_reference(card)
+    weights = 0 if frozen is not None and frozen.holds(scenes) else _OF_WEIGHTS
+    runs = len(plan.equal) * len(options.seeds) + len(plan.free) + cuts
+    options.progress.started(len(scenes) * (1 + weights + runs))
+    watched = replace(options, progress=Progress(done=options.progress.done))  # its parts do not count anew
+    bench = open_bench(env_id, folder, watched)
+    plan = plan if quick else with_cuts(plan, bench.card, _cuts(bench))
+    reference = reference_for(bench.card, bench.scenes, watched)
     measured = _measure_all(bench, plan)
     subject = plan.subjects[0]
     speeds = tuple(speed_of(bench, setting) for setting in subject.equal.values())
@@ -87,9 +99,7 @@ def find(names: Sequence[str], env_id: str, folder: Path, options: RunOptions, q
 def _measure_all(bench: Bench, plan: Plan) -> dict[str, Measured]:
     first = bench.options.seeds[:1]
     work = [(s, bench.options.seeds) for s in plan.equal] + [(s, first) for s in [*plan.free, *plan.cut]]
-    progress = bench.options.progress
-    progress.started(len(bench.scenes) * sum(len(seeds) for _, seeds in work))
-    return {key_of(setting): measure(bench, setting, seeds, progress.done) for setting, seeds in work}
+    return {key_of(setting): measure(bench, setting, seeds, bench.options.progress.done) for setting, seeds in work}
 
 
 def _cuts(bench: Bench) -> dict[float, dict[str, float]]:
@@ -104,9 +114,6 @@ def _sensitivity(bench: Bench, plan: Plan, reference: Reference, measured: dict[
     """What the baselines score with all detections, and at each cut."""
     if not plan.cuts:
         return ()
-    from ..running.settings import setting_of
-    from ..submission.loader import load_submission
-
     whole = [setting_of(load_submission(name), bench.card) for name in CUT_AGENTS]
     at = {0.0: whole, **plan.cuts} if all(key_of(setting) in measured for setting in whole) else plan.cuts
     rows = []

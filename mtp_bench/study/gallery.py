@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import os
 import shlex
+from base64 import b64encode
 from dataclasses import dataclass
+from io import BytesIO
 from typing import TYPE_CHECKING
 
 import numpy as np
+from PIL import Image
 
 from .._bundle import card_ids
+from ..running.rollout_files import load_run
+from ..sources import open_source
 from ..types import Floats
+from ..viz.drawing.report import report
+from ..viz.focus import Focus
+from ..viz.replay import replay
 from .figures.style import Figure, beside, color, draw
 from .findings import Findings
 from .moments import Moment, Said, worst_moments
@@ -25,8 +33,15 @@ _LEAST, _MOST = 6.0, 45.0  # m, half of what a panel shows
 class Picture:
     """One event, with what was forecast from each kind of past."""
 
-    figure: Figure
+    figure: Figure  # beside each other: from the true past, with one hypothesis and with the most
+    focus: bytes  # PNG: the event with one hypothesis alone, as `mtp-bench view --png` draws it
+    sentence: str  # what the focus picture shows
     command: str  # that opens it
+
+    @property
+    def base64(self) -> str:
+        """The focus picture as text, for a page."""
+        return b64encode(self.focus).decode("ascii")
 
 
 def gallery(found: Findings) -> list[Picture]:
@@ -36,8 +51,22 @@ def gallery(found: Findings) -> list[Picture]:
     for moment in worst_moments(found):
         kind = moment.incident.kind
         count[kind] = count.get(kind, 0) + 1
-        pictures.append(Picture(picture_of(moment, f"{kind}-{count[kind]}"), command_of(found, moment)))
+        focus, sentence = _focus(found, moment)
+        figure = picture_of(moment, f"{kind}-{count[kind]}")
+        pictures.append(Picture(figure, focus, sentence, command_of(found, moment)))
     return pictures
+
+
+def _focus(found: Findings, moment: Moment) -> tuple[bytes, str]:
+    """The focus picture of a moment with one hypothesis, and its sentence."""
+    bench, single = found.bench, found.subject.single
+    rollouts = load_run(found.of(single).folders[0]).rollouts
+    scene = open_source(bench.card, bench.options.data).load(moment.scene)
+    rollout = rollouts[bench.scenes.index(moment.scene)]
+    focus = Focus.of(replay(scene, rollout, bench.card, single.label), moment.incident)
+    content = BytesIO()
+    report(focus).quantize(128, dither=Image.Dither.NONE).save(content, "PNG", optimize=True)
+    return content.getvalue(), focus.sentence
 
 
 def command_of(found: Findings, moment: Moment) -> str:

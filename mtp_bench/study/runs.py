@@ -60,7 +60,6 @@ def open_bench(env_id: str, folder: Path, options: RunOptions) -> Bench:
     """The bench of an env; reads all its scenes once. Raises MtpBenchError for whatever the user can mend."""
     env = MTPEnv(env_id, **options.env_keywords)
     scenes = options.chosen(env.scene_names)
-    options.progress.started(len(scenes))
     read = parallel_map(
         _read,
         [(env.card, options.data, name) for name in scenes],

@@ -39,5 +39,6 @@ def write_study(folder: Path, found: Findings, tables: dict[str, Table], command
     for picture in pictures:
         write_text(folder / EVENTS / f"{picture.figure.name}.svg", picture.figure.svg_file)
         write_bytes(folder / EVENTS / f"{picture.figure.name}.png", picture.figure.png)
+        write_bytes(folder / EVENTS / f"{picture.figure.name}-focus.png", picture.focus)
     write_text(folder / PAGE, study_page(found, tables, figures, pictures, command))
     return Written(folder / PAGE, len(figures))

@@ -102,7 +102,9 @@ def _png(canvas: Any, title: str, foot: str, sentence: str) -> bytes:
     canvas.savefig(plain, format="png", dpi=DOTS)
     drawing = Image.open(plain).convert("RGB")
     point = DOTS / 72
-    faces = [font_manager.findfont(font_manager.FontProperties(family="DejaVu Sans", weight=w)) for w in ("bold", "normal")]
+    faces = [
+        font_manager.findfont(font_manager.FontProperties(family="DejaVu Sans", weight=w)) for w in ("bold", "normal")
+    ]
     bold, small = (ImageFont.truetype(face, round(size * point)) for face, size in zip(faces, (12, 8.5), strict=True))
     above, below = round(24 * point), round((11 * (1 + foot.count("\n")) + 10) * point)
     whole = Image.new("RGB", (drawing.width, drawing.height + above + below), PAPER)
