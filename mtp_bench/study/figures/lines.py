@@ -209,28 +209,37 @@ def budgets_figure(found: Findings, tables: Tables) -> Figure:
     return draw("budgets", table.title, table.sentence, n_of(found), paint)
 
 
-def _by_bins(axis: Axes, rows: list[Any], names: list[str], told: dict[str, str]) -> None:
+PLAIN = ("plain_error", "low", "high", "plain error, m")
+COVERED = ("minADE", "minADE_low", "minADE_high", "minADE, m")
+
+
+def _by_bins(
+    axis: Axes, rows: list[Any], names: list[str], told: dict[str, str], of: tuple[str, str, str, str] = PLAIN
+) -> None:
+    """One number of each agent in each bin, with its interval, and how many targets the bin has."""
     grid(axis)
+    value, low, high, label = of
+    rows = [row for row in rows if getattr(row, value) is not None]
     for shift, (agent, count) in enumerate(agents(rows)):
         mine = where(rows, agent=agent, H=count)
         at = np.array([names.index(row.bin) for row in mine]) + 0.12 * (shift - 1.5)
         name = told.get(agent, "grey")
-        caps(axis, at, pick(mine, "plain_error"), pick(mine, "low"), pick(mine, "high"), name=name)
+        caps(axis, at, pick(mine, value), pick(mine, low), pick(mine, high), name=name)
         axis.plot(
-            at, pick(mine, "plain_error"), linestyle="none", marker=MARKERS.get(name, "o"), color=color(name),
+            at, pick(mine, value), linestyle="none", marker=MARKERS.get(name, "o"), color=color(name),
             markersize=5, label=called(agent, count),
         )  # fmt: skip
     counts = {row.bin: row.targets for row in rows}
     names_shown = [f"{name}\n{counts.get(name, 0)}" for name in names]
     axis.set_xticks(range(len(names)), names_shown, fontsize=7.5 if len(names) > 6 else 8.5)
-    axis.set_ylabel("plain error, m")
-    axis.set_ylim(0, _top(rows))
+    axis.set_ylabel(label)
+    axis.set_ylim(0, _top(pick(rows, value), pick(rows, high)))
 
 
-def _top(rows: list[Any]) -> float:
+def _top(values: list[float], ends: list[float | None]) -> float:
     """Where the axis ends: intervals of a handful of targets must not squeeze the rest."""
-    most = max((row.plain_error or 0.0 for row in rows), default=1.0)
-    return float(min(max((row.high or 0.0 for row in rows), default=most), 1.35 * most) * 1.05) or 1.0
+    most = max(values, default=1.0)
+    return float(max(most, min(max((end or 0.0 for end in ends), default=most), 1.35 * most)) * 1.07) or 1.0
 
 
 def since_figure(found: Findings, tables: Tables) -> Figure:
@@ -243,7 +252,7 @@ def since_figure(found: Findings, tables: Tables) -> Figure:
         for axis, kind in zip(axes, kinds, strict=True):
             rows = where(table.rows, by=kind)
             names = list(dict.fromkeys(pick(rows, "bin")))
-            _by_bins(axis, rows, names, told)
+            _by_bins(axis, rows, names, told, COVERED)
             axis.set_xlabel(f"frames since the last {kind}; below: targets")
         beside(axes[0], ncols=4)
 
@@ -330,4 +339,4 @@ def cuts_figure(found: Findings, tables: Tables) -> Figure:
             )  # fmt: skip
         beside(axes[0])
 
-    return draw("cuts", table.title, table.sentence, n_of(found), paint, panels=2)
+    return draw("cuts", table.title, table.sentence, n_of(found, seeds=1), paint, panels=2)

@@ -12,7 +12,7 @@ from ...scoring.causes import CAUSES
 from ...scoring.definitions import DISTANCE_BINS, PLANNING_SIGMA
 from ...scoring.subsets import Subset
 from ...types import Bools, Floats
-from ..findings import Findings, Mean
+from ..findings import Findings
 from ..plan import Subject
 from ..table import Count, Metres, Number, Share, Table, Text
 from .costs import shown
@@ -84,21 +84,23 @@ class BinRow:
     plain_error: Metres
     low: Metres
     high: Metres
+    minADE: Metres  # noqa: N815
+    minADE_low: Metres  # noqa: N815
+    minADE_high: Metres  # noqa: N815
     coverage: Share
     targets: Count
     objects: Count
 
 
-def _bin_row(found: Findings, setting: Setting, by: str, name: str, mask: Bools) -> BinRow | None:
+def _bin_row(found: Findings, setting: Setting, by: str, name: str, weight: Floats | Bools) -> BinRow | None:
+    """The row of some targets; None where there is none."""
     table = found.table(setting)
-    mean: Mean = found.mean(table, table.capped, mask)
+    mean = found.mean(table, table.capped, weight)
     if not mean.targets:
         return None
-    covered = table.covered[mask].sum() / len(table.setting.seeds) / mask.sum()
-    hypotheses = table.setting.hypotheses
-    return BinRow(
-        by, name, setting.label, hypotheses, mean.value, mean.low, mean.high, covered, mean.targets, mean.objects
-    )
+    ade = found.covered_mean(table, table.min_ade, weight)
+    covered = float((table.covered * weight).sum() / len(table.setting.seeds) / np.sum(weight))
+    return BinRow(by, name, setting.label, table.setting.hypotheses, *mean[:3], *ade[:3], covered, *mean[3:])
 
 
 def since_table(found: Findings) -> Table:
@@ -114,8 +116,9 @@ def since_table(found: Findings) -> Table:
     return Table(
         "since",
         "How long an event hurts",
-        f"The plain error (every forecast kept, a missing one counts as the miss error) by the frames since the object "
-        f"last had an event of {found.subject.single.label}, first seed: the same targets for every agent.",
+        f"Errors by the frames since the object last had an event of {found.subject.single.label}, first seed: the same "
+        "targets for every agent. The figure has minADE, over targets with a forecast; the plain error of the table "
+        "counts a missing forecast as the miss error.",
         rows,
     )
 
@@ -176,19 +179,11 @@ def _distance_masks(distance: Floats) -> dict[str, Bools]:
 
 
 def _planning(found: Findings, setting: Setting) -> BinRow | None:
+    """All targets, weighted by how near they come to the ego."""
     if not found.bench.card.has_ego:
         return None
-    table = found.table(setting)
-    weight = np.exp(-(table.approach**2) / (2.0 * PLANNING_SIGMA**2))
-    mean = found.mean(table, table.capped, weight)
-    hypotheses = table.setting.hypotheses
-    if mean.value is None:
-        return None
-    covered = float((table.covered * weight).sum() / len(table.setting.seeds) / weight.sum())
-    return BinRow(
-        "planning", "weighted", setting.label, hypotheses, mean.value, mean.low, mean.high, covered, mean.targets,
-        mean.objects,
-    )  # fmt: skip
+    weight = np.exp(-(found.table(setting).approach ** 2) / (2.0 * PLANNING_SIGMA**2))
+    return _bin_row(found, setting, "planning", "weighted", weight)
 
 
 @dataclass(frozen=True)
