@@ -87,6 +87,7 @@ def draw(
         paint(axes)
         for each in axes:
             _tidy(each)
+        canvas.draw_without_rendering()  # panels of equal scales find their places only then
         svg = _svg(canvas, name)
         foot = textwrap.fill(f"{sentence} n: {n}.", int(width * _LETTERS))
         png = _png(canvas, title, foot, sentence)

@@ -116,9 +116,9 @@ def since_table(found: Findings) -> Table:
     return Table(
         "since",
         "How long an event hurts",
-        f"Errors by the frames since the object last had an event of {found.subject.single.label}, first seed: the same "
-        "targets for every agent. The figure has minADE, over targets with a forecast; the plain error of the table "
-        "counts a missing forecast as the miss error.",
+        f"Errors by the frames since the object last had an event of {found.subject.single.label}, first seed: the "
+        "same targets for every agent. The figure has minADE, over targets with a forecast; the plain error of the "
+        "table counts a missing forecast as the miss error.",
         rows,
     )
 
