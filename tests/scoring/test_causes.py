@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mtp_bench.cards import Card
+from mtp_bench.running.run import jobs_of, run_jobs
 from mtp_bench.scoring import SceneScore, score_scene
 from mtp_bench.scoring.budgets import Budgets, budgets_of, errors_at
 from mtp_bench.scoring.causes import CAUSES, causes, causes_at
 from mtp_bench.scoring.circumstances import Circumstances, circumstances
 from mtp_bench.scoring.targets import find_targets
+from mtp_bench.submission import load_submission
 from mtp_bench.types import Detections, Rollout, Scene
 from tests.support.scoring_scenes import (
     WALKER,
@@ -50,7 +54,8 @@ def looked_at(seed: int, name: str = "s") -> tuple[SceneScore, Circumstances]:
 
 def parts_of(runs: list[list[tuple[SceneScore, Circumstances]]], budgets: Budgets, rng: Any, subsets: bool) -> Array:
     n = sum(len(score) for score, _ in runs[0])
-    scores, around = ([[pair[i] for pair in run] for run in runs] for i in (0, 1))
+    scores = [[score for score, _ in run] for run in runs]
+    around = [[near for _, near in run] for run in runs]
     return causes(scores, around, budgets, rng.uniform(0, 5, n), rng.random(n) < 0.5, subsets)
 
 
@@ -156,3 +161,26 @@ def test_an_event_that_one_hypothesis_does_not_have_is_not_shared() -> None:
     near = circumstances(make_scene(cars), parents, SMALL)
     assert len(near.own["ids"].frame) == 1
     assert len(near.shared["ids"].frame) == 0
+
+
+@pytest.mark.data
+def test_parts_add_up_on_a_real_sequence(data_root: Path) -> None:
+    # STP on one sequence of KITTI, at every budget of "all", and at that of the subsets
+    settings_of = {"data": str(data_root)}
+    (job,) = jobs_of(load_submission("stp"), "MTP-KITTI-noego-v0", settings_of, ["0012"])
+    ((score, near),) = run_jobs([job], finish=_look)
+    budgets, rng = budgets_of(len(score), 30.0), np.random.default_rng(0)
+    from_truth, switched = rng.uniform(0, 2, len(score)), rng.random(len(score)) < 0.5
+    assert len(score) > 50
+    for subsets in (False, True):
+        allowed = [budgets.subsets] if subsets else budgets.all
+        parts = causes([[score]], [[near]], budgets, from_truth, switched, subsets)
+        error = errors_at([score.cuts], allowed).error.mean(axis=0)
+        np.testing.assert_allclose(parts.sum(axis=0), error, atol=1e-9)
+    named_parts = dict(zip(CAUSES, parts.mean(axis=1), strict=True))
+    assert named_parts["undetected"] > 0  # the detector does not see everything
+    assert named_parts["localisation"] > 0  # and what it sees is a little off
+
+
+def _look(scene: Scene, rollout: Rollout, card: Card) -> tuple[SceneScore, Circumstances]:
+    return score_scene(scene, rollout, card), circumstances(scene, rollout, card)
