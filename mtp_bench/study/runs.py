@@ -145,10 +145,17 @@ def _stored(folder: Path, scenes: Sequence[str]) -> Sequence[Rollout] | None:
 def _name(bench: Bench, setting: Setting, seed: int) -> str:
     """Name of the folder of a run: for people, and a digest of everything that decides what is said."""
     weights = [file_digest(path) for path in network_files(setting.submission.networks, bench.card.id)]
-    content = "\n".join([bench.content, key_of(setting), str(seed), *weights, library_digest()])
+    given = [file_digest(path) for path in _given_files(bench.options)] if setting.observe == "tracks" else []
+    content = "\n".join([bench.content, key_of(setting), str(seed), *weights, *given, library_digest()])
     digest = hashlib.sha256(content.encode()).hexdigest()[:_KEY]
     shown = "-truth" if setting.ideal else f"-H{setting.hypotheses}" if setting.hypotheses else ""
     return f"{setting.submission.name}{shown}-k{setting.samples}-seed{seed}-{digest}"
+
+
+def _given_files(options: RunOptions) -> list[Path]:
+    """Files of stored tracks that some agents are shown."""
+    given = Path(str(options.changes.get("track_file", "")))
+    return sorted(given.rglob("*.*")) if given.is_dir() else [given]
 
 
 @cache

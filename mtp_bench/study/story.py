@@ -24,10 +24,28 @@ class Chapter:
 
 
 def summary(found: Findings) -> list[str]:
-    """What was found, in a few sentences with intervals."""
-    names = [subject.name for subject in found.plan.subjects]
-    report, subject = found.report, found.subject
-    return verdict(report, names, stp=subject.single.label, truth=subject.truth.label)
+    """What was found, in a few sentences with intervals; the ends are stp and truth_past, and the subject's own."""
+    return [*verdict(found.report, [subject.name for subject in found.plan.subjects]), *_own_ends(found)]
+
+
+def _own_ends(found: Findings) -> list[str]:
+    """What tracking errors cost the predictor of the subject, where that is not the predictor of the controls."""
+    subject = found.subject
+    if not subject.own_ends or subject.single in found.plan.controls:
+        return []
+    cost = found.difference(subject.single, subject.truth, "all")
+    ideal, real, most = (found.row(s, "all").error for s in (subject.truth, subject.single, subject.most))
+    if None in (ideal, real, most) or cost.interval is None:
+        return []
+    low, high = cost.interval
+    count = found.row(subject.most, "all").hypotheses
+    return [
+        (
+            f"With its own predictor, {subject.name} has an error over all targets of {ideal:.3f} m from true pasts, "
+            f"{real:.3f} m with one hypothesis ({cost.error:+.3f} m, 95 % {low:+.3f} to {high:+.3f}), and {most:.3f} m "
+            f"with {count}."
+        )
+    ]
 
 
 def facts(found: Findings) -> list[tuple[str, str]]:
