@@ -80,6 +80,7 @@ def find(names: Sequence[str], env_id: str, folder: Path, options: RunOptions, q
     hypotheses = QUICK_HYPOTHESES if quick else HYPOTHESES
     card = options.card(env_id)
     plan = make_plan(names, card, hypotheses, hypotheses[-1:] if quick else hypotheses[1:])
+    options.require_tracks_used([setting.submission for setting in plan.equal])
     scenes = options.chosen(open_source(card, options.data).names)
     cuts = 0 if quick else len(QUANTILES) * len(CUT_AGENTS)
     frozen = frozen_reference(card)

@@ -97,7 +97,13 @@ class Findings:
         measured = self.of(setting)
         hypotheses = setting.hypotheses or stated_hypotheses(measured.scores)
         return AgentScores(
-            setting.label, hypotheses, setting.samples, setting.budget, measured.scores, ideal=setting.ideal
+            agent=setting.label,
+            hypotheses=hypotheses,
+            samples=setting.samples,
+            budget=setting.budget,
+            seeds=measured.scores,
+            ideal=setting.ideal,
+            stored_tracks=setting.observe == "tracks",
         )
 
     def mean(self, table: AgentTable, value: Floats, weight: Floats | Bools) -> Mean:

@@ -92,7 +92,7 @@ def measure(bench: Bench, setting: Setting, seeds: Sequence[int], done: Any) -> 
     ``done`` is told the name of every scene. A run of more than k samples is not stored: its samples would fill disks.
     """
     whole = setting.samples == bench.card.task.samples
-    keywords = {**bench.options.env_keywords, **setting.env_keywords(bench.card)}
+    keywords = {**bench.options.env_keywords, **shown_of(bench, setting)}
     progress = replace(bench.options, progress=Progress(done=done))
     scores, around, folders = [], [], []
     for seed in seeds:
@@ -128,9 +128,15 @@ def _again(job: Job, rollout: Rollout, data: str | None) -> tuple[None, SceneSco
 
 
 def _store(bench: Bench, setting: Setting, seed: int, folder: Path, rollouts: Sequence[Rollout]) -> None:
-    keywords = {**setting.env_keywords(bench.card), **bench.options.changes}
-    env = MTPEnv(bench.env_id, **{**bench.options.env_keywords, **setting.env_keywords(bench.card)})
-    save_run(folder, run_info(env, setting, seed, keywords), rollouts)
+    shown = shown_of(bench, setting)
+    env = MTPEnv(bench.env_id, **bench.options.env_keywords, **shown)
+    save_run(folder, run_info(env, setting, seed, {**shown, **bench.options.changes}), rollouts)
+
+
+def shown_of(bench: Bench, setting: Setting) -> dict[str, Any]:
+    """Keywords of the env of a setting beyond those of all; raises MtpBenchError where stored tracks are not named."""
+    stored = bench.options.shown_to(setting.submission) if setting.observe == "tracks" else {}
+    return {**setting.env_keywords(bench.card), **stored}
 
 
 def _stored(folder: Path, scenes: Sequence[str]) -> Sequence[Rollout] | None:
@@ -145,7 +151,8 @@ def _stored(folder: Path, scenes: Sequence[str]) -> Sequence[Rollout] | None:
 def _name(bench: Bench, setting: Setting, seed: int) -> str:
     """Name of the folder of a run: for people, and a digest of everything that decides what is said."""
     weights = [file_digest(path) for path in network_files(setting.submission.networks, bench.card.id)]
-    given = [file_digest(path) for path in _given_files(bench.options)] if setting.observe == "tracks" else []
+    tracks = _given_files(bench.options) if setting.observe == "tracks" else []
+    given = [file_digest(path) for path in tracks]
     content = "\n".join([bench.content, key_of(setting), str(seed), *weights, *given, library_digest()])
     digest = hashlib.sha256(content.encode()).hexdigest()[:_KEY]
     shown = "-truth" if setting.ideal else f"-H{setting.hypotheses}" if setting.hypotheses else ""
@@ -154,8 +161,8 @@ def _name(bench: Bench, setting: Setting, seed: int) -> str:
 
 def _given_files(options: RunOptions) -> list[Path]:
     """Files of stored tracks that some agents are shown."""
-    given = Path(str(options.changes.get("track_file", "")))
-    return sorted(given.rglob("*.*")) if given.is_dir() else [given]
+    given = Path(options.track_file or "")
+    return sorted(path for path in given.rglob("*") if path.is_file()) if given.is_dir() else [given]
 
 
 @cache

@@ -10,7 +10,7 @@ from ..running.run import agent_task, run_scene
 from ..running.settings import Setting
 from ..submission.loader import load_submission
 from ..types import Action, Observation, Task
-from .runs import Bench
+from .runs import Bench, shown_of
 
 FRAMES = 120  # at most so many are timed per number of hypotheses
 REPEATS = 2  # the faster counts
@@ -46,7 +46,7 @@ class _Clocked:
 
 def speed_of(bench: Bench, setting: Setting) -> Speed:
     """What a frame of the first scenes takes an agent, in this process, after one scene to warm up."""
-    keywords = {**bench.options.env_keywords, **setting.env_keywords(bench.card), "evaluation": True}
+    keywords = {**bench.options.env_keywords, **shown_of(bench, setting), "evaluation": True}
     env = MTPEnv(bench.env_id, **keywords)
     agent = load_submission(setting.submission.path).build(agent_task(env, 0), **setting.parameters)
     run_scene(agent, env, bench.scenes[0], 0, setting.label)

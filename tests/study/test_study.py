@@ -15,7 +15,10 @@ import pytest
 
 from mtp_bench.cards import load_card
 from mtp_bench.errors import UnknownNameError
+from mtp_bench.running.opened import open_run
 from mtp_bench.running.options import RunOptions
+from mtp_bench.running.stored import run
+from mtp_bench.running.track_export import export_tracks
 from mtp_bench.scoring.causes import CAUSES
 from mtp_bench.study import Study, study
 from mtp_bench.study.conduct import find
@@ -137,8 +140,8 @@ def test_other_detections_are_other_runs(made: Study, tmp_path: Path, card: str,
 
 
 def test_stored_runs_are_runs(made: Study, cli: CommandLine, card: str, kitti: str) -> None:
-    run = next(path for path in (made.folder / "runs").iterdir() if path.name.startswith("mtp-H20"))
-    assert "mtp" in cli.ok("score", run, "--env", card, "--data", kitti)
+    folder = next(path for path in (made.folder / "runs").iterdir() if path.name.startswith("mtp-H20"))
+    assert "mtp" in cli.ok("score", folder, "--env", card, "--data", kitti)
 
 
 def test_the_command_on_an_agent_of_ones_own(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
@@ -188,3 +191,22 @@ def test_in_a_browser_nothing_is_asked_for_and_nothing_is_cut_off(made: Study, t
         ground = browser.script("return getComputedStyle(document.body).backgroundColor")
         browser.prefer("light")
         assert browser.script("return getComputedStyle(document.body).backgroundColor") != ground
+
+
+def test_stored_tracks_are_studied_and_changed_ones_anew(tmp_path: Path, card: str, kitti: str) -> None:
+    run("stp", card, tmp_path / "stp", RunOptions(kitti))
+    export_tracks(open_run(tmp_path / "stp", kitti, card), tmp_path / "tracks")
+    options = RunOptions(kitti, track_file=str(tmp_path / "tracks"))
+    tables = make_tables(find(["given_tracks"], card, tmp_path / "out", options, quick=True))
+    (row,) = [row for row in tables["global"].rows if row.agent == "given_tracks"]
+    assert row.coverage is not None
+    before = names_of_runs(tmp_path / "out", "given_tracks")
+    assert len(before) == 1
+    file = next((tmp_path / "tracks").rglob("0001.txt"))
+    file.write_text("\n".join(file.read_text().splitlines()[1:]))  # one box less
+    find(["given_tracks"], card, tmp_path / "out", options, quick=True)
+    assert len(names_of_runs(tmp_path / "out", "given_tracks")) == 2
+
+
+def names_of_runs(folder: Path, agent: str) -> list[str]:
+    return [path.name for path in (folder / "runs").iterdir() if path.name.startswith(agent)]
