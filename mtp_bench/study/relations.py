@@ -119,7 +119,7 @@ def _difference(
         low=low,
         high=high,
         unit="m",
-        verdict=_verdict(low, high, 0.0, sign, tables[0].unit_weight(tables[0].weight[subset] * both)),
+        verdict=verdict(low, high, 0.0, sign, tables[0].unit_weight(tables[0].weight[subset] * both)),
     )
 
 
@@ -146,7 +146,7 @@ def _kept(found: Findings, single: Setting, equal: Setting, free: Setting, paper
         low=low,
         high=high,
         unit="share",
-        verdict=_verdict(low, high, 0.5, +1, tables[0].unit_weight(weight)),
+        verdict=verdict(low, high, 0.5, +1, tables[0].unit_weight(weight)),
     )
 
 
@@ -163,7 +163,7 @@ def _frequency(found: Findings) -> Iterator[Relation]:
         low=low,
         high=high,
         unit="per trajectory",
-        verdict=_verdict(low, high, 1.0, +1, np.array(objects)),
+        verdict=verdict(low, high, 1.0, +1, np.array(objects)),
     )
 
 
@@ -182,7 +182,7 @@ def _shared(found: Findings) -> Iterator[Relation]:
         low=low,
         high=high,
         unit="share",
-        verdict=_verdict(low, high, 0.5, +1, first),
+        verdict=verdict(low, high, 0.5, +1, first),
     )
 
 
@@ -220,7 +220,7 @@ def _people(found: Findings) -> Iterator[Relation]:
         yield _difference(found, setting, other, "all", -1, name, told)
 
 
-def _verdict(low: float | None, high: float | None, limit: float, sign: int, weight: Floats) -> str:
+def verdict(low: float | None, high: float | None, limit: float, sign: int, weight: Floats) -> str:
     """Whether a value lies above (``sign`` 1) or below (-1) a limit, as its interval says.
 
     ``weight`` [U]: of the units; with fewer effective ones than a rank needs nothing is said.

@@ -6,11 +6,13 @@ import csv
 import html
 import json
 import re
+import shlex
 import shutil
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card
@@ -22,7 +24,10 @@ from mtp_bench.running.track_export import export_tracks
 from mtp_bench.scoring.causes import CAUSES
 from mtp_bench.study import Study, study
 from mtp_bench.study.conduct import find
+from mtp_bench.study.gallery import command_of
+from mtp_bench.study.moments import worst_moments
 from mtp_bench.study.plan import make_plan, subject_of
+from mtp_bench.study.relations import verdict
 from mtp_bench.study.runs import open_bench
 from mtp_bench.study.tables import make_tables
 from mtp_bench.submission import load_submission
@@ -210,3 +215,36 @@ def test_stored_tracks_are_studied_and_changed_ones_anew(tmp_path: Path, card: s
 
 def names_of_runs(folder: Path, agent: str) -> list[str]:
     return [path.name for path in (folder / "runs").iterdir() if path.name.startswith(agent)]
+
+
+def test_the_worst_events_can_be_opened(made: Study, cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:
+    moments = worst_moments(made.findings)
+    assert "lost" in {moment.incident.kind for moment in moments}  # detections are missing in two frames
+    for kind in {moment.incident.kind for moment in moments}:
+        costs = [moment.cost for moment in moments if moment.incident.kind == kind]
+        assert costs == sorted(costs, reverse=True)
+    moment = moments[0]
+    words = shlex.split(command_of(made.findings, moment))
+    picture = tmp_path / "event.png"
+    cli.ok("view", words[2], *words[4:], "--png", picture)
+    assert picture.stat().st_size > 1000
+    assert sorted(path.name for path in (made.folder / "events").glob("*-focus.png"))
+    said = moment.said[0]
+    assert (said.label, said.error is not None) == ("true past", True)
+
+
+CASES = {  # interval, limit, what the paper says, units -> verdict
+    "all below": ((-2.0, -1.0), 0.0, -1, 9, "holds"),
+    "all above": ((1.0, 2.0), 0.0, -1, 9, "does not hold"),
+    "around": ((-1.0, 1.0), 0.0, -1, 9, "cannot be told"),
+    "above is what it says": ((1.0, 2.0), 0.5, 1, 9, "holds"),
+    "below is not": ((0.1, 0.4), 0.5, 1, 9, "does not hold"),
+    "too few recordings": ((-2.0, -1.0), 0.0, -1, 5, "cannot be told"),
+    "no interval": ((None, None), 0.0, -1, 9, "cannot be told"),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_verdicts(name: str) -> None:
+    (low, high), limit, sign, units, told = CASES[name]
+    assert verdict(low, high, limit, sign, np.ones(units)) == told
