@@ -53,6 +53,7 @@ def relations(found: Findings) -> Iterator[Relation]:
     yield from _frequency(found)
     if found.subject.most != found.subject.single:
         yield from _gains(found)
+    if (found.subject.most.hypotheses or 1) > 1:
         yield from _shared(found)
         yield from _speed(found)
     yield from _people(found)
@@ -76,6 +77,7 @@ def _costs(found: Findings) -> Iterator[Relation]:
 def _gains(found: Findings) -> Iterator[Relation]:
     subject, most = found.subject, found.subject.most
     env_id, count = found.bench.card.id, found.subject.most.hypotheses or 1
+    who = "Hypotheses win" if count > 1 else f"{subject.name} wins"
 
     def paper(key: str, *ends: tuple[str, str, int]) -> str:
         known = [figures_of(env_id, *end).get(key) for end in ends]
@@ -87,7 +89,7 @@ def _gains(found: Findings) -> Iterator[Relation]:
     )  # fmt: skip
     one, many = ("stp", "equal", 1), ("mtp", "equal", count)
     for subset, key, place in kinds:
-        what = f"Hypotheses win part of it back {place}"
+        what = f"{who} part of it back {place}"
         yield _difference(found, most, subject.single, subset, -1, what, paper(key, one, many))
     few = min((h for h in subject.equal if h >= 5), default=count)
     if few < count:
@@ -96,8 +98,8 @@ def _gains(found: Findings) -> Iterator[Relation]:
     if count in subject.free:
         yield _kept(found, subject.single, most, subject.free[count], paper("ids", ("mtp", "free", count), many))
     control = next((s for s in found.plan.controls if s.label == SAME_BUDGET), None)
-    if control is not None:
-        what = "Hypotheses win more than as many samples from one (a control that the paper does not have)"
+    if control is not None and subject.single in found.plan.controls:  # which have its predictor
+        what = f"{who} more than as many samples from one hypothesis (a control that the paper does not have)"
         yield _difference(found, most, control, "paper_ids", -1, what, "")
 
 

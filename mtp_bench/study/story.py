@@ -8,7 +8,7 @@ from ..viz.terminal.verdict import verdict
 from .figures.common import n_of
 from .findings import Findings
 from .table import Table
-from .tables.paper import people_missing
+from .tables.others import people_missing
 
 
 @dataclass(frozen=True)

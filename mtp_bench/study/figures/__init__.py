@@ -7,21 +7,19 @@ from collections.abc import Callable
 from ..findings import Findings
 from ..table import Table
 from .bars import causes_figure, frequency_figure, gaps_figure, pasts_figure, people_figure
+from .bins import age_figure, bins_figure, since_figure
 from .events import distance_figure, frames_figure, shared_figure
 from .lines import (
-    age_figure,
-    bins_figure,
     budgets_figure,
     calibration_figure,
     cuts_figure,
     gain_figure,
     k_figure,
     ranked_figure,
-    since_figure,
     speed_figure,
-    surface_figure,
 )
 from .style import Figure as Figure
+from .surface import surface_figure
 
 Tables = dict[str, Table]
 Draw = Callable[[Findings, Tables], Figure]

@@ -7,7 +7,8 @@ from ..relations import relation_table
 from ..table import Table
 from .costs import budget_table, cut_table, gap_table, k_table, knee_table, surface_table
 from .events import distance_table, frame_table, frequency_table, shared_table
-from .paper import everything_table, past_table, people_table, speed_table, targeted_table
+from .others import people_table, speed_table
+from .paper import everything_table, past_table, targeted_table
 from .where import age_table, bin_table, calibration_table, cause_table, since_table
 
 ALL = (

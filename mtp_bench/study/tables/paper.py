@@ -10,8 +10,7 @@ from ...scoring.subsets import Subset
 from ...viz.terminal.paper import figures_of, paper_facts
 from ..findings import Findings
 from ..plan import HEDGED, SAME_BUDGET, Subject
-from ..retracking import AGAIN, PLAIN, is_of_people
-from ..table import Count, Metres, Milliseconds, Number, PerSecond, Share, Table, Text
+from ..table import Count, Metres, Number, Share, Table, Text
 
 PAPERS: dict[Subset, str] = {"paper_ids": "ids", "paper_frag": "frag"}  # our subset -> the paper's
 EVENTS: tuple[Subset, ...] = ("paper_ids", "paper_frag", "ids", "reacquired")
@@ -149,7 +148,7 @@ def settings_told(found: Findings) -> Iterator[tuple[Subject, Setting]]:
     """Settings of Tables II and III, each with the subject that it stands beside."""
     for subject in found.plan.subjects:
         controls = [s for s in found.plan.controls if s.label in (SAME_BUDGET, HEDGED)]
-        equal = [setting for count, setting in subject.equal.items() if count > 1 or not subject.own_ends]
+        equal = [setting for setting in subject.equal.values() if setting != subject.single]
         for setting in [subject.truth, subject.single, *controls, *equal, *subject.free.values()]:
             yield subject, setting
 
@@ -159,8 +158,8 @@ def _gain_row(found: Findings, subject: Subject, setting: Setting, subset: Subse
     paired = None
     if setting.budget == "equal" and setting is not subject.single:
         paired = found.difference(setting, subject.single, subset)
-    low, high = _pair(row.interval)
-    pair_low, pair_high = _pair(paired.interval if paired else None)
+    low, high = ends_of(row.interval)
+    pair_low, pair_high = ends_of(paired.interval if paired else None)
     papers = paper_numbers(found, subject, setting, subset)
     return GainRow(
         targets_of=subset_name(subset),
@@ -199,115 +198,6 @@ def paper_numbers(
     return (None, None) if figures is None else (figures[0], figures[1])
 
 
-def _pair(interval: tuple[float, float] | None) -> tuple[float | None, float | None]:
+def ends_of(interval: tuple[float, float] | None) -> tuple[float | None, float | None]:
+    """Both ends of an interval, where it is known."""
     return (None, None) if interval is None else interval
-
-
-@dataclass(frozen=True)
-class SpeedRow:
-    """What a frame takes with H hypotheses."""
-
-    H: Count
-    tracking: Milliseconds
-    prediction: Milliseconds
-    whole: Milliseconds
-    tracking_rate: PerSecond
-    prediction_rate: PerSecond
-    frames: Count
-    paper_tracking_rate: PerSecond
-    paper_prediction_rate: PerSecond
-
-
-def speed_table(found: Findings) -> Table:
-    """Table IV of the paper: speed by stage over H."""
-    papers = paper_facts(found.bench.card.id, "speed")
-    rows = [
-        SpeedRow(
-            speed.hypotheses,
-            speed.tracking,
-            speed.prediction,
-            speed.whole,
-            1e3 / speed.tracking if speed.tracking else None,
-            1e3 / speed.prediction if speed.prediction else None,
-            speed.frames,
-            papers.get("tracking", {}).get(str(speed.hypotheses)),
-            papers.get("prediction", {}).get(str(speed.hypotheses)),
-        )
-        for speed in found.speed
-    ]
-    return Table(
-        "speed",
-        "Speed by stage",
-        f"What a frame takes {found.subject.name}, one core, timed apart from other runs. Prediction includes "
-        "sampling, presence and the answer. The paper's predictor is another one, and ran on a GPU.",
-        rows,
-    )
-
-
-@dataclass(frozen=True)
-class PeopleRow:
-    """One row of the paper's table of people."""
-
-    agent: Text
-    retracking: Text
-    H: Count
-    minADE: Metres  # noqa: N815
-    minFDE: Metres  # noqa: N815
-    error: Metres
-    error_low: Metres
-    error_high: Metres
-    to_plain: Metres
-    to_plain_low: Metres
-    to_plain_high: Metres
-    p: Number
-    coverage: Share
-    targets: Count
-    paper_minADE: Metres  # noqa: N815
-    paper_minFDE: Metres  # noqa: N815
-
-
-def people_table(found: Findings) -> Table:
-    """Table V of the paper: re-tracking and hypotheses, alone and together."""
-    rows = []
-    papers = paper_facts(found.bench.card.id, "people")
-    names = ("plain", "retracking", "hypotheses", "both")
-    for name, setting in zip(names, found.plan.retracking, strict=False):
-        row = found.row(setting, "all")
-        paired = None if name == "plain" else found.difference(setting, found.plan.retracking[0], "all")
-        figures = papers.get(name, [None, None])
-        rows.append(
-            PeopleRow(
-                agent=setting.submission.name if name in ("plain", "both") else setting.label,
-                retracking="yes" if name in ("retracking", "both") else "no",
-                H=row.hypotheses,
-                minADE=row.minADE,
-                minFDE=row.minFDE,
-                error=row.error,
-                error_low=_pair(row.interval)[0],
-                error_high=_pair(row.interval)[1],
-                to_plain=paired.error if paired else None,
-                to_plain_low=_pair(paired.interval if paired else None)[0],
-                to_plain_high=_pair(paired.interval if paired else None)[1],
-                p=paired.p if paired else None,
-                coverage=row.coverage,
-                targets=row.targets,
-                paper_minADE=figures[0],
-                paper_minFDE=figures[1],
-            )
-        )
-    return Table(
-        "people",
-        "Re-tracking and hypotheses",
-        "SORT and Social-LSTM, with re-tracking, with 20 hypotheses, and with both: the paper's table on WILDTRACK.",
-        rows,
-    )
-
-
-def people_missing(found: Findings) -> str:
-    """Why the table of people is not there, and how to get it; empty where it is there, or nobody expects it."""
-    if not is_of_people(found.bench.card) or found.plan.retracking:
-        return ""
-    return (
-        f"The table of re-tracking ({PLAIN}, {AGAIN} and both with hypotheses) needs a network that was not trained on "
-        f"this machine: mtp-bench train predictor social_lstm --env {found.bench.card.id}, then the same study again."
-    )
