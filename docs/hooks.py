@@ -19,22 +19,9 @@ sys.path.insert(0, str(ROOT))
 
 from docs.generate import commands, environments, reference, repository  # noqa: E402
 
-# Pages that other changes bring: left out of the navigation until they are there. Empty it once they are.
-COMING = {
-    "environment/errors.md",
-    "environment/reinforcement.md",
-    "agents/own_tracker.md",
-    "data/own.md",
-    "data/stored_tracks.md",
-    "data/prediction_challenge.md",
-    "seeing/why.md",
-}
-
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Complete the navigation: generated pages in, pages that are still to come out."""
-    missing = {name for name in COMING if not (ROOT / "docs" / name).exists()}
-    config.nav = _without(config.nav, missing)
+    """Complete the navigation with the generated pages."""
     _section(config.nav, "Environments").extend(environments.navigation())
     _section(config.nav, "Reference").extend([*reference.navigation(), {"Commands": commands.PAGE}])
     return config
@@ -55,17 +42,6 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     if page.file.src_uri == environments.TABLE:
         markdown = environments.linked(markdown)
     return repository.relinked(markdown, page.file.src_uri, config.repo_url or "")
-
-
-def _without(nav: Any, missing: set[str]) -> Any:
-    """The navigation without some pages."""
-    if isinstance(nav, list):
-        kept = [_without(item, missing) for item in nav]
-        return [item for item in kept if item not in (None, {})]
-    if isinstance(nav, dict):
-        parts = {title: _without(part, missing) for title, part in nav.items()}
-        return {title: part for title, part in parts.items() if part is not None}
-    return None if nav in missing else nav
 
 
 def _section(nav: Any, title: str) -> list[Any]:

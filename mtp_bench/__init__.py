@@ -56,6 +56,7 @@ if _typing.TYPE_CHECKING:
     from .running.stored import score as score
     from .scoring import Report as Report
     from .sources import load_scenes as load_scenes
+    from .sources.files import save_scene as save_scene
     from .submission.loader import Submission as Submission
     from .submission.loader import load_submission as load_submission
     from .training import windows as windows
@@ -76,6 +77,7 @@ else:  # hidden from type checkers, for which it would make every misspelt attri
         "load_submission": "submission.loader",
         "windows": "training",
         "run": "running.stored",
+        "save_scene": "sources.files",
         "score": "running.stored",
     }
 

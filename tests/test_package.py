@@ -38,7 +38,7 @@ LAZY_NAMES = {
     "load_submission",
     "windows",
 }
-LAZY_NAMES |= {"run", "score"}
+LAZY_NAMES |= {"run", "save_scene", "score"}
 LAZY = {"prediction", "scoring", "tracking", "training", "wrappers"}
 SLOW = {"torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "rich", "typer", "pandas", "matplotlib"}
 SLOW |= {"stable_baselines3", "jinja2", "pygame", "safetensors", "PIL", "av"}

@@ -10,7 +10,7 @@ import inspect
 from dataclasses import dataclass
 from typing import Any
 
-PACKAGES = ("tracking", "prediction", "training", "scoring", "testing")
+PACKAGES = ("tracking", "prediction", "training", "scoring", "testing", "wrappers")
 
 
 @dataclass(frozen=True)

@@ -7,16 +7,19 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from .._bundle import bundled, card_ids
+from ..detector.profile import toml_table, toml_values
 from ..errors import CardError, MtpBenchError, UnknownNameError, nearest
 from ..strict import Section, read_toml, validate
-from . import changes
-from .sections import DetectorSection, Source
+from ..types import Scene
+from . import changes, own
+from .sections import DetectorSection, FilesSource, Source
 
 MOST_METRES = 1e4  # of a gate or an error
 PerClass = dict[str, float]  # a single number in the TOML stands for every class
@@ -117,13 +120,36 @@ class Card(Section):
         return card
 
     def with_detections(self, file: str | Path) -> Card:
-        """The card with the stored detections of a file of one's own, in the official submission form of nuScenes.
+        """The card with stored detections of one's own.
 
-        It stands in for the card's detector, by whose name agents choose their settings: "megvii" becomes
+        On nuScenes ``file`` is a file in the official submission form, on KITTI a folder of text files, one per
+        sequence. It stands in for the card's detector, by whose name agents choose their settings: "megvii" becomes
         "megvii-<file>". The digest holds the content of the file, not its place. Raises CardError where the card's
         source has no such files, and DataError where the file cannot be read.
         """
         return self.model_copy(update={"source": changes.with_detections(self, file)})
+
+    def with_files(self, folder: str | Path) -> Card:
+        """The card with the scenes of a folder of one's own (``docs/data/own.md``), and with their detections.
+
+        Task, sizes and the name by which agents choose their settings stay; a simulated detector goes. The digest holds
+        the content of the files, not their place. Raises DataError where the folder is not there.
+        """
+        return self.model_copy(update={"source": own.with_files(self, folder), "detector": None})
+
+    def with_scenes(self, scenes: Sequence[Scene]) -> Card:
+        """The same with `Scene` objects, whose ``class_id`` are places in ``task.classes``.
+
+        Raises CardError for what is no scene, and for two scenes of one name.
+        """
+        return self.model_copy(update={"source": own.with_scenes(self, scenes), "detector": None})
+
+    def stored(self) -> dict[str, Any]:
+        """The card as JSON that `parse_card` reads again, with the places of its files on this machine."""
+        content = self.model_dump(mode="json", exclude_none=True)
+        places = {name: getattr(self.source, name, None) for name in ("folder", "detections_file")}
+        content["source"] |= {name: place for name, place in places.items() if place is not None}
+        return content
 
     def per_class(self, table: PerClass) -> tuple[float, ...]:
         """Values of a per-class table in the order of ``task.classes``."""
@@ -144,7 +170,10 @@ def load_card(name: str | Path) -> Card:
             raise UnknownNameError("environment", str(name), card_ids(), "`mtp-bench envs` lists them")
         path = bundled("envs") / f"{name}.toml"
     content = read_toml(path, CardError)
-    return parse_card(content, where=path.name, stem=path.stem)
+    card = parse_card(content, where=path.name, stem=path.stem)
+    if isinstance(card.source, FilesSource):
+        return card.model_copy(update={"source": own.located(card.source, path.parent)})
+    return card
 
 
 def parse_card(content: dict[str, Any], where: str = "card", stem: str | None = None) -> Card:
@@ -156,10 +185,31 @@ def parse_card(content: dict[str, Any], where: str = "card", stem: str | None = 
     return card
 
 
+def card_text(card: Card) -> str:
+    """TOML of a card that `load_card` reads again; of own scenes without what they hold, which is found anew."""
+    content = card.model_dump(exclude_none=True, exclude={"source": {"sha256"}})
+    tables = {name: content.pop(name) for name in ("source", "detector", "task", "size") if name in content}
+    if isinstance(card.source, FilesSource) and card.source.folder is not None:
+        tables["source"]["folder"] = card.source.folder
+    lines = toml_values(content)
+    for name, table in tables.items():
+        lines += toml_table(name, table)
+    return "\n".join(lines) + "\n"
+
+
 def changed_card(
-    card: Card, split: str | None = None, detector: str | None = None, detection_file: str | None = None
+    card: Card,
+    split: str | None = None,
+    detector: str | None = None,
+    detection_file: str | None = None,
+    files: str | None = None,
 ) -> Card:
-    """``card`` on another split, with another detector or with the detections of a file, where one is named."""
+    """``card`` on another split, with another detector, or with detections or scenes of one's own, where one is named.
+
+    Scenes come first: split and detector are of them.
+    """
+    if files is not None:
+        card = card.with_files(files)
     if split is not None:
         card = card.with_split(split)
     if detector is not None:

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import re
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 from ..detector import load_profile, profile_names
-from ..errors import CardError, DataError, UnknownNameError
-from ..files import file_digest
-from .sections import STORED_DETECTOR, DetectorSection, Source
+from ..errors import CardError, DataError, MtpBenchError, UnknownNameError
+from . import own
+from .sections import STORED_DETECTOR, DetectorSection, FilesSource, Source
 
 if TYPE_CHECKING:
     from .card import Card
 
 VARIANTS = ("iid", "hard")  # of a card's own simulated detector
+SIMULATED = {  # profile that simulates a stored detector, or the one that is most like it
+    "megvii": "nuscenes_megvii", "centerpoint": "nuscenes_centerpoint", "pointrcnn": "kitti_pointrcnn",
+    "mvdet": "wildtrack_mvdet", "acf": "wildtrack_mvdet",
+}  # fmt: skip
 
 
 def with_split(card: Card, split: str) -> Source:
@@ -23,7 +26,11 @@ def with_split(card: Card, split: str) -> Source:
     known = get_args(type(card.source).model_fields["split"].annotation)
     if split not in known:
         raise UnknownNameError(f"split of {card.id}", split, known)
-    return card.source.model_copy(update={"split": split})
+    changed: Source = card.source.model_copy(update={"split": split})
+    if isinstance(changed, FilesSource) and changed.folder is not None:
+        folder = own.split_folder(Path(changed.folder), split)
+        return changed.model_copy(update={"sha256": own.folder_digest(folder)})
+    return changed
 
 
 def with_detector(card: Card, name: str) -> tuple[Source, DetectorSection | None]:
@@ -50,22 +57,28 @@ def with_detector(card: Card, name: str) -> tuple[Source, DetectorSection | None
     return source, own.model_copy(update=update)
 
 
+def instead_of_stored(card: Card) -> str:
+    """What to do where a card's stored detections are not there: the end of an error text."""
+    family = card.detector_name.split("-", maxsplit=1)[0]
+    profile = family if family in profile_names() else SIMULATED.get(family, "")
+    try:
+        card.with_detector(profile)
+    except MtpBenchError:  # its truth is not complete, or no profile has its classes
+        return ""
+    return f"; without them a simulated detector runs at once: --detector {profile} (detector={profile!r} in Python)"
+
+
 def with_detections(card: Card, file: str | Path) -> Source:
-    """The card's source with the detections of a file; see `Card.with_detections`."""
-    if not card.source.traits.other_detections or card.detector is not None:
-        raise CardError(f"{card.id} takes no file of detections: only stored detections of nuScenes can be replaced")
+    """The card's source with detections of one's own; see `Card.with_detections`."""
+    expected = card.source.traits.detection_file
+    if not expected or card.detector is not None:
+        why = "its detector is simulated" if expected else "only those of KITTI and nuScenes can be replaced"
+        raise CardError(f"{card.id} takes no file of detections: {why}")
     path = Path(file).expanduser().absolute()
     try:
-        state = path.stat()
-        digest = _known_digest(path, state.st_size, state.st_mtime_ns, state.st_ctime_ns)
+        digest = own.folder_digest(path, own.TEXTS) if path.is_dir() else own.known_digest(path)
     except OSError as error:
-        raise DataError(f"detections {path}: {error.strerror}") from None
+        raise DataError(f"detections {path}: {error.strerror}; expected {expected}") from None
     name = f"{card.source.traits.stored_detector}-{path.stem}"
     changed = {"detector": name, "detections_sha256": digest, "detections_file": str(path)}
     return card.source.model_copy(update=changed)
-
-
-@cache
-def _known_digest(path: Path, *state: int) -> str:
-    """Sha256 of a file in this state: read once per process, for it may hold a gigabyte."""
-    return file_digest(path)

@@ -10,11 +10,21 @@ import itertools
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    Discriminator,
+    Field,
+    InstanceOf,
+    Tag,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from ..detector import Profile, Profile1, Variant, load_profile
 from ..errors import CardError
 from ..strict import Section
+from ..types import Scene
 
 
 def _rising(seeds: tuple[int, int]) -> tuple[int, int]:
@@ -32,6 +42,7 @@ def _current(generator: int) -> int:
 GENERATOR = 2  # version of the simulated content: of what a seed gives
 STORED_DETECTOR = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"  # begins the names of files
 Generator = Annotated[int, AfterValidator(_current)]
+Place = Annotated[str | None, Field(exclude=True)]  # of files: what they hold counts, not where they are
 SeedRange = Annotated[tuple[int, int], Field(strict=False), AfterValidator(_rising)]
 
 
@@ -42,7 +53,8 @@ class Traits:
     stored_detector: str = ""  # name of the detector with stored detections; empty where there is none
     without_detections: str = ""  # what of it has no stored detections, so that the card needs a [detector]
     mixed_detections: bool = False  # stored detections of some scenes stand beside the simulated ones of the others
-    other_detections: bool = False  # other stored detections can be named, or given as a file
+    other_detections: bool = False  # other stored detections can be named
+    detection_file: str = ""  # what a file of one's own detections must be; empty: it takes none
     measured_velocity: bool = False  # stored detections carry a velocity
     places_only: bool = False  # sizes and headings are nominal, detected ones too
     bounded_by_truth: bool = False  # nobody stands beyond the area of the true boxes: it is all that the camera shows
@@ -58,6 +70,8 @@ class KittiSource(Section):
 
     name: Literal["kitti"]
     detector: str = "pointrcnn"  # folder under detections/
+    detections_sha256: str | None = None  # of a folder that stands in for the detector's; see Card.with_detections
+    detections_file: Place = None  # where that folder is
     split: Literal["train", "val"] = "val"
     ego_motion: bool = True  # False: every frame in its own camera frame, as without ego-motion compensation
     stride: Annotated[int, Field(ge=1)] = 1  # keep every n-th frame
@@ -65,7 +79,12 @@ class KittiSource(Section):
     @property
     def traits(self) -> Traits:
         """What the source can do."""
-        return Traits(stored_detector=self.detector, common_frame=self.ego_motion, view=90.0)  # of the labels' camera
+        return Traits(
+            stored_detector=self.detector,
+            detection_file="a folder of KITTI text, one file per sequence",
+            common_frame=self.ego_motion,
+            view=90.0,  # of the labels' camera
+        )
 
 
 class SeedRanges(Section):
@@ -124,7 +143,7 @@ class NuScenesSource(Section):
     version: Annotated[str, Field(pattern=r"^v1\.0-[A-Za-z0-9_.-]+$")] = "v1.0-trainval"  # folder of the tables
     detector: Annotated[str, Field(pattern=STORED_DETECTOR)] = "megvii"  # detections/<detector>*.json
     detections_sha256: str | None = None  # of a file that stands in for the detector's; see Card.with_detections
-    detections_file: Annotated[str | None, Field(exclude=True)] = None  # where that file is: no part of the digest
+    detections_file: Place = None  # where that file is
     velocity: bool = False  # show the velocities of the detections, where the file has them
     split: Literal["train", "train_val", "val", "mini_train", "mini_val", "all"] = "val"
     truth: Literal["targets", "all"] = "all"
@@ -136,6 +155,7 @@ class NuScenesSource(Section):
         return Traits(
             stored_detector=self.detector,
             other_detections=True,
+            detection_file="a JSON file in the official submission form",
             measured_velocity=self.velocity,
             truth_complete=self.truth == "all",
         )
@@ -180,8 +200,38 @@ class Mot3dSource(Section):
         return Traits(stored_detector=self.detector, places_only=True, bounded_by_truth=True, has_ego=False)
 
 
+class FilesSource(Section):
+    """Own scenes: a folder of NPZ files and of tables in sub-folders (``docs/data/own.md``), or `Scene` objects."""
+
+    name: Literal["files"]
+    folder: Place = None  # of the scenes, relative to the card's file
+    sha256: str | None = None  # of the scenes' content; filled in when the card is read
+    scenes: Annotated[tuple[InstanceOf[Scene], ...] | None, Field(exclude=True)] = None  # in place of a folder
+    split: Literal["all", "train", "val", "test"] = "all"  # "all": the folder itself, else its sub-folder
+    detector: Annotated[str, Field(pattern=STORED_DETECTOR)] = "megvii-own"
+    # what agents choose their settings by: a detector that they know, a hyphen and a word of one's own
+    velocity: bool = False  # show the velocities of the detections, where the files have them
+    ego_motion: bool = True  # False: every frame is in its own sensor frame
+    ego: bool = True  # False: no vehicle carries the sensors
+    truth: Literal["all", "targets"] = "all"  # "targets": objects exist that the truth does not have
+    view: Annotated[float, Field(gt=0, le=360)] = 360.0  # degrees around the heading that the truth covers
+
+    @property
+    def traits(self) -> Traits:
+        """What the source can do."""
+        return Traits(
+            stored_detector=self.detector,
+            measured_velocity=self.velocity,
+            common_frame=self.ego_motion,
+            has_ego=self.ego,
+            truth_complete=self.truth == "all",
+            view=self.view,
+        )
+
+
 Source = Annotated[
-    KittiSource | NuScenesSource | WildtrackSource | Mot3dSource | HighwaySource, Field(discriminator="name")
+    KittiSource | NuScenesSource | WildtrackSource | Mot3dSource | HighwaySource | FilesSource,
+    Field(discriminator="name"),
 ]
 
 

@@ -22,6 +22,7 @@ from .events import events
 from .export import export
 from .fit_noise import fit_noise
 from .freeze import freeze
+from .import_ import import_
 from .new import new
 from .options import Command, opened
 from .output import fail, said_of, say
@@ -83,6 +84,7 @@ for command in (
 ):  # fmt: skip
     app.command(cls=Command)(opened(command))
 app.add_typer(train, name="train")
+app.add_typer(import_, name="import")
 app.command(hidden=True)(opened(freeze))
 
 

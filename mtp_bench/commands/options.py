@@ -49,7 +49,7 @@ TracksOption = Annotated[
     ),
 ]
 RunCardOption = Annotated[
-    str | None, typer.Option("--env", help="Card of the run, where it does not ship.", autocompletion=env_ids)
+    str | None, typer.Option("--env", help="Another card than the one that the run keeps.", autocompletion=env_ids)
 ]
 SubmissionArgument = Annotated[
     str, typer.Argument(help="Folder of a submission or name of a baseline.", autocompletion=submissions)
@@ -73,21 +73,29 @@ class EnvScenes:
             autocompletion=detectors,
         ),
     ] = None
-    detections: Annotated[Path | None, typer.Option(help="File of stored detections, as submitted to nuScenes.")] = None
+    detections: Annotated[
+        Path | None,
+        typer.Option(help="Stored detections: a file as submitted to nuScenes; for KITTI a folder of text files."),
+    ] = None
     tracks: TracksOption = None
+    files: Annotated[Path | None, typer.Option(help="Folder of scenes of your own, in place of the environment's.")] = (
+        None
+    )
 
     def options(self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)) -> RunOptions:
         """These scenes under ``seeds`` as options of a run."""
         from ..running.folds import fold_of
         from ..running.options import RunOptions
 
-        file, tracks = absolute(self.detections), absolute(self.tracks)
+        file, tracks, files = absolute(self.detections), absolute(self.tracks), absolute(self.files)
         chosen = (workers or WorkerChoice()).workers()
         try:
             fold = None if self.fold is None else fold_of(self.fold)
         except MtpBenchError as error:
             raise typer.BadParameter(str(error), param_hint="--fold") from None
-        return RunOptions(self.data, self.scenes, seeds, self.split, self.detector, fold, file, tracks, chosen)
+        return RunOptions(
+            self.data, self.scenes, seeds, self.split, self.detector, fold, file, tracks, chosen, files=files
+        )
 
 
 @dataclass(frozen=True)

@@ -59,25 +59,26 @@ def profile_text(profile: Profile | Profile1) -> str:
     """TOML of a profile, every figure with all its digits: what is read back is equal."""
     content = profile.model_dump(exclude_none=True)
     classes, alike = content.pop("classes"), content.pop("alike")
-    lines = _values(content, "")
+    lines = toml_values(content)
     if alike:
-        lines += ["", "[alike]", *_values(alike, "")]
+        lines += ["", "[alike]", *toml_values(alike)]
     for name, noise in classes.items():
-        lines += _table(f"classes.{_key(name)}", noise, "")
+        lines += toml_table(f"classes.{_key(name)}", noise)
     return "\n".join(lines) + "\n"
 
 
-def _table(heading: str, content: dict[str, Any], section: str) -> list[str]:
-    """Lines of a table and of those in it."""
+def toml_table(heading: str, content: dict[str, Any], section: str = "") -> list[str]:
+    """Lines of TOML of a table and of those in it; lists are tuples."""
     inner = {key: value for key, value in content.items() if isinstance(value, dict)}
     own = {key: value for key, value in content.items() if key not in inner}
-    lines = ["", f"[{heading}]", *_values(own, section)]
+    lines = ["", f"[{heading}]", *toml_values(own, section)]
     for key, value in inner.items():
-        lines += _table(f"{heading}.{key}", value, key)
+        lines += toml_table(f"{heading}.{key}", value, key)
     return lines
 
 
-def _values(content: dict[str, Any], section: str) -> list[str]:
+def toml_values(content: dict[str, Any], section: str = "") -> list[str]:
+    """Lines of TOML of what is no table, with what the figures of a profile mean."""
     comments = {key: _COMMENTS.get(f"{section}.{key}") for key in content}
     return [f"{_key(key)} = {_value(value)}" + (f"  # {comments[key]}" if comments[key] else "")
             for key, value in content.items()]  # fmt: skip
@@ -87,7 +88,7 @@ def _key(name: str) -> str:
     return name if re.fullmatch("[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
 
 
-def _value(value: str | bool | int | float | tuple[float, ...]) -> str:
+def _value(value: str | bool | int | float | tuple[str | float, ...]) -> str:
     if isinstance(value, str | int):  # also true and false
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, tuple):

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, TypedDict
 
 from ..errors import MtpBenchError, UnknownNameError
+from ..types import Scene
 
 MOST_BYTES = 64 << 20  # of one answer, and of one observation: what is sent between an agent and its judge
 OBSERVE = ("detections", "truth", "tracks")
@@ -21,7 +22,7 @@ class EnvKeywords(TypedDict, total=False):
     objects: int | None  # O
     hypotheses: int | None  # H
     detections: int | None  # D
-    scenes: Sequence[str] | None  # names to choose from
+    scenes: Sequence[str] | Sequence[Scene] | None  # names to choose from, or scenes of one's own (`Card.with_scenes`)
     evaluation: bool  # the reward is 0 and nothing that is returned derives from the truth
     strict: bool | None  # an action outside the action space is an ActionError; None: unless ``evaluation``
     rigid_motion: bool  # the local frame of every episode is turned and shifted at random
@@ -29,6 +30,7 @@ class EnvKeywords(TypedDict, total=False):
     detector: str | None  # another detector, simulated on the true boxes or stored (`Card.with_detector`)
     detection_file: str | None  # stored detections of one's own (`Card.with_detections`)
     track_file: str | None  # file or folder of stored tracks (`sources.tracks`), for ``observe="tracks"``
+    files: str | None  # a folder of scenes of one's own (`Card.with_files`)
     fresh_noise: bool  # the noise of a simulated detector is drawn anew in every episode, for training
     render_mode: str | None  # what `render` does, of RENDER_MODES
 
@@ -46,7 +48,7 @@ def checked(keywords: Mapping[str, Any]) -> dict[str, Any]:
     for name in (*flags, "strict"):
         if not isinstance(whole[name], bool):
             raise MtpBenchError(f"{name} is {whole[name]!r}, expected true or false")
-    for name in ("split", "detector", "detection_file", "track_file"):
+    for name in ("split", "detector", "detection_file", "track_file", "files"):
         if whole[name] is not None and not isinstance(whole[name], str):
             raise MtpBenchError(f"{name} is {whole[name]!r}, expected a text")
     if whole["observe"] not in OBSERVE:
@@ -78,6 +80,18 @@ def require_room(env_id: str, sizes: Mapping[str, int], kind: str, count: int) -
             f"{env_id} with {given}: one {kind} would have {8 * count / 2**20:.0f} MiB, expected at most "
             f"{MOST_BYTES >> 20} MiB, which is what is sent between an agent and its judge: choose smaller sizes"
         )
+
+
+def own_scenes(given: Mapping[str, Any]) -> Sequence[Scene] | None:
+    """The scenes of one's own among the keywords; None where ``scenes`` holds names."""
+    scenes = given["scenes"]
+    if isinstance(scenes, Scene):
+        raise MtpBenchError(f"scenes is the scene {scenes.name!r}, expected a list: scenes=[scene]")
+    if scenes is None or isinstance(scenes, str) or not any(isinstance(scene, Scene) for scene in scenes):
+        return None
+    if given["files"] is not None:
+        raise MtpBenchError("scenes holds Scene objects and files names a folder, expected one of them")
+    return list(scenes)
 
 
 def choose(known: tuple[str, ...], wanted: Sequence[str] | None) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ from ..scoring.targets import Targets, find_targets
 from ..sources import detected, open_source, with_tracks
 from ..types import Action, Observation, Rollout, Scene, Task
 from .arguments import OBSERVE as OBSERVE
-from .arguments import RENDER_MODES, EnvKeywords, checked, choose, require_room, size, wanted
+from .arguments import RENDER_MODES, EnvKeywords, checked, choose, own_scenes, require_room, size, wanted
 from .checks import examine
 from .decoding import Answer, answer_of
 from .live import LiveEpisode, live_episode
@@ -60,7 +60,8 @@ class _Episode:
 class MTPEnv(gymnasium.Env[Observation, Action]):
     """Tracking and prediction of one log: detections in, hypotheses and forecasts out.
 
-    ``card``: env id, path of a card (.toml), or a card. ``data``: data root. `EnvKeywords` says what the others are.
+    ``card``: env id, path of a card (.toml), or a card. ``data``: data root. `EnvKeywords` says what the others are;
+    ``scenes=[scene, ...]`` with `Scene` objects and ``files=folder`` play scenes of one's own under the card's rules.
 
     Raises UnknownNameError, DataError or CardError (all MtpBenchError) for a wrong argument or missing data.
     """
@@ -71,7 +72,9 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         given = checked(keywords)
         self.render_mode = given["render_mode"]
         card = card if isinstance(card, Card) else load_card(card)
-        self.card = changed_card(card, given["split"], given["detector"], given["detection_file"])
+        own = own_scenes(given)
+        card = card if own is None else card.with_scenes(own)
+        self.card = changed_card(card, given["split"], given["detector"], given["detection_file"], given["files"])
         sizes = {"samples": self.card.task.samples, **self.card.size.model_dump()}
         sizes = {name: size(name, given[name], default) for name, default in sizes.items()}
         self.task = _task(self.card, given["observe"], sizes)
@@ -87,7 +90,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         self._source = open_source(self.card, data)
         if given["track_file"] is not None:
             self._source = with_tracks(self._source, self.card, data, given["track_file"])
-        self.scene_names = choose(tuple(self._source.names), given["scenes"])
+        self.scene_names = choose(tuple(self._source.names), given["scenes"] if own is None else None)
         self.observation_space = cast("gymnasium.Space[Observation]", observation_space(self.task))
         self.action_space = cast("gymnasium.Space[Action]", action_space(self.task))
         self._episode: _Episode | None = None

@@ -69,6 +69,8 @@ def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
     """
     if options.detector is not None or options.detection_file is not None:
         raise MtpBenchError("a record is of the detections that its env names: no other detector can be chosen")
+    if options.files is not None:
+        raise MtpBenchError("a record is of the scenes that its env names: no files can take their place")
     shown = options.shown_to(submission)
     env = MTPEnv(env_id, evaluation=True, data=options.data, split=options.split, **shown)
     keywords = setting_of(submission, env.card).env_keywords(env.card)

@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ..cards import Card
 from ..env.environment import MTPEnv
 from ..scoring import AgentScores, Ends, Reference, Report, SceneScore, score_scene, stated_hypotheses, summarise
 from .options import DEFAULTS, RunOptions
@@ -28,12 +29,12 @@ class Comparison:
     skipped: dict[str, int]  # rows of the data that could not be used, by reason
 
 
-def compare(names: Sequence[str], env_id: str, options: RunOptions = DEFAULTS) -> Comparison:
+def compare(names: Sequence[str], env_id: str | Card, options: RunOptions = DEFAULTS) -> Comparison:
     """Run and score the controls and other agents on the scenes of an env.
 
     Args:
         names: Folders of submissions, or names of baselines.
-        env_id: Id of the env or path of its card.
+        env_id: Id of the env, path of its card, or a card.
         options: Data, scenes, seeds, changes of the card, workers and progress.
 
     Event weights are the frozen ones of the env, else made from these scenes. Raises MtpBenchError for whatever the

@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from .._bundle import card_ids
-from ..cards import Card, changed_card, load_card
+from ..cards import Card, changed_card, load_card, parse_card
 from ..env.observation import shown_boxes
 from ..errors import RolloutError, UnknownNameError
 from ..sources import SceneSource, open_source, with_tracks
 from ..types import Rollout, Scene
 from .rollout_files import Run, RunInfo, load_run
 
-CHANGES = ("split", "detector", "detection_file")  # of the card, as `changed_card` takes them
+CHANGES = ("split", "detector", "detection_file", "files")  # of the card, as `changed_card` takes them
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,24 +67,31 @@ class OpenedRun:
         return self.source.load(name)
 
 
-def open_run(folder: Path, data: str | None = None, env_id: str | None = None) -> OpenedRun:
-    """The run stored in ``folder``; ``env_id`` names the card of a run whose env does not ship with the library.
+def open_run(folder: Path, data: str | None = None, env: str | Card | None = None) -> OpenedRun:
+    """The run stored in ``folder``, by the card that it keeps; ``env``: id, path or card, where another one is meant.
 
     Raises RolloutError where the run was made for another version of the card, or says other things than its rollouts,
     and DataError where its data is missing.
     """
     run = load_run(folder)
-    card = _card(folder, run, env_id)
+    card = _card(folder, run, env)
     _check(folder, run)
     return OpenedRun(folder, run, card, open_source(card, data), data)
 
 
-def _card(folder: Path, run: Run, env_id: str | None) -> Card:
+def _card(folder: Path, run: Run, env: str | Card | None) -> Card:
     """The card that the run was made for, by its digest."""
     info = run.info
-    if env_id is None and info.env_id not in card_ids():
-        raise RolloutError(f"{folder}: made for {info.env_id!r}, which does not ship here; name its card with --env")
-    card = changed_card(load_card(env_id or info.env_id), *(_text(folder, info, key) for key in CHANGES))
+    if env is None and info.card is not None:
+        card = parse_card(info.card, f"{folder}, card")
+    else:
+        if env is None and info.env_id not in card_ids():
+            raise RolloutError(
+                f"{folder}: made for {info.env_id!r}, which does not ship here; name its card with --env"
+            )
+        card = env if isinstance(env, Card) else load_card(env or info.env_id)
+        if card.digest != info.card_digest:
+            card = changed_card(card, *(_text(folder, info, key) for key in CHANGES))
     if card.digest != info.card_digest:
         raise RolloutError(
             f"{folder}: made for {info.env_id} with card digest {info.card_digest}, {card.id} now has {card.digest}; "

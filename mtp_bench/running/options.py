@@ -26,6 +26,7 @@ class RunOptions:
         fold: Only the scenes of a fold of the split, such as (1, 4); see `folds`.
         detection_file: File of stored detections in place of the card's.
         track_file: File or folder of stored tracks, for submissions that observe them.
+        files: Folder of scenes in place of the card's.
         workers: Who does the work: processes of this machine, or a Dask cluster.
         progress: Who is told how many pieces of work there are, and of each that is done.
 
@@ -42,6 +43,7 @@ class RunOptions:
     track_file: str | None = None
     workers: Workers = ALONE
     progress: Progress = QUIET
+    files: str | None = None
 
     def __post_init__(self) -> None:
         for name, value in (("scenes", self.scenes), ("seeds", len(self.seeds))):
@@ -55,7 +57,9 @@ class RunOptions:
     @property
     def changes(self) -> dict[str, Any]:
         """Keywords of `MTPEnv` and `changed_card` for what is not as in the card; a stored run keeps them."""
-        named = {"split": self.split, "detector": self.detector, "detection_file": self.detection_file}
+        named = {
+            "split": self.split, "detector": self.detector, "detection_file": self.detection_file, "files": self.files
+        }  # fmt: skip
         return {name: value for name, value in named.items() if value is not None}
 
     @property
@@ -86,9 +90,9 @@ class RunOptions:
                 'observe = "tracks" under [compare]'
             )
 
-    def card(self, env_id: str) -> Card:
+    def card(self, env: str | Card) -> Card:
         """The card of an env with the changes; raises CardError, UnknownNameError."""
-        return changed_card(load_card(env_id), **self.changes)
+        return changed_card(env if isinstance(env, Card) else load_card(env), **self.changes)
 
     def on_split(self, name: str) -> RunOptions:
         """The same, on the split ``name`` unless another one is chosen."""

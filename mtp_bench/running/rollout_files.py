@@ -43,6 +43,7 @@ class RunInfo(Section):
     seed: int
     definitions: str  # version of the definitions that the run was made under
     versions: dict[str, str]  # of the libraries
+    card: dict[str, Any] | None = None  # all of it, with what was changed in it; None: not kept
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ def run_scene(agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str |
 
     ``scene_name``: one of ``env.scene_names``. The agent's own seed depends on ``seed`` alone, so that it does not give
     the scene away. Raises SubmissionError, naming the agent (``name``, else its class), scene and frame, if the agent
-    raises; answers that break the contract are counted in the rollout instead.
+    raises; answers that break the contract are counted in the rollout instead, or are an ActionError of a strict env.
     """
     name = name or type(agent).__name__
     observation, _ = env.reset(seed=derived_seed(seed, scene_name, "env"), options={"scene": scene_name})
@@ -60,7 +60,7 @@ class Job:
     """One agent on one scene of one env; pickles as long as ``make_agent`` does."""
 
     make_agent: MakeAgent
-    env_id: str
+    env: str | Card  # id, path of a card, or a card
     env_keywords: dict[str, Any]
     scene: str
     seed: int = 0
@@ -69,7 +69,7 @@ class Job:
 
 def jobs_of(
     submission: Submission,
-    env_id: str,
+    env: str | Card,
     keywords: dict[str, Any],
     scenes: Sequence[str],
     seed: int = 0,
@@ -80,7 +80,7 @@ def jobs_of(
 
     Args:
         submission: Whose agent plays.
-        env_id: Id of the env or path of its card.
+        env: Id of the env, path of its card, or a card.
         keywords: Keywords of `MTPEnv`; the env observes what the submission asks for unless they say otherwise.
         scenes: Names of the scenes.
         seed: Seed of all random draws.
@@ -89,7 +89,7 @@ def jobs_of(
     """
     make = SubmissionFactory(str(submission.path), submission.parameters if parameters is None else parameters)
     keywords = {"observe": submission.compare.observe, **keywords, "evaluation": True}
-    return [Job(make, env_id, keywords, scene, seed, label or submission.name) for scene in scenes]
+    return [Job(make, env, keywords, scene, seed, label or submission.name) for scene in scenes]
 
 
 def run_jobs(jobs: Sequence[Job], options: RunOptions = DEFAULTS, finish: Finish | None = None) -> list[Any]:
@@ -147,7 +147,7 @@ def library_versions() -> dict[str, str]:
 
 
 def _one_scene(job: Job, finish: Finish | None) -> Any:
-    env = MTPEnv(job.env_id, **job.env_keywords)
+    env = MTPEnv(job.env, **job.env_keywords)
     try:
         agent = job.make_agent(agent_task(env, job.seed))
     except (Exception, SystemExit) as error:

@@ -39,13 +39,13 @@ class StoredScore:
 
 
 def run(
-    agent: str | Path, env_id: str, folder: str | Path, options: RunOptions = DEFAULTS, replace: bool = False
+    agent: str | Path, env_id: str | Card, folder: str | Path, options: RunOptions = DEFAULTS, replace: bool = False
 ) -> StoredRun:
     """Run a submission on the scenes of an env and store its rollouts.
 
     Args:
         agent: Folder of the submission, or name of a baseline.
-        env_id: Id of the env or path of its card.
+        env_id: Id of the env, path of its card, or a card.
         folder: Where the rollouts go.
         options: Data, scenes, changes of the card, workers and progress; of the seeds, the first.
         replace: Whether an earlier run in ``folder`` gives way, once this one is complete.
@@ -69,7 +69,8 @@ def run(
     names = options.chosen(env.scene_names)
     jobs = jobs_of(submission, env_id, {"data": options.data, **keywords}, names, seed)
     results: list[tuple[Rollout, dict[str, int]]] = run_jobs(jobs, options, _keep)
-    save_run(folder, run_info(env, setting, seed, keywords), [rollout for rollout, _ in results])
+    info = run_info(env, setting, seed, keywords).model_copy(update={"card": env.card.stored()})
+    save_run(folder, info, [rollout for rollout, _ in results])
     return StoredRun(len(results), total_skipped(skipped for _, skipped in results))
 
 
@@ -78,13 +79,13 @@ def _keep(scene: Scene, rollout: Rollout, card: Card) -> tuple[Rollout, dict[str
     return rollout, scene.skipped
 
 
-def score(folder: str | Path, options: RunOptions = DEFAULTS, env_id: str | None = None) -> StoredScore:
+def score(folder: str | Path, options: RunOptions = DEFAULTS, env_id: str | Card | None = None) -> StoredScore:
     """Report of a stored run.
 
     Args:
         folder: Where `run` put it.
         options: Data and progress; all else is as the run says of itself.
-        env_id: Card of a run whose env does not ship with the library.
+        env_id: Id, path or card, where it is not the card that the run keeps.
 
     Raises RolloutError where the run was made for another version of the card, or says other things than its rollouts.
     """

@@ -9,13 +9,13 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from ..cards import Card, HighwaySource, KittiSource, Mot3dSource, NuScenesSource, WildtrackSource
+from ..cards import Card, FilesSource, HighwaySource, KittiSource, Mot3dSource, NuScenesSource, WildtrackSource
 from ..errors import CardError, nearest
 from ..types import Detections, Ints, Scene, StoredTracks
 from .dataset import DataStatus
 
 DataRoot = str | Path | None  # None: from MTP_BENCH_DATA, else the user data folder
-SectionT = TypeVar("SectionT", HighwaySource, KittiSource, Mot3dSource, NuScenesSource, WildtrackSource)
+SectionT = TypeVar("SectionT", FilesSource, HighwaySource, KittiSource, Mot3dSource, NuScenesSource, WildtrackSource)
 
 
 class SceneSource(Protocol):

@@ -134,6 +134,11 @@ class DataStatus:
             self.add_problem(error)
             return None
 
+    def note_detector(self, advice: str) -> None:
+        """Note ``advice``, what runs without stored detections, where those are missing."""
+        if advice and any("/det" in f"/{name}" for name in self.missing):
+            self.notes.append(advice.removeprefix("; "))
+
     def add_problem(self, error: DataError) -> None:
         """Note what an error says, once."""
         if str(error) not in self.problems:

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from ..agent import SamplingPredictor
     from ..env import MTPEnv
 
-IGNORE, NEW, CONTINUE = 0, 1, 2  # choices; CONTINUE + i: the i-th nearest track
+IGNORE = 0  # a choice: the detection belongs to no track
+NEW = 1  # a choice: it begins a track
+CONTINUE = 2  # CONTINUE + i is a choice: it continues the i-th nearest track
 _REACH = 100.0  # m; positions are told in it
 _OWN, _OF_TRACK = 4, 4  # columns of a detection beside its class, and of each track near it
 _STANDING, _PATIENCE = 64, 2  # tracks that there may be, frames without a detection after which one ends

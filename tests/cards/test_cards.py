@@ -118,6 +118,7 @@ CHANGES = {
     "summary": "three classes",
     "reference": "mtp",
     "source.detector": "other",
+    "source.detections_sha256": "00",
     "source.split": "train",
     "source.ego_motion": False,
     "source.stride": 2,

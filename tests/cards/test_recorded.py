@@ -111,8 +111,10 @@ def test_a_file_of_detections_that_cannot_be_used(tmp_path: Path) -> None:
     card = load_card("MTP-nuScenes-v0")
     with pytest.raises(DataError, match=r"detections .*none\.json: No such file"):
         card.with_detections(tmp_path / "none.json")
-    with pytest.raises(CardError, match="MTP-KITTI-v0 takes no file of detections"):
-        load_card("MTP-KITTI-v0").with_detections(tmp_path / "none.json")
+    with pytest.raises(DataError, match=r"none: No such file or directory; expected a folder of KITTI text"):
+        load_card("MTP-KITTI-v0").with_detections(tmp_path / "none")
+    with pytest.raises(CardError, match="MTP-PETS-v0 takes no file of detections: only those of KITTI and nuScenes"):
+        load_card("MTP-PETS-v0").with_detections(tmp_path / "none.json")
     with pytest.raises(CardError, match="takes no file of detections"):
         MTPEnv("MTP-Intersection-v0", detection_file="some.json")
 

@@ -160,7 +160,7 @@ def test_an_unknown_scene_is_one_clear_error(card: str, kitti: str) -> None:
 
 
 def test_the_task_says_nothing_of_the_scene(card: str, kitti: str) -> None:
-    agent, env = WatchingAgent([]), MTPEnv(card, kitti)
+    agent, env = WatchingAgent([]), MTPEnv(card, kitti, evaluation=True)
     for name in NAMES:
         run_scene(agent, env, name, seed=1)
     first = agent.tasks[0]

@@ -191,17 +191,31 @@ def test_a_changed_run_is_one_clear_error(
 def test_a_run_for_another_version_of_the_card(
     cli: CommandLine, folder: Path, tmp_path: Path, shipped: str, kitti: str
 ) -> None:
-    cli.ok("score", folder, "--data", kitti)
+    said = cli.ok("score", folder, "--data", kitti)
     write_card(tmp_path / "bundle" / "envs", CARD.replace("miss_error = 2.0", "miss_error = 3.0"))
-    error = cli("score", folder, "--data", kitti).error
+    assert cli.ok("score", folder, "--data", kitti) == said, "a run is scored by the card that it keeps"
+    error = cli("score", folder, "--data", kitti, "--env", "MTP-Small-v0").error
     assert "made for MTP-Small-v0 with card digest" in error
     assert error.endswith("run the agent again")
 
 
-def test_a_run_of_a_card_that_does_not_ship(cli: CommandLine, folder: Path, kitti: str) -> None:
+def test_a_run_keeps_its_card(cli: CommandLine, folder: Path, card: str, kitti: str) -> None:
+    assert cli.ok("score", folder, "--data", kitti) == cli.ok("score", folder, "--data", kitti, "--env", card)
+    assert "with card digest" in cli("score", folder, "--data", kitti, "--env", "MTP-KITTI-v0").error
+
+
+def test_a_card_that_was_changed_in_the_run_is_refused(cli: CommandLine, folder: Path, kitti: str) -> None:
+    edit_json(lambda run: run["info"]["card"]["task"].update(miss_error=3.0))(folder)
+    assert "with card digest" in cli("score", folder, "--data", kitti).error
+    edit_json(lambda run: run["info"]["card"].update(task=3))(folder)
+    assert "card: task: got 3: expected a table" in cli("score", folder, "--data", kitti).error
+
+
+def test_a_run_without_its_card(cli: CommandLine, folder: Path, card: str, kitti: str) -> None:
+    edit_json(lambda run: run["info"].pop("card"))(folder)
     error = cli("score", folder, "--data", kitti).error
     assert error.endswith("made for 'MTP-Small-v0', which does not ship here; name its card with --env")
-    assert "with card digest" in cli("score", folder, "--data", kitti, "--env", "MTP-KITTI-v0").error
+    cli.ok("score", folder, "--data", kitti, "--env", card)
 
 
 def test_a_run_of_scenes_that_are_not_there(cli: CommandLine, folder: Path, tmp_path: Path, card: str) -> None:

@@ -19,12 +19,15 @@ from ..text import Table, numbered_lines, read_table
 
 _BOX = "height width length x y z rotation_y"  # in camera axes
 LABEL = f"frame id type truncated occluded alpha left top right bottom {_BOX}"
+RESULT = f"{LABEL} score"  # what trackers and detectors write for the benchmark
 DETECTION = f"frame type left top right bottom score {_BOX} alpha"
 OXTS = (
     "lat lon alt roll pitch yaw vn ve vf vl vu ax ay az af al au wx wy wz wf wl wu "
     "pos_accuracy vel_accuracy navstat numsats posmode velmode orimode"
 )
 ODOMETRY = " ".join(f"{row}{column}" for row in "xyz" for column in "123t")
+
+KINDS = ("Car", "Van", "Truck", "Pedestrian", "Person", "Person_sitting", "Cyclist", "Tram", "Misc", "DontCare")
 
 SENSOR_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
@@ -43,9 +46,9 @@ class Labels:
 
 @dataclass(frozen=True, eq=False)
 class StoredDetections:
-    """Rows of ``detections/<detector>/<class>/%04d.txt`` in the order of the file."""
+    """Detections of one class in the order of the file."""
 
-    table: Table  # columns `DETECTION`
+    table: Table  # columns `DETECTION`, or `RESULT`
     frame: Ints  # [R]
     score: Floats  # [R] raw logit
     box: Floats  # [R, 7] sensor frame; may hold NaN or sizes that are not positive
@@ -84,6 +87,21 @@ def read_detections(path: Path, kind: str, code: int) -> StoredDetections:
     table.refuse(found != code, lambda at: f"type {found[at]}, expected {code} ({kind})")
     box = sensor_boxes(value[:, 7:10], value[:, 10:13], value[:, 13])
     return StoredDetections(table, table.whole("frame"), value[:, 6], box)
+
+
+def read_results(path: Path, kind: str) -> StoredDetections:
+    """Detections of the type ``kind`` in a file of rows as KITTI's tracking benchmark takes them, of all types.
+
+    NaN and sizes that are not positive are kept. DataError names the line that is wrong.
+    """
+    table = read_table(path, RESULT, text="type")
+    unknown = ~np.isin(table.text, KINDS)
+    table.refuse(unknown, lambda at: f"type {str(table.text[at])!r}, expected one of {', '.join(KINDS)}")
+    frame, row = table.whole("frame"), np.flatnonzero(table.text == kind)
+    value = table.value[row]
+    box = sensor_boxes(value[:, 10:13], value[:, 13:16], value[:, 16])
+    chosen = Table(table.path, table.columns, table.line[row], value, table.text[row])
+    return StoredDetections(chosen, frame[row], value[:, 17], box)
 
 
 def read_oxts(path: Path) -> Oxts:

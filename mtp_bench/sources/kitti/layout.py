@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ...cards import Card, KittiSource
+from ...cards import Card, KittiSource, instead_of_stored
+from ...cards.own import TEXTS, folder_digest
 from ...errors import DataError
 from ..base import section_of
 from ..dataset import Dataset
@@ -59,16 +60,35 @@ def split_names(root: Path, split: str, lengths: dict[str, int]) -> tuple[str, .
     return tuple(name for name in labelled if name not in validation)
 
 
-def require_detector(root: Path, card: Card) -> None:
-    """Raise DataError unless the card's detector is there with all of its classes."""
+def require_detector(root: Path, card: Card) -> Path:
+    """The folder of the card's detections; raises DataError unless it is there with all classes."""
+    section = section_of(card, KittiSource)
+    if section.detections_file is not None or section.detections_sha256 is not None:
+        return _own_detections(card, section)
     folder = root / "detections"
     if not folder.is_dir():
-        raise DataError(f"no folder {folder}; {DATASET.how_to_get}")
+        raise DataError(f"no folder {folder}{instead_of_stored(card)}; to get them: {DATASET.how_to_get}")
     found = sorted(path.name for path in folder.iterdir() if path.is_dir())
-    detector = section_of(card, KittiSource).detector
-    if detector not in found:
+    if section.detector not in found:
         listed = ", ".join(found) or "none"
-        raise DataError(f"{folder} has no detector {detector!r}; found: {listed}")
+        raise DataError(f"{folder} has no detector {section.detector!r}; found: {listed}{instead_of_stored(card)}")
     for name in card.task.classes:
-        if not (folder / detector / TYPES[name][0]).is_dir():
-            raise DataError(f"no folder {folder / detector / TYPES[name][0]}, expected for class {name!r}")
+        if not (folder / section.detector / TYPES[name][0]).is_dir():
+            raise DataError(f"no folder {folder / section.detector / TYPES[name][0]}, expected for class {name!r}")
+    return folder / section.detector
+
+
+def _own_detections(card: Card, section: KittiSource) -> Path:
+    """The folder of detections that stands in for the detector's; see `Card.with_detections`."""
+    if section.detections_file is None:
+        raise DataError(
+            f"{card.id} has the detections of a folder with sha256 {section.detections_sha256}: "
+            "name it with --detections"
+        )
+    folder = Path(section.detections_file)
+    if not folder.is_dir():
+        expected = f"{section.traits.detection_file}: 0001.txt, ..., or Car/0001.txt, ..."
+        raise DataError(f"{folder} is no folder, expected {expected}")
+    if section.detections_sha256 not in (None, folder_digest(folder, TEXTS)):
+        raise DataError(f"{folder}: its files were changed since {card.id} was made with them; run the agent again")
+    return folder

@@ -12,7 +12,16 @@ from ...errors import DataError, UnknownNameError
 from ...types import Bools, Detections, Floats, ImageField, Ints, Scene, Truth, starts_of_sorted
 from ..base import no_detections, require_classes, require_rate, section_of
 from ..motion import central_velocity
-from .files import Labels, StoredDetections, read_detections, read_imu_to_camera, read_labels, read_odometry, read_oxts
+from .files import (
+    Labels,
+    StoredDetections,
+    read_detections,
+    read_imu_to_camera,
+    read_labels,
+    read_odometry,
+    read_oxts,
+    read_results,
+)
 from .image import image_field
 from .layout import DATASET, LABELS, TYPES, require_detector, split_names, validation_lengths
 from .poses import FRAME_PERIOD, Poses, integrated_poses, odometry_poses
@@ -37,8 +46,7 @@ class KittiTracking:
         require_rate(card, "KITTI", 10.0, self.section.stride)
         self._lengths = validation_lengths(self.root)
         self.names = split_names(self.root, self.section.split, self._lengths)
-        if card.detector is None:
-            require_detector(self.root, card)
+        self._detections = require_detector(self.root, card) if card.detector is None else None
 
     def load(self, name: str) -> Scene:
         """Read one sequence; all its frames count, also those without labels or detections."""
@@ -46,20 +54,19 @@ class KittiTracking:
             raise UnknownNameError("scene", name, self.names)
         section, length = self.section, self._length(name)
         poses = self.poses(name)
-        frames = _Frames(length, section.stride, poses if section.ego_motion else None)
+        frames = Frames(length, section.stride, poses if section.ego_motion else None)
         kept = np.arange(0, length, section.stride)
         labels = read_labels(self.root / LABELS / f"{name}.txt")
         frames.check(labels)
         detections, skipped, label = no_detections(len(kept)), dict[str, int](), ""
-        if self.card.detector is None:
+        if self._detections is not None:
             label = f"{section.detector}, stored detections"
-            folder = self.root / "detections" / section.detector
-            detections, skipped = _detections(folder, name, self.card.task.classes, frames)
+            detections, skipped = detections_of(self._detections, name, self.card.task.classes, frames)
         return Scene(
             name=name,
             time=kept * FRAME_PERIOD,
             ego=poses.ego()[kept] if section.ego_motion else np.zeros((len(kept), 4)),
-            truth=_truth(labels, self.card.task.classes, frames),
+            truth=truth_of(labels, self.card.task.classes, frames),
             detections=detections,
             detector=label,
             skipped=skipped,
@@ -71,7 +78,7 @@ class KittiTracking:
         """Poses of all frames of a sequence, also those that the card leaves out."""
         return read_poses(self.root, name, self._length(name))
 
-    def _image(self, name: str, labels: Labels, frames: _Frames, poses: Poses) -> ImageField:
+    def _image(self, name: str, labels: Labels, frames: Frames, poses: Poses) -> ImageField:
         """What the image can confirm; ``poses`` of the frames of the scene."""
         row = frames.select(labels.frame, labels.type == "DontCare")
         region, start = labels.image_box[row], frames.starts(labels.frame[row])
@@ -107,12 +114,13 @@ def _require_rows(path: Path, rows: int, length: int) -> None:
 
 
 @dataclass(frozen=True)
-class _Frames:
+class Frames:
     """The frames of a scene among those of the sequence, and their poses."""
 
     length: int  # of the sequence
     stride: int
     poses: Poses | None  # None: every frame in its own sensor frame
+    period: float = FRAME_PERIOD  # s, between frames of the sequence
 
     def select(self, frame: Ints, keep: Bools) -> Ints:
         """Indices of the rows to keep in frames of the scene, sorted by frame, otherwise in their order."""
@@ -133,7 +141,8 @@ class _Frames:
         rows.table.refuse(outside, lambda at: f"frame {rows.frame[at]}, but the sequence has {self.length} frames")
 
 
-def _truth(labels: Labels, classes: tuple[str, ...], frames: _Frames) -> Truth:
+def truth_of(labels: Labels, classes: tuple[str, ...], frames: Frames) -> Truth:
+    """The truth of a sequence: boxes of ``classes``, and as neutral those beside them."""
     class_id = np.full(len(labels.frame), -1)
     neutral = np.zeros(len(labels.frame), dtype=bool)
     for index, name in enumerate(classes):
@@ -146,7 +155,7 @@ def _truth(labels: Labels, classes: tuple[str, ...], frames: _Frames) -> Truth:
     return Truth(
         start=frames.starts(frame),
         box=box,
-        velocity=central_velocity(frame // frames.stride, object_id, box[:, :2], frames.stride * FRAME_PERIOD),
+        velocity=central_velocity(frame // frames.stride, object_id, box[:, :2], frames.stride * frames.period),
         class_id=class_id[row],
         object_id=object_id,
         eligible=~neutral[row],
@@ -154,15 +163,15 @@ def _truth(labels: Labels, classes: tuple[str, ...], frames: _Frames) -> Truth:
     )
 
 
-def _detections(
-    folder: Path, name: str, classes: tuple[str, ...], frames: _Frames
+def detections_of(
+    folder: Path, name: str, classes: tuple[str, ...], frames: Frames
 ) -> tuple[Detections, dict[str, int]]:
     """Detections of all classes, sorted by frame, class and place in the file; and the counts of skipped rows."""
     parts: list[tuple[Ints, Floats, Floats, Ints]] = []
     skipped: dict[str, int] = {}
     for index, class_name in enumerate(classes):
         kind, code = TYPES[class_name]
-        rows = read_detections(folder / kind / f"{name}.txt", kind, code)
+        rows = stored_rows(folder, name, kind, code)
         frames.check(rows)
         row = frames.select(rows.frame, np.ones(len(rows.frame), dtype=bool))
         row = row[_sound(rows.box[row], rows.score[row], skipped)]
@@ -178,6 +187,13 @@ def _detections(
         score=score[order],
     )
     return detections, skipped
+
+
+def stored_rows(folder: Path, name: str, kind: str, code: int) -> StoredDetections:
+    """Detections of a class: of its own folder, as AB3DMOT has them, else of one file for all, as KITTI takes them."""
+    if (folder / kind).is_dir():
+        return read_detections(folder / kind / f"{name}.txt", kind, code)
+    return read_results(folder / f"{name}.txt", kind)
 
 
 def _sound(box: Floats, score: Floats, skipped: dict[str, int]) -> Bools:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...cards import Card, KittiSource
+from ...cards import Card, KittiSource, instead_of_stored
 from ...types import Ints
 from ..base import section_of
 from ..dataset import DataStatus
@@ -50,11 +50,12 @@ def _require(found: DataStatus, card: Card, names: tuple[str, ...]) -> None:
     """Note what the card needs and is not there."""
     section = section_of(card, KittiSource)
     folders = [LABELS, "training/calib", "training/oxts"]
-    if card.detector is None:
+    if card.detector is None and section.detections_file is None:
         stored = f"detections/{section.detector}"
         folders += [f"{stored}/{TYPES[name][0]}" for name in card.task.classes if name in TYPES]
     for folder in folders:
         found.require_all(folder, [f"{name}.txt" for name in names])
+    found.note_detector(instead_of_stored(card))
 
 
 def _count(found: DataStatus, validation: tuple[str, ...]) -> None:

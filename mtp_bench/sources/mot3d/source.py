@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...cards import Card, Mot3dSource
+from ...cards import Card, Mot3dSource, instead_of_stored
 from ...errors import CardError, DataError, UnknownNameError
 from ...types import Floats, Ints, Scene
 from ..base import no_detections, require_classes, require_rate, section_of
@@ -50,7 +50,8 @@ class Mot3d:
         require_rate(card, self.section.sequence, self._info.rate, self.section.stride)
         for name in needed(card):
             if not (self.folder / name).is_file():
-                raise DataError(f"no file {self.folder / name}")
+                advice = instead_of_stored(card) if name == DETECTIONS else ""
+                raise DataError(f"no file {self.folder / name}{advice}")
         self._kept = split_frames(card, self._info.length)
 
     @property

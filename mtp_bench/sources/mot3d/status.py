@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...cards import Card, Mot3dSource
+from ...cards import Card, Mot3dSource, instead_of_stored
 from ..base import section_of
 from ..dataset import DataStatus
 from .files import DATASET, DETECTIONS, KNOWN, SEQINFO, TRUTH, Rows, read_detections, read_sequence_info, read_truth
@@ -31,6 +31,7 @@ def mot3d_status(card: Card, data: str | Path | None) -> DataStatus:
 
     def inspect(found: DataStatus) -> None:
         found.require(*(f"{folder}/{name}" for name in needed(card)))
+        found.note_detector(instead_of_stored(card))
         _count(found, folder, dict(TOTALS[sequence]), stored=card.detector is None)
 
     cited = f"{DATASET.citation}; {RECORDINGS[sequence]}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import glob
 from pathlib import Path
 
-from ...cards import Card, NuScenesSource
+from ...cards import Card, NuScenesSource, instead_of_stored
 from ...errors import DataError
 from ..base import section_of
 from ..dataset import Dataset
@@ -109,11 +109,11 @@ def detection_paths(root: Path, card: Card) -> tuple[Path, ...]:
         )
     folder = root / "detections"
     if not folder.is_dir():
-        raise DataError(f"no folder {folder}; {DATASET.how_to_get}")
+        raise DataError(f"no folder {folder}{instead_of_stored(card)}; to get them: {DATASET.how_to_get}")
     paths = tuple(sorted(path for path in folder.glob(f"{glob.escape(section.detector)}*.json") if path.is_file()))
     if not paths:
         found = ", ".join(_labelled(path) for path in sorted(folder.glob("*.json"))) or "none"
-        raise DataError(f"{folder} has no file {section.detector}*.json; found: {found}")
+        raise DataError(f"{folder} has no file {section.detector}*.json; found: {found}{instead_of_stored(card)}")
     return paths
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ...cards import Card, NuScenesSource
+from ...cards import Card, NuScenesSource, instead_of_stored
 from ...errors import DataError
 from ..base import section_of
 from ..dataset import DataCheck, DataStatus
@@ -78,6 +78,7 @@ def _require(found: DataStatus, card: Card) -> tuple[Path, ...]:
     except DataError as error:
         named = section.detections_file is not None or section.detections_sha256 is not None
         found.missing.append(str(error) if named else detection_pattern(card))
+        found.note_detector(instead_of_stored(card))
         return ()
 
 

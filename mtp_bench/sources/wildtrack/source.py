@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...cards import Card, WildtrackSource
+from ...cards import Card, WildtrackSource, instead_of_stored
 from ...errors import DataError, UnknownNameError
 from ...types import Detections, Ints, Ragged, Scene, Truth
 from ..base import no_detections, require_classes, require_rate, section_of
@@ -63,7 +63,8 @@ class Wildtrack:
         self.root = DATASET.find(data, ANNOTATIONS)
         self.names = SPLITS[self.section.split]
         if needs_detections(card) and not (self.root / DETECTIONS).is_file():
-            raise DataError(f"no file {self.root / DETECTIONS}, detections of {STORED}; {DATASET.how_to_get}")
+            lost = f"no file {self.root / DETECTIONS}, detections of {STORED}{instead_of_stored(card)}"
+            raise DataError(f"{lost}; to get them: {DATASET.how_to_get}")
 
     def load(self, name: str) -> Scene:
         """Read one scene; without stored detections it has none, and an empty ``detector``."""

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...cards import Card, WildtrackSource
+from ...cards import Card, WildtrackSource, instead_of_stored
 from ..base import section_of
 from ..dataset import DataStatus
 from .files import read_annotations, read_detections
@@ -24,6 +24,7 @@ def wildtrack_status(card: Card, data: str | Path | None) -> DataStatus:
         found.require_all(ANNOTATIONS, [f"{number:08d}.json" for number in numbers])
         if needs_detections(card):
             found.require(DETECTIONS)
+            found.note_detector(instead_of_stored(card))
         if section.detector is not None:
             found.notes.append(
                 f"detections only for the last {SCENE_FRAMES} frames; the other frames have simulated ones"

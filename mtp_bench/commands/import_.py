@@ -1,0 +1,112 @@
+"""``mtp-bench import``: recordings of other forms as folders of own scenes, each with a card for them."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .options import DataOption, SplitOption, one_of
+from .output import count, prepare
+
+if TYPE_CHECKING:
+    from ..cards import Card
+    from ..types import Scene
+
+FolderOption = Annotated[Path, typer.Option("-o", "--output", help="New folder for the scenes and their card.")]
+FormOption = Annotated[str, typer.Option("--form", help="npz (whole scenes), or csv or parquet (tables).")]
+FORMS = ("npz", "csv", "parquet")
+
+import_ = typer.Typer(no_args_is_help=True, help="Make a folder of own scenes, and a card for them, of other forms.")
+
+
+@import_.command()
+def kitti(
+    labels: Annotated[Path, typer.Option(help="Folder of true boxes with ids, as label_02/0001.txt.")],
+    output: FolderOption,
+    detections: Annotated[
+        Path | None,
+        typer.Option(help="Folder of detections: rows as the labels' and a score, or AB3DMOT's Car/0001.txt."),
+    ] = None,
+    oxts: Annotated[Path | None, typer.Option(help="Folder of GPS/IMU data; needs --calib.")] = None,
+    calib: Annotated[Path | None, typer.Option(help="Folder of calibrations.")] = None,
+    poses: Annotated[
+        Path | None, typer.Option(help="Folder of camera poses, as in KITTI's odometry benchmark.")
+    ] = None,
+    rate: Annotated[float | None, typer.Option(min=0.1, max=1000, help="Frames per second; KITTI's own.")] = None,
+    env: Annotated[str, typer.Option("--env", help="Environment whose rules the card takes.")] = "MTP-KITTI-v0",
+    form: FormOption = "npz",
+) -> None:
+    """Text in the columns of KITTI's tracking benchmark; without poses every frame is the sensor's own."""
+    from ..cards import load_card
+    from ..sources.base import require_classes
+    from ..sources.importing import KittiText, kitti_scenes
+    from ..sources.kitti.layout import TYPES
+    from ..sources.kitti.poses import FRAME_PERIOD
+
+    one_of(form, FORMS, "--form")
+    text = KittiText(labels, detections, oxts, calib, poses, 1 / rate if rate else FRAME_PERIOD)
+    card = load_card(env)
+    require_classes(card, "KITTI", TYPES)
+    _write(kitti_scenes(text, card.task.classes), card, output, text.posed, form)
+
+
+@import_.command()
+def nuscenes(
+    file: Annotated[Path, typer.Argument(help="Detections in the official submission form.")],
+    output: FolderOption,
+    env: Annotated[
+        str, typer.Option("--env", help="Environment of nuScenes: its scenes, truth and rules.")
+    ] = "MTP-nuScenes-mini-v0",
+    root: DataOption = None,
+    split: SplitOption = None,
+    form: FormOption = "npz",
+) -> None:
+    """The scenes of nuScenes, with the detections of a submission."""
+    from ..running.options import RunOptions
+    from ..sources import load_scenes
+
+    one_of(form, FORMS, "--form")
+    options = RunOptions(root, split=split, detection_file=str(file.expanduser().absolute()))
+    prepare(env, options)
+    card = options.card(env)
+    _write(load_scenes(card, root), card, output, True, form)
+
+
+@import_.command()
+def tracks(
+    file: Annotated[Path, typer.Argument(help="A tracking submission of nuScenes, or KITTI's result files.")],
+    env: Annotated[str, typer.Option("--env", help="Environment or card whose scenes they are of.")],
+    output: FolderOption,
+    root: DataOption = None,
+    split: SplitOption = None,
+) -> None:
+    """Tracks of another program as tables, one for each scene."""
+    from ..running.options import RunOptions
+    from ..sources import open_source, with_tracks
+    from ..sources.importing import import_tracks
+    from ..viz.terminal.output import progress_bar, show, show_command
+
+    options = RunOptions(root, split=split)
+    prepare(env, options)
+    card = options.card(env)
+    source = with_tracks(open_source(card, root), card, root, file)
+    with progress_bar("import") as (started, done):
+        started(len(source.names))
+        scenes, boxes = import_tracks(source, card, output, done)
+    show(f"{count(boxes, 'tracked position')} of {count(scenes, 'scene')} in {output}; next:")
+    given = shlex.join(["--env", env, *(["--split", split] if split else []), "--tracks", str(output)])
+    show_command(f"mtp-bench run given_tracks {given} -o runs/given_tracks")
+
+
+def _write(scenes: Iterator[Scene], card: Card, output: Path, posed: bool, form: str) -> None:
+    from ..sources.importing import import_scenes
+    from ..viz.terminal.output import progress_bar, show, show_command
+
+    with progress_bar("import") as (_, done):
+        number, path = import_scenes(scenes, card, output, posed, form, done)  # type: ignore[arg-type]  # one of FORMS
+    show(f"{count(number, 'scene')} and their card {path.name} in {output}; next:")
+    show_command(f"mtp-bench run stp --env {shlex.quote(str(path))} -o runs/{path.stem}")

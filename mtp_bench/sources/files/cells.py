@@ -1,0 +1,204 @@
+"""A table of a file, CSV or Parquet, as columns; every error names the file, the line and the column."""
+
+from __future__ import annotations
+
+import csv
+import reprlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import DataError, MtpBenchError, nearest
+from ...files import open_regular, read_bounded
+from ...types import Bools, Floats, Ints
+from ..text import LIMIT
+from .columns import TABLES, Column
+
+MOST_BYTES = 1 << 30  # of a file
+MOST_ROWS = 50_000_000
+LATEST = 1e12  # s: clocks that count from 1970 are fine
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """The columns of a table that a file has."""
+
+    path: Path
+    unit: str  # what errors count: lines of a text, or rows
+    place: Ints  # [R] the line, or row, of each row, from 1
+    number: dict[str, Floats]  # [R] each; NaN where a cell is empty
+    text: dict[str, NDArray[np.str_]]  # [R] each
+
+    def __len__(self) -> int:
+        return len(self.place)
+
+    def has(self, *names: str) -> bool:
+        """Whether the file has all of these columns."""
+        return all(name in self.number or name in self.text for name in names)
+
+    def where(self, at: int, column: str) -> str:
+        """A cell, for messages."""
+        return f"{self.path}, {self.unit} {self.place[at]}, column {column!r}"
+
+    def refuse(self, bad: Bools, column: str, what: str) -> None:
+        """Raise DataError for the first row where ``bad``."""
+        if bad.any():
+            raise DataError(f"{self.where(int(np.argmax(bad)), column)}: {what}")
+
+    def whole(self, column: str) -> Ints:
+        """A column of whole numbers."""
+        value = self.number[column]
+        bad = ~((np.abs(value) <= LIMIT) & (value == np.round(value)))
+        if bad.any():
+            self.refuse(bad, column, f"{value[int(np.argmax(bad))]:g}, expected a whole number")
+        return value.astype(np.int64)
+
+    def flags(self, column: str, default: bool) -> Bools:
+        """A column of 0 and 1; ``default`` in all rows where the file has none."""
+        if column not in self.number:
+            return np.full(len(self), default)
+        value = self.number[column]
+        bad = (value != 0) & (value != 1)
+        if bad.any():
+            self.refuse(bad, column, f"{value[int(np.argmax(bad))]:g}, expected 0 or 1")
+        return np.asarray(value == 1)
+
+
+def read_cells(path: Path, table: str) -> Cells:
+    """The table of this name (truth, detections or ego) in a file. Raises DataError for whatever is wrong with it."""
+    return _read_parquet(path, table) if path.suffix == ".parquet" else _read_csv(path, table)
+
+
+def _read_csv(path: Path, table: str) -> Cells:
+    text = read_bounded(path, MOST_BYTES, DataError).removeprefix("\ufeff")  # some editors write a mark first
+    reader = csv.reader(text.splitlines(keepends=True))
+    names: list[str] = []
+    rows: list[list[str]] = []
+    place: list[int] = []
+    try:
+        for row in reader:
+            if not row:
+                continue
+            if not names:
+                names = [name.strip() for name in row]
+                _check_names(path, names, table)
+            elif len(row) != len(names):
+                raise DataError(f"{path}, line {reader.line_num}: {len(row)} columns, expected {len(names)}")
+            else:
+                rows.append(row)
+                place.append(reader.line_num)
+    except csv.Error as error:
+        raise DataError(f"{path}, line {reader.line_num}: {error}") from None
+    if not names:
+        raise DataError(f"{path} is empty, expected a line with the names of the columns")
+    columns: Sequence[Sequence[str]] = list(zip(*rows, strict=True)) if rows else [()] * len(names)
+    cells = Cells(path, "line", np.array(place, dtype=np.int64), {}, {})
+    for name, values in zip(names, columns, strict=True):
+        _add(cells, _column(table, name), values)
+    return cells
+
+
+def _add(cells: Cells, column: Column, values: Sequence[str]) -> None:
+    """Add a column of texts to ``cells``."""
+    if column.text:
+        words = np.array([value.strip() for value in values], dtype=np.str_)
+        cells.refuse(words == "", column.name, "an empty cell, expected a word")
+        cells.text[column.name] = words
+        return
+    try:
+        numbers = np.array(values, dtype=np.float64)
+    except ValueError:
+        numbers = np.array([_number(cells, column, at, value) for at, value in enumerate(values)], dtype=np.float64)
+    _add_numbers(cells, column, numbers)
+
+
+def _number(cells: Cells, column: Column, at: int, value: str) -> float:
+    if not value.strip() and column.gaps:
+        return float("nan")
+    try:
+        return float(value)
+    except ValueError:
+        got = reprlib.repr(value.strip()) if value.strip() else "an empty cell"
+        raise DataError(f"{cells.where(at, column.name)}: {got}, expected a number") from None
+
+
+def _add_numbers(cells: Cells, column: Column, numbers: Floats) -> None:
+    most = LATEST if column.name == "time" else LIMIT
+    bad = ~(np.abs(numbers) <= most)
+    if column.gaps:
+        bad &= ~np.isnan(numbers)
+    if bad.any():
+        got = numbers[int(np.argmax(bad))]
+        cells.refuse(bad, column.name, f"{got:g}, expected a finite number up to {most:g}")
+    cells.number[column.name] = numbers
+
+
+def _read_parquet(path: Path, table: str) -> Cells:
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        raise MtpBenchError(f"{path}: Parquet needs pyarrow: pip install 'mtp-bench[parquet]', or write CSV") from None
+    try:
+        with open_regular(path) as stream:
+            file = parquet.ParquetFile(stream)
+            rows, size = (
+                file.metadata.num_rows,
+                sum(file.metadata.row_group(i).total_byte_size for i in range(file.metadata.num_row_groups)),
+            )
+            names = list(file.schema_arrow.names)
+            if rows > MOST_ROWS or size > MOST_BYTES:
+                most = f"expected at most {MOST_ROWS} rows and {MOST_BYTES >> 20} MiB"
+                raise DataError(f"{path}: {rows} rows of {size >> 20} MiB, {most}")
+            _check_names(path, names, table)
+            content = file.read()
+    except FileNotFoundError:
+        raise DataError(f"no file {path}") from None
+    except (OSError, pyarrow.ArrowException) as error:
+        raise DataError(f"{path} cannot be read as Parquet: {error}") from None
+    cells = Cells(path, "row", np.arange(1, rows + 1), {}, {})
+    for name in names:
+        _add_arrow(cells, _column(table, name), content.column(name))
+    return cells
+
+
+def _add_arrow(cells: Cells, column: Column, values: Any) -> None:
+    """Add a column of Parquet to ``cells``."""
+    from pyarrow import types
+
+    if column.text:
+        _add(cells, column, ["" if value is None else str(value) for value in values.to_pylist()])
+        return
+    kind = values.type
+    if not (types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind)):
+        raise DataError(f"{cells.path}, column {column.name!r}: {kind}, expected numbers")
+    _add_numbers(cells, column, values.cast("float64").to_numpy(zero_copy_only=False))
+
+
+def _check_names(path: Path, names: Sequence[str], table: str) -> None:
+    """Raise DataError unless these are columns of the table, each once, with all that it needs."""
+    known = [column.name for column in TABLES[table]]
+    for i, name in enumerate(names):
+        if name not in known:
+            if ";" in name or "\t" in name:
+                raise DataError(
+                    f"{path}, line 1: {reprlib.repr(name)}, expected names of columns with commas between them"
+                )
+            raise DataError(f"{path}: unknown column {name!r}{nearest(name, known)}; take it out, or rename it")
+        if name in names[:i]:
+            raise DataError(f"{path}: column {name!r} is there twice, expected once")
+    for column in TABLES[table]:
+        if not column.without and column.name not in names:
+            raise DataError(f"{path}: no column {column.name!r}: {column.meaning}; found: {', '.join(names)}")
+    if "frame" not in names and "time" not in names:
+        raise DataError(f"{path}: neither a column 'frame' nor 'time', expected one of them; found: {', '.join(names)}")
+    if ("vx" in names) != ("vy" in names):
+        raise DataError(f"{path}: one of the columns 'vx' and 'vy', expected both or none")
+
+
+def _column(table: str, name: str) -> Column:
+    return next(column for column in TABLES[table] if column.name == name)

@@ -1,0 +1,199 @@
+"""A scene in tables: the files ``truth``, ``detections`` and ``ego`` of a folder, and the frames that they are of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import DataError
+from ...types import Floats, Ints
+from .cells import Cells, read_cells
+from .columns import BOX, FORMS, TABLES
+from .content import Content, Rows
+
+MOST_FRAMES = 1_000_000
+CLOSE = 1e-3  # s: times that are no farther apart are of one frame
+GAP = 1.5  # periods: more between two frames, and one is lacking
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """The frames of a scene."""
+
+    number: Ints | None  # [F] rising; None: rows say their frame by its time
+    time: Floats  # [F] s, rising
+
+    def of(self, cells: Cells) -> Ints:
+        """The frame of each row, by its place among the frames; DataError for a row of none of them."""
+        if self.number is None or not cells.has("frame"):
+            return _nearest(self.time, cells)
+        number = cells.whole("frame")
+        frame = np.searchsorted(self.number, number)
+        frame = np.minimum(frame, len(self.number) - 1)
+        first, last = self.number[0], self.number[-1]
+        cells.refuse(self.number[frame] != number, "frame", f"no frame of the scene, which has {first} to {last}")
+        if cells.has("time"):
+            off = np.abs(cells.number["time"] - self.time[frame]) > CLOSE
+            cells.refuse(off, "time", "another time than that of its frame in the other rows")
+        return frame
+
+
+def read_tables(folder: Path, rate: float) -> Content:
+    """The scene whose tables are in ``folder``, which has its name; ``rate``: frames per second where no time is said.
+
+    Raises DataError that names the file, the line and the column that is wrong.
+    """
+    found = {table: find_table(folder, table) for table in TABLES}
+    if found["truth"] is None:
+        raise DataError(f"{folder}: no table truth.csv or truth.parquet, without which nothing can be scored")
+    cells = {table: read_cells(path, table) for table, path in found.items() if path is not None}
+    frames = _frames(folder, cells, rate)
+    return Content(
+        name=unquote(folder.name),
+        where=str(folder),
+        time=frames.time,
+        ego=_ego(cells.get("ego"), len(frames.time)),
+        truth=_truth_rows(cells["truth"], frames),
+        detections=_detection_rows(cells["detections"], frames) if "detections" in cells else None,
+    )
+
+
+def find_table(folder: Path, table: str) -> Path | None:
+    """The file of a table; None without one. Raises DataError where there are two."""
+    paths = [path for form in FORMS if (path := folder / f"{table}.{form}").is_file()]
+    if len(paths) > 1:
+        raise DataError(f"{folder} has {paths[0].name} and {paths[1].name}, expected one of them")
+    return paths[0] if paths else None
+
+
+def _frames(folder: Path, cells: dict[str, Cells], rate: float) -> Frames:
+    """The frames: those of the ego, one per row, else from the first to the last of which there is a row."""
+    if "ego" in cells:
+        return _listed(cells["ego"], rate)
+    if all(table.has("frame") for table in cells.values()):
+        return _numbered(folder, list(cells.values()), rate)
+    if all(table.has("time") for table in cells.values()):
+        return _timed(folder, list(cells.values()), rate)
+    says = ", ".join(f"{table} has {'frame' if rows.has('frame') else 'time'}" for table, rows in cells.items())
+    raise DataError(f"{folder}: {says}: give both the same column, or an ego table with both")
+
+
+def _listed(ego: Cells, rate: float) -> Frames:
+    if not len(ego):
+        raise DataError(f"{ego.path} has no rows, expected one per frame")
+    number = ego.whole("frame") if ego.has("frame") else None
+    if number is not None:
+        ego.refuse(
+            np.diff(number, prepend=number[0] - 1) <= 0, "frame", "expected a number above that of the row before"
+        )
+    if not ego.has("time"):
+        assert number is not None  # one of the two is always there
+        return Frames(number, (number - number[0]) / rate)
+    time = ego.number["time"]
+    ego.refuse(np.diff(time, prepend=-np.inf) <= CLOSE, "time", "expected a time after that of the row before")
+    return Frames(number, time)
+
+
+def _numbered(folder: Path, tables: list[Cells], rate: float) -> Frames:
+    numbers = np.unique(np.concatenate([table.whole("frame") for table in tables]))
+    if not len(numbers):
+        raise DataError(f"{folder}: its tables have no rows; an ego table says which frames there are")
+    step = int(np.gcd.reduce(np.diff(numbers))) if len(numbers) > 1 else 1
+    if step > 1:
+        raise DataError(
+            f"{folder}: frames are {numbers[0]}, {numbers[1]}, ..., every {step}th; number them 0, 1, 2, ..."
+        )
+    if numbers[-1] - numbers[0] >= MOST_FRAMES:
+        raise DataError(f"{folder}: frames {numbers[0]} to {numbers[-1]}, expected at most {MOST_FRAMES} frames")
+    number = np.arange(numbers[0], numbers[-1] + 1)
+    timed = [table for table in tables if table.has("time")]
+    if not timed:
+        return Frames(number, (number - number[0]) / rate)
+    frame = np.concatenate([table.whole("frame") for table in timed])
+    known, first = np.unique(frame, return_index=True)
+    time = np.concatenate([table.number["time"] for table in timed])[first]
+    for table in timed:
+        _refuse_falling(table)
+    return Frames(number, np.interp(number, known, time))
+
+
+def _refuse_falling(cells: Cells) -> None:
+    """Times rise from frame to frame."""
+    order = np.argsort(cells.whole("frame"), kind="stable")
+    frame, time = cells.whole("frame")[order], cells.number["time"][order]
+    falls = np.zeros(len(cells), dtype=bool)
+    falls[order[1:]] = (np.diff(frame) > 0) & (np.diff(time) <= 0)
+    cells.refuse(falls, "time", "not after the time of the frame before")
+
+
+def _timed(folder: Path, tables: list[Cells], rate: float) -> Frames:
+    times = np.unique(np.concatenate([table.number["time"] for table in tables]))
+    if not len(times):
+        raise DataError(f"{folder}: its tables have no rows; an ego table says which frames there are")
+    time = times[np.diff(times, prepend=-np.inf) > CLOSE]
+    gap = np.diff(time)
+    if (gap > GAP / rate).any():
+        at = int(np.argmax(gap > GAP / rate))
+        raise DataError(
+            f"{folder}: no row between {time[at]:g} s and {time[at + 1]:g} s, at {rate:g} frames per second; frames "
+            "without rows need an ego table, which has one row per frame"
+        )
+    return Frames(None, time)
+
+
+def _nearest(time: Floats, cells: Cells) -> Ints:
+    if not cells.has("time"):
+        raise DataError(f"{cells.path}: frames by number, but the ego table has times only; give it a column 'frame'")
+    value = cells.number["time"]
+    after = (
+        np.clip(np.searchsorted(time, value), 1, len(time) - 1)
+        if len(time) > 1
+        else np.zeros(len(value), dtype=np.int64)
+    )
+    frame = np.where((after > 0) & (value - time[after - 1] <= time[after] - value), after - 1, after)
+    cells.refuse(np.abs(time[frame] - value) > CLOSE, "time", "no frame of the ego table has this time")
+    return frame
+
+
+def _ego(ego: Cells | None, frames: int) -> Floats:
+    pose = np.zeros((frames, 4))
+    for place, column in enumerate(("x", "y", "z", "yaw")):
+        if ego is not None and ego.has(column):
+            pose[:, place] = ego.number[column]
+    return pose
+
+
+def _truth_rows(cells: Cells, frames: Frames) -> Rows:
+    further: dict[str, NDArray[Any]] = {
+        "id": _ids(cells),
+        "eligible": cells.flags("eligible", default=True),
+        "neutral": cells.flags("neutral", default=False),
+    }
+    if cells.has("visible"):
+        further["visible"] = cells.number["visible"]
+    return _rows(cells, frames, further)
+
+
+def _detection_rows(cells: Cells, frames: Frames) -> Rows:
+    return _rows(cells, frames, {"score": cells.number.get("score", np.ones(len(cells)))})
+
+
+def _rows(cells: Cells, frames: Frames, further: dict[str, NDArray[Any]]) -> Rows:
+    columns = {"z": cells.number["h"] / 2, **cells.number}
+    velocity = np.column_stack([columns["vx"], columns["vy"]]) if cells.has("vx") else None
+    box = np.column_stack([columns[name] for name in BOX])
+    return Rows(cells.where, frames.of(cells), box, velocity, cells.text["class"], further)
+
+
+def _ids(cells: Cells) -> Ints:
+    """Numbers of the objects: those of the file, or, of words, their places among all words, sorted."""
+    words = cells.text["id"]
+    try:
+        return words.astype(np.int64) if len(words) else np.zeros(0, dtype=np.int64)
+    except (ValueError, OverflowError):
+        return np.unique(words, return_inverse=True)[1].astype(np.int64)

@@ -1,0 +1,103 @@
+"""The one writer of own scenes: everything in an NPZ file, or what tables can hold in tables."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal
+from urllib.parse import quote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import MtpBenchError, UnknownNameError
+from ...files import make_folder, reason_of, whole_file, whole_folder
+from ...types import Scene
+from .archive import arrays_of
+from .columns import BOX, FORMS
+
+Form = Literal["npz", "csv", "parquet"]
+Columns = dict[str, NDArray[Any]]
+_EMPTY: dict[str, Any] = {  # fields that no table has, and their value in a scene that tables can hold
+    "image": None, "world": None, "lanes": (), "recording": "", "truth_complete": True, "listed_targets": False,
+}  # fmt: skip
+
+
+def save_scene(scene: Scene, folder: str | Path, classes: Sequence[str], form: Form = "npz") -> Path:
+    """Write a scene into a folder of own scenes, and return the file or the sub-folder that it is in.
+
+    ``classes``: the names of its class ids, as in ``task.classes`` of a card. ``form``: "npz" holds the whole scene;
+    "csv" and "parquet" are tables that other programs read. What is read again is equal to the last bit.
+
+    Raises DataError for a scene that is none, MtpBenchError where it cannot be written or has what no table can hold.
+    """
+    if form not in ("npz", *FORMS):
+        raise UnknownNameError("form of a scene", str(form), ("npz", *FORMS))
+    arrays, folder = arrays_of(scene, classes), Path(folder).expanduser()
+    make_folder(folder)
+    path = folder / (file_stem(scene.name) + (".npz" if form == "npz" else ""))
+    try:
+        if form == "npz":
+            with whole_file(path) as part, part.open("wb") as file:
+                np.savez_compressed(file, allow_pickle=False, **arrays)
+        else:
+            _require_plain(scene)
+            with whole_folder(path) as part:
+                for table, columns in _tables(arrays).items():
+                    write_table(part / f"{table}.{form}", columns)
+    except OSError as error:
+        raise MtpBenchError(f"cannot write {path}: {reason_of(error, path)}") from None
+    return path
+
+
+def file_stem(name: str) -> str:
+    """A scene's name as the name of a file; one that begins with a dot would not be seen."""
+    stem = quote(name, safe="")
+    return f"%2E{stem[1:]}" if stem.startswith(".") else stem
+
+
+def write_table(path: Path, columns: Columns) -> None:
+    """Columns as CSV or, by the suffix, Parquet; NaN is an empty cell."""
+    if path.suffix == ".parquet":
+        try:
+            import pyarrow
+            from pyarrow import parquet
+        except ImportError:
+            raise MtpBenchError("Parquet needs pyarrow: pip install 'mtp-bench[parquet]', or write CSV") from None
+        parquet.write_table(pyarrow.table({name: pyarrow.array(column) for name, column in columns.items()}), path)
+        return
+    shown = [["" if value != value else value for value in column.tolist()] for column in columns.values()]  # noqa: PLR0124
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(zip(*shown, strict=True))
+
+
+def _require_plain(scene: Scene) -> None:
+    values = {name: getattr(scene, name) for name in _EMPTY}
+    held = [name for name, value in values.items() if isinstance(value, np.ndarray) or value != _EMPTY[name]]
+    if held:
+        raise MtpBenchError(f"scene {scene.name!r} has {', '.join(held)}, which no table can hold: write it as NPZ")
+
+
+def _tables(arrays: Columns) -> dict[str, Columns]:
+    """The tables of a scene."""
+    time = arrays["time"]
+    ego = {"frame": np.arange(len(time)), "time": time}
+    tables = {"ego": ego | dict(zip(("x", "y", "z", "yaw"), arrays["ego"].T, strict=True))}
+    for table, further in (("truth", ("eligible", "neutral", "visible")), ("detections", ("score",))):
+        if f"{table}_frame" not in arrays:
+            continue
+        columns: Columns = {"frame": arrays[f"{table}_frame"]}
+        if table == "truth":
+            columns["id"] = arrays["truth_id"]
+        columns["class"] = arrays[f"{table}_class"]
+        columns |= dict(zip(BOX, arrays[f"{table}_box"].T, strict=True))
+        columns |= dict(zip(("vx", "vy"), arrays[f"{table}_velocity"].T, strict=True))
+        for name in further:
+            if f"{table}_{name}" in arrays:
+                value = arrays[f"{table}_{name}"]
+                columns[name] = value.astype(np.int64) if value.dtype == bool else value
+        tables[table] = columns
+    return tables

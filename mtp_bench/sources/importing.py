@@ -1,0 +1,169 @@
+"""Text of KITTI's tracking benchmark as scenes, and any scenes as a folder of own scenes with a card."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..cards import Card, FilesSource, card_text
+from ..errors import DataError, MtpBenchError
+from ..files import make_folder, write_text
+from ..types import Scene
+from .base import SceneSource, no_detections
+from .files.writing import Form, save_scene
+from .kitti.files import SENSOR_FROM_CAMERA, read_imu_to_camera, read_labels, read_odometry, read_oxts
+from .kitti.layout import TYPES
+from .kitti.poses import FRAME_PERIOD, Poses, integrated_poses
+from .kitti.source import Frames, detections_of, stored_rows, truth_of
+from .tracks.table import table_path, write_table_of_tracks
+
+MOST_FRAMES = 1_000_000  # of a scene
+
+
+@dataclass(frozen=True)
+class KittiText:
+    """Folders of KITTI text, with a file for each sequence, ``0001.txt``; what is None is not there.
+
+    Attributes:
+        labels: True boxes with ids, as in ``label_02``.
+        detections: Rows of the same columns and a score, or AB3DMOT's ``Car/0001.txt``.
+        oxts: The GPS/IMU unit, one row per frame; needs ``calib``.
+        calib: Calibrations, from the GPS/IMU unit to the camera.
+        poses: Poses of the camera, rows of 12 numbers, as in KITTI's odometry benchmark.
+        period: Seconds between frames; KITTI's own unless stated.
+    """
+
+    labels: Path
+    detections: Path | None = None
+    oxts: Path | None = None
+    calib: Path | None = None
+    poses: Path | None = None
+    period: float = FRAME_PERIOD
+
+    @property
+    def posed(self) -> bool:
+        """Whether all frames of a scene share one frame of reference."""
+        return self.oxts is not None or self.poses is not None
+
+
+def kitti_scenes(text: KittiText, classes: Sequence[str]) -> Iterator[Scene]:
+    """The scenes of KITTI text, in the order of their names.
+
+    Without poses every frame is in its own sensor frame, x forward, y left, z up. Raises DataError that names the file
+    and the line that is wrong.
+    """
+    if (text.oxts is None) != (text.calib is None):
+        raise MtpBenchError("GPS/IMU data needs the calibration, and nothing else does: name both --oxts and --calib")
+    if text.oxts is not None and text.poses is not None:
+        raise MtpBenchError("poses are given twice, by --oxts and by --poses: name one of them")
+    names = sorted(path.stem for path in text.labels.glob("*.txt"))
+    if not names:
+        raise DataError(f"{text.labels} has no labels, expected a file for each sequence, such as 0001.txt")
+    return (_kitti_scene(text, name, tuple(classes)) for name in names)
+
+
+def import_scenes(
+    scenes: Iterator[Scene],
+    card: Card,
+    folder: Path,
+    posed: bool = True,
+    form: Form = "npz",
+    done: Callable[[str], object] = lambda _: None,
+) -> tuple[int, Path]:
+    """Write scenes of the classes of ``card`` into ``folder``, beside a card for them; their number and its path.
+
+    ``card``: its task, sizes and detector are those of the new card. ``posed``: the frames of a scene share one frame
+    of reference. Raises MtpBenchError, also where the folder holds anything.
+    """
+    folder = _new_folder(folder)
+    count = 0
+    for scene in scenes:
+        save_scene(scene, folder, card.task.classes, form)
+        count += 1
+        done(scene.name)
+    own = card.with_files(folder)
+    assert isinstance(own.source, FilesSource)
+    source = own.source.model_copy(update={"folder": ".", "sha256": None, "ego_motion": posed})
+    name = re.sub(r"[^A-Za-z0-9_.-]", "-", folder.name) or "own"
+    update = {"id": name, "summary": f"own scenes under the rules of {card.id}", "source": source}
+    path = folder / f"{name}.toml"
+    write_text(path, card_text(own.model_copy(update=update)))
+    return count, path
+
+
+def import_tracks(
+    source: SceneSource, card: Card, folder: Path, done: Callable[[str], object] = lambda _: None
+) -> tuple[int, int]:
+    """Write the stored tracks of the scenes of ``source`` into ``folder``, a table for each scene.
+
+    Returns the numbers of scenes and of boxes. Raises DataError where the tracks are wrong, and MtpBenchError where the
+    folder holds anything.
+    """
+    scenes = [scene for scene in map(source.load, source.names) if scene.tracks is not None]
+    folder = _new_folder(folder)
+    boxes = 0
+    for scene in scenes:
+        tracks = scene.tracks
+        assert tracks is not None
+        names = [card.task.classes[place] for place in tracks.class_id]
+        columns = (tracks.frame_of_rows.tolist(), tracks.object_id.tolist(), names, *tracks.box.T.tolist())
+        write_table_of_tracks(table_path(folder, scene.name), zip(*columns, tracks.score.tolist(), strict=True))
+        boxes += len(names)
+        done(scene.name)
+    return len(scenes), boxes
+
+
+def _new_folder(folder: Path) -> Path:
+    folder = folder.expanduser().absolute()
+    if folder.exists() and any(folder.iterdir()):
+        raise MtpBenchError(f"{folder} is not empty: choose another folder")
+    make_folder(folder)
+    return folder
+
+
+def _kitti_scene(text: KittiText, name: str, classes: tuple[str, ...]) -> Scene:
+    labels = read_labels(text.labels / f"{name}.txt")
+    poses = _poses(text, name)
+    last = int(labels.frame.max(initial=-1))
+    length = _length(text, name, last, classes) if poses is None else len(poses.position)
+    frames = Frames(length, 1, poses, text.period)
+    frames.check(labels)
+    detections, skipped, label = no_detections(length), dict[str, int](), ""
+    if text.detections is not None:
+        detections, skipped = detections_of(text.detections, name, classes, frames)
+        label = f"{text.detections.name}, stored detections"
+    return Scene(
+        name=name,
+        time=np.arange(length) * text.period,
+        ego=np.zeros((length, 4)) if poses is None else poses.ego(),
+        truth=truth_of(labels, classes, frames),
+        detections=detections,
+        detector=label,
+        skipped=skipped,
+    )
+
+
+def _poses(text: KittiText, name: str) -> Poses | None:
+    if text.oxts is not None and text.calib is not None:
+        to_camera = read_imu_to_camera(text.calib / f"{name}.txt")
+        return integrated_poses(read_oxts(text.oxts / f"{name}.txt"), to_camera, text.period)
+    if text.poses is None:
+        return None
+    camera = read_odometry(text.poses / f"{name}.txt")
+    rotation = SENSOR_FROM_CAMERA @ camera[:, :, :3] @ SENSOR_FROM_CAMERA.T
+    return Poses(rotation, camera[:, :, 3] @ SENSOR_FROM_CAMERA.T)
+
+
+def _length(text: KittiText, name: str, last: int, classes: tuple[str, ...]) -> int:
+    """Frames of a sequence without poses: up to the last that a row is of."""
+    path = text.labels / f"{name}.txt"
+    for kind in classes if text.detections is not None else ():
+        path = text.detections or path
+        last = max(last, int(stored_rows(path, name, *TYPES[kind]).frame.max(initial=-1)))
+    if not 0 <= last < MOST_FRAMES:
+        raise DataError(f"{path}: the last frame of {name} is {last}, expected 0 to {MOST_FRAMES - 1}")
+    return last + 1

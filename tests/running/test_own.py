@@ -1,0 +1,136 @@
+"""Own scenes from a log to a score: in Python and on the command line, and from any working directory."""
+
+from __future__ import annotations
+
+import json
+import runpy
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import mtp_bench
+from mtp_bench.cards import load_card
+from mtp_bench.errors import CardError, DataError, MtpBenchError
+from mtp_bench.running.options import RunOptions
+from mtp_bench.running.rollout_files import load_run
+from mtp_bench.types import Scene
+from tests.support.command_line import CommandLine
+from tests.support.own_scenes import write_long_log
+
+ENV = "MTP-nuScenes-v0"
+
+
+@pytest.fixture
+def logs(tmp_path: Path) -> Path:
+    return write_long_log(tmp_path / "logs")
+
+
+@pytest.fixture
+def scene(logs: Path) -> Scene:
+    (scene,) = mtp_bench.load_scenes(load_card(ENV).with_files(logs))
+    return scene
+
+
+def test_the_example_is_short_and_shows_something(
+    repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = repository / "examples" / "own_csv.py"
+    code = [line for line in path.read_text(encoding="utf-8").splitlines() if line.strip() and '"""' not in line]
+    assert len(code) <= 15
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path(str(path))
+    assert "error=" in capsys.readouterr().out
+    picture = np.asarray(Image.open(tmp_path / "own.png"))
+    view = picture[:, : picture.shape[1] * 3 // 4].reshape(-1, 3)
+    assert len(np.unique(view, axis=0)) > 20
+    assert (view != view[0]).any(axis=1).mean() > 0.01
+
+
+def test_from_a_folder_to_a_score_in_any_working_directory(
+    cli: CommandLine, logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    cli.ok("run", "stp", "--env", ENV, "--files", "logs", "-o", "run", "--jobs", 1)
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert "2 objects in 1 scene" in cli.ok("score", tmp_path / "run")
+    assert "identity switches" in cli.ok("events", tmp_path / "run")
+    video = tmp_path / "one.gif"
+    cli.ok("video", tmp_path / "run", "-o", video)
+    assert video.stat().st_size > 10_000
+    compared = cli.ok("compare", "mtp", "--env", ENV, "--files", logs, "--seeds", 1, "--jobs", 1)
+    assert "mtp" in compared
+    write_long_log(logs, frames=29)
+    assert "they are not those of MTP-nuScenes-v0, or were changed" in cli("score", tmp_path / "run").error
+
+
+def test_a_card_file_in_any_working_directory(
+    cli: CommandLine, logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = mtp_bench.cards.card_text(load_card(ENV).with_files(logs))
+    (tmp_path / "mine.toml").write_text(text.replace(ENV, "mine").replace(str(logs), "logs"))
+    monkeypatch.chdir(tmp_path)
+    cli.ok("run", "stp", "--env", "mine.toml", "-o", "run", "--jobs", 1)
+    assert "complete" in cli.ok("data", "--env", "mine.toml")
+    (tmp_path / "mine.toml").unlink()
+    (tmp_path / "sub").mkdir()
+    monkeypatch.chdir(tmp_path / "sub")
+    assert "mine" in cli.ok("score", "../run")
+
+
+def test_scenes_in_memory_play_run_compare_and_score(scene: Scene, logs: Path, tmp_path: Path) -> None:
+    env = mtp_bench.MTPEnv(ENV, scenes=[scene, replace(scene, name="two")])
+    assert env.scene_names == ("one", "two")
+    env.reset(seed=0, options={"scene": "two"})
+    assert env.scene.name == "two"
+    card = load_card(ENV).with_scenes([scene])
+    mtp_bench.run("stp", card, tmp_path / "memory")
+    mtp_bench.run("stp", load_card(ENV).with_files(logs), tmp_path / "files")
+    first, second = (load_run(tmp_path / name) for name in ("memory", "files"))
+    assert first.rollouts[0].forecast.tobytes() == second.rollouts[0].forecast.tobytes()
+    assert first.info.card_digest != second.info.card_digest
+    with pytest.raises(DataError, match="its scenes were objects in memory, which are not here; give them again"):
+        mtp_bench.score(tmp_path / "memory")
+    scored = mtp_bench.score(tmp_path / "memory", env_id=card).report.rows[0]
+    assert scored.error == mtp_bench.score(tmp_path / "files").report.rows[0].error
+    compared = mtp_bench.compare(["mtp"], card, RunOptions(seeds=[0])).report.rows
+    assert next(row for row in compared if row.agent == "stp").error == scored.error
+
+
+def test_the_run_keeps_its_card_and_where_its_scenes_are(logs: Path, tmp_path: Path) -> None:
+    mtp_bench.run("stp", load_card(ENV).with_files(logs), tmp_path / "run")
+    kept = json.loads((tmp_path / "run" / "run.json").read_text())["info"]["card"]
+    assert kept["source"]["folder"] == str(logs)
+    assert mtp_bench.cards.parse_card(kept).digest == load_card(ENV).with_files(logs).digest
+
+
+def test_a_simulated_detector_on_own_truth(logs: Path, cli: CommandLine, tmp_path: Path) -> None:
+    (logs / "one" / "detections.csv").unlink()
+    error = cli("run", "stp", "--env", ENV, "--files", logs, "-o", tmp_path / "run", "--jobs", 1).error
+    assert "without them a simulated detector runs at once: --detector nuscenes_megvii" in error
+    given = ("--files", logs, "--detector", "nuscenes_megvii")
+    cli.ok("run", "stp", "--env", ENV, *given, "-o", tmp_path / "run", "--jobs", 1)
+    assert "nuscenes_megvii, simulated detections (1 scene)" in " ".join(cli.ok("score", tmp_path / "run").split())
+
+
+def test_wrong_scenes_of_an_env(scene: Scene, logs: Path) -> None:
+    with pytest.raises(MtpBenchError, match=r"scenes is the scene 'one', expected a list: scenes=\[scene\]"):
+        mtp_bench.MTPEnv(ENV, scenes=scene)  # type: ignore[arg-type]
+    with pytest.raises(CardError, match="scenes holds str, expected Scene objects only, or names only"):
+        mtp_bench.MTPEnv(ENV, scenes=[scene, "two"])  # type: ignore[arg-type]
+    with pytest.raises(
+        MtpBenchError, match="scenes holds Scene objects and files names a folder, expected one of them"
+    ):
+        mtp_bench.MTPEnv(ENV, scenes=[scene], files=str(logs))
+    with pytest.raises(MtpBenchError, match="files is 3, expected a text"):
+        mtp_bench.MTPEnv(ENV, files=3)  # type: ignore[arg-type]
+
+
+def test_a_record_is_not_of_own_scenes(logs: Path) -> None:
+    from mtp_bench.records.running import plan_run
+
+    with pytest.raises(MtpBenchError, match="a record is of the scenes that its env names: no files can take their"):
+        plan_run(mtp_bench.load_submission("stp"), ENV, RunOptions(files=str(logs)))

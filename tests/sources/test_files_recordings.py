@@ -1,0 +1,122 @@
+"""Scenes of real recordings, written as own scenes: agents say the same on them and score the same, to the bit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mtp_bench import load_submission
+from mtp_bench.cards import Card, changed_card, load_card
+from mtp_bench.env import MTPEnv
+from mtp_bench.env.rollouts import digest
+from mtp_bench.running.run import run_scene
+from mtp_bench.scoring import SceneScore, score_scene
+from mtp_bench.sources import load_scenes
+from mtp_bench.sources.files import save_scene
+from mtp_bench.types import Rollout, Scene
+from tests.support.own_scenes import assert_same
+
+SCENES = {
+    "MTP-KITTI-v0": "0006",
+    "MTP-KITTI-noego-v0": "0012",
+    "MTP-nuScenes-mini-v0": "scene-0061",
+    "MTP-PETS-v0": None,
+    "MTP-WILDTRACK-v0": None,
+}
+
+
+def played(card: Card, name: str, data: str) -> tuple[Scene, Rollout, SceneScore]:
+    """What stp says of a scene, and what that is worth."""
+    env = MTPEnv(card, data)
+    rollout = run_scene(load_submission("stp").build(env.task), env, name, 0)
+    return env.scene, rollout, score_scene(env.scene, rollout, card)
+
+
+def assert_scores_alike(first: SceneScore, second: SceneScore) -> None:
+    """All arrays of two scores are equal, but for the time that the agent took."""
+    for name, value in vars(first).items():
+        if isinstance(value, np.ndarray) and name != "seconds":
+            np.testing.assert_array_equal(value, getattr(second, name), err_msg=name)
+    assert first.detections == second.detections
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(("env_id", "name"), SCENES.items())
+def test_a_recording_scores_as_its_original(env_id: str, name: str | None, tmp_path: Path, data_root: Path) -> None:
+    card, data = load_card(env_id), str(data_root)
+    scene = next(load_scenes(card, data, None if name is None else [name]))
+    save_scene(scene, tmp_path, card.task.classes)
+    own = card.with_files(tmp_path)
+    original, said, score = played(card, scene.name, data)
+    for other in (own, card.with_scenes([scene])):
+        found, rollout, found_score = played(other, scene.name, data)
+        assert_same(found, original)
+        assert digest(rollout) == digest(said)
+        assert_scores_alike(found_score, score)
+        assert other.digest != card.digest
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+def test_tables_of_a_recording_score_as_its_original(form: str, tmp_path: Path, data_root: Path) -> None:
+    card, data = load_card("MTP-nuScenes-mini-v0"), str(data_root)
+    (scene,) = load_scenes(card, data, ["scene-0553"])
+    save_scene(scene, tmp_path, card.task.classes, form)  # type: ignore[arg-type]
+    _, said, score = played(card, scene.name, data)
+    found, rollout, found_score = played(card.with_files(tmp_path), scene.name, data)
+    assert digest(rollout) == digest(said)
+    assert_scores_alike(replace(found_score), score)
+    assert found.detector == scene.detector
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(
+    ("env_id", "lost", "profile"),
+    [
+        ("MTP-KITTI-v0", "kitti_tracking/detections", "kitti_pointrcnn"),
+        ("MTP-nuScenes-mini-v0", "nuscenes/detections", "nuscenes_megvii"),
+        ("MTP-WILDTRACK-v0", "wildtrack/detections", "wildtrack_mvdet"),
+        ("MTP-PETS-v0", "mot3d2015/train/PETS09-S2L1/det", "wildtrack_mvdet"),
+    ],
+)
+def test_where_detections_are_missing_the_offer_works(
+    env_id: str, lost: str, profile: str, tmp_path: Path, data_root: Path
+) -> None:
+    from mtp_bench.errors import DataError
+    from mtp_bench.running.reading import read_status
+
+    root = without(data_root, lost, tmp_path)
+    with pytest.raises(DataError) as caught:
+        MTPEnv(env_id, str(root))
+    offer = f"without them a simulated detector runs at once: --detector {profile} (detector={profile!r} in Python)"
+    assert offer in str(caught.value)
+    assert offer in read_status(load_card(env_id), root).notes
+    card = changed_card(load_card(env_id), detector=profile)
+    name = MTPEnv(card, str(root)).scene_names[0]
+    scene, _, score = played(card, name, str(root))
+    assert scene.simulated
+    assert score.forecasts > 0
+
+
+@pytest.mark.data
+def test_targets_alone_have_no_simulated_detector_on_offer(tmp_path: Path, data_root: Path) -> None:
+    from mtp_bench.errors import DataError
+
+    with pytest.raises(DataError, match=r"no folder .*detections; to get them") as caught:
+        MTPEnv("MTP-nuScenes-v0", str(without(data_root, "nuscenes/detections", tmp_path)))
+    assert "--detector" not in str(caught.value)
+
+
+def without(root: Path, lost: str, folder: Path) -> Path:
+    """A data root of links to all of ``root`` but ``lost``."""
+    here, *below = Path(lost).parts
+    folder.mkdir(exist_ok=True)
+    for path in root.iterdir():
+        if path.name != here:
+            (folder / path.name).symlink_to(path)
+        elif below:
+            without(path, str(Path(*below)), folder / here)
+    return folder

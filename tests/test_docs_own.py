@@ -1,0 +1,59 @@
+"""The page on own scenes says what the code does: its tables are those of the code, its blocks run."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from mtp_bench.cards import load_card
+from mtp_bench.sources.files.columns import ARRAYS, TABLES
+from tests.support.own_scenes import write_long_log
+
+PAGE = "docs/data/own.md"
+
+
+def columns_table(name: str) -> str:
+    """The columns of a table, as the page shows them."""
+    lines = ["| column | what it is | left out |", "|---|---|---|"]
+    lines += [f"| `{one.name}` | {one.meaning} | {one.without or 'an error'} |" for one in TABLES[name]]
+    return "\n".join(lines)
+
+
+def arrays_table() -> str:
+    """The arrays of an NPZ file, as the page shows them."""
+    lines = ["| array | shape | what it is |", "|---|---|---|"]
+    for one in ARRAYS:
+        needed = " (needed)" if one.needed and not one.name.startswith("detections") else ""
+        lines.append(f"| `{one.name}` | [{', '.join(map(str, one.shape))}] | {one.meaning}{needed} |")
+    return "\n".join(lines)
+
+
+def page(repository: Path) -> str:
+    return (repository / PAGE).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_the_columns_are_those_of_the_code(repository: Path, name: str) -> None:
+    assert columns_table(name) in page(repository)
+
+
+def test_the_arrays_are_those_of_the_code(repository: Path) -> None:
+    assert arrays_table() in page(repository)
+
+
+def test_the_blocks_run(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_long_log(tmp_path / "logs")
+    monkeypatch.chdir(tmp_path)
+    for block in re.findall(r"^```python\n(.*?)^```", page(repository), re.DOTALL | re.MULTILINE):
+        exec(compile(block, PAGE, "exec"), {})
+    assert (tmp_path / "runs" / "stp" / "run.json").is_file()
+
+
+def test_the_card_is_one(repository: Path, tmp_path: Path) -> None:
+    (block,) = re.findall(r"^```toml\n(.*?)^```", page(repository), re.DOTALL | re.MULTILINE)
+    (tmp_path / "MTP-logs-v0.toml").write_text(block)
+    card = load_card(tmp_path / "MTP-logs-v0.toml")
+    assert card.detector_name == "pointrcnn-ours"
+    assert card.stored()["source"]["folder"] == str(tmp_path / "logs")
