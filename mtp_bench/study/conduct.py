@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ..cards import Card
 from ..files import make_folder, require_folder
 from ..parallel import Progress
 from ..running.options import DEFAULTS, RunOptions
@@ -41,7 +42,7 @@ class Study:
 
 def study(
     names: Sequence[str],
-    env_id: str,
+    env_id: str | Card,
     folder: str | Path,
     options: RunOptions = DEFAULTS,
     quick: bool = False,
@@ -51,7 +52,7 @@ def study(
 
     Args:
         names: Folders of submissions, or names of baselines; the story is about the first.
-        env_id: Id of the env or path of its card.
+        env_id: Id of the env, path of its card, or a card.
         folder: Where everything goes; runs that lie there already are used where nothing has changed.
         options: Data, scenes, seeds (what ranks is run with all, the rest with the first), workers and progress.
         quick: A first look: the first scenes, one seed, fewer hypotheses, no cuts of the input.
@@ -75,7 +76,7 @@ def quick_options(options: RunOptions) -> RunOptions:
     return replace(options, seeds=options.seeds[:1], scenes=min(options.scenes or QUICK_SCENES, QUICK_SCENES))
 
 
-def find(names: Sequence[str], env_id: str, folder: Path, options: RunOptions, quick: bool = False) -> Findings:
+def find(names: Sequence[str], env_id: str | Card, folder: Path, options: RunOptions, quick: bool = False) -> Findings:
     """Run and score everything that a study needs; one count of the work goes over all of it."""
     hypotheses = QUICK_HYPOTHESES if quick else HYPOTHESES
     card = options.card(env_id)

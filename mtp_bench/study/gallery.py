@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image
 
-from .._bundle import card_ids
 from ..running.rollout_files import load_run
 from ..sources import open_source
 from ..types import Floats
@@ -75,7 +74,6 @@ def command_of(found: Findings, moment: Moment) -> str:
     settings = dict.fromkeys(found.of(setting).folders[0] for setting in (subject.single, subject.most))
     words = ["mtp-bench", "view", *(os.path.relpath(folder) for folder in settings)]
     words += ["--scene", moment.scene, "--at", moment.incident.name]
-    words += [] if bench.env_id in card_ids() else ["--env", bench.env_id]
     words += [] if bench.options.data is None else ["--data", bench.options.data]
     return shlex.join(words)
 

@@ -20,7 +20,7 @@ from ..parallel import Progress, parallel_map
 from ..running.options import RunOptions
 from ..running.perturbation import MatchedDetections, matched_detections
 from ..running.rollout_files import load_run, save_run
-from ..running.run import Job, jobs_of, run_info, run_jobs
+from ..running.run import jobs_of, run_info, run_jobs
 from ..running.settings import Setting
 from ..scoring import SceneScore, score_scene
 from ..scoring.circumstances import Circumstances, circumstances
@@ -47,8 +47,8 @@ class Measured:
 class Bench:
     """Where a study runs: the env, its scenes, and the folder for what is kept."""
 
-    env_id: str
-    card: Card
+    env_id: str | Card
+    card: Card  # with all changes
     scenes: tuple[str, ...]
     content: str  # digest of all that agents are shown, and of the truth
     matched: tuple[MatchedDetections, ...]  # detections of true objects, per scene
@@ -56,7 +56,7 @@ class Bench:
     options: RunOptions
 
 
-def open_bench(env_id: str, folder: Path, options: RunOptions) -> Bench:
+def open_bench(env_id: str | Card, folder: Path, options: RunOptions) -> Bench:
     """The bench of an env; reads all its scenes once. Raises MtpBenchError for whatever the user can mend."""
     env = MTPEnv(env_id, **options.env_keywords)
     scenes = options.chosen(env.scene_names)
@@ -108,7 +108,7 @@ def measure(bench: Bench, setting: Setting, seeds: Sequence[int], done: Any) -> 
             made = run_jobs(make, progress, _keep)
             _store(bench, setting, seed, folder, [rollout for rollout, *_ in made])
         else:
-            calls = [(job, rollout, bench.options.data) for job, rollout in zip(make, kept, strict=True)]
+            calls = [(bench.card, rollout, bench.options.data) for rollout in kept]
             made = parallel_map(_again, calls, bench.options.workers, lambda place: done(bench.scenes[place]))
         scores.append(tuple(score for _, score, _ in made))
         around.append(tuple(near for *_, near in made))
@@ -120,17 +120,17 @@ def _keep(scene: Scene, rollout: Rollout, card: Card) -> tuple[Rollout, SceneSco
     return rollout, score_scene(scene, rollout, card), circumstances(scene, rollout, card)
 
 
-def _again(job: Job, rollout: Rollout, data: str | None) -> tuple[None, SceneScore, Circumstances]:
+def _again(card: Card, rollout: Rollout, data: str | None) -> tuple[None, SceneScore, Circumstances]:
     """A stored rollout, scored."""
-    card = MTPEnv(job.env_id, **job.env_keywords).card
-    scene = open_source(card, data).load(job.scene)
+    scene = open_source(card, data).load(rollout.scene)
     return None, score_scene(scene, rollout, card), circumstances(scene, rollout, card)
 
 
 def _store(bench: Bench, setting: Setting, seed: int, folder: Path, rollouts: Sequence[Rollout]) -> None:
     shown = shown_of(bench, setting)
     env = MTPEnv(bench.env_id, **bench.options.env_keywords, **shown)
-    save_run(folder, run_info(env, setting, seed, {**shown, **bench.options.changes}), rollouts)
+    info = run_info(env, setting, seed, {**shown, **bench.options.changes})
+    save_run(folder, info.model_copy(update={"card": env.card.stored()}), rollouts)
 
 
 def shown_of(bench: Bench, setting: Setting) -> dict[str, Any]:

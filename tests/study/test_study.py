@@ -146,7 +146,7 @@ def test_other_detections_are_other_runs(made: Study, tmp_path: Path, card: str,
 
 def test_stored_runs_are_runs(made: Study, cli: CommandLine, card: str, kitti: str) -> None:
     folder = next(path for path in (made.folder / "runs").iterdir() if path.name.startswith("mtp-H20"))
-    assert "mtp" in cli.ok("score", folder, "--env", card, "--data", kitti)
+    assert "mtp" in cli.ok("score", folder, "--data", kitti)
 
 
 def test_the_command_on_an_agent_of_ones_own(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
