@@ -17,7 +17,7 @@ from ..scoring.rows import Details, PairedRow, Row
 from ..scoring.statistics import bootstrap_interval, ratio
 from ..scoring.subsets import Subset
 from ..scoring.table import AgentTable, agent_table
-from ..types import Bools, Floats
+from ..types import Bools, Floats, Ints
 from .plan import Plan, Subject, key_of
 from .runs import Bench, Measured
 from .speed import Speed
@@ -129,7 +129,7 @@ class Findings:
         assert len(parts) == len(CAUSES)
         return parts
 
-    def since(self, kind: str) -> Floats:
+    def since(self, kind: str) -> Ints:
         """Frames since the last event of this kind of the subject with one hypothesis (first seed) [n]; -1 none yet."""
         near = self.of(self.subject.single).around[0]
         return np.concatenate([scene.since[kind] for scene in near])

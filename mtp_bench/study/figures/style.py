@@ -34,9 +34,9 @@ COLORS = {
     "grey": ("#555b61", "#737a81"),
     "yellow": ("#f0e442", "#f5ec7a"),
 }
-SERIES = ("green", "blue", "orange", "vermillion", "purple", "sky", "grey")
-MARKERS = dict(zip(SERIES, "osDv^P*", strict=True))
-LINES = dict(zip(SERIES, ("-", "-", "--", "-", ":", "-.", "--"), strict=True))
+SERIES: tuple[str, ...] = ("green", "blue", "orange", "vermillion", "purple", "sky", "grey")
+MARKERS: dict[str, str] = dict(zip(SERIES, "osDv^P*", strict=True))
+LINES: dict[str, str] = dict(zip(SERIES, ("-", "-", "--", "-", ":", "-.", "--"), strict=True))
 _LETTERS = 14.5  # of the sentence, per inch
 HATCHES = ("", "////", "..", "\\\\\\\\", "xxxx", "", "||||")
 

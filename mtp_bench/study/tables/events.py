@@ -11,7 +11,7 @@ import numpy as np
 from ...running.settings import Setting
 from ...scoring.circumstances import KINDS, Circumstances, EventRows
 from ...scoring.definitions import DISTANCE_BINS
-from ...types import Floats
+from ...types import Ints
 from ...viz.terminal.paper import paper_facts
 from ..findings import Findings
 from ..table import Count, Metres, Number, Share, Table, Text
@@ -188,5 +188,5 @@ def frame_table(found: Findings) -> Table:
     )
 
 
-def _frames(events: Sequence[EventRows]) -> Floats:
-    return np.concatenate([np.zeros(0), *(rows.frame for rows in events)])
+def _frames(events: Sequence[EventRows]) -> Ints:
+    return np.concatenate([np.zeros(0, dtype=np.int64), *(rows.frame for rows in events)])
