@@ -112,6 +112,16 @@ def write_text(path: Path, text: str) -> None:
         raise MtpBenchError(f"cannot write {path}: {reason_of(error, path)}") from None
 
 
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file as a whole. Raises MtpBenchError where that fails."""
+    require_file(path)
+    try:
+        with whole_file(path) as part:
+            part.write_bytes(content)
+    except OSError as error:
+        raise MtpBenchError(f"cannot write {path}: {reason_of(error, path)}") from None
+
+
 def make_folder(folder: Path, advice: str = "") -> None:
     """Make a folder and those above it, unless it is there. Raises MtpBenchError, with ``advice``, where that fails."""
     try:

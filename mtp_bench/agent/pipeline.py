@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import fields, replace
+from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -59,6 +60,7 @@ class Pipeline:
         self._draws = draws
         self._posterior = weighting == "posterior"
         self._min_mass, self._presence = min_mass, presence
+        self.seconds = {"tracking": 0.0, "prediction": 0.0}  # of the last frame
 
     def reset(self, task: Task) -> None:
         """Forget everything; a new scene begins."""
@@ -74,7 +76,9 @@ class Pipeline:
         """Answer one frame."""
         self._frame += 1
         self._seen.append(observation)
+        started = perf_counter()
         tracks = self._tracker.step(observation)
+        tracked = perf_counter()
         objects = group(tracks, self._task.objects, self._min_mass)
         rng = np.random.default_rng([self._task.seed, self._frame, 1])
         if isinstance(self._predictor, Predictor):
@@ -82,7 +86,7 @@ class Pipeline:
         else:
             said = self._drawn(self._predictor, tracks, objects, rng)
         objects = said.objects
-        return answer(
+        action = answer(
             self._task,
             objects.box,
             objects.class_id,
@@ -92,6 +96,8 @@ class Pipeline:
             tracks=tracks,
             checked=False,
         )
+        self.seconds = {"tracking": tracked - started, "prediction": perf_counter() - tracked}
+        return action
 
     def _predicted(self, predictor: Predictor, tracks: Tracks, objects: Objects, rng: np.random.Generator) -> _Said:
         """What a predictor says that is asked once per frame, for the tracks that stand for an object."""

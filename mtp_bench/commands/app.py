@@ -29,6 +29,7 @@ from .output import fail, said_of, say
 from .run import run
 from .score import score
 from .seal import seal
+from .study import study
 from .submit import submit
 from .train import train
 from .verify import verify
@@ -38,6 +39,7 @@ from .view import view
 INTERRUPTED = 130  # exit status, as shells have it
 AFTER = {  # command -> what is said after Ctrl-C
     "submit": "scenes that were finished are kept: the same command with --resume goes on",
+    "study": "runs that were finished are kept: the same command goes on",
     "train": "where a training keeps its state, the same command goes on from there",
     "data": "what was made so far is kept",
 }
@@ -77,7 +79,7 @@ def about(
 
 
 for command in (
-    envs, data, run, score, compare, view, events, video, fit_noise, new, check, submit, verify, seal, board,
+    envs, data, run, score, compare, study, view, events, video, fit_noise, new, check, submit, verify, seal, board,
     export, challenge,
 ):  # fmt: skip
     app.command(cls=Command)(opened(command))

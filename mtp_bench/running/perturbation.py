@@ -93,6 +93,14 @@ def fit_perturbation(parts: Sequence[MatchedDetections], classes: int) -> Pertur
     )
 
 
+def score_cuts(parts: Sequence[MatchedDetections], classes: int, share: float) -> tuple[float, ...]:
+    """The score per class below which this share of the detections of true objects lies."""
+    class_id, score = (
+        np.concatenate([np.zeros(0), *(getattr(p, name) for p in parts)]) for name in ("class_id", "score")
+    )
+    return _rounded(_quantiles(score, [class_id == c for c in range(classes)], share))
+
+
 def assignment_of(run: int) -> str:
     """How run ``run`` assigns detections to tracks."""
     return ASSIGNMENTS[run % len(ASSIGNMENTS)]

@@ -52,15 +52,16 @@ def sensitivity(
     scores: list[SceneScore] = run_jobs(jobs, options, score_scene)
     runs = iter([tuple(scores[i : i + len(scenes)]) for i in range(0, len(scores), len(scenes))])
     agents = [_agent(setting, tuple(next(runs) for _ in options.seeds)) for setting in settings]
-    at_cut = [agents[i : i + len(AGENTS)] for i in range(0, len(agents), len(AGENTS))]
-    return [_at(cut, some, summarise(some, card, reference)) for cut, some in zip(cuts, at_cut, strict=True)]
+    per_cut = [agents[i : i + len(AGENTS)] for i in range(0, len(agents), len(AGENTS))]
+    return [at_cut(cut, some, summarise(some, card, reference)) for cut, some in zip(cuts, per_cut, strict=True)]
 
 
 def _agent(setting: Setting, seeds: tuple[tuple[SceneScore, ...], ...]) -> AgentScores:
     return AgentScores(setting.submission.name, setting.hypotheses or 1, setting.samples, setting.budget, seeds)
 
 
-def _at(cut: float, agents: Sequence[AgentScores], report: Report) -> AtCut:
+def at_cut(cut: float, agents: Sequence[AgentScores], report: Report) -> AtCut:
+    """What the agents of `AGENTS` score at one cut; ``report``: of them."""
     stp, mtp, control = AGENTS
     first = next(agent for agent in agents if agent.agent == stp).seeds[0]
     pairs = {r.subset: r for r in report.paired if (r.agent, r.other) == (mtp, control) and r.subset in ("all", "ids")}

@@ -7,7 +7,7 @@ within it, with the rest of the budget spent on a share of the next cut.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,31 +53,44 @@ def errors_at(cuts: Sequence[Cuts], budgets: Sequence[float] | Array, live_frame
 
     ``live_frames``: of the run, where a budget is a number of forecasts per live frame; None: of false forecasts.
     """
+    both = at_budgets(cuts, budgets, lambda scene, least: np.stack(cuts[scene].at(least)), live_frames)
+    return BudgetErrors(both[:, 0], both[:, 1])
+
+
+def at_budgets(
+    cuts: Sequence[Cuts],
+    budgets: Sequence[float] | Array,
+    value: Callable[[int, float], Floats],
+    live_frames: int | None = None,
+) -> Array:
+    """What is known of targets at cuts, taken at each of the ``budgets``: [b, p, n].
+
+    ``value(scene, least)``: p values [p, targets] of the scene of this place, where the least confidence that is kept
+    is ``least``. The last cut within a budget counts, and the next one with the share that the rest of the budget pays.
+    """
     confidence = np.concatenate([cut.confidence for cut in cuts])
     false = np.concatenate([cut.false for cut in cuts])
     order = np.argsort(-confidence, kind="stable")
     level, first = np.unique(-confidence[order], return_index=True)
     last = np.append(first[1:], len(confidence)) - 1 if len(level) else first
     count = np.cumsum(false[order]) if live_frames is None else np.arange(1, len(order) + 1) / max(live_frames, 1)
-    known: dict[int, tuple[Floats, Floats]] = {}
+    known: dict[int, Floats] = {}
 
-    def at(cut: int) -> tuple[Floats, Floats]:
-        """Errors and missed parts at a cut, the least confidence of which is level ``cut``; -1 keeps nothing."""
+    def at(cut: int) -> Floats:
+        """Values at a cut, the least confidence of which is level ``cut``; -1 keeps nothing."""
         if cut not in known:
             least = -float(level[cut]) if cut >= 0 else np.inf
-            parts = [each.at(least) for each in cuts]
-            known[cut] = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+            known[cut] = np.concatenate([value(scene, least) for scene in range(len(cuts))], axis=1)
         return known[cut]
 
     reached = count[last] if len(level) else np.zeros(0)
     rows = []
     for budget in np.asarray(budgets, dtype=np.float64).tolist():
         beyond = int(np.searchsorted(reached, budget, side="right"))  # the first cut that exceeds it
-        low = np.stack(at(beyond - 1))
+        low = at(beyond - 1)
         if beyond < len(level):
             before = float(reached[beyond - 1]) if beyond else 0.0
             share = (budget - before) / (float(reached[beyond]) - before)
-            low = (1.0 - share) * low + share * np.stack(at(beyond))
+            low = (1.0 - share) * low + share * at(beyond)
         rows.append(low)
-    both = np.stack(rows)
-    return BudgetErrors(both[:, 0], both[:, 1])
+    return np.stack(rows)

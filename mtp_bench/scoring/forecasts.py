@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -102,17 +102,32 @@ def candidates(scene: Scene, targets: Targets, forecasts: Forecasts, live: Bools
     pairs = box_pairs(truth.frame_of_rows, truth.box, truth.class_id, *boxes, "center_distance", gates)
     place = np.full(len(truth.box), -1, dtype=np.intp)
     place[targets.row] = np.arange(len(targets))
-    target = place[pairs.row]
-    error = np.zeros(len(pairs))
+    found = Candidates(scene, targets, forecasts, live[forecasts.frame], pairs, place, np.zeros(len(pairs)))
+    return replace(found, error=_pair_errors(found, np.zeros((len(pairs), 2))))
+
+
+def centred(found: Candidates) -> Candidates:
+    """The same with every forecast moved to where its object truly is now: errors without that of the present place."""
+    pairs = found.pairs
+    moved = found.scene.truth.box[pairs.row, :2] - found.forecasts.box[pairs.column, :2]
+    return replace(found, error=_pair_errors(found, moved))
+
+
+def _pair_errors(found: Candidates, moved: Floats) -> Floats:
+    """MinADE [E] of the pairs as `Candidates.error`, of forecasts that are ``moved`` [E, 2] m."""
+    targets, forecasts = found.targets, found.forecasts
+    target = found.target_of_row[found.pairs.row]
+    error = np.zeros(len(found.pairs))
     of_target = np.flatnonzero(target >= 0)
     size = max(1, _CHUNK // max(1, int(np.prod(forecasts.offset.shape[1:3]))))
     for low in range(0, len(of_target), size):
         part = of_target[low : low + size]
-        row = pairs.column[part]
+        row = found.pairs.column[part]
         weight = floored(forecasts.weights(row))
-        ade, _, _ = sample_errors(forecasts.paths(row), targets.future[target[part]], weight)
+        paths = forecasts.paths(row) + moved[part, None, None]
+        ade, _, _ = sample_errors(paths, targets.future[target[part]], weight)
         error[part] = ade.min(axis=1, initial=np.inf)
-    return Candidates(scene, targets, forecasts, live[forecasts.frame], pairs, place, error)
+    return error
 
 
 @dataclass(frozen=True, eq=False)

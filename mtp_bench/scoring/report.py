@@ -90,7 +90,7 @@ def summarise(
         definitions=DEFINITIONS,
         rows=_with_ranks(rows, tables, ends, own),
         paired=[
-            _paired_row(table, other, subset)
+            paired_row(table, other, subset)
             for other in others
             for table in tables
             if table is not other and table.setting.samples == other.setting.samples
@@ -117,7 +117,7 @@ def _condition(tables: Sequence[AgentTable], card: Card, reference: Reference | 
     }
 
 
-def _paired_row(table: AgentTable, other: AgentTable, subset: Subset) -> PairedRow:
+def paired_row(table: AgentTable, other: AgentTable, subset: Subset) -> PairedRow:
     """Differences table - other: of what ranks, and of minADE where both cover a target."""
     setting, weight = table.setting, table.weight[subset]
     whole = table.unit_weight(weight)

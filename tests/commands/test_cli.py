@@ -22,7 +22,7 @@ from tests.conftest import REPOSITORY
 from tests.support.command_line import CommandLine, copy_sequence, read_json, write_submission
 from tests.support.small_scenes import write_kitti
 
-COMMANDS = ["envs", "data", "run", "score", "compare", "view", "events", "video", "fit-noise"]
+COMMANDS = ["envs", "data", "run", "score", "compare", "study", "view", "events", "video", "fit-noise"]
 COMMANDS += ["new", "check", "submit", "verify", "seal", "board", "export", "challenge", "train", "import"]
 TABLES = ["envs", "data", "score", "compare", "events", "check", "verify", "board"]  # what prints one
 HEAVY = ["torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "pandas", "matplotlib", "jinja2"]

@@ -17,12 +17,12 @@ Figures = dict[str, list[float]]  # subset -> minADE, minFDE in metres
 
 def paper_figures(env_id: str, row: Row) -> Figures:
     """The paper's figures for the env and setting of ``row``; empty where it has none."""
-    return _figures(env_id, row.agent, row.budget, row.hypotheses)
+    return figures_of(env_id, row.agent, row.budget, row.hypotheses)
 
 
 def paper_gap(env_id: str, row: Row) -> float | None:
     """What the agent of ``row`` closes of the gap on IDS in the paper, by minADE; None where it is not there."""
-    ends = [_figures(env_id, agent, row.budget, 1).get("ids") for agent in ("truth_past", "stp")]
+    ends = [figures_of(env_id, agent, row.budget, 1).get("ids") for agent in ("truth_past", "stp")]
     own = paper_figures(env_id, row).get("ids")
     if own is None or ends[0] is None or ends[1] is None:
         return None
@@ -39,7 +39,14 @@ def shipped_env(report: Report) -> str:
     return report.env if report.condition.get("card") in (None, load_card(report.env).digest) else ""
 
 
-def _figures(env_id: str, agent: str, budget: str, hypotheses: int) -> Figures:
+def paper_facts(env_id: str, name: str) -> dict[str, Any]:
+    """Other facts of the paper for an env: "objects", "speed", "shared", "near", "people"; empty where it has none."""
+    paper = _paper()
+    return dict(paper.get(paper["dataset"].get(env_id, ""), {}).get(name, {}))
+
+
+def figures_of(env_id: str, agent: str, budget: str, hypotheses: int) -> Figures:
+    """The paper's figures for an env and an agent: "truth_past", "stp" or "mtp"; empty where it has none."""
     paper = _paper()
     figures: Any = paper.get(paper["dataset"].get(env_id, ""), {}).get(agent, {})
     if agent == "mtp":

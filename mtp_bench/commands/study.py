@@ -1,0 +1,51 @@
+"""``mtp-bench study``."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .completion import submissions
+from .options import EnvScenes, WorkerChoice
+from .output import prepare, working
+
+
+def study(
+    on: EnvScenes,
+    workers: WorkerChoice,
+    agent: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Name of a baseline or folder of a submission; repeatable, the story is about the first. Else mtp.",
+            autocompletion=submissions,
+        ),
+    ] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the page, tables and figures.")] = Path(
+        "study"
+    ),
+    quick: Annotated[bool, typer.Option("--quick", help="A first look in a minute: few scenes, one seed.")] = False,
+    seeds: Annotated[int, typer.Option(min=1, help="Runs with different random draws, of what ranks.")] = 3,
+) -> None:
+    """Tables and figures of the paper on an environment, and more: one page that tells what tracking errors cost."""
+    from ..study import study as run_study
+    from ..study.conduct import quick_options
+    from ..study.story import summary
+    from ..viz.terminal.output import show, show_lines
+
+    options = on.options(workers, range(seeds))
+    options = quick_options(options) if quick else options
+    prepare(on.env, options)
+    with working("study", options) as watched:
+        made = run_study(agent or ["mtp"], on.env, output, watched, quick, _command())
+    show_lines(summary(made.findings), "- ")
+    show("")
+    show(f"{len(made.tables)} tables and {made.figures} figures: {made.page}")
+
+
+def _command() -> str:
+    """This command, as it is typed."""
+    return shlex.join(["mtp-bench", *sys.argv[1:]])

@@ -1,0 +1,82 @@
+"""Where the remaining error comes from: parts of the number that ranks, which add up to it.
+
+At a cut each target has one error, at most c. One without a forecast has all of it for the first cause that applies:
+
+- ``undetected``: no detection of its class lies inside the forecast gate;
+- ``withheld``: it has a forecast, of less confidence than the cut;
+- ``lost``: it was detected, and nothing was forecast.
+
+The error of one with a forecast is a sum of signed parts:
+
+- ``true_past``: what the same predictor leaves from the true past;
+- ``localisation``: what moving the forecast to where the object truly is now takes away;
+- ``switched`` or ``rest``: what remains, by whether the reference tracker ever switches the identity there.
+
+Parts are taken at each budget of false forecasts, between the same two cuts as the error, and averaged like it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..types import Bools, Floats
+from .budgets import Budgets, at_budgets
+from .circumstances import Circumstances
+from .cuts import Cuts
+from .score import SceneScore
+
+CAUSES = ("undetected", "withheld", "lost", "true_past", "localisation", "switched", "rest")
+Array = NDArray[np.float64]
+
+
+def causes_at(cuts: Cuts, around: Circumstances, from_truth: Floats, switched: Bools, least: float) -> Array:
+    """Parts [len(CAUSES), n], m, of the error of each target where the least confidence that is kept is ``least``.
+
+    ``from_truth`` [n]: m, the plain error from true pasts, at most c; ``switched`` [n]: the event weight is above 0.
+    """
+    error, missed = cuts.at(least)
+    without_place = around.centred.at(least)[0]
+    absent, ever = missed > 0, cuts.at(-np.inf)[1] == 0
+    remains = without_place - from_truth
+    parts = (
+        (absent & ~around.seen, error),
+        (absent & around.seen & ever, error),
+        (absent & around.seen & ~ever, error),
+        (~absent, from_truth),
+        (~absent, error - without_place),
+        (~absent & switched, remains),
+        (~absent & ~switched, remains),
+    )
+    return np.stack([np.where(where, value, 0.0) for where, value in parts])
+
+
+def causes(
+    seeds: Sequence[Sequence[SceneScore]],
+    around: Sequence[Sequence[Circumstances]],
+    budgets: Budgets,
+    from_truth: Floats,
+    switched: Bools,
+    subsets: bool = False,
+) -> Array:
+    """Parts [len(CAUSES), n], m, of the number that ranks per target, mean over seeds; they add up to it.
+
+    ``around``: of the same scenes and seeds; ``from_truth`` and ``switched`` [n] as in `causes_at`, over all scenes;
+    ``subsets``: at the budget of the event subsets, else the mean over those of "all".
+    """
+    first = np.cumsum([0, *(len(score) for score in seeds[0])])
+    of_scene = [slice(low, high) for low, high in pairwise(first.tolist())]
+    allowed = [budgets.subsets] if subsets else budgets.all
+    runs = []
+    for scores, near in zip(seeds, around, strict=True):
+
+        def parts(scene: int, least: float, scores=scores, near=near) -> Array:  # type: ignore[no-untyped-def]
+            rows = of_scene[scene]
+            return causes_at(scores[scene].cuts, near[scene], from_truth[rows], switched[rows], least)
+
+        live = None if budgets.false_known else sum(score.live for score in scores)
+        runs.append(at_budgets([score.cuts for score in scores], allowed, parts, live).mean(axis=0))
+    return np.asarray(np.mean(runs, axis=0), dtype=np.float64)

@@ -1,0 +1,117 @@
+"""What happened around each target of a run: whether it was seen, how old its track is, how long ago it was mistaken.
+
+A comparison does not need it; a study of where errors come from does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..cards import Card
+from ..types import Bools, Floats, Ints, Rollout, Scene, Truth
+from .cuts import Cuts
+from .events import object_history
+from .forecasts import Forecasts, candidates, centred, cuts, grow
+from .lineage import Hypotheses, LineageEvents, hypotheses, lineage_events, match_hypotheses
+from .neutral import evaluated
+from .pairs import box_pairs
+from .targets import find_targets, live_frames
+
+KINDS = ("ids", "lost", "reacquired", "frag")  # the last: lost or reacquired
+
+
+@dataclass(frozen=True, eq=False)
+class EventRows:
+    """Events of one kind on evaluated true boxes, targets or not."""
+
+    frame: Ints  # [E]
+    object_id: Ints  # [E]
+    distance: Floats  # [E] m to the ego (BEV)
+
+
+@dataclass(frozen=True, eq=False)
+class Circumstances:
+    """Of one rollout of one scene; targets [n] in the order of `find_targets`."""
+
+    scene: str
+    centred: Cuts  # of its forecasts, moved to where their objects truly are
+    seen: Bools  # [n] a detection of the class lies inside the forecast gate
+    age: Ints  # [n] frames since the track that holds it was first said; -1: no track of the best hypothesis does
+    since: dict[str, Ints]  # [n] by KINDS: frames since the object had the event last, 0 for now; -1: never so far
+    own: dict[str, EventRows]  # by KINDS: along the lineage of the best hypothesis
+    shared: dict[str, EventRows]  # by KINDS: in every hypothesis
+    objects: int  # evaluated true objects
+    boxes: int  # evaluated true boxes
+    frames: int
+
+
+def circumstances(scene: Scene, rollout: Rollout, card: Card) -> Circumstances:
+    """What happened around the targets of ``scene``; a rollout that `score_scene` takes."""
+    scene = evaluated(scene)
+    truth, targets = scene.truth, find_targets(scene, card)
+    forecasts = Forecasts.of(rollout)
+    found = candidates(scene, targets, forecasts, live_frames(scene, card), card)
+    miss_error = np.asarray(card.per_class(card.task.miss_error))[targets.class_id]
+    lineage = hypotheses(rollout, card)
+    matched = match_hypotheses(truth, rollout, lineage.member, card)
+    events = lineage_events(truth, rollout, lineage, matched)
+    best = lineage.best[truth.frame_of_rows]
+    own = {kind: getattr(events.of(best), kind)[:, 0] for kind in KINDS}
+    track = np.take_along_axis(matched, best[:, None], axis=1)[:, 0]
+    return Circumstances(
+        scene=scene.name,
+        centred=cuts(centred(found), grow(found, forecasts.confidence), forecasts.confidence, miss_error),
+        seen=_seen(scene, card)[targets.row],
+        age=_ages(rollout, track)[targets.row],
+        since={kind: _since(truth, rows)[targets.row] for kind, rows in own.items()},
+        own={kind: _event_rows(scene, rows) for kind, rows in own.items()},
+        shared={kind: _event_rows(scene, _in_all(truth, lineage, events, kind)) for kind in KINDS},
+        objects=len(np.unique(truth.object_id[~truth.neutral])),
+        boxes=int((~truth.neutral).sum()),
+        frames=scene.frames,
+    )
+
+
+def _seen(scene: Scene, card: Card) -> Bools:
+    """Which true boxes [R] have a detection of their class inside the forecast gate."""
+    truth, found = scene.truth, scene.detections
+    at = truth.frame_of_rows, truth.box, truth.class_id
+    boxes = found.frame_of_rows, found.box, found.class_id
+    pairs = box_pairs(*at, *boxes, "center_distance", card.per_class(card.task.forecast_gate))
+    return np.bincount(pairs.row, minlength=len(truth.box)) > 0
+
+
+def _ages(rollout: Rollout, track: Ints) -> NDArray[np.int64]:
+    """Frames since the id of a track [R] was first said; -1 for none."""
+    frame = rollout.tracks.frame_of_rows
+    _, first, number = np.unique(rollout.track_id, return_index=True, return_inverse=True)
+    age = np.append(frame - frame[first][number], -1)  # row -1: no track
+    return np.asarray(age[track], dtype=np.int64)
+
+
+def _since(truth: Truth, happened: Bools) -> NDArray[np.int64]:
+    """Frames since the last row of the same object that ``happened`` [R], 0 for the row itself; -1 without any."""
+    past = object_history(truth)
+    own, place = happened[past.order], np.arange(len(past.order))
+    last = np.maximum.accumulate(np.where(own, place, -1)) if len(place) else place
+    begin = np.maximum.accumulate(np.where(past.follows, 0, place)) if len(place) else place
+    since = np.full(len(place), -1, dtype=np.int64)
+    known = last >= begin
+    since[past.order[known]] = past.frame[known] - past.frame[last[known]]
+    return since
+
+
+def _in_all(truth: Truth, lineage: Hypotheses, events: LineageEvents, kind: str) -> Bools:
+    """Rows [R] that have the event in every hypothesis that exists."""
+    absent = ~lineage.alive[truth.frame_of_rows]
+    return np.asarray((getattr(events, kind) | absent).all(axis=1))
+
+
+def _event_rows(scene: Scene, happened: Bools) -> EventRows:
+    truth, row = scene.truth, np.flatnonzero(happened)
+    frame = truth.frame_of_rows[row]
+    gap = truth.box[row, :2] - scene.ego[frame, :2]
+    return EventRows(frame, truth.object_id[row], np.hypot(gap[:, 0], gap[:, 1]))

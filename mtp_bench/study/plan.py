@@ -1,0 +1,143 @@
+"""What a study runs: each agent with one to many hypotheses, with and without sampling, and the controls."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from ..cards import Card
+from ..running.compare import CONTROLS, STP, TRUTH
+from ..running.settings import Setting, all_settings, setting_of
+from ..submission.loader import Submission, load_submission
+from .retracking import retracking_settings
+
+HYPOTHESES = (1, 2, 5, 10, 20)
+QUANTILES = (0.1, 0.25, 0.5)  # of the scores of detections of true objects: where the input is cut
+CUT_AGENTS = ("stp", "mtp", "stp_same_budget")
+CUT_PARAMETER = "min_detection_score"
+SAME_BUDGET = "stp_same_budget"
+HEDGED = "stp_hedged"
+
+
+@dataclass(frozen=True)
+class Subject:
+    """An agent that is studied."""
+
+    name: str
+    single: Setting  # its pipeline with one hypothesis
+    truth: Setting  # the same on true pasts
+    equal: dict[int, Setting]  # by hypotheses: with the k samples of the env; 1 is ``single``
+    free: dict[int, Setting] = field(default_factory=dict)  # by hypotheses: with the samples of all of them
+    own_ends: bool = True  # False: what it is with one hypothesis is not stated, and STP stands for it
+
+    @property
+    def most(self) -> Setting:
+        """The setting with the most hypotheses."""
+        return self.equal[max(self.equal)]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Settings of a study; each is run once, however many tables need it."""
+
+    subjects: tuple[Subject, ...]
+    controls: tuple[Setting, ...]
+    retracking: tuple[Setting, ...] = ()  # the rows of the paper's table of people
+    cuts: dict[float, tuple[Setting, ...]] = field(default_factory=dict)  # share of true detections below -> settings
+
+    @property
+    def equal(self) -> list[Setting]:
+        """Every setting with the k samples of the env that the report ranks, each once; the controls first."""
+        every = [*self.controls, *self.retracking]
+        for subject in self.subjects:
+            every += [subject.single, subject.truth, *subject.equal.values()]
+        return list(unique(every))
+
+    @property
+    def free(self) -> list[Setting]:
+        """Every setting with more samples."""
+        return list(unique([setting for subject in self.subjects for setting in subject.free.values()]))
+
+    @property
+    def cut(self) -> list[Setting]:
+        """Every setting with a cut input."""
+        return [setting for settings in self.cuts.values() for setting in settings]
+
+
+def key_of(setting: Setting) -> str:
+    """What tells settings apart: equal keys, equal runs."""
+    content = {
+        "submission": setting.submission.digest,
+        "parameters": setting.parameters,
+        "samples": setting.samples,
+        "observe": setting.observe,
+    }
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def unique(settings: Sequence[Setting]) -> Iterator[Setting]:
+    """The settings in their order, without those that are the same run."""
+    seen: set[str] = set()
+    for setting in settings:
+        if (key := key_of(setting)) not in seen:
+            seen.add(key)
+            yield setting
+
+
+def make_plan(
+    names: Sequence[str], card: Card, hypotheses: Sequence[int] = HYPOTHESES, free: Sequence[int] = HYPOTHESES[1:]
+) -> Plan:
+    """The plan for some submissions on a card, without cuts of the input, which depend on its detections.
+
+    ``hypotheses``: numbers to run an agent with that takes one; ``free``: of them, those to run without sampling too.
+    Raises MtpBenchError where two submissions have one name, and SubmissionError for a count that is none.
+    """
+    all_settings(names, card)  # two of one name, and broken manifests, show here
+    controls = tuple(all_settings(CONTROLS, card))
+    subjects = tuple(subject_of(load_submission(name), card, hypotheses, free) for name in dict.fromkeys(names))
+    return Plan(subjects, controls, retracking_settings(card))
+
+
+def subject_of(submission: Submission, card: Card, hypotheses: Sequence[int], free: Sequence[int]) -> Subject:
+    """A submission in the settings of a study."""
+    whole = setting_of(submission, card)
+    single, truth, stated = _ends(whole, card)
+    parameter = submission.compare.hypotheses
+    if parameter is None or submission.compare.observe == "truth":
+        return Subject(submission.name, single, truth, {whole.hypotheses or 1: whole}, own_ends=stated)
+
+    def with_hypotheses(count: int, budget: Any = "equal") -> Setting:
+        return setting_of(submission, card, {parameter: count}, budget)
+
+    most = max(whole.hypotheses or 1, 1)
+    counts = sorted({count for count in hypotheses if count <= most} | {most}) if most > 1 else [1]
+    return Subject(
+        name=submission.name,
+        single=single,
+        truth=truth,
+        equal={count: single if count == 1 and stated else with_hypotheses(count) for count in counts},
+        free={count: with_hypotheses(count, "free") for count in counts if count > 1 and count in {*free, most}},
+        own_ends=stated,
+    )
+
+
+def _ends(setting: Setting, card: Card) -> tuple[Setting, Setting, bool]:
+    """One hypothesis, and true pasts, with the setting's own predictor; whether the manifest states them."""
+    if setting.ends:
+        single, truth = setting.ends
+        name = setting.submission.name
+        return replace(single, label=f"{name}, H = 1"), replace(truth, label=f"{name}, true pasts"), True
+    stp, past = setting_of(load_submission(STP), card), setting_of(load_submission(TRUTH), card)
+    return stp, past, setting.ends == ()
+
+
+def with_cuts(plan: Plan, card: Card, cuts: dict[float, dict[str, float]]) -> Plan:
+    """The plan, and the baselines with the input cut: share of true detections below -> least score per class."""
+    settings = {
+        share: tuple(setting_of(load_submission(name), card, {CUT_PARAMETER: cut}) for name in CUT_AGENTS)
+        for share, cut in cuts.items()
+    }
+    return replace(plan, cuts=settings)

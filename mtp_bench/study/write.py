@@ -1,0 +1,44 @@
+"""Files of a study: every table as CSV and JSON, every figure as SVG and PNG, and the page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from ..files import make_folder, write_bytes, write_text
+from .figures import make_figures
+from .findings import Findings
+from .gallery import gallery
+from .page import study_page
+from .table import Table
+
+TABLES, FIGURES, EVENTS, PAGE = "tables", "figures", "events", "index.html"
+
+
+class Written(NamedTuple):
+    """What was written."""
+
+    page: Path
+    figures: int
+
+
+def write_study(folder: Path, found: Findings, tables: dict[str, Table], command: str) -> Written:
+    """Write everything. ``command``: that makes the study again."""
+    make_folder(folder / TABLES)
+    for table in tables.values():
+        write_text(folder / TABLES / f"{table.name}.csv", table.to_csv())
+        write_text(folder / TABLES / f"{table.name}.json", table.to_json())
+    make_folder(folder / FIGURES)
+    figures = make_figures(found, tables)
+    for figure in figures.values():
+        write_text(folder / FIGURES / f"{figure.name}.svg", figure.svg_file)
+        write_bytes(folder / FIGURES / f"{figure.name}.png", figure.png)
+    pictures = gallery(found)
+    if pictures:
+        make_folder(folder / EVENTS)
+    for picture in pictures:
+        write_text(folder / EVENTS / f"{picture.figure.name}.svg", picture.figure.svg_file)
+        write_bytes(folder / EVENTS / f"{picture.figure.name}.png", picture.figure.png)
+        write_bytes(folder / EVENTS / f"{picture.figure.name}-focus.png", picture.focus)
+    write_text(folder / PAGE, study_page(found, tables, figures, pictures, command))
+    return Written(folder / PAGE, len(figures))

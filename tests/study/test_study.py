@@ -1,0 +1,250 @@
+"""A whole study of tiny sequences: its files, its page, and that nothing is run twice."""
+
+from __future__ import annotations
+
+import csv
+import html
+import json
+import re
+import shlex
+import shutil
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from mtp_bench.cards import load_card
+from mtp_bench.errors import UnknownNameError
+from mtp_bench.running.opened import open_run
+from mtp_bench.running.options import RunOptions
+from mtp_bench.running.stored import run
+from mtp_bench.running.track_export import export_tracks
+from mtp_bench.scoring.causes import CAUSES
+from mtp_bench.study import Study, study
+from mtp_bench.study.conduct import find
+from mtp_bench.study.gallery import command_of
+from mtp_bench.study.moments import worst_moments
+from mtp_bench.study.plan import make_plan, subject_of
+from mtp_bench.study.relations import verdict
+from mtp_bench.study.runs import open_bench
+from mtp_bench.study.tables import make_tables
+from mtp_bench.submission import load_submission
+from tests.support.browser import CHROMIUM, DRIVER, MISSING, chromium
+from tests.support.command_line import CommandLine, write_submission
+
+PAPERS = ("pasts", "targeted", "global", "speed", "frequency", "shared", "frames")
+OURS = ("surface", "k_curve", "causes", "gaps", "since", "age", "bins", "budgets", "calibration", "cuts", "relations")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> Study:
+    """A study of mtp; tests must not change its folder."""
+    return study(["mtp"], card, tmp_path_factory.mktemp("study"), RunOptions(kitti), command="mtp-bench study --env X")
+
+
+def rows_of(study: Study, name: str) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = json.loads((study.folder / "tables" / f"{name}.json").read_text())["rows"]
+    return found
+
+
+@pytest.mark.parametrize("name", [*PAPERS, *OURS])
+def test_every_table_is_written_twice_with_units_and_a_sentence(made: Study, name: str) -> None:
+    content = json.loads((made.folder / "tables" / f"{name}.json").read_text())
+    assert content["sentence"].endswith(".")
+    lines = list(csv.reader((made.folder / "tables" / f"{name}.csv").read_text().splitlines()))
+    heads = [f"{c['name']} [{c['unit']}]" if c["unit"] else c["name"] for c in content["columns"]]
+    assert lines[0] == heads
+    values = [["" if v is None else str(v) for v in row.values()] for row in content["rows"]]
+    assert lines[1:] == values
+    assert values
+
+
+def test_the_bar_of_every_agent_adds_up_to_its_error(made: Study) -> None:
+    rows = rows_of(made, "causes")
+    agents = {(row["agent"], row["H"]) for row in rows if row["targets_of"] == "all"}
+    assert {("truth_past", 1), ("stp", 1), ("stp_same_budget", 1), ("stp_hedged", 1), ("mtp", 20)} <= agents
+    for row in rows:
+        assert sum(row[cause] for cause in CAUSES) == pytest.approx(row["error"], abs=1e-9), row["agent"]
+
+
+def test_the_tables_say_what_compare_says(made: Study, cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:
+    file = tmp_path / "compare.json"
+    cli.ok("compare", "mtp", "--env", card, "--data", kitti, "--seeds", 1, "--jobs", 1, "--json", file)
+    compared = {
+        (row["agent"], row["hypotheses"], row["samples"]): row
+        for row in json.loads(file.read_text())["rows"]
+        if row["subset"] == "all"
+    }
+    checked = 0
+    for row in rows_of(made, "global"):
+        other = compared.get((row["agent"], row["H"], row["k"]))
+        if other is not None:
+            assert [row[n] for n in ("minADE", "minFDE", "error", "coverage")] == [
+                other[n] for n in ("minADE", "minFDE", "error", "coverage")
+            ]
+            checked += 1
+    assert checked >= 8
+
+
+def test_every_figure_has_axes_with_units_n_and_a_sentence(made: Study) -> None:
+    files = sorted((made.folder / "figures").glob("*.svg"))
+    assert len(files) >= 15
+    for file in files:
+        root = ElementTree.fromstring(file.read_text())
+        words = [text.strip() for text in root.itertext() if text.strip()]
+        whole = " ".join(words)
+        assert " n: " in whole, file.name
+        assert re.search(r", (m|ms|%)\b|per (frame|trajectory)|\bk\b|probability|events|hypotheses H", whole), file.name
+        assert file.with_suffix(".png").stat().st_size > 5000
+
+
+def test_nothing_on_the_page_asks_anybody(made: Study) -> None:
+    text = html.unescape(made.page.read_text())
+    assert "default-src 'none'" in text
+    assert not re.findall(r"""(?:src|href)=["'](?!data:|#)""", text)
+    assert "<script" not in text
+    assert not re.search(r"url\((?![\"']?#)", text)
+    assert "mtp-bench study --env X" in text
+
+
+def test_the_page_tells_the_whole_story(made: Study) -> None:
+    text = made.page.read_text()
+    for key in ("found", "cost", "often", "gain", "shared", "choose", "causes", "when", "decide", "made"):
+        assert f'<section id="{key}">' in text
+    for name in PAPERS:
+        assert f"tables/{name}.csv" in text
+    assert text.count("<svg") >= 15
+
+
+def test_nothing_is_run_twice(made: Study, tmp_path: Path, card: str, kitti: str) -> None:
+    folder = tmp_path / "again"
+    shutil.copytree(made.folder, folder)
+    runs = sorted((folder / "runs").iterdir())
+    before = {run: (run / "run.json").stat().st_mtime_ns for run in runs}
+    broken = runs[0]
+    next(broken.glob("*.npz")).unlink()
+    again = make_tables(find(["mtp"], card, folder, RunOptions(kitti)))
+    assert sorted((folder / "runs").iterdir()) == runs
+    after = {run: (run / "run.json").stat().st_mtime_ns for run in runs}
+    assert {run for run in runs if after[run] != before[run]} == {broken}
+    for name in (*PAPERS, *OURS):
+        if name not in ("speed", "surface", "relations"):  # which hold times
+            assert json.loads(again[name].to_json())["rows"] == rows_of(made, name), name
+
+
+def test_other_detections_are_other_runs(made: Study, tmp_path: Path, card: str, kitti: str) -> None:
+    root = tmp_path / "data"
+    shutil.copytree(kitti, root)
+    file = root / "kitti_tracking/detections/pointrcnn/Car/0001.txt"
+    file.write_text("\n".join(file.read_text().splitlines()[1:]))  # one detection less
+    plain, other = (RunOptions(str(where)) for where in (kitti, root))
+    benches = [open_bench(card, tmp_path, options) for options in (plain, plain, other)]
+    assert benches[0].content == benches[1].content != benches[2].content
+
+
+def test_stored_runs_are_runs(made: Study, cli: CommandLine, card: str, kitti: str) -> None:
+    folder = next(path for path in (made.folder / "runs").iterdir() if path.name.startswith("mtp-H20"))
+    assert "mtp" in cli.ok("score", folder, "--data", kitti)
+
+
+def test_the_command_on_an_agent_of_ones_own(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
+    mine = write_submission(tmp_path / "mine", "mine")
+    folder = tmp_path / "out"
+    given = "--env", card, "--data", kitti, "--agent", mine, "-o", folder, "--quick", "--jobs", 1
+    said = cli.ok("study", *given)
+    assert f"{folder / 'index.html'}" in said.replace("\n", "")
+    told = json.loads((folder / "tables" / "global.json").read_text())["rows"]
+    assert "mine" in {row["agent"] for row in told}
+    assert "mtp" not in {row["agent"] for row in told}
+
+
+def test_an_agent_that_does_not_exist_is_named_before_anything_runs(tmp_path: Path, card: str, kitti: str) -> None:
+    with pytest.raises(UnknownNameError, match="mpt"):
+        study(["mpt"], card, tmp_path / "out", RunOptions(kitti))
+    assert not (tmp_path / "out" / "runs").exists()
+
+
+def test_a_plan_runs_nothing_twice(card: str) -> None:
+    plan = make_plan(["mtp", "stp"], load_card(card))
+    names = [(s.submission.name, s.hypotheses, s.samples, s.observe) for s in plan.equal]
+    assert names.count(("stp", 1, 4, "detections")) == 1
+
+
+def test_the_ends_of_a_learned_agent_are_its_own(card: str) -> None:
+    subject = subject_of(load_submission("mtp_modes"), load_card(card), (1, 5, 20), (20,))
+    assert (subject.single.submission.name, subject.single.hypotheses) == ("mtp_modes", 1)
+    assert (subject.truth.submission.name, subject.truth.observe) == ("mtp_modes", "truth")
+    assert subject.equal[1] == subject.single
+    assert sorted(subject.equal) == [1, 5, 20]
+    assert sorted(subject.free) == [20]
+
+
+@pytest.mark.skipif(not (CHROMIUM and DRIVER), reason=MISSING)
+def test_in_a_browser_nothing_is_asked_for_and_nothing_is_cut_off(made: Study, tmp_path: Path) -> None:
+    with chromium(tmp_path) as browser:
+        for width in (390, 1600):
+            for scheme in ("light", "dark"):
+                browser.resize(width, 900)
+                browser.prefer(scheme)
+                browser.forget()
+                browser.open(made.page)
+                assert browser.console() == []
+                assert {a for a in browser.requests() if not a.startswith("data:")} == {made.page.as_uri()}
+                assert browser.script("return document.documentElement.scrollWidth") <= width
+        ground = browser.script("return getComputedStyle(document.body).backgroundColor")
+        browser.prefer("light")
+        assert browser.script("return getComputedStyle(document.body).backgroundColor") != ground
+
+
+def test_stored_tracks_are_studied_and_changed_ones_anew(tmp_path: Path, card: str, kitti: str) -> None:
+    run("stp", card, tmp_path / "stp", RunOptions(kitti))
+    export_tracks(open_run(tmp_path / "stp", kitti, card), tmp_path / "tracks")
+    options = RunOptions(kitti, track_file=str(tmp_path / "tracks"))
+    tables = make_tables(find(["given_tracks"], card, tmp_path / "out", options, quick=True))
+    (row,) = [row for row in tables["global"].rows if row.agent == "given_tracks"]
+    assert row.coverage is not None
+    before = names_of_runs(tmp_path / "out", "given_tracks")
+    assert len(before) == 1
+    file = next((tmp_path / "tracks").rglob("0001.txt"))
+    file.write_text("\n".join(file.read_text().splitlines()[1:]))  # one box less
+    find(["given_tracks"], card, tmp_path / "out", options, quick=True)
+    assert len(names_of_runs(tmp_path / "out", "given_tracks")) == 2
+
+
+def names_of_runs(folder: Path, agent: str) -> list[str]:
+    return [path.name for path in (folder / "runs").iterdir() if path.name.startswith(agent)]
+
+
+def test_the_worst_events_can_be_opened(made: Study, cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:
+    moments = worst_moments(made.findings)
+    assert "lost" in {moment.incident.kind for moment in moments}  # detections are missing in two frames
+    for kind in {moment.incident.kind for moment in moments}:
+        costs = [moment.cost for moment in moments if moment.incident.kind == kind]
+        assert costs == sorted(costs, reverse=True)
+    moment = moments[0]
+    words = shlex.split(command_of(made.findings, moment))
+    picture = tmp_path / "event.png"
+    cli.ok("view", words[2], *words[4:], "--png", picture)
+    assert picture.stat().st_size > 1000
+    assert sorted(path.name for path in (made.folder / "events").glob("*-focus.png"))
+    said = moment.said[0]
+    assert (said.label, said.error is not None) == ("true past", True)
+
+
+CASES = {  # interval, limit, what the paper says, units -> verdict
+    "all below": ((-2.0, -1.0), 0.0, -1, 9, "holds"),
+    "all above": ((1.0, 2.0), 0.0, -1, 9, "does not hold"),
+    "around": ((-1.0, 1.0), 0.0, -1, 9, "cannot be told"),
+    "above is what it says": ((1.0, 2.0), 0.5, 1, 9, "holds"),
+    "below is not": ((0.1, 0.4), 0.5, 1, 9, "does not hold"),
+    "too few recordings": ((-2.0, -1.0), 0.0, -1, 5, "cannot be told"),
+    "no interval": ((None, None), 0.0, -1, 9, "cannot be told"),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_verdicts(name: str) -> None:
+    (low, high), limit, sign, units, told = CASES[name]
+    assert verdict(low, high, limit, sign, np.ones(units)) == told
