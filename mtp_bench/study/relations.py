@@ -65,7 +65,7 @@ def _costs(found: Findings) -> Iterator[Relation]:
         ("paper_ids", "ids", "An identity switch"), ("paper_frag", "frag", "A fragment"),
     )  # fmt: skip
     for subset, key, what in kinds:
-        ends = [figures_of(found.bench.card.id, agent, "equal", 1).get(key) for agent in ("truth_past", "stp")]
+        ends = [figures_of(found.bench.of_paper, agent, "equal", 1).get(key) for agent in ("truth_past", "stp")]
         papers = ""
         if ends[0] and ends[1]:
             papers = f"minADE {ends[0][0]:.3f} m from true pasts, {ends[1][0]:.3f} m from tracklets"
@@ -76,7 +76,7 @@ def _costs(found: Findings) -> Iterator[Relation]:
 
 def _gains(found: Findings) -> Iterator[Relation]:
     subject, most = found.subject, found.subject.most
-    env_id, count = found.bench.card.id, found.subject.most.hypotheses or 1
+    env_id, count = found.bench.of_paper, found.subject.most.hypotheses or 1
     who = "Hypotheses win" if count > 1 else f"{subject.name} wins"
 
     def paper(key: str, *ends: tuple[str, str, int]) -> str:
@@ -171,7 +171,7 @@ def _frequency(found: Findings) -> Iterator[Relation]:
 
 def _shared(found: Findings) -> Iterator[Relation]:
     count = found.subject.most.hypotheses
-    papers = paper_facts(found.bench.card.id, "shared").get("ids")
+    papers = paper_facts(found.bench.of_paper, "shared").get("ids")
     one, every = (found.of(setting).around[0] for setting in (found.subject.single, found.subject.most))
     first = np.array([len(scene.own["ids"].frame) for scene in one], dtype=float)
     left = np.array([len(scene.shared["ids"].frame) for scene in every], dtype=float)
@@ -190,7 +190,7 @@ def _shared(found: Findings) -> Iterator[Relation]:
 
 def _speed(found: Findings) -> Iterator[Relation]:
     times = sorted(found.speed, key=lambda speed: speed.hypotheses)
-    papers = paper_facts(found.bench.card.id, "speed")
+    papers = paper_facts(found.bench.of_paper, "speed")
     for stage, slows in (("tracking", True), ("prediction", False)):
         first, last = (getattr(times[i], stage) for i in (0, -1))
         if not first or not last or len(times) < 2:
@@ -212,7 +212,7 @@ def _people(found: Findings) -> Iterator[Relation]:
     if not found.plan.retracking:
         return
     plain, again, hypotheses, both = found.plan.retracking
-    papers = paper_facts(found.bench.card.id, "people")
+    papers = paper_facts(found.bench.of_paper, "people")
     for name, setting, other, of in (
         ("Re-tracking helps one hypothesis", again, plain, ("plain", "retracking")),
         ("Hypotheses help without re-tracking", hypotheses, plain, ("plain", "hypotheses")),

@@ -26,6 +26,7 @@ from ..scoring import SceneScore, score_scene
 from ..scoring.circumstances import Circumstances, circumstances
 from ..sources import open_source
 from ..types import Rollout, Scene
+from ..viz.terminal.paper import unchanged
 from .plan import key_of
 
 RUNS = "runs"  # folder of the stored runs
@@ -54,6 +55,11 @@ class Bench:
     matched: tuple[MatchedDetections, ...]  # detections of true objects, per scene
     folder: Path
     options: RunOptions
+
+    @property
+    def of_paper(self) -> str:
+        """The env whose figures of the paper may stand beside ours; empty where the card was changed."""
+        return unchanged(self.card.id, self.card.digest)
 
 
 def open_bench(env_id: str | Card, folder: Path, options: RunOptions) -> Bench:

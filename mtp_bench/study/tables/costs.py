@@ -213,7 +213,7 @@ def gap_table(found: Findings) -> Table:
                 GapRow(
                     subset_name(subset), row.agent, row.hypotheses, row.gap_closed, low, high,
                     row.gap_closed_same_predictor, own_low, own_high, row.energy_score,
-                    paper_gap(found.bench.card.id, row) if subset == "ids" else None,
+                    paper_gap(found.bench.of_paper, row) if subset == "ids" else None,
                 )
             )  # fmt: skip
     unique_rows = [row for i, row in enumerate(rows) if row not in rows[:i]]

@@ -79,7 +79,7 @@ class DistanceRow:
 def distance_table(found: Findings) -> Table:
     """The paper's figure on distance: how far from the ego identities err."""
     rows = []
-    papers = paper_facts(found.bench.card.id, "near")
+    papers = paper_facts(found.bench.of_paper, "near")
     if found.bench.card.has_ego:
         for kind in ("ids", "frag"):
             near = [scene.own[kind].distance for scene in _around(found, found.subject.single)]
@@ -124,7 +124,7 @@ class SharedRow:
 def shared_table(found: Findings) -> Table:
     """The paper's count of events that all hypotheses share."""
     rows = []
-    papers = paper_facts(found.bench.card.id, "shared")
+    papers = paper_facts(found.bench.of_paper, "shared")
     for subject in found.plan.subjects:
         for count, setting in subject.equal.items():
             if count == 1:

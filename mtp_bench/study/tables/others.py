@@ -28,7 +28,7 @@ class SpeedRow:
 
 def speed_table(found: Findings) -> Table:
     """Table IV of the paper: speed by stage over H."""
-    papers = paper_facts(found.bench.card.id, "speed")
+    papers = paper_facts(found.bench.of_paper, "speed")
     rows = [
         SpeedRow(
             speed.hypotheses,
@@ -77,7 +77,7 @@ class PeopleRow:
 def people_table(found: Findings) -> Table:
     """Table V of the paper: re-tracking and hypotheses, alone and together."""
     rows = []
-    papers = paper_facts(found.bench.card.id, "people")
+    papers = paper_facts(found.bench.of_paper, "people")
     names = ("plain", "retracking", "hypotheses", "both")
     for name, setting in zip(names, found.plan.retracking, strict=False):
         row = found.row(setting, "all")

@@ -63,7 +63,7 @@ def _past_row(found: Findings, subject: Subject, subset: Subset, past: str, sett
     ade = found.covered_mean(table, table.min_ade, table.weight[subset])
     key = PAPERS.get(subset, "all" if subset == "all" else "")
     who = "truth_past" if past == "true pasts" else "stp"
-    papers = figures_of(found.bench.card.id, who, "equal", 1).get(key, [None, None])
+    papers = figures_of(found.bench.of_paper, who, "equal", 1).get(key, [None, None])
     return PastRow(
         agent=subject.name,
         targets_of=subset_name(subset),
@@ -81,7 +81,7 @@ def _past_row(found: Findings, subject: Subject, subset: Subset, past: str, sett
         events=row.events,
         paper_minADE=papers[0],
         paper_minFDE=papers[1],
-        paper_objects=paper_facts(found.bench.card.id, "objects").get(key),
+        paper_objects=paper_facts(found.bench.of_paper, "objects").get(key),
     )
 
 
@@ -194,7 +194,7 @@ def paper_numbers(
     if setting in found.plan.controls and role == "mtp":
         return None, None
     hypotheses = setting.hypotheses or 1
-    figures = figures_of(found.bench.card.id, role, setting.budget, hypotheses).get(key)
+    figures = figures_of(found.bench.of_paper, role, setting.budget, hypotheses).get(key)
     return (None, None) if figures is None else (figures[0], figures[1])
 
 

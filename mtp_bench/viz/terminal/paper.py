@@ -30,13 +30,16 @@ def paper_gap(env_id: str, row: Row) -> float | None:
 
 
 def shipped_env(report: Report) -> str:
-    """The env whose figures may stand beside those of ``report``; empty where its card is not the shipped one.
+    """The env whose figures may stand beside those of ``report``; empty where its card is not the shipped one."""
+    return unchanged(report.env, report.condition.get("card"))
+
+
+def unchanged(env_id: str, digest: str | None) -> str:
+    """``env_id``, or nothing where a card of this ``digest`` is not the one that ships.
 
     Scenes, a split or detections of one's own keep the name of the env, not its content.
     """
-    if report.env not in card_ids():
-        return report.env
-    return report.env if report.condition.get("card") in (None, load_card(report.env).digest) else ""
+    return env_id if env_id not in card_ids() or digest in (None, load_card(env_id).digest) else ""
 
 
 def paper_facts(env_id: str, name: str) -> dict[str, Any]:
