@@ -83,8 +83,9 @@ def lines(table: Table) -> list[list[tuple[str, bool, bool]]]:
 
 
 def _merged(table: Table) -> list[tuple[Column, tuple[Column, Column] | None]]:
-    """The columns; an interval that follows a number goes with it."""
-    columns, merged = table.columns, list[tuple[Column, tuple[Column, Column] | None]]()
+    """The columns that hold something; an interval that follows a number goes with it."""
+    columns = [c for c in table.columns if any(getattr(row, c.name) is not None for row in table.rows)]
+    merged = list[tuple[Column, tuple[Column, Column] | None]]()
     i = 0
     while i < len(columns):
         ends = columns[i + 1 : i + 3]

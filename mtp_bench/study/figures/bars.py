@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...scoring.causes import CAUSES
+from ...viz.terminal.paper import has_paper
 from ..findings import Findings
 from ..table import Table
 from .common import called, n_of, pick, where
@@ -52,7 +53,8 @@ def pasts_figure(found: Findings, tables: Tables) -> Figure:
         "pasts",
         "What tracking errors cost",
         "minADE of the same predictor from true pasts and from the tracks of one hypothesis, over targets with a "
-        "forecast, with 95 % intervals; diamonds are the paper's figures, of another predictor.",
+        "forecast, with 95 % intervals"
+        + ("; diamonds are the paper's figures, of another predictor." if has_paper(found.bench.card.id) else "."),
         n_of(found),
         paint,
     )
