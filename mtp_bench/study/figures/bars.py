@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...scoring.causes import CAUSES
-from ...viz.terminal.paper import has_paper
+from ...viz.terminal.paper import figures_of
 from ..findings import Findings
 from ..table import Table
 from .common import called, n_of, pick, where
@@ -54,7 +54,11 @@ def pasts_figure(found: Findings, tables: Tables) -> Figure:
         "What tracking errors cost",
         "minADE of the same predictor from true pasts and from the tracks of one hypothesis, over targets with a "
         "forecast, with 95 % intervals"
-        + ("; diamonds are the paper's figures, of another predictor." if has_paper(found.bench.card.id) else "."),
+        + (
+            "; diamonds are the paper's figures, of another predictor."
+            if figures_of(found.bench.of_paper, "stp", "equal", 1)
+            else "."
+        ),
         n_of(found),
         paint,
     )
