@@ -178,7 +178,9 @@ def _shared(found: Findings) -> Iterator[Relation]:
     low, high = share_interval(first - left, first) or (None, None)
     yield Relation(
         relation="Most switches are absent from at least one hypothesis",
-        paper="" if papers is None else f"{papers[0]} to {papers[1]}, {1 - papers[1] / papers[0]:.1%} fewer",
+        paper=""
+        if papers is None
+        else f"{papers['one']} to {papers['all']}, {1 - papers['all'] / papers['one']:.1%} fewer",
         measured=f"{first.sum():.0f} ids with one hypothesis, {left.sum():.0f} in all {count}",
         value=ratio((first - left).sum(), first.sum()),
         low=low,
@@ -186,6 +188,10 @@ def _shared(found: Findings) -> Iterator[Relation]:
         unit="share",
         verdict=verdict(low, high, 0.5, +1, first),
     )
+
+
+def _fewer(papers: dict[str, int]) -> float:
+    return 1 - papers["all"] / papers["one"]
 
 
 def _speed(found: Findings) -> Iterator[Relation]:

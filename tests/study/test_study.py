@@ -24,6 +24,7 @@ from mtp_bench.running.track_export import export_tracks
 from mtp_bench.scoring.causes import CAUSES
 from mtp_bench.study import Study, study
 from mtp_bench.study.conduct import find
+from mtp_bench.study.figures import make_figures
 from mtp_bench.study.gallery import command_of
 from mtp_bench.study.moments import worst_moments
 from mtp_bench.study.plan import make_plan, subject_of
@@ -33,6 +34,7 @@ from mtp_bench.study.tables import make_tables
 from mtp_bench.submission import load_submission
 from tests.support.browser import CHROMIUM, DRIVER, MISSING, chromium
 from tests.support.command_line import CommandLine, write_submission
+from tests.support.small_scenes import CARD, CARD_ID
 
 PAPERS = ("pasts", "targeted", "global", "speed", "frequency", "shared", "frames")
 OURS = ("surface", "k_curve", "causes", "gaps", "since", "age", "bins", "budgets", "calibration", "cuts", "relations")
@@ -248,3 +250,25 @@ CASES = {  # interval, limit, what the paper says, units -> verdict
 def test_verdicts(name: str) -> None:
     (low, high), limit, sign, units, told = CASES[name]
     assert verdict(low, high, limit, sign, np.ones(units)) == told
+
+
+def test_the_papers_numbers_stand_beside_where_it_has_some(tmp_path: Path, kitti: str) -> None:
+    env_id = "MTP-KITTI-noego-v0"
+    path = tmp_path / f"{env_id}.toml"  # the tiny card under a name that the paper has numbers for
+    path.write_text(CARD.replace(CARD_ID, env_id))
+    found = find(["mtp"], str(path), tmp_path / "out", RunOptions(kitti), quick=True)
+    tables = make_tables(found)
+    (shared,) = [row for row in tables["shared"].rows if (row.kind, row.H) == ("ids", 20)]
+    assert (shared.paper_events_single, shared.paper_events_in_all) == (33, 9)
+    assert shared.paper_fewer == pytest.approx(0.727, abs=1e-3)
+    speed = {row.H: row.paper_tracking_rate for row in tables["speed"].rows}
+    assert speed == {1: 207.4, 5: 65.2, 20: 8.1}
+    past = {(row.targets_of, row.past): row.paper_minADE for row in tables["pasts"].rows}
+    assert (past["IDS", "true pasts"], past["FRAG", "tracklets"]) == (0.1, 1.621)
+    told = {(row.targets_of, row.H, row.sampling): row.paper_minADE for row in tables["targeted"].rows if row.H == 20}
+    assert (told["IDS", 20, "k of all"], told["IDS", 20, "none"]) == (0.747, 0.707)
+    relations = {row.relation: row.paper for row in tables["relations"].rows}
+    assert relations["Most switches are absent from at least one hypothesis"] == "33 to 9, 72.7% fewer"
+    assert relations["Tracking slows down much with hypotheses"] == "207.4 to 8.1 frames/s"
+    figures = make_figures(found, tables)
+    assert "the paper's" in " ".join(ElementTree.fromstring(figures["pasts"].svg).itertext())

@@ -141,9 +141,9 @@ def shared_table(found: Findings) -> Table:
                         one,
                         every,
                         1 - every / one if one else None,
-                        paper[0] if paper else None,
-                        paper[1] if paper else None,
-                        1 - paper[1] / paper[0] if paper else None,
+                        paper["one"] if paper else None,
+                        paper["all"] if paper else None,
+                        1 - paper["all"] / paper["one"] if paper else None,
                     )
                 )
     return Table(
