@@ -178,9 +178,7 @@ def _shared(found: Findings) -> Iterator[Relation]:
     low, high = share_interval(first - left, first) or (None, None)
     yield Relation(
         relation="Most switches are absent from at least one hypothesis",
-        paper=""
-        if papers is None
-        else f"{papers['one']} to {papers['all']}, {1 - papers['all'] / papers['one']:.1%} fewer",
+        paper="" if papers is None else f"{papers['one']} to {papers['all']}, {_fewer(papers):.1%} fewer",
         measured=f"{first.sum():.0f} ids with one hypothesis, {left.sum():.0f} in all {count}",
         value=ratio((first - left).sum(), first.sum()),
         low=low,

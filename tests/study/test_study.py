@@ -29,7 +29,7 @@ from mtp_bench.study.gallery import command_of
 from mtp_bench.study.moments import worst_moments
 from mtp_bench.study.plan import make_plan, subject_of
 from mtp_bench.study.relations import verdict
-from mtp_bench.study.runs import open_bench
+from mtp_bench.study.runs import Bench, open_bench
 from mtp_bench.study.tables import make_tables
 from mtp_bench.submission import load_submission
 from tests.support.browser import CHROMIUM, DRIVER, MISSING, chromium
@@ -252,11 +252,15 @@ def test_verdicts(name: str) -> None:
     assert verdict(low, high, limit, sign, np.ones(units)) == told
 
 
-def test_the_papers_numbers_stand_beside_where_it_has_some(tmp_path: Path, kitti: str) -> None:
+def test_the_papers_numbers_stand_beside_where_it_has_some(
+    tmp_path: Path, kitti: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     env_id = "MTP-KITTI-noego-v0"
     path = tmp_path / f"{env_id}.toml"  # the tiny card under a name that the paper has numbers for
     path.write_text(CARD.replace(CARD_ID, env_id))
     found = find(["mtp"], str(path), tmp_path / "out", RunOptions(kitti), quick=True)
+    assert found.bench.of_paper == "", "other scenes under the same name"
+    monkeypatch.setattr(Bench, "of_paper", env_id)
     tables = make_tables(found)
     (shared,) = [row for row in tables["shared"].rows if (row.kind, row.H) == ("ids", 20)]
     assert (shared.paper_events_single, shared.paper_events_in_all) == (33, 9)

@@ -323,5 +323,5 @@ def test_the_table_of_sensitivity() -> None:
 def test_every_figure_of_the_paper_is_in_its_table(repository: Path) -> None:
     text = (repository / "mtp_bench/viz/terminal/paper.toml").read_text().split("# Below:")[0]
     figures = re.findall(r"^(\w+) = \[([\d.]+), ([\d.]+)\]$", text, flags=re.MULTILINE)
-    assert len(figures) == 46  # KITTI 23, nuScenes 17, WILDTRACK 6
+    assert len(figures) == 42  # KITTI 23, nuScenes 17, WILDTRACK 2
     assert all(float(ade) < float(fde) for _, ade, fde in figures)
