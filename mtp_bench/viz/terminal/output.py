@@ -155,7 +155,7 @@ def progress_bar(label: str) -> Iterator[tuple[Callable[[int], None], Callable[[
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task(label, total=None)
         yield (
-            lambda total: progress.update(task, total=total),
+            lambda total: progress.reset(task, total=total),  # a new count of work, and of time left
             lambda scene: progress.update(task, advance=1, description=f"{label} {scene}"),
         )
 
