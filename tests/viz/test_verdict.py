@@ -69,13 +69,15 @@ def test_an_agent_against_stp(values: dict[str, Any], said: str) -> None:
 def test_an_agent_against_as_many_samples_from_one_hypothesis() -> None:
     paired = [pair(MINE, "stp_same_budget", "all", error=-0.1, interval=(-0.3, 0.1), p=0.4)]
     paired += [pair(MINE, "stp_same_budget", "ids", error=-0.42, **CLEAR), pair(MINE, "stp", "all", error=-0.9)]
-    assert verdict(report(rows(MINE), paired), ["mine"]) == [
-        (
-            "mine (H = 3) against stp_same_budget, as many samples from one hypothesis: over all targets -0.100 "
-            "m, 95 % -0.300 to +0.100, p = 0.400, could be chance; on ids -0.420 m, 95 % -0.600 to -0.200, p = "
-            "0.012. The second is the honest gain of hypotheses."
-        )
-    ]
+    said = (
+        "mine (H = 3) against stp_same_budget, as many samples from one hypothesis: over all targets -0.100 "
+        "m, 95 % -0.300 to +0.100, p = 0.400, could be chance; on ids -0.420 m, 95 % -0.600 to -0.200, p = "
+        "0.012"
+    )
+    assert verdict(report(rows(MINE), paired), ["mine"]) == [f"{said}."]
+    for own, more in ((0.4, ". The second is the honest gain of hypotheses."), (0.2, ".")):  # another predictor
+        table = rows(MINE, gap_closed=0.4, gap_closed_same_predictor=own)
+        assert verdict(report(table, paired), ["mine"])[0] == said + more
 
 
 def test_the_gap_between_both_kinds_of_ends_and_in_the_paper() -> None:

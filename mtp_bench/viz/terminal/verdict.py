@@ -75,7 +75,9 @@ def _against_control(report: Report, row: Row, control: str) -> str | None:
                 parts.append(f"{WHERE[subset]} {_difference(r.error, r.interval, r.p)}")
     if not parts:
         return None
-    honest = ". The second is the honest gain of hypotheses" if row.hypotheses > 1 and len(parts) > 1 else ""
+    # with another predictor than the control's the difference is not of hypotheses alone
+    alike = row.gap_closed is not None and row.gap_closed == row.gap_closed_same_predictor
+    honest = ". The second is the honest gain of hypotheses" if row.hypotheses > 1 and len(parts) > 1 and alike else ""
     return f"{_who(row)} against {control}, as many samples from one hypothesis: {'; '.join(parts)}{honest}."
 
 
