@@ -128,10 +128,16 @@ def _ends(setting: Setting, card: Card) -> tuple[Setting, Setting, bool]:
     """One hypothesis, and true pasts, with the setting's own predictor; whether the manifest states them."""
     if setting.ends:
         single, truth = setting.ends
-        name = setting.submission.name
+        name = ", ".join([setting.submission.name, *_changed(setting, single)])  # nobody takes it for hypotheses alone
         return replace(single, label=f"{name}, H = 1"), replace(truth, label=f"{name}, true pasts"), True
     stp, past = setting_of(load_submission(STP), card), setting_of(load_submission(TRUTH), card)
     return stp, past, setting.ends == ()
+
+
+def _changed(setting: Setting, end: Setting) -> list[str]:
+    """What differs at an end of the gap beside the number of hypotheses, such as what its network was trained on."""
+    counted = setting.submission.compare.hypotheses
+    return [f"{k} = {v}" for k, v in end.parameters.items() if k != counted and setting.parameters.get(k) != v]
 
 
 def with_cuts(plan: Plan, card: Card, cuts: dict[float, dict[str, float]]) -> Plan:

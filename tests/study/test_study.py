@@ -276,3 +276,16 @@ def test_the_papers_numbers_stand_beside_where_it_has_some(
     assert relations["Tracking slows down much with hypotheses"] == "207.4 to 8.1 frames/s"
     figures = make_figures(found, tables)
     assert "the paper's" in " ".join(ElementTree.fromstring(figures["pasts"].svg).itertext())
+
+
+def test_the_names_of_ends_say_what_differs_beside_the_hypotheses() -> None:
+    card = load_card("MTP-Intersection-v0")
+    names = {name: subject_of(load_submission(name), card, (1, 20), ()).single.label for name in ENDS}
+    assert names == ENDS
+
+
+ENDS = {
+    "mtp": "stp",
+    "mtp_modes": "mtp_modes, H = 1",
+    "mtp_modes_tracklets": "mtp_modes_tracklets, on = truth, H = 1",
+}
