@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -158,10 +159,11 @@ def _connect(scheduler: str) -> tuple[Any, Any]:
     try:
         return untyped, untyped.Client(scheduler, timeout=_CONNECT, set_as_default=False)
     except (OSError, TimeoutError, ValueError, TypeError) as error:
-        raise MtpBenchError(
-            f"no Dask scheduler answers at {scheduler!r} ({str(error).splitlines()[0] or type(error).__name__}): "
-            "start one with `dask scheduler`"
-        ) from None
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+    # The client that was begun is closed here and now. Closed by the collector while another one or a cluster starts,
+    # it would wait for a lock that its own thread holds.
+    gc.collect()
+    raise MtpBenchError(f"no Dask scheduler answers at {scheduler!r} ({reason}): start one with `dask scheduler`")
 
 
 def _require_workers(client: Any, scheduler: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -177,6 +178,8 @@ def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> No
         list(_cluster_map(np.add, [(1, 2)], "tcp://127.0.0.1:9"))
     with pytest.raises(MtpBenchError, match=r"no Dask scheduler answers at 'nowhere'"):
         list(_cluster_map(np.add, [(1, 2)], "nowhere"))
+    clients = [one for one in gc.get_objects() if type(one) is distributed_untyped.Client]
+    assert not clients, "one that is half made waits for ever where the collector closes it while a cluster starts"
 
 
 def test_a_scheduler_without_workers(monkeypatch: pytest.MonkeyPatch) -> None:
