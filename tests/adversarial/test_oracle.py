@@ -13,7 +13,9 @@ from mtp_bench.env.rollouts import digest
 from mtp_bench.gateway import SceneRun, run, run_isolated
 from mtp_bench.gateway.mechanism import mechanism
 from mtp_bench.records import open_seal, seal
+from mtp_bench.records.seal import Sealed
 from mtp_bench.scoring import mean_plain_error, score_scene
+from mtp_bench.scoring.targets import find_targets
 from mtp_bench.sources import discard, open_source
 from tests.support.command_line import write_submission
 from tests.support.runs import PATIENT
@@ -84,14 +86,29 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> str:
     return write_short_card(tmp_path_factory.mktemp("card"), ENV)
 
 
+def sealed_with_targets(card: str, secret: Path) -> Sealed:
+    """A seal of one scene that has targets: of a short one drawn at random that is not sure."""
+    while True:
+        seal(card, 1, secret)
+        sealed = open_seal(secret)
+        hidden = sealed.card(load_card(card))
+        source = open_source(hidden)
+        try:
+            if len(find_targets(source.load(source.names[0]), hidden).frame):
+                return sealed
+        finally:
+            discard(hidden)
+        for path in secret.parent.glob(f"{secret.stem}*"):
+            path.unlink()
+
+
 class Hall:
     """A seal of one hidden scene, copied to where a maintainer may leave it, and an oracle that knows the places."""
 
     def __init__(self, folder: Path, card: str, patch: pytest.MonkeyPatch) -> None:
         home, root = folder / "home", folder / "data"
         places = [home, root, home / "leaderboard" / "records", folder / "submissions", home / ".cache" / "mtp_bench"]
-        seal(card, 1, folder / "secret.json")
-        self.sealed, self.card = open_seal(folder / "secret.json"), card
+        self.sealed, self.card = sealed_with_targets(card, folder / "secret.json"), card
         for place in places:
             place.mkdir(parents=True, exist_ok=True)
             shutil.copy(folder / "secret.json", place / "secret.json")
