@@ -70,7 +70,7 @@ class Findings:
         """The report over all settings, with the ends of every subject."""
         settings = [*self.plan.equal, *self.plan.free]
         ends = {
-            subject.equal[count].label: Ends(self._scores(subject.single), self._scores(subject.truth))
+            subject.equal[count].label: Ends(self._scores(subject.end), self._scores(subject.truth))
             for subject in self.plan.subjects
             if subject.own_ends
             for count in subject.equal

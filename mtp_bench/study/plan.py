@@ -27,8 +27,9 @@ class Subject:
     """An agent that is studied."""
 
     name: str
-    single: Setting  # its pipeline with one hypothesis
-    truth: Setting  # the same on true pasts
+    single: Setting  # itself with one hypothesis
+    end: Setting  # where its gap begins: ``single``, unless the manifest states more than one hypothesis
+    truth: Setting  # ``end`` on true pasts
     equal: dict[int, Setting]  # by hypotheses: with the k samples of the env; 1 is ``single``
     free: dict[int, Setting] = field(default_factory=dict)  # by hypotheses: with the samples of all of them
     own_ends: bool = True  # False: what it is with one hypothesis is not stated, and STP stands for it
@@ -53,7 +54,7 @@ class Plan:
         """Every setting with the k samples of the env that the report ranks, each once; the controls first."""
         every = [*self.controls, *self.retracking]
         for subject in self.subjects:
-            every += [subject.single, subject.truth, *subject.equal.values()]
+            every += [subject.single, subject.end, subject.truth, *subject.equal.values()]
         return list(unique(every))
 
     @property
@@ -104,19 +105,23 @@ def make_plan(
 def subject_of(submission: Submission, card: Card, hypotheses: Sequence[int], free: Sequence[int]) -> Subject:
     """A submission in the settings of a study."""
     whole = setting_of(submission, card)
-    single, truth, stated = _ends(whole, card)
+    end, truth, stated = _ends(whole, card)
     parameter = submission.compare.hypotheses
     if parameter is None or submission.compare.observe == "truth":
-        return Subject(submission.name, single, truth, {whole.hypotheses or 1: whole}, own_ends=stated)
+        return Subject(submission.name, end, end, truth, {whole.hypotheses or 1: whole}, own_ends=stated)
 
     def with_hypotheses(count: int, budget: Any = "equal") -> Setting:
         return setting_of(submission, card, {parameter: count}, budget)
 
+    single = end
+    if whole.ends and (alone := with_hypotheses(1)).parameters != end.parameters:
+        single = replace(alone, label=f"{submission.name}, H = 1")
     most = max(whole.hypotheses or 1, 1)
     counts = sorted({count for count in hypotheses if count <= most} | {most}) if most > 1 else [1]
     return Subject(
         name=submission.name,
         single=single,
+        end=end,
         truth=truth,
         equal={count: single if count == 1 and stated else with_hypotheses(count) for count in counts},
         free={count: with_hypotheses(count, "free") for count in counts if count > 1 and count in {*free, most}},
@@ -128,7 +133,7 @@ def _ends(setting: Setting, card: Card) -> tuple[Setting, Setting, bool]:
     """One hypothesis, and true pasts, with the setting's own predictor; whether the manifest states them."""
     if setting.ends:
         single, truth = setting.ends
-        name = ", ".join([setting.submission.name, *_changed(setting, single)])  # nobody takes it for hypotheses alone
+        name = ", ".join([setting.submission.name, *_changed(setting, single)])  # no other run has this name
         return replace(single, label=f"{name}, H = 1"), replace(truth, label=f"{name}, true pasts"), True
     stp, past = setting_of(load_submission(STP), card), setting_of(load_submission(TRUTH), card)
     return stp, past, setting.ends == ()

@@ -69,9 +69,7 @@ def _costs(found: Findings) -> Iterator[Relation]:
         papers = ""
         if ends[0] and ends[1]:
             papers = f"minADE {ends[0][0]:.3f} m from true pasts, {ends[1][0]:.3f} m from tracklets"
-        yield _difference(
-            found, subject.single, subject.truth, subset, +1, f"{what} makes prediction much worse", papers
-        )
+        yield _difference(found, subject.end, subject.truth, subset, +1, f"{what} makes prediction much worse", papers)
 
 
 def _gains(found: Findings) -> Iterator[Relation]:

@@ -31,19 +31,20 @@ def summary(found: Findings) -> list[str]:
 def _own_ends(found: Findings) -> list[str]:
     """What tracking errors cost the predictor of the subject, where that is not the predictor of the controls."""
     subject = found.subject
-    if not subject.own_ends or subject.single in found.plan.controls:
+    if not subject.own_ends or subject.end in found.plan.controls:
         return []
-    cost = found.difference(subject.single, subject.truth, "all")
-    ideal, real, most = (found.row(s, "all").error for s in (subject.truth, subject.single, subject.most))
+    cost = found.difference(subject.end, subject.truth, "all")
+    ideal, real, most = (found.row(s, "all").error for s in (subject.truth, subject.end, subject.most))
     if None in (ideal, real, most) or cost.interval is None:
         return []
     low, high = cost.interval
     count = found.row(subject.most, "all").hypotheses
+    whose = "its own predictor" if subject.end == subject.single else f"the predictor of {subject.end.label}"
     return [
         (
-            f"With its own predictor, {subject.name} has an error over all targets of {ideal:.3f} m from true pasts, "
-            f"{real:.3f} m with one hypothesis ({cost.error:+.3f} m, 95 % {low:+.3f} to {high:+.3f}), and {most:.3f} m "
-            f"with {count}."
+            f"With {whose} the error over all targets is {ideal:.3f} m from true pasts and {real:.3f} m with one "
+            f"hypothesis ({cost.error:+.3f} m, 95 % {low:+.3f} to {high:+.3f}); {subject.name} has {most:.3f} m with "
+            f"{count}."
         )
     ]
 

@@ -280,12 +280,16 @@ def test_the_papers_numbers_stand_beside_where_it_has_some(
 
 def test_the_names_of_ends_say_what_differs_beside_the_hypotheses() -> None:
     card = load_card("MTP-Intersection-v0")
-    names = {name: subject_of(load_submission(name), card, (1, 20), ()).single.label for name in ENDS}
-    assert names == ENDS
+    subjects = {name: subject_of(load_submission(name), card, (1, 20), ()) for name in ENDS}
+    assert {name: (subject.single.label, subject.end.label) for name, subject in subjects.items()} == ENDS
+    for subject in subjects.values():
+        assert subject.equal[1] == subject.single
+    alone = subjects["mtp_modes_tracklets"]
+    assert (alone.single.parameters["on"], alone.end.parameters["on"]) == ("tracklets", "truth")
 
 
 ENDS = {
-    "mtp": "stp",
-    "mtp_modes": "mtp_modes, H = 1",
-    "mtp_modes_tracklets": "mtp_modes_tracklets, on = truth, H = 1",
+    "mtp": ("stp", "stp"),
+    "mtp_modes": ("mtp_modes, H = 1", "mtp_modes, H = 1"),
+    "mtp_modes_tracklets": ("mtp_modes_tracklets, H = 1", "mtp_modes_tracklets, on = truth, H = 1"),
 }

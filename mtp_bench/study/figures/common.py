@@ -26,6 +26,7 @@ def colors_of(found: Findings) -> dict[str, str]:
         known[first.most.label] = "vermillion"
     rest = [name for name in SERIES if name not in known.values()]
     others = [s.label for subject in found.plan.subjects[1:] for s in (subject.most, subject.single, subject.truth)]
+    others += [subject.end.label for subject in found.plan.subjects]
     for label in dict.fromkeys(others):
         if label not in known:
             known[label] = rest.pop(0) if rest else "grey"

@@ -44,7 +44,7 @@ def past_table(found: Findings) -> Table:
     rows = []
     for subject in found.plan.subjects:
         for subset in (*EVENTS, "all"):
-            for past, setting in (("true pasts", subject.truth), ("tracklets", subject.single)):
+            for past, setting in (("true pasts", subject.truth), ("tracklets", subject.end)):
                 rows.append(_past_row(found, subject, subset, past, setting))
     return Table(
         "pasts",
