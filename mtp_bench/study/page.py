@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import MtpBenchError
+from ..viz.pages import templates_of, text_of
 from .figures import Figure
 from .figures.style import COLORS
 from .findings import Findings
@@ -20,6 +20,8 @@ from .table import Column, Table, Value
 if TYPE_CHECKING:
     from jinja2 import Environment
 
+_HERE = Path(__file__).parent
+
 
 def study_page(
     found: Findings, tables: dict[str, Table], figures: dict[str, Figure], pictures: Sequence[Picture], command: str
@@ -28,7 +30,7 @@ def study_page(
 
     ``command``: that makes it again. Equal findings give equal bytes: no date and no random id is added.
     """
-    style = f"{_colors()}\n{_text('page.css')}"
+    style = f"{_colors()}\n{text_of(_HERE, 'page.css')}"
     relations = tables["relations"].rows if "relations" in tables else ()
     content = (
         _templates()
@@ -139,20 +141,7 @@ def shown(value: Value, unit: str = "") -> str:
 
 
 @cache
-def _text(name: str) -> str:
-    path = Path(__file__).with_name(name)
-    try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise MtpBenchError(f"cannot read {path}, a part of mtp-bench: {error.strerror}; install it again") from None
-
-
-@cache
 def _templates() -> Environment:
-    from jinja2 import Environment, FunctionLoader, StrictUndefined
-
-    environment = Environment(
-        loader=FunctionLoader(_text), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+    environment = templates_of(_HERE)
     environment.globals.update(headings=headings, lines=lines, shown=shown)
     return environment

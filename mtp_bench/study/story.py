@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..viz.terminal.verdict import verdict
 from .figures.common import n_of
@@ -66,75 +66,78 @@ def facts(found: Findings) -> list[tuple[str, str]]:
     return told + ([("trained on", trained)] if trained else [])
 
 
+_CHAPTERS = (
+    Chapter(
+        "cost",
+        "What tracking errors cost",
+        "The same predictor is given true pasts, then the tracks of one hypothesis. How much worse does it get "
+        "where identities err?",
+        ("pasts",),
+        ("pasts",),
+    ),
+    Chapter(
+        "often",
+        "How often, and where",
+        "How often does an object lose or change its identity, and is it near the ego when it does?",
+        ("frequency", "distance"),
+        ("frequency", "distance"),
+    ),
+    Chapter(
+        "gain",
+        "What hypotheses win back",
+        "With H hypotheses the right past is likelier to be among those that are predicted from. What is won, and "
+        "how much of it would more samples from one hypothesis win too?",
+        ("gain", "ranked", "gaps"),
+        ("targeted", "global", "gaps"),
+    ),
+    Chapter(
+        "shared",
+        "What no hypothesis can undo",
+        "Which events happen in every hypothesis?",
+        ("shared", "frames"),
+        ("shared", "frames"),
+    ),
+    Chapter(
+        "choose",
+        "How to choose H and k",
+        "What does a frame cost, and where do more hypotheses and more samples stop to pay?",
+        ("speed", "k_curve", "surface"),
+        ("speed", "knee", "surface", "k_curve"),
+    ),
+    Chapter(
+        "causes",
+        "Where the remaining error comes from",
+        "What part of the error is the detector's, the tracker's, the predictor's?",
+        ("causes",),
+        ("causes",),
+    ),
+    Chapter(
+        "when",
+        "When and for whom",
+        "How long does an event hurt? Are young tracks, far objects, some classes or moving objects worse?",
+        ("since", "age", "bins"),
+        ("since", "age", "bins"),
+    ),
+    Chapter(
+        "decide",
+        "What decides beside tracking",
+        "What do false forecasts, the stated confidence and the cut of the input change?",
+        ("budgets", "calibration", "cuts"),
+        ("budgets", "calibration", "cuts"),
+    ),
+    Chapter(
+        "people",
+        "Re-tracking, where people are",
+        "Does re-tracking the past help, alone and together with hypotheses?",
+        ("people",),
+        ("people",),
+    ),
+)
+
+
 def chapters(found: Findings, tables: dict[str, Table]) -> list[Chapter]:
     """The chapters, in order; those without a figure and a table are left out."""
     missing = people_missing(found)
-    every = [
-        Chapter(
-            "cost",
-            "What tracking errors cost",
-            "The same predictor is given true pasts, then the tracks of one hypothesis. How much worse does it get "
-            "where identities err?",
-            ("pasts",),
-            ("pasts",),
-        ),
-        Chapter(
-            "often",
-            "How often, and where",
-            "How often does an object lose or change its identity, and is it near the ego when it does?",
-            ("frequency", "distance"),
-            ("frequency", "distance"),
-        ),
-        Chapter(
-            "gain",
-            "What hypotheses win back",
-            "With H hypotheses the right past is likelier to be among those that are predicted from. What is won, and "
-            "how much of it would more samples from one hypothesis win too?",
-            ("gain", "ranked", "gaps"),
-            ("targeted", "global", "gaps"),
-        ),
-        Chapter(
-            "shared",
-            "What no hypothesis can undo",
-            "Which events happen in every hypothesis?",
-            ("shared", "frames"),
-            ("shared", "frames"),
-        ),
-        Chapter(
-            "choose",
-            "How to choose H and k",
-            "What does a frame cost, and where do more hypotheses and more samples stop to pay?",
-            ("speed", "k_curve", "surface"),
-            ("speed", "knee", "surface", "k_curve"),
-        ),
-        Chapter(
-            "causes",
-            "Where the remaining error comes from",
-            "What part of the error is the detector's, the tracker's, the predictor's?",
-            ("causes",),
-            ("causes",),
-        ),
-        Chapter(
-            "when",
-            "When and for whom",
-            "How long does an event hurt? Are young tracks, far objects, some classes or moving objects worse?",
-            ("since", "age", "bins"),
-            ("since", "age", "bins"),
-        ),
-        Chapter(
-            "decide",
-            "What decides beside tracking",
-            "What do false forecasts, the stated confidence and the cut of the input change?",
-            ("budgets", "calibration", "cuts"),
-            ("budgets", "calibration", "cuts"),
-        ),
-        Chapter(
-            "people",
-            "Re-tracking, where people are",
-            "Does re-tracking the past help, alone and together with hypotheses?",
-            ("people",),
-            ("people",),
-            (missing,) if missing else (),
-        ),
-    ]
+    notes = {"people": (missing,)} if missing else {}
+    every = [replace(chapter, notes=notes.get(chapter.key, ())) for chapter in _CHAPTERS]
     return [c for c in every if c.notes or any(name in tables for name in c.tables)]

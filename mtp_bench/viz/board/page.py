@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from ...errors import MtpBenchError
 from ...records.attestation import LEVELS
 from ...records.history import OldResult
 from ...records.ranking import STP
 from ...scoring.definitions import DEFINITIONS, RANKED_OBJECTS, RANKED_UNITS
 from ...scoring.subsets import SUBSETS
+from ..pages import templates_of, text_of
 from ..terminal.output import NOTHING, number
 from .columns import COLUMNS, best_texts, percent, shown
 from .entries import LEVEL_TEXT, Entry, by_env, silence_of
@@ -24,6 +24,8 @@ from .scale import PAD, WIDTH, Scale, bar_of, scale_of, scene_chart
 if TYPE_CHECKING:
     from jinja2 import Environment
 
+_HERE = Path(__file__).parent
+
 
 def board_page(entries: Sequence[Entry], history: Sequence[tuple[OldResult, str | None]] = ()) -> str:
     """HTML of the leaderboards of ``entries`` (from `entries_of`), a table per environment.
@@ -31,7 +33,7 @@ def board_page(entries: Sequence[Entry], history: Sequence[tuple[OldResult, str 
     ``history``: results under earlier definitions with the links to them, in a plain table below. Equal entries give
     equal bytes: no date, no path, no random id is added.
     """
-    style, script = _text("board.css"), _text("board.js")
+    style, script = text_of(_HERE, "board.css"), text_of(_HERE, "board.js")
     page = _templates().get_template("page.html")
     content = page.render(
         boards=[_board(env_id, listed) for env_id, listed in by_env(entries).items()],
@@ -142,21 +144,8 @@ def _policy(style: str, script: str) -> str:
 
 
 @cache
-def _text(name: str) -> str:
-    path = Path(__file__).with_name(name)
-    try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise MtpBenchError(f"cannot read {path}, a part of mtp-bench: {error.strerror}; install it again") from None
-
-
-@cache
 def _templates() -> Environment:
-    from jinja2 import Environment, FunctionLoader, StrictUndefined
-
-    environment = Environment(
-        loader=FunctionLoader(_text), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+    environment = templates_of(_HERE)
     environment.globals.update(width=WIDTH, pad=PAD, nothing=NOTHING)
     environment.filters.update(number=number, percent=lambda share: NOTHING if share is None else percent(share))
     return environment

@@ -1,0 +1,32 @@
+"""Templates of pages, and the other texts that lie beside the code that makes a page."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import MtpBenchError
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+
+@cache
+def text_of(folder: Path, name: str) -> str:
+    """A text that ships with the library; MtpBenchError where it is not there."""
+    path = folder / name
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise MtpBenchError(f"cannot read {path}, a part of mtp-bench: {error.strerror}; install it again") from None
+
+
+def templates_of(folder: Path) -> Environment:
+    """The templates in a folder: what is filled in is escaped, and a name that nobody fills in is an error."""
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
+
+    return Environment(
+        loader=FunctionLoader(lambda name: text_of(folder, name)), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
