@@ -62,7 +62,6 @@ def study(
     """
     folder = Path(folder).absolute()
     require_folder(folder)
-    make_folder(folder)
     from .write import write_study
 
     found = find(names, env_id, folder, quick_options(options) if quick else options, quick)
@@ -90,6 +89,7 @@ def find(names: Sequence[str], env_id: str | Card, folder: Path, options: RunOpt
     options.progress.started(len(scenes) * (1 + weights + runs))
     watched = replace(options, progress=Progress(done=options.progress.done))  # its parts do not count anew
     bench = open_bench(env_id, folder, watched)
+    make_folder(folder)
     plan = plan if quick else with_cuts(plan, bench.card, _cuts(bench))
     reference = reference_for(bench.card, bench.scenes, watched)
     measured = _measure_all(bench, plan)

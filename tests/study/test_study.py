@@ -165,7 +165,7 @@ def test_the_command_on_an_agent_of_ones_own(cli: CommandLine, tmp_path: Path, c
 def test_an_agent_that_does_not_exist_is_named_before_anything_runs(tmp_path: Path, card: str, kitti: str) -> None:
     with pytest.raises(UnknownNameError, match="mpt"):
         study(["mpt"], card, tmp_path / "out", RunOptions(kitti))
-    assert not (tmp_path / "out" / "runs").exists()
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_plan_runs_nothing_twice(card: str) -> None:
