@@ -11,6 +11,7 @@ LENDERS = {  # envs that take the weights of another one, where objects move ali
     "MTP-Merge-v0": "MTP-Highway-v0",
     "MTP-IntersectionRaw-v0": "MTP-Intersection-v0",
     "MTP-Roundabout-v0": "MTP-Intersection-v0",
+    "MTP-nuScenes-CenterPoint-v0": "MTP-nuScenes-v0",  # of its detector there are no training detections
 }
 
 

@@ -41,6 +41,7 @@ class SubmissionPart(Section):
     description: _Text
     source: Annotated[str, Field(pattern=r"^(https?://\S+)?$", max_length=MOST_TEXT)]  # where it is published
     commit: Annotated[str, Field(pattern=r"^([0-9a-f]{7,64})?$")]
+    paper: Annotated[str, Field(pattern=r"^(https?://\S+)?$", max_length=MOST_TEXT)]  # where it is described
     license: _Name
     digest: Sha256  # over all files that ran: those of the folder, and these weights
     networks: dict[_Name, Sha256]  # weights beside the folder, trained on the machine where it ran: file, its sha256

@@ -249,6 +249,7 @@ def said_of(plan: Plan) -> SubmissionPart:
         "description": submission.description,
         "source": submission.source,
         "commit": submission.commit,
+        "paper": submission.paper,
         "license": submission.license,
         "digest": plan.image.digest,
         "networks": dict(plan.image.weights),

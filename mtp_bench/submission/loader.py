@@ -34,6 +34,7 @@ class Submission:
     description: str = ""
     source: str = ""  # URL of its code
     commit: str = ""  # hex, of its code
+    paper: str = ""  # URL of what describes it
     license: str = ""  # of its code, as SPDX names it
     training_data: tuple[str, ...] = ()  # what it was trained or fitted on, in words
     trained_on_scored: dict[str, str] = field(default_factory=dict)  # env id -> what was fitted on scenes it scores

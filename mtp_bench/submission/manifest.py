@@ -65,6 +65,7 @@ class Manifest(Section):
     description: Annotated[str, Field(max_length=2000), _Shown] = ""
     source: Annotated[str, Field(pattern=r"^(https?://[!-~]+)?$", max_length=300)] = ""  # where its code is
     commit: Annotated[str, Field(pattern=r"^([0-9a-f]{7,64})?$")] = ""
+    paper: Annotated[str, Field(pattern=r"^(https?://[!-~]+)?$", max_length=300)] = ""  # where it is described
     license: Annotated[str, Field(pattern=r"^[A-Za-z0-9 .+()-]*$", max_length=100)] = ""  # as SPDX names it
     training_data: Annotated[tuple[_Sentence, ...], Field(max_length=50, strict=False)] = ()
     trained_on_scored: dict[str, _Sentence] = Field(default_factory=dict)  # env id -> what saw scenes it scores
