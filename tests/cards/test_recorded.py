@@ -16,6 +16,7 @@ VEHICLES = ("car", "truck", "bus", "trailer", "construction_vehicle")
 PROTOCOL = {
     # rate, past, future, k, classes; event gate, forecast gate and miss error of the first and the last class
     "MTP-nuScenes-v0": (2.0, 4, 12, 10, VEHICLES, (2.0, 2.0, 10.0), (2.0, 2.0, 10.0)),
+    "MTP-nuScenes-CenterPoint-v0": (2.0, 4, 12, 10, VEHICLES, (2.0, 2.0, 10.0), (2.0, 2.0, 10.0)),
     "MTP-nuScenes-mini-v0": (
         *(2.0, 4, 12, 10),
         (*VEHICLES, "motorcycle", "bicycle", "pedestrian"),
@@ -27,6 +28,7 @@ PROTOCOL = {
 }
 NAMES = {
     "MTP-nuScenes-v0": ("megvii", True, False),
+    "MTP-nuScenes-CenterPoint-v0": ("centerpoint", True, False),
     "MTP-nuScenes-mini-v0": ("megvii", True, False),
     "MTP-WILDTRACK-v0": ("wildtrack_mvdet", False, False),
     "MTP-WILDTRACK-k10-v0": ("wildtrack_mvdet", False, False),

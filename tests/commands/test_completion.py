@@ -36,7 +36,8 @@ def folder(tmp_path: Path) -> Path:
 
 def test_environments_and_cards(folder: Path) -> None:
     assert offered("run stp --env MTP-KITTI", folder) == [name for name in card_ids() if name.startswith("MTP-KITTI")]
-    assert offered("compare stp --env MTP-nu", folder) == ["MTP-nuScenes-mini-v0", "MTP-nuScenes-v0"]
+    nuscenes = ["MTP-nuScenes-CenterPoint-v0", "MTP-nuScenes-mini-v0", "MTP-nuScenes-v0"]
+    assert offered("compare stp --env MTP-nu", folder) == nuscenes
     assert offered("data --env mi", folder) == ["mine.toml"]
 
 

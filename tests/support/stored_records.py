@@ -79,7 +79,8 @@ def make_record(
         "format": 2,
         "submission": {
             "name": name, "authors": ["A"], "description": "", "digest": baseline_digest(name) or hex_of(name),
-            "parameters": {}, "ends": "controls", "networks": {}, "source": "", "commit": "", "paper": "", "license": "",
+            "parameters": {}, "ends": "controls", "networks": {}, "source": "", "commit": "", "paper": "",
+            "license": "",
         },
         "division": "closed",
         "training_data": [],
