@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import MtpBenchError, RecordError
-from .options import DataOption, SubmissionArgument, TracksOption, WorkerChoice, absolute, one_of
+from .completion import env_ids, submissions
+from .options import DataOption, TracksOption, WorkerChoice, absolute, one_of
 from .output import count, number, prepare, said_of, say, some_of, working
 
 if TYPE_CHECKING:
@@ -47,6 +48,32 @@ class Entry:
 
 
 @dataclass(frozen=True)
+class Runs:
+    """What is run of an environment."""
+
+    seeds: Annotated[int, typer.Option(min=1, help="Runs with different random draws and frames.")] = 3
+    scenes: Annotated[
+        int | None, typer.Option(min=1, help="Only the first N scenes: a partial record, never ranked.")
+    ] = None
+    split: Annotated[str | None, typer.Option(help="Another split, such as train: a partial record, never ranked.")] = (
+        None
+    )
+
+
+@dataclass(frozen=True)
+class Every:
+    """All records of a leaderboard in one go."""
+
+    everything: Annotated[
+        bool,
+        typer.Option("--all", help="Every baseline on every environment, or those of --env: what is done is kept."),
+    ] = False
+    minutes: Annotated[
+        float | None, typer.Option(min=0, help="With --all: begin no further record after this time.")
+    ] = None
+
+
+@dataclass(frozen=True)
 class Restart:
     """What becomes of scenes that an earlier submit finished without coming to its end."""
 
@@ -61,39 +88,76 @@ class Restart:
 
 
 def submit(
-    path: SubmissionArgument,
     workers: WorkerChoice,
     entry: Entry,
+    every: Every,
     again: Restart,
-    env: Annotated[list[str], typer.Option(help="Environment id; repeatable.")],
+    runs: Runs,
+    path: Annotated[
+        str | None,
+        typer.Argument(help="Folder of a submission or name of a baseline.", autocompletion=submissions),
+    ] = None,
+    env: Annotated[list[str] | None, typer.Option(help="Environment id; repeatable.", autocompletion=env_ids)] = None,
     root: DataOption = None,
-    seeds: Annotated[int, typer.Option(min=1, help="Runs with different random draws and frames.")] = 3,
-    scenes: Annotated[
-        int | None, typer.Option(min=1, help="Only the first N scenes: a partial record, never ranked.")
-    ] = None,
-    split: Annotated[
-        str | None, typer.Option(help="Another split, such as train: a partial record, never ranked.")
-    ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder; leaderboard/records/<name> by default.")
     ] = None,
 ) -> None:
-    """Run a submission behind the gateway and write its records for the leaderboard."""
+    """Run a submission behind the gateway and write its records for the leaderboard; with --all every baseline."""
+    from ..running.options import RunOptions
+
+    more, tracks = entry.stated(), absolute(entry.tracks)
+    options = RunOptions(root, runs.scenes, range(runs.seeds), runs.split, track_file=tracks, workers=workers.workers())
+    if every.everything:
+        for given, name in ((runs.split, "--split"), (tracks, "--tracks"), (again.fresh or None, "--fresh")):
+            if given is not None:
+                raise typer.BadParameter("not with --all", param_hint=name)
+        _submit_all(path, env or (), options, output, every.minutes)
+        return
+    if path is None:
+        raise typer.BadParameter("name a submission, or --all", param_hint="PATH")
+    if not env:
+        raise typer.BadParameter("name an environment, or --all", param_hint="--env")
+    _submit_one(path, env, options, output, {**more, "start": again.start()})
+
+
+def _submit_all(
+    path: str | None, env_ids: Sequence[str], options: RunOptions, output: Path | None, minutes: float | None
+) -> None:
+    """Every baseline, or the one named, on every environment, or those named."""
+    from ..records.inventory import Piece, inventory
+    from ..viz.terminal.output import show, show_numbers
+    from .submit_all import last_line, make_all, summary_table
+
+    def make(piece: Piece) -> Record:
+        return _one(piece.submission, piece.env, options, piece.target.parent, {"start": "resume"})
+
+    listed = inventory(env_ids, () if path is None else (path,), output)
+    lines = make_all(listed, options, make, minutes)
+    show_numbers(summary_table(lines))
+    show(last_line(lines))
+    failed = [
+        f"{line.piece.submission.name} on {line.piece.env}: {line.note}" for line in lines if line.outcome == "failed"
+    ]
+    if failed:
+        raise RecordError(some_of(failed))
+
+
+def _submit_one(
+    path: str, env_ids: Sequence[str], options: RunOptions, output: Path | None, more: Mapping[str, Any]
+) -> None:
+    """One submission on the environments that are named; each record is shown."""
     from ..cards import load_card
     from ..records.parts import require_new
     from ..records.submitting import record_path, require_writable
-    from ..running.options import RunOptions
     from ..submission.loader import load_submission
     from ..viz.terminal.output import show, show_numbers
 
-    more = {**entry.stated(), "start": again.start()}
-    tracks = absolute(entry.tracks)
-    options = RunOptions(root, scenes, range(seeds), split, track_file=tracks, workers=workers.workers())
     submission = load_submission(path)
-    targets = {env_id: record_path(submission, load_card(env_id), output, split) for env_id in env}
+    targets = {env_id: record_path(submission, load_card(env_id), output, options.split) for env_id in env_ids}
     for target in targets.values():
         require_writable(target, submission)
-        if again.start() == "new":
+        if more["start"] == "new":
             require_new(target)
     failed = []
     for env_id, target in targets.items():

@@ -52,9 +52,12 @@ def stated_by(record: Record) -> dict[str, Any]:
     }
 
 
-def finished_record(target: Path, stated: Mapping[str, Any]) -> Record | None:
-    """The record at ``target`` where it is the whole of what would be run, and nothing of it is left to do."""
-    if target.with_suffix(PARTS).exists() or not target.with_suffix(ROLLOUTS).is_dir():
+def finished_record(target: Path, stated: Mapping[str, Any], rollouts: bool = True) -> Record | None:
+    """The record at ``target`` where it is the whole of what would be run, and nothing of it is left to do.
+
+    ``rollouts``: they must lie beside it.
+    """
+    if target.with_suffix(PARTS).exists() or (rollouts and not target.with_suffix(ROLLOUTS).is_dir()):
         return None
     try:
         record = load_record(target)

@@ -95,8 +95,7 @@ def submit(
     require_writable(target, submission)
     _require_causal(division, submission)
     _require_limits(division, limits)
-    note = submission.note_on(plan.card.id)
-    declared = [*submission.training_data, *training_data, *([note] if note else [])]
+    declared = declared_data(submission, plan.card.id, training_data)
     _require_recordable(plan, limits, division, declared)
     stated = stated_before(plan, limits, division, declared)
     if start == "resume" and (record := finished_record(target, stated)) is not None:
@@ -167,6 +166,12 @@ def _require_recordable(plan: Plan, limits: Limits, division: str, training_data
     problem = next(out_of_bounds(content), None)
     if problem is not None:
         raise RecordError(f"{where}: {problem}")
+
+
+def declared_data(submission: Submission, env_id: str, more: Sequence[str] = ()) -> list[str]:
+    """What a submission was trained on, as its record on an env declares it; ``more`` than its manifest says."""
+    note = submission.note_on(env_id)
+    return [*submission.training_data, *more, *([note] if note else [])]
 
 
 def record_path(submission: Submission, card: Card, output: str | Path | None, split: str | None = None) -> Path:

@@ -1,0 +1,97 @@
+"""All records of a leaderboard in one go: what is there is kept, what cannot be made says why."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mtp_bench._bundle import baseline_names, card_ids
+from mtp_bench.errors import UnknownNameError
+from mtp_bench.records.inventory import inventory, standing_record, why_impossible
+from mtp_bench.running.options import RunOptions
+from tests.support.command_line import CommandLine, write_submission
+from tests.support.small_scenes import CARD_ID
+
+
+@pytest.fixture(scope="module")
+def submission(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_submission(tmp_path_factory.mktemp("submissions") / "echo")
+
+
+def test_every_baseline_on_every_environment_the_ends_of_gaps_first() -> None:
+    listed = inventory()
+    names = [piece.submission.name for piece in listed if piece.env == "MTP-nuScenes-v0"]
+    assert names[:2] == ["stp", "truth_past"]
+    assert sorted([*names, "given_tracks"]) == sorted(baseline_names())
+    envs = list(dict.fromkeys(piece.env for piece in listed))
+    assert sorted(envs) == list(card_ids())
+    simulated = ["MTP-Highway-v0", "MTP-Intersection-v0", "MTP-IntersectionRaw-v0", "MTP-Merge-v0", "MTP-Roundabout-v0"]
+    assert envs[-5:] == simulated
+
+
+def test_an_environment_that_does_not_ship_is_named() -> None:
+    with pytest.raises(UnknownNameError, match="MTP-KITTI-v0"):
+        inventory(["MTP-KITI-v0"])
+
+
+def test_what_is_there_is_kept_and_what_is_not_is_made(
+    cli: CommandLine, tmp_path: Path, submission: Path, card: str, kitti: str
+) -> None:
+    words = ("submit", "--all", submission, "--env", card, "--data", kitti, "--seeds", 1, "--jobs", 1, "-o", tmp_path)
+    first = cli(*words)
+    target = tmp_path / "echo" / f"{CARD_ID}.json"
+    before = target.read_bytes()
+    assert first.status == 0, first.err
+    assert "1 record made" in first.out
+    again = cli(*words)
+    assert again.status == 0
+    assert "0 records made" in again.out
+    assert "1 kept" in again.out
+    assert target.read_bytes() == before
+
+
+def test_a_record_of_other_seeds_is_made_again(
+    tmp_path: Path, cli: CommandLine, submission: Path, card: str, kitti: str
+) -> None:
+    words = ("submit", "--all", submission, "--env", card, "--data", kitti, "--jobs", 1, "--scenes", 1, "-o", tmp_path)
+    cli(*words, "--seeds", 1)
+    (piece,) = inventory([card], [str(submission)], tmp_path)
+    assert standing_record(piece, RunOptions(kitti, 1, seeds=(0,))) is not None
+    assert standing_record(piece, RunOptions(kitti, 1, seeds=(0, 1))) is None
+    assert standing_record(piece, RunOptions(kitti, 2, seeds=(0,))) is None
+    assert piece.size > piece.target.stat().st_size  # with its rollouts
+
+
+def test_an_agent_without_weights_is_no_failure(
+    cli: CommandLine, tmp_path: Path, card: str, kitti: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MTP_BENCH_WEIGHTS", str(tmp_path / "none"))
+    done = cli("submit", "--all", "stp_modes", "--env", card, "--data", kitti, "--jobs", 1, "-o", tmp_path)
+    assert done.status == 0
+    assert "not here" in done.err
+    assert "mtp-bench train predictor modes" in done.err
+    assert not (tmp_path / "stp_modes").exists()
+
+
+def test_without_data_the_reason_says_so(tmp_path: Path, card: str) -> None:
+    (piece,) = inventory([card], ["stp"], tmp_path)
+    reason = why_impossible(piece, str(tmp_path))
+    assert reason is not None
+    assert reason.startswith("no data: ")
+
+
+def test_no_record_is_begun_after_the_time(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
+    done = cli("submit", "--all", "--env", card, "--data", kitti, "--minutes", 0, "-o", tmp_path)
+    assert done.status == 0
+    assert "left: the same command goes on" in done.out
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("words", "named"), [((), "PATH"), (("stp",), "--env"), (("--all", "--split", "train"), "--split")]
+)
+def test_wrong_usage(cli: CommandLine, words: tuple[str, ...], named: str) -> None:
+    done = cli("submit", *words)
+    assert done.status == 2
+    assert named in done.err
