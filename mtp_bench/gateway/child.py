@@ -19,14 +19,18 @@ _PREFIX = struct.Struct("<IQ")  # as in wire.py, which needs numpy
 _SITE = ("site-packages", "dist-packages")
 
 
-def main() -> None:
+def main(orders: int, answers: int) -> None:
     """Take orders from one descriptor and answer into the other until there are none."""
-    orders, answers = int(sys.argv[1]), int(sys.argv[2])
     setup = json.loads(_read(orders)[0])
     _limit(setup["limits"])
+    prepare(setup)
+    _serve(orders, answers, setup)
+
+
+def prepare(setup: dict[str, Any]) -> None:
+    """Find the library, and the kernels that are compiled already."""
     _link_kernels(setup["kernels"], os.environ["NUMBA_CACHE_DIR"])
     _extend_path(setup["path"])
-    _serve(orders, answers, setup)
 
 
 def _serve(orders: int, answers: int, setup: dict[str, Any]) -> None:
@@ -156,4 +160,4 @@ def _write(descriptor: int, parts: list[bytes | memoryview]) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(int(sys.argv[1]), int(sys.argv[2]))

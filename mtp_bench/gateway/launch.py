@@ -26,8 +26,7 @@ def main() -> None:
         libc.prctl(PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
         if os.getppid() != plan["judge"]:  # it ended meanwhile
             return
-        if platform.machine() in _KEYCTL:
-            libc.syscall(ctypes.c_long(_KEYCTL[platform.machine()]), _JOIN_SESSION_KEYRING, None)
+        join_keyring()
     for door in plan["groups"]:
         with open(door, "w") as file:  # noqa: PTH123  (pathlib takes time)
             file.write("0")
@@ -37,6 +36,13 @@ def main() -> None:
     if plan["rules"] is not None:
         os.close(plan["rules"])
     os.execv(command[0], command)
+
+
+def join_keyring() -> None:
+    """A session keyring of its own, where the number of that call is known."""
+    if platform.machine() in _KEYCTL:
+        number = ctypes.c_long(_KEYCTL[platform.machine()])
+        ctypes.CDLL(None).syscall(number, _JOIN_SESSION_KEYRING, None)
 
 
 if __name__ == "__main__":

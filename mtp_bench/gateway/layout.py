@@ -28,7 +28,8 @@ LIBRARY = (  # of the package: what agents are made of, without judge, sources, 
     "__init__.py", "_bundle.py", "_version.py", "errors.py", "files.py", "geometry.py", "networks.py", "shapes.py",
     "strict.py", "tracks.py", "types.py", "agent", "submission", "tracking", "prediction",
     "env/__init__.py", "env/action.py", "env/building.py", "env/checks.py", "env/problems.py",
-    "gateway/child.py", "gateway/wire.py",
+    "gateway/child.py", "gateway/wire.py", "gateway/stem.py", "gateway/launch.py",
+    "gateway/namespaces.py",
 )  # fmt: skip
 # Files of /proc that tell of the kernel, of keys or of the whole machine: empty there.
 _TELLING = (
@@ -47,6 +48,12 @@ _KERNELS = {  # those that baselines need
     "prediction.kinematic": ("expand",),
     "prediction.greedy": ("k_medians",),
     "prediction.k_means": ("k_means",),
+}
+LOADED = {  # what a stem imports, and the kernels that it loads
+    "mtp_bench.submission.loader": (),
+    "mtp_bench.tracking": (),
+    "mtp_bench.prediction": (),
+    **{f"mtp_bench.{module}": names for module, names in _KERNELS.items()},
 }
 _THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 _PASSED = ("LD_LIBRARY_PATH", "NUMBA_DISABLE_JIT", *_THREADS)

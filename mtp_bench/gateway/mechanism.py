@@ -38,10 +38,11 @@ def command(
     layout: Layout,
     program: Sequence[str],
     private: Mapping[str, int],
-    info: int,
-    rules: int,
+    info: int | None = None,
+    rules: int | None = None,
     held: Sequence[int] = (),
     groups: Sequence[str] = (),
+    rights: Sequence[str] = (),
 ) -> list[str]:
     """The command line that runs ``program`` shut in.
 
@@ -50,10 +51,11 @@ def command(
         layout: The files that it sees.
         program: What runs there.
         private: Folders of its own, with the bytes that they hold.
-        info: Descriptor to which ``{"child-pid": number}`` is written.
-        rules: Descriptor from which bubblewrap reads the filter of system calls.
+        info: Descriptor to which ``{"child-pid": number}`` is written; bubblewrap needs none.
+        rules: Descriptor from which bubblewrap reads the filter of system calls; None: it sets none.
         held: Descriptors of the program, which nobody else holds on to.
         groups: Doors of the control groups that it enters.
+        rights: Capabilities over its cell that bubblewrap leaves it.
     """
     python = [os.fspath(interpreter()), "-I", "-S", "-B"]
     here = Path(__file__).parent
@@ -64,7 +66,7 @@ def command(
     if way == "bubblewrap":
         prepared["rules"] = None  # it closes what it has read
         tool = shutil.which("bwrap") or "bwrap"
-        program = [tool, *_bubblewrap(layout, private, info, rules), "--", *program]
+        program = [tool, *_bubblewrap(layout, private, info, rules, rights), "--", *program]
     elif way == "namespaces":
         plan = {
             # resolved: a link on the way would be followed below another root
@@ -77,12 +79,15 @@ def command(
     return [*start, json.dumps(prepared), *program]
 
 
-def _bubblewrap(layout: Layout, private: Mapping[str, int], info: int, rules: int) -> list[str]:
+def _bubblewrap(
+    layout: Layout, private: Mapping[str, int], info: int | None, rules: int | None, rights: Sequence[str]
+) -> list[str]:
     words = (
         "--unshare-user --unshare-pid --unshare-net --unshare-ipc --unshare-uts --unshare-cgroup-try "
-        f"--uid {_UID} --gid {_UID} --hostname agent --die-with-parent --new-session --as-pid-1 --cap-drop ALL "
-        f"--info-fd {info} --seccomp {rules}"
+        f"--uid {_UID} --gid {_UID} --hostname agent --die-with-parent --new-session --as-pid-1 --cap-drop ALL"
     ).split()
+    for option, values in (("--cap-add", rights), ("--info-fd", [info]), ("--seccomp", [rules])):
+        words += [word for value in values if value is not None for word in (option, str(value))]
     for text, there in layout.links:
         words += ["--symlink", text, there]
     for folder, size in private.items():  # first: what is shown may lie below, such as a library in /tmp

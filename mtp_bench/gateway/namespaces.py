@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 # <sched.h>, <sys/mount.h>, <sys/prctl.h>
-_NEW = {
+NEW = {
     "user": 0x10000000, "pid": 0x20000000, "net": 0x40000000, "ipc": 0x8000000, "uts": 0x4000000, "mnt": 0x20000,
     "cgroup": 0x2000000,
 }  # fmt: skip
@@ -27,7 +27,7 @@ _NOSUID, _NODEV, _NOEXEC, _BIND, _RECURSIVE, _PRIVATE = 2, 4, 8, 0x1000, 0x4000,
 _DETACH = 2
 _AT_FDCWD, _AT_RECURSIVE, _READ_ONLY = -100, 0x8000, 1
 _MOUNT_SETATTR, _PIVOT_ROOT = 442, {"x86_64": 155, "aarch64": 41}
-_PDEATHSIG, _SECCOMP, _CAPBSET_DROP, _NO_NEW_PRIVS = 1, 22, 24, 38
+PDEATHSIG, _SECCOMP, _CAPBSET_DROP, _NO_NEW_PRIVS = 1, 22, 24, 38
 _FILTER_MODE = 2
 _BASE = "/tmp"
 _libc = ctypes.CDLL(None, use_errno=True)
@@ -48,20 +48,20 @@ def main() -> None:
     inner = os.fork()
     if inner:
         _stay_outside(plan, inner)
-    _call("prctl", _PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
+    call("prctl", PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
     os.setsid()
     os.close(plan["told"])
-    _call("sethostname", b"agent", 5)
+    call("sethostname", b"agent", 5)
     _make_root(plan)
-    _drop_rights()
-    _set_filter(base64.b64decode(plan["filter"]))
+    drop_rights()
+    set_filter(base64.b64decode(plan["filter"]))
     os.chdir(plan["work"])
     os.execv(command[0], command)
 
 
 def _enter(uid: int) -> None:
     user, group = os.getuid(), os.getgid()
-    _call("unshare", sum(_NEW.values()))
+    call("unshare", sum(NEW.values()))
     for name, content in (("setgroups", "deny"), ("uid_map", f"{uid} {user} 1"), ("gid_map", f"{uid} {group} 1")):
         Path(f"/proc/self/{name}").write_text(content)
 
@@ -77,79 +77,83 @@ def _stay_outside(plan: dict[str, Any], inner: int) -> None:
 
 def _make_root(plan: dict[str, Any]) -> None:
     """A root that holds what the plan shows and nothing else."""
-    _mount("none", "/", "", _RECURSIVE | _PRIVATE)
-    _mount("tmpfs", _BASE, "tmpfs", _NOSUID | _NODEV)
+    mount("none", "/", "", _RECURSIVE | _PRIVATE)
+    mount("tmpfs", _BASE, "tmpfs", _NOSUID | _NODEV)
     for name in ("old", "new"):
         Path(_BASE, name).mkdir()
     _pivot(_BASE, f"{_BASE}/old")
-    _mount("tmpfs", "/new", "tmpfs", _NOSUID | _NODEV, "size=1048576,mode=755")
+    mount("tmpfs", "/new", "tmpfs", _NOSUID | _NODEV, "size=1048576,mode=755")
     for text, there in plan["links"]:
         os.makedirs(os.path.dirname(f"/new{there}"), exist_ok=True)  # noqa: PTH103, PTH120
         os.symlink(text, f"/new{there}")  # noqa: PTH211
     for folder, size in plan["private"].items():  # first: what is shown may lie below
         os.makedirs(f"/new{folder}", exist_ok=True)  # noqa: PTH103
-        _mount("tmpfs", f"/new{folder}", "tmpfs", _NOSUID | _NODEV, f"size={size}")
+        mount("tmpfs", f"/new{folder}", "tmpfs", _NOSUID | _NODEV, f"size={size}")
     covered = set(plan["covered"])
     for here, there in plan["shown"]:
         for folder in [folder for folder in covered if there.startswith(f"{folder}/")]:
-            _mount("tmpfs", f"/new{folder}", "tmpfs", _NOSUID | _NODEV, "size=65536,mode=755")
+            mount("tmpfs", f"/new{folder}", "tmpfs", _NOSUID | _NODEV, "size=65536,mode=755")
             covered.discard(folder)
-        _show(f"/old{here}", f"/new{there}", _NODEV)
+        show(f"/old{here}", f"/new{there}", _NODEV)
     for device in plan["devices"]:
-        _show(f"/old{device}", f"/new{device}", 0, read_only=False)
+        show(f"/old{device}", f"/new{device}", 0, read_only=False)
     Path("/new/proc").mkdir()
-    _mount("proc", "/new/proc", "proc", _NOSUID | _NODEV | _NOEXEC)
+    mount("proc", "/new/proc", "proc", _NOSUID | _NODEV | _NOEXEC)
     for path in plan["masked"]:
-        _show("/old/dev/null", f"/new{path}", 0)
+        show("/old/dev/null", f"/new{path}", 0)
     for folder in ("/new", "/new/proc", *(f"/new{folder}" for folder in plan["covered"])):
-        _attributes(folder, _READ_ONLY, recursive=False)
-    _call("umount2", b"/old", _DETACH)
+        attributes(folder, _READ_ONLY, recursive=False)
+    call("umount2", b"/old", _DETACH)
     os.chdir("/new")
     _pivot(".", ".")
-    _call("umount2", b".", _DETACH)
+    call("umount2", b".", _DETACH)
     os.chdir("/")
 
 
-def _show(here: str, there: str, flags: int, read_only: bool = True) -> None:
+def show(here: str, there: str, flags: int, read_only: bool = True) -> None:
+    """Mount a file or folder at another place, without what runs as another user."""
     if os.path.isdir(here):  # noqa: PTH112
         os.makedirs(there, exist_ok=True)  # noqa: PTH103
     else:
         os.makedirs(os.path.dirname(there), exist_ok=True)  # noqa: PTH103, PTH120
         with suppress(FileExistsError):
             os.close(os.open(there, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644))
-    _mount(here, there, "", _BIND | _RECURSIVE)
-    _attributes(there, _NOSUID | flags | (_READ_ONLY if read_only else 0), recursive=True)
+    mount(here, there, "", _BIND | _RECURSIVE)
+    attributes(there, _NOSUID | flags | (_READ_ONLY if read_only else 0), recursive=True)
 
 
-def _attributes(path: str, flags: int, recursive: bool) -> None:
+def attributes(path: str, flags: int, recursive: bool) -> None:
     """Flags of a mount; MOUNT_ATTR_RDONLY, _NOSUID and _NODEV have the values of MS_RDONLY and so on."""
     wanted = _MountAttributes(attr_set=flags)
     how = _AT_RECURSIVE if recursive else 0
-    _call("syscall", _MOUNT_SETATTR, _AT_FDCWD, path.encode(), how, ctypes.byref(wanted), ctypes.sizeof(wanted))
+    call("syscall", _MOUNT_SETATTR, _AT_FDCWD, path.encode(), how, ctypes.byref(wanted), ctypes.sizeof(wanted))
 
 
 def _pivot(new: str, old: str) -> None:
     os.chdir(new)
-    _call("syscall", _PIVOT_ROOT[os.uname().machine], b"." if new != old else new.encode(), old.encode())
+    call("syscall", _PIVOT_ROOT[os.uname().machine], b"." if new != old else new.encode(), old.encode())
 
 
-def _drop_rights() -> None:
+def drop_rights() -> None:
+    """Give up all capabilities, for good."""
     for capability in range(64):  # there are fewer
         _libc.prctl(_CAPBSET_DROP, capability, 0, 0, 0)
     header = (ctypes.c_uint32 * 2)(0x20080522, 0)  # version 3, this process
-    _call("capset", ctypes.byref(header), ctypes.byref((ctypes.c_uint32 * 6)()))
-    _call("prctl", _NO_NEW_PRIVS, 1, 0, 0, 0)
+    call("capset", ctypes.byref(header), ctypes.byref((ctypes.c_uint32 * 6)()))
+    call("prctl", _NO_NEW_PRIVS, 1, 0, 0, 0)
 
 
-def _set_filter(program: bytes) -> None:
-    _call("prctl", _SECCOMP, _FILTER_MODE, ctypes.byref(_Program(len(program) // 8, program)), 0, 0)
+def set_filter(program: bytes) -> None:
+    """Set the filter of system calls; nothing takes it back."""
+    call("prctl", _SECCOMP, _FILTER_MODE, ctypes.byref(_Program(len(program) // 8, program)), 0, 0)
 
 
-def _mount(source: str, target: str, kind: str, flags: int, options: str = "") -> None:
-    _call("mount", os.fsencode(source), os.fsencode(target), kind.encode(), flags, options.encode())
+def mount(source: str, target: str, kind: str, flags: int, options: str = "") -> None:
+    """A mount; ``flags`` as MS_* of <sys/mount.h>."""
+    call("mount", os.fsencode(source), os.fsencode(target), kind.encode(), flags, options.encode())
 
 
-def _call(name: str, *arguments: Any) -> None:
+def call(name: str, *arguments: Any) -> None:
     """A function of the C library; raises OSError where it fails."""
     converted = [ctypes.c_ulong(value) if isinstance(value, int) else value for value in arguments]
     if getattr(_libc, name)(*converted) != 0:

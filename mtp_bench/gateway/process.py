@@ -13,6 +13,7 @@ import time
 from collections import deque
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from ..errors import MtpBenchError
@@ -23,9 +24,11 @@ from .image import Image
 from .layout import KERNELS, SUBMISSION, TEMPORARY, Layout, environment, interpreter, library, packages
 from .limits import Isolation, Limits
 from .mechanism import Mechanism, command
+from .stems import StemError, stem_of, uproot
 from .wire import HEADER_LIMIT, PREFIX, Arrays, WireError, encode, header_of
 
 _KEPT = 4096  # bytes of what the agent prints
+_LAST_WORDS = 2.0  # s until it is known how a process ended
 _ENDING = 5.0  # s that the system may take to end a process
 _WATCH = 0.1  # s between looks at the agent's processes while they are waited for
 _MOST_PROCESSES = 64
@@ -63,6 +66,7 @@ class AgentProcess:
         self._answered = False  # once it has, it runs in its own root
         self._outgoing: deque[memoryview] = deque()
         self._printed = bytearray()
+        self._process: subprocess.Popen[bytes] | None = None  # that was started for it; None: it is a fork of a stem
         self._pid: int | None = None  # of the process with the agent, which the one that was started may not be
         self._handle: int | None = None
         self._incoming = bytearray()  # grows to `_wanted` bytes: first the prefix, then header and body
@@ -98,17 +102,55 @@ class AgentProcess:
             self._folder = made.enter_context(tempfile.TemporaryDirectory(prefix="mtp_bench-agent-"))
             made.callback(hide_memory, False)
             hide_memory(True)
+        theirs = self._open_pipes(made)
+        try:
+            if not self._grow(theirs, made):
+                self._spawn(theirs, made)
+        finally:
+            for descriptor in theirs:
+                os.close(descriptor)
+        for descriptor in (self._orders, self._answers, self._log):
+            os.set_blocking(descriptor, False)
+            _widen(descriptor)
+        self._poll = select.poll()
+        self._poll.register(self._answers, select.POLLIN)
+        self._poll.register(self._log, select.POLLIN)
+
+    def _open_pipes(self, made: ExitStack) -> list[int]:
+        """This side's ends of the pipes, and theirs: standard input, orders, answers, log, and where news go."""
         orders, self._orders = os.pipe()
         self._answers, answers = os.pipe()
         self._log, log = os.pipe()
-        told, tell = os.pipe()
+        self._told, tell = os.pipe()
+        nothing, end_of_it = os.pipe()  # not /dev/null: that file is everybody's
+        os.close(end_of_it)
+        for descriptor in (self._orders, self._answers, self._log, self._told):
+            made.callback(os.close, descriptor)
+        return [nothing, orders, answers, log, tell]
+
+    def _grow(self, theirs: list[int], made: ExitStack) -> bool:
+        """Start it as a fork of a process that has loaded the library; whether that works here."""
+        stem = stem_of(self._cell.layout) if self._cell.way == "bubblewrap" else None
+        if stem is None:
+            return False
+        try:
+            self._pid = stem.grow(theirs, self._limits.disk)
+            self._handle = os.pidfd_open(self._pid)
+            made.callback(self._kill)
+            for door in () if self._group is None else self._group.doors:  # it waits for the first order
+                Path(door).write_text(str(self._pid))
+        except (StemError, OSError):
+            uproot()  # and its forks
+            self._pid = None
+            return False
+        return True
+
+    def _spawn(self, theirs: list[int], made: ExitStack) -> None:
+        """Start it as a process that loads the library itself."""
+        nothing, orders, answers, log, tell = theirs
         rules, write = os.pipe()  # a pipe holds more than the filter is long
         os.write(write, system_call_filter() or b"")
-        nothing, end_of_it = os.pipe()  # not /dev/null: that file is everybody's
-        for descriptor in (self._orders, self._answers, self._log):
-            made.callback(os.close, descriptor)
-        for descriptor in (write, end_of_it):
-            os.close(descriptor)
+        os.close(write)
         try:
             self._process = subprocess.Popen(
                 self._command(orders, answers, tell, rules),
@@ -122,15 +164,8 @@ class AgentProcess:
             )
             made.callback(self._kill)
         finally:
-            for descriptor in (orders, answers, log, tell, rules, nothing):
-                os.close(descriptor)
-        self._learn_number(told)
-        for descriptor in (self._orders, self._answers, self._log):
-            os.set_blocking(descriptor, False)
-            _widen(descriptor)
-        self._poll = select.poll()
-        self._poll.register(self._answers, select.POLLIN)
-        self._poll.register(self._log, select.POLLIN)
+            os.close(rules)
+        self._learn_number()
 
     def setup(self, parameters: dict[str, Any]) -> dict[str, Any]:
         """The first message to the agent's side: where things are there, and its limits."""
@@ -161,18 +196,22 @@ class AgentProcess:
         private = {TEMPORARY: self._limits.disk}
         return command(self._cell.way, self._cell.layout, program, private, tell, rules, (orders, answers), doors)
 
-    def _learn_number(self, told: int) -> None:
+    def _learn_number(self) -> None:
         """The number of the process with the agent, which whoever shuts it in tells."""
-        text = b""
-        with os.fdopen(told, "rb", buffering=0) as stream:
-            while b"}" not in text and select.select([stream], [], [], self._limits.start)[0]:
-                part = stream.read(4096)
-                if not part:
-                    break
-                text += part
         with suppress(ValueError, KeyError, OSError, AttributeError):
-            self._pid = int(json.loads(text)["child-pid"])
+            self._pid = int(self._news(self._limits.start)["child-pid"])
             self._handle = os.pidfd_open(self._pid)  # a handle: the number may be given to another process
+
+    def _news(self, seconds: float) -> dict[str, Any]:
+        """What whoever shuts it in tells; raises ValueError where nothing comes in time."""
+        text, deadline = b"", time.monotonic() + seconds
+        while b"}" not in text and select.select([self._told], [], [], max(0.0, deadline - time.monotonic()))[0]:
+            part = os.read(self._told, 4096)
+            if not part:
+                break
+            text += part
+        found: dict[str, Any] = json.loads(text)
+        return found
 
     def send(self, header: dict[str, Any], arrays: Arrays | None = None) -> None:
         """Queue a message; it is written as far as the agent reads, now and while `receive` waits."""
@@ -213,8 +252,8 @@ class AgentProcess:
     def end(self) -> str:
         """How the process ended, in words."""
         try:
-            code = self._process.wait(timeout=2.0)
-        except subprocess.TimeoutExpired:
+            code = self._process.wait(_LAST_WORDS) if self._process else int(self._news(_LAST_WORDS)["ended"])
+        except (subprocess.TimeoutExpired, ValueError, KeyError):
             return "closed its connection"
         ended = -code if code < 0 else code - 128  # those who shut it in report a signal as 128 + its number
         if ended in set(map(int, signal.Signals)):
@@ -316,22 +355,26 @@ class AgentProcess:
                 end(descendants(self._pid)[1:], _ENDING)
             with suppress(OSError):
                 self._end_agent(self._pid)
-        with suppress(OSError):
-            os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.wait()
+        if self._process is not None:
+            with suppress(OSError):
+                os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
         if self._handle is not None:
             os.close(self._handle)
             self._handle = None
 
     def _end_agent(self, pid: int) -> None:
         if self._handle is None:  # the process that was started is the agent
-            if self._process.poll() is None:
+            if self._process is not None and self._process.poll() is None:
                 os.kill(pid, signal.SIGKILL)
             return
         signal.pidfd_send_signal(self._handle, signal.SIGKILL)
         gone = select.poll()
         gone.register(self._handle, select.POLLIN)
         gone.poll(1000 * _ENDING)  # the first process of a namespace ends after all others
+        if self._process is None:
+            with suppress(ValueError):
+                self._news(_ENDING)  # from the process that waited for it
 
 
 def _widen(descriptor: int) -> None:

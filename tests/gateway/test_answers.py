@@ -33,7 +33,8 @@ AT_THE_END = """
 def act(self, observation):
     wire = sys.modules["mtp_bench_wire"]
     arrays_of, encode, header_of = wire.arrays_of, wire.encode, wire.header_of
-    main, orders, answers = sys.modules["__main__"], int(sys.argv[1]), int(sys.argv[2])
+    main = sys.modules.get("mtp_bench_child", sys.modules["__main__"])
+    orders, answers = int(sys.argv[1]), int(sys.argv[2])
     asked = [sys._getframe(1).f_locals["header"]]
     actions = [self.honest(observation)]
     while len(asked) < self.given["frames"]:
@@ -52,7 +53,8 @@ def act(self, observation):
     action = self.honest(observation)
     for frame in (header["frame"], header["frame"] + 1):
         reply = {"kind": "answer", "frame": frame, "token": header["token"]}
-        sys.modules["__main__"]._write(int(sys.argv[2]), encode(reply, action))
+        child = sys.modules.get("mtp_bench_child", sys.modules["__main__"])
+        child._write(int(sys.argv[2]), encode(reply, action))
     time.sleep(0.1)
     return action
 """

@@ -80,7 +80,12 @@ class Court:
 
     def run(self, trick: str, limits: Limits = QUICK, scene: str = SCENE, **parameters: Any) -> SceneRun:
         """A scene answered by a hostile agent."""
-        path = submission(self.folder / "hostile", trick)
+        submission(self.folder / "hostile", trick)
+        return self.again(limits, scene, **parameters)
+
+    def again(self, limits: Limits = QUICK, scene: str = SCENE, **parameters: Any) -> SceneRun:
+        """The same submission once more."""
+        path = self.folder / "hostile"
         return run_isolated(path, self.card, {"data": self.data}, scene, parameters=parameters, limits=limits)
 
     def honest(self, scene: str = SCENE) -> Rollout:
