@@ -20,7 +20,7 @@ from ..scoring.rows import Count, Row
 from ..scoring.subsets import Subset
 from ..strict import Section, validate
 from .bounds import out_of_bounds
-from .canonical import canonical, digest_of
+from .canonical import canonical
 from .consistency import sums_that_do_not_fit
 from .record import MOST_NAME, Difference, Mechanism, Record, Sha256, UnitSums, unequal
 from .signing import MOST_SIGNATURE, SIGNER_PATTERN, sign, why_not_signed
@@ -130,8 +130,8 @@ def bound_to(record: Record) -> dict[str, Any]:
         "submission": record.submission.digest,
         "seeds": record.seeds,
         "measured": record.measured.digest,
-        "rollouts": digest_of(record.rollout_digests),
-        "seals": digest_of(record.seals),
+        "rollouts": record.whole.rollouts,
+        "seals": record.whole.seals,
         "definitions": record.scorer.definitions,
         "scorer": record.scorer.source_digest,
         "weights": record.reference.hash,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..cards import Card
 from ..parallel import Workers, parallel_map
@@ -127,8 +128,13 @@ def per_scene_of(table: AgentTable) -> list[ScenePart]:
     return [
         ScenePart(
             scene=score.scene,
-            weight={name: weight[name][i].tolist() for name in SUBSETS},
-            error={name: error[name][i].tolist() for name in SUBSETS},
+            weight={name: _rounded(weight[name][i]) for name in SUBSETS},
+            error={name: _rounded(error[name][i]) for name in SUBSETS},
         )
         for i, score in enumerate(scores)
     ]
+
+
+def _rounded(sums: NDArray[np.float64]) -> list[float]:
+    """To 12 digits: a thousand times finer than what is compared, and a third shorter."""
+    return [float(f"{value:.12g}") for value in sums]

@@ -17,6 +17,7 @@ from ..submission.manifest import NAME_PATTERN
 Division = Literal["closed", "open"]
 Mechanism = Literal["bubblewrap", "namespaces", "none"]
 Status = Literal["finished", "partial", "crashed", "rejected"]
+SHORT = 12  # hex digits of the hash of one run
 TOLERANCE = 1e-9  # of a number that is scored again, absolute and relative
 MOST_NAME, MOST_TEXT = 100, 2000  # characters of a name, and of a description or a reason
 MOST_NAMES, MOST_SCENES = 50, 10_000  # in a list; of a record
@@ -25,6 +26,7 @@ _FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_le
 _Name = Annotated[str, Field(max_length=MOST_NAME)]
 _Text = Annotated[str, Field(max_length=MOST_TEXT)]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+ShortHash = Annotated[str, Field(pattern=rf"^[0-9a-f]{{{SHORT}}}$")]
 _CardDigest = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
 _Unmade = Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")]  # empty until the record is sealed
 _Seconds = Annotated[float, Field(gt=0, le=86_400)]
@@ -142,6 +144,13 @@ class IsolationPart(Section):
         return self.mechanism != "none"
 
 
+class WholePart(Section):
+    """Hashes over all runs; of each run the record keeps so much of the hash as shows which one differs."""
+
+    seals: Sha256
+    rollouts: Sha256
+
+
 class ScenePart(Section):
     """What ranks, summed over the targets of each unit of one scene: enough to rank records without their rollouts."""
 
@@ -188,8 +197,9 @@ class Record(Section):
     silence: float | None  # m, what an agent that says nothing scores
     details: dict[str, Any]  # as `Details` of the scorer are written
     per_scene: Annotated[list[ScenePart], Field(max_length=MOST_SCENES)]
-    seals: dict[str, Sha256]  # "scene|seed" -> hash chain over the answers as they came
-    rollout_digests: dict[str, Sha256]  # "scene|seed"
+    seals: dict[str, ShortHash]  # "scene|seed" -> hash chain over the answers as they came
+    rollout_digests: dict[str, ShortHash]  # "scene|seed"
+    whole: WholePart
     measured: MeasuredPart
     digest: _Unmade = ""
 

@@ -23,9 +23,10 @@ from ..running.settings import Setting, setting_of
 from ..scoring import Reference
 from ..submission.loader import Submission
 from ..types import Rollout
+from .canonical import digest_of
 from .evaluation import Evaluation, evaluate
 from .parts import Parts
-from .record import IsolationPart, LatencyPart, MissedPart
+from .record import SHORT, IsolationPart, LatencyPart, MissedPart, WholePart
 from .storage import key_of
 
 MOST_REASON = 1000  # characters of why a scene was cut short
@@ -141,14 +142,22 @@ def info_of(plan: Plan, seed: int) -> RunInfo:
     return info.model_copy(update={"submission_digest": plan.image.digest})
 
 
-def rollout_digests(runs: Mapping[int, Sequence[Rollout]]) -> dict[str, str]:
-    """Digest of every rollout."""
-    return {key_of(r.scene, seed): digest(r) for seed, rollouts in runs.items() for r in rollouts}
+def hashes(runs: Mapping[int, Sequence[SceneRun]]) -> dict[str, Any]:
+    """The fields of a record with which a run again, or stored rollouts, must agree."""
+    chains = {key_of(r.rollout.scene, seed): r.seal for seed, results in runs.items() for r in results}
+    fields = rollout_hashes(rollouts_of(runs))
+    whole = WholePart(seals=digest_of(chains), rollouts=fields["whole"])
+    return {"seals": _short(chains), "rollout_digests": fields["rollout_digests"], "whole": whole}
 
 
-def seals(runs: Mapping[int, Sequence[SceneRun]]) -> dict[str, str]:
-    """Hash chain over the answers of every scene and seed."""
-    return {key_of(r.rollout.scene, seed): r.seal for seed, results in runs.items() for r in results}
+def rollout_hashes(runs: Mapping[int, Sequence[Rollout]]) -> dict[str, Any]:
+    """Those of rollouts alone: ``rollout_digests``, and the rollouts of ``whole``."""
+    found = {key_of(r.scene, seed): digest(r) for seed, rollouts in runs.items() for r in rollouts}
+    return {"rollout_digests": _short(found), "whole": digest_of(found)}
+
+
+def _short(found: Mapping[str, str]) -> dict[str, str]:
+    return {key: text[:SHORT] for key, text in found.items()}
 
 
 def unanswered(runs: Mapping[int, Sequence[SceneRun]]) -> MissedPart:

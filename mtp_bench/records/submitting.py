@@ -39,15 +39,14 @@ from .record import (
 from .running import (
     Plan,
     evaluate_plan,
+    hashes,
     info_of,
     isolation,
     latency,
     peak_memory,
     plan_run,
-    rollout_digests,
     rollouts_of,
     run_seed,
-    seals,
     unanswered,
 )
 from .stated import finished_record, stated_before
@@ -226,8 +225,7 @@ def _record(
         missed=lost,
         isolation=isolation(runs),
         samples=every[0].forecast.shape[1],
-        seals=seals(runs),
-        rollout_digests=rollout_digests(rollouts),
+        **hashes(runs),
         measured=MeasuredPart(
             hardware=_hardware(plan.options),
             latency=latency(every),

@@ -140,7 +140,8 @@ FORGED: dict[str, Callable[[dict[str, Any]], Any]] = {  # what differs -> how it
     "env.split": lambda content: content["env"].update(split="train"),
     "measured.latency.p95_ms": lambda content: content["measured"]["latency"].update(p95_ms=1e-3),
     "measured.ms_per_frame": lambda content: content["measured"].update(ms_per_frame=1e-3),
-    "rollout_digests.0001|0": lambda content: content["rollout_digests"].update({"0001|0": "00" * 32}),
+    "rollout_digests.0001|0": lambda content: content["rollout_digests"].update({"0001|0": "00" * 6}),
+    "whole": lambda content: content["whole"].update(rollouts="00" * 32),
     "details.forecasts_per_frame": lambda content: content["details"].update(forecasts_per_frame=99.0),
 }
 
@@ -189,7 +190,7 @@ def test_a_changed_rollout_does_not_hold(path: Path, card: str, kitti: str) -> N
     first.forecast[0] = 0
     save_run(folder, run.info, run.rollouts)  # with a digest that fits
     checked = verify(path, RunOptions(kitti), card)
-    assert [difference.what for difference in checked.differences] == ["rollout_digests.0001|0"]
+    assert [difference.what for difference in checked.differences] == ["rollout_digests.0001|0", "whole"]
     stored = folder / "0001.npz"
     stored.write_bytes(stored.read_bytes()[:-40])
     with pytest.raises(RolloutError, match=r"0001\.npz"):
