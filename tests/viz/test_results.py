@@ -11,7 +11,17 @@ from mtp_bench.errors import MtpBenchError, RecordError, UnknownNameError
 from mtp_bench.records import Record, load_record, record_paths, save_record
 from mtp_bench.viz.results import Known, fill
 from mtp_bench.viz.results.blocks import filled
-from mtp_bench.viz.results.conditions import Condition, above, all_of, below, chance, claim, significant, within
+from mtp_bench.viz.results.conditions import (
+    Condition,
+    above,
+    all_of,
+    below,
+    chance,
+    claim,
+    significant,
+    verdict,
+    within,
+)
 from mtp_bench.viz.results.figure import Figure, p_text, signed
 from mtp_bench.viz.results.figures import Figures
 from mtp_bench.viz.results.table import Tables, cell, markdown
@@ -29,12 +39,11 @@ NOISY = tuple(error + shift for error, shift in zip(STP, (1, -1) * 4, strict=Tru
 
 
 def records(**mtp: Any) -> list[Record]:
-    measured = {"measured": {"ms_per_frame": 3.25}}
     return [
         write_record(*TRUTH, name="truth_past", env={"observe": "truth"}),
         write_record(*STP, name="stp", silence=10.0),
         write_record(*CONTROL, name="stp_same_budget"),
-        write_record(*MTP, name="mtp", **measured, **mtp),
+        write_record(*MTP, name="mtp", measured={"ms_per_frame": 3.25}, **mtp),
         write_record(*NOISY, name="stp_hedged", submission={"ends": "own"}),
     ]
 
@@ -146,6 +155,8 @@ def test_missing_records_and_misspelt_names(figures: Figures, known: Known) -> N
     assert known.has(["mtp", "stp"], ENV)
     assert not known.has(["mtp", "affinity"], ENV)
     assert known.present(["affinity", "stp"], ENV) == ["stp"]
+    pairs = [("here", ENV), ("there", "MTP-nuScenes-v0")]
+    assert known.complete(pairs, ["mtp", "stp"]) == pairs[:1]
     with pytest.raises(RecordError, match=r"^no record of 'affinity' on MTP-Small-v0: make it with `mtp-bench submit`"):
         figures.error("affinity", ENV)
     with pytest.raises(UnknownNameError, match=r"unknown agent 'mpt': did you mean 'mtp'\?"):
@@ -230,6 +241,15 @@ def test_conditions(condition: Condition, holds: bool) -> None:
     assert bool(condition) is holds
 
 
+def test_verdicts() -> None:
+    worse = Figure("b less a", 1.0, p=0.01)
+    assert [verdict(each) for each in (GAIN, worse, Figure("x", -1.0, p=0.2))] == [
+        "holds",
+        "does not hold",
+        "cannot be told",
+    ]
+
+
 def test_a_false_claim_says_which_and_by_which_figures() -> None:
     assert claim(above(MORE, LESS), "More is more.") == "More is more."
     assert claim(above(MORE, LESS), caller=lambda: "More is more.") == "More is more."
@@ -259,13 +279,17 @@ def test_a_table_has_a_row_per_agent_and_says_what_it_is_of(known: Known) -> Non
 
 def test_other_columns_of_a_table(known: Known) -> None:
     tables = Tables(known)
-    columns = ["plain all", "missed all", "coverage all", "gap all", "error ids", "minADE paper_ids"]
-    lines = tables.table(ENV, ["mtp", "stp_hedged"], columns, digits=3, of=False).splitlines()
-    assert lines[0] == "| agent | plain, all | missed, all | coverage | gap, all | ids | minADE, paper IDS |"
+    columns = ["plain all", "missed all", "coverage all", "less_stp all", "error ids", "minADE paper_ids"]
+    lines = tables.table(ENV, ["mtp", "stp"], columns, digits=3, of=False).splitlines()
+    assert lines[0] == "| agent | plain, all | missed, all | coverage | less STP, all | ids | minADE, paper IDS |"
     assert lines[2:] == [
-        "| MTP, H = 20 | 2.000 | 0.600 | 100 % | 75 % (75 to 75 %) | – | – |",
-        "| STP, hedged | 3.500 | 1.050 | 100 % | – | – | – |",
+        "| MTP, H = 20 | 2.000 | 0.600 | 100 % | −1.500 [−1.500, −1.500] | – | – |",
+        "| STP | 3.500 | 1.050 | 100 % | 0.000 [0.000, 0.000] | – | – |",
     ]
+    lines = tables.table(ENV, ["mtp", "stp_hedged"], ["gap all", "own_gap all", "gap lost"], of=False).splitlines()
+    assert lines[0] == "| agent | gap closed, all | gap of its own predictor, all | gap closed, lost |"
+    assert lines[2] == "| MTP, H = 20 | 75 % (75 to 75 %) | 75 % (75 to 75 %) | 75 % (75 to 75 %) |"
+    assert [cell == "–" for cell in lines[3].split(" | ")] == [False, False, True, False]
     with pytest.raises(UnknownNameError, match=r"unknown measure 'minADEE': did you mean 'minADE'\?"):
         tables.table(ENV, ["mtp"], ["minADEE all"])
     with pytest.raises(RecordError, match="no record of 'affinity'"):
@@ -359,7 +383,7 @@ def test_the_command_fills_pages_in(board: Path, cli: CommandLine) -> None:
 WRONG = {
     "claim": (
         '{{ claim(significant(difference("stp", "mtp", "MTP-WILDTRACK-k10-v0")), "STP wins.") }}',
-        "line 1: claim 'STP wins.' is not what the records say: error less that of mtp, of stp on MTP-WILDTRACK-k10-v0",
+        "line 1: claim 'STP wins.' is not what the records say: error of stp less mtp on MTP-WILDTRACK-k10-v0",
     ),
     "record": (
         '\n{{ error("affinity", "MTP-WILDTRACK-k10-v0") }}',

@@ -57,6 +57,13 @@ def all_of(*conditions: Condition) -> Condition:
     return Condition(not wrong, "; ".join(each.figures for each in wrong or conditions))
 
 
+def verdict(difference: Figure) -> str:
+    """What a difference says of the relation that the first is better, by the test that ranks."""
+    if chance(difference):
+        return "cannot be told"
+    return "holds" if significant(difference) else "does not hold"
+
+
 def claim(condition: Condition, text: str = "", caller: Callable[[], str] | None = None) -> str:
     """The sentence, where the condition holds; raises MtpBenchError, with its figures, where it does not.
 

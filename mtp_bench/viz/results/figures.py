@@ -59,7 +59,7 @@ class Figures:
 
     def silence(self, env: str, agent: str = STP) -> Figure:
         """What an agent that says nothing scores, metres; the record of ``agent`` knows it."""
-        return self._of("silence, as known to", agent, env, "all", self._known.of(agent, env).sums.silence)
+        return self._of("silence beside the record", agent, env, "all", self._known.of(agent, env).sums.silence)
 
     def rank(self, agent: str, env: str, subset: str = "all") -> Figure:
         """Its rank; RecordError where it has none."""
@@ -84,12 +84,13 @@ class Figures:
         errors = one.sums.unit_error(on), second.sums.unit_error(on)
         found = paired_difference(*errors, one.sums.unit_weight(on))
         value, interval, p = found or (None, None, None)
-        return self._of("error less that of " + other + ",", agent, env, subset, value, interval=interval, p=p)
+        return self._of("error", f"{agent} less {other}", env, subset, value, interval=interval, p=p)
 
     def gain(self, agent: str, other: str, env: str, subset: str = "all") -> Figure:
         """How much smaller the error of ``agent`` is than that of ``other``, metres, with its interval and p."""
         found = self.difference(other, agent, env, subset)
-        return Figure(_named(f"gain over {other}", agent, env, subset), found.value, "length", found.interval, found.p)
+        of = _named("gain", f"{agent} over {other}", env, subset)
+        return Figure(of, found.value, "length", found.interval, found.p)
 
     def gap(self, agent: str, env: str, subset: str = "all", start: str = STP, end: str = TRUTH) -> Figure:
         """The share that ``agent`` closes of the gap from ``start`` (0) to ``end`` (1), with its interval.

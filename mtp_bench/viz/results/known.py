@@ -84,6 +84,10 @@ class Known:
         """Those of the agents that have a record."""
         return [agent for agent in agents if self._get(agent, env_id) is not None]
 
+    def complete(self, envs: Sequence[tuple[str, str]], agents: Sequence[str]) -> list[tuple[str, str]]:
+        """Those of the pairs of a heading and an env in which all of the agents have a record."""
+        return [(heading, env_id) for heading, env_id in envs if self.has(agents, env_id)]
+
     def of(self, agent: str, env_id: str) -> Scored:
         """The record of an agent; RecordError where there is none, UnknownNameError for a misspelt name."""
         found = self._get(agent, env_id)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from ...errors import UnknownNameError
+from ...records.ranking import STP
 from ...scoring.rows import Row
 from ...scoring.subsets import Subset
 from ..terminal.output import NOTHING
@@ -26,8 +27,9 @@ _FIELDS: dict[str, tuple[str, Kind]] = {  # measure -> field of a row, kind
     "error": ("error", "length"), "plain": ("plain_error", "length"), "missed": ("missed", "length"),
     "minADE": ("minADE", "length"), "minFDE": ("minFDE", "length"), "coverage": ("coverage", "share"),
 }  # fmt: skip
-MEASURES = (*_FIELDS, "rank", "gap", "ms")
+MEASURES = (*_FIELDS, "rank", "gap", "own_gap", "less_stp", "ms")
 _ALONE = {"error": "", "rank": "rank", "coverage": "coverage", "ms": "ms per frame"}  # headings without their subset
+_HEADINGS = {"gap": "gap closed", "own_gap": "gap of its own predictor", "less_stp": "less STP"}
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class Column:
             return label
         if self.measure == "rank" or (self.measure in _ALONE and self.subset == "all"):
             return _ALONE[self.measure]
-        return f"{self.measure}, {label}"
+        return f"{_HEADINGS.get(self.measure, self.measure)}, {label}"
 
 
 class Tables:
@@ -88,9 +90,8 @@ class Tables:
         if column.measure == "rank":
             rank = scored.place(column.subset).rank
             return NOTHING if rank is None else str(rank)
-        if column.measure == "gap":
-            known = self._figures.has_same_predictor_gap(agent, env, column.subset)
-            return self._figures.same_predictor_gap(agent, env, column.subset).sure if known else NOTHING
+        if column.measure in _HEADINGS:
+            return self._compared(column, agent, env, digits)
         if column.measure == "ms":
             value: float | None = scored.record.measured.ms_per_frame
             return NOTHING if value is None else signed(value, 1)
@@ -100,6 +101,16 @@ class Tables:
             return NOTHING
         figure = Figure("", value, kind, row.interval if column.measure == "error" else None)
         return str(figure) if kind == "share" else figure.to(digits).ranged
+
+    def _compared(self, column: Column, agent: str, env: str, digits: int) -> str:
+        """What its record is beside those of others."""
+        figures, subset = self._figures, column.subset
+        if column.measure == "less_stp":
+            return figures.difference(agent, STP, env, subset).to(digits).ranged
+        if column.measure == "own_gap":
+            known = figures.has_same_predictor_gap(agent, env, subset)
+            return figures.same_predictor_gap(agent, env, subset).sure if known else NOTHING
+        return figures.gap(agent, env, subset).sure if figures.has_gap(env, subset) else NOTHING
 
 
 def markdown(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 SUFFIX = ".jinja"
-_CONDITIONS = ("above", "below", "within", "significant", "chance", "all_of", "claim")
+_CONDITIONS = ("above", "below", "within", "significant", "chance", "all_of", "verdict", "claim")
 
 
 def functions_of(known: Known) -> Mapping[str, Any]:
@@ -26,8 +26,8 @@ def functions_of(known: Known) -> Mapping[str, Any]:
     own = {name: getattr(figures, name) for name in dir(Figures) if not name.startswith("_")}
     judged = {name: getattr(conditions, name) for name in _CONDITIONS}
     return {
-        **own, **judged, "has": known.has, "present": known.present, "table": tables.table, "across": tables.across,
-        "label": label,
+        **own, **judged, "has": known.has, "present": known.present, "complete": known.complete,
+        "table": tables.table, "across": tables.across, "label": label,
     }  # fmt: skip
 
 
