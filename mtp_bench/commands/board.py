@@ -59,8 +59,7 @@ def board(
     entries = found.entries
     folder = records or bundled("leaderboard") / "records"
     history = [old for old in read_history(folder.parent / "history") if env in (None, old.env)]
-    if pages:
-        _fill(pages, found, folder.parent, whole=not (env or further))
+    told = _fill(pages, found, folder.parent, whole=not (env or further)) if pages else []
     write_json(json_file, board_json(entries))
     if output is not None:
         links = [relative_address(old.path, output) for old in history]
@@ -76,7 +75,7 @@ def board(
         show(f"{count(len(history), 'result')} under earlier definitions: on the page (-o), never ranked")
     if output is not None:
         show(f"{output}: {count(len(entries), 'record')}; open it in a browser")
-    show_lines([f"{page}: filled in from {count(len(entries), 'record')}" for page in pages or ()])
+    show_lines(told)
     if strict and found.refused:
         raise RecordError(f"{count(len(found.refused), 'record')} refused, the first: {found.refused[0]}")
 
@@ -110,15 +109,15 @@ def read_board(
     return Board(entries_of(listed), refused, notes)
 
 
-def _fill(pages: Sequence[Path], found: Board, leaderboard: Path, whole: bool) -> None:
-    """Fill in pages from all records of the leaderboard; of a part of them a page would lose what it says of others."""
+def _fill(pages: Sequence[Path], found: Board, leaderboard: Path, whole: bool) -> list[str]:
+    """Fill in pages from all records: of a part of them a page would lose what it says of others. Lines to show."""
     from ..viz.results import fill, known_of
 
     if not whole:
         raise typer.BadParameter("needs all records and no others, leave --env and --with out", param_hint="--fill")
     if found.refused:
         raise RecordError(f"no page is filled in: {count(len(found.refused), 'record')} refused, {found.refused[0]}")
-    fill(pages, known_of(found.entries), leaderboard)
+    return fill(pages, known_of(found.entries), leaderboard)
 
 
 def relative_address(path: Path, page: Path) -> str | None:

@@ -25,7 +25,7 @@ from mtp_bench.viz.results.conditions import (
 from mtp_bench.viz.results.figure import Figure, p_text, signed
 from mtp_bench.viz.results.figures import Figures
 from mtp_bench.viz.results.table import Tables, cell, markdown
-from mtp_bench.viz.results.templates import functions_of
+from mtp_bench.viz.results.templates import functions_of, render
 from tests.support.board_records import MAIN, made_up
 from tests.support.command_line import CommandLine
 from tests.support.stored_records import SIMULATED, hidden_part, ships_of, signed_level, write_record
@@ -173,6 +173,10 @@ def test_records_of_other_conditions_are_not_used() -> None:
     assert not found.has("mtp", ENV)
     with pytest.raises(RecordError, match="the record of 'mtp' on MTP-Small-v0 cannot be used: scored by definitions"):
         found.of("mtp", ENV)
+    assert found.unused == ["mtp on MTP-Small-v0: scored by definitions 0.9, today's are 2.0"]
+    twice = known_of(write_record(*STP, name="stp"), write_record(*MTP, name="stp"))
+    with pytest.raises(RecordError, match="two records of 'stp' on MTP-Small-v0, expected one"):
+        twice.of("stp", ENV)
     short = known_of(
         write_record(*STP, name="stp"),
         write_record(*MTP[:4], name="mtp", env={"scenes_of_split": 8}, status_reason="4 of 8 scenes"),
@@ -371,7 +375,7 @@ def run(cli: CommandLine, board: Path) -> Any:
 def test_the_command_fills_pages_in(board: Path, cli: CommandLine) -> None:
     output = run(cli, board)
     assert output.status == 0, output.err
-    assert "RESULTS.md: filled in from 2 records" in " ".join(output.out.split())
+    assert "RESULTS.md: filled in, 2 records can be told of" in " ".join(output.out.split())
     assert (board / "RESULTS.md").read_text() == "# Results\n\nMTP has 0.80 m, STP 1.00 m & <b>.\n"
     readme = "a\n<!-- results: first -->\n0.20\n<!-- end of first -->\nb\n"
     assert (board.parent / "README.md").read_text() == readme
@@ -446,6 +450,34 @@ def test_every_function_of_templates_is_documented(repository: Path, known: Know
     page = (repository / "leaderboard" / "MAINTAINING.md").read_text()
     for name in functions_of(known):
         assert f"`{name}(" in page, name
+
+
+@pytest.fixture(scope="module")
+def people_and_cars() -> Known:
+    """Two environments of people, and KITTI."""
+    errors = {"truth_past": 0.5, "stp": 1.0, "stp_same_budget": 0.9, "mtp": 0.8}
+    return Known(
+        [
+            made_up(name, error, env, silence=2.0, env={"observe": "truth" if name == "truth_past" else "detections"})
+            for env in (MAIN, "MTP-PETS-v0", "MTP-KITTI-v0")
+            for name, error in errors.items()
+        ]
+    )
+
+
+def test_the_template_of_results_tells_of_the_records_that_are_there(repository: Path, people_and_cars: Known) -> None:
+    text = render(repository / "leaderboard" / "RESULTS.md.jinja", functions_of(people_and_cars))
+    assert "| MTP, H = 20 | 0.80 [" in text
+    assert text.count("MTP closes 40 % (") >= 3
+    assert "Silence scores 2.00 m." in text
+    assert "- Records: 4 scored by its authors." in text
+
+
+def test_the_block_of_the_readme_tells_of_the_records_that_are_there(repository: Path, people_and_cars: Known) -> None:
+    text = render(repository / "leaderboard" / "blocks" / "first-results.md.jinja", functions_of(people_and_cars))
+    assert "| agent | WILDTRACK, k = 10 | PETS |" in text
+    assert text.count("\n| ") == 6
+    assert "On nuScenes" not in text
 
 
 def test_the_committed_pages_are_made_of_the_committed_records(

@@ -17,8 +17,8 @@ BLOCKS = "blocks"  # folder of the templates of blocks
 _MOST_BYTES = 1 << 20
 
 
-def fill(pages: Sequence[Path], known: Known, leaderboard: Path) -> None:
-    """Fill in pages from records, all of them or none.
+def fill(pages: Sequence[Path], known: Known, leaderboard: Path) -> list[str]:
+    """Fill in pages from records, all of them or none; what was done, and which records were not used.
 
     A page PAGE.md with a template PAGE.md.jinja beside it is made of that. Of any other page the marked blocks are
     filled, each NAME from the template blocks/NAME.md.jinja of the ``leaderboard``.
@@ -30,6 +30,8 @@ def fill(pages: Sequence[Path], known: Known, leaderboard: Path) -> None:
     texts = {page: _text(page, functions, leaderboard) for page in pages}
     for page, text in texts.items():
         write_text(page, text)
+    done = [f"{page}: filled in, {len(known)} records can be told of" for page in pages]
+    return [*(f"not told of: {text}" for text in known.unused), *done]
 
 
 def _text(page: Path, functions: Mapping[str, Any], leaderboard: Path) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, get_args
 
 from ..._bundle import baseline_names, card_ids
@@ -35,6 +35,11 @@ class Scored:
         hidden = None if self.signed is None else self.signed.hidden
         return self.record if hidden is None else hidden
 
+    @cached_property
+    def conditions(self) -> tuple[object, ...]:
+        """What it must share with another one to be compared with it."""
+        return conditions(self.sums)
+
     @property
     def level(self) -> Level:
         """How far it was checked."""
@@ -53,28 +58,41 @@ class Known:
     """Records by agent and environment."""
 
     def __init__(
-        self, records: Sequence[Record], levels: Mapping[str, SignedLevel] | None = None, ships: Ships = shipped
+        self,
+        records: Sequence[Record],
+        levels: Mapping[str, SignedLevel] | None = None,
+        ships: Ships = shipped,
+        places: Mapping[str, Standing] | None = None,
     ) -> None:
         """``levels``: signed levels by the digest of the record; ``ships``: what ships for an env, by its id.
 
+        ``places``: where the records stand, by their digest, if that is known.
         Only finished records of what ships today are taken: others have other scenes, or another scorer.
         """
         levels = levels or {}
-        places = standings(records, levels, ships)
+        places = standings(records, levels, ships) if places is None else places
+        self._agents = {*baseline_names(), *(record.submission.name for record in records)}
+        self._envs = {*card_ids(), *(record.env.id for record in records)}
         self._found: dict[tuple[str, str], Scored] = {}
+        self._twice: set[tuple[str, str]] = set()
         self._unfit: dict[tuple[str, str], str] = {}
         for record in records:
             signed, key = levels.get(record.digest), (record.submission.name, record.env.id)
             why = _why_not_taken(record, signed, ships)
             if why:
                 self._unfit[key] = why
-            elif key in self._found:
-                raise RecordError(f"two records of {key[0]!r} on {key[1]}, expected one")
-            else:
-                self._found[key] = Scored(record, places[record.digest], signed)
+                continue
+            if key in self._found:
+                self._twice.add(key)
+            self._found[key] = Scored(record, places[record.digest], signed)
 
     def __len__(self) -> int:
         return len(self._found)
+
+    @property
+    def unused(self) -> list[str]:
+        """Records whose figures are not told, each with the reason."""
+        return [f"{agent} on {env_id}: {why}" for (agent, env_id), why in sorted(self._unfit.items())]
 
     def has(self, agents: str | Sequence[str], env_id: str) -> bool:
         """Whether there are records of an agent, or of all of several; UnknownNameError for a misspelt name."""
@@ -91,6 +109,8 @@ class Known:
     def of(self, agent: str, env_id: str) -> Scored:
         """The record of an agent; RecordError where there is none, UnknownNameError for a misspelt name."""
         found = self._get(agent, env_id)
+        if (agent, env_id) in self._twice:
+            raise RecordError(f"two records of {agent!r} on {env_id}, expected one")
         if found is not None:
             return found
         why = self._unfit.get((agent, env_id))
@@ -105,7 +125,7 @@ class Known:
         """The records of several agents, which have the same scenes, data and event weights, else RecordError."""
         found = [self.of(agent, env_id) for agent in agents]
         for agent, each in zip(agents, found, strict=True):
-            if conditions(each.sums) != conditions(found[0].sums):
+            if each.conditions != found[0].conditions:
                 raise RecordError(
                     f"the records of {agents[0]!r} and {agent!r} on {env_id} are of other scenes, data or event "
                     "weights, expected the same: no difference of them means anything"
@@ -119,21 +139,20 @@ class Known:
 
     def _get(self, agent: str, env_id: str) -> Scored | None:
         self._require_env(env_id)
-        agents = {*baseline_names(), *(name for name, _ in (*self._found, *self._unfit))}
-        if agent not in agents:
-            raise UnknownNameError("agent", agent, agents)
+        if agent not in self._agents:
+            raise UnknownNameError("agent", agent, self._agents)
         return self._found.get((agent, env_id))
 
     def _require_env(self, env_id: str) -> None:
-        envs = {*card_ids(), *(env for _, env in (*self._found, *self._unfit))}
-        if env_id not in envs:
-            raise UnknownNameError("environment", env_id, envs)
+        if env_id not in self._envs:
+            raise UnknownNameError("environment", env_id, self._envs)
 
 
 def known_of(entries: Sequence[Entry]) -> Known:
     """The records of a board."""
     levels = {entry.record.digest: entry.signed for entry in entries if entry.signed is not None}
-    return Known([entry.record for entry in entries], levels)
+    places = {entry.record.digest: entry.standing for entry in entries}
+    return Known([entry.record for entry in entries], levels, places=places)
 
 
 def subset_of(name: str) -> Subset:

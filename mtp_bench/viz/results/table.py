@@ -105,6 +105,8 @@ class Tables:
     def _compared(self, column: Column, agent: str, env: str, digits: int) -> str:
         """What its record is beside those of others."""
         figures, subset = self._figures, column.subset
+        if self._known.of(agent, env).row(subset).error is None:
+            return NOTHING
         if column.measure == "less_stp":
             return figures.difference(agent, STP, env, subset).to(digits).ranged
         if column.measure == "own_gap":
