@@ -317,7 +317,7 @@ PAGE = "before\n<!-- results: one -->\nold\n<!-- end of one -->\nbetween\n<!-- r
 
 def test_marked_blocks_are_filled_and_nothing_else_changes() -> None:
     text = filled(PAGE, "page.md", lambda name: f"new {name}\n")
-    assert text == PAGE.replace("old\n", "new one\n").replace("two -->\n<!-- end", "two -->\nnew two\n<!-- end")
+    assert text == PAGE.replace("old\n", "\nnew one\n\n").replace("two -->\n<!-- end", "two -->\n\nnew two\n\n<!-- end")
     assert filled(text, "page.md", lambda name: f"new {name}\n") == text
 
 
@@ -377,7 +377,7 @@ def test_the_command_fills_pages_in(board: Path, cli: CommandLine) -> None:
     assert output.status == 0, output.err
     assert "RESULTS.md: filled in, 2 records can be told of" in " ".join(output.out.split())
     assert (board / "RESULTS.md").read_text() == "# Results\n\nMTP has 0.80 m, STP 1.00 m & <b>.\n"
-    readme = "a\n<!-- results: first -->\n0.20\n<!-- end of first -->\nb\n"
+    readme = "a\n<!-- results: first -->\n\n0.20\n\n<!-- end of first -->\nb\n"
     assert (board.parent / "README.md").read_text() == readme
     assert run(cli, board).status == 0
     assert (board.parent / "README.md").read_text() == readme

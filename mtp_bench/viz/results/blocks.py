@@ -35,7 +35,8 @@ def _filled(text: str, where: str, content_of: Callable[[str], str]) -> Iterator
             begun = name
             seen.add(name)
             yield line
-            yield content_of(name).strip("\n")
+            content = content_of(name).strip("\n")
+            yield f"\n{content}\n"  # blank lines: the end of a table, and of a comment, for every reader of Markdown
         elif end:
             if end[1] != begun:
                 expected = f"expected the end of {begun!r}" if begun else "which was not begun"
