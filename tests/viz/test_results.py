@@ -9,6 +9,7 @@ import pytest
 
 from mtp_bench.errors import MtpBenchError, RecordError, UnknownNameError
 from mtp_bench.records import Record, load_record, record_paths, save_record
+from mtp_bench.scoring.statistics import paired_interval
 from mtp_bench.viz.results import Known, fill
 from mtp_bench.viz.results.blocks import filled
 from mtp_bench.viz.results.conditions import (
@@ -24,7 +25,7 @@ from mtp_bench.viz.results.conditions import (
 )
 from mtp_bench.viz.results.figure import Figure, p_text, signed
 from mtp_bench.viz.results.figures import Figures
-from mtp_bench.viz.results.table import Tables, cell, markdown
+from mtp_bench.viz.results.table import Tables, cell, label, markdown
 from mtp_bench.viz.results.templates import functions_of, render
 from tests.support.board_records import MAIN, made_up
 from tests.support.command_line import CommandLine
@@ -89,6 +90,8 @@ def test_differences_have_interval_and_p(figures: Figures) -> None:
     assert gain.sure == "1.00 m (1.00 to 1.00, p = 0.008)"
     nothing = figures.difference("stp_hedged", "stp", ENV)
     assert (nothing.value, nothing.p) == (0.0, 1.0)
+    hedged, plain = ([10 * error for error in errors] for errors in (NOISY, STP))
+    assert nothing.interval == paired_interval(hedged, plain, [10.0] * 8)
 
 
 def test_gaps_lie_between_their_ends(figures: Figures) -> None:
@@ -110,6 +113,27 @@ def test_the_same_predictor_gap_needs_ends_with_its_predictor(figures: Figures) 
     assert not figures.has_same_predictor_gap("stp_hedged", ENV)
     with pytest.raises(RecordError, match="gap closed with the same predictor of stp_hedged on MTP-Small-v0"):
         figures.same_predictor_gap("stp_hedged", ENV)
+
+
+def changed_row(record: Record, subset: str, **changed: Any) -> Record:
+    rows = [row.model_copy(update=changed) if row.subset == subset else row for row in record.rows]
+    return record.model_copy(update={"rows": rows})
+
+
+def test_ends_that_were_run_with_a_submission_are_told_of() -> None:
+    own = write_record(*MTP, name="mtp", submission={"ends": "own"})
+    known = {"gap_closed_same_predictor": 0.4, "gap_same_predictor_interval": (0.3, 0.5)}
+    found = Figures(known_of(*records()[:2], changed_row(own, "all", **known)))
+    assert found.has_same_predictor_gap("mtp", ENV)
+    assert found.same_predictor_gap("mtp", ENV).sure == "40 % (30 to 50 %)"
+    assert found.gap("mtp", ENV).value == pytest.approx(0.75)
+
+
+def test_events_are_those_of_the_record() -> None:
+    found = Figures(known_of(changed_row(write_record(*STP, name="stp"), "lost", events=54.333)))
+    assert str(found.events(ENV, "lost")) == "54"
+    with pytest.raises(RecordError, match=r"events of stp on MTP-Small-v0 \(all\): its record has no such number"):
+        found.events(ENV, "all")
 
 
 def test_gaps_of_other_numbers_of_samples_do_not_compare() -> None:
@@ -305,6 +329,10 @@ def test_a_table_across_environments(known: Known) -> None:
     assert lines[0] == "| agent | small | again |"
     assert lines[2].count("2.00 [") == 2
     assert lines[3] == "| effective objects, units | 5, 8.0 | 5, 8.0 |"
+
+
+def test_names_of_agents_in_tables() -> None:
+    assert [label(name) for name in ("stp_same_budget", "tracking_free")] == ["STP, same budget", "`tracking_free`"]
 
 
 def test_texts_break_no_table() -> None:
