@@ -315,8 +315,8 @@ def test_other_columns_of_a_table(known: Known) -> None:
         "| STP | 3.500 | 1.050 | 100 % | 0.000 [0.000, 0.000] | – | – |",
     ]
     lines = tables.table(ENV, ["mtp", "stp_hedged"], ["gap all", "own_gap all", "gap lost"], of=False).splitlines()
-    assert lines[0] == "| agent | gap closed, all | gap of its own predictor, all | gap closed, lost |"
-    assert lines[2] == "| MTP, H = 20 | 75 % (75 to 75 %) | 75 % (75 to 75 %) | 75 % (75 to 75 %) |"
+    assert lines[0] == "| agent | gap closed (%), all | gap of its own predictor (%), all | gap closed (%), lost |"
+    assert lines[2] == "| MTP, H = 20 | 75 [75, 75] | 75 [75, 75] | 75 [75, 75] |"
     assert [cell == "–" for cell in lines[3].split(" | ")] == [False, False, True, False]
     with pytest.raises(UnknownNameError, match=r"unknown measure 'minADEE': did you mean 'minADE'\?"):
         tables.table(ENV, ["mtp"], ["minADEE all"])

@@ -29,7 +29,7 @@ _FIELDS: dict[str, tuple[str, Kind]] = {  # measure -> field of a row, kind
 }  # fmt: skip
 MEASURES = (*_FIELDS, "rank", "gap", "own_gap", "less_stp", "ms")
 _ALONE = {"error": "", "rank": "rank", "coverage": "coverage", "ms": "ms per frame"}  # headings without their subset
-_HEADINGS = {"gap": "gap closed", "own_gap": "gap of its own predictor", "less_stp": "less STP"}
+_HEADINGS = {"gap": "gap closed (%)", "own_gap": "gap of its own predictor (%)", "less_stp": "less STP"}
 
 
 @dataclass(frozen=True)
@@ -111,8 +111,8 @@ class Tables:
             return figures.difference(agent, STP, env, subset).to(digits).ranged
         if column.measure == "own_gap":
             known = figures.has_same_predictor_gap(agent, env, subset)
-            return figures.same_predictor_gap(agent, env, subset).sure if known else NOTHING
-        return figures.gap(agent, env, subset).sure if figures.has_gap(env, subset) else NOTHING
+            return figures.same_predictor_gap(agent, env, subset).ranged if known else NOTHING
+        return figures.gap(agent, env, subset).ranged if figures.has_gap(env, subset) else NOTHING
 
 
 def markdown(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
