@@ -37,12 +37,12 @@ def board(
         Path | None, typer.Option("-o", "--output", help="Also write a page that needs no network: a .html file.")
     ] = None,
     env: Annotated[str | None, typer.Option(help="Only this environment.")] = None,
-    base: Annotated[
-        Path | None, typer.Option(help="Leaderboard whose keys and seals are trusted; the one that ships.")
-    ] = None,
     pages: Annotated[
         list[Path] | None,
         typer.Option("--fill", help="A Markdown page whose figures are of the records: fill them in; repeatable."),
+    ] = None,
+    base: Annotated[
+        Path | None, typer.Option(help="Leaderboard whose keys and seals are trusted; the one that ships.")
     ] = None,
     strict: Annotated[bool, typer.Option("--strict", help="Status 1 where a record is broken.")] = False,
     json_file: JsonOption = None,
