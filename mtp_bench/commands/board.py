@@ -37,6 +37,10 @@ def board(
         Path | None, typer.Option("-o", "--output", help="Also write a page that needs no network: a .html file.")
     ] = None,
     env: Annotated[str | None, typer.Option(help="Only this environment.")] = None,
+    pages: Annotated[
+        list[Path] | None,
+        typer.Option("--fill", help="A Markdown page whose figures are of the records: fill them in; repeatable."),
+    ] = None,
     base: Annotated[
         Path | None, typer.Option(help="Leaderboard whose keys and seals are trusted; the one that ships.")
     ] = None,
@@ -55,6 +59,7 @@ def board(
     entries = found.entries
     folder = records or bundled("leaderboard") / "records"
     history = [old for old in read_history(folder.parent / "history") if env in (None, old.env)]
+    told = _fill(pages, found, folder.parent, whole=not (env or further)) if pages else []
     write_json(json_file, board_json(entries))
     if output is not None:
         links = [relative_address(old.path, output) for old in history]
@@ -70,6 +75,7 @@ def board(
         show(f"{count(len(history), 'result')} under earlier definitions: on the page (-o), never ranked")
     if output is not None:
         show(f"{output}: {count(len(entries), 'record')}; open it in a browser")
+    show_lines(told)
     if strict and found.refused:
         raise RecordError(f"{count(len(found.refused), 'record')} refused, the first: {found.refused[0]}")
 
@@ -101,6 +107,17 @@ def read_board(
         load_card(env_id)  # an env that nobody has submitted to is fine as long as there is such an env
     notes = [f"{each.record.submission.name} on {each.record.env.id}: {each.note}" for each in listed if each.note]
     return Board(entries_of(listed), refused, notes)
+
+
+def _fill(pages: Sequence[Path], found: Board, leaderboard: Path, whole: bool) -> list[str]:
+    """Fill in pages from all records: of a part of them a page would lose what it says of others. Lines to show."""
+    from ..viz.results import fill, known_of
+
+    if not whole:
+        raise typer.BadParameter("needs all records and no others, leave --env and --with out", param_hint="--fill")
+    if found.refused:
+        raise RecordError(f"no page is filled in: {count(len(found.refused), 'record')} refused, {found.refused[0]}")
+    return fill(pages, known_of(found.entries), leaderboard)
 
 
 def relative_address(path: Path, page: Path) -> str | None:
