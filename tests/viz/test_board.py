@@ -31,11 +31,21 @@ from mtp_bench.viz.board import (
 from mtp_bench.viz.board.columns import percent
 from mtp_bench.viz.board.overview import overview_of
 from mtp_bench.viz.board.page import MOST_AGENTS, MOST_ROWS
-from mtp_bench.viz.board.scale import BAR, MOST_TICKS, PAD, WIDTH, bar_of, nice_scale, scale_of, scene_chart
+from mtp_bench.viz.board.scale import (
+    BAR,
+    MOST_SCENES,
+    MOST_TICKS,
+    PAD,
+    WIDTH,
+    bar_of,
+    nice_scale,
+    scale_of,
+    scene_chart,
+)
 from mtp_bench.viz.board.tables import to_csv
 from tests.support.board_records import HOSTILE, LEVELS_OF, board_of, made_up, made_up_board, thousand_entries
 from tests.support.command_line import CommandLine, on_terminal, read_json
-from tests.support.stored_records import hidden_part, signed_level
+from tests.support.stored_records import hidden_part, signed_level, write_record
 
 MOST_BYTES = 300_000  # of a page without records
 MOST_FIRST = 500_000  # of a page of a thousand
@@ -498,6 +508,14 @@ def test_bars_of_scenes_share_a_scale_with_the_reference() -> None:
     assert max(bar.reference or 0.0 for bar in bars) == BAR
     assert all(bar.width < BAR for bar in bars)
     assert all(bar.reference is None for bar in scene_chart(second, second))
+
+
+def test_of_many_scenes_the_heaviest_are_drawn() -> None:
+    (entry,) = board_of(write_record(*(float(i) for i in range(MOST_SCENES + 9)), name="many"))
+    bars = scene_chart(entry, None)
+    assert [bar.error for bar in bars] == list(range(9, MOST_SCENES + 9))
+    details = html_of(board_files([entry]).parts[f"entries/{entry.env}/many.js"])
+    assert f"the {MOST_SCENES} of {MOST_SCENES + 9} with most of it" in details
 
 
 @pytest.mark.parametrize(("share", "text"), [(-0.004, "0 %"), (-0.006, "−1 %"), (0.499, "50 %"), (1.0, "100 %")])

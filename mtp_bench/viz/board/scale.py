@@ -7,6 +7,7 @@ import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ...records.record import ScenePart
 from ...scoring.statistics import PairedDifference
 from .entries import Entry
 
@@ -15,6 +16,7 @@ BAR = 120.0  # width of the longest bar of a scene, user units
 PAD = 9.0  # left and right of the scale
 MOST_TICKS = 4
 FARTHEST = 3.0
+MOST_SCENES = 40  # of an entry
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,10 @@ class SceneBar:
 
 
 def scene_chart(entry: Entry, reference: Entry | None) -> list[SceneBar]:
-    """Bars of the scenes, in the order of the record; those of ``reference`` where it has the same scenes."""
+    """Bars of scenes, in the order of the record; those of ``reference`` where it has the same scenes.
+
+    Of many scenes the MOST_SCENES with the largest sums of errors.
+    """
     beside = {} if reference is None or reference is entry else _errors(reference)
     errors = _errors(entry)
     most = max([*errors.values(), *(beside[name] for name in errors if name in beside)], default=0.0)
@@ -115,8 +120,14 @@ def scene_chart(entry: Entry, reference: Entry | None) -> list[SceneBar]:
             width=round(unit * errors.get(part.scene, 0.0), 1),
             reference=round(unit * beside[part.scene], 1) if part.scene in beside else None,
         )
-        for part in entry.record.per_scene
+        for part in _heaviest(entry)
     ]
+
+
+def _heaviest(entry: Entry) -> list[ScenePart]:
+    scenes = entry.record.per_scene
+    sums = sorted((sum(part.error["all"]) for part in scenes), reverse=True)[:MOST_SCENES]
+    return [part for part in scenes if sum(part.error["all"]) >= sums[-1]][:MOST_SCENES]
 
 
 def _errors(entry: Entry) -> dict[str, float]:
