@@ -293,7 +293,7 @@ def test_both_schemes_have_contrast(opened: Browser, scheme: str) -> None:
     opened.prefer(scheme)
     colors = opened.script(
         """const style = getComputedStyle(document.documentElement);
-        return ["--card", "--ink", "--soft", "--faint", "--warn", "--accent"].map((n) => style.getPropertyValue(n));"""
+        return ["--card", "--ink", "--soft", "--faint", "--warn", "--accent", "--same", "--worse", "--yours"].map((n) => style.getPropertyValue(n));"""
     )
     card, *inks = [luminance(color.strip()) for color in colors]
     for ink in inks:
