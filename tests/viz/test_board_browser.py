@@ -291,9 +291,11 @@ def test_no_width_makes_the_page_scroll_sideways(opened: Browser, width: int) ->
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_both_schemes_have_contrast(opened: Browser, scheme: str) -> None:
     opened.prefer(scheme)
+    tones = ["card", "ink", "soft", "faint", "warn", "accent", "same", "worse", "yours"]
     colors = opened.script(
         """const style = getComputedStyle(document.documentElement);
-        return ["--card", "--ink", "--soft", "--faint", "--warn", "--accent", "--same", "--worse", "--yours"].map((n) => style.getPropertyValue(n));"""
+        return arguments[0].map((tone) => style.getPropertyValue(`--${tone}`));""",
+        tones,
     )
     card, *inks = [luminance(color.strip()) for color in colors]
     for ink in inks:
