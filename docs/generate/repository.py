@@ -27,7 +27,7 @@ PLACES = {  # file of the repository -> place in the site
 }
 SOURCES = {place: source for source, place in PLACES.items()}
 BOARD, _PARTS = "leaderboard/index.html", "leaderboard/index.parts"
-_LINKED = re.compile(r'href=\\?"\./([^"\\]+\.json)\\?"')  # in the page, or in the JSON of a part
+_LINKED = re.compile(r'(?:href|src)=\\?"\./([^"\\]+\.(?:json|webp))\\?"')  # in the page, or in the JSON of a part
 _GUIDE = ('href="./SUBMITTING.md"', 'href="submitting.html"')
 _BASELINE, _BASELINES = re.compile(r"\./\.\./baselines/\w+"), "../agents/baselines.html"
 _FENCED = re.compile(r"^(```.*?^```)", flags=re.MULTILINE | re.DOTALL)
@@ -39,8 +39,8 @@ def files() -> dict[str, str]:
     return {source: place for source, place in PLACES.items() if source != BOARD}
 
 
-def board() -> dict[str, str]:
-    """The board, its parts, and the records and results that they link to: texts by their places in the site.
+def board() -> dict[str, str | bytes]:
+    """The board, its parts, and the records, clips and results that they link to, by their places in the site.
 
     Links to pages of the repository lead to those of the site.
     """
@@ -48,8 +48,8 @@ def board() -> dict[str, str]:
     parts = sorted(path for path in (ROOT / _PARTS).rglob("*") if path.is_file())
     made = {PLACES[BOARD]: page.read_text()} | {path.relative_to(ROOT).as_posix(): path.read_text() for path in parts}
     linked = {name for text in made.values() for name in _LINKED.findall(text)}
-    files = {f"leaderboard/{name}": (ROOT / "leaderboard" / name).read_text() for name in sorted(linked)}
-    return {place: _BASELINE.sub(_BASELINES, text.replace(*_GUIDE)) for place, text in made.items()} | files
+    pages = {place: _BASELINE.sub(_BASELINES, text.replace(*_GUIDE)) for place, text in made.items()}
+    return {**pages, **{f"leaderboard/{name}": (ROOT / "leaderboard" / name).read_bytes() for name in sorted(linked)}}
 
 
 def source_of(place: str) -> str:

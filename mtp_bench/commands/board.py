@@ -41,6 +41,9 @@ def board(
     base: Annotated[
         Path | None, typer.Option(help="Leaderboard whose keys and seals are trusted; the one that ships.")
     ] = None,
+    clips: Annotated[
+        bool, typer.Option("--clips", help="First draw the costliest event of simulated records with stored rollouts.")
+    ] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Status 1 where a record is broken.")] = False,
     json_file: JsonOption = None,
 ) -> None:
@@ -52,9 +55,11 @@ def board(
     require_writable(json_file, output)
     if output is not None:
         require_parts(output)
+    folder = records or bundled("leaderboard") / "records"
+    if clips:
+        _draw_clips(folder, env)
     found = read_board(records, further or (), env, output, trusted(base))
     entries = found.entries
-    folder = records or bundled("leaderboard") / "records"
     history = [old for old in read_history(folder.parent / "history") if env in (None, old.env)]
     write_json(json_file, board_json(entries))
     if output is not None:
@@ -144,7 +149,34 @@ def _read(path: Path, start: _Start, added: bool) -> Found:
     record = load_record(path)
     signed, note = read_level(path, record, start.trust)
     link = None if start.page is None else relative_address(path, start.page)
-    return Found(record, link, added, signed, note, _code_of(record, start))
+    return Found(record, link, added, signed, note, _code_of(record, start), _clip_of(path, start))
+
+
+def _clip_of(path: Path, start: _Start) -> str | None:
+    from ..viz.board.clips import clip_path
+
+    return None if start.page is None else _existing(clip_path(path), start.page)
+
+
+def _draw_clips(folder: Path, env: str | None) -> None:
+    """Write a clip beside each record that can have one; a record that is broken has none."""
+    from ..records import load_record, record_paths
+    from ..viz.board.clips import can_have_clip, write_clip
+    from ..viz.terminal.output import progress_bar, show
+
+    paths = record_paths(folder)
+    with progress_bar("clips") as (started, done):
+        started(len(paths))
+        for path in paths:
+            try:
+                record = load_record(path)
+                wanted = env in (None, record.env.id) and can_have_clip(path, record)
+                written = write_clip(path, record) if wanted else None
+                if written is not None:
+                    show(str(written))
+            except MtpBenchError as error:
+                show(f"no clip: {error}")
+            done(path.stem)
 
 
 def _code_of(record: Record, start: _Start) -> str | None:

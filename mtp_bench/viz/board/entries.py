@@ -33,6 +33,7 @@ class Found:
     signed: SignedLevel | None = None  # how far it was checked
     note: str = ""  # why the level beside it is not shown
     code: str | None = None  # relative address of its folder, where that ships
+    clip: str | None = None  # relative address of a clip of its costliest event
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +46,7 @@ class Entry:
     added: bool = False  # not part of the leaderboard: where it would stand
     signed: SignedLevel | None = None  # how far it was checked
     code: str | None = None  # relative address of its folder, where that ships
+    clip: str | None = None  # relative address of a clip of its costliest event
 
     @property
     def env(self) -> str:
@@ -157,7 +159,8 @@ def entries_of(found: Sequence[Found]) -> list[Entry]:
     levels = {each.record.digest: each.signed for each in found if each.signed is not None}
     places = standings([each.record for each in found], levels)
     entries = (
-        Entry(each.record, places[each.record.digest], each.link, each.added, each.signed, each.code) for each in found
+        Entry(each.record, places[each.record.digest], each.link, each.added, each.signed, each.code, each.clip)
+        for each in found
     )
     return sorted(entries, key=_order)
 

@@ -65,6 +65,7 @@ def details_of(line: Line, board: Mapping[str, Any]) -> Line:
         "cells": {column.key: shown(column, entry) for column in COLUMNS},
         "link": address_of(entry.link),
         "all_links": _links(entry),
+        "clip": address_of(entry.clip) if board["simulated"] else None,
         "chart": curve_chart(entry, reference),
         "subsets": [
             (
