@@ -14,8 +14,9 @@ from .entries import Entry
 WIDTH = 150.0  # of a drawing, user units
 BAR = 120.0  # width of the longest bar of a scene, user units
 PAD = 9.0  # left and right of the scale
-MOST_TICKS = 4
+MOST_TICKS = 5
 FARTHEST = 3.0
+MARGIN = 0.04  # of a scale beyond what it holds, on each side
 MOST_SCENES = 40  # of an entry
 
 
@@ -72,14 +73,12 @@ def zero_of(scale: Scale | None) -> float:
 
 
 def nice_scale(low: float, high: float) -> Scale:
-    """Round ends and at most ``MOST_TICKS`` ticks between them."""
+    """A little more than from ``low`` to ``high``, with at least one and few round ticks."""
     span = max(high - low, 1e-3 * max(abs(high), abs(low), 1.0))
+    middle, half = (low + high) / 2, span * (0.5 + MARGIN)
     step = _step(span / (MOST_TICKS - 1))
-    first, last = math.floor(low / step), math.ceil(high / step)
-    last = max(last, first + 1)
-    every = -(-(last - first + 1) // (MOST_TICKS + 1))
-    ticks = tuple(round(i * step, 9) for i in range(first, last + 1, every))
-    return Scale(first * step, last * step, ticks)
+    first, last = math.ceil((middle - half) / step), math.floor((middle + half) / step)
+    return Scale(middle - half, middle + half, tuple(round(i * step, 9) for i in range(first, last + 1)))
 
 
 def _ends(difference: PairedDifference) -> tuple[float, float]:
