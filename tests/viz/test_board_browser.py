@@ -238,6 +238,8 @@ def test_a_column_is_explained_on_hover_and_on_focus(opened: Browser, how: str) 
         "const { left, right } = document.getElementById('_tip').getBoundingClientRect(); return [left, right]"
     )
     assert 0 <= edges[0] < edges[1] <= 1700
+    opened.script("document.getElementById('_tip').dispatchEvent(new PointerEvent('pointerover', { bubbles: true }))")
+    assert opened.script(tip)  # the pointer may go to it
     opened.script("document.dispatchEvent(new KeyboardEvent('keydown', { key: 'Escape' }))")
     assert not opened.script(tip)
 
@@ -279,6 +281,7 @@ def test_a_thousand_entries_load_on_demand(browser: Browser, tmp_path: Path) -> 
         assert browser.script(COUNT) == "1 of 1000 entries"
         browser.click('.more[data-part="overview"]')
         assert browser.wait_for("return document.querySelectorAll('.matrix tbody tr').length === 987")
+        assert browser.script("return document.activeElement.closest('.matrix') !== null")
 
 
 @pytest.mark.parametrize("width", [360, 390, 768, 1120, 1366, 1700])

@@ -44,13 +44,16 @@
     const key = button.dataset.part;
     const place = places[key] ? document.querySelector(places[key]) : button.closest(".board").querySelector("table");
     if (button.disabled) return load(key);
+    const focused = document.activeElement === button;
     button.disabled = true;
     try {
       const html = await load(key);
       if (!button.isConnected) return;
       button.remove();
+      const last = place.lastElementChild;
       place.insertAdjacentHTML("beforeend", html);
       number(place);
+      if (focused) (last ? last.nextElementSibling : place).querySelector("button, a")?.focus();
     } catch {
       button.insertAdjacentHTML("afterend", missing);
     }
@@ -156,19 +159,21 @@
     (found ?? board).scrollIntoView();
   };
 
-  /* The explanation of a column, beside what has the pointer or the focus; Escape takes it away. */
+  /* The explanation of a column, below the heading that has the pointer or the focus; the pointer may go to it, and
+     Escape takes it away. */
   const tip = one("_tip");
   let described = null;
   const place = () => {
     if (tip.hidden) return;
-    const box = described.getBoundingClientRect();
+    const box = described.closest("th").getBoundingClientRect();
     const left = Math.max(8, Math.min(box.left, document.documentElement.clientWidth - tip.offsetWidth - 8));
-    const below = box.bottom + 8 + tip.offsetHeight < window.innerHeight;
+    const below = box.bottom + tip.offsetHeight < window.innerHeight;
     tip.style.left = `${left}px`;
-    tip.style.top = `${below ? box.bottom + 8 : box.top - 8 - tip.offsetHeight}px`;
+    tip.style.top = `${below ? box.bottom : box.top - tip.offsetHeight}px`;
   };
   const explain = (event) => {
-    described = event.target.closest?.("[aria-describedby]");
+    if (tip.contains(event.target)) return;
+    described = event.target.closest?.("thead th")?.querySelector("[aria-describedby]");
     const text = described && one(described.getAttribute("aria-describedby"))?.textContent;
     tip.hidden = !text;
     tip.textContent = text ?? "";
