@@ -32,6 +32,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     pages = {**environments.pages(), **reference.pages(), commands.PAGE: commands.page()}
     for place, text in pages.items():
         files.append(File.generated(config, place, content=text))
+    for place, content in repository.board().items():
+        files.append(File.generated(config, place, content=content))
     for source, place in repository.files().items():
         files.append(File.generated(config, place, abs_src_path=str(ROOT / source)))
     return files

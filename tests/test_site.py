@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -80,6 +81,14 @@ def test_no_link_is_dead(site: Path, pages: dict[Path, Page]) -> None:
             if not wanted.exists() or (parts.fragment and wanted in pages and unquote(parts.fragment) not in known):
                 dead.append(f"{file.relative_to(site)}: {target}")
     assert not dead
+
+
+def test_no_link_of_a_part_of_the_board_is_dead(site: Path) -> None:
+    board = site / "leaderboard" / "board.html"
+    for script in (site / "leaderboard" / "index.parts").rglob("*.js"):
+        for target in re.findall(r'(?:href|src)="([^"#]+)"', script.read_text().replace("\\", "")):
+            parts = urlsplit(target)
+            assert parts.scheme or (board.parent / unquote(parts.path)).resolve().exists(), f"{script.name}: {target}"
 
 
 def test_nothing_is_loaded_from_elsewhere(site: Path, pages: dict[Path, Page]) -> None:

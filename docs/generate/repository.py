@@ -26,15 +26,30 @@ PLACES = {  # file of the repository -> place in the site
     "CONTRIBUTING.md": "project/contributing.md",
 }
 SOURCES = {place: source for source, place in PLACES.items()}
+BOARD, _PARTS = "leaderboard/index.html", "leaderboard/index.parts"
+_LINKED = re.compile(r'(?:href|src)=\\?"\./([^"\\]+\.(?:json|webp))\\?"')  # in the page, or in the JSON of a part
+_GUIDE = ('href="./SUBMITTING.md"', 'href="submitting.html"')
+_BASELINE, _BASELINES = re.compile(r"\./\.\./baselines/\w+"), "../agents/baselines.html"
 _FENCED = re.compile(r"^(```.*?^```)", flags=re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)")
 
 
 def files() -> dict[str, str]:
-    """Files of the repository that the site holds, with their places; the records are those that the board links to."""
-    board = (ROOT / "leaderboard/index.html").read_text()
-    records = [target.removeprefix("./") for target in re.findall(r'href="(\./[^"]+\.json)"', board)]
-    return {**PLACES, **{f"leaderboard/{name}": f"leaderboard/{name}" for name in records}}
+    """Files of the repository that the site holds, with their places: without the board, see `board`."""
+    return {source: place for source, place in PLACES.items() if source != BOARD}
+
+
+def board() -> dict[str, str | bytes]:
+    """The board, its parts, and the records, clips and results that they link to, by their places in the site.
+
+    Links to pages of the repository lead to those of the site.
+    """
+    page = ROOT / BOARD
+    parts = sorted(path for path in (ROOT / _PARTS).rglob("*") if path.is_file())
+    made = {PLACES[BOARD]: page.read_text()} | {path.relative_to(ROOT).as_posix(): path.read_text() for path in parts}
+    linked = {name for text in made.values() for name in _LINKED.findall(text)}
+    pages = {place: _BASELINE.sub(_BASELINES, text.replace(*_GUIDE)) for place, text in made.items()}
+    return {**pages, **{f"leaderboard/{name}": (ROOT / "leaderboard" / name).read_bytes() for name in sorted(linked)}}
 
 
 def source_of(place: str) -> str:

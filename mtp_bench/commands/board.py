@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .._bundle import baseline_names, bundled
 from ..errors import MtpBenchError, RecordError
 from .options import JsonOption
 from .output import count, require_writable, write_json
 
 if TYPE_CHECKING:
-    from ..records import Trust
+    from ..records import Record, Trust
     from ..viz.board.entries import Entry, Found
 
 
@@ -34,7 +35,7 @@ def board(
     ] = None,
     records: Annotated[Path | None, typer.Option(help="Folder of records; those that ship by default.")] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Also write a page that needs no network: a .html file.")
+        Path | None, typer.Option("-o", "--output", help="Also write a page (.html) with its parts beside it.")
     ] = None,
     env: Annotated[str | None, typer.Option(help="Only this environment.")] = None,
     pages: Annotated[
@@ -44,26 +45,32 @@ def board(
     base: Annotated[
         Path | None, typer.Option(help="Leaderboard whose keys and seals are trusted; the one that ships.")
     ] = None,
+    clips: Annotated[
+        bool, typer.Option("--clips", help="First draw the costliest event of simulated records with stored rollouts.")
+    ] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Status 1 where a record is broken.")] = False,
     json_file: JsonOption = None,
 ) -> None:
     """Show the leaderboard: a table per environment, and a page to open in a browser."""
-    from .._bundle import bundled
-    from ..files import write_text
     from ..records import read_history, trusted
-    from ..viz.board import board_json, board_notes, board_page, board_tables
+    from ..viz.board import board_files, board_json, board_notes, board_tables, parts_folder, require_parts, write_board
     from ..viz.terminal.output import show, show_lines, show_numbers
 
     require_writable(json_file, output)
+    if output is not None:
+        require_parts(output)
+    folder = records or bundled("leaderboard") / "records"
+    if clips:
+        _draw_clips(folder, env)
     found = read_board(records, further or (), env, output, trusted(base))
     entries = found.entries
-    folder = records or bundled("leaderboard") / "records"
     history = [old for old in read_history(folder.parent / "history") if env in (None, old.env)]
     told = _fill(pages, found, folder.parent, whole=not (env or further)) if pages else []
     write_json(json_file, board_json(entries))
     if output is not None:
-        links = [relative_address(old.path, output) for old in history]
-        write_text(output, board_page(entries, list(zip(history, links, strict=True))))
+        old_results = [(old, relative_address(old.path, output)) for old in history]
+        guide = _existing(folder.parent / "SUBMITTING.md", output)
+        write_board(output, board_files(entries, old_results, parts_folder(output).name, guide))
     for table, notes in zip(board_tables(entries), board_notes(entries), strict=True):
         show_numbers(table)
         show("")
@@ -89,18 +96,18 @@ def read_board(
     and stops no other. Raises MtpBenchError where the folder is missing, RecordError where a record of ``further`` is
     broken, UnknownNameError for an env without a record that is no card either.
     """
-    from .._bundle import bundled
     from ..cards import load_card
     from ..records import record_paths
     from ..viz.board import entries_of
 
     if folder is not None and not folder.is_dir():
         raise MtpBenchError(f"{folder}: no such folder of records; name another with --records")
-    paths = record_paths(folder or bundled("leaderboard") / "records")  # there are none yet where it is missing
+    folder = folder or bundled("leaderboard") / "records"
+    start = _Start(page, trust, folder.absolute().parent.parent / "baselines")
     refused: list[str] = []
-    found = {each.record.digest: each for each in _sound(paths, page, trust, refused)}
+    found = {each.record.digest: each for each in _sound(record_paths(folder), start, refused)}
     for path in further:
-        each = _read(path, page, trust, added=True)
+        each = _read(path, start, added=True)
         found.setdefault(each.record.digest, each)
     listed = [each for each in found.values() if env_id is None or each.record.env.id == env_id]
     if env_id is not None and not listed:
@@ -129,19 +136,71 @@ def relative_address(path: Path, page: Path) -> str | None:
     return Path(relative).as_posix()
 
 
-def _sound(paths: Sequence[Path], page: Path | None, trust: Trust, refused: list[str]) -> Iterator[Found]:
+def _existing(path: Path, page: Path) -> str | None:
+    """Way from the folder of ``page`` to a file or folder; None where there is none."""
+    return relative_address(path, page) if path.exists() else None
+
+
+@dataclass(frozen=True)
+class _Start:
+    """Where records are read for."""
+
+    page: Path | None  # the file that links start from; None: there are none
+    trust: Trust
+    baselines: Path  # beside the leaderboard
+
+
+def _sound(paths: Sequence[Path], start: _Start, refused: list[str]) -> Iterator[Found]:
     """The records that can be read; why not, of the others, goes to ``refused``."""
     for path in paths:
         try:
-            yield _read(path, page, trust, added=False)
+            yield _read(path, start, added=False)
         except RecordError as error:
             refused.append(str(error))
 
 
-def _read(path: Path, page: Path | None, trust: Trust, added: bool) -> Found:
+def _read(path: Path, start: _Start, added: bool) -> Found:
     from ..records import load_record, read_level
     from ..viz.board.entries import Found
 
     record = load_record(path)
-    signed, note = read_level(path, record, trust)
-    return Found(record, None if page is None else relative_address(path, page), added, signed, note)
+    signed, note = read_level(path, record, start.trust)
+    link = None if start.page is None else relative_address(path, start.page)
+    return Found(record, link, added, signed, note, _code_of(record, start), _clip_of(path, start))
+
+
+def _clip_of(path: Path, start: _Start) -> str | None:
+    from ..viz.board.clips import clip_path
+
+    return None if start.page is None else _existing(clip_path(path), start.page)
+
+
+def _draw_clips(folder: Path, env: str | None) -> None:
+    """Write a clip beside each record that can have one; a record that is broken has none."""
+    from ..records import load_record, record_paths
+    from ..viz.board.clips import can_have_clip, write_clip
+    from ..viz.terminal.output import progress_bar, show
+
+    paths = record_paths(folder)
+    with progress_bar("clips") as (started, done):
+        started(len(paths))
+        for path in paths:
+            try:
+                record = load_record(path)
+                wanted = env in (None, record.env.id) and can_have_clip(path, record)
+                written = write_clip(path, record) if wanted else None
+                if written is not None:
+                    show(str(written))
+            except MtpBenchError as error:
+                show(f"no clip: {error}")
+            done(path.stem)
+
+
+def _code_of(record: Record, start: _Start) -> str | None:
+    """Way to the folder of a baseline that ships; None for a submission of others, whatever its name."""
+    from ..records.eligibility import why_not_genuine
+
+    name = record.submission.name
+    if start.page is None or name not in baseline_names() or why_not_genuine(record):
+        return None
+    return _existing(start.baselines / name, start.page)

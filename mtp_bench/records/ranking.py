@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from .._bundle import baseline_names
 from ..scoring.rank import guard, ranks_by_test, why_not_on
-from ..scoring.statistics import gap_closed
+from ..scoring.statistics import PairedDifference, gap_closed, paired_difference
 from ..scoring.subsets import SUBSETS, Subset
 from .attestation import LEVELS, HiddenPart, SignedLevel
 from .eligibility import Ships, taken_names, why_not_comparable, why_not_genuine, why_unranked
@@ -36,6 +36,7 @@ class Standing:
     places: Mapping[Subset, Place]
     compared: bool = False  # with the main ranking of its environment, whether or not that has ranks
     gaps: Mapping[Subset, float] = field(default_factory=dict)  # what it closes of that from STP to true pasts
+    differences: Mapping[Subset, PairedDifference] = field(default_factory=dict)  # of what ranks, to STP beside it
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +108,11 @@ def _of_env(records: Sequence[Record], levels: Mapping[str, SignedLevel], ships:
         places |= {entrant.record.digest: place for entrant, place in zip(group, ranked, strict=True)}
     inside = {entrant.record.digest for entrant in groups.get(("closed", main), [])} if main is not None else set()
     gaps = {entrant.record.digest: _gaps(entrant, beside) for entrant in beside}
-    return {digest: Standing(place, digest in inside, gaps.get(digest, {})) for digest, place in places.items()}
+    differences = {entrant.record.digest: _differences(entrant, _named(STP, beside)) for entrant in beside}
+    return {
+        digest: Standing(place, digest in inside, gaps.get(digest, {}), differences.get(digest, {}))
+        for digest, place in places.items()
+    }
 
 
 def _entrant(record: Record, level: SignedLevel | None, taken: str | None, ships: Ships) -> _Entrant:
@@ -162,6 +167,20 @@ def _gaps(entrant: _Entrant, beside: Sequence[_Entrant]) -> dict[Subset, float]:
         if gap is not None:
             closed[subset] = gap.closed
     return closed
+
+
+def _differences(entrant: _Entrant, stp: _Entrant | None) -> dict[Subset, PairedDifference]:
+    """The error of a record minus that of the record of ``stp`` of the same k, paired unit by unit."""
+    if stp is None or stp is entrant or stp.record.samples != entrant.record.samples:
+        return {}
+    found = {
+        subset: paired_difference(
+            entrant.sums.unit_error(subset), stp.sums.unit_error(subset), stp.sums.unit_weight(subset)
+        )
+        for subset in SUBSETS
+        if entrant.record.status == "finished"
+    }
+    return {subset: difference for subset, difference in found.items() if difference is not None}
 
 
 def _named(name: str, entrants: Sequence[_Entrant]) -> _Entrant | None:

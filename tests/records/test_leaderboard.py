@@ -42,8 +42,16 @@ def test_results_under_definitions_1_are_kept(repository: Path) -> None:
 
 def test_the_page_is_made_of_the_records(repository: Path, tmp_path: Path, cli: CommandLine) -> None:
     """To mend it: mtp-bench board -o leaderboard/index.html."""
-    copy = tmp_path / "leaderboard"
-    shutil.copytree(repository / "leaderboard", copy, ignore=shutil.ignore_patterns("*.rollouts"))
+    committed, copy = repository / "leaderboard", tmp_path / "leaderboard"
+    made = ("index.*", "*.rollouts", "*.part")
+    shutil.copytree(committed, copy, ignore=shutil.ignore_patterns(*made))
+    (tmp_path / "baselines").symlink_to(repository / "baselines")  # the page links to them
     (copy / "records").mkdir(exist_ok=True)
     cli.ok("board", "--records", copy / "records", "-o", copy / "index.html")
-    assert (copy / "index.html").read_bytes() == (repository / "leaderboard" / "index.html").read_bytes()
+    assert _files(copy) == _files(committed)
+
+
+def _files(leaderboard: Path) -> dict[str, bytes]:
+    """The page and its parts."""
+    paths = [leaderboard / "index.html", *sorted((leaderboard / "index.parts").rglob("*"))]
+    return {path.relative_to(leaderboard).as_posix(): path.read_bytes() for path in paths if path.is_file()}

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import csv
+import io
+import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -9,17 +12,44 @@ from typing import Any
 
 import pytest
 
+from mtp_bench.errors import MtpBenchError
 from mtp_bench.records import OldResult, Record, save_record
 from mtp_bench.scoring import SUBSETS
-from mtp_bench.viz.board import Entry, Found, board_json, board_notes, board_page, board_tables, entries_of
+from mtp_bench.scoring.statistics import PairedDifference, paired_difference
+from mtp_bench.viz.board import (
+    BoardFiles,
+    Entry,
+    Found,
+    board_files,
+    board_json,
+    board_notes,
+    board_tables,
+    entries_of,
+    parts_folder,
+    write_board,
+)  # fmt: skip
 from mtp_bench.viz.board.columns import percent
-from mtp_bench.viz.board.scale import BAR, MOST_TICKS, PAD, WIDTH, bar_of, scale_of, scene_chart
-from tests.support.board_records import HOSTILE, LEVELS_OF, board_of, made_up, made_up_board
+from mtp_bench.viz.board.overview import overview_of
+from mtp_bench.viz.board.page import MOST_AGENTS, MOST_ROWS
+from mtp_bench.viz.board.scale import (
+    BAR,
+    MOST_SCENES,
+    MOST_TICKS,
+    PAD,
+    WIDTH,
+    bar_of,
+    nice_scale,
+    scale_of,
+    scene_chart,
+)
+from mtp_bench.viz.board.tables import to_csv
+from tests.support.board_records import HOSTILE, LEVELS_OF, board_of, made_up, made_up_board, thousand_entries
 from tests.support.command_line import CommandLine, on_terminal, read_json
-from tests.support.stored_records import hidden_part, signed_level
+from tests.support.stored_records import hidden_part, signed_level, write_record
 
 MOST_BYTES = 300_000  # of a page without records
-OTHER = "MTP-nuScenes-mini-v0"
+MOST_FIRST = 500_000  # of a page of a thousand
+MAIN, FEW = "MTP-WILDTRACK-k10-v0", "MTP-WILDTRACK-v0"
 LINKS = [f"records/{i}.json" for i in range(13)]
 EARLIER = OldResult(
     path=Path("x"), definitions="1.0", submission="stp", env="MTP-nuScenes-v0", split="train", error=4.745,
@@ -28,24 +58,48 @@ EARLIER = OldResult(
 
 
 class Page(HTMLParser):
-    """Tags with their attributes, and cells of the entries by key."""
+    """Tags with their attributes, and the texts of the cells of the entries by the key of their column."""
 
     def __init__(self, html: str) -> None:
         super().__init__()
         self.tags: list[tuple[str, dict[str, str | None]]] = []
         self.entries: list[dict[str, str]] = []
+        self._columns: list[str] = []
+        self._cell = -1
         self.feed(html)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         found = dict(attrs)
         self.tags.append((tag, found))
-        if tag == "tbody" and "entry" in (found.get("class") or "").split():
-            self.entries.append({"class": found["class"] or ""})
-        elif tag in ("td", "th") and "data-key" in found:
-            self.entries[-1][found["data-key"] or ""] = found["data-value"] or ""
+        if tag == "table":
+            self._columns, self._cell = [], -1
+        elif tag == "tbody" and "entry" in (found.get("class") or "").split():
+            self.entries.append({"id": found["id"] or "", "class": found["class"] or ""})
+            self._cell = -1
+        elif tag == "button" and "aria-describedby" in found:
+            self._columns.append((found["aria-describedby"] or "").removeprefix("_about-"))
+        elif tag in ("td", "th") and found.get("class") != "chart":
+            self._cell += 1
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag == "tbody":
+            self._cell = -1
+
+    def handle_data(self, data: str) -> None:
+        if self.entries and 0 <= self._cell < len(self._columns) and self.tags[-1][0] not in ("style", "script"):
+            cell = self.entries[-1]
+            key = self._columns[self._cell]
+            cell[key] = f"{cell.get(key, '')} {data}".strip()
 
     def all(self, tag: str) -> list[dict[str, str | None]]:
         return [attributes for name, attributes in self.tags if name == tag]
+
+
+def html_of(part: str) -> str:
+    """The HTML that a part hands to the page."""
+    found = re.fullmatch(r'mtpBoard\((".*?"), (".*")\);\n', part)
+    assert found
+    return str(json.loads(found[2]))
 
 
 @pytest.fixture(scope="module")
@@ -54,8 +108,13 @@ def entries() -> list[Entry]:
 
 
 @pytest.fixture(scope="module")
-def html(entries: list[Entry]) -> str:
-    return board_page(entries)
+def files(entries: list[Entry]) -> BoardFiles:
+    return board_files(entries)
+
+
+@pytest.fixture(scope="module")
+def html(files: BoardFiles) -> str:
+    return files.page
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +123,7 @@ def page(html: str) -> Page:
 
 
 def test_entries_stand_by_rank_and_the_unranked_below_by_error(entries: list[Entry]) -> None:
-    first = [(entry.name, entry.rank) for entry in entries if entry.env == "MTP-WILDTRACK-k10-v0"]
+    first = [(entry.name, entry.rank) for entry in entries if entry.env == MAIN]
     assert first == [
         ("braided_paths", 1),
         ("forest_of_maybe", 1),
@@ -80,7 +139,7 @@ def test_entries_stand_by_rank_and_the_unranked_below_by_error(entries: list[Ent
 
 
 def test_every_unranked_entry_says_why(entries: list[Entry]) -> None:
-    assert {entry.name: entry.why for entry in entries[:10] if entry.rank is None} == {
+    assert {entry.name: entry.why for entry in entries[3:] if entry.rank is None} == {
         "truth_past": "saw the truth",
         "pooled_many": "open division: rank 1 there",
         "short_of_breath": "partial: 3 of 4 scenes",
@@ -97,8 +156,8 @@ def test_what_cannot_be_compared_with_most_is_not_ranked() -> None:
 
 def test_too_few_recordings_are_said_once_above_the_table(html: str, entries: list[Entry]) -> None:
     reason = "too few recordings to rank: 3.9 effective units, fewer than 6"
-    assert [entry.rank for entry in entries[10:]] == [None] * 3
-    assert [entry.name for entry in entries[10:]] == ["braided_paths", "stp", "calm_hedge"]  # by error
+    assert [entry.rank for entry in entries[:3]] == [None] * 3
+    assert [entry.name for entry in entries[:3]] == ["braided_paths", "stp", "calm_hedge"]  # by error
     assert f"<span><b>{reason}</b></span>" in html
     assert f'class="why"><bdi>{reason}' not in html
 
@@ -120,9 +179,11 @@ def test_hidden_scenes_rank_and_the_public_error_stands_beside(tmp_path: Path) -
     assert [entry.error for entry in entries] == pytest.approx([0.8, 1.2])
     assert [entry.public_error for entry in entries] == pytest.approx([0.6, 0.5])
     assert board_notes(entries) == [["hidden scenes of seal first of 2030-01-01, retired 2030-03-03"]]
-    html = board_page(entries)
-    assert "</svg>hidden</span>" in html
-    assert "2030-02-02 by tester; seal first of 2030-01-01, retired 2030-03-03" in html
+    files = board_files(entries)
+    (first, second) = Page(files.page).entries
+    assert (first["level"], first["public"], second["public"]) == ("hidden by tester", "0.600", "0.500")
+    details = html_of(files.parts["entries/MTP-Merge-v0/honest.js"])
+    assert "2030-02-02 by tester; seal first of 2030-01-01, retired 2030-03-03" in details
     (row, _) = board_json(entries)["MTP-Merge-v0"]
     assert (row["level"], row["public"]) == ("hidden", pytest.approx(0.6))
     (alone,) = entries_of([Found(records[0])])
@@ -153,58 +214,188 @@ def test_the_gap_with_the_same_predictor_is_known_where_the_controls_have_it() -
     assert found == {"stp": 0.0, "truth_past": 1.0, "a": pytest.approx(0.5), "learned": None}
 
 
-def test_cells_hold_what_they_are_sorted_by(page: Page) -> None:
-    first, stp, crashed = page.entries[0], page.entries[4], page.entries[9]
-    assert (first["rank"], first["name"], first["error"], first["level"]) == ("1", "braided_paths", "0.742", "2")
-    assert (stp["hypotheses"], stp["samples"], stp["p50"], stp["p95"], stp["memory"]) == (
-        "1",
-        "20",
-        "2.4",
-        "4.9",
-        "224",
+def test_cells_hold_the_numbers_and_the_difference_to_stp_leads_them(page: Page, entries: list[Entry]) -> None:
+    first, stp = page.entries[3], page.entries[7]
+    assert (first["rank"], first["error"], first["level"]) == ("1 =", "0.742", "re-run by tester")
+    assert (first["difference"], stp["difference"]) == ("−0.326", "–")
+    assert float(first["paper_ids_minADE"]) == pytest.approx(1.5 * float(first["minADE"]), abs=0.01)
+    difference = entries[3].difference()
+    assert difference is not None
+    assert difference.interval is not None
+    low, high = difference.interval
+    assert low < difference.mean < high < 0
+    assert difference.mean == pytest.approx(0.742 - 1.068)
+    assert entries[3].verdict == "better"
+
+
+def test_the_difference_is_paired_over_units_and_needs_stp_of_the_same_k() -> None:
+    stp, mine = made_up("stp", 1.0), made_up("a", 0.7)
+    (found, _) = board_of(stp, mine)
+    assert found.difference() == paired_difference(
+        mine.unit_error("all"), stp.unit_error("all"), mine.unit_weight("all")
     )
-    assert (crashed["rank"], crashed["error"], crashed["ids"]) == ("", "", "")
-    assert float(first["reacquired"]) == pytest.approx(1.8 * float(first["error"]), rel=0.01)  # weighed otherwise
+    for others in ([], [made_up("stp", 1.0, samples=5)], [made_up("stp", 1.0, env={"data_manifest": "00" * 32})]):
+        assert [entry.difference() for entry in board_of(mine, *others) if entry.name == "a"] == [None]
 
 
-def test_every_column_can_be_sorted_and_states_what_is_better(page: Page) -> None:
-    better = {b["data-key"]: b.get("data-better") for b in page.all("button") if "data-key" in b}
-    assert set(better) == set(page.entries[0]) - {"class"}
-    assert {key for key, value in better.items() if value == "higher"} == {"coverage", "gap", "level"}
-    assert better["error"] == better["ids"] == better["p95"] == better["memory"] == "lower"
+def test_a_difference_that_the_test_is_not_sure_of_has_no_verdict() -> None:
+    found = {
+        entry.name: entry.verdict for entry in board_of(made_up("stp", 1.0), made_up("a", 1.001), made_up("b", 1.5))
+    }
+    assert found == {"stp": "", "a": "", "b": "worse"}
+
+
+def test_every_column_is_explained_and_states_what_is_better(page: Page) -> None:
+    explained = {d.get("id") for d in page.all("dd")}
+    buttons = [button for button in page.all("button") if "aria-describedby" in button]
+    assert {button["aria-describedby"] for button in buttons} <= explained
+    better = {(b["aria-describedby"] or "").removeprefix("_about-"): b.get("data-better") for b in buttons}
+    assert {key for key, value in better.items() if value == "higher"} == {"coverage", "same_gap", "level"}
+    assert {"error", "difference", "ids", "ms"} <= better.keys()
+    assert all("scope" in th or "chart" in (th.get("class") or "") for th in page.all("th"))
+
+
+def test_a_column_without_a_number_is_left_out(html: str) -> None:
+    assert 'aria-describedby="_about-public"' not in html
+    assert 'aria-describedby="_about-curve"' not in html
+    assert 'aria-describedby="_about-difference"' not in board_files(board_of(made_up("a"))).page
 
 
 def test_unranked_and_added_entries_are_marked(page: Page) -> None:
-    kinds = [entry["class"].split()[1:] for entry in page.entries[:10]]
+    kinds = [entry["class"].split()[1:] for entry in page.entries[3:]]
     assert kinds == [[], [], [], ["added"], [], [], *[["unranked"]] * 4]
 
 
-def test_a_shared_rank_a_badge_and_the_reason_show(html: str) -> None:
-    assert html.count('class="tie"') == 2
-    assert all(f"</svg>{level}</span>" in html for level in ("scored", "re-scored", "re-run"))
+def test_a_shared_rank_a_level_and_the_reason_show(html: str, files: BoardFiles) -> None:
+    assert html.count("</b>=</td>") == 2
+    assert all(f"</svg>{level}<" in html for level in ("scored", "re-scored", "re-run"))
     assert "the process ended by signal 9" in html
-    assert 'href="./records/0.json"' in html
+    assert 'href="./records/0.json"' in html_of(files.parts[f"entries/{MAIN}/braided_paths.js"])
 
 
-def test_equal_entries_give_equal_bytes(html: str) -> None:
-    assert (
-        board_page(board_of(*made_up_board()[::-1], links=LINKS[::-1], added="late_decider", levels=LEVELS_OF)) == html
-    )
+def test_equal_entries_give_equal_bytes(files: BoardFiles) -> None:
+    again = board_of(*made_up_board()[::-1], links=LINKS[::-1], added="late_decider", levels=LEVELS_OF)
+    assert board_files(again) == files
 
 
-def test_the_page_needs_nothing_else(html: str, page: Page) -> None:
+def test_the_page_needs_no_network(html: str, page: Page) -> None:
     for tag, attributes in page.tags:
         assert not {"src", "srcset", "style", "action", "onclick"} & attributes.keys(), tag
-    assert {link["href"] for link in page.all("link")} == {"data:,"}
-    assert not re.search(r"https?://|@import|url\(", html)
+    (icon,) = page.all("link")
+    assert (icon["href"] or "").startswith("data:image/svg+xml,")
+    assert not re.search(r"https?://|@import|url\(", html.replace("http://www.w3.org/2000/svg", ""))
     (policy,) = [meta["content"] for meta in page.all("meta") if meta.get("http-equiv")]
     assert policy is not None
     assert policy.startswith("default-src 'none'; style-src 'sha256-")
     assert "unsafe" not in policy
+    assert "script-src 'self'" not in policy
+
+
+def test_the_head_says_who_is_best_by_how_much_and_how_sure() -> None:
+    head = re.sub(r"<[^>]+>", "", board_files(board_of(*made_up_board()[:10])).page.split("<main")[0])
+    assert "Best on WILDTRACK k10 braided_paths, forest_of_maybe" in " ".join(head.split())
+    assert "They share rank 1" in head
+    assert "0.326 m lower than the single-hypothesis pipeline stp (95 % interval 0." in " ".join(head.split())
+    assert "mtp-bench submit" in head
+    assert "Best on" not in board_files(board_of(*made_up_board()[10:])).page  # nobody is ranked there
+
+
+def test_the_overview_has_the_papers_environments_first_and_marks_simulated_ones() -> None:
+    envs = ["MTP-Merge-v0", "MTP-Own-v0", FEW, MAIN]
+    entries = board_of(*(made_up("stp", 1.0, env_id=env_id) for env_id in envs))
+    overview = overview_of(entries)
+    assert [head.env for head in overview.heads] == [FEW, MAIN, "MTP-Own-v0", "MTP-Merge-v0"]
+    assert overview.groups == [("recorded", 3), ("simulated", 1)]
+    html = board_files(entries).page
+    assert html.index(f'href="#{MAIN}/stp"') < html.index('href="#MTP-Merge-v0/stp"')
+    assert html.count('<span class="tag">simulated</span>') == 1
+
+
+def test_the_overview_stands_by_the_first_environment(entries: list[Entry]) -> None:
+    rows = overview_of(entries).rows
+    assert [name for name, _ in rows[:4]] == ["braided_paths", "stp", "calm_hedge", "forest_of_maybe"]
+    assert [[entry and (entry.env, entry.rank) for entry in rows[i][1]] for i in (0, 3)] == [
+        [(FEW, None), (MAIN, 1)],
+        [None, (MAIN, 1)],
+    ]
+
+
+def test_links_lead_to_code_paper_and_licence() -> None:
+    theirs = {"source": "https://a.invalid/x", "commit": "abcdef1", "paper": "https://b.invalid/'\"y", "license": "MIT"}
+    found = [Found(made_up("stp"), code="../baselines/stp"), Found(made_up("theirs", submission=theirs), code="never")]
+    files = board_files(entries_of(found))
+    links = [a["href"] for a in Page(files.page).all("a") if a.get("rel")]
+    assert sorted(filter(None, links)) == ["./../baselines/stp", theirs["source"], theirs["paper"]]
+    details = html_of(files.parts[f"entries/{MAIN}/theirs.js"])
+    assert "<bdi>MIT</bdi>" in details
+    assert "<code>abcdef1</code>" in details
+
+
+def test_a_curve_is_drawn_small_and_large_and_nonsense_is_not() -> None:
+    curve = [[0.0, 9.0], [1.0, 5.0], [5.0, 4.0]]
+    nonsense: list[Any] = [[["a", 1.0]], [[1.0]], "x", {"a": 1}, None, [[1.0, {}]]]
+    records = [made_up(f"odd_{i}", 1.0, details={"curve": odd}) for i, odd in enumerate(nonsense)]
+    files = board_files(board_of(made_up("stp", 1.5, details={"curve": curve}), *records))
+    assert files.page.count("<polyline points=") == 1
+    large = html_of(files.parts[f"entries/{MAIN}/stp.js"])
+    assert 'class="curve large"' in large
+    assert "false forecasts allowed per target" in large
+    assert "polyline" not in html_of(files.parts[f"entries/{MAIN}/odd_0.js"])
+
+
+def test_every_table_is_a_csv_and_a_json_file(files: BoardFiles, entries: list[Entry], html: str) -> None:
+    rows = list(csv.DictReader(io.StringIO(files.parts[f"tables/{MAIN}.csv"])))
+    assert [row["submission"] for row in rows] == [entry.name for entry in entries[3:]]
+    assert float(rows[0]["difference"]) == pytest.approx(0.742 - 1.068)
+    assert float(rows[0]["difference_interval_low"]) < float(rows[0]["difference"])
+    assert json.loads(files.parts[f"tables/{MAIN}.json"])["rows"] == board_json(entries)[MAIN]
+    assert len(json.loads(files.parts["overview.json"])["rows"]) == 13
+    for path in (f"tables/{MAIN}.csv", f"tables/{FEW}.json", "overview.csv", "overview.json"):
+        assert f'href="index.parts/{path}"' in html
+        assert path in files.parts
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+a", "-a", "@x", "\t=x", "\r=1", "'=1"])
+def test_no_text_of_a_csv_is_a_formula(text: str) -> None:
+    (row,) = csv.DictReader(io.StringIO(to_csv([{"text": text, "number": -1.5, "none": None}])))
+    assert row == {"text": f"'{text.strip()}", "number": "-1.5", "none": ""}
+
+
+def test_two_entries_of_one_name_have_addresses_of_their_own() -> None:
+    one, other = made_up("a", 0.5), made_up("a", 0.6, submission={"digest": "0" * 64})
+    files = board_files(board_of(one, other))
+    ids = [entry["id"] for entry in Page(files.page).entries]
+    assert len(set(ids)) == 2
+    assert f"{MAIN}/a" in ids
+    assert {f"entries/{id_}.js" for id_ in ids} <= files.parts.keys()
+
+
+def test_parts_are_replaced_as_a_whole_and_nothing_else_ever_is(tmp_path: Path) -> None:
+    page = tmp_path / "my page.html"
+    write_board(page, board_files(board_of(made_up("a"), made_up("b")), folder=parts_folder(page).name))
+    write_board(page, board_files(board_of(made_up("a")), folder=parts_folder(page).name))
+    assert sorted(path.name for path in parts_folder(page).rglob("*.js")) == ["a.js"]
+    assert 'data-parts="my%20page.parts"' in page.read_text()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["my page.html", "my page.parts"]
+    theirs = tmp_path / "theirs.parts"
+    theirs.mkdir()
+    (theirs / "precious.txt").touch()
+    with pytest.raises(MtpBenchError, match="holds other files than parts of a page"):
+        write_board(tmp_path / "theirs.html", board_files([]))
+    assert (theirs / "precious.txt").exists()
+
+
+def test_a_thousand_records_have_a_small_first_view() -> None:
+    files = board_files(thousand_entries(), [(EARLIER, None)] * 100)
+    assert len(files.page.encode()) < MOST_FIRST
+    assert len(files.parts) > 1000
+    assert files.page.count('<tbody class="entry') == 14 * (MOST_ROWS // 14)
+    assert html_of(files.parts["tables/MTP-nuScenes-v0.js"]).count("<tbody") == 72 - MOST_ROWS // 14
+    assert html_of(files.parts["overview.js"]).count("<tr>") == 1000 - 13 - MOST_AGENTS  # stp is on all
 
 
 def test_an_empty_board_says_how_to_take_part() -> None:
-    html = board_page([])
+    html = board_files([]).page
     assert len(html.encode()) < MOST_BYTES
     assert "No record under definitions 2.0 yet" in html
     for command in ("new", "check", "submit", "board --with"):
@@ -214,11 +405,12 @@ def test_an_empty_board_says_how_to_take_part() -> None:
 
 
 def test_results_under_earlier_definitions_are_a_plain_table_without_ranks(entries: list[Entry], html: str) -> None:
-    page = board_page(entries, [(EARLIER, "history/1.0/stp/x.json")])
-    assert "Results under definitions 1.0: not ranked, not comparable" in page
-    assert 'href="./history/1.0/stp/x.json"' in page
-    assert "<td>4.745</td><td>4.480 – 5.010</td><td>77 %</td><td><bdi>2026-11-20</bdi></td>" in page
-    assert Page(page).entries == Page(html).entries
+    files = board_files(entries, [(EARLIER, "history/1.0/stp/x.json")])
+    assert "Results under definitions 1.0: not ranked, not comparable" in files.page
+    table = html_of(files.parts["history.js"])
+    assert 'href="./history/1.0/stp/x.json"' in table
+    assert "<td>4.745</td><td>4.480 – 5.010</td><td>77 %</td><td><bdi>2026-11-20</bdi></td>" in table
+    assert Page(files.page).entries == Page(html).entries
 
 
 HOSTILE_TEXTS = [HOSTILE, "<!--", "\u2028", '" onmouseover="window.hacked=1', "{{ 7 * 7 }}", "'><svg/onload=hacked()>"]
@@ -241,20 +433,28 @@ def test_what_people_write_is_text(text: str) -> None:
         details={text: text},
         per_scene=[{"scene": text, "weight": sums, "error": sums}],
     )
-    harmless = board_page(board_of(made_up("a", status="partial", status_reason="b")))
+    harmless = board_files(board_of(made_up("a", status="partial", status_reason="b")), [(EARLIER, None)])
     old = EARLIER.model_copy(update={"definitions": text, "submission": text, "env": text, "split": text, "made": text})
-    html = board_page(board_of(hostile, made_up("b"), links=[text, None]), [(old, text)])
-    page = Page(html)
-    assert len(page.all("script")) == 1
-    assert {tag for tag, _ in page.tags} <= {tag for tag, _ in Page(harmless).tags} | {"a", "ul", "li", "nav"}
-    for _, attributes in page.tags:
-        assert not [name for name in attributes if name.startswith("on")]
-    assert "49" not in re.findall(r"<bdi>(.*?)</bdi>", html)
+    files = board_files(board_of(hostile, made_up("b"), links=[text, None]), [(old, text)])
+    assert len(Page(files.page).all("script")) == 1
+    known = {tag for html in html_of_all(harmless) for tag, _ in Page(html).tags}
+    for html in html_of_all(files):
+        assert {tag for tag, _ in Page(html).tags} <= known | {"a", "ul", "li"}
+        for _, attributes in Page(html).tags:
+            assert not [name for name in attributes if name.startswith("on")]
+        assert "49" not in re.findall(r"<bdi>(.*?)</bdi>", html)
+    for name, part in files.parts.items():
+        assert not name.endswith(".js") or (part.isascii() and "<" not in part)
+
+
+def html_of_all(files: BoardFiles) -> list[str]:
+    return [files.page, *(html_of(part) for name, part in files.parts.items() if name.endswith(".js"))]
 
 
 @pytest.mark.parametrize("link", ["javascript:alert(1)", " javascript:alert(1)", "data:text/html,x", "//host/x", "a b"])
 def test_a_link_is_never_a_script(link: str) -> None:
-    (address,) = [a["href"] for a in Page(board_page(board_of(made_up("a"), links=[link]))).all("a")]
+    details = html_of(board_files(board_of(made_up("a"), links=[link])).parts[f"entries/{MAIN}/a.js"])
+    (address,) = [a["href"] for a in Page(details).all("a") if not (a["href"] or "").startswith("#")]
     assert address is not None
     assert ":" not in address
     assert " " not in address
@@ -262,45 +462,43 @@ def test_a_link_is_never_a_script(link: str) -> None:
 
 
 def test_an_old_record_is_marked_and_an_unknown_env_has_no_summary() -> None:
-    html = board_page(board_of(made_up("a", env_id="MTP-Nowhere-v0", scorer={"definitions": "0.1"})))
+    html = board_files(board_of(made_up("a", env_id="MTP-Nowhere-v0", scorer={"definitions": "0.1"}))).page
     assert "old scorer" in html
     assert "Licence:" not in html
 
 
-def test_the_scale_holds_the_ranked_and_the_reference() -> None:
-    ranked = board_of(made_up("a", 0.71, spread=0.01), made_up("b", 0.93, spread=0.01))
-    scale = scale_of(ranked, 1.21)
+def test_the_scale_of_differences_holds_the_ranked_and_zero() -> None:
+    scale = scale_of(board_of(made_up("stp", 1.2), made_up("a", 0.9), made_up("b", 0.8)))
     assert scale is not None
-    assert scale.low <= 0.70
-    assert scale.high >= 1.21
+    assert scale.low <= -0.4
+    assert scale.high >= 0.0
     assert len(scale.ticks) <= MOST_TICKS + 1
     assert scale.x(scale.low) == PAD
     assert scale.x(scale.high) == WIDTH - PAD
-    off = bar_of(scale, 3.0, (2.5, 3.5))
+    off = bar_of(scale, PairedDifference(3.0, (2.5, 3.5), 0.01))
     assert off is not None
     assert off.above
     assert not off.below
     assert off.at == WIDTH - PAD
 
 
-@pytest.mark.parametrize("error", [0.0, 1e-9, 1e6, 0.5])
-def test_a_single_point_has_a_scale_too(error: float) -> None:
-    scale = scale_of(board_of(made_up("a", error, spread=0.0)), None)
-    assert scale is not None
-    assert scale.low <= error <= scale.high
+@pytest.mark.parametrize("value", [0.0, 1e-9, 1e6, -0.5])
+def test_a_single_point_has_a_scale_too(value: float) -> None:
+    scale = nice_scale(value, value)
+    assert scale.low <= value <= scale.high
     assert scale.low < scale.high
     assert 1 <= len(scale.ticks) <= MOST_TICKS + 1
 
 
 def test_one_entry_far_off_leaves_the_scale_to_the_others() -> None:
-    scale = scale_of(board_of(made_up("a", 0.7), made_up("b", 0.8), made_up("c", 90.0)), None)
+    scale = scale_of(board_of(made_up("stp", 1.0), made_up("a", 0.7), made_up("b", 0.8), made_up("c", 90.0)))
     assert scale is not None
     assert scale.high < 2.0
 
 
-def test_without_a_number_there_is_no_scale() -> None:
-    assert scale_of(board_of(made_up("a", None)), 1.0) is None
-    assert bar_of(None, 1.0, None) is None
+def test_without_a_difference_there_is_no_scale() -> None:
+    assert scale_of(board_of(made_up("a", 1.0))) is None
+    assert bar_of(None, None) is None
 
 
 def test_bars_of_scenes_share_a_scale_with_the_reference() -> None:
@@ -312,6 +510,14 @@ def test_bars_of_scenes_share_a_scale_with_the_reference() -> None:
     assert all(bar.reference is None for bar in scene_chart(second, second))
 
 
+def test_of_many_scenes_the_heaviest_are_drawn() -> None:
+    (entry,) = board_of(write_record(*(float(i) for i in range(MOST_SCENES + 9)), name="many"))
+    bars = scene_chart(entry, None)
+    assert [bar.error for bar in bars] == list(range(9, MOST_SCENES + 9))
+    details = html_of(board_files([entry]).parts[f"entries/{entry.env}/many.js"])
+    assert f"the {MOST_SCENES} of {MOST_SCENES + 9} with most of it" in details
+
+
 @pytest.mark.parametrize(("share", "text"), [(-0.004, "0 %"), (-0.006, "−1 %"), (0.499, "50 %"), (1.0, "100 %")])
 def test_shares_are_whole_percentages(share: float, text: str) -> None:
     assert percent(share) == text
@@ -320,19 +526,20 @@ def test_shares_are_whole_percentages(share: float, text: str) -> None:
 def test_what_saying_nothing_scores_stands_above_the_table() -> None:
     known, unknown = made_up("one", 1.0, silence=2.0), made_up("two", 2.0)
     outside = made_up("one", 1.0, silence=2.0, division="open")
-    assert "saying nothing scores <b>2.000</b>" in board_page(board_of(known))
+    assert "saying nothing scores <b>2.000</b>" in board_files(board_of(known)).page
     assert "saying nothing scores 2.000" in str(board_tables(board_of(known))[0].title)
     for entries in (board_of(unknown), board_of(outside)):
-        assert "saying nothing" not in board_page(entries)
+        assert "saying nothing" not in board_files(entries).page
         assert "saying nothing" not in str(board_tables(entries)[0].title)
 
 
 def test_tables_of_the_terminal(entries: list[Entry]) -> None:
-    first, second = board_tables(entries)
+    second, first = board_tables(entries)
     assert first.row_count == 10
     assert second.row_count == 3
     assert list(first.columns[0].cells)[3] == "late_decider (added)"
-    assert [note for note in board_notes(entries)[0] if "truth" in note] == ["not ranked (saw the truth): truth_past"]
+    assert next(iter(first.columns[4].cells)) == "−0.326*"
+    assert [note for note in board_notes(entries)[1] if "truth" in note] == ["not ranked (saw the truth): truth_past"]
 
 
 def test_markup_and_escapes_do_not_reach_the_terminal() -> None:
@@ -342,11 +549,11 @@ def test_markup_and_escapes_do_not_reach_the_terminal() -> None:
 
 def test_json_holds_what_the_tables_show(entries: list[Entry]) -> None:
     content = board_json(entries)
-    assert list(content) == ["MTP-WILDTRACK-k10-v0", "MTP-WILDTRACK-v0"]
+    assert list(content) == [FEW, MAIN]
     row = content["MTP-WILDTRACK-k10-v0"][6]
     assert (row["submission"], row["rank"], row["not_ranked_because"]) == ("truth_past", None, "saw the truth")
     assert row["error"] == pytest.approx(0.381)
-    assert len(row["interval"]) == 2
+    assert len(row["interval"]) == len(row["difference_interval"]) == 2
 
 
 def write_records(folder: Path, *records: Record) -> list[Path]:
@@ -359,7 +566,7 @@ def write_records(folder: Path, *records: Record) -> list[Path]:
 
 
 @pytest.fixture
-def files(tmp_path: Path) -> tuple[Path, Path]:
+def folders(tmp_path: Path) -> tuple[Path, Path]:
     """A folder of records, and a record elsewhere."""
     write_records(
         tmp_path / "records",
@@ -371,8 +578,10 @@ def files(tmp_path: Path) -> tuple[Path, Path]:
     return tmp_path / "records", mine
 
 
-def test_the_command_prints_ranks_and_writes_a_page(files: tuple[Path, Path], tmp_path: Path, cli: CommandLine) -> None:
-    records, mine = files
+def test_the_command_prints_ranks_and_writes_a_page(
+    folders: tuple[Path, Path], tmp_path: Path, cli: CommandLine
+) -> None:
+    records, mine = folders
     page, content = tmp_path / "out.html", tmp_path / "out.json"
     out = cli.ok("board", "--records", records, "--with", mine, "-o", page, "--json", content)
     assert "mine (added)" in out
@@ -383,9 +592,9 @@ def test_the_command_prints_ranks_and_writes_a_page(files: tuple[Path, Path], tm
         ("mine", 2, True),
         ("poor", 3, False),
     ]
-    links = [a["href"] for a in Page(page.read_text()).all("a")]
-    assert "./my%20own/mine/MTP-WILDTRACK-k10-v0.json" in links
-    assert "./records/good/MTP-WILDTRACK-k10-v0.json" in links
+    details = tmp_path / "out.parts" / "entries" / MAIN
+    assert "./my%20own/mine/MTP-WILDTRACK-k10-v0.json" in html_of((details / "mine.js").read_text())
+    assert "./records/good/MTP-WILDTRACK-k10-v0.json" in html_of((details / "good.js").read_text())
 
 
 def test_nothing_is_cut_off_at_80_columns(tmp_path: Path) -> None:
@@ -395,11 +604,11 @@ def test_nothing_is_cut_off_at_80_columns(tmp_path: Path) -> None:
     assert max(map(len, printed)) <= 80
     assert not [line for line in printed if "…" in line]
     row = next(line for line in printed if line.startswith("forest_of_maybe"))
-    assert " ".join(row.split()) == "forest_of_maybe 1 0.744 [0.690, 0.797] 1.16 1.35 47 % 22.9 scored"
+    assert " ".join(row.split()) == "forest_of_maybe 1 0.744 0.690–0.797 −0.324* 1.16 1.35 47 % 22.9 scored"
 
 
-def test_the_command_shows_one_env_and_the_same_record_once(files: tuple[Path, Path], cli: CommandLine) -> None:
-    records, _ = files
+def test_the_command_shows_one_env_and_the_same_record_once(folders: tuple[Path, Path], cli: CommandLine) -> None:
+    records, _ = folders
     out = cli.ok(
         "board",
         "--records",
@@ -414,8 +623,10 @@ def test_the_command_shows_one_env_and_the_same_record_once(files: tuple[Path, P
     assert "added" not in out
 
 
-def test_an_env_without_a_record_is_no_error_but_an_unknown_one_is(files: tuple[Path, Path], cli: CommandLine) -> None:
-    records, _ = files
+def test_an_env_without_a_record_is_no_error_but_an_unknown_one_is(
+    folders: tuple[Path, Path], cli: CommandLine
+) -> None:
+    records, _ = folders
     assert "no record of MTP-Merge-v0 yet" in cli.ok("board", "--records", records, "--env", "MTP-Merge-v0")
     assert "unknown environment 'MTP-Nerge-v0'" in cli("board", "--records", records, "--env", "MTP-Nerge-v0").error
 
@@ -436,3 +647,5 @@ def test_the_command_names_a_missing_folder_and_a_broken_record(tmp_path: Path, 
 
 def test_a_page_that_cannot_be_written_is_refused_before(tmp_path: Path, cli: CommandLine) -> None:
     assert "there is no folder" in cli("board", "-o", tmp_path / "none" / "x.html").error
+    (tmp_path / "x.parts").write_text("")
+    assert "it is no folder of its own" in cli("board", "-o", tmp_path / "x.html").error

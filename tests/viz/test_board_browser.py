@@ -8,15 +8,25 @@ from pathlib import Path
 
 import pytest
 
-from mtp_bench.viz.board import board_page
-from tests.support.board_records import HOSTILE, LEVELS_OF, board_of, made_up, made_up_board
-from tests.support.browser import CHROMIUM, DRIVER, ENTER, MISSING, Browser, chromium
+from mtp_bench.viz.board import Entry, board_files, parts_folder, write_board
+from tests.support.board_records import (
+    FEW,
+    HOSTILE,
+    LEVELS_OF,
+    MAIN,
+    board_of,
+    made_up,
+    made_up_board,
+    thousand_entries,
+)
+from tests.support.browser import CHROMIUM, DRIVER, ENTER, MISSING, TAB, Browser, chromium
 
 pytestmark = pytest.mark.skipif(not (CHROMIUM and DRIVER), reason=MISSING)
 
-FIRST = "section:nth-of-type(1)"
-NAMES = f"""return [...document.querySelectorAll("{FIRST} tbody.entry")].filter((e) => !e.hidden)
-    .map((e) => e.querySelector(".title").textContent)"""
+FIRST = f'section[data-env="{MAIN}"]'
+NAMES = """return [...document.querySelectorAll(`section[data-env="${arguments[0]}"] tbody.entry`)]
+    .filter((e) => !e.hidden).map((e) => e.querySelector(".open").textContent)"""
+COUNT = "return document.getElementById('_count').textContent"
 RANKED = ["braided_paths", "forest_of_maybe", "calm_hedge", "late_decider", "stp", "straight_on"]
 UNRANKED = ["truth_past", "pooled_many", "short_of_breath", "sleeper"]
 
@@ -30,13 +40,17 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("page") / "board of all.html"
-    path.write_text(board_page(board_of(*made_up_board(), links=["record.json"] * 13, levels=LEVELS_OF)))
+    write(path, board_of(*made_up_board(), links=["record.json"] * 13, levels=LEVELS_OF))
     return path
+
+
+def write(path: Path, entries: list[Entry]) -> None:
+    write_board(path, board_files(entries, folder=parts_folder(path).name))
 
 
 @pytest.fixture
 def opened(browser: Browser, page: Path) -> Iterator[Browser]:
-    """The page, wide and freshly loaded; afterwards the console is clean and only the page itself was asked for."""
+    """The page, wide and freshly loaded; afterwards the console is clean and only its own files were asked for."""
     browser.resize(1700, 1000)
     with only(browser, page):
         yield browser
@@ -44,27 +58,33 @@ def opened(browser: Browser, page: Path) -> Iterator[Browser]:
 
 @contextmanager
 def only(browser: Browser, page: Path) -> Iterator[None]:
-    """Loads a page; afterwards the console is clean and only the page itself was asked for."""
+    """Loads a page; afterwards the console is clean and only it and its parts were asked for."""
+    browser.script("location.href = 'about:blank'")  # the address of the page before may have a place and filters
     browser.forget()
     browser.open(page)
     yield
     assert browser.console() == []
-    assert {address for address in browser.requests() if not address.startswith("data:")} == {page.as_uri()}
+    asked = {address.split("#")[0] for address in browser.requests()} - {page.as_uri()}
+    assert not [address for address in asked if not address.startswith(("data:", f"{parts_folder(page).as_uri()}/"))]
 
 
-def names(browser: Browser) -> list[str]:
-    found: list[str] = browser.script(NAMES)
+def names(browser: Browser, env: str = MAIN) -> list[str]:
+    found: list[str] = browser.script(NAMES, env)
     return found
 
 
+def hash_of(browser: Browser) -> str:
+    return str(browser.script("return location.hash"))
+
+
 def header(key: str) -> str:
-    return f'{FIRST} thead button[data-key="{key}"]'
+    return f'{FIRST} thead button[aria-describedby="_about-{key}"]'
 
 
 def sorted_by(browser: Browser) -> list[list[str]]:
     found: list[list[str]] = browser.script(
-        f"""return [...document.querySelectorAll("{FIRST} th[aria-sort]")]
-        .map((h) => [h.querySelector("button").dataset.key, h.getAttribute("aria-sort")])"""
+        f"""return [...document.querySelectorAll(`{FIRST} th[aria-sort]`)].map((header) =>
+            [header.querySelector("button").getAttribute("aria-describedby").slice(7), header.ariaSort])"""
     )
     return found
 
@@ -72,7 +92,7 @@ def sorted_by(browser: Browser) -> list[list[str]]:
 def test_it_opens_by_rank(opened: Browser) -> None:
     assert names(opened) == RANKED + UNRANKED
     assert sorted_by(opened) == [["rank", "ascending"]]
-    assert opened.script("return document.getElementById('count').textContent") == "13 entries"
+    assert opened.script(COUNT) == "13 entries"
 
 
 def test_a_click_sorts_and_another_turns_the_order(opened: Browser) -> None:
@@ -98,15 +118,14 @@ def test_the_keyboard_sorts_too(opened: Browser) -> None:
 
 def test_the_other_table_keeps_its_order(opened: Browser) -> None:
     opened.click(header("name"))
-    second = NAMES.replace("nth-of-type(1)", "nth-of-type(2)")
-    assert opened.script(second) == ["braided_paths", "stp", "calm_hedge"]
+    assert names(opened, FEW) == ["braided_paths", "stp", "calm_hedge"]
 
 
 def test_text_filters(opened: Browser) -> None:
-    opened.type("#text", "PATHS ada")
+    opened.type("#_text", "PATHS ada")
     assert names(opened) == ["braided_paths"]
-    assert opened.script("return document.getElementById('count').textContent") == "2 of 13 entries"
-    opened.type("#text", "nobody")
+    assert opened.script(COUNT) == "2 of 13 entries"
+    opened.type("#_text", "nobody")
     assert names(opened) == []
     assert opened.script(f"return document.querySelector('{FIRST} .none').checkVisibility()")
 
@@ -130,17 +149,17 @@ def test_one_env_is_shown_alone(opened: Browser) -> None:
         "return [...document.querySelectorAll('.board')].filter((b) => b.checkVisibility()).map((b) => b.dataset.env)"
     )
     assert opened.script(shown) == ["MTP-WILDTRACK-v0"]
-    assert opened.script("return document.getElementById('count').textContent") == "3 of 13 entries"
+    assert opened.script(COUNT) == "3 of 13 entries"
 
 
 def test_the_unranked_can_be_left_out(opened: Browser) -> None:
-    opened.click("#unranked")
+    opened.click("#_unranked")
     assert names(opened) == RANKED
 
 
 def choose(browser: Browser, control: str, value: str) -> None:
     browser.script(
-        """const chosen = document.getElementById(arguments[0]);
+        """const chosen = document.getElementById(`_${arguments[0]}`);
         chosen.value = arguments[1];
         chosen.dispatchEvent(new Event("input", { bubbles: true }));""",
         control,
@@ -148,17 +167,121 @@ def choose(browser: Browser, control: str, value: str) -> None:
     )
 
 
-def test_details_open_and_close(opened: Browser) -> None:
-    visible = f"return document.querySelector('{FIRST} tbody.entry .detail').checkVisibility()"
+def test_details_are_loaded_when_they_are_opened(opened: Browser) -> None:
     button = f"{FIRST} tbody.entry .open"
     expanded = f"return document.querySelector('{button}').getAttribute('aria-expanded')"
-    assert not opened.script(visible)
+    assert not opened.script(f"return document.querySelector('{FIRST} .detail')")
     opened.click(button)
-    assert opened.script(visible)
+    assert "localisation" in detail(opened)
     assert opened.script(expanded) == "true"
-    assert "localisation" in opened.script(f"return document.querySelector('{FIRST} .detail').innerText")
+    assert hash_of(opened) == f"#{MAIN}/braided_paths"
     opened.type(button, ENTER)
-    assert not opened.script(visible)
+    assert not opened.script(f"return document.querySelector('{FIRST} .detail').checkVisibility()")
+    assert opened.script(expanded) == "false"
+    assert hash_of(opened) == f"#{MAIN}"
+
+
+def detail(browser: Browser) -> str:
+    """The text of the open details, once they are there."""
+    return str(browser.wait_for(f"return document.querySelector('{FIRST} .detail .panels')?.innerText"))
+
+
+def at(browser: Browser, page: Path, place: str) -> None:
+    """Opens the page at an address."""
+    browser.script("location.href = arguments[0]", f"{page.as_uri()}#{place}")
+
+
+def test_an_address_opens_its_entry(opened: Browser, page: Path) -> None:
+    at(opened, page, f"{MAIN}/stp")
+    assert "closed" in detail(opened)
+    opened_entries = "return [...document.querySelectorAll('.detail')].map((row) => row.parentElement.id)"
+    assert opened.script(opened_entries) == [f"{MAIN}/stp"]
+    assert opened.script("return document.activeElement.textContent") == "stp"
+
+
+def test_filters_are_kept_in_the_address(opened: Browser, page: Path) -> None:
+    opened.type("#_text", "a b&c?")
+    choose(opened, "level", "1")
+    opened.click("#_unranked")
+    assert hash_of(opened) == "#?text=a+b%26c%3F&level=1&unranked=no"
+    at(opened, page, f"{MAIN}?text=paths&level=2")
+    assert opened.wait_for(f"{COUNT} === '2 of 13 entries'")
+    assert names(opened) == ["braided_paths"]
+    assert opened.script("return document.getElementById('_text').value") == "paths"
+    at(opened, page, f"{MAIN}/sleeper?env={FEW}")
+    assert "signal 9" in detail(opened)  # a place is shown whatever the filters say
+
+
+@pytest.mark.parametrize("place", ["../../x", "%", "MTP-Nowhere-v0/a", "_text", f"{MAIN}/%22%3E", "constructor"])
+def test_an_odd_address_does_nothing(opened: Browser, page: Path, place: str) -> None:
+    at(opened, page, place)
+    assert names(opened) == RANKED + UNRANKED
+
+
+@pytest.mark.parametrize("how", ["pointer", "keyboard"])
+def test_a_column_is_explained_on_hover_and_on_focus(opened: Browser, how: str) -> None:
+    selector = header("coverage")
+    if how == "keyboard":
+        opened.script("document.querySelector(arguments[0]).focus()", selector)
+    else:
+        box = opened.script(
+            """const header = document.querySelector(arguments[0]);
+            header.scrollIntoView();
+            const { x, y } = header.getBoundingClientRect();
+            return [x + 3, y + 3];""",
+            selector,
+        )
+        opened.devtools("Input.dispatchMouseEvent", type="mouseMoved", x=box[0], y=box[1])
+    tip = "const tip = document.getElementById('_tip'); return !tip.hidden && tip.textContent"
+    assert opened.wait_for(tip) == "Share of the targets that have a forecast. Higher is better."
+    edges = opened.script(
+        "const { left, right } = document.getElementById('_tip').getBoundingClientRect(); return [left, right]"
+    )
+    assert 0 <= edges[0] < edges[1] <= 1700
+    opened.script("document.getElementById('_tip').dispatchEvent(new PointerEvent('pointerover', { bubbles: true }))")
+    assert opened.script(tip)  # the pointer may go to it
+    opened.script("document.dispatchEvent(new KeyboardEvent('keydown', { key: 'Escape' }))")
+    assert not opened.script(tip)
+
+
+def test_the_first_stop_of_the_keyboard_skips_to_the_tables(opened: Browser) -> None:
+    opened.type("body", TAB)
+    assert opened.script("return document.activeElement.hash") == "#_main"
+    opened.type(".skip", ENTER)
+    assert opened.script("return document.activeElement.id") == "_main"
+
+
+def test_a_cell_of_the_overview_leads_to_its_entry(opened: Browser) -> None:
+    opened.click(f'.matrix a[href="#{MAIN}/calm_hedge"]')
+    assert "Made up for a picture" in detail(opened)
+
+
+def test_a_missing_part_is_said(browser: Browser, tmp_path: Path) -> None:
+    path = tmp_path / "alone.html"
+    path.write_text(board_files(board_of(made_up("a"))).page)
+    browser.open(path)
+    browser.click(f"{FIRST} tbody.entry .open")
+    said = browser.wait_for(f"return document.querySelector('{FIRST} .detail .note')?.textContent")
+    assert said == "This part is missing: the folder index.parts belongs beside the page."
+
+
+def test_a_thousand_entries_load_on_demand(browser: Browser, tmp_path: Path) -> None:
+    path = tmp_path / "many.html"
+    write(path, thousand_entries())
+    browser.resize(1700, 1000)
+    with only(browser, path):
+        took = browser.script("return performance.getEntriesByType('navigation')[0].loadEventEnd")
+        assert 0 < took < 2000
+        assert browser.script(COUNT) == "1000 entries"
+        at(browser, path, "MTP-nuScenes-v0/somewhat_long_name_0994")  # the last of its table
+        last = 'document.getElementById("MTP-nuScenes-v0/somewhat_long_name_0994")'
+        assert browser.wait_for(f"return {last}?.querySelector('.panels')")
+        browser.type("#_text", "name_0017")
+        assert browser.wait_for(f"{COUNT} === '1 of 1000 entries'")
+        assert browser.script(COUNT) == "1 of 1000 entries"
+        browser.click('.more[data-part="overview"]')
+        assert browser.wait_for("return document.querySelectorAll('.matrix tbody tr').length === 987")
+        assert browser.script("return document.activeElement.closest('.matrix') !== null")
 
 
 @pytest.mark.parametrize("width", [360, 390, 768, 1120, 1366, 1700])
@@ -171,9 +294,11 @@ def test_no_width_makes_the_page_scroll_sideways(opened: Browser, width: int) ->
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_both_schemes_have_contrast(opened: Browser, scheme: str) -> None:
     opened.prefer(scheme)
+    tones = ["card", "ink", "soft", "faint", "warn", "accent", "same", "worse", "yours"]
     colors = opened.script(
         """const style = getComputedStyle(document.documentElement);
-        return ["--card", "--ink", "--soft", "--faint", "--warn", "--accent"].map((n) => style.getPropertyValue(n));"""
+        return arguments[0].map((tone) => style.getPropertyValue(`--${tone}`));""",
+        tones,
     )
     card, *inks = [luminance(color.strip()) for color in colors]
     for ink in inks:
@@ -195,16 +320,17 @@ def test_hostile_texts_do_not_run(browser: Browser, tmp_path: Path) -> None:
         for i, x in enumerate(texts)
     ]
     path = tmp_path / "hostile.html"
-    path.write_text(board_page(board_of(*records, links=["javascript:window.hacked=1"] * 4)))
+    write(path, board_of(*records, links=["javascript:window.hacked=1"] * 4))
     with only(browser, path):
         assert names(browser) == [record.submission.name for record in records]
         browser.click(f"{FIRST} tbody.entry .open")
+        assert detail(browser)
         assert browser.script("return [...document.querySelectorAll('.detail a')].every((a) => a.protocol === 'file:')")
         assert browser.script("return typeof window.hacked") == "undefined"
 
 
 def test_a_script_that_slipped_in_would_not_run(browser: Browser, tmp_path: Path) -> None:
-    html = board_page([]).replace(
+    html = board_files([]).page.replace(
         "</footer>", "<script>window.hacked=1</script><img src='https://a.invalid/x'></footer>"
     )
     path = tmp_path / "slipped.html"
@@ -219,6 +345,6 @@ def test_a_script_that_slipped_in_would_not_run(browser: Browser, tmp_path: Path
 
 def test_an_empty_board_opens(browser: Browser, tmp_path: Path) -> None:
     path = tmp_path / "empty.html"
-    path.write_text(board_page([]))
+    path.write_text(board_files([]).page)
     with only(browser, path):
-        assert "mtp-bench submit" in browser.script("return document.querySelector('.empty').innerText")
+        assert "mtp-bench submit" in browser.script("return document.querySelector('.howto').innerText")

@@ -2,83 +2,208 @@
 (() => {
   const all = (selector, within = document) => [...within.querySelectorAll(selector)];
   const one = (id) => document.getElementById(id);
+  const parts = document.body.dataset.parts;
 
+  /* Parts of the page are scripts beside it, for a page from disk may read no other files: each calls mtpBoard. */
+  const waiting = new Map();
+  const asked = new Map();
+  window.mtpBoard = (key, html) => waiting.get(key)?.(html);
+  const load = (key) => {
+    if (!asked.has(key)) {
+      asked.set(key, new Promise((resolve, reject) => {
+        waiting.set(key, resolve);
+        const script = document.createElement("script");
+        script.src = `${parts}/${key.split("/").map(encodeURIComponent).join("/")}.js`;
+        script.onerror = reject;
+        document.head.append(script);
+      }));
+    }
+    return asked.get(key);
+  };
+  const missing = `<p class="note">This part is missing: the folder ${parts} belongs beside the page.</p>`;
+
+  /* Details of an entry. */
+  const detailOf = (entry) => {
+    const row = document.createElement("tr");
+    row.className = "detail";
+    row.append(document.createElement("td"));
+    row.firstChild.colSpan = entry.rows[0].cells.length;
+    entry.append(row);
+    load(`entries/${entry.id}`).catch(() => missing).then((html) => { row.firstChild.innerHTML = html; });
+    return row;
+  };
   const setOpen = (entry, open) => {
-    entry.querySelector(".detail").hidden = !open;
+    if (open || entry.rows[1]) (entry.rows[1] ?? detailOf(entry)).hidden = !open;
     entry.querySelector(".open").setAttribute("aria-expanded", String(open));
   };
+  const isOpen = (entry) => entry.querySelector(".open").getAttribute("aria-expanded") === "true";
+
+  /* The rest of a table, of the overview or of the page: what a button with data-part stands for. */
+  const places = { overview: ".matrix tbody", history: ".history" };
+  const more = async (button) => {
+    const key = button.dataset.part;
+    const place = places[key] ? document.querySelector(places[key]) : button.closest(".board").querySelector("table");
+    if (button.disabled) return load(key);
+    const focused = document.activeElement === button;
+    button.disabled = true;
+    try {
+      const html = await load(key);
+      if (!button.isConnected) return;
+      button.remove();
+      const last = place.lastElementChild;
+      place.insertAdjacentHTML("beforeend", html);
+      number(place);
+      if (focused) (last ? last.nextElementSibling : place).querySelector("button, a")?.focus();
+    } catch {
+      button.insertAdjacentHTML("afterend", missing);
+    }
+  };
+  const whole = (board) => {
+    const button = board.querySelector(".more");
+    return button ? more(button) : Promise.resolve();
+  };
+  const number = (table) => all("tbody.entry", table).forEach((entry, i) => { entry.dataset.order = i; });
 
   /* Entries without a value stay last in both directions; equal values keep the order of the ranking. */
-  const sortBy = (table, key, descending) => {
-    const entries = all("tbody.entry", table);
-    const value = (entry) => entry.querySelector(`[data-key="${key}"]`).dataset.value;
-    const keyed = entries.map((entry) => [value(entry), entry]);
-    const textual = key === "name";
+  const valueOf = (entry, kind, column) => {
+    if (kind === "level") return Number(entry.dataset.level);
+    const cell = entry.rows[0].cells[column];
+    if (kind === "name") return cell.querySelector(".open").textContent;
+    return parseFloat(cell.textContent.replace("−", "-"));
+  };
+  const sortBy = (table, kind, column, descending) => {
+    const keyed = all("tbody.entry", table).map((entry) => [valueOf(entry, kind, column), entry]);
     keyed.sort(([a, left], [b, right]) => {
-      if ((a === "") !== (b === "")) return a === "" ? 1 : -1;
-      const difference = textual ? (a < b ? -1 : a > b ? 1 : 0) : Number(a) - Number(b);
+      if (Number.isNaN(a) !== Number.isNaN(b)) return Number.isNaN(a) ? 1 : -1;
+      const difference = a < b ? -1 : a > b ? 1 : 0;
       return (descending ? -difference : difference) || left.dataset.order - right.dataset.order;
     });
     keyed.forEach(([, entry]) => table.append(entry));
   };
-
-  const onHeader = (button) => {
+  const onHeader = async (button) => {
     const header = button.closest("th");
     const table = button.closest("table");
-    const now = header.getAttribute("aria-sort");
+    await whole(button.closest(".board"));
     const first = button.dataset.better === "higher" ? "descending" : "ascending";
     const second = first === "ascending" ? "descending" : "ascending";
-    const next = now === first ? second : first;
+    const next = header.getAttribute("aria-sort") === first ? second : first;
     all("th[aria-sort]", table).forEach((other) => other.removeAttribute("aria-sort"));
     header.setAttribute("aria-sort", next);
-    sortBy(table, button.dataset.key, next === "descending");
+    sortBy(table, button.dataset.sort, header.cellIndex, next === "descending");
   };
 
-  const filter = () => {
-    const words = one("text").value.toLowerCase().split(/\s+/).filter(Boolean);
-    const [env, division, level] = ["env", "division", "level"].map((id) => one(id).value);
-    const unranked = one("unranked").checked;
-    let shown = 0;
-    for (const board of all(".board")) {
+  /* Filters, kept in the address after the place: #env/submission?text=...&level=2 */
+  const filters = ["text", "env", "division", "level"];
+  const form = one("_filters");
+  let target = "";
+  const remember = () => {
+    const query = new URLSearchParams(filters.map((name) => [name, one(`_${name}`).value]).filter(([, value]) => value));
+    if (!one("_unranked").checked) query.set("unranked", "no");
+    const hash = `${target}${query.size ? "?" : ""}${query}`;
+    history.replaceState(null, "", hash ? `#${hash}` : location.pathname + location.search);
+  };
+  const passes = (entry, words, division, level, unranked) => {
+    const text = entry.querySelector(".name").textContent.toLowerCase();
+    return (division === "" || (entry.dataset.division ?? "closed") === division) &&
+      (level === "" || Number(entry.dataset.level) >= Number(level)) &&
+      (unranked || !entry.classList.contains("unranked")) &&
+      words.every((word) => text.includes(word));
+  };
+  const filter = async () => {
+    const [text, env, division, level] = filters.map((name) => one(`_${name}`).value);
+    const words = text.toLowerCase().split(/\s+/).filter(Boolean);
+    const unranked = one("_unranked").checked;
+    const boards = all(".board");
+    const picky = words.length || division || level || !unranked;
+    for (const board of boards) board.hidden = env !== "" && board.dataset.env !== env;
+    if (picky) await Promise.all(boards.filter((board) => !board.hidden).map(whole));
+    let [shown, total] = [0, 0];
+    for (const board of boards) {
       const entries = all("tbody.entry", board);
-      board.hidden = env !== "" && board.dataset.env !== env;
-      for (const entry of entries) {
-        const data = entry.dataset;
-        entry.hidden = !(
-          (division === "" || data.division === division) &&
-          (level === "" || Number(data.level) >= Number(level)) &&
-          (unranked || data.ranked === "1") &&
-          words.every((word) => data.text.includes(word))
-        );
-        if (!entry.hidden && !board.hidden) shown += 1;
-      }
-      const none = entries.every((entry) => entry.hidden);
-      board.querySelector(".none").hidden = !none;
-      board.querySelector(".scroll").hidden = none;
+      for (const entry of entries) entry.hidden = !passes(entry, words, division, level, unranked);
+      const later = Number(board.querySelector(".more")?.dataset.later ?? 0);
+      const kept = entries.filter((entry) => !entry.hidden).length;
+      total += entries.length + later;
+      if (!board.hidden) shown += kept + later;
+      board.querySelector(".none").hidden = kept > 0;
+      board.querySelector(".scroll").hidden = kept === 0;
     }
-    const total = all("tbody.entry").length;
     const noun = total === 1 ? "entry" : "entries";
-    one("count").textContent = shown === total ? `${total} ${noun}` : `${shown} of ${total} ${noun}`;
+    one("_count").textContent = shown === total ? `${total} ${noun}` : `${shown} of ${total} ${noun}`;
   };
 
-  for (const table of all("table.ranking")) {
-    all("tbody.entry", table).forEach((entry, i) => {
-      entry.dataset.order = i;
-      setOpen(entry, false);
-    });
-  }
+  /* The address: opens an entry, shows a table, sets the filters. */
+  const goTo = async () => {
+    const [place, query] = location.hash.slice(1).split("?");
+    if (place.startsWith("_")) return;
+    target = place;
+    const wanted = new URLSearchParams(query ?? "");
+    if (form) {
+      for (const name of filters) one(`_${name}`).value = wanted.get(name) ?? "";
+      one("_unranked").checked = wanted.get("unranked") !== "no";
+      await filter();
+    }
+    const board = one(place.split("/")[0]);
+    if (!board || !place) return;
+    board.hidden = false;
+    let found = one(place);
+    if (!found && board.querySelector(".more")) {
+      await whole(board);
+      found = one(place);
+    }
+    if (found?.matches("tbody.entry")) {
+      found.hidden = false;
+      setOpen(found, true);
+      found.querySelector(".open").focus({ preventScroll: true });
+    }
+    (found ?? board).scrollIntoView();
+  };
+
+  /* The explanation of a column, below the heading that has the pointer or the focus; the pointer may go to it, and
+     Escape takes it away. */
+  const tip = one("_tip");
+  let described = null;
+  const place = () => {
+    if (tip.hidden) return;
+    const box = described.closest("th").getBoundingClientRect();
+    const left = Math.max(8, Math.min(box.left, document.documentElement.clientWidth - tip.offsetWidth - 8));
+    const below = box.bottom + tip.offsetHeight < window.innerHeight;
+    tip.style.left = `${left}px`;
+    tip.style.top = `${below ? box.bottom : box.top - tip.offsetHeight}px`;
+  };
+  const explain = (event) => {
+    if (tip.contains(event.target)) return;
+    described = event.target.closest?.("thead th")?.querySelector("[aria-describedby]");
+    const text = described && one(described.getAttribute("aria-describedby"))?.textContent;
+    tip.hidden = !text;
+    tip.textContent = text ?? "";
+    place();
+  };
+  for (const kind of ["pointerover", "focusin"]) document.addEventListener(kind, explain);
+  document.addEventListener("focusout", () => { tip.hidden = true; });
+  document.addEventListener("scroll", place, { capture: true, passive: true });
+  document.addEventListener("keydown", (event) => { if (event.key === "Escape") tip.hidden = true; });
+
   document.addEventListener("click", (event) => {
+    const link = event.target.closest("a[href^='#']");
+    if (link && link.hash === location.hash && !link.hash.startsWith("#_")) goTo();
     const button = event.target.closest("button");
+    const entry = event.target.closest("tbody.entry");
     if (!button) return;
-    const entry = button.closest("tbody.entry");
-    if (entry) setOpen(entry, entry.querySelector(".detail").hidden);
-    else if (button.dataset.key) onHeader(button);
+    if (button.matches(".more")) more(button).then(() => form && filter());
+    else if (button.matches(".open")) {
+      setOpen(entry, !isOpen(entry));
+      target = isOpen(entry) ? entry.id : entry.closest(".board").id;
+      remember();
+    } else if (button.dataset.sort) onHeader(button);
   });
-  const form = one("filters");
+  for (const table of all("table.ranking")) number(table);
+  for (const button of all(".more")) button.hidden = false;
   if (form) {
     form.hidden = false;
-    form.addEventListener("input", filter);
+    form.addEventListener("input", () => { remember(); filter(); });
     form.addEventListener("submit", (event) => event.preventDefault());
-    filter();
   }
+  window.addEventListener("hashchange", goTo);
+  goTo();
 })();

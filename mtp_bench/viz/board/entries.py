@@ -9,8 +9,11 @@ from dataclasses import dataclass
 from ...records.attestation import Level, SignedLevel
 from ...records.ranking import Standing, standings
 from ...records.record import Record
+from ...scoring.definitions import SIGNIFICANT
 from ...scoring.rows import Row
+from ...scoring.statistics import PairedDifference
 from ...scoring.subsets import Subset
+from .order import env_place
 
 LEVEL_TEXT: dict[Level, str] = {
     "scored": "scored by its authors",
@@ -29,6 +32,8 @@ class Found:
     added: bool = False  # not part of the leaderboard: where it would stand
     signed: SignedLevel | None = None  # how far it was checked
     note: str = ""  # why the level beside it is not shown
+    code: str | None = None  # relative address of its folder, where that ships
+    clip: str | None = None  # relative address of a clip of its costliest event
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +45,8 @@ class Entry:
     link: str | None = None  # relative address of the record's file
     added: bool = False  # not part of the leaderboard: where it would stand
     signed: SignedLevel | None = None  # how far it was checked
+    code: str | None = None  # relative address of its folder, where that ships
+    clip: str | None = None  # relative address of a clip of its costliest event
 
     @property
     def env(self) -> str:
@@ -128,6 +135,18 @@ class Entry:
         """The 95 % interval of the error, metres."""
         return self.row.interval
 
+    def difference(self, subset: Subset = "all") -> PairedDifference | None:
+        """Its error minus that of STP beside it, metres; None for STP itself and without a record of STP."""
+        return self.standing.differences.get(subset)
+
+    @property
+    def verdict(self) -> str:
+        """Whether it is "better" or "worse" than STP by the test that ranks; empty where that cannot tell."""
+        difference = self.difference()
+        if difference is None or difference.p >= SIGNIFICANT:
+            return ""
+        return "better" if difference.mean < 0 else "worse"
+
     def same_predictor_gap(self, subset: Subset) -> float | None:
         """What it closes of the gap between ends with its own predictor, where that is known."""
         if self.record.submission.ends == "controls":
@@ -139,7 +158,10 @@ def entries_of(found: Sequence[Found]) -> list[Entry]:
     """The entries in the order of the leaderboard: by environment, rank, error and name."""
     levels = {each.record.digest: each.signed for each in found if each.signed is not None}
     places = standings([each.record for each in found], levels)
-    entries = (Entry(each.record, places[each.record.digest], each.link, each.added, each.signed) for each in found)
+    entries = (
+        Entry(each.record, places[each.record.digest], each.link, each.added, each.signed, each.code, each.clip)
+        for each in found
+    )
     return sorted(entries, key=_order)
 
 
@@ -156,7 +178,7 @@ def by_env(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
     return boards
 
 
-def _order(entry: Entry) -> tuple[str, float, bool, float, str, str]:
+def _order(entry: Entry) -> tuple[tuple[int, str], float, bool, float, str, str]:
     rank = math.inf if entry.rank is None else entry.rank
     error = math.inf if entry.error is None else entry.error
-    return entry.env, rank, not entry.compared, error, entry.name, entry.record.digest
+    return env_place(entry.env), rank, not entry.compared, error, entry.name, entry.record.digest

@@ -1,10 +1,13 @@
-"""The leaderboard as one HTML file that needs nothing else: no network, no server."""
+"""The leaderboard as a page and the parts beside it: no network, no server, the same records give the same bytes."""
 
 from __future__ import annotations
 
 import base64
 import hashlib
+import json
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,140 +15,148 @@ from urllib.parse import quote
 
 from ...records.attestation import LEVELS
 from ...records.history import OldResult
-from ...records.ranking import STP
 from ...scoring.definitions import DEFINITIONS, RANKED_OBJECTS, RANKED_UNITS
-from ...scoring.subsets import SUBSETS
 from ..pages import templates_of, text_of
 from ..terminal.output import NOTHING, number
-from .columns import COLUMNS, best_texts, percent, shown
-from .entries import LEVEL_TEXT, Entry, by_env, silence_of
-from .scale import PAD, WIDTH, Scale, bar_of, scale_of, scene_chart
+from .columns import COLUMNS, percent, signed
+from .entries import LEVEL_TEXT, Entry, by_env
+from .leader import leader_of
+from .lines import Ids, address_of, board_of, details_of, p_value
+from .overview import overview_of
+from .preview import preview_rows
+from .scale import WIDTH
+from .tables import overview_files, table_files
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 _HERE = Path(__file__).parent
+MOST_ENTRIES, MOST_ROWS = 25, 250  # of a table, and of all tables, before more are asked for
+MOST_AGENTS = 60  # of the overview
+_FURTHER = {
+    "rank": ("#", "1 + the number of entries that are significantly better: sign-flip test over units, p below .05."),
+    "name": ("submission", "Open it for its details. Below its name: authors, code and paper."),
+    "curve": ("curve", "The error over how many false forecasts are allowed, from none on; dashed: stp."),
+    "level": ("verified", " ".join(f"{name}: {LEVEL_TEXT[name]}." for name in LEVELS)),
+}  # what stands in a table beside the columns of numbers
 
 
-def board_page(entries: Sequence[Entry], history: Sequence[tuple[OldResult, str | None]] = ()) -> str:
-    """HTML of the leaderboards of ``entries`` (from `entries_of`), a table per environment.
+@dataclass(frozen=True)
+class BoardFiles:
+    """A page, and by their paths the files of the folder beside it."""
 
-    ``history``: results under earlier definitions with the links to them, in a plain table below. Equal entries give
-    equal bytes: no date, no path, no random id is added.
+    page: str
+    parts: dict[str, str]
+
+
+def board_files(
+    entries: Sequence[Entry],
+    history: Sequence[tuple[OldResult, str | None]] = (),
+    folder: str = "index.parts",
+    guide: str | None = None,
+) -> BoardFiles:
+    """The page of ``entries`` (from `entries_of`): an overview, then a table per environment.
+
+    ``history``: results under earlier definitions with the links to them. ``folder``: name of the folder of the parts,
+    beside the page. ``guide``: relative address of what says how to submit. No date, path or random id is added.
     """
+    ids = _ids(entries)
+    boards = [board_of(env_id, listed, ids) for env_id, listed in by_env(entries).items()]
+    overview = overview_of(entries)
+    known = {
+        "parts": quote(folder),
+        "boards": boards,
+        "overview": overview,
+        "ids": ids,
+        "history": [(old, address_of(link)) for old, link in history],
+        "levels": LEVELS,
+        "most": max(1, min(MOST_ENTRIES, MOST_ROWS // max(len(boards), 1))),
+    }
+    parts = {f"overview.{suffix}": text for suffix, text in overview_files(overview).items()}
+    parts["preview.svg"] = _render("preview.svg", **preview_rows(entries))
+    if len(overview.rows) > MOST_AGENTS:
+        parts["overview.js"] = _part("overview", "overview_rows.html", known, agents=overview.rows[MOST_AGENTS:])
+    if history:
+        parts["history.js"] = _part("history", "history.html", known)
+    for board, (env_id, listed) in zip(boards, by_env(entries).items(), strict=True):
+        parts |= {f"tables/{env_id}.{suffix}": text for suffix, text in table_files(env_id, listed).items()}
+        parts |= _scripts(board, known)
+    return BoardFiles(_page(entries, known, address_of(guide)), parts)
+
+
+def _page(entries: Sequence[Entry], known: dict[str, Any], guide: str | None) -> str:
     style, script = text_of(_HERE, "board.css"), text_of(_HERE, "board.js")
-    page = _templates().get_template("page.html")
-    content = page.render(
-        boards=[_board(env_id, listed) for env_id, listed in by_env(entries).items()],
-        history=[(old, _address(link)) for old, link in history],
-        columns=COLUMNS,
-        levels=LEVELS,
-        level_text=LEVEL_TEXT,
+    overview = known["overview"]
+    return _render(
+        "page.html",
+        **known,
+        agents=overview.rows[:MOST_AGENTS],
+        leader=leader_of(entries, known["ids"]),
+        columns=[column for column in COLUMNS if any(column in board["columns"] for board in known["boards"])],
+        further=_FURTHER,
         few_objects=RANKED_OBJECTS,
         few_units=RANKED_UNITS,
+        most_agents=MOST_AGENTS,
         definitions=DEFINITIONS,
         latest=max((entry.record.measured.made for entry in entries), default=""),
+        guide=guide,
+        icon=text_of(_HERE, "icon.svg").strip(),
         style=style,
         script=script,
         policy=_policy(style, script),
     )
-    return f"{content}\n"
 
 
-def _board(env_id: str, entries: Sequence[Entry]) -> dict[str, Any]:
-    """What the template shows of one environment."""
-    compared = [entry for entry in entries if entry.compared]
-    scored = next(iter(compared), entries[0])
-    reference = next((entry for entry in compared if entry.name == STP), None)
-    scale = scale_of(entries, reference.error if reference else None)
-    best = {column.key: best_texts(column, entries) for column in COLUMNS}
-    ranks = [entry.rank for entry in entries if entry.rank is not None]
-    return {
-        "id": env_id,
-        "about": _about(env_id),
-        "card": sorted({entry.record.env.card_digest for entry in entries} - {""}),
-        "split": scored.record.env.split,
-        "ranked": len(ranks),
-        "nobody": scored.why if compared and not ranks else "",
-        "leaders": ranks.count(1),
-        "sizes": {row.subset: row for row in scored.rows},
-        "silence": silence_of(entries),
-        "few": {name for name in SUBSETS[1:] if all(each.standing.places[name].rank is None for each in entries)},
-        "scale": scale,
-        "reference": reference,
-        "reference_x": scale.x(reference.error) if scale and reference and reference.error is not None else None,
-        "lines": [_line(entry, entries, scale, best, reference) for entry in entries],
-    }
+def _scripts(board: dict[str, Any], known: dict[str, Any]) -> dict[str, str]:
+    """What is loaded on demand of one environment: the details of each entry, and the entries that come later."""
+    found = {}
+    later = board["lines"][known["most"] :]
+    if later:
+        key = f"tables/{board['id']}"
+        found[f"{key}.js"] = _part(key, "rows.html", known, board=board, lines=later)
+    for line in board["lines"]:
+        key = f"entries/{line['id']}"
+        found[f"{key}.js"] = _part(key, "entry.html", known, board=board, line=details_of(line, board))
+    return found
 
 
-def _line(
-    entry: Entry,
-    entries: Sequence[Entry],
-    scale: Scale | None,
-    best: dict[str, str | None],
-    reference: Entry | None,
-) -> dict[str, Any]:
-    """What the template shows of one entry: texts by column, and what each column is sorted by."""
-    record, standing = entry.record, entry.standing
-    cells = {column.key: shown(column, entry) for column in COLUMNS}
-    return {
-        "entry": entry,
-        "record": record,
-        "why": "" if entry.compared else entry.why.removeprefix(f"{record.status}: "),
-        "shared": entry.rank is not None and sum(other.rank == entry.rank for other in entries) > 1,
-        "cells": cells,
-        "sorting": {column.key: _key(column.value(entry)) for column in COLUMNS},
-        "best": {key for key, text in cells.items() if entry.compared and text == best[key]},
-        "level": LEVELS.index(entry.level),
-        "bar": bar_of(scale, entry.error, entry.interval),
-        "link": _address(entry.link),
-        "old": record.scorer.definitions != DEFINITIONS,
-        "subsets": [
-            (row, standing.places[row.subset], standing.gaps.get(row.subset), entry.same_predictor_gap(row.subset))
-            for row in entry.rows
-        ],
-        "parts": [(name, value) for name in ("localisation", "missed") if (value := getattr(entry.row, name))],
-        "scenes": scene_chart(entry, reference),
-        "search": " ".join((entry.name, ", ".join(record.submission.authors), record.submission.description)).lower(),
-    }
+def _part(key: str, template: str, known: dict[str, Any], **more: Any) -> str:
+    """A script that hands a piece of HTML to the page. JSON in ASCII without "<" ends no script early."""
+    html = _render(template, **known, **more)
+    return f"mtpBoard({json.dumps(key)}, {json.dumps(html)});\n".replace("<", "\\u003c")
 
 
-def _about(env_id: str) -> dict[str, str] | None:
-    """What a card that ships says of its environment; None for another."""
-    from ..._bundle import card_ids
-    from ...cards import load_card
-    from ...sources import describe
-
-    if env_id not in card_ids():
-        return None
-    card = load_card(env_id)
-    data = describe(card).about
-    how = "simulated" if card.detector is not None else "stored"
-    detections = f"{how} ({card.detector_name})" if card.detector_name else how
-    return {"summary": card.summary, "detections": detections, "dataset": data.name, "licence": data.licence}
+def _render(template: str, **content: Any) -> str:
+    return f"{_templates().get_template(template).render(**content)}\n"
 
 
-def _address(link: str | None) -> str | None:
-    """A way to a file as a relative address: it is never taken for a script or another host, whatever it is called."""
-    return None if link is None else "./" + quote(link.lstrip("/"), safe="/", errors="surrogateescape")
-
-
-def _key(value: float | None) -> str:
-    return "" if value is None else f"{value:.9g}"
+def _ids(entries: Sequence[Entry]) -> Ids:
+    """The place of each entry in addresses: "env/submission"; of several of one name the first."""
+    ids, seen = dict[Entry, str](), Counter[str]()
+    for entry in entries:
+        name = f"{entry.env}/{entry.name}"
+        ids[entry] = f"{name}~{entry.record.digest[:8]}" if seen[name.lower()] else name
+        seen[name.lower()] += 1
+    return ids
 
 
 def _policy(style: str, script: str) -> str:
-    """A content security policy: this style, this script, nothing from anywhere."""
+    """A content security policy: this style, this script and what it loads itself, pictures beside the page."""
     digests = [base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in (style, script)]
     return (
-        f"default-src 'none'; style-src 'sha256-{digests[0]}'; script-src 'sha256-{digests[1]}'; img-src data:; "
-        "base-uri 'none'; form-action 'none'"
+        f"default-src 'none'; style-src 'sha256-{digests[0]}'; script-src 'sha256-{digests[1]}' 'strict-dynamic'; "
+        "img-src 'self' data:; base-uri 'none'; form-action 'none'"
     )
 
 
 @cache
 def _templates() -> Environment:
     environment = templates_of(_HERE)
-    environment.globals.update(width=WIDTH, pad=PAD, nothing=NOTHING)
-    environment.filters.update(number=number, percent=lambda share: NOTHING if share is None else percent(share))
+    environment.globals.update(width=WIDTH, nothing=NOTHING, level_text=LEVEL_TEXT)
+    environment.filters.update(
+        number=number,
+        signed=signed,
+        p_value=p_value,
+        percent=lambda share: NOTHING if share is None else percent(share),
+    )
     return environment

@@ -1,4 +1,4 @@
-"""Bars of a board: the intervals of one environment on a common scale, and the errors of an entry per scene."""
+"""Scales of drawings: the differences of one environment around a zero line, and the errors of an entry per scene."""
 
 from __future__ import annotations
 
@@ -7,13 +7,17 @@ import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ...records.record import ScenePart
+from ...scoring.statistics import PairedDifference
 from .entries import Entry
 
-WIDTH = 190.0  # of a drawing, user units
+WIDTH = 150.0  # of a drawing, user units
 BAR = 120.0  # width of the longest bar of a scene, user units
-PAD = 10.0  # left and right of the scale
-MOST_TICKS = 4
+PAD = 9.0  # left and right of the scale
+MOST_TICKS = 5
 FARTHEST = 3.0
+MARGIN = 0.04  # of a scale beyond what it holds, on each side
+MOST_SCENES = 40  # of an entry
 
 
 @dataclass(frozen=True)
@@ -41,38 +45,44 @@ class Bar:
     above: bool
 
 
-def scale_of(entries: Sequence[Entry], reference: float | None) -> Scale | None:
-    """A scale that holds the intervals of the compared entries (of all, where none is) and the reference.
+def scale_of(entries: Sequence[Entry]) -> Scale | None:
+    """A scale around 0 that holds the differences to STP of the compared entries (of all, where none is).
 
-    What is more than FARTHEST times as bad as the median is left off, so that the others can be told apart.
+    What reaches more than FARTHEST times as far as the median is left off, so that the others can be told apart.
     """
-    shown = [entry for entry in entries if entry.compared] or list(entries)
-    values = [end for entry in shown for end in (*(entry.interval or ()), entry.error) if end is not None]
-    errors = [entry.error for entry in shown if entry.error is not None]
-    if not errors:
+    shown = [entry for entry in entries if entry.compared and entry.difference()] or entries
+    ends = [_ends(difference) for entry in shown if (difference := entry.difference()) is not None]
+    if not ends:
         return None
-    within = [value for value in values if value <= FARTHEST * statistics.median_low(errors)]
-    within += [] if reference is None else [reference]
-    return _nice(min(within or errors), max(within or errors))
+    farthest = FARTHEST * statistics.median_high([max(abs(low), abs(high)) for low, high in ends])
+    within = [0.0, *(value for pair in ends for value in pair if abs(value) <= farthest)]
+    return nice_scale(min(within), max(within))
 
 
-def bar_of(scale: Scale | None, error: float | None, interval: tuple[float, float] | None) -> Bar | None:
-    """How an error and its interval are drawn; without an interval as a point."""
-    if scale is None or error is None:
+def bar_of(scale: Scale | None, difference: PairedDifference | None) -> Bar | None:
+    """How a difference and its interval are drawn; without an interval as a point."""
+    if scale is None or difference is None:
         return None
-    low, high = interval or (error, error)
-    return Bar(scale.x(low), scale.x(high), scale.x(error), low < scale.low, high > scale.high)
+    low, high = _ends(difference)
+    return Bar(scale.x(low), scale.x(high), scale.x(difference.mean), low < scale.low, high > scale.high)
 
 
-def _nice(low: float, high: float) -> Scale:
-    """Round ends and at most ``MOST_TICKS`` ticks between them."""
-    span = max(high - low, 1e-3 * max(abs(high), 1.0))
+def zero_of(scale: Scale | None) -> float:
+    """Where no difference is drawn."""
+    return WIDTH / 2 if scale is None else scale.x(0.0)
+
+
+def nice_scale(low: float, high: float) -> Scale:
+    """A little more than from ``low`` to ``high``, with at least one and few round ticks."""
+    span = max(high - low, 1e-3 * max(abs(high), abs(low), 1.0))
+    middle, half = (low + high) / 2, span * (0.5 + MARGIN)
     step = _step(span / (MOST_TICKS - 1))
-    first, last = math.floor(low / step), math.ceil(high / step)
-    last = max(last, first + 1)
-    every = -(-(last - first + 1) // (MOST_TICKS + 1))
-    ticks = tuple(round(i * step, 9) for i in range(first, last + 1, every))
-    return Scale(first * step, last * step, ticks)
+    first, last = math.ceil((middle - half) / step), math.floor((middle + half) / step)
+    return Scale(middle - half, middle + half, tuple(round(i * step, 9) for i in range(first, last + 1)))
+
+
+def _ends(difference: PairedDifference) -> tuple[float, float]:
+    return difference.interval or (difference.mean, difference.mean)
 
 
 def _step(least: float) -> float:
@@ -93,7 +103,10 @@ class SceneBar:
 
 
 def scene_chart(entry: Entry, reference: Entry | None) -> list[SceneBar]:
-    """Bars of the scenes, in the order of the record; those of ``reference`` where it has the same scenes."""
+    """Bars of scenes, in the order of the record; those of ``reference`` where it has the same scenes.
+
+    Of many scenes the MOST_SCENES with the largest sums of errors.
+    """
     beside = {} if reference is None or reference is entry else _errors(reference)
     errors = _errors(entry)
     most = max([*errors.values(), *(beside[name] for name in errors if name in beside)], default=0.0)
@@ -106,8 +119,14 @@ def scene_chart(entry: Entry, reference: Entry | None) -> list[SceneBar]:
             width=round(unit * errors.get(part.scene, 0.0), 1),
             reference=round(unit * beside[part.scene], 1) if part.scene in beside else None,
         )
-        for part in entry.record.per_scene
+        for part in _heaviest(entry)
     ]
+
+
+def _heaviest(entry: Entry) -> list[ScenePart]:
+    scenes = entry.record.per_scene
+    sums = sorted((sum(part.error["all"]) for part in scenes), reverse=True)[:MOST_SCENES]
+    return [part for part in scenes if sum(part.error["all"]) >= sums[-1]][:MOST_SCENES]
 
 
 def _errors(entry: Entry) -> dict[str, float]:
