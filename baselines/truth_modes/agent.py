@@ -1,0 +1,27 @@
+"""Tracking, then futures of a learned network."""
+
+from collections.abc import Mapping
+
+from mtp_bench import Agent, Pipeline, Task
+from mtp_bench.prediction import GreedySampler, LearnedPredictor, LearnedPresence
+from mtp_bench.tracking import HypothesisTracker, TruthTracker
+
+
+def build(
+    task: Task,
+    hypotheses: int = 20,
+    on: str = "truth",
+    weights: str | None = None,
+    min_detection_score: float | Mapping[str, float] | None = None,
+) -> Agent:
+    """``on``: what the network was trained on; ``weights``: a file of your own in place of the env's.
+
+    ``min_detection_score``: weaker detections are not tracked, a number or one per class.
+    """
+    tracker = HypothesisTracker(hypotheses, min_detection_score=min_detection_score)
+    return Pipeline(
+        TruthTracker() if task.observe == "truth" else tracker,
+        LearnedPredictor("modes", on, weights),
+        GreedySampler(),
+        presence=LearnedPresence(),
+    )
