@@ -15,7 +15,8 @@ from .figures import Figures
 from .known import Known, Scored, subset_of
 
 LABELS = {  # of agents; others are shown by name
-    "truth_past": "true pasts", "truth_modes": "true pasts, modes", "truth_ptp": "true pasts, PTP", "stp": "STP", "stp_same_budget": "STP, same budget", "stp_hedged": "STP, hedged",
+    "truth_past": "true pasts", "truth_modes": "true pasts, modes", "truth_ptp": "true pasts, PTP",
+    "stp": "STP", "stp_same_budget": "STP, same budget", "stp_hedged": "STP, hedged",
     "mtp": "MTP, H = 20", "stp_cut": "STP, input cut", "mtp_cut": "MTP, input cut",
 }  # fmt: skip
 SUBSET_LABELS: dict[Subset, str] = {"paper_ids": "paper IDS", "paper_frag": "paper FRAG"}
