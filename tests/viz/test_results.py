@@ -129,6 +129,16 @@ def test_ends_that_were_run_with_a_submission_are_told_of() -> None:
     assert found.gap("mtp", ENV).value == pytest.approx(0.75)
 
 
+def test_the_ends_of_a_network_are_the_records_with_it() -> None:
+    with_network = {"ends": "own", "networks": {"modes-tracklets-MTP-X-v0.safetensors": "0" * 64}}
+    own = write_record(*MTP, name="mine", submission=with_network)
+    ends = [write_record(*STP, name="stp_modes"), write_record(*TRUTH, name="truth_modes", env={"observe": "truth"})]
+    found = Figures(known_of(*records(), own, *ends))
+    expected = found.gap("mine", ENV, "all", "stp_modes", "truth_modes")
+    assert found.same_predictor_gap("mine", ENV) == expected
+    assert not Figures(known_of(*records(), own)).has_same_predictor_gap("mine", ENV)
+
+
 def test_events_are_those_of_the_record() -> None:
     found = Figures(known_of(changed_row(write_record(*STP, name="stp"), "lost", events=54.333)))
     assert str(found.events(ENV, "lost")) == "54"

@@ -18,6 +18,8 @@ from ..terminal.paper import figures_of
 from .figure import Figure, Kind
 from .known import Known, Scored, subset_of
 
+ENDS = {"modes": ("stp_modes", "truth_modes"), "ptp": ("stp_ptp", "truth_ptp")}  # of gaps, by network
+
 _PAPER_SUBSETS = {"all": "all", "paper_ids": "ids", "paper_frag": "frag"}  # ours -> the paper's
 
 
@@ -112,8 +114,9 @@ class Figures:
     def same_predictor_gap(self, agent: str, env: str, subset: str = "all") -> Figure:
         """The share that it closes of the gap between ends with its own predictor, with its interval."""
         scored, what = self._known.of(agent, env), "gap closed with the same predictor"
-        if scored.record.submission.ends == "controls":
-            return self.gap(agent, env, subset)
+        ends = self._ends(scored, env)
+        if ends is not None:
+            return self.gap(agent, env, subset, *ends)
         row = scored.row(subset)
         value, interval = row.gap_closed_same_predictor, row.gap_same_predictor_interval
         return self._of(what, agent, env, subset, value, "share", interval)
@@ -121,9 +124,19 @@ class Figures:
     def has_same_predictor_gap(self, agent: str, env: str, subset: str = "all") -> bool:
         """Whether the ends with its own predictor are known, and there is a gap between them."""
         scored = self._known.of(agent, env)
-        if scored.record.submission.ends == "controls":
-            return self.has_gap(env, subset)
+        ends = self._ends(scored, env)
+        if ends is not None:
+            return self.has_gap(env, subset, *ends)
         return scored.row(subset).gap_closed_same_predictor is not None
+
+    def _ends(self, scored: Scored, env: str) -> tuple[str, str] | None:
+        """Whose records are the ends with its predictor; None where there are none."""
+        said = scored.record.submission
+        if said.ends == "controls":
+            return STP, TRUTH
+        networks = {name.partition("-")[0] for name in said.networks}
+        ends = next((ENDS[name] for name in sorted(networks) if name in ENDS), None)
+        return ends if ends is not None and said.ends == "own" and self._known.has(ends, env) else None
 
     def ratio(self, figure: Figure, other: Figure) -> Figure:
         """How many times a figure is another one; without an interval."""
