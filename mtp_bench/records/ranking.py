@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from .._bundle import baseline_names
 from ..scoring.rank import guard, ranks_by_test, why_not_on
@@ -53,7 +54,7 @@ class _Entrant:
         """What is compared."""
         return self.record if self.level is None or self.level.hidden is None else self.level.hidden
 
-    @property
+    @cached_property  # it reads the submission of that name
     def named(self) -> str:
         """Its name, where it is the name's owner."""
         return "" if why_not_genuine(self.record) else self.record.submission.name

@@ -149,8 +149,7 @@ def sign_flip_test(difference: ArrayLike) -> float:
     if count <= EXACT_UNITS:
         bits = (np.arange(1 << count)[:, None] >> np.arange(count)) & 1
         return float((np.abs((1.0 - 2.0 * bits) @ gap) >= limit).mean())
-    signs = np.random.default_rng(_SEED).choice([-1.0, 1.0], size=(FLIPS, count))
-    extreme = int((np.abs(signs @ gap) >= limit).sum())
+    extreme = int((np.abs(_signs(count) @ gap) >= limit).sum())
     return (1 + extreme) / (1 + FLIPS)
 
 
@@ -160,6 +159,12 @@ def as_sums(name: str, values: ArrayLike) -> Array:
     require_shape(name, array, (None,))
     require_finite(name, array)
     return array
+
+
+@lru_cache(maxsize=64)  # a comparison of many agents asks for the same ones again and again
+def _signs(units: int) -> NDArray[np.int8]:
+    """Random signs [FLIPS, U], in bytes: they are kept."""
+    return np.random.default_rng(_SEED).choice([-1.0, 1.0], size=(FLIPS, units)).astype(np.int8)
 
 
 @lru_cache(maxsize=64)
