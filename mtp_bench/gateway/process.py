@@ -168,7 +168,7 @@ class AgentProcess:
         self.begun = time.monotonic()
         with self._pipes(made) as theirs:
             self._start_alone(theirs, made)
-            self._learn_number()
+        self._learn_number()  # once their ends are closed: where nobody is left to tell it, that shows at once
 
     def _start_alone(self, theirs: list[int], made: ExitStack) -> None:
         nothing, orders, answers, log, tell = theirs
