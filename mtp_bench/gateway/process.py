@@ -394,8 +394,8 @@ class AgentProcess:
         signal.pidfd_send_signal(self._handle, signal.SIGKILL)
         ready(self._handle, _ENDING)  # the first process of a namespace ends after all others
         if self._process is None:
-            with suppress(ValueError):
-                self._news(_ENDING)  # from the process that waited for it
+            while ready(self._told, _ENDING) and os.read(self._told, 4096):
+                pass  # until the process that waited for it is gone too
 
 
 def _widen(descriptor: int) -> None:
