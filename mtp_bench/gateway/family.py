@@ -78,6 +78,13 @@ def descendants(pid: int, most: int | None = None) -> list[int]:
     return found
 
 
+def ready(descriptor: int, seconds: float = 0.0) -> bool:
+    """Whether there is something to read, or the process of a handle has ended, at the latest after so long."""
+    found = select.poll()  # not select.select, which takes no number above 1023
+    found.register(descriptor, select.POLLIN)
+    return bool(found.poll(max(0.0, 1000 * seconds)))
+
+
 def end(processes: Iterable[int], seconds: float) -> None:
     """Kill processes and wait until they are gone, at most so long."""
     handles: list[int] = []
@@ -87,7 +94,5 @@ def end(processes: Iterable[int], seconds: float) -> None:
             signal.pidfd_send_signal(handles[-1], signal.SIGKILL)
     deadline = time.monotonic() + seconds
     for handle in handles:
-        gone = select.poll()
-        gone.register(handle, select.POLLIN)
-        gone.poll(max(0.0, 1000 * (deadline - time.monotonic())))
+        ready(handle, deadline - time.monotonic())
         os.close(handle)

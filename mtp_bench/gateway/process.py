@@ -11,20 +11,21 @@ import sys
 import tempfile
 import time
 from collections import deque
-from contextlib import ExitStack, suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..errors import MtpBenchError
 from .cgroup import make_group
-from .family import children, descendants, end, files_below, hide_memory, mapped, peak_memory, resident, threads
+from .family import children, descendants, end, files_below, hide_memory, mapped, peak_memory, ready, resident, threads
 from .filter import system_call_filter
 from .image import Image
 from .layout import KERNELS, SUBMISSION, TEMPORARY, Layout, environment, interpreter, library, packages
 from .limits import Isolation, Limits
 from .mechanism import Mechanism, command
-from .stems import StemError, stem_of, uproot
+from .stems import Stem, StemError, give_up, stem_of, uproot
 from .wire import HEADER_LIMIT, PREFIX, Arrays, WireError, encode, header_of
 
 _KEPT = 4096  # bytes of what the agent prints
@@ -93,7 +94,7 @@ class AgentProcess:
 
     def _start(self, made: ExitStack) -> None:
         """Start the process; ``made`` undoes it."""
-        self.begun = time.monotonic()
+        stem = stem_of(self._cell.layout) if self._cell.way == "bubblewrap" else None  # not in the agent's time
         self._group = make_group(self._limits.memory, MOST_THREADS)
         if self._group is not None:
             made.callback(self._group.remove)
@@ -102,13 +103,8 @@ class AgentProcess:
             self._folder = made.enter_context(tempfile.TemporaryDirectory(prefix="mtp_bench-agent-"))
             made.callback(hide_memory, False)
             hide_memory(True)
-        theirs = self._open_pipes(made)
-        try:
-            if not self._grow(theirs, made):
-                self._spawn(theirs, made)
-        finally:
-            for descriptor in theirs:
-                os.close(descriptor)
+        if stem is None or not self._grow(stem, made):
+            self._spawn(made)
         for descriptor in (self._orders, self._answers, self._log):
             os.set_blocking(descriptor, False)
             _widen(descriptor)
@@ -116,8 +112,9 @@ class AgentProcess:
         self._poll.register(self._answers, select.POLLIN)
         self._poll.register(self._log, select.POLLIN)
 
-    def _open_pipes(self, made: ExitStack) -> list[int]:
-        """This side's ends of the pipes, and theirs: standard input, orders, answers, log, and where news go."""
+    @contextmanager
+    def _pipes(self, made: ExitStack) -> Iterator[list[int]]:
+        """The other side's ends of new pipes: standard input, orders, answers, log, and where news go."""
         orders, self._orders = os.pipe()
         self._answers, answers = os.pipe()
         self._log, log = os.pipe()
@@ -126,27 +123,54 @@ class AgentProcess:
         os.close(end_of_it)
         for descriptor in (self._orders, self._answers, self._log, self._told):
             made.callback(os.close, descriptor)
-        return [nothing, orders, answers, log, tell]
-
-    def _grow(self, theirs: list[int], made: ExitStack) -> bool:
-        """Start it as a fork of a process that has loaded the library; whether that works here."""
-        stem = stem_of(self._cell.layout) if self._cell.way == "bubblewrap" else None
-        if stem is None:
-            return False
+        theirs = [nothing, orders, answers, log, tell]
         try:
-            self._pid = stem.grow(theirs, self._limits.disk)
+            yield theirs
+        finally:
+            for descriptor in theirs:
+                os.close(descriptor)
+
+    def _grow(self, stem: Stem, made: ExitStack) -> bool:
+        """Start it as a fork of a process that has loaded the library; whether that worked."""
+        self.begun = time.monotonic()
+        try:
+            with self._pipes(made) as theirs, self._open_doors() as doors:
+                self._pid = stem.grow([*theirs, *doors], self._limits.disk)
             self._handle = os.pidfd_open(self._pid)
-            made.callback(self._kill)
-            for door in () if self._group is None else self._group.doors:  # it waits for the first order
-                Path(door).write_text(str(self._pid))
+            if self._gone():
+                raise StemError("it ended at once")
         except (StemError, OSError):
-            uproot()  # and its forks
-            self._pid = None
+            give_up(self._cell.layout)  # and what it grew
+            self._forget()
             return False
+        except BaseException:  # interrupted: what it says next would be of this fork
+            uproot()
+            self._forget()
+            raise
+        made.callback(self._kill)
         return True
 
-    def _spawn(self, theirs: list[int], made: ExitStack) -> None:
-        """Start it as a process that loads the library itself."""
+    @contextmanager
+    def _open_doors(self) -> Iterator[list[int]]:
+        """Of the control groups, which a fork enters itself: it does not see their files."""
+        with ExitStack() as opened:
+            doors = [] if self._group is None else self._group.doors
+            yield [opened.enter_context(Path(door).open("wb", buffering=0)).fileno() for door in doors]
+
+    def _forget(self) -> None:
+        """Hold nothing of a process that is not the agent's after all."""
+        if self._handle is not None:
+            os.close(self._handle)
+        self._pid = self._handle = None
+
+    def _spawn(self, made: ExitStack) -> None:
+        """Start it as a process that loads the library itself, with pipes that no fork holds."""
+        self.begun = time.monotonic()
+        with self._pipes(made) as theirs:
+            self._start_alone(theirs, made)
+        self._learn_number()  # once their ends are closed: where nobody is left to tell it, that shows at once
+
+    def _start_alone(self, theirs: list[int], made: ExitStack) -> None:
         nothing, orders, answers, log, tell = theirs
         rules, write = os.pipe()  # a pipe holds more than the filter is long
         os.write(write, system_call_filter() or b"")
@@ -165,7 +189,6 @@ class AgentProcess:
             made.callback(self._kill)
         finally:
             os.close(rules)
-        self._learn_number()
 
     def setup(self, parameters: dict[str, Any]) -> dict[str, Any]:
         """The first message to the agent's side: where things are there, and its limits."""
@@ -205,7 +228,7 @@ class AgentProcess:
     def _news(self, seconds: float) -> dict[str, Any]:
         """What whoever shuts it in tells; raises ValueError where nothing comes in time."""
         text, deadline = b"", time.monotonic() + seconds
-        while b"}" not in text and select.select([self._told], [], [], max(0.0, deadline - time.monotonic()))[0]:
+        while b"}" not in text and ready(self._told, deadline - time.monotonic()):
             part = os.read(self._told, 4096)
             if not part:
                 break
@@ -346,7 +369,7 @@ class AgentProcess:
 
     def _gone(self) -> bool:
         """Whether the agent's process has ended: then its number may be another's."""
-        return self._handle is not None and bool(select.select([self._handle], [], [], 0)[0])
+        return self._handle is not None and ready(self._handle)
 
     def _kill(self) -> None:
         """End the agent and all that it started, and wait for it."""
@@ -369,12 +392,10 @@ class AgentProcess:
                 os.kill(pid, signal.SIGKILL)
             return
         signal.pidfd_send_signal(self._handle, signal.SIGKILL)
-        gone = select.poll()
-        gone.register(self._handle, select.POLLIN)
-        gone.poll(1000 * _ENDING)  # the first process of a namespace ends after all others
+        ready(self._handle, _ENDING)  # the first process of a namespace ends after all others
         if self._process is None:
-            with suppress(ValueError):
-                self._news(_ENDING)  # from the process that waited for it
+            while ready(self._told, _ENDING) and os.read(self._told, 4096):
+                pass  # until the process that waited for it is gone too
 
 
 def _widen(descriptor: int) -> None:

@@ -29,14 +29,16 @@ from typing import Any
 READY, HERE = b"ready", b"here"
 MOST = 1 << 20  # bytes of an order
 MOST_FILES = 1024  # that a process has open
-_OWN = ("pid", "net", "ipc", "uts", "mnt", "cgroup")
+_OWN = ("pid", "net", "ipc", "uts", "mnt")  # and that of the control groups, once it is in them
 _NOSUID, _NODEV, _NOEXEC, _RECURSIVE, _PRIVATE, _READ_ONLY = 2, 4, 8, 0x4000, 0x40000, 1
 
 
 def main() -> None:
     """Load the library, then make a fork for every order."""
-    plan, door = json.loads(sys.argv[1]), socket.socket(fileno=int(sys.argv[2]))
+    plan, given = json.loads(sys.argv[1]), int(sys.argv[2])
     resource.setrlimit(resource.RLIMIT_NOFILE, (MOST_FILES, MOST_FILES))
+    door = socket.socket(fileno=os.dup(given))  # below the limit, so that forks close it, as the judge's may not be
+    os.close(given)
     system, child = _part("namespaces"), _part("child")
     child.prepare(plan)
     for name, kernels in plan["modules"].items():
@@ -72,7 +74,7 @@ def _only(work: Callable[[], None]) -> None:
 
 def _grow(system: Any, child: Any, order: dict[str, Any], descriptors: list[int], door: socket.socket) -> None:
     """In a fork: new namespaces, whose first process is the agent's; this one waits and tells how it ended."""
-    nothing, orders, answers, log, told = descriptors
+    nothing, orders, answers, log, told, *groups = descriptors
     system.call("prctl", system.PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
     system.call("unshare", sum(system.NEW[name] for name in _OWN))
     inner = os.fork()
@@ -83,6 +85,9 @@ def _grow(system: Any, child: Any, order: dict[str, Any], descriptors: list[int]
         return
     for descriptor, place in ((nothing, 0), (log, 1), (log, 2)):
         os.dup2(descriptor, place)
+    for group in groups:
+        os.write(group, b"0")  # this process
+    system.call("unshare", system.NEW["cgroup"])  # now: their names tell the number of the judge
     _shut_in(system, order)
     door.send(HERE)  # with it the system tells the judge the number of this process
     _close_all_but(0, 1, 2, orders, answers)

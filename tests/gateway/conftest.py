@@ -6,7 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from mtp_bench.gateway.layout import compile_kernels
 from tests.support.hostile import Court
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _compiled() -> None:
+    """Else every stem compiles all kernels for itself."""
+    compile_kernels()
 
 
 @pytest.fixture

@@ -127,7 +127,7 @@ def left_over(folder: str) -> list[str]:
 
 def stem_processes() -> list[int]:
     """The process that shuts the stem in, and the stem."""
-    return [number for stem in stems._planted for number in (stem._process.pid, *children(stem._process.pid))]
+    return [number for stem in stems._planted.values() for number in (stem._process.pid, *children(stem._process.pid))]
 
 
 def test_processes_of_agents_can_be_found(court: Court) -> None:

@@ -3,24 +3,37 @@
 from __future__ import annotations
 
 import os
+import resource
 import signal
+import threading
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from mtp_bench.env.rollouts import digest
 from mtp_bench.gateway import SceneRun, mechanism, stems
+from mtp_bench.gateway.family import children
 from mtp_bench.gateway.image import image_of
-from mtp_bench.gateway.layout import layout_for
+from mtp_bench.gateway.layout import Layout, layout_for
+from mtp_bench.gateway.process import AgentProcess
 from mtp_bench.gateway.stems import StemError, can_stem, stem_of, uproot
 from mtp_bench.submission import load_submission
-from tests.support.hostile import HONEST, Court, submission
+from tests.support.hostile import HONEST, QUICK, Court, submission
 
 pytestmark = pytest.mark.skipif(mechanism.mechanism() != "bubblewrap", reason="a stem needs bubblewrap")
 
 ASKS = """
+def is_open(number):
+    try:
+        os.fstat(number)
+    except OSError:
+        return False
+    return True
+
 def act(self, observation):
     if self.frame == 0:
         {asks}
@@ -44,6 +57,21 @@ def _with_a_stem(court: Court) -> Iterator[None]:
         pytest.skip("the library is in /tmp")
     yield
     uproot()
+
+
+def planted() -> stems.Stem:
+    """The stem of this thread."""
+    return stems._planted[threading.get_native_id()]
+
+
+def inside(stem: stems.Stem) -> int:
+    """The number of the stem's own process, which bubblewrap started."""
+    return children(stem._process.pid)[0]
+
+
+def open_files() -> int:
+    """Of this process."""
+    return sum(1 for _ in Path("/proc/self/fd").iterdir())
 
 
 def forks_made(monkeypatch: pytest.MonkeyPatch) -> list[int]:
@@ -72,11 +100,11 @@ def test_a_fork_answers_as_a_process_of_its_own(court: Court, monkeypatch: pytes
 
 def test_one_stem_serves_a_submission(court: Court) -> None:
     court.run(HONEST)
-    first = stems._planted[0]
+    first = planted()
     court.again()
-    assert stems._planted == [first]
+    assert planted() is first
     court.run("def act(self, observation):\n    return self.honest(observation)  # another submission")
-    assert stems._planted != [first]
+    assert planted() is not first
     assert not first.lives
 
 
@@ -137,34 +165,190 @@ def act(self, observation):
     raise RuntimeError(f"{{found}} {{{finds}}}")
 """
     runs: list[SceneRun] = [court.run(trick)]
-    first = stems._planted[0]
+    first = planted()
     runs.append(court.again())
-    assert stems._planted == [first]
+    assert planted() is first
     assert [run.reason.split("RuntimeError: ")[1] for run in runs] == ["False True", "False True"]
 
 
 def test_unseeded_draws_differ_between_agents(court: Court) -> None:
     asks = "said = str(np.random.random()) + ' ' + str(__import__('random').random())"
-    one, first = said(court, asks).split(), stems._planted[0]
+    one, first = said(court, asks).split(), planted()
     other = court.again().reason.split("RuntimeError: ")[1].split()
-    assert stems._planted == [first]
+    assert planted() is first
     assert one[0] != other[0]
     assert one[1] != other[1]
 
 
 def test_a_stem_that_died_is_planted_again(court: Court) -> None:
     court.run(HONEST)
-    os.killpg(stems._planted[0]._process.pid, signal.SIGKILL)
-    stems._planted[0]._process.wait()
+    os.killpg(planted()._process.pid, signal.SIGKILL)
+    planted()._process.wait()
     assert court.again().status == "finished"
 
 
 def test_without_a_fork_it_starts_alone(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[stems.Stem] = []
+
     def refuse(stem: stems.Stem, descriptors: list[int], space: int) -> int:
+        tried.append(stem)
         raise StemError("no")
 
     monkeypatch.setattr(stems.Stem, "grow", refuse)
     assert court.run(HONEST).status == "finished"
+    assert court.again().status == "finished"
+    assert len(tried) == 1, "each trial may take as long as the first"
+    assert not tried[0].lives
+
+
+def test_a_stem_that_hangs_costs_one_wait(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
+    court.run(HONEST)
+    monkeypatch.setattr(stems, "_GROW", 0.5)
+    first = planted()
+    os.kill(inside(first), signal.SIGSTOP)
+    assert court.again().status == "finished"
+    assert not first.lives
+    assert not stems._planted
+
+
+def test_an_interruption_leaves_no_stem_that_says_what_nobody_waits_for(
+    court: Court, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    court.run(HONEST)
+    first, said_ready = planted(), stems.Stem._hear
+
+    def interrupted(stem: stems.Stem, expected: bytes, seconds: float) -> int:
+        time.sleep(0.5)  # until it has said where it is
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(stems.Stem, "_hear", interrupted)
+    before = open_files()
+    with pytest.raises(KeyboardInterrupt):
+        court.again()
+    assert not first.lives
+    assert open_files() == before - 1, "but for the socket of the stem"
+    monkeypatch.setattr(stems.Stem, "_hear", said_ready)
+    made = forks_made(monkeypatch)
+    assert court.again().status == "finished"
+    assert len(made) == 1
+
+
+SLOW_AGENT = """
+def act(self, observation):
+    time.sleep(0.2)
+    return self.honest(observation)
+"""
+
+
+def test_the_end_of_another_thread_ends_no_agent(court: Court) -> None:
+    """What bubblewrap made ends with the thread that started it."""
+    court.run(SLOW_AGENT)
+    uproot()
+    ready, over = threading.Event(), threading.Event()
+    found: list[SceneRun] = []
+
+    def plant() -> None:
+        court.again()
+        ready.set()
+        over.wait()
+
+    planter = threading.Thread(target=plant)
+    planter.start()
+    ready.wait()
+    user = threading.Thread(target=lambda: found.append(court.again()))
+    user.start()
+    time.sleep(1.0)  # in the middle of the scene, where both had the same stem
+    over.set()
+    planter.join()
+    user.join()
+    assert [run.status for run in found] == ["finished"]
+    court.again()
+    assert list(stems._planted) == [threading.get_native_id()], "those of threads that ended are forgotten"
+
+
+def test_threads_with_two_submissions_do_not_end_each_other(court: Court, tmp_path: Path) -> None:
+    court.run(SLOW_AGENT)
+    (tmp_path / "beside").mkdir()
+    beside = replace(court, folder=tmp_path / "beside")
+    found: list[SceneRun] = []
+    other = threading.Thread(target=lambda: found.append(beside.run(HONEST)))
+    other.start()
+    found.append(court.again())
+    other.join()
+    assert [run.status for run in found] == ["finished", "finished"]
+
+
+def test_another_environment_needs_another_stem(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
+    asks = "said = os.environ.get('MKL_NUM_THREADS')"
+    monkeypatch.setenv("MKL_NUM_THREADS", "1")
+    assert said(court, asks) == "1"
+    monkeypatch.setenv("MKL_NUM_THREADS", "2")
+    assert court.again().reason.endswith("RuntimeError: 2")
+
+
+def test_planting_takes_none_of_the_time_of_an_agent(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
+    plant = stems.Stem.__init__
+
+    quick = replace(QUICK, start=5.0)
+
+    def slowly(stem: stems.Stem, layout: Layout) -> None:
+        time.sleep(quick.start)
+        plant(stem, layout)
+
+    monkeypatch.setattr(stems.Stem, "__init__", slowly)
+    run = court.run(HONEST, quick)
+    assert run.status == "finished"
+    assert run.started < quick.start
+
+
+def test_a_judge_with_many_files_open_keeps_its_socket(court: Court) -> None:
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if limits[1] < 2048:
+        pytest.skip("this user may not open so many files")
+    resource.setrlimit(resource.RLIMIT_NOFILE, (2048, limits[1]))
+    held = [os.open("/dev/null", os.O_RDONLY) for _ in range(1100)]
+    try:
+        count = said(court, "said = str(sum(Hostile.is_open(n) for n in range(2048)))")
+    finally:
+        for descriptor in held:
+            os.close(descriptor)
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+    assert count == "5"
+
+
+ENDS = {
+    "by itself": ("os._exit(3)", "the process ended by itself with exit code 3"),
+    "by another program": ("os.execv('/proc/self/exe', ['python', '-c', 'pass'])", "exit code 0"),
+    "by a signal": ("ctypes.string_at(0)", "SIGSEGV"),
+    "with a daemon": ("os.fork() or (os.setsid(), time.sleep(100))\n        os._exit(4)", "exit code 4"),
+}
+
+
+@pytest.mark.parametrize(("does", "words"), ENDS.values(), ids=ENDS)
+def test_how_a_fork_ended(court: Court, does: str, words: str) -> None:
+    run = court.run(ASKS.format(asks=does))
+    assert words in run.reason
+    assert run.status == "crashed"
+
+
+def test_a_fork_is_in_its_control_groups_and_does_not_see_their_names(
+    court: Court, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    setup = AgentProcess.setup
+    entered: list[bool] = []
+
+    def spied(process: AgentProcess, parameters: dict[str, Any]) -> dict[str, Any]:
+        doors = process._group.doors if process._group else []
+        entered.extend(Path(door).read_text().split() == [str(process._pid)] for door in doors)
+        return setup(process, parameters)
+
+    monkeypatch.setattr(AgentProcess, "setup", spied)
+    names = said(court, "said = open('/proc/self/cgroup').read().replace(chr(10), ' ')")
+    assert f"mtp_bench-{os.getpid()}" not in names
+    assert all(entered)
+    if court.again().isolation.memory == "watch":
+        pytest.skip("no control groups here")
+    assert entered
 
 
 def test_no_stem_where_its_folder_would_hide_what_is_shown(court: Court) -> None:
