@@ -311,6 +311,8 @@ class AgentProcess:
         names = files_below(self._pid, TEMPORARY) if self._isolated and self._answered else 0
         if names > _MOST_FILES:
             raise ExcessError(f"it had made {names} files, of {_MOST_FILES}")
+        if self._group is not None:
+            return  # which counts their memory
         # What the others hold together may be in the page tables of none: count all that they could reach.
         memory = resident(self._pid) + sum(map(mapped, family[1:]))
         if memory > self._limits.memory:
