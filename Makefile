@@ -1,6 +1,7 @@
 # make demo   the comparison of the paper on ten scenes of simulated traffic: no data needed, a minute or two
 # make test   lint, types, import rules and tests, which build the site too; DATA=folder or MTP_BENCH_DATA adds those on real recordings
 # make docs   the site in site/: static, no server and no network needed; warnings are errors
+# make pages  the board, RESULTS.md and the figures of the README, made anew from the records
 # All create .venv and install what they need the first time; PYTHON=python3.13 chooses another interpreter for it.
 
 DATA ?= $(MTP_BENCH_DATA)
@@ -11,7 +12,7 @@ BIN := .venv/bin
 PYTHON ?= python3.11
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
-.PHONY: demo test lint docs clean
+.PHONY: demo test lint docs pages clean
 
 demo: .venv/installed
 	@$(BIN)/mtp-bench compare truth_past stp stp_same_budget mtp --env MTP-Intersection-v0 --scenes 10 --seeds 1
@@ -34,6 +35,9 @@ lint: .venv/installed-dev
 docs: .venv/installed-dev
 	@echo '== site'
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
+
+pages: .venv/installed
+	@$(BIN)/mtp-bench board -o leaderboard/index.html --fill leaderboard/RESULTS.md --fill README.md
 
 # pip is the last thing that `python -m venv` writes
 .venv/bin/pip:
