@@ -30,7 +30,7 @@ def why_unranked(record: Record, level: SignedLevel | None = None, ships: Ships 
     if record.status != "finished":
         unfinished = f"{record.status}: {record.status_reason}"
     elif record.missed.crashed_scenes:
-        unfinished = f"{record.missed.crashed_scenes} of {len(record.seals)} scenes and seeds were cut short"
+        unfinished = f"{record.missed.crashed_scenes} of {record.runs} scenes and seeds were cut short"
     observe = record.env.observe
     entrant = Entrant(record.row.budget, record.samples, observe == "truth", unfinished, observe == "tracks")
     return why_entrant_unranked(entrant) or why_not_comparable(record, level, ships)

@@ -17,7 +17,6 @@ from ..submission.manifest import NAME_PATTERN
 Division = Literal["closed", "open"]
 Mechanism = Literal["bubblewrap", "namespaces", "none"]
 Status = Literal["finished", "partial", "crashed", "rejected"]
-SHORT = 12  # hex digits of the hash of one run
 TOLERANCE = 1e-9  # of a number that is scored again, absolute and relative
 MOST_NAME, MOST_TEXT = 100, 2000  # characters of a name, and of a description or a reason
 MOST_NAMES, MOST_SCENES = 50, 10_000  # in a list; of a record
@@ -26,7 +25,6 @@ _FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_le
 _Name = Annotated[str, Field(max_length=MOST_NAME)]
 _Text = Annotated[str, Field(max_length=MOST_TEXT)]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
-ShortHash = Annotated[str, Field(pattern=rf"^[0-9a-f]{{{SHORT}}}$")]
 _CardDigest = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
 _Unmade = Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")]  # empty until the record is sealed
 _Seconds = Annotated[float, Field(gt=0, le=86_400)]
@@ -144,11 +142,11 @@ class IsolationPart(Section):
         return self.mechanism != "none"
 
 
-class WholePart(Section):
-    """Hashes over all runs; of each run the record keeps so much of the hash as shows which one differs."""
+class HashesPart(Section):
+    """What another run must repeat, over all scenes and seeds."""
 
-    seals: Sha256
-    rollouts: Sha256
+    seals: Sha256  # of the hash chains over the answers as they came
+    rollouts: Sha256  # of the digests of the rollouts
 
 
 class ScenePart(Section):
@@ -197,9 +195,7 @@ class Record(Section):
     silence: float | None  # m, what an agent that says nothing scores
     details: dict[str, Any]  # as `Details` of the scorer are written
     per_scene: Annotated[list[ScenePart], Field(max_length=MOST_SCENES)]
-    seals: dict[str, ShortHash]  # "scene|seed" -> hash chain over the answers as they came
-    rollout_digests: dict[str, ShortHash]  # "scene|seed"
-    whole: WholePart
+    hashes: HashesPart
     measured: MeasuredPart
     digest: _Unmade = ""
 
@@ -212,6 +208,11 @@ class Record(Section):
         """The row of one subset."""
         return next(row for row in self.rows if row.subset == subset)
 
+    @property
+    def runs(self) -> int:
+        """Number of scenes x seeds."""
+        return len(self.per_scene) * len(self.seeds)
+
     def unit_weight(self, subset: Subset) -> list[float]:
         """Weight of the targets of each unit, over all scenes."""
         return [value for scene in self.per_scene for value in scene.weight[subset]]
@@ -222,7 +223,7 @@ class Record(Section):
 
 
 def key_of(scene: str, seed: int) -> str:
-    """Key of ``seals`` and ``rollout_digests``."""
+    """Key of one run, as in ``missed.reasons``."""
     return f"{scene}|{seed}"
 
 

@@ -26,7 +26,7 @@ from ..types import Rollout
 from .canonical import digest_of
 from .evaluation import Evaluation, evaluate
 from .parts import Parts
-from .record import SHORT, IsolationPart, LatencyPart, MissedPart, WholePart
+from .record import HashesPart, IsolationPart, LatencyPart, MissedPart
 from .storage import key_of
 
 MOST_REASON = 1000  # characters of why a scene was cut short
@@ -142,22 +142,15 @@ def info_of(plan: Plan, seed: int) -> RunInfo:
     return info.model_copy(update={"submission_digest": plan.image.digest})
 
 
-def hashes(runs: Mapping[int, Sequence[SceneRun]]) -> dict[str, Any]:
-    """The fields of a record with which a run again, or stored rollouts, must agree."""
+def hashes(runs: Mapping[int, Sequence[SceneRun]]) -> HashesPart:
+    """What a run again must repeat."""
     chains = {key_of(r.rollout.scene, seed): r.seal for seed, results in runs.items() for r in results}
-    fields = rollout_hashes(rollouts_of(runs))
-    whole = WholePart(seals=digest_of(chains), rollouts=fields["whole"])
-    return {"seals": _short(chains), "rollout_digests": fields["rollout_digests"], "whole": whole}
+    return HashesPart(seals=digest_of(chains), rollouts=rollouts_hash(rollouts_of(runs)))
 
 
-def rollout_hashes(runs: Mapping[int, Sequence[Rollout]]) -> dict[str, Any]:
-    """Those of rollouts alone: ``rollout_digests``, and the rollouts of ``whole``."""
-    found = {key_of(r.scene, seed): digest(r) for seed, rollouts in runs.items() for r in rollouts}
-    return {"rollout_digests": _short(found), "whole": digest_of(found)}
-
-
-def _short(found: Mapping[str, str]) -> dict[str, str]:
-    return {key: text[:SHORT] for key, text in found.items()}
+def rollouts_hash(runs: Mapping[int, Sequence[Rollout]]) -> str:
+    """Hash over the rollouts of each seed."""
+    return digest_of({key_of(r.scene, seed): digest(r) for seed, rollouts in runs.items() for r in rollouts})
 
 
 def unanswered(runs: Mapping[int, Sequence[SceneRun]]) -> MissedPart:

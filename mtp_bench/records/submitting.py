@@ -225,7 +225,7 @@ def _record(
         missed=lost,
         isolation=isolation(runs),
         samples=every[0].forecast.shape[1],
-        **hashes(runs),
+        hashes=hashes(runs),
         measured=MeasuredPart(
             hardware=_hardware(plan.options),
             latency=latency(every),

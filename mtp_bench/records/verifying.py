@@ -21,7 +21,7 @@ from .hidden import run_hidden
 from .provenance import scorer_digest
 from .record import Difference, IsolationPart, LimitsPart, MeasuredPart, Record, unequal
 from .rerun import Runs, error_when_moved, run_again, why_not_isolated, worse_when_moved
-from .running import Plan, hashes, isolation, latency, plan_run, rollout_hashes, rollouts_of, unanswered
+from .running import Plan, hashes, isolation, latency, plan_run, rollouts_hash, rollouts_of, unanswered
 from .seal import Sealed, today
 from .storage import load_record, save_record
 from .stored import stored_rollouts
@@ -123,8 +123,7 @@ def _scored_again(
     timed: bool = True,
 ) -> Verification:
     """The check by rollouts that are stored, ``timed`` as the record says, or that were made again and are the same."""
-    said = {"rollout_digests": record.rollout_digests, "whole": record.whole.rollouts}
-    changed = tuple(unequal("", said, rollout_hashes(runs)))
+    changed = tuple(unequal("hashes.rollouts", record.hashes.rollouts, rollouts_hash(runs)))
     if changed:
         return Verification(path, record, "scored", changed, ())
     found = _evaluate(record, card, runs, reference, options)
@@ -165,10 +164,7 @@ def _run_again(path: Path, record: Record, plan: Plan, reference: Reference, sea
 
 def _said_otherwise(record: Record, plan: Plan, again: Runs, limits: Limits) -> Iterator[Difference]:
     """In what a run again differs from what the record says of its own."""
-    found = hashes(again)
-    yield from unequal("rollout_digests", record.rollout_digests, found["rollout_digests"])
-    yield from unequal("seals", record.seals, found["seals"])
-    yield from unequal("whole", record.whole.model_dump(), found["whole"].model_dump())
+    yield from unequal("hashes", record.hashes.model_dump(), hashes(again).model_dump())
     yield from unequal("submission", record.submission.model_dump(), said_of(plan).model_dump())
     yield from unequal("env.observe", record.env.observe, plan.submission.compare.observe)
     yield from unequal("env.keywords", record.env.keywords, plan.stated_keywords)

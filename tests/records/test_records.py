@@ -230,7 +230,7 @@ def test_some_are_shown_never_ranked(changes: dict[str, Any], reason: str) -> No
 def test_who_dies_in_a_scene_is_not_ranked() -> None:
     lost = {"late": 0, "malformed": 0, "crashed_scenes": 1, "reasons": {"0001|0": "crashed: it fell"}}
     sound, cut = write_record(*times(9.0), name="sound"), write_record(*EIGHT, name="cut", missed=lost)
-    assert why_unranked(cut) == f"1 of {len(cut.seals)} scenes and seeds were cut short"
+    assert why_unranked(cut) == f"1 of {cut.runs} scenes and seeds were cut short"
     assert ranks(sound, cut) == [1, None]
 
 

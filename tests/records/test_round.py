@@ -15,7 +15,7 @@ from mtp_bench.records import load_record, save_record, submit, verify
 from mtp_bench.records.attestation import level_path
 from mtp_bench.records.record import LimitsPart
 from mtp_bench.records.rerun import run_again
-from mtp_bench.records.running import plan_run, rollout_hashes, rollouts_of
+from mtp_bench.records.running import plan_run, rollouts_hash, rollouts_of
 from mtp_bench.records.verifying import Verification
 from mtp_bench.running.options import RunOptions
 from mtp_bench.submission.loader import load_submission
@@ -104,7 +104,7 @@ def test_a_random_order_changes_no_answer(made: Path, card: str, kitti: str) -> 
     for _ in range(3):
         runs = run_again(plan, record.seeds, Limits())
         assert [run.rollout.scene for run in runs[0]] == [scene.scene for scene in record.per_scene]
-        assert rollout_hashes(rollouts_of(runs))["whole"] == record.whole.rollouts
+        assert rollouts_hash(rollouts_of(runs)) == record.hashes.rollouts
 
 
 def test_other_limits_than_those_of_the_division_do_not_hold(

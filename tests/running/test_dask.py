@@ -114,7 +114,7 @@ def test_a_submission_loses_nothing_with_a_worker(cluster: Any, card: str, kitti
     here = submit(folder, card, RunOptions(kitti, seeds=(0, 1)), tmp_path / "here", "open", limits=PATIENT)
     assert killed
     assert (spread.status, spread.missed.crashed_scenes) == ("finished", 0)
-    assert spread.whole == here.whole
+    assert spread.hashes == here.hashes
 
 
 def test_an_agent_that_kills_every_worker_is_given_up(cluster: Any, card: str, kitti: str) -> None:

@@ -12,7 +12,7 @@ from mtp_bench.records.attestation import HiddenPart, Level, SignedLevel, Statem
 from mtp_bench.records.eligibility import Ships
 from mtp_bench.records.evaluation import status_of
 from mtp_bench.records.provenance import scorer_digest
-from mtp_bench.records.record import SHORT, Record, ScenePart
+from mtp_bench.records.record import Record, ScenePart
 from mtp_bench.records.shipped import Shipped, baseline_digest
 from mtp_bench.records.storage import sealed
 from mtp_bench.records.trust import ListedSeal
@@ -110,17 +110,14 @@ def make_record(
         },
     }  # fmt: skip
     content = merged(content, changed)
-    short = hex_of(name)[:SHORT]
-    keys = {f"{scene['scene']}|{seed}": short for scene in content["per_scene"] for seed in content["seeds"]}
-    whole = {"seals": hex_of(name), "rollouts": hex_of(name)}
-    content = {"seals": keys, "rollout_digests": keys, "whole": whole, **content}
+    content.setdefault("hashes", {"seals": hex_of(name), "rollouts": hex_of(name)})
     content.setdefault("status", _status(content))
     return sealed(Record.model_validate(content))
 
 
 def _status(content: Mapping[str, Any]) -> str:
     env, lost = content["env"], content["missed"]
-    runs, split = len(content["seals"]), env["keywords"].get("split")
+    runs, split = len(content["per_scene"]) * len(content["seeds"]), env["keywords"].get("split")
     return status_of(env["scenes"], env["scenes_of_split"], lost["crashed_scenes"], runs, lost["reasons"], split)[0]
 
 
