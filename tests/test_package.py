@@ -8,6 +8,7 @@ import os
 import runpy
 import subprocess
 import sys
+import tarfile
 import tomllib
 import zipfile
 from functools import partial
@@ -20,6 +21,8 @@ import yaml
 
 import mtp_bench
 from mtp_bench import _bundle
+from mtp_bench.errors import MtpBenchError
+from mtp_bench.records.packed import PACKED, unpacked
 from mtp_bench.running.options import RunOptions
 
 PUBLIC = {
@@ -162,24 +165,46 @@ def test_the_wheel_has_one_top_level_name(wheel: Path) -> None:
 def test_the_wheel_holds_the_library_and_its_bundle(wheel: Path, repository: Path) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
     assert {f"mtp_bench/{name}" for name in files_under(repository / "mtp_bench")} <= names
-    for kind in ("envs", "baselines", "leaderboard/records"):
+    for kind in ("envs", "baselines"):
         assert {f"mtp_bench/_bundled/{kind}/{name}" for name in files_under(repository / kind)} <= names
     assert not [name for name in names if "__pycache__" in name or name.endswith(".pyc")]
 
 
+def test_the_records_of_the_wheel_are_those_of_the_checkout(
+    wheel: Path, repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path / "cache"))
+    packed = Path(zipfile.ZipFile(wheel).extract(f"mtp_bench/_bundled/leaderboard/{PACKED}", tmp_path))
+    found, expected = unpacked(packed), repository / "leaderboard" / "records"
+    assert {path.relative_to(found): path.read_bytes() for path in found.glob("*/*.json")} == {
+        path.relative_to(expected): path.read_bytes() for path in expected.glob("*/*.json")
+    }
+    assert unpacked(packed) == found  # which is there already
+    packed.write_bytes(packed.read_bytes()[:-100])
+    with pytest.raises(MtpBenchError, match="its records cannot be unpacked"):
+        unpacked(packed)
+
+
+def test_the_wheel_is_small(wheel: Path) -> None:
+    assert wheel.stat().st_size < 5_000_000
+
+
 def test_rollouts_and_secrets_stay_out_of_the_wheel(repository: Path, tmp_path: Path) -> None:
-    public = [
-        "keys/allowed_signers", "owners.toml", "records/mine/MTP-KITTI-v0.json", "seals/a.commitment.json"
-    ]  # fmt: skip
+    public = ["keys/allowed_signers", "owners.toml", "seals/a.commitment.json"]
+    record = "records/mine/MTP-KITTI-v0.json"
     secret = ["keys/me", "records/mine/MTP-KITTI-v0.rollouts/seed-0/run.json", "seals/a.json", "seals/a.weights.json"]
-    for name in (*public, *secret):
+    for name in (*public, record, *secret):
         path = tmp_path / "leaderboard" / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()
     hook = runpy.run_path(str(repository / "hatch_build.py"))["LeaderboardHook"]
     data: dict[str, dict[str, str]] = {"force_include": {}}
     hook(str(tmp_path), {}, None, None, "", "wheel").initialize("standard", data)
-    assert sorted(data["force_include"].values()) == [f"mtp_bench/_bundled/leaderboard/{name}" for name in public]
+    names = {place: path for path, place in data["force_include"].items()}
+    packed = names.pop(f"mtp_bench/_bundled/leaderboard/{PACKED}")
+    assert sorted(names) == [f"mtp_bench/_bundled/leaderboard/{name}" for name in public]
+    with tarfile.open(packed) as archive:
+        assert archive.getnames() == [record]
 
 
 def test_the_installed_wheel_works_without_the_checkout(wheel: Path, tmp_path: Path) -> None:

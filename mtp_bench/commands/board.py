@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .._bundle import baseline_names, bundled
+from .._bundle import baseline_names
 from ..errors import MtpBenchError, RecordError
 from .options import JsonOption
 from .output import count, require_writable, write_json
@@ -53,13 +53,14 @@ def board(
 ) -> None:
     """Show the leaderboard: a table per environment, and a page to open in a browser."""
     from ..records import read_history, trusted
+    from ..records.packed import shipped_records
     from ..viz.board import board_files, board_json, board_notes, board_tables, parts_folder, require_parts, write_board
     from ..viz.terminal.output import show, show_lines, show_numbers
 
     require_writable(json_file, output)
     if output is not None:
         require_parts(output)
-    folder = records or bundled("leaderboard") / "records"
+    folder = records or shipped_records()
     if clips:
         _draw_clips(folder, env)
     found = read_board(records, further or (), env, output, trusted(base))
@@ -98,11 +99,12 @@ def read_board(
     """
     from ..cards import load_card
     from ..records import record_paths
+    from ..records.packed import shipped_records
     from ..viz.board import entries_of
 
     if folder is not None and not folder.is_dir():
         raise MtpBenchError(f"{folder}: no such folder of records; name another with --records")
-    folder = folder or bundled("leaderboard") / "records"
+    folder = folder or shipped_records()
     start = _Start(page, trust, folder.absolute().parent.parent / "baselines")
     refused: list[str] = []
     found = {each.record.digest: each for each in _sound(record_paths(folder), start, refused)}

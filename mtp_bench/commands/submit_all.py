@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from ..errors import MtpBenchError
+from ..errors import DataError, MtpBenchError
 from .output import count, said_of, say
 
 if TYPE_CHECKING:
@@ -50,14 +50,16 @@ def make_all(
 def _one(piece: Piece, options: RunOptions, make: Callable[[Piece], Record]) -> Line:
     from ..records.inventory import standing_record, why_impossible
 
-    reason = why_impossible(piece, options.data)
-    if reason is not None:
-        return Line(piece, "not here", note=reason)
     try:
         if standing_record(piece, options) is not None:
             return Line(piece, "kept")
+        reason = why_impossible(piece, options.data)
+        if reason is not None:
+            return Line(piece, "not here", note=reason)
         begun = time.monotonic()
         record = make(piece)
+    except DataError as error:
+        return Line(piece, "not here", note=f"no data: {error}")
     except (MtpBenchError, OSError) as error:
         return Line(piece, "failed", note=said_of(error))
     if record.status != "finished":

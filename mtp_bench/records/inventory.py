@@ -9,7 +9,7 @@ from pathlib import Path
 from .._bundle import baseline_names, card_ids
 from ..cards import load_card
 from ..env.environment import MTPEnv
-from ..errors import DataError, MtpBenchError
+from ..errors import MtpBenchError
 from ..gateway import Limits
 from ..running.options import DEFAULTS, RunOptions
 from ..running.run import agent_task
@@ -72,17 +72,16 @@ def standing_record(piece: Piece, options: RunOptions = DEFAULTS) -> Record | No
 
 
 def why_impossible(piece: Piece, data: str | None = None) -> str | None:
-    """Why there is no record to be made here: no data, or weights that nobody has trained; None where there is.
+    """Why there is no record to be made here, such as weights that nobody has trained; None where there is.
 
-    The agent is built in this process, outside the sandbox: only for submissions whose code is known.
+    The agent is built in this process, outside the sandbox: only for submissions whose code is known. Raises DataError
+    where the data of the env is missing.
     """
     submission = piece.submission
+    env = MTPEnv(piece.env, evaluation=True, data=data, observe=submission.compare.observe)
+    task = agent_task(env, 0)
     try:
-        env = MTPEnv(piece.env, evaluation=True, data=data, observe=submission.compare.observe)
-        task = agent_task(env, 0)
         submission.build(task, **submission.parameters).reset(task)
-    except DataError as error:
-        return f"no data: {error}"
     except MtpBenchError as error:
         return str(error)
     return None

@@ -8,7 +8,7 @@ import pytest
 
 from mtp_bench._bundle import baseline_names, card_ids
 from mtp_bench.errors import UnknownNameError
-from mtp_bench.records.inventory import inventory, standing_record, why_impossible
+from mtp_bench.records.inventory import inventory, standing_record
 from mtp_bench.running.options import RunOptions
 from tests.support.command_line import CommandLine, write_submission
 from tests.support.small_scenes import CARD_ID
@@ -74,11 +74,10 @@ def test_an_agent_without_weights_is_no_failure(
     assert not (tmp_path / "stp_modes").exists()
 
 
-def test_without_data_the_reason_says_so(tmp_path: Path, card: str) -> None:
-    (piece,) = inventory([card], ["stp"], tmp_path)
-    reason = why_impossible(piece, str(tmp_path))
-    assert reason is not None
-    assert reason.startswith("no data: ")
+def test_without_data_the_reason_says_so(cli: CommandLine, tmp_path: Path, card: str) -> None:
+    done = cli("submit", "--all", "stp", "--env", card, "--data", tmp_path, "-o", tmp_path / "records")
+    assert done.status == 0
+    assert f"stp on {card}: not here: no data: " in done.err
 
 
 def test_no_record_is_begun_after_the_time(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
