@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 
@@ -26,6 +26,11 @@ def detectors(incomplete: str) -> list[str]:
     from ..detector.profile import profile_names
 
     return _offered(["iid", "hard", *profile_names(), *_beside(incomplete, "*.toml")], incomplete)
+
+
+def words(*known: str) -> Callable[[str], list[str]]:
+    """One of a few words."""
+    return lambda incomplete: _offered(known, incomplete)
 
 
 def _beside(incomplete: str, pattern: str) -> list[str]:

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from .completion import words
 from .options import DataOption, FolderArgument, JsonOption, RunCardOption, one_of
 from .output import require_writable, write_json
 
@@ -14,9 +15,18 @@ def events(
     folder: FolderArgument,
     scene: Annotated[str | None, typer.Option(help="Only this scene.")] = None,
     kind: Annotated[
-        list[str] | None, typer.Option(help="Only ids, lost, reacquired or spurious (false forecasts); repeatable.")
+        list[str] | None,
+        typer.Option(
+            help="Only ids, lost, reacquired or spurious (false forecasts); repeatable.",
+            autocompletion=words("ids", "lost", "reacquired", "spurious"),
+        ),
     ] = None,
-    sort: Annotated[str, typer.Option(help="cost: the largest error first; time: by scene and frame.")] = "time",
+    sort: Annotated[
+        str,
+        typer.Option(
+            help="cost: the largest error first; time: by scene and frame.", autocompletion=words("cost", "time")
+        ),
+    ] = "time",
     top: Annotated[int | None, typer.Option(min=1, help="Only the first N.")] = None,
     root: DataOption = None,
     env: RunCardOption = None,

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from .completion import words
 from .options import DataOption, FolderArgument, RunCardOption, one_of
 from .output import count
 
@@ -14,7 +15,7 @@ WHAT = ("tracks", "prediction")
 
 
 def export(
-    what: Annotated[str, typer.Argument(help="tracks or prediction.")],
+    what: Annotated[str, typer.Argument(help="tracks or prediction.", autocompletion=words(*WHAT))],
     folder: FolderArgument,
     output: Annotated[Path, typer.Option("-o", "--output", help="File (.json) or, of KITTI and tables, folder.")],
     table: Annotated[bool, typer.Option("--table", help="Tracks as tables: a .csv file for each scene.")] = False,

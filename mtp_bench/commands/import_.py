@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .completion import words
 from .options import DataOption, SplitOption, one_of
 from .output import count, prepare
 
@@ -17,8 +18,11 @@ if TYPE_CHECKING:
     from ..types import Scene
 
 FolderOption = Annotated[Path, typer.Option("-o", "--output", help="New folder for the scenes and their card.")]
-FormOption = Annotated[str, typer.Option("--form", help="npz (whole scenes), or csv or parquet (tables).")]
 FORMS = ("npz", "csv", "parquet")
+FormOption = Annotated[
+    str,
+    typer.Option("--form", help="npz (whole scenes), or csv or parquet (tables).", autocompletion=words(*FORMS)),
+]
 
 import_ = typer.Typer(no_args_is_help=True, help="Make a folder of own scenes, and a card for them, of other forms.")
 

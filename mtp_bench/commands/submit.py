@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import MtpBenchError, RecordError
-from .completion import env_ids, submissions
+from .completion import env_ids, submissions, words
 from .options import DataOption, TracksOption, WorkerChoice, absolute, one_of
 from .output import count, number, prepare, said_of, say, some_of, working
 
@@ -29,7 +29,7 @@ DIVISIONS = ("closed", "open")
 class Entry:
     """How a record is entered on the leaderboard."""
 
-    division: Annotated[str, typer.Option(help="closed or open.")] = "closed"
+    division: Annotated[str, typer.Option(help="closed or open.", autocompletion=words(*DIVISIONS))] = "closed"
     training_data: Annotated[
         list[str] | None, typer.Option(help="Data it was trained on beside what its manifest says.")
     ] = None

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .completion import words
 from .options import DataOption, EnvScenes, JobsOption, TextOption, WorkerChoice, one_of, opened
 from .output import prepare, print_or_write, require_writable, working
 
@@ -52,12 +53,22 @@ def _noise(on: EnvScenes, observe: str, jobs: int, output: Path | None, fit: Fit
 def predictor(
     network: Annotated[str, typer.Argument(metavar="NAME", help="Name of a network; see baselines/README.md.")],
     on: EnvScenes,
-    pasts: Annotated[str, typer.Option("--on", help="truth: true pasts. tracklets: what a tracker makes.")] = "truth",
+    pasts: Annotated[
+        str,
+        typer.Option(
+            "--on",
+            help="truth: true pasts. tracklets: what a tracker makes.",
+            autocompletion=words("truth", "tracklets"),
+        ),
+    ] = "truth",
     also: Annotated[list[str] | None, typer.Option(help="Learn from this environment too; may be repeated.")] = None,
     hypotheses: Annotated[int, typer.Option(min=1, help="Of the tracker whose tracklets are learnt from.")] = 20,
     epochs: Annotated[int | None, typer.Option(min=1, help="At most so many; else what suits the network.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of all random numbers.")] = 0,
-    device: Annotated[str, typer.Option(help="auto (a GPU where there is one), cpu or cuda.")] = "auto",
+    device: Annotated[
+        str,
+        typer.Option(help="auto (a GPU where there is one), cpu or cuda.", autocompletion=words("auto", "cpu", "cuda")),
+    ] = "auto",
     jobs: JobsOption = 0,
     output: TextOption = None,
 ) -> None:

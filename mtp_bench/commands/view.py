@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import MtpBenchError
+from .completion import words
 from .options import DataOption, RunCardOption, one_of
 from .output import require_writable
 
@@ -23,7 +24,11 @@ def view(
     scene: Annotated[str | None, typer.Option(help="Which scene; the first of the run.")] = None,
     at: Annotated[str | None, typer.Option(help="Open at this event; `mtp-bench events` lists them.")] = None,
     level: Annotated[
-        str, typer.Option(help="off, tracks, top (3 samples per object) or all (every sample and hypothesis).")
+        str,
+        typer.Option(
+            help="off, tracks, top (3 samples per object) or all (every sample and hypothesis).",
+            autocompletion=words("off", "tracks", "top", "all"),
+        ),
     ] = "top",
     save: Annotated[Path | None, typer.Option(help="Write a recording (.rrd) instead.")] = None,
     png: Annotated[

@@ -10,7 +10,14 @@ from pathlib import Path
 import pytest
 
 from mtp_bench._bundle import baseline_names, card_ids
+from mtp_bench.commands.export import WHAT
+from mtp_bench.commands.import_ import FORMS
+from mtp_bench.commands.submit import DIVISIONS
 from mtp_bench.detector.profile import profile_names
+from mtp_bench.training.predictors import ON
+from mtp_bench.viz.replay import KINDS
+from mtp_bench.viz.rerun.arrays import LEVELS
+from mtp_bench.viz.terminal.event_table import ORDERS
 
 
 def offered(words: str, folder: Path) -> list[str]:
@@ -51,6 +58,22 @@ def test_detectors(folder: Path) -> None:
     kitti = [name for name in profile_names() if name.startswith("kitti")]
     assert len(kitti) > 1
     assert offered("run stp --env MTP-KITTI-v0 --detector kitti", folder) == kitti
+
+
+WORDS = {
+    "events runs/stp --kind": KINDS,
+    "events runs/stp --sort": ORDERS,
+    "view runs/stp --level": LEVELS,
+    "export": WHAT,
+    "import kitti --form": FORMS,
+    "train predictor modes --on": ON,
+    "submit stp --division": DIVISIONS,
+}
+
+
+@pytest.mark.parametrize("asked", WORDS)
+def test_words_that_an_option_takes(asked: str, folder: Path) -> None:
+    assert sorted(offered(f"{asked} ", folder)) == sorted(WORDS[asked])
 
 
 def test_commands_and_options(folder: Path) -> None:
