@@ -65,8 +65,10 @@ def study(
     from .write import write_study
 
     found = find(names, env_id, folder, quick_options(options) if quick else options, quick)
+    options.progress.started(4)  # drawing takes a while, too
     tables = make_tables(found)
-    written = write_study(folder, found, tables, command)
+    options.progress.done("tables")
+    written = write_study(folder, found, tables, command, options.progress.done)
     return Study(folder, found, tables, written.page, written.figures)
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..files import make_folder, write_bytes, write_text
+from ..parallel import Done
 from .figures import make_figures
 from .findings import Findings
 from .gallery import gallery
@@ -22,8 +23,8 @@ class Written(NamedTuple):
     figures: int
 
 
-def write_study(folder: Path, found: Findings, tables: dict[str, Table], command: str) -> Written:
-    """Write everything. ``command``: that makes the study again."""
+def write_study(folder: Path, found: Findings, tables: dict[str, Table], command: str, done: Done) -> Written:
+    """Write everything. ``command``: that makes the study again. ``done`` is told what is written."""
     make_folder(folder / TABLES)
     for table in tables.values():
         write_text(folder / TABLES / f"{table.name}.csv", table.to_csv())
@@ -33,6 +34,7 @@ def write_study(folder: Path, found: Findings, tables: dict[str, Table], command
     for figure in figures.values():
         write_text(folder / FIGURES / f"{figure.name}.svg", figure.svg_file)
         write_bytes(folder / FIGURES / f"{figure.name}.png", figure.png)
+    done("figures")
     pictures = gallery(found)
     if pictures:
         make_folder(folder / EVENTS)
@@ -40,5 +42,7 @@ def write_study(folder: Path, found: Findings, tables: dict[str, Table], command
         write_text(folder / EVENTS / f"{picture.figure.name}.svg", picture.figure.svg_file)
         write_bytes(folder / EVENTS / f"{picture.figure.name}.png", picture.figure.png)
         write_bytes(folder / EVENTS / f"{picture.figure.name}-focus.png", picture.focus)
+    done("pictures of events")
     write_text(folder / PAGE, study_page(found, tables, figures, pictures, command))
+    done("page")
     return Written(folder / PAGE, len(figures))
