@@ -4,8 +4,9 @@ An agent's process gets detections frame by frame and sends answers; rewards, ``
 judge. Every answer enters a hash chain before the next frame is sent. What an agent does ends at most its scene.
 
 Who does what: `image` copies and hashes the submission, `layout` lists what the agent sees, `filter` the calls that it
-may not make, `mechanism` chooses who shuts it in (bubblewrap, or `namespaces`), `launch` starts it, `child` runs in it;
-`process` exchanges messages (`wire`) and watches it, `exchange` asks frame by frame. ``SECURITY.md`` says what holds,
+may not make, `mechanism` chooses who shuts it in (bubblewrap, or `namespaces`), `launch` starts it or a `stem` of which
+it is a fork (`stems` keeps these), `child` runs in it; `process` starts, watches and ends it, `channel` exchanges
+messages (`wire`), `exchange` asks frame by frame. ``SECURITY.md`` says what holds,
 and what does not. Where a system cannot isolate, agents run with limits only, and `SceneRun.isolation` says so.
 """
 

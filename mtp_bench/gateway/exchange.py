@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from ..files import clean_text
 from ..types import ABSENT_BELOW, Rollout
+from .channel import EndedError
 from .limits import PATIENCE, Limits, SceneRun
-from .process import AgentProcess, EndedError, ExcessError, Message
+from .process import AgentProcess, ExcessError, Message
 from .wire import Arrays, WireError, arrays_of
 
 Action = dict[str, Any]

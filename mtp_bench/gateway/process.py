@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 import os
-import select
 import signal
 import subprocess
 import sys
 import tempfile
 import time
-from collections import deque
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
@@ -19,6 +17,7 @@ from typing import Any
 
 from ..errors import MtpBenchError
 from .cgroup import make_group
+from .channel import Channel
 from .family import children, descendants, end, files_below, hide_memory, mapped, peak_memory, ready, resident, threads
 from .filter import system_call_filter
 from .image import Image
@@ -26,21 +25,15 @@ from .layout import KERNELS, SUBMISSION, TEMPORARY, Layout, environment, interpr
 from .limits import Isolation, Limits
 from .mechanism import Mechanism, command
 from .stems import Stem, StemError, give_up, stem_of, uproot
-from .wire import HEADER_LIMIT, PREFIX, Arrays, WireError, encode, header_of
+from .wire import Arrays, header_of
 
-_KEPT = 4096  # bytes of what the agent prints
 _LAST_WORDS = 2.0  # s until it is known how a process ended
 _ENDING = 5.0  # s that the system may take to end a process
 _WATCH = 0.1  # s between looks at the agent's processes while they are waited for
 _MOST_PROCESSES = 64
 _MOST_FILES = 10_000  # in its temporary folder: their names take memory that nothing else counts
 MOST_THREADS = 1024  # of all its processes; the system's own limit does not hold for root
-_PIPE = 1 << 20  # bytes that a pipe holds, where the system allows it
 Message = tuple[dict[str, Any], bytes]
-
-
-class EndedError(Exception):
-    """The agent's process is gone."""
 
 
 class ExcessError(Exception):
@@ -65,14 +58,9 @@ class AgentProcess:
         self._most = limits.answer if most is None else most  # bytes of the body of a message
         self._watched = time.monotonic()
         self._answered = False  # once it has, it runs in its own root
-        self._outgoing: deque[memoryview] = deque()
-        self._printed = bytearray()
         self._process: subprocess.Popen[bytes] | None = None  # that was started for it; None: it is a fork of a stem
         self._pid: int | None = None  # of the process with the agent, which the one that was started may not be
         self._handle: int | None = None
-        self._incoming = bytearray()  # grows to `_wanted` bytes: first the prefix, then header and body
-        self._wanted = PREFIX.size
-        self._lengths: tuple[int, int] | None = None
 
     @property
     def isolation(self) -> Isolation:
@@ -105,12 +93,7 @@ class AgentProcess:
             hide_memory(True)
         if stem is None or not self._grow(stem, made):
             self._spawn(made)
-        for descriptor in (self._orders, self._answers, self._log):
-            os.set_blocking(descriptor, False)
-            _widen(descriptor)
-        self._poll = select.poll()
-        self._poll.register(self._answers, select.POLLIN)
-        self._poll.register(self._log, select.POLLIN)
+        self._channel = Channel(self._orders, self._answers, self._log, self._most)
 
     @contextmanager
     def _pipes(self, made: ExitStack) -> Iterator[list[int]]:
@@ -238,8 +221,7 @@ class AgentProcess:
 
     def send(self, header: dict[str, Any], arrays: Arrays | None = None) -> None:
         """Queue a message; it is written as far as the agent reads, now and while `receive` waits."""
-        self._outgoing.extend(memoryview(part) for part in encode(header, arrays) if len(part))
-        self._write()
+        self._channel.send(header, arrays)
 
     def receive(self, deadline: float) -> Message | None:
         """The next message, None if it is not whole at ``deadline`` (s, of `time.monotonic`).
@@ -247,15 +229,15 @@ class AgentProcess:
         Raises WireError for what is no message or longer than allowed, EndedError if the process is gone, ExcessError
         if there are too many, or they hold more memory than is allowed.
         """
-        while (message := self._whole()) is None:
+        while (message := self._channel.whole()) is None:
             now = time.monotonic()
             if now >= deadline:
                 return None
             if now >= self._watched + _WATCH:
                 self._watch()
                 self._watched = time.monotonic()
-            if not self._read():
-                self._wait(min(deadline, self._watched + _WATCH))
+            if not self._channel.read():
+                self._channel.wait(min(deadline, self._watched + _WATCH))
         self._answered = True
         return header_of(message[0]), message[1]
 
@@ -268,9 +250,7 @@ class AgentProcess:
 
     def printed(self) -> str:
         """The last line of what the agent printed first, for an error text."""
-        self._read_log()
-        lines = self._printed.decode(errors="replace").split("\n")
-        return next((line.strip()[:200] for line in reversed(lines) if line.strip()), "")
+        return self._channel.printed()
 
     def end(self) -> str:
         """How the process ended, in words."""
@@ -282,19 +262,6 @@ class AgentProcess:
         if ended in set(map(int, signal.Signals)):
             return f"was ended by {signal.Signals(ended).name}"
         return f"ended by itself with exit code {code}"
-
-    def _whole(self) -> tuple[bytes, bytes] | None:
-        """Header and body of the message that is being read, once it is complete."""
-        if self._lengths is None and len(self._incoming) == PREFIX.size:
-            header, body = PREFIX.unpack(self._incoming)
-            if header > HEADER_LIMIT or body > self._most:
-                raise WireError(f"it announced a message of {header} + {body} bytes")
-            self._lengths, self._wanted, self._incoming = (header, body), header + body, bytearray()
-        if self._lengths is None or len(self._incoming) < self._wanted:
-            return None
-        whole, (header, _) = memoryview(self._incoming), self._lengths
-        self._lengths, self._wanted, self._incoming = None, PREFIX.size, bytearray()
-        return bytes(whole[:header]), bytes(whole[header:])
 
     def _watch(self) -> None:
         """See that a process that starts others does not take the machine; the limits of the system hold for each."""
@@ -319,55 +286,6 @@ class AgentProcess:
             raise ExcessError(
                 f"its {len(family)} processes held {memory >> 20} MiB, of {self._limits.memory >> 20} MiB"
             )
-
-    def _read(self) -> bool:
-        """Read what is there; whether anything was."""
-        if len(self._incoming) == self._wanted:  # a message of no bytes
-            raise WireError("an empty message")
-        try:
-            found = os.read(self._answers, min(self._wanted - len(self._incoming), _PIPE))
-        except BlockingIOError:
-            return False
-        if not found:
-            raise EndedError
-        self._incoming += found
-        return True
-
-    def _wait(self, deadline: float) -> None:
-        """Wait for something to read or to write, at most until the deadline."""
-        if self._outgoing:
-            self._poll.register(self._orders, select.POLLOUT)
-        left = max(0.0, deadline - time.monotonic())
-        ready = dict(self._poll.poll(left * 1000))
-        if self._outgoing:
-            self._poll.unregister(self._orders)
-        if self._orders in ready:
-            self._write()
-        if self._log in ready:
-            self._read_log()
-
-    def _write(self) -> None:
-        while self._outgoing:
-            try:
-                count = os.write(self._orders, self._outgoing[0])
-            except BlockingIOError:
-                return
-            except BrokenPipeError:  # the end shows when its answer is read
-                self._outgoing.clear()
-                return
-            part = self._outgoing.popleft()
-            if count < len(part):
-                self._outgoing.appendleft(part[count:])
-
-    def _read_log(self) -> None:
-        with suppress(BlockingIOError):
-            for _ in range(16):  # what an agent prints must not keep the judge busy
-                found = os.read(self._log, 1 << 16)
-                self._printed += found[: _KEPT - len(self._printed)]
-                if not found:
-                    with suppress(KeyError):
-                        self._poll.unregister(self._log)
-                    return
 
     def _gone(self) -> bool:
         """Whether the agent's process has ended: then its number may be another's."""
@@ -398,10 +316,3 @@ class AgentProcess:
         if self._process is None:
             while ready(self._told, _ENDING) and os.read(self._told, 4096):
                 pass  # until the process that waited for it is gone too
-
-
-def _widen(descriptor: int) -> None:
-    with suppress(ImportError, AttributeError, OSError):
-        import fcntl
-
-        fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, _PIPE)
