@@ -174,14 +174,13 @@ def _differences(entrant: _Entrant, stp: _Entrant | None) -> dict[Subset, Paired
     """The error of a record minus that of the record of ``stp`` of the same k, paired unit by unit."""
     if stp is None or stp is entrant or stp.record.samples != entrant.record.samples:
         return {}
-    found = {
-        subset: paired_difference(
-            entrant.sums.unit_error(subset), stp.sums.unit_error(subset), stp.sums.unit_weight(subset)
-        )
-        for subset in SUBSETS
-        if entrant.record.status == "finished"
-    }
-    return {subset: difference for subset, difference in found.items() if difference is not None}
+    found: dict[Subset, PairedDifference] = {}
+    for subset in SUBSETS if entrant.record.status == "finished" else ():
+        errors = entrant.sums.unit_error(subset), stp.sums.unit_error(subset)
+        difference = paired_difference(*errors, stp.sums.unit_weight(subset))
+        if difference is not None:
+            found[subset] = difference
+    return found
 
 
 def _named(name: str, entrants: Sequence[_Entrant]) -> _Entrant | None:
