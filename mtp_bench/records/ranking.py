@@ -15,10 +15,12 @@ from ..scoring.statistics import PairedDifference, gap_closed, paired_difference
 from ..scoring.subsets import SUBSETS, Subset
 from .attestation import LEVELS, HiddenPart, SignedLevel
 from .eligibility import Ships, taken_names, why_not_comparable, why_not_genuine, why_unranked
-from .record import Record
+from .record import Record, SubmissionPart
 from .shipped import shipped
 
 STP, TRUTH = "stp", "truth_past"
+# Between whom the gap of an agent with a network is: one hypothesis, and true pasts, with the network of true pasts
+NETWORK_ENDS = {"modes": ("stp_modes", "truth_modes"), "ptp": ("stp_ptp", "truth_ptp")}
 OTHERS = "other data, scenes or hidden scenes than the ranked ones"
 
 
@@ -37,6 +39,7 @@ class Standing:
     places: Mapping[Subset, Place]
     compared: bool = False  # with the main ranking of its environment, whether or not that has ranks
     gaps: Mapping[Subset, float] = field(default_factory=dict)  # what it closes of that from STP to true pasts
+    own_gaps: Mapping[Subset, float] = field(default_factory=dict)  # of that between ends with its own predictor
     differences: Mapping[Subset, PairedDifference] = field(default_factory=dict)  # of what ranks, to STP beside it
 
 
@@ -108,10 +111,13 @@ def _of_env(records: Sequence[Record], levels: Mapping[str, SignedLevel], ships:
             ranked = [_nowhere(_outside(division, place["all"])) for place in ranked]
         places |= {entrant.record.digest: place for entrant, place in zip(group, ranked, strict=True)}
     inside = {entrant.record.digest for entrant in groups.get(("closed", main), [])} if main is not None else set()
-    gaps = {entrant.record.digest: _gaps(entrant, beside) for entrant in beside}
+    gaps = {entrant.record.digest: _gaps(entrant, beside, (STP, TRUTH)) for entrant in beside}
+    own = {each.record.digest: _own_gaps(each, beside, gaps[each.record.digest]) for each in beside}
     differences = {entrant.record.digest: _differences(entrant, _named(STP, beside)) for entrant in beside}
     return {
-        digest: Standing(place, digest in inside, gaps.get(digest, {}), differences.get(digest, {}))
+        digest: Standing(
+            place, digest in inside, gaps.get(digest, {}), own.get(digest, {}), differences.get(digest, {})
+        )
         for digest, place in places.items()
     }
 
@@ -156,9 +162,18 @@ def _places(group: Sequence[_Entrant], stp: _Entrant | None) -> list[dict[Subset
     return places
 
 
-def _gaps(entrant: _Entrant, beside: Sequence[_Entrant]) -> dict[Subset, float]:
-    """What a record closes of the gap between the records of STP and of true pasts ``beside`` it, all of one k."""
-    stp, truth = _named(STP, beside), _named(TRUTH, beside)
+def own_ends(submission: SubmissionPart) -> tuple[str, str] | None:
+    """Whose records are the ends of a gap with the predictor of a submission; None where there are none."""
+    if submission.ends == "controls":
+        return STP, TRUTH
+    networks = sorted(name.partition("-")[0] for name in submission.networks)
+    found = next((NETWORK_ENDS[name] for name in networks if name in NETWORK_ENDS), None)
+    return found if submission.ends == "own" else None
+
+
+def _gaps(entrant: _Entrant, beside: Sequence[_Entrant], ends: tuple[str, str] | None) -> dict[Subset, float]:
+    """What a record closes of the gap between two records ``beside`` it, all of one k."""
+    stp, truth = (None, None) if ends is None else (_named(name, beside) for name in ends)
     if stp is None or truth is None or len({each.record.samples for each in (entrant, stp, truth)}) > 1:
         return {}
     closed: dict[Subset, float] = {}
@@ -168,6 +183,12 @@ def _gaps(entrant: _Entrant, beside: Sequence[_Entrant]) -> dict[Subset, float]:
         if gap is not None:
             closed[subset] = gap.closed
     return closed
+
+
+def _own_gaps(entrant: _Entrant, beside: Sequence[_Entrant], gaps: Mapping[Subset, float]) -> Mapping[Subset, float]:
+    """What a record closes of the gap between ends with its own predictor; ``gaps``: between STP and true pasts."""
+    ends = own_ends(entrant.record.submission)
+    return gaps if ends == (STP, TRUTH) else _gaps(entrant, beside, ends)
 
 
 def _differences(entrant: _Entrant, stp: _Entrant | None) -> dict[Subset, PairedDifference]:

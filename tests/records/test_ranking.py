@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
 
-from mtp_bench.records import standings
+import numpy as np
+import pytest
+
+from mtp_bench.records import Record, standings
 from mtp_bench.records.evaluation import per_scene_of
 from mtp_bench.scoring import SUBSETS, AgentScores, Reference, SceneScore, score_scene, summarise
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.scoring.weights import SceneWeights, scene_key
 from tests.support.scoring_scenes import make_card, random_case, take_objects
-from tests.support.stored_records import make_record, ships_of
+from tests.support.stored_records import make_record, ships_of, write_record
 
 CARD = make_card(samples=4)
 NAMES = [f"s{i}" for i in range(9)]
@@ -33,6 +36,24 @@ def weights_of(scores: tuple[SceneScore, ...]) -> Reference:
         counts, flags = rng.integers(0, 9, (len(score), 4)).astype(np.uint8), rng.random((len(score), 3)) < 0.3
         scenes[scene_key(CARD.id, score.scene)] = SceneWeights(counts, flags, (3, 3, 3), 40, 80)
     return Reference(CARD.id, CARD.digest, "2.0", "stp", 48, {}, scenes)
+
+
+def test_the_gap_of_an_agent_with_a_network_is_between_ends_with_it() -> None:
+    """0: one hypothesis with the network; 1: true pasts with it. Of one with another network there is none."""
+
+    def record(name: str, error: float, networks: Sequence[str] = (), ends: str | None = None, **env: str) -> Record:
+        said = {"ends": ends, "networks": {f"{network}-MTP-X-v0.safetensors": "0" * 64 for network in networks}}
+        return write_record(*(error + 0.1 * (i % 3) for i in range(8)), name=name, submission=said, env=env)
+
+    ends = [record("stp_modes", 4.0, ends="own"), record("truth_modes", 2.0, observe="truth")]
+    mine, other = record("mine", 3.5, ["modes-tracklets"], "own"), record("other", 3.5, ["affinity-tracklets"], "own")
+    records = [record("stp", 5.0, ends="controls"), record("truth_past", 1.0, observe="truth"), *ends, mine, other]
+    found = standings(records, ships=ships_of(*records))
+    assert found[mine.digest].own_gaps["all"] == pytest.approx(0.25)
+    assert found[mine.digest].gaps["all"] == pytest.approx(0.375)
+    assert found[other.digest].own_gaps == {}
+    assert found[records[0].digest].own_gaps == found[records[0].digest].gaps
+    assert found[ends[0].digest].own_gaps == {}  # of its own network this one says nothing
 
 
 def test_records_rank_as_the_comparison_of_the_same_runs_does() -> None:

@@ -171,6 +171,7 @@ def thousand_entries() -> list[Entry]:
             {subset: Place(1 + place) for subset in SUBSETS},
             True,
             {"all": 0.25},
+            {"all": 0.25},
             {} if place == 0 else {"all": difference},
         )
         found.append(Entry(pattern.model_copy(update={"env": env, "submission": submission}), standing))

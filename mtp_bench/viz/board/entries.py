@@ -149,9 +149,7 @@ class Entry:
 
     def same_predictor_gap(self, subset: Subset) -> float | None:
         """What it closes of the gap between ends with its own predictor, where that is known."""
-        if self.record.submission.ends == "controls":
-            return self.standing.gaps.get(subset)
-        return self.row_of(subset).gap_closed_same_predictor
+        return self.standing.own_gaps.get(subset, self.row_of(subset).gap_closed_same_predictor)
 
 
 def entries_of(found: Sequence[Found]) -> list[Entry]:

@@ -10,15 +10,13 @@ from collections import Counter
 
 from ...errors import RecordError
 from ...records.attestation import LEVELS
-from ...records.ranking import STP, TRUTH
+from ...records.ranking import STP, TRUTH, own_ends
 from ...scoring.rank import why_not_on
 from ...scoring.statistics import gap_closed, paired_difference, share_interval
 from ..board.entries import LEVEL_TEXT
 from ..terminal.paper import figures_of
 from .figure import Figure, Kind
 from .known import Known, Scored, subset_of
-
-ENDS = {"modes": ("stp_modes", "truth_modes"), "ptp": ("stp_ptp", "truth_ptp")}  # of gaps, by network
 
 _PAPER_SUBSETS = {"all": "all", "paper_ids": "ids", "paper_frag": "frag"}  # ours -> the paper's
 
@@ -131,12 +129,8 @@ class Figures:
 
     def _ends(self, scored: Scored, env: str) -> tuple[str, str] | None:
         """Whose records are the ends with its predictor; None where there are none."""
-        said = scored.record.submission
-        if said.ends == "controls":
-            return STP, TRUTH
-        networks = {name.partition("-")[0] for name in said.networks}
-        ends = next((ENDS[name] for name in sorted(networks) if name in ENDS), None)
-        return ends if ends is not None and said.ends == "own" and self._known.has(ends, env) else None
+        ends = own_ends(scored.record.submission)
+        return ends if ends in (None, (STP, TRUTH)) or self._known.has(ends, env) else None
 
     def ratio(self, figure: Figure, other: Figure) -> Figure:
         """How many times a figure is another one; without an interval."""
