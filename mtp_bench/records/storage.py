@@ -110,9 +110,12 @@ def checked(content: dict[str, Any], path: str) -> Record:
 
 
 def record_paths(folder: str | Path) -> list[Path]:
-    """Files of the records in ``folder`` and the folders below it, sorted; no levels, rollouts or parts."""
+    """Files of the records in ``folder`` and the folders below it, sorted; no levels, rollouts or parts.
+
+    Nor files that are being written just now: their names begin with a dot.
+    """
     folder = Path(folder)
-    found = [path for path in sorted(folder.rglob("*.json")) if not path.name.endswith(LEVEL_SUFFIX)]
+    found = [path for path in sorted(folder.rglob("[!.]*.json")) if not path.name.endswith(LEVEL_SUFFIX)]
     inside = (ROLLOUTS, PARTS)
     return [path for path in found if not any(part.endswith(inside) for part in path.relative_to(folder).parts)]
 

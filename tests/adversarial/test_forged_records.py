@@ -128,7 +128,7 @@ def test_answers_of_true_pasts_under_another_name_are_found(
         verify(path, RunOptions(kitti), card)
     checked = verify(path, RunOptions(kitti), card, submission=folder, rerun=True)
     assert checked.level == "scored"
-    assert checked.differences[0].what == "hashes.rollouts"
+    assert "hashes.rollouts" in [difference.what for difference in checked.differences]
 
 
 def test_seals_are_verified_when_a_submission_runs_again(

@@ -42,11 +42,17 @@ RECORDED = [env_id for env_id in mtp_bench.card_ids() if env_id not in NEEDS_NO_
 EVERY_CARD = [*NEEDS_NO_DATA, *(pytest.param(env_id, marks=pytest.mark.data) for env_id in RECORDED)]
 
 
+TRAINING = {  # of validation scenes there are none here, and of CenterPoint no detections either
+    "MTP-nuScenes-v0": {"split": "train"},
+    "MTP-nuScenes-CenterPoint-v0": {"split": "train", "detector": "megvii"},
+}
+
+
 def make_here(env_id: str, **sizes: Any) -> gym.Env[Any, Any]:
     """The env on scenes that there are: of nuScenes only training scenes, of simulated traffic the first one."""
     if env_id in NEEDS_NO_DATA:
         return gym.make(env_id, scenes=MTPEnv(env_id).scene_names[:1], **sizes)
-    return gym.make(env_id, split="train" if env_id == "MTP-nuScenes-v0" else None, **sizes)
+    return gym.make(env_id, **TRAINING.get(env_id, {}), **sizes)
 
 
 @pytest.mark.parametrize("sizes", [{}, SMALL], ids=["card's sizes", "small sizes"])

@@ -143,6 +143,7 @@ def test_rollouts_are_no_records(tmp_path: Path) -> None:
     save_record(write_record(1.0), tmp_path / "echo" / "a.json")
     (tmp_path / "echo" / "a.rollouts" / "seed-0").mkdir(parents=True)
     (tmp_path / "echo" / "a.rollouts" / "seed-0" / "run.json").touch()
+    (tmp_path / "echo" / ".b.1.0a.part.json").touch()  # is being written
     assert record_paths(tmp_path) == [tmp_path / "echo" / "a.json"]
 
 
