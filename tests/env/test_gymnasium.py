@@ -42,7 +42,8 @@ RECORDED = [env_id for env_id in mtp_bench.card_ids() if env_id not in NEEDS_NO_
 EVERY_CARD = [*NEEDS_NO_DATA, *(pytest.param(env_id, marks=pytest.mark.data) for env_id in RECORDED)]
 
 
-TRAINING: dict[str, dict[str, Any]] = {  # of validation scenes there are none here, and of CenterPoint no detections either
+# Of validation scenes there are none here, and of CenterPoint no detections either.
+TRAINING: dict[str, dict[str, Any]] = {
     "MTP-nuScenes-v0": {"split": "train"},
     "MTP-nuScenes-CenterPoint-v0": {"split": "train", "detector": "megvii"},
 }
