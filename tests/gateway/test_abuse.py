@@ -91,7 +91,7 @@ FORKS = {
 def test_processes_that_an_agent_starts_end_with_it(court: Court, what: str) -> None:
     run = court.run(at_frame_two(what))
     assert run.status == "rejected"
-    assert "other processes" in run.reason
+    assert re.search("other processes|processes held", run.reason), run.reason  # many forks map much, too
     assert left_over(str(court.folder)) == []
 
 
