@@ -109,16 +109,27 @@ def submit(
     more, tracks = entry.stated(), absolute(entry.tracks)
     options = RunOptions(root, runs.scenes, range(runs.seeds), runs.split, track_file=tracks, workers=workers.workers())
     if every.everything:
-        for given, name in ((runs.split, "--split"), (tracks, "--tracks"), (again.fresh or None, "--fresh")):
-            if given is not None:
-                raise typer.BadParameter("not with --all", param_hint=name)
+        _refuse_with_all(entry, again, runs)
         _submit_all(path, env or (), options, output, every.minutes)
         return
+    if every.minutes is not None:
+        raise typer.BadParameter("only with --all", param_hint="--minutes")
     if path is None:
         raise typer.BadParameter("name a submission, or --all", param_hint="PATH")
     if not env:
         raise typer.BadParameter("name an environment, or --all", param_hint="--env")
     _submit_one(path, env, options, output, {**more, "start": again.start()})
+
+
+def _refuse_with_all(entry: Entry, again: Restart, runs: Runs) -> None:
+    """Records of baselines are made under the conditions that rank, and gone on with: nothing else can be asked for."""
+    asked = {
+        "--division": entry.division != DIVISIONS[0], "--training-data": entry.training_data, "--cuda": entry.cuda,
+        "--tracks": entry.tracks, "--split": runs.split, "--fresh": again.fresh,
+    }  # fmt: skip
+    for name, given in asked.items():
+        if given:
+            raise typer.BadParameter("not with --all", param_hint=name)
 
 
 def _submit_all(
@@ -136,6 +147,8 @@ def _submit_all(
     lines = make_all(listed, options, make, minutes)
     show_numbers(summary_table(lines))
     show(last_line(lines))
+    if all(line.outcome == "not here" for line in lines):
+        raise RecordError(f"none of them can be made here, the first: {lines[0].note}")
     failed = [
         f"{line.piece.submission.name} on {line.piece.env}: {line.note}" for line in lines if line.outcome == "failed"
     ]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from .._bundle import baseline_names, card_ids
+from .._bundle import baseline_names, bundled, card_ids
 from ..cards import load_card
 from ..env.environment import MTPEnv
 from ..errors import MtpBenchError
@@ -74,10 +74,12 @@ def standing_record(piece: Piece, options: RunOptions = DEFAULTS) -> Record | No
 def why_impossible(piece: Piece, data: str | None = None) -> str | None:
     """Why there is no record to be made here, such as weights that nobody has trained; None where there is.
 
-    The agent is built in this process, outside the sandbox: only for submissions whose code is known. Raises DataError
-    where the data of the env is missing.
+    For that a baseline is built in this process. What does not ship is never run outside the sandbox: of it None is
+    said, and a record that cannot be made says why. Raises DataError where the data of the env is missing.
     """
     submission = piece.submission
+    if submission.path.parent != bundled("baselines"):
+        return None
     env = MTPEnv(piece.env, evaluation=True, data=data, observe=submission.compare.observe)
     task = agent_task(env, 0)
     try:

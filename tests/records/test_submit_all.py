@@ -63,12 +63,13 @@ def test_a_record_of_other_seeds_is_made_again(
     assert piece.size > piece.target.stat().st_size  # with its rollouts
 
 
-def test_an_agent_without_weights_is_no_failure(
+def test_an_agent_without_weights_says_how_to_make_them(
     cli: CommandLine, tmp_path: Path, card: str, kitti: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("MTP_BENCH_WEIGHTS", str(tmp_path / "none"))
     done = cli("submit", "--all", "stp_modes", "--env", card, "--data", kitti, "--jobs", 1, "-o", tmp_path)
-    assert done.status == 0
+    assert done.status == 1  # it was the only one
+    assert "stp_modes on" in done.err
     assert "not here" in done.err
     assert "mtp-bench train predictor modes" in done.err
     assert not (tmp_path / "stp_modes").exists()
@@ -76,7 +77,7 @@ def test_an_agent_without_weights_is_no_failure(
 
 def test_without_data_the_reason_says_so(cli: CommandLine, tmp_path: Path, card: str) -> None:
     done = cli("submit", "--all", "stp", "--env", card, "--data", tmp_path, "-o", tmp_path / "records")
-    assert done.status == 0
+    assert done.status == 1
     assert f"stp on {card}: not here: no data: " in done.err
 
 
@@ -87,10 +88,31 @@ def test_no_record_is_begun_after_the_time(cli: CommandLine, tmp_path: Path, car
     assert not list(tmp_path.iterdir())
 
 
+def test_what_does_not_ship_runs_in_the_sandbox_alone(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
+    """Were it built in this process, it could write here."""
+    ran = tmp_path / "ran"
+    folder = write_submission(tmp_path / "mine", name="mine")
+    code = (folder / "agent.py").read_text()
+    note = f"import contextlib, pathlib\nwith contextlib.suppress(OSError):\n    pathlib.Path({str(ran)!r}).touch()\n"
+    (folder / "agent.py").write_text(code + "\n" + note)
+    words = ("submit", "--all", folder, "--env", card, "--data", kitti, "--seeds", 1, "--scenes", 1, "--jobs", 1)
+    cli(*words, "-o", tmp_path / "out")
+    assert (tmp_path / "out" / "mine" / f"{CARD_ID}.json").exists()
+    assert not ran.exists()
+
+
 @pytest.mark.parametrize(
-    ("words", "named"), [((), "PATH"), (("stp",), "--env"), (("--all", "--split", "train"), "--split")]
+    ("words", "named"),
+    [
+        ((), "PATH"),
+        (("stp",), "--env"),
+        (("--all", "--split", "train"), "--split"),
+        (("--all", "--division", "open"), "--division"),
+        (("--all", "--fresh"), "--fresh"),
+        (("stp", "--env", "MTP-KITTI-v0", "--minutes", 1), "--minutes"),
+    ],
 )
-def test_wrong_usage(cli: CommandLine, words: tuple[str, ...], named: str) -> None:
+def test_wrong_usage(cli: CommandLine, words: tuple[object, ...], named: str) -> None:
     done = cli("submit", *words)
     assert done.status == 2
     assert named in done.err
