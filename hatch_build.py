@@ -30,15 +30,20 @@ class LeaderboardHook(BuildHookInterface[Any]):
             place = path.relative_to(root)
             if path.is_file() and any(place.match(pattern) for pattern in PUBLIC):
                 build_data["force_include"][str(path)] = f"{BUNDLE}/{place.as_posix()}"
-        packed = Path(tempfile.mkdtemp(prefix="mtp_bench-wheel-")) / PACKED
+        self._made = tempfile.TemporaryDirectory(prefix="mtp_bench-wheel-")
+        packed = Path(self._made.name) / PACKED
         pack(root, packed)
         build_data["force_include"][str(packed)] = f"{BUNDLE}/{PACKED}"
+
+    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
+        """Remove what was made for the wheel."""
+        self._made.cleanup()
 
 
 def pack(root: Path, packed: Path) -> None:
     """Pack ``records/<submission>/*.json`` of a leaderboard; equal records give an equal file."""
     with tarfile.open(packed, "w:xz", preset=9) as archive:
-        for path in sorted(root.glob("records/*/*.json"), key=lambda path: (path.name, path.parent.name)):
+        for path in sorted(root.glob("records/[!.]*/[!.]*.json"), key=lambda path: (path.name, path.parent.name)):
             entry = tarfile.TarInfo(path.relative_to(root).as_posix())
             entry.size = path.stat().st_size
             with path.open("rb") as content:

@@ -192,19 +192,28 @@ def test_the_wheel_is_small(wheel: Path) -> None:
 def test_rollouts_and_secrets_stay_out_of_the_wheel(repository: Path, tmp_path: Path) -> None:
     public = ["keys/allowed_signers", "owners.toml", "seals/a.commitment.json"]
     record = "records/mine/MTP-KITTI-v0.json"
-    secret = ["keys/me", "records/mine/MTP-KITTI-v0.rollouts/seed-0/run.json", "seals/a.json", "seals/a.weights.json"]
+    secret = [
+        "keys/me",
+        "records/mine/MTP-KITTI-v0.rollouts/seed-0/run.json",
+        "records/mine/.MTP-X-v0.1.0a.part.json",
+        "seals/a.json",
+        "seals/a.weights.json",
+    ]
     for name in (*public, record, *secret):
         path = tmp_path / "leaderboard" / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()
     hook = runpy.run_path(str(repository / "hatch_build.py"))["LeaderboardHook"]
     data: dict[str, dict[str, str]] = {"force_include": {}}
-    hook(str(tmp_path), {}, None, None, "", "wheel").initialize("standard", data)
+    building = hook(str(tmp_path), {}, None, None, "", "wheel")
+    building.initialize("standard", data)
     names = {place: path for path, place in data["force_include"].items()}
     packed = names.pop(f"mtp_bench/_bundled/leaderboard/{PACKED}")
     assert sorted(names) == [f"mtp_bench/_bundled/leaderboard/{name}" for name in public]
     with tarfile.open(packed) as archive:
         assert archive.getnames() == [record]
+    building.finalize("standard", data, "")
+    assert not Path(packed).exists()
 
 
 def test_the_installed_wheel_works_without_the_checkout(wheel: Path, tmp_path: Path) -> None:
