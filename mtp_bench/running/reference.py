@@ -22,8 +22,9 @@ from ..scoring import score_scene
 from ..scoring.definitions import DEFINITIONS
 from ..scoring.neutral import evaluated
 from ..scoring.targets import find_targets
-from ..scoring.weights import Reference, SceneWeights, count_runs, read_reference, scene_key, write_reference
+from ..scoring.weights import Reference, SceneWeights, count_runs, scene_key
 from ..scoring.weights import tracking_events as events_of
+from ..scoring.weights_file import read_reference, write_reference
 from ..submission.loader import Submission, load_submission
 from ..types import Bools, Rollout, Scene, Task, starts_of
 from .options import DEFAULTS, RunOptions

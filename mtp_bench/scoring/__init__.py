@@ -39,5 +39,5 @@ from .targets import Targets as Targets
 from .targets import find_targets as find_targets
 from .targets import live_frames as live_frames
 from .weights import Reference as Reference
-from .weights import read_reference as read_reference
-from .weights import write_reference as write_reference
+from .weights_file import read_reference as read_reference
+from .weights_file import write_reference as write_reference

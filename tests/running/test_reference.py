@@ -18,7 +18,8 @@ from mtp_bench.running.perturbation import RUNS
 from mtp_bench.running.reference import freeze, frozen_path, frozen_reference, make_reference, reference_for, track
 from mtp_bench.running.run import jobs_of, run_jobs, run_scene
 from mtp_bench.scoring import score_scene
-from mtp_bench.scoring.weights import WEIGHED, read_reference, tracking_events
+from mtp_bench.scoring.weights import WEIGHED, tracking_events
+from mtp_bench.scoring.weights_file import read_reference
 from mtp_bench.submission import load_submission
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import CARD, write_card, write_kitti

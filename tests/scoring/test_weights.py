@@ -13,16 +13,8 @@ import pytest
 
 from mtp_bench.errors import DataError, UnknownNameError
 from mtp_bench.scoring import DEFINITIONS
-from mtp_bench.scoring.weights import (
-    WEIGHED,
-    Reference,
-    SceneWeights,
-    count_runs,
-    read_reference,
-    scene_key,
-    tracking_events,
-    write_reference,
-)
+from mtp_bench.scoring.weights import WEIGHED, Reference, SceneWeights, count_runs, scene_key, tracking_events
+from mtp_bench.scoring.weights_file import read_reference, write_reference
 from tests.support.scoring_scenes import Thing, make_card, make_rollout, make_scene
 
 CARD = make_card(future=1)
@@ -174,16 +166,19 @@ BROKEN: dict[str, tuple[Any, str]] = {
     "another hash": (edited("hash", "0"), "hash is '0', the content has '"),
     "another agent": (edited("agent", "mtp"), "hash is "),
     "other totals": (edited("totals", {}), "totals is {}, the content has"),
-    "a scene less": (edited("scenes", {}), "hash is "),
+    "a scene less": (edited("scenes", {}), "counts has another size than 0 x 4"),
     "a scene that is none": (edited("scenes", {KEY: 3}), f"scenes.{KEY}.targets is missing, expected int"),
     "another count": (scene_edited("forecasts", 9), "hash is "),
     "a negative count": (scene_edited("forecasts", -1), f"scenes.{KEY}.forecasts is -1"),
     "a count that is none": (scene_edited("targets", True), f"scenes.{KEY}.targets is bool"),
     "two events": (scene_edited("stp_events", [1, 2]), f"scenes.{KEY}.stp_events is "),
-    "fewer targets": (scene_edited("targets", 3), f"scenes.{KEY}.stp has another size than 3 x 3"),
-    "more targets": (scene_edited("targets", 10**9), f"scenes.{KEY}.stp has another size"),
-    "no base64": (scene_edited("counts", "é"), f"scenes.{KEY}.counts cannot be read"),
-    "not packed": (scene_edited("counts", "AAAA"), f"scenes.{KEY}.counts cannot be read"),
+    "fewer targets": (scene_edited("targets", 3), "counts has another size than "),
+    "more targets": (scene_edited("targets", 10**6), "counts has another size than "),
+    "too many targets": (scene_edited("targets", 10**9), "targets of all scenes are 1000000"),
+    "no counts": (edited("counts", None), "counts is missing, expected str"),
+    "no base64": (edited("counts", "é"), "counts cannot be read"),
+    "not packed": (edited("stp", "A" * 40), "stp cannot be read"),
+    "packed, cut off": (lambda content: edited("stp", content["stp"][:40])(content), "stp "),
 }
 
 
