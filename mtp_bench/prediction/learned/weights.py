@@ -1,11 +1,12 @@
 """Files of weights: safetensors with what they were trained for, read without running anything of them.
 
-A file is looked for where the user said, then in the user's own folder, then among those that ship.
+A file is looked for where the user said, then in the user's own folder, then among those that ship, which are packed.
 """
 
 from __future__ import annotations
 
 import json
+import lzma
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -23,6 +24,7 @@ from .local import Arrays
 from .network import Network, Sizes
 
 SHIPPED = Path(__file__).with_name("weights")
+PACKED = ".xz"  # end of the names of those that ship
 FORMAT = "mtp-bench weights 1"
 MOST_BYTES = 64 * 2**20  # of a file: more than any network here has
 
@@ -43,8 +45,8 @@ def find_weights(network: str, on: str, task: Task) -> Path:
     Raises SubmissionError that says how to make it, where there is none.
     """
     for env_id in (task.env_id, lender_of(task.env_id)):
-        for folder in (weights_folder(), SHIPPED):
-            path = folder / file_name(network, on, env_id)
+        name = file_name(network, on, env_id)
+        for path in (weights_folder() / name, SHIPPED / f"{name}{PACKED}"):
             if path.is_file():
                 return path
     raise SubmissionError(
@@ -55,12 +57,17 @@ def find_weights(network: str, on: str, task: Task) -> Path:
 
 def write_weights(path: Path, stored: Stored) -> None:
     """Write weights in half precision, as a whole or not at all. Raises OSError."""
+    with whole_file(path) as part:
+        part.write_bytes(content_of(stored))
+
+
+def content_of(stored: Stored) -> bytes:
+    """What stands in a file of weights."""
     from safetensors.numpy import save
 
-    content = {"format": FORMAT, "network": stored.network, "sizes": asdict(stored.sizes), "card": stored.card}
+    said = {"format": FORMAT, "network": stored.network, "sizes": asdict(stored.sizes), "card": stored.card}
     halves = {name: np.asarray(value, dtype=np.float16) for name, value in sorted(stored.weights.items())}
-    with whole_file(path) as part:
-        part.write_bytes(save(halves, {"mtp_bench": json.dumps(content, sort_keys=True)}))
+    return save(halves, {"mtp_bench": json.dumps(said, sort_keys=True)})
 
 
 def read_weights(path: Path, network: Network, task: Task | None = None) -> Stored:
@@ -106,16 +113,32 @@ def _check_task(path: Path, sizes: Sizes, task: Task) -> None:
 
 def _content(path: Path) -> tuple[Arrays, dict[str, Any]]:
     """Arrays, float32, and what the file says of itself."""
-    from safetensors import SafetensorError, safe_open
+    from safetensors import SafetensorError
+    from safetensors.numpy import load
 
     try:
-        with open_regular(path) as stream:  # a FIFO would wait for ever
-            size = os.fstat(stream.fileno()).st_size
-        if size > MOST_BYTES:
-            raise SubmissionError(f"{path}: {size} bytes, expected at most {MOST_BYTES}")
-        with safe_open(path, framework="numpy") as file:
-            said = parse_json((file.metadata() or {}).get("mtp_bench", "{}"), str(path), SubmissionError)
-            arrays = {name: file.get_tensor(name).astype(np.float32) for name in file.keys()}  # noqa: SIM118
-    except (OSError, SafetensorError, ValueError, TypeError) as error:
+        content = _bytes(path)
+        arrays = {name: value.astype(np.float32) for name, value in load(content).items()}
+        said = parse_json(_metadata(content).get("mtp_bench", "{}"), str(path), SubmissionError)
+    except (OSError, lzma.LZMAError, SafetensorError, ValueError, TypeError, KeyError) as error:
         raise SubmissionError(f"{path}: no file of weights ({error})") from None
     return arrays, said
+
+
+def _bytes(path: Path) -> bytes:
+    """The content of a file, unpacked."""
+    with open_regular(path) as stream:  # a FIFO would wait for ever
+        size = os.fstat(stream.fileno()).st_size
+        content = stream.read(MOST_BYTES)
+    if path.suffix == PACKED:
+        content = lzma.LZMADecompressor(lzma.FORMAT_XZ).decompress(content, MOST_BYTES + 1)
+        size = len(content)
+    if size > MOST_BYTES:
+        raise SubmissionError(f"{path}: {size} bytes, expected at most {MOST_BYTES}")
+    return content
+
+
+def _metadata(content: bytes) -> dict[str, str]:
+    """What a safetensors file, already read without an error, says beside its arrays."""
+    header = json.loads(content[8 : 8 + int.from_bytes(content[:8], "little")])
+    return dict(header.get("__metadata__", {}))
