@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import zipfile
 import zlib
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -17,6 +19,7 @@ from numpy.typing import NDArray
 from ..env.rollouts import ARRAYS, digest
 from ..errors import RolloutError
 from ..files import clean_text, open_regular, reason_of, whole_folder
+from ..parallel import cores
 from ..strict import Section, read_json, validate
 from ..types import Rollout
 from .packing import packed, unpacked
@@ -123,20 +126,28 @@ def _scene_file(scene: str) -> str:
 
 
 def _write(folder: Path, info: RunInfo, rollouts: Iterable[Rollout]) -> None:
-    entries: list[_Entry] = []
-    for rollout in rollouts:
-        if any(entry.scene == rollout.scene for entry in entries):
-            raise RolloutError(f"scene {rollout.scene!r} occurs twice among the rollouts of a run, expected once")
+    def store(rollout: Rollout) -> _Entry:
         arrays = {name: np.asarray(getattr(rollout, name), dtype=dtype) for name, (dtype, _) in ARRAYS.items()}
         stored = {name: packed(name, array) for name, array in arrays.items()}
         np.savez_compressed(folder / _scene_file(rollout.scene), allow_pickle=False, **stored)
-        entries.append(_Entry(scene=rollout.scene, frames=rollout.frames, digest=digest(rollout)))
+        return _Entry(scene=rollout.scene, frames=rollout.frames, digest=digest(rollout))
+
+    known = list(rollouts)
+    _require_once([rollout.scene for rollout in known])
+    with ThreadPoolExecutor(cores()) as pool:  # zlib, which takes most of the time, runs beside other threads
+        entries = list(pool.map(store, known))
     content = _RunFile(format=FORMAT, info=info, scenes=entries).model_dump()
     try:
         text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
     except (TypeError, ValueError) as error:
         raise RolloutError(f"the parameters of {info.agent!r} cannot be stored as JSON: {error}") from None
     (folder / RUN_FILE).write_text(text + "\n", encoding="utf-8")
+
+
+def _require_once(scenes: Sequence[str]) -> None:
+    for scene, times in Counter(scenes).items():
+        if times > 1:
+            raise RolloutError(f"scene {scene!r} occurs twice among the rollouts of a run, expected once")
 
 
 def _read_scene(folder: Path, entry: _Entry) -> Rollout:
