@@ -15,7 +15,7 @@ from ..geometry import rotate
 from ..types import Floats, Ints
 from .case import Case, Forecast
 from .palette import BEFORE, BLACK, DIM, EVENT, NOW, TRUTH
-from .replay import Incident, Replay
+from .replay import NO_EVENT, Incident, Replay
 from .sentence import sentence
 
 MOST_DETECTIONS = 6  # that are bright: the nearest
@@ -213,7 +213,7 @@ class Focus:
     def _around(self, t: int, points: Floats, smallest: float) -> Window:
         """A window that shows ``points`` [n, 2], with the object in its middle third."""
         place = self.case.place(t)
-        gap = rotate(points - place, -self.turn)
+        gap = rotate(np.concatenate([points, place[None]]) - place, -self.turn)
         low, high = np.minimum(gap.min(axis=0), 0.0) * MARGIN, np.maximum(gap.max(axis=0), 0.0) * MARGIN
         half = np.clip(np.maximum((high - low) / 2, np.maximum(high, -low) / (1 + OFF_CENTER)), smallest, LARGEST)
         center = place + rotate(np.clip((low + high) / 2, -OFF_CENTER * half, OFF_CENTER * half), self.turn)
@@ -238,7 +238,8 @@ class Focus:
             lines += [Key(role, "forecast", f"forecast {when}, {_of(forecast)}")]
         if len(shown.detection_box):
             lines += [Key("detection", "box", f"detections within {self.case.near:g} m")]
-        return (*lines, Key("event", "ring", "the event"), Key("dim", "box", "all other boxes"))
+        ring = "the event of the other run" if at.kind == NO_EVENT else "the event"
+        return (*lines, Key("event", "ring", ring), Key("dim", "box", "all other boxes"))
 
 
 _ROLE = {"before": "its track before", "now": "its track now"}
