@@ -76,7 +76,6 @@ def _write_picture(
     png: Path, at: str | None, folders: Sequence[Path], scene: str | None, data: str | None, env_id: str | None
 ) -> None:
     """Write the picture of an event, and below it of what the other runs do there."""
-    from ..viz.counterpart import counterpart
     from ..viz.drawing.report import save_report
     from ..viz.focus import Focus
     from ..viz.terminal.output import show
@@ -89,8 +88,7 @@ def _write_picture(
         )
     replays = _replays(folders, scene, data, env_id, True)
     incident = replays[0].incident(at)
-    own = [incident, *(counterpart(replay, incident) for replay in replays[1:])]
-    save_report(png, *(Focus.of(replay, each) for replay, each in zip(replays, own, strict=True)))
+    save_report(png, *Focus.of_all(replays, incident))
     show(f"{png}: {_sentence(replays, incident)}")
 
 
@@ -120,13 +118,11 @@ def _replays(
 
 def _sentence(replays: Sequence[Replay], incident: Incident | None) -> str:
     """What is seen: the event of the first run, and what the others do there."""
-    from ..viz.case import Case
-    from ..viz.counterpart import counterpart
-    from ..viz.sentence import sentence
+    from ..viz.focus import Focus
 
-    first, *others = replays
+    name = replays[0].scene.name
     if incident is None:
-        return f"scene {first.scene.name}"
-    said = [f"scene {first.scene.name}, frame {incident.frame}, {sentence(Case(first, incident))}"]
-    said += [f"{each.agent}: {sentence(Case(each, counterpart(each, incident)))}" for each in others]
-    return "; ".join(said)
+        return f"scene {name}"
+    first, *others = Focus.of_all(replays, incident)
+    said = [f"scene {name}, frame {incident.frame}, {first.sentence}"]
+    return "; ".join([*said, *(f"{each.replay.agent}: {each.sentence}" for each in others)])

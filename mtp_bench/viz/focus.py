@@ -5,6 +5,7 @@ Nothing is drawn here. Boxes and places are in the frame of reference of the sce
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -14,6 +15,7 @@ import numpy as np
 from ..geometry import rotate
 from ..types import Floats, Ints
 from .case import Case, Forecast
+from .counterpart import counterpart
 from .palette import BEFORE, BLACK, DIM, EVENT, NOW, TRUTH
 from .replay import NO_EVENT, Incident, Replay
 from .sentence import sentence
@@ -86,11 +88,18 @@ class Focus:
     """An event of a run with what belongs to it."""
 
     case: Case
+    facing: float | None = None  # rad, direction that points to the right; None: that of the object's way
 
     @classmethod
     def of(cls, replay: Replay, at: Incident) -> Focus:
         """The event ``at`` of a run."""
         return cls(Case(replay, at))
+
+    @classmethod
+    def of_all(cls, replays: Sequence[Replay], at: Incident) -> list[Focus]:
+        """The event ``at`` of the first of several runs of a scene, and what the others do there, seen the same way."""
+        first = cls.of(replays[0], at)
+        return [first, *(cls(Case(run, counterpart(run, at)), first.turn) for run in replays[1:])]
 
     @property
     def replay(self) -> Replay:
@@ -173,6 +182,8 @@ class Focus:
     @cached_property
     def turn(self) -> float:
         """Direction (rad) of the object's way: of its future, else its past or its forecast, else its heading."""
+        if self.facing is not None:
+            return self.facing
         t = self.at.frame
         ways = [self.case.future(t), self.case.path(t, max(0, t - self.replay.frames))[::-1]]
         ways += [self.now.nearest_path] if self.now is not None else []

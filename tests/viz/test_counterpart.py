@@ -82,7 +82,10 @@ def test_false_forecasts(first: Replay) -> None:
 
 def test_pictures_stand_below_each_other(first: Replay) -> None:
     at, run = first.incident("ids-0"), steady(first)
-    both = [report(Focus.of(first, at)), report(Focus.of(run, counterpart(run, at)))]
+    focuses = Focus.of_all([first, run], at)
+    assert [focus.replay.agent for focus in focuses] == ["drawn", "steady"]
+    assert focuses[0].turn == focuses[1].turn
+    both = [report(focus) for focus in focuses]
     image = np.asarray(stacked(both))
     assert image.shape == (2 * SIZE[1], SIZE[0], 3)
     assert np.array_equal(image[SIZE[1] :], np.asarray(both[1]))

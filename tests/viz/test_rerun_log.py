@@ -262,7 +262,11 @@ def test_camera_images_of_the_frames_around_an_event(tmp_path: Path) -> None:
     there = {t: len(rows[t].get("blob") or []) for t in range(run.frames)}
     assert there == {t: int(t in (EVENT, EVENT + 1)) for t in range(run.frames)}
     assert len(found["focus/camera/box"][EVENT]["strips"]) == 36  # of the car and both tracks
-    assert not any("camera" in path for path in read(save(tmp_path / "b.rrd", run, at=run.incident("ids-0"))))
+    for path in tmp_path.glob("*.png"):
+        path.write_bytes(b"broken")
+    for name, shown in (("none", ()), ("broken", tuple(images))):
+        file = save(tmp_path / f"{name}.rrd", changed(run, images=shown), at=run.incident("ids-0"))
+        assert not any("camera" in path for path in read(file)), name
 
 
 def test_without_an_event_nothing_is_alone(top: dict[str, Rows]) -> None:

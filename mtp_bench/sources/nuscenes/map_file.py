@@ -2,7 +2,7 @@
 
 ========================= ==================================================================================
 ``lane``                  a lane of a road, with its polygon
-``lane_connector``        a way through a junction, some with a polygon
+``lane_connector``        a way through a junction; its polygon, if any, is not needed
 ``arcline_path_3``        the middle line of each of them by its token: parts of three arcs or straights each
 ``polygon``, ``node``     polygons by the tokens of their nodes, nodes in metres of the global frame
 ========================= ==================================================================================
@@ -47,14 +47,14 @@ def read_lanes(path: Path, read: Read) -> tuple[Lane, ...]:
 
 
 def _read_layers(path: Path, read: Read) -> tuple[dict[str, str], dict[str, bool]]:
-    """The polygon of each lane that has one, and whether each lane leads through a junction."""
+    """The polygon of each lane of a road, and whether each lane leads through a junction."""
     polygon_of: dict[str, str] = {}
     junction: dict[str, bool] = {}
     for layer, inside in LAYERS.items():
         for record in read_list(path, layer, read):
             token = text(path, record, "token")
             junction[token] = inside
-            if record.get("polygon_token"):
+            if layer == "lane":
                 polygon_of[token] = text(path, record, "polygon_token")
     if not junction:
         raise DataError(f"{path} has no lanes, expected a file of the map expansion with the layer 'lane'")
@@ -92,14 +92,15 @@ def _arcs(path: Path, lane: str, part: Record) -> Floats:
     if not sound or not _drivable(numbers):
         raise DataError(
             f"{path}, lane {lane!r}: got {brief(part)}, expected a part of its middle line with start_pose, a shape "
-            f"such as 'LSR', a radius above 0 and three lengths up to {LONGEST:g} m"
+            f"such as 'LSR', a radius from 0 on and three lengths up to {LONGEST:g} m"
         )
     x, y, heading, *lengths, radius = numbers
     points = [np.array([[x, y]])]
     for letter, length in zip(str(shape), lengths, strict=True):
+        curvature = _TURN[letter] / radius if radius else 0.0
         along = np.linspace(0.0, length, max(1, math.ceil(length / STEP)) + 1)[1:]
-        turned = heading + _TURN[letter] * along / radius
-        chord = along * np.sinc(_TURN[letter] * along / (2 * radius) / np.pi)
+        turned = heading + curvature * along
+        chord = along * np.sinc(curvature * along / (2 * np.pi))
         way = (heading + turned) / 2  # of a chord of the arc
         points.append(points[-1][-1] + chord[:, None] * np.column_stack([np.cos(way), np.sin(way)]))
         heading = float(turned[-1])
@@ -108,7 +109,7 @@ def _arcs(path: Path, lane: str, part: Record) -> Floats:
 
 def _drivable(numbers: array[float]) -> bool:
     *pose, a, b, c, radius = numbers
-    return all(abs(value) <= LIMIT for value in pose) and all(0 <= n <= LONGEST for n in (a, b, c)) and radius > 0
+    return all(abs(value) <= LIMIT for value in pose) and all(0 <= n <= LONGEST for n in (a, b, c)) and radius >= 0
 
 
 def _read_rings(path: Path, wanted: set[str], read: Read) -> dict[str, list[str]]:

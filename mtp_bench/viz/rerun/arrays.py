@@ -16,7 +16,6 @@ from ...errors import MtpBenchError, UnknownNameError
 from ...scoring.events import history
 from ...types import Bools, Detections, Floats, Ragged, Scene, Truth, to_metres
 from ..answers import Answers
-from ..counterpart import counterpart
 from ..focus import Focus
 from ..frame_view import ego_boxes
 from ..palette import FALSE, Color
@@ -207,8 +206,7 @@ class Contents:
         """The event alone, as each run has it; nothing without an event."""
         if self.at is None:
             return []
-        events = [self.at, *(counterpart(agent.replay, self.at) for agent in self.agents[1:])]
-        return [(agent, Focus.of(agent.replay, at)) for agent, at in zip(self.agents, events, strict=True)]
+        return list(zip(self.agents, Focus.of_all([agent.replay for agent in self.agents], self.at), strict=True))
 
 
 def contents_of(replays: Sequence[Replay], level: str, at: Incident | None = None) -> Contents:

@@ -22,12 +22,14 @@ WIDTH = -1.2  # half the width of lines: negative numbers are points of the scre
 
 def log_camera(recording: rr.RecordingStream, focus: Focus) -> None:
     """Log the image of the camera that sees the object best in each frame around the event; nothing without images."""
-    if photo_of(focus, focus.at.frame) is None:
+    if photo_of(focus, focus.at.frame) is None:  # then there is no view of them either
         return
     frames = frames_around(focus)
     photos = [photo_of(focus, t) if shown_in(focus, t) else None for t in frames.tolist()]
     blobs = [_jpeg(photo) for photo in photos]
     found = [blob for blob in blobs if blob is not None]
+    if not found:
+        return
     there = np.array([blob is not None for blob in blobs], dtype=int)
     log = Log(recording, frame_times(focus.replay.scene, frames))
     images = rr.EncodedImage.columns(blob=found, media_type=["image/jpeg"] * len(found)).partition(there)
