@@ -134,6 +134,7 @@ class Lane:
     left: Floats  # [n, 2] left border
     right: Floats  # [n, 2] right border
     following: tuple[int, ...] = ()  # lanes that continue it, by their place in ``Scene.lanes``
+    junction: bool = False  # a way through a junction, where ways cross: drawn without borders
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from .options import DataOption, FolderArgument, RunCardOption
-from .output import require_writable
+from .output import require_writable, say
 
 
 def video(
@@ -39,7 +39,7 @@ def video(
     with progress_bar("video") as (started, done):
         opened = open_run(folder, root, env)
         rollout = opened.first(scene)
-        played = replay(opened.scene(rollout.scene), rollout, opened.card, opened.run.info.agent)
+        played = replay(opened.drawn(rollout.scene, say), rollout, opened.card, opened.run.info.agent)
         frames = frames_around(played, at)
         started(len(frames))
         rate = fps or opened.card.task.rate

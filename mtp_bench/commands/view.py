@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +12,7 @@ import typer
 from ..errors import MtpBenchError
 from .completion import words
 from .options import DataOption, RunCardOption, one_of
-from .output import require_writable
+from .output import require_writable, say
 
 if TYPE_CHECKING:
     from ..viz.replay import Incident, Replay
@@ -22,7 +23,9 @@ def view(
         list[Path], typer.Argument(help="Folders written by `mtp-bench run`; several are shown side by side.")
     ],
     scene: Annotated[str | None, typer.Option(help="Which scene; the first of the run.")] = None,
-    at: Annotated[str | None, typer.Option(help="Open at this event; `mtp-bench events` lists them.")] = None,
+    at: Annotated[
+        str | None, typer.Option(help="Open at this event of the first run; `mtp-bench events` lists them.")
+    ] = None,
     level: Annotated[
         str,
         typer.Option(
@@ -56,9 +59,9 @@ def view(
 
     if save is None and not web:
         require_display()
-    replays = _replays(folders, scene, root, env)
+    replays = _replays(folders, scene, root, env, at is not None)
     incident = None if at is None else replays[0].incident(at)
-    what = _sentence(replays[0], incident)
+    what = _sentence(replays, incident)
     if save is not None:
         save_recording(save, replays, level, incident)
         show(f"{save}: {what}; open it with `rerun {save}`")
@@ -72,7 +75,7 @@ def view(
 def _write_picture(
     png: Path, at: str | None, folders: Sequence[Path], scene: str | None, data: str | None, env_id: str | None
 ) -> None:
-    """Write the picture of an event of one run."""
+    """Write the picture of an event, and below it of what the other runs do there."""
     from ..viz.drawing.report import save_report
     from ..viz.focus import Focus
     from ..viz.terminal.output import show
@@ -83,16 +86,16 @@ def _write_picture(
         raise typer.BadParameter(
             "a picture shows one event: name it with --at; `mtp-bench events` lists them", param_hint="--png"
         )
-    if len(folders) > 1:
-        raise typer.BadParameter(f"a picture shows one run, got {len(folders)} folders", param_hint="--png")
-    (replay,) = _replays(folders, scene, data, env_id)
-    incident = replay.incident(at)
-    save_report(png, Focus.of(replay, incident))
-    show(f"{png}: {_sentence(replay, incident)}")
+    replays = _replays(folders, scene, data, env_id, True)
+    incident = replays[0].incident(at)
+    save_report(png, *Focus.of_all(replays, incident))
+    show(f"{png}: {_sentence(replays, incident)}")
 
 
-def _replays(folders: Sequence[Path], scene: str | None, data: str | None, env_id: str | None) -> list[Replay]:
-    """The runs of one scene, by default the first of the first run.
+def _replays(
+    folders: Sequence[Path], scene: str | None, data: str | None, env_id: str | None, images: bool
+) -> list[Replay]:
+    """The runs of one scene, by default the first of the first run; with the camera ``images`` where they are there.
 
     Raises MtpBenchError where the runs were made for different cards, UnknownNameError where one has no such scene.
     """
@@ -108,14 +111,18 @@ def _replays(folders: Sequence[Path], scene: str | None, data: str | None, env_i
                 f"({first.card.digest}) as in {first.folder}: only runs of one env and detector share a picture"
             )
     name = first.first(scene).scene
-    content = first.scene(name)
-    return [replay(content, run.first(name), run.card, run.run.info.agent) for run in runs]
+    content = first.drawn(name, say)
+    found = first.images(content, say) if images else ()
+    return [replace(replay(content, run.first(name), run.card, run.run.info.agent), images=found) for run in runs]
 
 
-def _sentence(replay: Replay, incident: Incident | None) -> str:
-    from ..viz.case import Case
-    from ..viz.sentence import sentence
+def _sentence(replays: Sequence[Replay], incident: Incident | None) -> str:
+    """What is seen: the event of the first run, and what the others do there."""
+    from ..viz.focus import Focus
 
+    name = replays[0].scene.name
     if incident is None:
-        return f"scene {replay.scene.name}"
-    return f"scene {replay.scene.name}, frame {incident.frame}, {sentence(Case(replay, incident))}"
+        return f"scene {name}"
+    first, *others = Focus.of_all(replays, incident)
+    said = [f"scene {name}, frame {incident.frame}, {first.sentence}"]
+    return "; ".join([*said, *(f"{each.replay.agent}: {each.sentence}" for each in others)])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from .._bundle import card_ids
 from ..cards import Card, changed_card, load_card, parse_card
 from ..env.observation import shown_boxes
 from ..errors import RolloutError, UnknownNameError
-from ..sources import SceneSource, open_source, with_tracks
+from ..sources import CameraImage, SceneSource, camera_images, open_source, with_map, with_tracks
 from ..types import Rollout, Scene
 from .rollout_files import Run, RunInfo, load_run
 
@@ -56,6 +56,14 @@ class OpenedRun:
                 raise RolloutError(f"{self.folder}: does not say where the stored tracks are that its agent was given")
             scene = with_tracks(self.source, self.card, self.data, file).load(name)
         return replace(scene, detections=shown_boxes(scene, info.observe)[0])
+
+    def drawn(self, name: str, note: Callable[[str], object] = lambda text: None) -> Scene:
+        """The `scene` of this name as pictures show it, with its road; ``note`` is told where its map is broken."""
+        return with_map(self.scene(name), self.card, self.data, note)
+
+    def images(self, scene: Scene, note: Callable[[str], object] = lambda text: None) -> tuple[CameraImage, ...]:
+        """The camera images of a scene, where they are there; ``note`` is told where a table of them is broken."""
+        return camera_images(scene, self.card, self.data, note)
 
     def recorded(self, name: str) -> Scene:
         """The scene of this name as its source has it: what is scored, whatever the agent was shown.

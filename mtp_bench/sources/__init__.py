@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
 from ..cards import Card, load_card
-from ..errors import UnknownNameError
+from ..errors import DataError, UnknownNameError
 from ..types import Scene
 from .base import Preparation, SourcePackage
 from .base import SceneSource as SceneSource
 from .dataset import DataCheck as DataCheck
 from .dataset import DataStatus as DataStatus
+from .images import CameraImage as CameraImage
 from .simulated import SimulatedDetections as SimulatedDetections
 from .simulated import detected as detected
 from .tracks import TrackedScenes as TrackedScenes
@@ -51,6 +53,35 @@ def load_scenes(
         if name not in source.names:
             raise UnknownNameError("scene", name, source.names)
     return (source.load(name) for name in chosen)
+
+
+def with_map(
+    scene: Scene, card: Card, data: str | Path | None = None, note: Callable[[str], object] = lambda text: None
+) -> Scene:
+    """``scene`` with the road that pictures of it show: of the map expansion of nuScenes, where it is there.
+
+    A run, a score and a training read no map, for which this is apart from `SceneSource.load`. A map that is broken is
+    left out, and ``note`` is told what is wrong with it.
+    """
+    try:
+        return replace(scene, lanes=tuple(_package(card).lanes(card, data, scene)))
+    except DataError as error:
+        note(f"drawn without the road: {error}")
+        return scene
+
+
+def camera_images(
+    scene: Scene, card: Card, data: str | Path | None = None, note: Callable[[str], object] = lambda text: None
+) -> tuple[CameraImage, ...]:
+    """The images of the cameras of a recording, in the order of frames; none where their files are not there.
+
+    ``note`` is told where a table is broken that says what they show; there are none then.
+    """
+    try:
+        return tuple(_package(card).images(card, data, scene))
+    except DataError as error:
+        note(f"drawn without images: {error}")
+        return ()
 
 
 def describe(card: Card, data: str | Path | None = None) -> DataStatus:

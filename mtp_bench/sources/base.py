@@ -11,8 +11,9 @@ import numpy as np
 
 from ..cards import Card, FilesSource, HighwaySource, KittiSource, Mot3dSource, NuScenesSource, WildtrackSource
 from ..errors import CardError, nearest
-from ..types import Detections, Ints, Scene, StoredTracks
+from ..types import Detections, Ints, Lane, Scene, StoredTracks
 from .dataset import DataStatus
+from .images import CameraImage
 
 DataRoot = str | Path | None  # None: from MTP_BENCH_DATA, else the user data folder
 SectionT = TypeVar("SectionT", FilesSource, HighwaySource, KittiSource, Mot3dSource, NuScenesSource, WildtrackSource)
@@ -63,6 +64,8 @@ class SourcePackage:
     prepare: Callable[[Card, DataRoot, Preparation], None] = lambda card, data, how: None
     discard: Callable[[Card], None] = lambda card: None
     keep_private: Callable[[Card], None] = lambda card: None
+    lanes: Callable[[Card, DataRoot, Scene], Sequence[Lane]] = lambda card, data, scene: scene.lanes  # for pictures
+    images: Callable[[Card, DataRoot, Scene], Sequence[CameraImage]] = lambda card, data, scene: ()  # for pictures
 
 
 def section_of(card: Card, kind: type[SectionT]) -> SectionT:

@@ -13,7 +13,7 @@ import numpy as np
 from PIL import Image
 
 from ..running.rollout_files import load_run
-from ..sources import open_source
+from ..sources import open_source, with_map
 from ..types import Floats
 from ..viz.drawing.report import report
 from ..viz.focus import Focus
@@ -60,12 +60,14 @@ def _focus(found: Findings, moment: Moment) -> tuple[bytes, str]:
     """The focus picture of a moment with one hypothesis, and its sentence."""
     bench, single = found.bench, found.subject.single
     rollouts = load_run(found.of(single).folders[0]).rollouts
+    notes: list[str] = []
     scene = open_source(bench.card, bench.options.data).load(moment.scene)
+    scene = with_map(scene, bench.card, bench.options.data, notes.append)
     rollout = rollouts[bench.scenes.index(moment.scene)]
     focus = Focus.of(replay(scene, rollout, bench.card, single.label), moment.incident)
     content = BytesIO()
     report(focus).quantize(128, dither=Image.Dither.NONE).save(content, "PNG", optimize=True)
-    return content.getvalue(), focus.sentence
+    return content.getvalue(), focus.sentence + ("; the road is not drawn, for its map is broken" if notes else "")
 
 
 def command_of(found: Findings, moment: Moment) -> str:

@@ -5,6 +5,7 @@ Nothing is drawn here. Boxes and places are in the frame of reference of the sce
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -14,8 +15,9 @@ import numpy as np
 from ..geometry import rotate
 from ..types import Floats, Ints
 from .case import Case, Forecast
+from .counterpart import counterpart
 from .palette import BEFORE, BLACK, DIM, EVENT, NOW, TRUTH
-from .replay import Incident, Replay
+from .replay import NO_EVENT, Incident, Replay
 from .sentence import sentence
 
 MOST_DETECTIONS = 6  # that are bright: the nearest
@@ -86,11 +88,18 @@ class Focus:
     """An event of a run with what belongs to it."""
 
     case: Case
+    facing: float | None = None  # rad, direction that points to the right; None: that of the object's way
 
     @classmethod
     def of(cls, replay: Replay, at: Incident) -> Focus:
         """The event ``at`` of a run."""
         return cls(Case(replay, at))
+
+    @classmethod
+    def of_all(cls, replays: Sequence[Replay], at: Incident) -> list[Focus]:
+        """The event ``at`` of the first of several runs of a scene, and what the others do there, seen the same way."""
+        first = cls.of(replays[0], at)
+        return [first, *(cls(Case(run, counterpart(run, at)), first.turn) for run in replays[1:])]
 
     @property
     def replay(self) -> Replay:
@@ -173,6 +182,8 @@ class Focus:
     @cached_property
     def turn(self) -> float:
         """Direction (rad) of the object's way: of its future, else its past or its forecast, else its heading."""
+        if self.facing is not None:
+            return self.facing
         t = self.at.frame
         ways = [self.case.future(t), self.case.path(t, max(0, t - self.replay.frames))[::-1]]
         ways += [self.now.nearest_path] if self.now is not None else []
@@ -213,7 +224,7 @@ class Focus:
     def _around(self, t: int, points: Floats, smallest: float) -> Window:
         """A window that shows ``points`` [n, 2], with the object in its middle third."""
         place = self.case.place(t)
-        gap = rotate(points - place, -self.turn)
+        gap = rotate(np.concatenate([points, place[None]]) - place, -self.turn)
         low, high = np.minimum(gap.min(axis=0), 0.0) * MARGIN, np.maximum(gap.max(axis=0), 0.0) * MARGIN
         half = np.clip(np.maximum((high - low) / 2, np.maximum(high, -low) / (1 + OFF_CENTER)), smallest, LARGEST)
         center = place + rotate(np.clip((low + high) / 2, -OFF_CENTER * half, OFF_CENTER * half), self.turn)
@@ -238,7 +249,8 @@ class Focus:
             lines += [Key(role, "forecast", f"forecast {when}, {_of(forecast)}")]
         if len(shown.detection_box):
             lines += [Key("detection", "box", f"detections within {self.case.near:g} m")]
-        return (*lines, Key("event", "ring", "the event"), Key("dim", "box", "all other boxes"))
+        ring = "the event of the other run" if at.kind == NO_EVENT else "the event"
+        return (*lines, Key("event", "ring", ring), Key("dim", "box", "all other boxes"))
 
 
 _ROLE = {"before": "its track before", "now": "its track now"}

@@ -19,17 +19,19 @@ from ..scoring.neutral import evaluated
 from ..scoring.pairs import of_columns
 from ..scoring.score import check_rollout
 from ..scoring.targets import find_targets, live_frames
+from ..sources import CameraImage
 from ..types import Bools, Floats, Ints, Rollout, Scene
 from .answers import Answers
 
 KINDS = ("ids", "lost", "reacquired", "spurious")  # the last: false forecasts
+NO_EVENT = "none"  # kind of what another run does where the first one has an event
 
 
 @dataclass(frozen=True)
 class Incident:
     """One event of the best hypothesis along its lineage, or a run of false forecasts of one track."""
 
-    kind: str  # of KINDS
+    kind: str  # of KINDS, or NO_EVENT
     frame: int
     until: int  # last frame: that of the event itself, but of a run its end
     row: int  # of the truth; of a run: of its first forecast object
@@ -64,7 +66,9 @@ class Replay:
     detection_false: Bools  # [D] false positives, by the event gate
     forecast_false: Bools  # [O] by the forecast gate, every forecast kept
     truth_forecast: Ints  # [R] forecast object that belongs to each true box, every forecast kept, -1 none
+    worth: Floats  # [R, 3] minADE, error (m) and confidence of the forecast of each true box, NaN where there is none
     incidents: tuple[Incident, ...]  # in the order of frames
+    images: tuple[CameraImage, ...] = ()  # of the cameras, for pictures of events
 
     @property
     def rollout(self) -> Rollout:
@@ -139,9 +143,10 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Repla
         detection_false=of_detection.unmatched & scene.truth_complete,
         forecast_false=forecast_false & scene.truth_complete,
         truth_forecast=truth_forecast,
+        worth=worth,
         incidents=(),
     )
-    return replace(run, incidents=_named([*_identity_incidents(run, worth), *_runs(run)]))
+    return replace(run, incidents=_named([*_identity_incidents(run), *_runs(run)]))
 
 
 def _forecasts(scene: Scene, rollout: Rollout, card: Card) -> tuple[NDArray[np.float64], Ints, Bools]:
@@ -162,9 +167,9 @@ def _forecasts(scene: Scene, rollout: Rollout, card: Card) -> tuple[NDArray[np.f
     return table, forecast, grown.false
 
 
-def _identity_incidents(run: Replay, worth: Floats) -> list[Incident]:
-    """Switches, losses and re-acquisitions; ``worth`` [R, 3] as of `_forecasts`."""
-    truth, rollout, found = run.scene.truth, run.rollout, run.said.hypotheses
+def _identity_incidents(run: Replay) -> list[Incident]:
+    """Switches, losses and re-acquisitions."""
+    truth, rollout, found, worth = run.scene.truth, run.rollout, run.said.hypotheses, run.worth
     frame = truth.frame_of_rows
     matched = match_hypotheses(truth, rollout, found.member, run.card)
     events = lineage_events(truth, rollout, found, matched).of(found.best[frame])
@@ -182,10 +187,10 @@ def _identity_incidents(run: Replay, worth: Floats) -> list[Incident]:
             old_id=int(track_id[events.old[row, 0]]),
             new_id=int(track_id[run.truth_track[row]]),
             wrong=bool(events.wrong[row, 0]),
-            minADE=_known(worth[row, 0]),
-            error=_known(worth[row, 1]),
-            error_before=_known(error_before[row]),
-            confidence=_known(worth[row, 2]),
+            minADE=known(worth[row, 0]),
+            error=known(worth[row, 1]),
+            error_before=known(error_before[row]),
+            confidence=known(worth[row, 2]),
         )
         for kind in ("ids", "lost", "reacquired")
         for row in np.flatnonzero(getattr(events, kind)[:, 0])
@@ -221,7 +226,8 @@ def _position(box: Floats) -> tuple[float, float, float]:
     return float(box[0]), float(box[1]), float(box[2])
 
 
-def _known(value: float) -> float | None:
+def known(value: float) -> float | None:
+    """A number that is None where it is NaN."""
     return None if np.isnan(value) else float(value)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from ..geometry import wrap_angle
 from ..types import Floats
 from .case import Case, Forecast
+from .replay import NO_EVENT
 
 STILL = 1.0  # m, within the horizon: what moves less stands still
 SHORT, LONG = 0.75, 1.33  # of the true way: what goes less or more has another speed
@@ -19,8 +20,10 @@ ASIDE, BACK = np.deg2rad(25.0), np.deg2rad(120.0)
 def sentence(case: Case) -> str:
     """The sentence, with the name of the event before it."""
     at = case.at
-    happened = {"ids": _switched, "lost": _lost, "reacquired": _found, "spurious": _spurious}[at.kind](case)
-    return f"{at.name}: {happened}" if at.kind == "spurious" else f"{at.name}: {happened}; {_worth(case)}"
+    if at.object_id < 0:
+        return f"{at.name}: {(_spurious if at.kind == 'spurious' else _nothing_there)(case)}"
+    happened = {"ids": _switched, "lost": _lost, "reacquired": _found, NO_EVENT: _followed}[at.kind](case)
+    return f"{at.name}: {happened}; {_worth(case)}"
 
 
 def _who(case: Case) -> str:
@@ -94,6 +97,18 @@ def _spurious(case: Case) -> str:
     near = f"the nearest true one is {far.min():.1f} m away" if len(far) else "no true one is in the scene"
     sure = "" if at.confidence is None else f"; confidence up to {at.confidence:.2f}"
     return f"{when} {owner} forecasts a {case.noun} where there is none, {near}{sure}"
+
+
+def _nothing_there(case: Case) -> str:
+    return f"at {case.seconds(case.at.frame):.1f} s no false forecast of a {case.noun} is there"
+
+
+def _followed(case: Case) -> str:
+    at = case.at
+    if at.new_id < 0:
+        return f"{_who(case)} is followed by no track"
+    stays = at.frame > 0 and case.follower(at.frame - 1) == at.new_id
+    return f"{_who(case)} {'stays with' if stays else 'is followed by'} track {at.new_id}"
 
 
 def _worth(case: Case) -> str:

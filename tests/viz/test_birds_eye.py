@@ -31,6 +31,7 @@ from mtp_bench.viz.drawing.panel import fitting, legend
 from mtp_bench.viz.drawing.video import pictures
 from mtp_bench.viz.frame_view import EVENT_SECONDS, replay_view
 from mtp_bench.viz.replay import Replay, replay
+from mtp_bench.viz.rerun.arrays import map_lines
 from tests.support import small_scenes
 from tests.support.scoring_scenes import Thing, make_card, make_rollout, make_scene, with_detections
 from tests.support.small_scenes import EchoAgent, MemorySource, write_card
@@ -150,6 +151,19 @@ def test_lanes_lie_under_everything() -> None:
     with_road = picture(replace(run, scene=replace(run.scene, lanes=(lane,))), 3)
     assert amount(with_road, (240, 240, 240)) > 1000
     assert amount(with_road, palette.TRUTH) == amount(picture(run, 3), palette.TRUTH)
+
+
+def test_a_way_through_a_junction_has_no_borders() -> None:
+    center = np.array([[-50.0, 0.0], [50.0, 0.0]])
+    lane = Lane(center, center + np.array([0.0, 2.0]), center - np.array([0.0, 2.0]))
+    run = scene_with("truth")
+    scene, inside = replace(run.scene, lanes=(lane,)), replace(run.scene, lanes=(replace(lane, junction=True),))
+    border, road = (150, 150, 150), (240, 240, 240)
+    assert amount(picture(replace(run, scene=scene), 3), border) > 300
+    assert amount(picture(replace(run, scene=inside), 3), border) < 100
+    assert amount(picture(replace(run, scene=inside), 3), road) > 1000
+    assert (len(map_lines(scene, border=True)), len(map_lines(inside, border=True))) == (2, 0)
+    assert len(map_lines(inside, border=False)) == 1
 
 
 # ---- texts

@@ -170,10 +170,13 @@ def test_wrong_usage(
     assert not list(tmp_path.iterdir())
 
 
-def test_two_runs_make_no_picture(cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path) -> None:
-    output = cli("view", events_run, events_run, *known, "--at", "ids-0", "--png", tmp_path / "a.png")
-    assert output.status == 2
-    assert "got 2 folders" in " ".join(output.err.replace("│", " ").split())
+def test_two_runs_stand_below_each_other(cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path) -> None:
+    out = cli.ok("view", events_run, events_run, *known, "--at", "ids-0", "--png", tmp_path / "a.png")
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.size == (SIZE[0], 2 * SIZE[1])
+        first, second = image.text["Description"].splitlines()  # type: ignore[attr-defined]
+    assert first == second
+    assert " ".join(out.split()).count(first) == 2
 
 
 def test_a_picture_needs_neither_rerun_nor_a_screen(events_run: Path, known: list[str], tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ import pytest
 from mtp_bench import MtpBenchError, load_submission
 from mtp_bench.env import MTPEnv
 from mtp_bench.running.run import agent_task, run_scene
+from mtp_bench.sources import CameraImage
 from mtp_bench.types import Rollout
 from mtp_bench.viz.answers import Answers
 from mtp_bench.viz.focus import MOST_BRIGHT, Focus
@@ -27,6 +28,8 @@ from mtp_bench.viz.rerun.log import save_recording
 from mtp_bench.viz.rerun.sdk import rr
 from mtp_bench.viz.rerun.viewer import viewer_program
 from tests.support import scoring_scenes
+from tests.support.camera_images import SIZE as PIXELS
+from tests.support.camera_images import write_image
 from tests.support.focus_scenes import EVENT, crowd
 from tests.support.recordings import Rows, assert_recorded, boxes, read
 from tests.support.scoring_scenes import at, make_card
@@ -219,6 +222,51 @@ def test_an_event_alone_is_bright_named_and_told(tmp_path: Path) -> None:
     places = np.array(names["positions"])[:, :2]
     gaps = np.linalg.norm(places[:, None] - places, axis=-1)[~np.eye(len(places), dtype=bool)]
     assert gaps.min() > 1.0, "no name hides another"
+
+
+def test_the_second_run_is_alone_too(tmp_path: Path) -> None:
+    first, second = crowd(ahead=12.0), changed(crowd(old_y=None), agent="other")
+    found = read(save(tmp_path / "two.rrd", first, second, at=first.incident("ids-0")))
+    for run, root in ((first, ""), (second, "agents/other/")):
+        focus = Focus.of(run, run.incident("ids-0"))
+        tracks = np.array([track.box for track in focus.frame(EVENT).tracks])
+        np.testing.assert_allclose(boxes(found[f"{root}world/focus/track"], EVENT), tracks, rtol=1e-5)
+        assert focus.sentence in found[f"{root}focus/text"][-1]["text"][0]
+        assert found[f"{root}focus/pictures"][-1]["format"][0]["width"] == 1200
+    assert len(found["agents/other/world/focus/track"][EVENT]["centers"]) == 1, "track 1 is gone there"
+
+
+def test_the_second_run_may_have_no_event(tmp_path: Path) -> None:
+    first = crowd(ahead=12.0)
+    silent = scoring_scenes.make_rollout([[]] * first.frames, [[]] * first.frames, samples=2)
+    nothing = replay(first.scene, silent, first.card, "silent")
+    found = read(save(tmp_path / "two.rrd", first, nothing, at=first.incident("ids-0")))
+    assert "no event: at 0.4 s car 5 is followed by no track" in found["agents/silent/focus/text"][-1]["text"][0]
+    far = [at(80, (90.0, 90.0), forecast=[[[90.0, 90.0]] * 3] * 2)]
+    ghost = replay(first.scene, scoring_scenes.make_rollout([far] * 10, [far] * 10, samples=2), first.card, "ghost")
+    found = read(save(tmp_path / "ghost.rrd", ghost, nothing, at=ghost.incident("spurious-0")))
+    assert "no false forecast of a car is there" in found["agents/silent/focus/text"][-1]["text"][0]
+
+
+def test_camera_images_of_the_frames_around_an_event(tmp_path: Path) -> None:
+    run = crowd(ahead=12.0)
+    projection = np.array([[800.0, -1000.0, 0.0, 8000.0], [450.0, 0.0, -1000.0, 5250.0], [1.0, 0.0, 0.0, 10.0]])
+    images = []
+    for t in (EVENT, EVENT + 1, EVENT + 2):  # from 10 m behind the start of the car, 0.75 m above the ground
+        path = tmp_path / f"{t}.png"
+        write_image(path)
+        images.append(CameraImage(t, "image_02", path, PIXELS, projection))
+    images[2].path.write_bytes(b"broken")
+    found = read(save(tmp_path / "a.rrd", changed(run, images=tuple(images)), at=run.incident("ids-0")))
+    rows = found["focus/camera"]
+    there = {t: len(rows[t].get("blob") or []) for t in range(run.frames)}
+    assert there == {t: int(t in (EVENT, EVENT + 1)) for t in range(run.frames)}
+    assert len(found["focus/camera/box"][EVENT]["strips"]) == 36  # of the car and both tracks
+    for path in tmp_path.glob("*.png"):
+        path.write_bytes(b"broken")
+    for name, shown in (("none", ()), ("broken", tuple(images))):
+        file = save(tmp_path / f"{name}.rrd", changed(run, images=shown), at=run.incident("ids-0"))
+        assert not any("camera" in path for path in read(file)), name
 
 
 def test_without_an_event_nothing_is_alone(top: dict[str, Rows]) -> None:

@@ -17,6 +17,7 @@ SEQUENCE_MAP = "evaluate_tracking.seqmap.val"
 VALIDATION = ("0001", "0006", "0008", "0010", "0012", "0013", "0014", "0015", "0016", "0018", "0019")
 TYPES = {"car": ("Car", 2), "pedestrian": ("Pedestrian", 1), "cyclist": ("Cyclist", 3)}  # label type, detection code
 LABELS = "training/label_02"
+IMAGES = "training/image_02"  # shown beside an event
 DATASET = Dataset(
     name="KITTI tracking",
     folders=(FOLDER,),
@@ -27,7 +28,8 @@ DATASET = Dataset(
   training/oxts/%04d.txt            GPS/IMU
   detections/<detector>/{{Car,Pedestrian,Cyclist}}/%04d.txt
   {SEQUENCE_MAP}      sequences and frames of the validation split (optional)
-  poses_orbslam3/0019.txt           stereo odometry where the GPS is bad (optional)""",
+  poses_orbslam3/0019.txt           stereo odometry where the GPS is bad (optional)
+  {IMAGES}/%04d/%06d.png   left colour images, for pictures alone (optional)""",
     licence=(
         "CC BY-NC-SA 3.0 (Geiger et al.); labels and detections as distributed with AB3DMOT: academic, non-commercial"
     ),

@@ -11,7 +11,7 @@ from ...types import Ints
 from ..base import section_of
 from ..dataset import DataStatus
 from .files import Labels, read_labels, read_oxts, read_sequence_map
-from .layout import DATASET, LABELS, SEQUENCE_MAP, TYPES, VALIDATION
+from .layout import DATASET, IMAGES, LABELS, SEQUENCE_MAP, TYPES, VALIDATION
 
 SEQUENCES = tuple(f"{i:04d}" for i in range(21))
 # Known totals: all training sequences, then the validation split (boxes and tracks of each type).
@@ -40,6 +40,11 @@ def kitti_status(card: Card, data: str | Path | None) -> DataStatus:
         if "0019" in names and not (found.folder / "poses_orbslam3/0019.txt").is_file():
             found.notes.append(
                 "poses_orbslam3/0019.txt is absent: sequence 0019 uses its GPS/IMU unit, which is bad there"
+            )
+        if not (found.folder / IMAGES).is_dir():
+            found.notes.append(
+                f"{IMAGES}/ is absent, so pictures of events show no image: the left colour images are in "
+                "data_tracking_image_2.zip of https://www.cvlibs.net/datasets/kitti/eval_tracking.php"
             )
         _count(found, validation)
 

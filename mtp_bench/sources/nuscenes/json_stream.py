@@ -49,6 +49,16 @@ def read_entries(path: Path, key: str, read: Read) -> Iterator[tuple[str, Any]]:
         raise DataError(f"{path} has no {key!r}")
 
 
+def read_list(path: Path, key: str, read: Read) -> Iterator[Record]:
+    """Records of the list that the object of a file has under ``key``; none without it. DataError as above."""
+    for record in _parsed(
+        path, read, b"{", lambda file: ijson.items(file, f"{key}.item", use_float=True, buf_size=_CHUNK)
+    ):
+        if not isinstance(record, dict):
+            raise DataError(f"{path}, {key}: got {brief(record)!r}, expected a record")
+        yield record
+
+
 def _parsed(path: Path, read: Read, start: bytes, parse: Callable[[_Strict], Iterable[Item]]) -> Iterator[Item]:
     """What ``parse`` finds in a file that begins with the bracket ``start``."""
     try:

@@ -24,6 +24,8 @@ TABLES = (
 )  # in the order of reading
 VERSIONS = "v1.0-*"  # folders of the root
 PREDICTION = "maps/prediction/prediction_scenes.json"
+EXPANSION = "maps/expansion"  # a file for each location, drawn under the boxes
+CAMERAS = "samples/CAM_*"  # folders of images, shown beside an event
 DATASET = Dataset(
     name="nuScenes",
     folders=(FOLDER,),
@@ -34,7 +36,9 @@ DATASET = Dataset(
     {", ".join(f"{name}.json" for name in TABLES[5:])}
   {PREDICTION}
                                     targets of the prediction challenge, for all versions
-  detections/<detector>*.json       detections in the official submission form""",
+  detections/<detector>*.json       detections in the official submission form
+  {EXPANSION}/<location>.json     map expansion, for pictures alone (optional)
+  samples/CAM_*/*.jpg               images at the keyframes, for pictures alone (optional)""",
     licence=(
         "CC BY-NC-SA 4.0 and the nuScenes terms of use: non-commercial; "
         "detections as distributed with AB3DMOT: academic, non-commercial"

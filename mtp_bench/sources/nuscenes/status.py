@@ -9,7 +9,9 @@ from ...errors import DataError
 from ..base import section_of
 from ..dataset import DataCheck, DataStatus
 from .layout import (
+    CAMERAS,
     DATASET,
+    EXPANSION,
     PREDICTION,
     TABLES,
     VERSIONS,
@@ -58,6 +60,7 @@ def nuscenes_status(card: Card, data: str | Path | None) -> DataStatus:
         _look_into(found, card, store)
         if detections:
             found.notes.append(f"detections: {', '.join(path.name for path in detections)}")
+        _note_pictures(found)
         if not found.missing:
             try:
                 NuScenes(card, data)
@@ -80,6 +83,26 @@ def _require(found: DataStatus, card: Card) -> tuple[Path, ...]:
         found.missing.append(str(error) if named else detection_pattern(card))
         found.note_detector(instead_of_stored(card))
         return ()
+
+
+def _note_pictures(found: DataStatus) -> None:
+    """Note what only pictures show, and where to get it."""
+    maps = sorted(path.stem for path in (found.folder / EXPANSION).glob("*.json"))
+    if maps:
+        found.notes.append(f"pictures show the road of {', '.join(maps)}")
+    else:
+        found.notes.append(
+            f"{EXPANSION}/ is absent, so pictures show no road: it is in the map expansion pack (v1.3) of "
+            "https://www.nuscenes.org/nuscenes#download, to be unpacked into maps/"
+        )
+    cameras = sorted(path.name for path in found.folder.glob(CAMERAS))
+    if cameras:
+        found.notes.append(f"pictures of events show the images of {', '.join(cameras)}")
+    else:
+        found.notes.append(
+            f"{CAMERAS}/ is absent, so pictures of events show no image: images are in the file blobs of "
+            "https://www.nuscenes.org/nuscenes#download (keyframes are enough), to be unpacked here"
+        )
 
 
 def _look_into(found: DataStatus, card: Card, store: TableStore) -> None:

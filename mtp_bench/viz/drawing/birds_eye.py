@@ -44,7 +44,7 @@ def draw_lanes(canvas: Canvas, lanes: tuple[Lane, ...]) -> None:
         outline = np.concatenate([lane.left, lane.right[::-1]])
         canvas.draw.polygon([(2 * x, 2 * y) for x, y in canvas.pixels(outline).tolist()], fill=ROAD)
     for lane in near:
-        canvas.lines([lane.left, lane.right], BORDER)
+        canvas.lines([] if lane.junction else [lane.left, lane.right], BORDER)
         canvas.lines([lane.center], CENTER_LINE, 0.5)
 
 

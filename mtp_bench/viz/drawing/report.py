@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,11 @@ from ..._version import __version__
 from ...files import whole_file
 from ..focus import ROLES, Focus, Key, Window
 from ..palette import BLACK, Color
+from ..photo import photos_around
 from .canvas import Canvas, Outline, Viewport, font, text_size
 from .focus import DETECTED, DIM_TRUTH, OBJECT, OTHER_OBJECT, draw_focus
+from .photo import HEIGHT as PHOTOS
+from .photo import photo_row
 
 SIZE = (1200, 800)  # pixels, of a report
 COLUMN, CAPTION = 300, 26
@@ -26,10 +30,16 @@ EDGE: Color = (200, 200, 200)
 
 
 def report(focus: Focus) -> Image.Image:
-    """The picture of an event, of SIZE: frame t, and below it t - 1, t and t + 1 from near."""
-    whole = Image.new("RGB", SIZE, PAPER)
+    """The picture of an event, of SIZE: frame t, and below it t - 1, t and t + 1 from near.
+
+    Where a camera image shows the event, a row with it stands below.
+    """
+    photos = photos_around(focus)
+    whole = Image.new("RGB", (SIZE[0], SIZE[1] + (PHOTOS if photos else 0)), PAPER)
     whole.paste(picture(focus, focus.at.frame, (SIZE[0], SIZE[1] - ROW)), (0, 0))
     whole.paste(strip(focus), (0, SIZE[1] - ROW))
+    if photos:
+        whole.paste(photo_row(focus, photos, SIZE[0]), (0, SIZE[1]))
     return whole
 
 
@@ -64,14 +74,30 @@ def picture(focus: Focus, t: int, size: tuple[int, int]) -> Image.Image:
     return whole
 
 
-def save_report(path: Path, focus: Focus) -> None:
-    """Write the picture as PNG, with the sentence as its description: a whole file or none."""
+def save_report(path: Path, *focuses: Focus) -> None:
+    """Write the picture as PNG, with the sentence as its description: a whole file or none.
+
+    Of an event in several runs the pictures stand below each other, and the sentences in lines.
+    """
     about = PngImagePlugin.PngInfo()
-    about.add_text("Title", _title(focus, focus.at.frame))
-    about.add_text("Description", focus.sentence)
+    about.add_text("Title", _title(focuses[0], focuses[0].at.frame))
+    about.add_text("Description", "\n".join(focus.sentence for focus in focuses))
     about.add_text("Software", f"mtp_bench {__version__}")
+    drawn = stacked([report(focus) for focus in focuses])
+    if drawn.height == len(focuses) * SIZE[1]:  # camera images need all their colours
+        drawn = drawn.quantize(128, dither=Image.Dither.NONE)
     with whole_file(path) as part:
-        report(focus).quantize(128, dither=Image.Dither.NONE).save(part, format="PNG", pnginfo=about, optimize=True)
+        drawn.save(part, format="PNG", pnginfo=about, optimize=True)
+
+
+def stacked(reports: Sequence[Image.Image]) -> Image.Image:
+    """Pictures of one width below each other."""
+    whole = Image.new("RGB", (SIZE[0], sum(image.height for image in reports)), PAPER)
+    top = 0
+    for image in reports:
+        whole.paste(image, (0, top))
+        top += image.height
+    return whole
 
 
 _TIED = "\u00a0"  # a blank that breaks no line; the font has none

@@ -6,6 +6,7 @@ import itertools
 import re
 from collections.abc import Container, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -15,6 +16,7 @@ from ...errors import MtpBenchError, UnknownNameError
 from ...scoring.events import history
 from ...types import Bools, Detections, Floats, Ragged, Scene, Truth, to_metres
 from ..answers import Answers
+from ..focus import Focus
 from ..frame_view import ego_boxes
 from ..palette import FALSE, Color
 from ..replay import Incident, Replay
@@ -140,10 +142,12 @@ def true_futures(truth: Truth, future: int) -> Strips:
 
 
 def map_lines(scene: Scene, border: bool) -> list[NDArray[np.float32]]:
-    """Polylines [n, 3] of the road: lane borders, or the middle of lanes; on the ground of the detections."""
+    """Polylines [n, 3] of the road: lane borders but in junctions, or middles of lanes; on the ground of detections."""
     boxes = scene.detections.box  # not the true ones, which an evaluation does not show
     ground = float(np.median(boxes[:, 2] - boxes[:, 6] / 2)) if len(boxes) else 0.0
-    lines = [line for lane in scene.lanes for line in ((lane.left, lane.right) if border else (lane.center,))]
+    lines = [lane.center for lane in scene.lanes]
+    if border:
+        lines = [line for lane in scene.lanes if not lane.junction for line in (lane.left, lane.right)]
     return [_single(np.column_stack([line, np.full(len(line), ground)])) for line in lines]
 
 
@@ -174,6 +178,11 @@ class ShownAgent:
         return f"agents/{self.name}/" if self.name else ""
 
     @property
+    def focus_root(self) -> str:
+        """Prefix of the paths of an event alone, of which the first agent's needs none."""
+        return self.root if self.number else ""
+
+    @property
     def best(self) -> int | None:
         """The shown hypothesis that is best in most frames; None where none is shown."""
         count = np.bincount(self.replay.said.hypotheses.best, minlength=max(self.hypotheses, default=0) + 1)
@@ -191,6 +200,13 @@ class Contents:
     agents: list[ShownAgent]
     level: str  # of LEVELS
     at: Incident | None  # of the first run: what the views look at
+
+    @cached_property
+    def focuses(self) -> list[tuple[ShownAgent, Focus]]:
+        """The event alone, as each run has it; nothing without an event."""
+        if self.at is None:
+            return []
+        return list(zip(self.agents, Focus.of_all([agent.replay for agent in self.agents], self.at), strict=True))
 
 
 def contents_of(replays: Sequence[Replay], level: str, at: Incident | None = None) -> Contents:

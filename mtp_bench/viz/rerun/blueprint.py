@@ -29,8 +29,7 @@ def layout(contents: Contents) -> rrb.Blueprint:
     oblique = _oblique(agents[0], replace(eye, offset=ASIDE, up=UP))
     columns: list[Any]
     if contents.at is not None:
-        columns = focus_columns(contents, [oblique, *_birds(agents[0], eye)])
-        columns += [_bird(agent, eye) for agent in agents[1:]]
+        columns = focus_columns(contents, [[oblique, *_birds(agents[0], eye)], *(_birds(a, eye) for a in agents[1:])])
     else:
         columns = [_bird(agent, eye) for agent in agents]
         columns[:0] = [oblique] if len(agents) == 1 else []
@@ -40,7 +39,7 @@ def layout(contents: Contents) -> rrb.Blueprint:
     if contents.at is None:
         parts = rrb.Vertical(rrb.Horizontal(*columns), below, row_shares=[2, 1])
         return _blueprint(parts, "Paused", agents[0].replay.card)
-    shares = [2.2, 1.0, *[1.2] * (len(agents) - 1)]
+    shares = [2.2, 1.0] if len(agents) == 1 else [1.8, 1.0, *[1.8] * (len(agents) - 1)]
     parts = rrb.Vertical(rrb.Horizontal(*columns, column_shares=shares), below, row_shares=[3.2, 1])
     last = contents.at.frame == agents[0].replay.frames - 1
     return _blueprint(

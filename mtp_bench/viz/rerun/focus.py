@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...types import Floats, starts_of
+from ...types import Floats, Ints, starts_of
 from ..drawing.report import strip
 from ..focus import Focus, FocusFrame
 from ..palette import NOW, SKY, TRUTH, Color
@@ -32,13 +32,27 @@ BOLD, THIN, EDGE = -2.5, -0.6, -1.2  # half the width of lines: negative numbers
 LIFT = 0.3  # m, that lines lie above the ground of what is dim
 
 
-def log_focus(recording: rr.RecordingStream, focus: Focus) -> None:
-    """Log what is bright in the frames around the event, and what stands beside it."""
+def frames_around(focus: Focus) -> Ints:
+    """The frames in which the things of the event are shown, and one more, which clears them."""
     time = focus.replay.scene.time
     near = np.flatnonzero(np.abs(time - time[focus.at.frame]) <= SECONDS)
-    frames = np.append(near, near[-1] + 1)[: focus.replay.frames - near[0]]  # the last one clears them
-    shown = [focus.frame(t) if t <= near[-1] else None for t in frames.tolist()]
-    log = Log(recording, frame_times(focus.replay.scene, frames))
+    return np.append(near, near[-1] + 1)[: focus.replay.frames - near[0]]
+
+
+def shown_in(focus: Focus, t: int) -> bool:
+    """Whether frame ``t`` is near the event."""
+    time = focus.replay.scene.time
+    return bool(abs(time[t] - time[focus.at.frame]) <= SECONDS)
+
+
+def log_focus(recording: rr.RecordingStream, focus: Focus, root: str = "", alone: bool = True) -> None:
+    """Log what is bright in the frames around the event, and what stands beside it.
+
+    ``root``: prefix of the paths; ``alone``: no other run is shown, so there is room for large letters.
+    """
+    frames = frames_around(focus)
+    shown = [focus.frame(t) if shown_in(focus, t) else None for t in frames.tolist()]
+    log = Log(recording, frame_times(focus.replay.scene, frames), root)
     log.boxes(f"{ROOT}/truth", _boxes(shown, _truth_boxes), radius=BOLD)
     log.boxes(f"{ROOT}/detection", _boxes(shown, _detected), radius=THIN)
     log.boxes(f"{ROOT}/track", _boxes(shown, _track_boxes), "transparentfillmajorwireframe", EDGE)
@@ -46,19 +60,20 @@ def log_focus(recording: rr.RecordingStream, focus: Focus) -> None:
     log.strips(f"{ROOT}/samples", _strips(shown, lambda f: _samples(focus, f), focus.height), THIN)
     log.strips(f"{ROOT}/forecast", _strips(shown, lambda f: _nearest(focus, f), focus.height), BOLD)
     _log_labels(log, focus, shown)
-    recording.log("focus/pictures", rr.Image(np.asarray(strip(focus))), static=True)
-    recording.log("focus/text", rr.TextDocument(text(focus), media_type="text/markdown"), static=True)
+    recording.log(f"{root}focus/pictures", rr.Image(np.asarray(strip(focus))), static=True)
+    recording.log(f"{root}focus/text", rr.TextDocument(text(focus, alone), media_type="text/markdown"), static=True)
 
 
-def text(focus: Focus) -> str:
-    """The sentence and the key, in Markdown."""
+def text(focus: Focus, large: bool = True) -> str:
+    """The sentence and the key, in Markdown; ``large``: the sentence in large letters."""
     lines = [f"| {WORDS[key.role]} {key.mark.replace('other', 'box')} | {key.text} |" for key in focus.key]
     table = "\n".join(["| mark | what |", "|---|---|", *lines])
     hint = (
         f"The viewer stays at frame {focus.at.frame}. Drag the time cursor to leave it, and step with the arrow keys; "
         "the play button leads back. To play the whole scene, switch the loop off and set the speed to 1."
     )
-    return f"### {focus.sentence}.\n\n{table}\n\nBold: the sample nearest to the truth. {hint}\n"
+    said = f"### {focus.sentence}." if large else f"**{focus.sentence}.**"
+    return f"{said}\n\n{table}\n\nBold: the sample nearest to the truth. {hint}\n"
 
 
 Things = Sequence[tuple[str, Floats]]  # a role, and boxes [7] or a path [n, 2]

@@ -1,4 +1,4 @@
-"""The part of the layout that shows an event alone: the view, the small pictures, the sentence with the key."""
+"""The part of the layout that shows an event alone: views, small pictures, sentences with keys, a camera image."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import numpy as np
 from ...errors import MtpBenchError
 from ..focus import Focus
 from ..palette import Color
+from ..photo import photo_of
+from ..replay import NO_EVENT
 from .arrays import Contents, ShownAgent
 from .eye import FALSE, Eye
 from .sdk import rr, rrb
@@ -20,18 +22,39 @@ DARKEST: Color = (34, 34, 42)  # forecasts
 ASPECT = 1.9  # width of the view in units of its height
 
 
-def focus_columns(contents: Contents, others: Sequence[Any]) -> list[Any]:
-    """Two columns: the event alone above its small pictures, and the sentence with the key.
+def focus_columns(contents: Contents, others: Sequence[Sequence[Any]]) -> list[Any]:
+    """Columns of an event: of each run the event alone above its small pictures; after the first one, what is told.
 
-    ``others``: the views of everything, in tabs behind.
+    ``others``: of each run the views of everything, in tabs behind.
     """
-    if contents.at is None:
+    if not contents.focuses:
         raise MtpBenchError("a view of an event needs an event")
-    focus, agent = Focus.of(contents.agents[0].replay, contents.at), contents.agents[0]
-    view = _eye(focus).seen(agent.titled(f"{contents.at.name} alone"), _contents(agent), _dimmed(agent))
-    pictures = rrb.Spatial2DView(origin="/focus/pictures", name="the frames t - 1, t and t + 1")
-    text = rrb.TextDocumentView(origin="/focus/text", name="what happened")
-    return [rrb.Vertical(rrb.Tabs(view, *others, active_tab=0), pictures, row_shares=[2.3, 1]), text]
+    columns = [_alone(agent, focus, behind) for (agent, focus), behind in zip(contents.focuses, others, strict=True)]
+    return [columns[0], _told(contents.focuses), *columns[1:]]
+
+
+def _alone(agent: ShownAgent, focus: Focus, others: Sequence[Any]) -> Any:
+    name = f"{focus.at.name} alone" if focus.at.kind != NO_EVENT else "the same object: no event"
+    view = _eye(focus).seen(agent.titled(name), _contents(agent), _dimmed(agent))
+    root = f"/{agent.focus_root}focus/pictures"
+    pictures = rrb.Spatial2DView(origin=root, name=agent.titled("the frames t - 1, t and t + 1"))
+    return rrb.Vertical(rrb.Tabs(view, *others, active_tab=0), pictures, row_shares=[2.3, 1])
+
+
+def _told(focuses: Sequence[tuple[ShownAgent, Focus]]) -> Any:
+    """The sentence and the key of each run, and the camera image of the event, where there is one."""
+    texts: list[Any] = [
+        rrb.TextDocumentView(origin=f"/{agent.focus_root}focus/text", name=agent.titled("what happened"))
+        for agent, _ in focuses
+    ]
+    photo = photo_of(focuses[0][1], focuses[0][1].at.frame)
+    if photo is not None and photo.picture is not None:
+        texts.append(rrb.Spatial2DView(origin="/focus/camera", name=f"camera image: {photo.image.camera}"))
+    return (
+        rrb.Vertical(*texts, row_shares=[1.2 if len(focuses) == 1 else 1.0, *[1.0] * (len(texts) - 1)])
+        if len(texts) > 1
+        else texts[0]
+    )
 
 
 def _eye(focus: Focus) -> Eye:
@@ -43,7 +66,14 @@ def _eye(focus: Focus) -> Eye:
 
 
 def _contents(agent: ShownAgent) -> list[str]:
-    paths = ["/world/map/**", "/world/ego", "/world/gt", "/world/det", "/world/at", "/world/focus/**"]
+    paths = [
+        "/world/map/**",
+        "/world/ego",
+        "/world/gt",
+        "/world/det",
+        "/world/at",
+        f"/{agent.focus_root}world/focus/**",
+    ]
     paths += [f"/{agent.root}world/forecast", f"/{agent.root}{FALSE}/**"]
     return paths if agent.best is None else [*paths, f"/{agent.root}world/hyp/{agent.best:02d}/box"]
 

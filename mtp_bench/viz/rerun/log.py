@@ -13,10 +13,10 @@ from pathlib import Path
 from ...env.rollouts import digest
 from ...errors import MtpBenchError
 from ...files import whole_file
-from ..focus import Focus
 from ..replay import Incident, Replay
 from .arrays import Contents, contents_of
 from .blueprint import layout
+from .camera import log_camera
 from .entities import Log, frame_times, log_answers, log_map, log_scene
 from .events import log_judgement, log_ring
 from .focus import log_focus
@@ -81,9 +81,10 @@ def log_runs(recording: rr.RecordingStream, contents: Contents) -> None:
         log = Log(recording, frame_times(first.scene), agent.root)
         log_answers(log, agent.replay.said, agent.hypotheses, contents.level, agent.replay.forecast_false)
         log_judgement(log, agent)
-    if contents.at is not None:
-        focus = Focus.of(first, contents.at)
-        log_ring(recording, first.scene, contents.at, 0.4 + 0.65 * focus.length)
-        log_focus(recording, focus)
+    for agent, focus in contents.focuses:
+        if agent.number == 0:
+            log_ring(recording, first.scene, focus.at, 0.4 + 0.65 * focus.length)
+            log_camera(recording, focus)
+        log_focus(recording, focus, agent.focus_root, alone=len(contents.agents) == 1)
     recording.flush()
     recording.disconnect()

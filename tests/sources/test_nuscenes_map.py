@@ -1,0 +1,200 @@
+"""The road of the map expansion: what is read of it, when, and that a run never depends on it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench import load_card, load_submission
+from mtp_bench.env import MTPEnv
+from mtp_bench.env.rollouts import digest
+from mtp_bench.errors import DataError
+from mtp_bench.running.run import agent_task, run_scene
+from mtp_bench.sources import describe, load_scenes, with_map
+from mtp_bench.sources.nuscenes import map_file
+from mtp_bench.sources.nuscenes.map_file import borders, read_lanes
+from mtp_bench.types import Lane
+from tests.support.map_expansion import Record, make_map, write_map
+from tests.support.nuscenes_root import VERSION, link_root, nuscenes_card, scene, write_json
+
+POSE = (0.0, 0.0, np.pi / 2)  # of the ego in frame 0: it drives along y
+LOCATION = "boston-seaport"
+
+
+@pytest.fixture
+def mapped(data: Path) -> Path:
+    """The small root with a log that says where its scenes are, and a map of that place."""
+    write_logs(data)
+    write_map(data / "nuscenes", LOCATION, make_map(POSE))
+    return data
+
+
+def write_logs(data: Path) -> None:
+    path = data / "nuscenes" / VERSION / "scene.json"
+    records = json.loads(path.read_text(encoding="utf-8"))
+    write_json(path, [{**record, "log_token": "log-1"} for record in records])
+    write_json(path.with_name("log.json"), [{"token": "log-1", "location": LOCATION}])
+
+
+def drawn(data: Path, notes: list[str] | None = None) -> tuple[Lane, ...]:
+    """The road of a scene of the root."""
+    told = [] if notes is None else notes
+    return with_map(scene(data), nuscenes_card(), data, told.append).lanes
+
+
+def test_lanes_are_where_they_were_drawn(mapped: Path) -> None:
+    own, other, bend = drawn(mapped)  # "far" is left out
+    np.testing.assert_allclose(own.center[[0, -1]], [[0.0, -40.0], [0.0, 20.0]], atol=1e-9)
+    np.testing.assert_allclose(own.left[:, 0], -2.0, atol=1e-9)  # the ego heads along y: left is -x
+    np.testing.assert_allclose(own.right[:, 0], 2.0, atol=1e-9)
+    np.testing.assert_allclose(other.center[[0, -1]], [[-4.0, 20.0], [-4.0, -40.0]], atol=1e-9)
+    np.testing.assert_allclose(other.left[:, 0], -2.0, atol=1e-9)
+    np.testing.assert_allclose(bend.center[-1], [-13.0, 32.0], atol=1e-9)  # 2 m on, a quarter of a circle, 3 m on
+    assert (own.junction, other.junction, bend.junction) == (False, False, True)
+    np.testing.assert_allclose(np.hypot(*(bend.left - bend.center).T), map_file.HALF[0])
+    for lane in (own, other, bend):
+        assert lane.left.shape == lane.right.shape == lane.center.shape
+        assert 0.01 < np.hypot(*np.diff(lane.center, axis=0).T).max() <= map_file.STEP + 1e-9
+
+
+def test_borders_follow_the_polygon() -> None:
+    #  y  3 +---------+      the lane gets wider to its left; its right border has a corner in the middle
+    #     1 +         |
+    #     0 o----o----o
+    #    -1 +----+----+
+    center = np.array([[0.0, 0.0], [5.0, 0.0], [10.0, 0.0]])
+    ring = np.array([[0.0, 1.0], [10.0, 3.0], [10.0, -1.0], [5.0, -1.0], [0.0, -1.0]])
+    for turned in (ring, ring[::-1], np.roll(ring, 2, axis=0)):
+        left, right = borders(center, turned)
+        np.testing.assert_allclose(left[:, 1], [1.0, 2.0, 3.0])
+        np.testing.assert_allclose(right[:, 1], -1.0)
+
+
+def test_the_map_is_read_once(mapped: Path, cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = drawn(mapped)
+    assert len(list(cache.glob("maps/*.npz"))) == 1
+    path = write_map(mapped / "nuscenes", LOCATION, make_map((0.0, 1.0, np.pi / 2)))
+    np.testing.assert_allclose(drawn(mapped)[0].center, first[0].center + np.array([0.0, 1.0]), atol=1e-9)
+    assert path.is_file()
+
+    def refuse(*_: object) -> None:
+        raise AssertionError("it is in the cache")
+
+    monkeypatch.setattr("mtp_bench.sources.nuscenes.road.read_lanes", refuse)
+    assert len(drawn(mapped)) == 3
+
+
+def test_a_cache_that_cannot_be_written_is_no_obstacle(mapped: Path, cache: Path) -> None:
+    scene(mapped)
+    (cache / "maps").write_text("")
+    assert len(drawn(mapped)) == 3
+
+
+def test_without_the_expansion_nothing_is_read(data: Path) -> None:
+    notes: list[str] = []
+    assert drawn(data, notes) == ()  # there is no log.json either
+    assert not notes
+
+
+def test_a_place_without_a_map(mapped: Path) -> None:
+    (mapped / "nuscenes/maps/expansion" / f"{LOCATION}.json").rename(
+        mapped / "nuscenes/maps/expansion/singapore-onenorth.json"
+    )
+    notes: list[str] = []
+    assert drawn(mapped, notes) == ()
+    assert not notes
+
+
+def changed(key: str, value: Any) -> Callable[[Record], Record]:
+    """A map with another value under ``key``."""
+    return lambda content: {**content, key: value}
+
+
+def arc(**changes: Any) -> Callable[[Record], Record]:
+    """A map whose middle line of "own" has other values."""
+
+    def change(content: Record) -> Record:
+        lines = content["arcline_path_3"]
+        return {**content, "arcline_path_3": {**lines, "own": [{**lines["own"][0], **changes}]}}
+
+    return change
+
+
+BROKEN: dict[str, tuple[Callable[[Record], Record], str]] = {
+    "no lanes": (lambda content: {"polygon": [], "lane": []}, "has no lanes"),
+    "no middle lines": (changed("arcline_path_3", []), "has no middle line of a lane"),
+    "no nodes": (changed("node", []), "layer 'node' has no record 'far-0'"),
+    "no polygons": (changed("polygon", []), "layer 'polygon' has no record 'far-ring'"),
+    "a list of numbers": (changed("lane", [1, 2]), "lane: got '1', expected a record"),
+    "a node without a place": (changed("node", [{"token": "own-0", "x": "1", "y": 2}]), "x and y are no numbers"),
+    "a shape": (arc(shape="LXR"), "lane 'own': got .* a shape such as 'LSR'"),
+    "a radius": (arc(radius=-1.0), "a radius from 0 on"),
+    "a lane without a polygon": (changed("lane", [{"token": "own"}]), "polygon_token is None, expected a text"),
+    "lengths": (arc(segment_length=[1.0, -1.0, 1.0]), "three lengths"),
+    "an endless length": (arc(segment_length=[1.0, 1e9, 1.0]), "three lengths"),
+    "a pose": (arc(start_pose=[1.0, None, 0.0]), "start_pose"),
+    "a part": (changed("arcline_path_3", {"own": [3]}), "got 3, expected a part"),
+}
+
+
+@pytest.mark.parametrize(("change", "text"), BROKEN.values(), ids=BROKEN)
+def test_a_broken_map_is_left_out_with_one_note(change: Callable[[Record], Record], text: str, mapped: Path) -> None:
+    path = write_map(mapped / "nuscenes", LOCATION, change(make_map(POSE)))
+    with pytest.raises(DataError, match=text):
+        read_lanes(path, lambda size: None)
+    notes: list[str] = []
+    assert drawn(mapped, notes) == ()
+    (note,) = notes
+    assert note.startswith(f"drawn without the road: {path}")
+
+
+def test_a_file_that_is_cut_off_and_tables_without_a_log(mapped: Path) -> None:
+    path = mapped / "nuscenes/maps/expansion" / f"{LOCATION}.json"
+    path.write_text(path.read_text(encoding="utf-8")[:-500], encoding="utf-8")
+    notes: list[str] = []
+    assert drawn(mapped, notes) == ()
+    assert "is it cut off?" in notes[0]
+    (mapped / "nuscenes" / VERSION / "log.json").unlink()
+    assert drawn(mapped, notes) == ()
+    assert "log.json cannot be read" in notes[1]
+
+
+def test_a_run_is_the_same_with_and_without_the_map(mapped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def said() -> str:
+        env = MTPEnv(nuscenes_card(), data=str(mapped), evaluation=True)
+        return digest(run_scene(load_submission("stp").build(agent_task(env, 0)), env, "scene-0003", seed=0))
+
+    assert scene(mapped).lanes == ()
+    with_it = said()
+    (mapped / "nuscenes/maps/expansion" / f"{LOCATION}.json").write_text("broken")
+    assert said() == with_it, "a run reads no map, for which a broken one does not stop it"
+
+
+def test_the_status_says_whether_it_is_there(mapped: Path) -> None:
+    def notes() -> str:
+        return " ".join(describe(nuscenes_card(), mapped).notes)
+
+    assert f"pictures show the road of {LOCATION}" in notes()
+    (mapped / "nuscenes/maps/expansion" / f"{LOCATION}.json").unlink()
+    assert "maps/expansion/ is absent, so pictures show no road" in notes()
+    assert "https://www.nuscenes.org" in notes()
+
+
+@pytest.mark.data
+def test_the_road_lies_around_the_way_of_a_real_ego(data_root: Path, tmp_path: Path, cache: Path) -> None:
+    data, card = link_root(tmp_path / "root", data_root), load_card("MTP-nuScenes-mini-v0")
+    (real,) = load_scenes(card, data, ["scene-0655"])
+    assert with_map(real, card, data).lanes == ()
+    x, y, _, yaw = real.ego[11]
+    write_map(data / "nuscenes", LOCATION, make_map((x, y, yaw)))
+    notes: list[str] = []
+    own, *_ = with_map(real, card, data, notes.append).lanes
+    assert not notes
+    assert np.hypot(*(own.center - [x, y]).T).min() < map_file.STEP
+    (singapore,) = load_scenes(card, data, ["scene-0061"])
+    assert with_map(singapore, card, data, notes.append).lanes == (), "the map of another place"
