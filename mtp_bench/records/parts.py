@@ -56,7 +56,7 @@ class Parts:
         arrays = {name: np.asarray(getattr(run.rollout, name), dtype) for name, (dtype, _) in ARRAYS.items()}
         try:
             path.parent.mkdir(exist_ok=True)
-            write_arrays(path, {**arrays, _SAID: np.array(json.dumps(said))})
+            write_arrays(path, {**arrays, _SAID: np.array(json.dumps(said))}, brief=True)
         except OSError as error:
             raise MtpBenchError(
                 f"cannot write {path}: {reason_of(error, path)}; what was finished before is kept: --resume goes on"

@@ -50,7 +50,11 @@ def read_arrays(path: Path) -> Arrays | None:
         return None
 
 
-def write_arrays(path: Path, arrays: Arrays) -> None:
-    """Store arrays with a hash of their content, as a whole or not at all. Raises OSError."""
+def write_arrays(path: Path, arrays: Arrays, brief: bool = False) -> None:
+    """Store arrays with a hash of their content, as a whole or not at all. Raises OSError.
+
+    ``brief``: they are kept for minutes alone, so that packing them would take longer than it is worth.
+    """
+    save = np.savez if brief else np.savez_compressed
     with whole_file(path) as part, part.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, digest=np.array(content_hash(arrays)), **arrays)
+        save(file, allow_pickle=False, digest=np.array(content_hash(arrays)), **arrays)
