@@ -117,18 +117,20 @@ class Case:
 
     def follower(self, t: int) -> int:
         """Id of the track that follows the object at frame ``t``, -1 none."""
-        if self.rows[t] < 0:
-            return -1
-        if self.hypothesis[t] != self.replay.said.hypotheses.best[t]:
-            return self.at.old_id if self.track_row(self.at.old_id, t) >= 0 else -1
-        return int(np.append(self.replay.rollout.track_id, -1)[self.replay.truth_track[self.rows[t]]])
+        row = self.rows[t]
+        return -1 if row < 0 else int(np.append(self.replay.rollout.track_id, -1)[self._matched(t)[row]])
+
+    def _matched(self, t: int) -> Ints:
+        """The track [R] matched to each true box in the hypothesis of frame ``t``, -1 none."""
+        best = self.hypothesis[t] == self.replay.said.hypotheses.best[t]
+        return self.replay.truth_track if best else self.replay.matched[:, self.hypothesis[t]]
 
     def followed(self, track_id: int, t: int) -> int:
         """Row of the true box, other than the object, that a track follows at frame ``t``, -1 none."""
         row, truth = self.track_row(track_id, t), self.replay.scene.truth.rows(t)
         if row < 0:
             return -1
-        own = truth.start + np.flatnonzero(self.replay.truth_track[truth] == row)
+        own = truth.start + np.flatnonzero(self._matched(t)[truth] == row)
         own = own[own != self.rows[t]]
         return int(own[0]) if len(own) else -1
 

@@ -62,6 +62,7 @@ class Replay:
     said: Answers
     agent: str
     truth_track: Ints  # [R] track of the best hypothesis matched to each true box, -1 none
+    matched: Ints  # [R, H] the same for every hypothesis, but -1 where the box is neutral
     track_false: Bools  # [N] in the best hypothesis, and of no true object
     detection_false: Bools  # [D] false positives, by the event gate
     forecast_false: Bools  # [O] by the forecast gate, every forecast kept
@@ -139,6 +140,7 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Repla
         said=said,
         agent=agent,
         truth_track=np.append(chosen, -1)[of_track.object_of_truth],
+        matched=match_hypotheses(truth, rollout, said.hypotheses.member, card),
         track_false=track_false & scene.truth_complete,
         detection_false=of_detection.unmatched & scene.truth_complete,
         forecast_false=forecast_false & scene.truth_complete,
@@ -171,8 +173,7 @@ def _identity_incidents(run: Replay) -> list[Incident]:
     """Switches, losses and re-acquisitions."""
     truth, rollout, found, worth = run.scene.truth, run.rollout, run.said.hypotheses, run.worth
     frame = truth.frame_of_rows
-    matched = match_hypotheses(truth, rollout, found.member, run.card)
-    events = lineage_events(truth, rollout, found, matched).of(found.best[frame])
+    events = lineage_events(truth, rollout, found, run.matched).of(found.best[frame])
     track_id = np.append(rollout.track_id, -1)  # row -1: no track
     error_before = np.append(worth[:, 1], np.nan)[object_history(truth).previous()]
     return [

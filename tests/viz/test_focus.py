@@ -192,6 +192,21 @@ def test_what_is_said_of_an_event(tracks: list[list[Thing]], name: str, text: st
     assert text in told(line([5] * 8), tracks, name)
 
 
+def test_what_follows_in_the_hypothesis_that_becomes_the_best() -> None:
+    """Track 1 drifts off in it for two frames, while it stays in the one that was the best until then."""
+    tracks = [
+        [Thing(1, t, 0.0, hypotheses=(0,)), Thing(1, t, 5.0 if t in (2, 3) else 0.0, hypotheses=(1,))] for t in range(8)
+    ]
+    weight = [[0.0, -1.0] if t < 4 else [-1.0, 0.0] for t in range(8)]
+    rollout = make_rollout(tracks, log_weight=weight, hypotheses=2)
+    rollout = replace(rollout, hypothesis_parent=np.tile([0, 1], (8, 1)))
+    run = replay(make_scene(line([5] * 8)), rollout, CARD)
+    case = Case(run, run.incident("reacquired-0"))
+    assert case.at.frame == 4
+    assert [case.follower(t) for t in range(5)] == [1, 1, -1, -1, 1]
+    assert "car 5 is found again after 2 frames by its old track 1; " in sentence(case)
+
+
 def test_where_nothing_is_detected() -> None:
     run = crowd(old_y=None, detected=False)
     silent = replace(run.incident("ids-0"), kind="lost", name="lost-0", new_id=-1)
