@@ -62,7 +62,7 @@ class Replay:
     said: Answers
     agent: str
     truth_track: Ints  # [R] track of the best hypothesis matched to each true box, -1 none
-    matched: Ints  # [R, H] the same for every hypothesis, but -1 where the box is neutral
+    matched: NDArray[np.intp]  # [R, H] the same for every hypothesis, but -1 where the box is neutral
     track_false: Bools  # [N] in the best hypothesis, and of no true object
     detection_false: Bools  # [D] false positives, by the event gate
     forecast_false: Bools  # [O] by the forecast gate, every forecast kept
