@@ -20,7 +20,7 @@ from ..cache import Arrays, read_arrays, write_arrays
 from ..images import CameraImage
 from . import folders
 from .fields import add_numbers, check, extended, floats, ints, named, text, whole
-from .json_stream import Read, Record, brief, read_records
+from .json_stream import Read, Record, brief, read_records, unwatched
 from .layout import CAMERAS, DATASET, VERSIONS
 from .store import SAMPLES, TableStore, find_tables
 from .tables import by_token, known
@@ -104,10 +104,10 @@ def _build(store: TableStore, folder: Path, read: Read) -> None:
 
 def _read_mounts(store: TableStore) -> _Mounts:
     sensors, path = store.tables.paths["sensor"], store.tables.paths["calibrated_sensor"]
-    channel_of = {token: text(sensors, record, "channel") for token, record in by_token(sensors, _nobody)}
+    channel_of = {token: text(sensors, record, "channel") for token, record in by_token(sensors, unwatched)}
     tokens, channels = list[str](), list[str]()
     translation, rotation, intrinsic = array("d"), array("d"), array("d")
-    for token, record in by_token(path, _nobody):
+    for token, record in by_token(path, unwatched):
         channel = known(channel_of, record, path, "sensor")
         if not channel.startswith("CAM_"):
             continue
@@ -188,7 +188,3 @@ def _matrices(rotation: Floats) -> Floats:
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-
-
-def _nobody(size: int) -> None:
-    """Who is told that so many bytes were read."""

@@ -27,6 +27,10 @@ _BRIEF = reprlib.Repr()  # short for long numbers, texts and lists, and for deep
 _BRIEF.maxstring = _BRIEF.maxother = 80
 
 
+def unwatched(size: int) -> None:
+    """A `Read` for small files: nobody is told."""
+
+
 def brief(value: Any) -> str:
     """A value of a file for messages, shortened."""
     return _BRIEF.repr(value)

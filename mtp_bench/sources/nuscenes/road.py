@@ -14,7 +14,7 @@ from ...types import Floats, Lane, Scene, starts_of
 from ..base import DataRoot, section_of
 from ..cache import Arrays, read_arrays, write_arrays
 from . import folders
-from .json_stream import Read, read_records
+from .json_stream import Read, read_records, unwatched
 from .layout import DATASET, EXPANSION, VERSIONS
 from .map_file import PASSES, read_lanes
 from .tables import known
@@ -38,9 +38,9 @@ def scene_lanes(card: Card, data: DataRoot, scene: Scene) -> tuple[Lane, ...]:
 
 def location_of(version: Path, scene: str) -> str:
     """The place where a scene was recorded, such as "boston-seaport", by the tables in the folder ``version``."""
-    logs = {str(record.get("token")): record for record in read_records(version / "log.json", _nobody)}
+    logs = {str(record.get("token")): record for record in read_records(version / "log.json", unwatched)}
     path = version / "scene.json"
-    for record in read_records(path, _nobody):
+    for record in read_records(path, unwatched):
         if record.get("name") == scene:
             location = known(logs, record, path, "log").get("location")
             if isinstance(location, str) and re.fullmatch(r"[A-Za-z0-9_-]+", location):
@@ -88,7 +88,3 @@ def _arrays(path: Path, read: Read) -> Arrays:
         "start": starts_of([len(own) for own in points]),  # [L + 1]
         "junction": np.array([lane.junction for lane in lanes], dtype=bool),  # [L]
     }
-
-
-def _nobody(size: int) -> None:
-    """Who is told that so many bytes were read."""

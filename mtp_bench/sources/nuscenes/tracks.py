@@ -16,6 +16,7 @@ from ..base import DataRoot, ReadTracks, TrackForm, class_ids
 from ..tracks.building import stored_tracks
 from .classes import CLASSES
 from .detection_file import TRACKING, DetectedBoxes, read_detections
+from .json_stream import unwatched
 from .source import NuScenes
 from .store import SAMPLES, TableStore
 
@@ -90,7 +91,7 @@ def _read(path: Path, tables: TableStore) -> _File:
     key = path, state.st_size, state.st_mtime_ns, tables.folder
     if key not in _kept:
         tokens = [str(token) for token in tables.arrays(SAMPLES)["token"]]
-        boxes = read_detections(path, {token: at for at, token in enumerate(tokens)}, _nobody, TRACKING)
+        boxes = read_detections(path, {token: at for at, token in enumerate(tokens)}, unwatched, TRACKING)
         if not len(boxes.covered):
             example = f" (for example {boxes.example!r})" if boxes.example else ""
             raise DataError(
@@ -100,10 +101,6 @@ def _read(path: Path, tables: TableStore) -> _File:
         _kept.clear()
         _kept[key] = _File(boxes, tokens)
     return _kept[key]
-
-
-def _nobody(size: int) -> None:
-    """Who is told that so many bytes were read."""
 
 
 def _fits(path: Path) -> bool:
