@@ -42,7 +42,7 @@ _SYSTEM = ("/lib", "/lib64", "/usr/lib", "/usr/lib64", "/usr/local/lib")  # shar
 _KERNELS = {  # those that baselines need
     "tracking.kernels.association": ("search",),
     "tracking.kernels.affinity_kernels": ("sparse_pairs",),
-    "tracking.kernels.tree_kernels": ("grow", "distinct_rows", "descend", "histories"),
+    "tracking.kernels.tree_kernels": ("grow", "distinct_rows", "descend", "histories", "write_boxes"),
     "tracking.kernels.motion_kernels": ("predict", "update_pairs"),
     "prediction.kalman": ("filter_pasts",),
     "prediction.kinematic": ("expand",),

@@ -5,19 +5,22 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from mtp_bench.cards import card_text, load_card
+from mtp_bench.env import MTPEnv
 from mtp_bench.errors import SubmissionError
 from mtp_bench.gateway import run_isolated
 from mtp_bench.gateway.cgroup import Group, _places, make_group
 from mtp_bench.gateway.image import image_of
-from mtp_bench.gateway.layout import LIBRARY, environment, layout_for, library
+from mtp_bench.gateway.layout import LIBRARY, LOADED, environment, layout_for, library
 from mtp_bench.networks import VARIABLE, file_name
+from mtp_bench.running.run import agent_task
 from mtp_bench.submission import load_submission
 from mtp_bench.submission.contents import files_of
-from mtp_bench.tracking.kernels.compile import cache_folder
+from mtp_bench.tracking.kernels.compile import Kernel, cache_folder
 from tests.support.hostile import MANIFEST, QUICK, SCENE, submission
 from tests.support.own_scenes import write_long_log
 
@@ -53,6 +56,27 @@ def test_nothing_of_the_judge_is_shown(tmp_path: Path) -> None:
         assert not any(part.is_relative_to(place) for place in places), part
     for part in (library() / "envs", library() / "leaderboard", Path.home(), Path("/etc/passwd"), Path("/run")):
         assert not any(part.is_relative_to(place) for place in places), part
+
+
+@pytest.mark.parametrize("name", ["ab3dmot", "mtp", "mtp_modes", "mtp_ptp", "affinity", "tracking_free"])
+def test_kernels_that_a_baseline_calls_are_loaded_before(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that was not would be compiled anew in every process of an agent, which takes longer than its scene."""
+    called = set[tuple[str, str]]()
+    call = Kernel.__call__
+
+    def noted(kernel: Kernel[..., Any], *args: Any, **kwargs: Any) -> Any:
+        called.add((kernel.function.__module__, kernel.function.__name__))
+        return call(kernel, *args, **kwargs)
+
+    monkeypatch.setattr(Kernel, "__call__", noted)
+    env = MTPEnv("MTP-Intersection-v0", evaluation=True)
+    agent = load_submission(name).build(agent_task(env, 0))
+    agent.reset(agent_task(env, 0))
+    observation, _ = env.reset(seed=0)
+    for _ in range(12):
+        observation, *_ = env.step(agent.act(observation))
+    assert called
+    assert called <= {(module, kernel) for module, kernels in LOADED.items() for kernel in kernels}
 
 
 def test_kernels_in_the_users_cache_are_no_secret(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
