@@ -146,7 +146,7 @@ def _write(folder: Path, info: RunInfo, rollouts: Iterable[Rollout]) -> None:
 
 
 def _write_arrays(path: Path, arrays: dict[str, NDArray[Any]]) -> None:
-    """As `numpy.savez_compressed`, which has no level: 2 % more room than with its own, a third of the time."""
+    """As `numpy.savez_compressed`, which has no level: 2 % more room than with its own, in 0.3 to 0.7 of the time."""
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=_LEVEL) as file:
         for name, array in arrays.items():
             with file.open(f"{name}.npy", "w", force_zip64=True) as entry:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...cards import Card, NuScenesSource
 from ...errors import DataError
-from ...types import Floats, Ints, Scene
+from ...types import Floats, Scene
 from ..base import DataRoot, section_of
 from ..cache import Arrays, read_arrays, write_arrays
 from ..images import CameraImage
@@ -23,7 +23,7 @@ from .fields import add_numbers, check, extended, floats, ints, named, text, who
 from .json_stream import Read, Record, brief, read_records, unwatched
 from .layout import CAMERAS, DATASET, VERSIONS
 from .store import SAMPLES, TableStore, find_tables
-from .tables import by_token, known
+from .tables import by_token, known, read_poses
 from .work import no_work, working
 
 FORMAT = 1  # of the arrays in the cache: a change gets a new number
@@ -89,7 +89,7 @@ def _build(store: TableStore, folder: Path, read: Read) -> None:
         "camera": np.array([mounts.channel[at] for at in rows.mount], dtype=np.str_),
         "path": np.array(rows.file, dtype=np.str_),
         "size": ints(rows.size).reshape(-1, 2),
-        "projection": _projections(store.tables.paths["ego_pose"], mounts, rows, read),
+        "projection": _projections(store, mounts, rows, read),
     }
 
     def fill(part: Path) -> None:
@@ -149,34 +149,15 @@ def _read_images(path: Path, mounts: _Mounts, row_of: dict[str, int], read: Read
     return rows
 
 
-def _projections(path: Path, mounts: _Mounts, rows: _Rows, read: Read) -> Floats:
+def _projections(store: TableStore, mounts: _Mounts, rows: _Rows, read: Read) -> Floats:
     """From the global frame to the pixels of each image [n, 3, 4]."""
-    place, turn = _read_poses(path, rows.pose, read)
+    paths = store.tables.paths
+    place, turn = read_poses(paths["ego_pose"], paths["sample_data"], rows.pose, read)
     mount = ints(rows.mount)
     to_ego = _matrices(turn).swapaxes(1, 2)
     to_camera = mounts.intrinsic[mount] @ _matrices(mounts.rotation[mount]).swapaxes(1, 2)
     shift = np.einsum("nij,nj->ni", to_ego, place) + mounts.translation[mount]
     return np.asarray(to_camera @ np.concatenate([to_ego, -shift[..., None]], axis=2))
-
-
-def _read_poses(path: Path, tokens: list[str], read: Read) -> tuple[Floats, Floats]:
-    """Places [n, 3] and quaternions [n, 4] of the ego by the tokens of its poses."""
-    wanted: dict[str, int] = dict.fromkeys(tokens, -1)
-    translation, rotation, found = array("d"), array("d"), list[str]()
-    for record in read_records(path, read):
-        token = record.get("token")
-        if token in wanted:
-            wanted[token] = len(found)
-            found.append(token)
-            add_numbers(path, record, "translation", 3, translation)
-            add_numbers(path, record, "rotation", 4, rotation)
-    for token, at in wanted.items():
-        if at < 0:
-            raise DataError(f"{path} has no record {token!r}, which an image names as ego_pose_token")
-    place, turn = floats(translation, 3), floats(rotation, 4)
-    check(path, found, {"translation": place, "rotation": turn})
-    row: Ints = np.array([wanted[token] for token in tokens], dtype=np.int64)
-    return place[row], turn[row]
 
 
 def _matrices(rotation: Floats) -> Floats:

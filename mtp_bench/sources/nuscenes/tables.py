@@ -127,7 +127,16 @@ def _read_lidar_poses(paths: Mapping[str, Path], row: Mapping[str, int], read: R
 
 
 def _read_poses(path: Path, referrer: Path, pose: list[str], read: Read) -> Floats:
-    """Ego x y z yaw [N, 4] by pose tokens [N]; a table has many more poses."""
+    """Ego x y z yaw [N, 4] by pose tokens [N]."""
+    position, turn = read_poses(path, referrer, pose, read)
+    return np.column_stack([position, yaw_of(turn)])
+
+
+def read_poses(path: Path, referrer: Path, pose: list[str], read: Read) -> tuple[Floats, Floats]:
+    """Places [N, 3] and quaternions [N, 4] of the ego by pose tokens [N]; a table has many more poses.
+
+    ``referrer``: the table that names them. DataError for a pose that is not there, or that two records share.
+    """
     wanted: dict[str, int] = dict.fromkeys(pose, -1)
     translation, rotation, tokens = array("d"), array("d"), list[str]()
     for token, record in by_token(path, read):
@@ -143,7 +152,7 @@ def _read_poses(path: Path, referrer: Path, pose: list[str], read: Read) -> Floa
     position, turn = floats(translation, 3), floats(rotation, 4)
     check(path, tokens, {"translation": position, "rotation": turn})
     row = np.array([wanted[token] for token in pose], dtype=np.int64)
-    return np.asarray(np.column_stack([position, yaw_of(turn)])[row])
+    return position[row], turn[row]
 
 
 def by_token(path: Path, read: Read) -> Iterator[tuple[str, Record]]:

@@ -50,11 +50,9 @@ def _told(focuses: Sequence[tuple[ShownAgent, Focus]]) -> Any:
     photo = photo_of(focuses[0][1], focuses[0][1].at.frame)
     if photo is not None and photo.picture is not None:
         texts.append(rrb.Spatial2DView(origin="/focus/camera", name=f"camera image: {photo.image.camera}"))
-    return (
-        rrb.Vertical(*texts, row_shares=[1.2 if len(focuses) == 1 else 1.0, *[1.0] * (len(texts) - 1)])
-        if len(texts) > 1
-        else texts[0]
-    )
+    if len(texts) == 1:
+        return texts[0]
+    return rrb.Vertical(*texts, row_shares=[1.2 if len(focuses) == 1 else 1.0, *[1.0] * (len(texts) - 1)])
 
 
 def _eye(focus: Focus) -> Eye:
@@ -66,15 +64,8 @@ def _eye(focus: Focus) -> Eye:
 
 
 def _contents(agent: ShownAgent) -> list[str]:
-    paths = [
-        "/world/map/**",
-        "/world/ego",
-        "/world/gt",
-        "/world/det",
-        "/world/at",
-        f"/{agent.focus_root}world/focus/**",
-    ]
-    paths += [f"/{agent.root}world/forecast", f"/{agent.root}{FALSE}/**"]
+    paths = [f"/world/{name}" for name in ("map/**", "ego", "gt", "det", "at")]
+    paths += [f"/{agent.focus_root}world/focus/**", f"/{agent.root}world/forecast", f"/{agent.root}{FALSE}/**"]
     return paths if agent.best is None else [*paths, f"/{agent.root}world/hyp/{agent.best:02d}/box"]
 
 
