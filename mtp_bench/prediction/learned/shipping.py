@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import MtpBenchError
 from ...files import write_bytes
 from .registry import network_of
 from .weights import PACKED, SHIPPED, content_of, read_weights
@@ -46,5 +47,8 @@ def rounded(values: NDArray[np.floating]) -> NDArray[np.float16]:
 
 
 if __name__ == "__main__":
-    for name in sys.argv[1:]:
-        print(ship(Path(name)))
+    try:
+        for name in sys.argv[1:]:
+            print(ship(Path(name)))
+    except MtpBenchError as error:
+        sys.exit(f"error: {error}")
