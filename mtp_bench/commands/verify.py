@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -138,7 +139,8 @@ def _check_all(given: Sequence[Path], work: _Work, json_file: Path | None) -> No
         raise RecordError(f"{given[0]}: no record there, expected files <submission>/<env id>.json")
     if work.key is not None:
         require_signer(work.key, work.signer, work.trust)
-    lines = [_line(path, work, alone=list(given) == [path]) for path in paths]
+    with ExitStack() as ends:  # hidden scenes are made once for all records
+        lines = [_line(path, work, ends, alone=list(given) == [path]) for path in paths]
     if len(lines) > 1:
         show_numbers(_round_table(lines))
     write_json(json_file, {"records": [line.verdict for line in lines]})
@@ -147,11 +149,11 @@ def _check_all(given: Sequence[Path], work: _Work, json_file: Path | None) -> No
         raise RecordError(some_of(failed))
 
 
-def _line(path: Path, work: _Work, alone: bool) -> _Line:
+def _line(path: Path, work: _Work, ends: ExitStack, alone: bool) -> _Line:
     """Check one record; an error does not stop the others."""
     start = time.monotonic()
     try:
-        line = _checked(path, work)
+        line = _checked(path, work, ends)
     except (MtpBenchError, OSError) as error:
         if alone:
             raise
@@ -159,7 +161,7 @@ def _line(path: Path, work: _Work, alone: bool) -> _Line:
     return replace(line, seconds=time.monotonic() - start)
 
 
-def _checked(path: Path, work: _Work) -> _Line:
+def _checked(path: Path, work: _Work, ends: ExitStack) -> _Line:
     from ..records import load_record
     from ..records import verify as check_record
     from ..records.verifying import attest, confirm
@@ -174,7 +176,8 @@ def _checked(path: Path, work: _Work) -> _Line:
         known = {"record": str(path), "digest": record.digest, "level": done.level, "hidden_error": error}
         return _Line(path, {**known, "holds": True})
     with working(f"verify {record.submission.name} on {record.env.id}", work.options) as watched:
-        checked = check_record(path, watched, work.env, asked.folder(record), asked.rerun, asked.sealed(record))
+        again = (asked.folder(record), asked.rerun, asked.sealed(record), ends)
+        checked = check_record(path, watched, work.env, *again)
     if checked.differences:
         show_numbers(_difference_table(checked))
     show(_verdict(checked))

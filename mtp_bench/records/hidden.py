@@ -1,11 +1,12 @@
 """A submission on hidden scenes: what ranks on simulated envs.
 
-The scenes are made for the run and deleted after it: what lies in a cache could be read. Of them only sums per unit are
-published, for the name of a scene tells its seed.
+The scenes are made for a check, or for a round of them, and deleted after it: what lies in a cache could be read. Of
+them only sums per unit are published, for the name of a scene tells its seed.
 """
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import replace
 
 from ..errors import RecordError
@@ -20,8 +21,10 @@ from .running import Plan, evaluate_plan, isolation
 from .seal import Sealed
 
 
-def run_hidden(plan: Plan, record: Record, sealed: Sealed, limits: Limits) -> HiddenPart:
+def run_hidden(plan: Plan, record: Record, sealed: Sealed, limits: Limits, ends: ExitStack) -> HiddenPart:
     """What the submission of ``plan`` scores on the hidden scenes, under the seeds of ``record``.
+
+    They are made where they are not there yet, and deleted when ``ends`` is closed.
 
     Raises RecordError where the seal is of another card, or the system cannot hide files and network from an agent.
     """
@@ -32,20 +35,18 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed, limits: Limits) -> Hi
             f"with {card.digest}"
         )
     hidden = sealed.card(card)
-    try:
-        keep_private(hidden)
-        told = plan.options.progress
-        progress = Progress(told.started, lambda _: told.done("a hidden scene"))  # its name would tell its seed
-        names, options = sealed.shuffled(open_source(hidden).names), replace(plan.options, data=None, progress=progress)
-        there = replace(plan, env=hidden, card=hidden, scenes=names, scenes_of_split=len(names), options=options)
-        runs = run_again(there, list(sealed.run_seeds(record.seeds).values()), limits)
-        why = why_not_isolated(record, [isolation(runs)])
-        if why:
-            raise RecordError(f"hidden scenes would not stay hidden: {why}; run it on Linux with user namespaces")
-        reference = sealed.reference(hidden, names, options)
-        found = evaluate_plan(there, runs, reference)
-    finally:
-        discard(hidden)
+    ends.callback(discard, hidden)
+    keep_private(hidden)
+    told = plan.options.progress
+    progress = Progress(told.started, lambda _: told.done("a hidden scene"))  # its name would tell its seed
+    names, options = sealed.shuffled(open_source(hidden).names), replace(plan.options, data=None, progress=progress)
+    there = replace(plan, env=hidden, card=hidden, scenes=names, scenes_of_split=len(names), options=options)
+    runs = run_again(there, list(sealed.run_seeds(record.seeds).values()), limits)
+    why = why_not_isolated(record, [isolation(runs)])
+    if why:
+        raise RecordError(f"hidden scenes would not stay hidden: {why}; run it on Linux with user namespaces")
+    reference = sealed.reference(hidden, names, options)
+    found = evaluate_plan(there, runs, reference)
     return HiddenPart(
         commitment=sealed.commitment,
         weights=reference.digest,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -58,6 +59,7 @@ def verify(
     submission: str | Path | None = None,
     rerun: bool = False,
     sealed: Sealed | None = None,
+    ends: ExitStack | None = None,
 ) -> Verification:
     """Check a record by its stored rollouts: scored again they must give its numbers ("re-scored").
 
@@ -69,6 +71,8 @@ def verify(
         rerun: Run the submission again instead: its rollouts must be the same, and once more under a secret seed it
             must score alike ("re-run"). Where nothing held the agent it is "re-scored" at most.
         sealed: So too, and then on hidden scenes ("hidden").
+        ends: Deletes the hidden scenes when it is closed, so that a round makes them once; None: they are deleted at
+            the end of this check.
 
     Raises RecordError where the record is missing, was changed or has no stored rollouts, DataError where data is
     missing.
@@ -87,7 +91,8 @@ def verify(
     options.progress.started(_work(record, plan, sealed))
     if plan is None:
         return _scored_again(path, record, card, stored, reference, options)
-    return _run_again(path, record, plan, reference, sealed)
+    with ExitStack() as own:
+        return _run_again(path, record, plan, reference, sealed, own if ends is None else ends)
 
 
 def attest(checked: Verification, key: Path, signer: str) -> Path:
@@ -139,7 +144,9 @@ def _scored_again(
     return Verification(path, record, level, differences, _notes(record, reference), updated)
 
 
-def _run_again(path: Path, record: Record, plan: Plan, reference: Reference, sealed: Sealed | None) -> Verification:
+def _run_again(
+    path: Path, record: Record, plan: Plan, reference: Reference, sealed: Sealed | None, ends: ExitStack
+) -> Verification:
     """The check by running the submission: as in the record, under a secret motion, and on hidden scenes."""
     limits = Limits() if record.division == "closed" else Limits(**record.limits.model_dump())
     again = run_again(plan, record.seeds, limits)
@@ -159,7 +166,7 @@ def _run_again(path: Path, record: Record, plan: Plan, reference: Reference, sea
         return replace(checked, level="scored", differences=(moved,), updated=None)
     if sealed is None:
         return replace(checked, level="re-run")
-    return replace(checked, level="hidden", hidden=run_hidden(plan, record, sealed, limits))
+    return replace(checked, level="hidden", hidden=run_hidden(plan, record, sealed, limits, ends))
 
 
 def _said_otherwise(record: Record, plan: Plan, again: Runs, limits: Limits) -> Iterator[Difference]:
