@@ -29,6 +29,7 @@ from mtp_bench.running.reference import reference_for
 from mtp_bench.running.run import jobs_of, run_jobs
 from mtp_bench.running.settings import setting_of
 from mtp_bench.scoring import AgentScores, Reference, score_scene
+from mtp_bench.scoring.statistics import kendall_tau
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.submission.loader import load_submission
 
@@ -108,14 +109,6 @@ def means(arrays: dict[str, np.ndarray], agents: list[str], kind: str, subset: s
     return np.asarray(every[:, unit].sum(2) / np.maximum(weight, 1e-9))
 
 
-def tau(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Kendall's tau-b over agents of each column [resamples]."""
-    first, second = np.triu_indices(len(a), 1)
-    x, y = np.sign(a[first] - a[second]), np.sign(b[first] - b[second])
-    pairs = np.sqrt((x != 0).sum(0) * (y != 0).sum(0))
-    return np.asarray((x * y).sum(0) / np.maximum(pairs, 1))
-
-
 def agreement(
     real: dict[str, np.ndarray], made: dict[str, np.ndarray], kind: str, subset: str, moving: str
 ) -> dict[str, Any]:
@@ -130,10 +123,12 @@ def agreement(
         return means(arrays, agents, kind, subset, every), means(arrays, agents, kind, subset, drawn)
 
     (here, resampled), (there, again) = sampled(real, subset), sampled(made, subset + moving)
-    low, high = np.quantile(tau(resampled, again), [0.025, 0.975])
+    low, high = np.quantile(kendall_tau(resampled, again), [0.025, 0.975])
     errors = {agent: (float(x), float(y)) for agent, x, y in zip(agents, here[:, 0], there[:, 0], strict=True)}
-    own = np.quantile(tau(resampled, np.repeat(here, RESAMPLES, 1)), 0.05)  # the recorded scenes with themselves
-    return {"tau": float(tau(here, there)[0]), "low": float(low), "high": float(high), "real": float(own),
+    own = np.quantile(
+        kendall_tau(resampled, np.repeat(here, RESAMPLES, 1)), 0.05
+    )  # the recorded scenes with themselves
+    return {"tau": float(kendall_tau(here, there)[0]), "low": float(low), "high": float(high), "real": float(own),
             "errors": errors}  # fmt: skip
 
 

@@ -195,3 +195,48 @@ def gap_closed(error: ArrayLike, stp: ArrayLike, truth: ArrayLike, weight: Array
         return None
     closed, whole = high - as_sums("error", error), high - low
     return Gap(float(closed.sum() / whole.sum()), share_interval(closed, whole))
+
+
+class Agreement(NamedTuple):
+    """How far two worlds order the same agents alike."""
+
+    tau: float  # Kendall's tau-b: 1 the same order, -1 the reverse
+    interval: tuple[float, float]  # 95 %, over resampled units of both
+
+
+def order_agreement(
+    error: ArrayLike, weight: ArrayLike, other_error: ArrayLike, other_weight: ArrayLike
+) -> Agreement | None:
+    """Kendall's tau of the orders of A agents by their mean errors in two worlds.
+
+    ``error`` [A, U] summed over the targets of each unit of the first world, ``weight`` [U] of the targets;
+    ``other_error`` [A, V] and ``other_weight`` [V] of the second, the agents in the same order. Percentile interval.
+    None with fewer than two agents or a world without weight. Raises ShapeError for other shapes.
+    """
+    first, second = np.asarray(error, dtype=np.float64), np.asarray(other_error, dtype=np.float64)
+    here, there = as_sums("weight", weight), as_sums("other_weight", other_weight)
+    require_shape("error", first, (None, len(here)))
+    require_shape("other_error", second, (len(first), len(there)))
+    if len(first) < 2 or here.sum() <= 0 or there.sum() <= 0:
+        return None
+    drawn = _means(_resamples(len(here)), first, here)
+    # the resamples of as many units are the same ones: those of the second world are shifted by one
+    other_drawn = _means(np.roll(_resamples(len(there)), 1, axis=0), second, there)
+    found = kendall_tau(drawn, other_drawn)
+    low, high = np.quantile(found[~np.isnan(found)], [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    whole = kendall_tau(first.sum(1)[:, None] / here.sum(), second.sum(1)[:, None] / there.sum())
+    return Agreement(float(whole[0]), (float(low), float(high)))
+
+
+def kendall_tau(first: Array, second: Array) -> Array:
+    """Kendall's tau-b [B] over the agents of each column of ``first`` and ``second`` [A, B]; NaN where one is NaN."""
+    one, other = np.triu_indices(len(first), 1)
+    x, y = np.sign(first[one] - first[other]), np.sign(second[one] - second[other])
+    pairs = np.sqrt((x != 0).sum(0) * (y != 0).sum(0))
+    return np.asarray((x * y).sum(0) / np.maximum(pairs, 1))
+
+
+def _means(counts: Array, error: Array, weight: Array) -> Array:
+    """Mean errors [A, B] of agents over resamples that hold each unit ``counts`` [B, U] times; NaN without weight."""
+    total = counts @ weight
+    return np.asarray((counts @ error.T).T / np.where(total > 0, total, np.nan))

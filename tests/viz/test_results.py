@@ -179,6 +179,26 @@ def test_the_papers_figures_stand_for_its_environments(figures: Figures) -> None
         figures.paper("stp", "MTP-nuScenes-v0", "reacquired")
 
 
+def test_the_order_of_agents_on_two_environments() -> None:
+    errors = {"truth_past": 0.5, "stp": 1.0, "stp_same_budget": 0.9, "mtp": 0.8, "ab3dmot": 1.1}
+    other = {**errors, "ab3dmot": 0.85}  # better than two that are better on the first
+    figures = Figures(
+        Known(
+            [
+                made_up(name, error, env, env={"observe": "truth" if name == "truth_past" else "detections"})
+                for env, table in (("MTP-PETS-v0", errors), ("MTP-KITTI-v0", other))
+                for name, error in table.items()
+            ]
+        )
+    )
+    assert sorted(figures.agents("MTP-PETS-v0", "MTP-KITTI-v0")) == ["ab3dmot", "mtp", "stp", "stp_same_budget"]
+    found = figures.agreement("MTP-PETS-v0", "MTP-KITTI-v0")
+    assert found.value == pytest.approx((4 - 2) / 6)
+    assert found.ranged.startswith("0.33 [")
+    with pytest.raises(RecordError, match="agreement of order"):
+        figures.agreement("MTP-PETS-v0", "MTP-nuScenes-v0")
+
+
 def test_a_figure_that_a_record_has_not(figures: Figures) -> None:
     with pytest.raises(RecordError, match=r"^error of stp on MTP-Small-v0 \(ids\): its record has no such number"):
         figures.error("stp", ENV, "ids")

@@ -7,9 +7,10 @@ from typing import Literal
 
 from ...scoring.rows import Interval
 
-Kind = Literal["length", "share", "times", "time", "count"]
+Kind = Literal["length", "share", "times", "time", "count", "order"]
 TEXT: dict[Kind, tuple[str, int]] = {  # unit, digits after the point
     "length": (" m", 2), "share": (" %", 0), "times": (" times", 1), "time": (" ms", 1), "count": ("", 0),
+    "order": ("", 2),
 }  # fmt: skip
 
 

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections import Counter
 
+import numpy as np
+
 from ...errors import RecordError
 from ...records.attestation import LEVELS
 from ...records.ranking import STP, TRUTH, own_ends
 from ...scoring.rank import why_not_on
-from ...scoring.statistics import gap_closed, paired_difference, share_interval
+from ...scoring.statistics import gap_closed, order_agreement, paired_difference, share_interval
 from ..board.entries import LEVEL_TEXT
 from ..terminal.paper import figures_of
 from .figure import Figure, Kind
@@ -166,6 +168,27 @@ class Figures:
     def units(self, env: str, subset: str = "all", agent: str = STP) -> Figure:
         """The effective number of units."""
         return self._count("effective_units", env, subset, agent).to(1)
+
+    def agents(self, *envs: str) -> list[str]:
+        """The agents that have a record on each of ``envs``, without those that saw the truth."""
+        causal = (
+            [s.record.submission.name for s in self._known.all_of(e) if s.record.env.observe != "truth"] for e in envs
+        )
+        first, *others = map(dict.fromkeys, causal)
+        return [name for name in first if all(name in other for other in others)]
+
+    def agreement(self, env: str, other: str, subset: str = "all") -> Figure:
+        """Kendall's tau of the orders of `agents` by their errors on two environments, with its interval.
+
+        RecordError with fewer than two such agents, or without targets.
+        """
+        names, on = self.agents(env, other), subset_of(subset)
+        of, value, interval = f"{len(names)} agents", None, None
+        if len(names) > 1:
+            worlds = [[scored.sums for scored in self._known.beside(place, *names)] for place in (env, other)]
+            sums = ((np.array([each.unit_error(on) for each in w]), w[0].unit_weight(on)) for w in worlds)
+            value, interval = order_agreement(*next(sums), *next(sums)) or (None, None)
+        return self._of("agreement of order", of, f"{env} and {other}", subset, value, "order", interval)
 
     def paper(self, agent: str, env: str, subset: str = "all", hypotheses: int = 20) -> Figure:
         """The paper's minADE of "truth_past", "stp" or "mtp" at equal k, metres; RecordError where it has none."""
