@@ -15,7 +15,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
-from docs.generate import environments, reference
+from docs.generate import badges, environments, reference
 from docs.generate.drawings import DRAWINGS, FOLDER
 from docs.generate.pictures import LARGEST
 from mtp_bench import card_ids, load_card
@@ -147,6 +147,14 @@ def test_fields_say_their_shape(site: Path) -> None:
 @pytest.mark.parametrize("name", DRAWINGS)
 def test_drawings_show_what_the_scorer_says(name: str) -> None:
     assert (FOLDER / f"{name}.svg").read_text() == DRAWINGS[name](), "run python -m docs.generate.drawings"
+
+
+def test_badges_are_true(repository: Path) -> None:
+    drawn = badges.badges()
+    for name, picture in drawn.items():
+        assert (badges.FOLDER / f"{name}.svg").read_text() == picture, "run python -m docs.generate.badges"
+        assert f"](docs/badges/{name}.svg)" in (repository / "README.md").read_text()
+    assert "3.11 to 3.13" in drawn["python"]
 
 
 @pytest.fixture(scope="module")
