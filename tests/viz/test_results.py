@@ -195,6 +195,7 @@ def test_the_order_of_agents_on_two_environments() -> None:
     found = figures.agreement("MTP-PETS-v0", "MTP-KITTI-v0")
     assert found.value == pytest.approx((4 - 2) / 6)
     assert found.ranged.startswith("0.33 [")
+    assert figures.plain_agreement("MTP-PETS-v0", "MTP-KITTI-v0").ranged == "0.33"
     with pytest.raises(RecordError, match="agreement of order"):
         figures.agreement("MTP-PETS-v0", "MTP-nuScenes-v0")
 

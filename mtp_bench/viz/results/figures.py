@@ -14,7 +14,7 @@ from ...errors import RecordError
 from ...records.attestation import LEVELS
 from ...records.ranking import STP, TRUTH, own_ends
 from ...scoring.rank import why_not_on
-from ...scoring.statistics import gap_closed, order_agreement, paired_difference, share_interval
+from ...scoring.statistics import gap_closed, kendall_tau, order_agreement, paired_difference, share_interval
 from ..board.entries import LEVEL_TEXT
 from ..terminal.paper import figures_of
 from .figure import Figure, Kind
@@ -189,6 +189,13 @@ class Figures:
             sums = ((np.array([each.unit_error(on) for each in w]), w[0].unit_weight(on)) for w in worlds)
             value, interval = order_agreement(*next(sums), *next(sums)) or (None, None)
         return self._of("agreement of order", of, f"{env} and {other}", subset, value, "order", interval)
+
+    def plain_agreement(self, env: str, other: str, subset: str = "all") -> Figure:
+        """`agreement` by the plain error; without an interval, for records keep no sums of it."""
+        of = f"{len(names := self.agents(env, other))} agents"
+        errors = [np.array([[self.plain(name, place, subset).value] for name in names]) for place in (env, other)]
+        tau = kendall_tau(*errors)[0] if len(names) > 1 else None
+        return self._of("agreement of order by the plain error", of, f"{env} and {other}", subset, tau, "order")
 
     def paper(self, agent: str, env: str, subset: str = "all", hypotheses: int = 20) -> Figure:
         """The paper's minADE of "truth_past", "stp" or "mtp" at equal k, metres; RecordError where it has none."""
