@@ -182,9 +182,11 @@ def _require_apart(shown: Sequence[str], data: str | None, own: Sequence[Path]) 
     """Refuse a data root, a cache of scenes or files of one's own inside what is shown."""
     roots = {data_root(data)[0], data_root(None)[0]}
     below = {path for root in roots if root.is_dir() for path in root.iterdir()}  # a root may be of links
+    seen = [(here, Path(here).resolve()) for here in shown]
     for secret in {path.resolve() for path in (*roots, *below, *own, cache_root())}:
-        for here in shown:
-            if secret.exists() and secret.is_relative_to(Path(here).resolve()):
+        above = {secret, *secret.parents}
+        for here, place in seen:
+            if place in above and secret.exists():
                 raise SubmissionError(f"{secret} holds data inside {here}, which agents see: move the data elsewhere")
 
 
