@@ -64,7 +64,9 @@ class EnvScenes:
     data: DataOption = None
     scenes: ScenesOption = None
     split: SplitOption = None
-    fold: Annotated[str | None, typer.Option(help="Only the scenes of a fold of the split, such as 1/4.")] = None
+    fold: Annotated[
+        str | None, typer.Option(help="A fold of the split, such as 1/4: only its scenes; `train` leaves them out.")
+    ] = None
     detector: Annotated[
         str | None,
         typer.Option(

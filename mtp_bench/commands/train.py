@@ -70,7 +70,9 @@ def predictor(
         typer.Option(help="auto (a GPU where there is one), cpu or cuda.", autocompletion=words("auto", "cpu", "cuda")),
     ] = "auto",
     jobs: JobsOption = 0,
-    output: TextOption = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="File of the weights; else where agents look for them.")
+    ] = None,
 ) -> None:
     """Train a predictor on the training split of an environment (or another), without the scenes of ``--fold``.
 
