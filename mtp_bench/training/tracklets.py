@@ -101,8 +101,8 @@ def windows(
 
     A track follows the true object of its class that is nearest to the last detection it took, within the forecast gate
     of the card; of true boxes, the object itself. Tracks of which that cannot be said, for the truth is not complete or
-    neutral there, are left out. What the tracker of a whole number of hypotheses says is kept in the cache; a tracker of
-    one's own runs each time, for nobody knows what it depends on. Progress is told to ``options.progress``.
+    neutral there, are left out. What the tracker of a whole number of hypotheses says is kept in the cache; one
+    of your own runs each time, for nobody knows what it depends on. Progress is told to ``options.progress``.
     Raises UnknownNameError for a scene that is not there, MtpBenchError where there is nothing to learn from.
     """
     first = scenes if isinstance(scenes, int) else options.scenes

@@ -29,7 +29,7 @@ CASES = {
     "highway": Traffic("highway", "ego", 5.0, 24, 0),
 }
 PEDESTRIAN = CLASSES.index("pedestrian")
-WORLDS = {  # first digits of the digests under seed 3; other ones need the next number of the generator, and new records
+WORLDS = {  # first digits of the digests under seed 3; others need the next number of the generator, and new records
     "intersection": "c20b5d3c83a8",
     "roundabout": "8d155461af66",
     "merge": "37bb36229537",
