@@ -161,6 +161,12 @@ def read_bounded(path: Path, most: int, error: type[MtpBenchError], absent: str 
         raise error(f"{path}: no text in UTF-8: {cause.reason} at byte {cause.start}; save it as UTF-8") from None
 
 
+def why_no_archive(error: Exception) -> str:
+    """Why NumPy could not read a file, without its advice to trust what is in it."""
+    said = str(error)
+    return "it holds Python objects, which are never read" if "pickle" in said else said
+
+
 def open_regular(path: Path, links: bool = True) -> BinaryIO:
     """A regular file, to be read; anything else is never opened, for that could wait for ever. Raises OSError.
 

@@ -39,7 +39,7 @@ def compare(
     at = None if cuts is None else scores_of(cuts)
     require_writable(json_file)
     options = on.options(workers, range(seeds))
-    prepare(on.env, options)
+    prepare(on.env, options, agents)
     with working("compare", options) as watched:
         result = run_comparison(agents, on.env, watched)
     further = {}

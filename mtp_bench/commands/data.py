@@ -26,12 +26,17 @@ def data(
     from ..cards import changed_card, load_card
     from ..running.reading import read_status
     from ..viz.terminal.listings import data_report, status_json
-    from ..viz.terminal.output import show
+    from ..viz.terminal.output import progress_bar, show
 
     if split is not None and env is None:
         raise typer.BadParameter("the splits of environments differ: name one with --env", param_hint="--split")
     cards = [changed_card(load_card(env_id), split) for env_id in ([env] if env else card_ids())]
-    statuses = {card.id: read_status(card, root) for card in cards}
+    statuses = {}
+    with progress_bar("look at") as (started, done):
+        started(len(cards))
+        for card in cards:
+            statuses[card.id] = read_status(card, root)
+            done(card.id)
     write_json(json_file, {env_id: status_json(status) for env_id, status in statuses.items()})
     show(data_report(statuses))
     lacking = [env_id for env_id, status in statuses.items() if status.problems or (env and not status.usable)]

@@ -162,4 +162,8 @@ def absolute(path: Path | None) -> str | None:
 def one_of(value: str, known: Sequence[str], option: str) -> None:
     """Wrong usage unless ``value`` is one of ``known``."""
     if value not in known:
-        raise typer.BadParameter(f"{value!r}, expected one of: {', '.join(known)}", param_hint=option)
+        from ..errors import closest
+
+        close = closest(value, known)
+        meant = f"; did you mean {close!r}?" if close else ""
+        raise typer.BadParameter(f"{value!r}, expected one of: {', '.join(known)}{meant}", param_hint=option)

@@ -6,7 +6,7 @@ import io
 import json
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
@@ -33,9 +33,16 @@ def working(label: str, options: RunOptions) -> Iterator[RunOptions]:
         yield replace(options, progress=Progress(started, done))
 
 
-def prepare(env: str, options: RunOptions) -> None:
-    """Make simulated scenes, or the compact copy of tables, that are not in the cache yet."""
+def prepare(env: str, options: RunOptions, agents: Iterable[str] = ()) -> None:
+    """Make simulated scenes, or the compact copy of tables, that are not in the cache yet.
+
+    The ``agents`` that are to run on them are looked up before: nobody waits for scenes to hear of a misspelt name.
+    """
     from ..sources import prepare as prepare_scenes
+    from ..submission.loader import load_submission
+
+    for agent in agents:
+        load_submission(agent)
 
     with working("prepare", options) as watched:
         told, count = watched.progress, watched.workers.count

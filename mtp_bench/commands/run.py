@@ -21,11 +21,13 @@ def run(
 ) -> None:
     """Run an agent and store what it said."""
     from ..running.reading import skipped_line
+    from ..running.stored import require_free
     from ..running.stored import run as run_agent
     from ..viz.terminal.output import show
 
     options = on.options(workers, [seed])
-    prepare(on.env, options)
+    require_free(output, force)
+    prepare(on.env, options, [agent])
     with working(agent, options) as watched:
         stored = run_agent(agent, on.env, output, watched, replace=force)
     line = skipped_line(stored.skipped)

@@ -38,7 +38,7 @@ def study(
 
     options = on.options(workers, range(seeds))
     options = quick_options(options) if quick else options
-    prepare(on.env, options)
+    prepare(on.env, options, agent or ())
     with working("study", options) as watched:
         made = run_study(agent or ["mtp"], on.env, output, watched, quick, _command())
     show_lines(summary(made.findings), "- ")

@@ -20,7 +20,7 @@ FORBIDDEN = {
         "unshare setns mount umount2 pivot_root chroot move_mount open_tree fsopen fsconfig fsmount fspick "
         "mount_setattr open_tree_attr sethostname setdomainname"
     ),
-    "sockets": "socket",
+    "sockets, whose buffers no limit counts either": "socket socketpair",
     "memory that no limit counts": (
         "memfd_create memfd_secret shmget shmat msgget semget mq_open io_uring_setup io_uring_enter io_uring_register "
         "userfaultfd remap_file_pages"
@@ -43,6 +43,7 @@ FORBIDDEN = {
 PRETENDED = "chmod fchmod fchmodat fchmodat2"  # said to have worked: copying a file ends with them
 _FILE_CONTROLS = (5, 6, 7, 36, 37, 38, 1024, 1026)  # of fcntl: locks, leases, notes of changed folders
 _PARENT_DEATH = 1  # of prctl: an agent must not outlive the judge
+_INT = 0xFFFFFFFF  # the bits of an argument that the kernel reads of these two; a filter sees 64
 _NEW_NAMESPACES = 0x7E020000  # CLONE_NEW* of clone
 _NUMBERS = {"cachestat": 451, "fchmodat2": 452}  # newer than many a libseccomp; the same number on every processor
 
@@ -61,8 +62,8 @@ def system_call_filter() -> bytes | None:
     for name in PRETENDED.split():
         _add(rules, pyseccomp.ERRNO(0), name)
     for control in _FILE_CONTROLS:
-        rules.add_rule(forbid, "fcntl", pyseccomp.Arg(1, pyseccomp.EQ, control))
-    rules.add_rule(forbid, "prctl", pyseccomp.Arg(0, pyseccomp.EQ, _PARENT_DEATH))
+        rules.add_rule(forbid, "fcntl", pyseccomp.Arg(1, pyseccomp.MASKED_EQ, _INT, control))
+    rules.add_rule(forbid, "prctl", pyseccomp.Arg(0, pyseccomp.MASKED_EQ, _INT, _PARENT_DEATH))
     # Threads are made by clone3, whose arguments a filter cannot read: without it the C library takes clone.
     rules.add_rule(pyseccomp.ERRNO(errno.ENOSYS), "clone3")
     for bit in (1 << n for n in range(32) if _NEW_NAMESPACES & (1 << n)):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..env.rollouts import ARRAYS, digest
 from ..errors import RolloutError
-from ..files import clean_text, open_regular, reason_of, whole_folder
+from ..files import clean_text, open_regular, reason_of, whole_folder, why_no_archive
 from ..parallel import cores
 from ..strict import Section, read_json, validate
 from ..types import Rollout
@@ -171,7 +171,9 @@ def _read_scene(folder: Path, entry: _Entry) -> Rollout:
     except KeyError as error:
         raise RolloutError(f"{path}: {error.args[0]}; run the agent again") from None
     except _BROKEN as error:
-        raise RolloutError(f"{path}: truncated or not a rollout ({error}); run the agent again") from None
+        raise RolloutError(
+            f"{path}: truncated or not a rollout ({why_no_archive(error)}); run the agent again"
+        ) from None
     _check_arrays(path, arrays, entry.frames)
     rollout = Rollout(scene=entry.scene, **arrays)
     got = digest(rollout)

@@ -54,12 +54,7 @@ def run(
     holds a run that is not to be replaced.
     """
     folder = Path(folder)
-    require_run_folder(folder.absolute())
-    if not replace and folder.exists() and any(folder.iterdir()):
-        raise RolloutError(
-            f"{folder} holds an earlier run: choose another folder, or replace it (--force, replace=True)"
-        )
-    require_folder(folder)
+    require_free(folder, replace)
     submission, seed = load_submission(agent), options.seeds[0]
     options.require_tracks_used([submission])
     shown = options.shown_to(submission)
@@ -72,6 +67,16 @@ def run(
     info = run_info(env, setting, seed, keywords).model_copy(update={"card": env.card.stored()})
     save_run(folder, info, [rollout for rollout, _ in results])
     return StoredRun(len(results), total_skipped(skipped for _, skipped in results))
+
+
+def require_free(folder: Path, replace: bool) -> None:
+    """Raise MtpBenchError where no run can be stored: no folder, no permission, or one that is not to be replaced."""
+    require_run_folder(folder.absolute())
+    if not replace and folder.exists() and any(folder.iterdir()):
+        raise RolloutError(
+            f"{folder} holds an earlier run: choose another folder, or replace it (--force, replace=True)"
+        )
+    require_folder(folder)
 
 
 def _keep(scene: Scene, rollout: Rollout, card: Card) -> tuple[Rollout, dict[str, int]]:

@@ -163,7 +163,8 @@ numbers = {  # of x86-64
     "semget": (64, 0, 1, 0o1600), "mq_open": (240, b"x", 0o102, 0o600, None),
     "cachestat": (451, 1, (ctypes.c_uint64 * 2)(), (ctypes.c_uint64 * 5)(), 0), "fadvise": (221, 0, 0, 0, 4),
     "inotify": (294, 0), "io_setup": (206, 1, (ctypes.c_uint64 * 1)()), "sync": (162,),
-    "socket": (41, 1, 1, 0), "process_vm_readv": (310, 1, None, 0, None, 0, 0),
+    "socket": (41, 1, 1, 0), "socketpair": (53, 1, 1, 0, (ctypes.c_int * 2)()),
+    "process_vm_readv": (310, 1, None, 0, None, 0, 0),
 }
 import errno
 done = []
@@ -237,7 +238,9 @@ for path in ("/dev/null", "/dev/zero", "/dev/urandom"):
     after = os.stat(path)
     assert (after.st_mtime, after.st_mode, after.st_atime) == (before.st_mtime, before.st_mode, before.st_atime), path
 """
-LOCKS = """
+LOCKS = (
+    SYSTEM
+    + """
 import fcntl
 with open("/submission/agent.py") as file:
     for lock in (lambda: fcntl.flock(file, fcntl.LOCK_SH), lambda: fcntl.lockf(file, fcntl.LOCK_SH),
@@ -247,11 +250,18 @@ with open("/submission/agent.py") as file:
         except OSError:
             continue
         raise AssertionError("locked a file that others see")
+    lock = (ctypes.c_char * 32)()  # a read lock of the whole file
+    for command in (5, 6, 7, 36, 37, 38, 1024, 1026):
+        for control in (command, command | 1 << 32, command | -1 << 32):  # the kernel reads 32 bits of it
+            kept = call(72, file.fileno(), control, 0 if command > 1000 else lock)
+            assert kept == -1, f"file control {control:#x} was not refused"
 """
+)
 OUTLIVES = (
     SYSTEM
     + """
 assert libc.prctl(1, 0, 0, 0, 0) == -1, "may outlive the judge"
+assert call(157, 1 | 1 << 32, 0, 0, 0, 0) == -1, "may outlive the judge, by bits that the kernel does not read"
 """
 )
 

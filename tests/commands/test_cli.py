@@ -159,6 +159,35 @@ def test_unknown_names(
     assert [path.name for path in tmp_path.iterdir()] == ["empty"]
 
 
+@pytest.mark.parametrize(
+    "arguments", [["run", "spt", "-o", "out"], ["compare", "stp", "spt"], ["study", "--agent", "spt"]]
+)
+def test_nobody_waits_for_scenes_to_hear_of_a_misspelt_agent(
+    arguments: list[str], cli: CommandLine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path / "cache"))
+    assert "unknown submission 'spt': did you mean 'stp'?" in cli(*arguments, "--env", "MTP-Roundabout-v0").error
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_earlier_run_is_told_of_before_scenes_are_made(
+    cli: CommandLine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path / "cache"))
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "run.json").write_text("{}")
+    given = ("run", "stp", "--env", "MTP-Roundabout-v0", "-o", tmp_path / "out")
+    assert "holds an earlier run" in cli(*given).error
+    assert not (tmp_path / "cache").exists()
+
+
+def test_a_word_of_an_option_in_other_case_is_named(cli: CommandLine, tmp_path: Path) -> None:
+    output = cli("events", tmp_path, "--kind", "LOST")
+    assert output.status == 2
+    assert "did you mean 'lost'?" in " ".join(output.err.replace("│", " ").split())
+
+
 def test_envs(cli: CommandLine, tmp_path: Path) -> None:
     printed = cli.ok("envs", "--json", tmp_path / "a.json")
     content = read_json(tmp_path / "a.json")
@@ -225,7 +254,6 @@ def test_data_that_is_not_there(cli: CommandLine, tmp_path: Path) -> None:
     output = cli("data", "--data", tmp_path, "--env", "MTP-KITTI-v0", "--json", tmp_path / "a.json")
     assert output.error.startswith("data is missing or broken for MTP-KITTI-v0")
     for text in (
-        "not found",
         "missing; looked in",
         "how to get it: register at https://",
         "training/label_02/%04d.txt",
@@ -327,7 +355,8 @@ def test_a_pipe_that_closes_early_is_no_traceback() -> None:
 def commands_of(text: str) -> list[list[str]]:
     """Arguments of every ``mtp-bench`` call in the shell blocks of a document."""
     blocks = re.findall(r"^```(?:sh|bash|console)\n(.*?)^```$", text, flags=re.MULTILINE | re.DOTALL)
-    lines = [part for block in blocks for line in block.splitlines() for part in line.split("&&")]
+    whole = [block.replace("\\\n", " ") for block in blocks]  # lines that go on
+    lines = [part for block in whole for line in block.splitlines() for part in line.split("&&")]
     calls = [shlex.split(line.strip().removeprefix("$ "), comments=True) for line in lines]
     return [words[1:] for words in calls if words and Path(words[0]).name == "mtp-bench"]
 
@@ -338,6 +367,7 @@ DOCUMENTS = [
     "baselines/README.md",
     "envs/README.md",
     "leaderboard/SUBMITTING.md",
+    "leaderboard/MAINTAINING.md",
     *sorted(path.relative_to(REPOSITORY).as_posix() for path in (REPOSITORY / "docs").rglob("*.md")),
 ]
 

@@ -181,7 +181,7 @@ def test_the_status_says_whether_it_is_there(mapped: Path) -> None:
 
     assert f"pictures show the road of {LOCATION}" in notes()
     (mapped / "nuscenes/maps/expansion" / f"{LOCATION}.json").unlink()
-    assert "maps/expansion/ is absent, so pictures show no road" in notes()
+    assert "maps/expansion/ is missing, so pictures show no road" in notes()
     assert "https://www.nuscenes.org" in notes()
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import DataError, nearest
-from ...files import open_regular
+from ...files import open_regular, why_no_archive
 from ...types import Detections, Scene, Truth
 from .columns import ARRAYS, BOX, Array
 from .content import Content, Rows
@@ -113,7 +113,7 @@ def read_archive(path: Path) -> Content:
     except FileNotFoundError:
         raise DataError(f"no file {path}") from None
     except _BROKEN as error:
-        raise DataError(f"{path}: no NPZ file, or a broken one: {error}") from None
+        raise DataError(f"{path}: no NPZ file, or a broken one: {why_no_archive(error)}") from None
     return content_of(arrays, unquote(path.stem), str(path))
 
 

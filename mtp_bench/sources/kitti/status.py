@@ -36,14 +36,14 @@ def kitti_status(card: Card, data: str | Path | None) -> DataStatus:
         names = validation if section_of(card, KittiSource).split == "val" else training
         _require(found, card, names)
         if not (found.folder / SEQUENCE_MAP).is_file():
-            found.notes.append(f"{SEQUENCE_MAP} is absent: the validation split is taken as {', '.join(VALIDATION)}")
+            found.notes.append(f"{SEQUENCE_MAP} is missing: the validation split is taken as {', '.join(VALIDATION)}")
         if "0019" in names and not (found.folder / "poses_orbslam3/0019.txt").is_file():
             found.notes.append(
-                "poses_orbslam3/0019.txt is absent: sequence 0019 uses its GPS/IMU unit, which is bad there"
+                "poses_orbslam3/0019.txt is missing: sequence 0019 uses its GPS/IMU unit, which is bad there"
             )
         if not (found.folder / IMAGES).is_dir():
             found.notes.append(
-                f"{IMAGES}/ is absent, so pictures of events show no image: the left colour images are in "
+                f"{IMAGES}/ is missing, so pictures of events show no image: the left colour images are in "
                 "data_tracking_image_2.zip of https://www.cvlibs.net/datasets/kitti/eval_tracking.php"
             )
         _count(found, validation)

@@ -92,7 +92,7 @@ def _note_pictures(found: DataStatus) -> None:
         found.notes.append(f"pictures show the road of {', '.join(maps)}")
     else:
         found.notes.append(
-            f"{EXPANSION}/ is absent, so pictures show no road: it is in the map expansion pack (v1.3) of "
+            f"{EXPANSION}/ is missing, so pictures show no road: it is in the map expansion pack (v1.3) of "
             "https://www.nuscenes.org/nuscenes#download, to be unpacked into maps/"
         )
     cameras = sorted(path.name for path in found.folder.glob(CAMERAS))
@@ -100,7 +100,7 @@ def _note_pictures(found: DataStatus) -> None:
         found.notes.append(f"pictures of events show the images of {', '.join(cameras)}")
     else:
         found.notes.append(
-            f"{CAMERAS}/ is absent, so pictures of events show no image: images are in the file blobs of "
+            f"{CAMERAS}/ is missing, so pictures of events show no image: images are in the file blobs of "
             "https://www.nuscenes.org/nuscenes#download (keyframes are enough), to be unpacked here"
         )
 

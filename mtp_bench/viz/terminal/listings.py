@@ -102,7 +102,7 @@ def _state(status: DataStatus) -> str:
         return "[green]complete[/green]"
     if status.usable:
         return "[yellow]usable, counts differ[/yellow]"
-    return "[red]not found[/red]" if status.root is None else "[red]incomplete[/red]"
+    return "[red]missing[/red]" if status.root is None else "[red]incomplete[/red]"
 
 
 def _about(statuses: Mapping[str, DataStatus]) -> list[str]:
