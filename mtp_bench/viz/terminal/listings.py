@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
+FEW = 3  # classes that a cell names; `envs --json` names all
+
+
 def env_table(cards: Sequence[Card]) -> Table:
     """One row per environment."""
     headings = ("id", "rate", "past / future", "k", "classes", "what")
@@ -28,7 +31,7 @@ def env_table(cards: Sequence[Card]) -> Table:
             f"{task.rate:g} Hz",
             f"{task.past} / {task.future}",
             str(task.samples),
-            ", ".join(task.classes),
+            ", ".join(task.classes) if len(task.classes) <= FEW else str(len(task.classes)),
             card.summary,
         )
     return table
