@@ -406,7 +406,7 @@ def test_a_home_that_cannot_be_written(card: str, kitti: str, tmp_path: Path) ->
 
         known = ("--env", card, "--data", kitti, "--jobs", 1)
         assert said("run", folder, *known, "-o", tmp_path / "run")[0] == 0
-        status, error = said("run", folder, "--env", "MTP-Merge-v0", "--scenes", 1, "-o", tmp_path / "run")
+        status, error = said("run", folder, "--env", "MTP-Merge-v0", "--scenes", 1, "-o", tmp_path / "merge")
         assert (status, error.count("\n")) == (1, 1)
         assert "Read-only file system; MTP_BENCH_CACHE names another folder" in error
         environment["MTP_BENCH_CACHE"] = str(tmp_path / "cache")

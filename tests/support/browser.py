@@ -84,9 +84,13 @@ class Browser:
         return [entry["message"] for entry in self._log("browser")]
 
     def requests(self) -> list[str]:
-        """Addresses that the page asked for since the last call, itself included."""
+        """Addresses that the page asked for since the last call, itself included.
+
+        Not those of the browser's own first page, which may still be loading, and for which no page can ask.
+        """
         events = [json.loads(entry["message"])["message"] for entry in self._log("performance")]
-        return [e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"]
+        asked = (e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent")
+        return [address for address in asked if not address.startswith("chrome://")]
 
     def forget(self) -> None:
         """Leave out of the next ``console`` and ``requests`` what happened so far."""
