@@ -211,12 +211,14 @@ def order_agreement(
 
     ``error`` [A, U] summed over the targets of each unit of the first world, ``weight`` [U] of the targets;
     ``other_error`` [A, V] and ``other_weight`` [V] of the second, the agents in the same order. Percentile interval.
-    None with fewer than two agents or a world without weight. Raises ShapeError for other shapes.
+    None with fewer than two agents or a world without weight. Raises ShapeError for other shapes and for NaN.
     """
     first, second = np.asarray(error, dtype=np.float64), np.asarray(other_error, dtype=np.float64)
     here, there = as_sums("weight", weight), as_sums("other_weight", other_weight)
     require_shape("error", first, (None, len(here)))
     require_shape("other_error", second, (len(first), len(there)))
+    require_finite("error", first)
+    require_finite("other_error", second)
     if len(first) < 2 or here.sum() <= 0 or there.sum() <= 0:
         return None
     drawn = _means(_resamples(len(here)), first, here)

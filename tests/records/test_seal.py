@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import stat
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import pytest
 from mtp_bench.cards import load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import MtpBenchError, RecordError
-from mtp_bench.records import open_seal, read_level, retire, seal, submit, trusted, why_unranked
+from mtp_bench.records import open_seal, read_level, retire, seal, submit, trusted, verify, why_unranked
 from mtp_bench.records.seal import open_seals, today
 from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring import read_reference
@@ -149,6 +150,19 @@ def test_a_submission_on_hidden_scenes(
     assert published["weights"] == hidden.weights
     assert read_reference(leaderboard / "seals" / "s.weights.json").digest == hidden.weights
     assert "this seal is retired" in cli(*arguments).error
+
+
+def test_hidden_scenes_stay_until_a_round_ends(short: str, tmp_path: Path) -> None:
+    """The next record of the round finds the scenes that the one before it made."""
+    seal(short, SCENES, tmp_path / "s.json")
+    sealed, path = open_seal(tmp_path / "s.json"), tmp_path / "stp" / f"{ENV}.json"
+    if not submit("stp", short, RunOptions(seeds=(0,)), path.parent).isolation.holds:
+        pytest.skip("this system cannot hide files and network from an agent")
+    scene = HighwayTraffic(load_card(short)).store.path(sealed.seeds.first)
+    with ExitStack() as ends:
+        verify(path, RunOptions(), short, rerun=True, sealed=sealed, ends=ends)
+        assert scene.exists()
+    assert not scene.exists()
 
 
 def test_what_was_published_must_be_what_was_promised(leaderboard: Path, tmp_path: Path) -> None:

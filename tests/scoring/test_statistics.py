@@ -229,6 +229,8 @@ def test_a_world_without_weight_and_one_agent_have_no_order() -> None:
     assert order_agreement(error[:1], np.ones(3), error[:1], np.ones(3)) is None
     with pytest.raises(ShapeError, match="other_error"):
         order_agreement(error, np.ones(3), error, np.ones(4))
+    with pytest.raises(ShapeError, match="is nan"):
+        order_agreement(error * np.nan, np.ones(3), error, np.ones(3))
 
 
 def test_units_of_the_same_number_are_drawn_apart() -> None:

@@ -15,6 +15,7 @@ from ...records.attestation import LEVELS
 from ...records.ranking import STP, TRUTH, own_ends
 from ...scoring.rank import why_not_on
 from ...scoring.statistics import gap_closed, kendall_tau, order_agreement, paired_difference, share_interval
+from ...types import Floats
 from ..board.entries import LEVEL_TEXT
 from ..terminal.paper import figures_of
 from .figure import Figure, Kind
@@ -182,19 +183,19 @@ class Figures:
 
         RecordError with fewer than two such agents, or without targets.
         """
-        names, on = self.agents(env, other), subset_of(subset)
-        of, value, interval = f"{len(names)} agents", None, None
-        if len(names) > 1:
-            worlds = [[scored.sums for scored in self._known.beside(place, *names)] for place in (env, other)]
-            sums = ((np.array([each.unit_error(on) for each in w]), w[0].unit_weight(on)) for w in worlds)
-            value, interval = order_agreement(*next(sums), *next(sums)) or (None, None)
+        names, value, interval = self.agents(env, other), None, None
+        if names:
+            both = (*self._errors(env, names, subset), *self._errors(other, names, subset))
+            value, interval = order_agreement(*both) or (None, None)
+        of = f"{len(names)} agents"
         return self._of("agreement of order", of, f"{env} and {other}", subset, value, "order", interval)
 
     def plain_agreement(self, env: str, other: str, subset: str = "all") -> Figure:
         """`agreement` by the plain error; without an interval, for records keep no sums of it."""
-        of = f"{len(names := self.agents(env, other))} agents"
+        names = self.agents(env, other)
         errors = [np.array([[self.plain(name, place, subset).value] for name in names]) for place in (env, other)]
         tau = kendall_tau(*errors)[0] if len(names) > 1 else None
+        of = f"{len(names)} agents"
         return self._of("agreement of order by the plain error", of, f"{env} and {other}", subset, tau, "order")
 
     def paper(self, agent: str, env: str, subset: str = "all", hypotheses: int = 20) -> Figure:
@@ -210,6 +211,11 @@ class Figures:
         """How far the records of an environment were checked, for people."""
         count = Counter(scored.level for scored in self._known.all_of(env))
         return ", ".join(f"{count[level]} {LEVEL_TEXT[level]}" for level in reversed(LEVELS) if count[level])
+
+    def _errors(self, env: str, names: list[str], subset: str) -> tuple[Floats, Floats]:
+        """Errors [A, U] of agents summed over the targets of each unit, and the weight of these [U]."""
+        sums, on = [scored.sums for scored in self._known.beside(env, *names)], subset_of(subset)
+        return np.array([each.unit_error(on) for each in sums]), np.array(sums[0].unit_weight(on))
 
     def _gap(self, agent: str, env: str, subset: str, start: str, end: str) -> Figure | None:
         found, on = self._known.beside(env, agent, start, end), subset_of(subset)
