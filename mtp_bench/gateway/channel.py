@@ -38,7 +38,7 @@ class Channel:
 
     def send(self, header: dict[str, object], arrays: Arrays | None = None) -> None:
         """Queue a message; it is written as far as the agent reads, now and in `wait`."""
-        self._outgoing.extend(memoryview(part) for part in encode(header, arrays) if len(part))
+        self._outgoing.append(memoryview(encode(header, arrays)))
         self._write()
 
     def whole(self) -> tuple[bytes, bytes] | None:

@@ -73,17 +73,18 @@ def _wire() -> Any:
     return module
 
 
-def _packed(wire: Any, reply: dict[str, Any], action: object, fields: list[str], most: int) -> Any:
+def _packed(wire: Any, reply: dict[str, Any], action: object, fields: list[str], most: int) -> bytes:
     """The message of an answer; without arrays, and with the reason, where it cannot be sent."""
-    if not isinstance(action, Mapping):
-        return wire.encode(
-            {**reply, "malformed": f"act() returned {type(action).__name__}, expected a dict of arrays"[:200]}
-        )
-    arrays = {name: wire.plain(action[name]) for name in fields if name in action}
-    size = sum(array.nbytes for array in arrays.values() if array is not None)
-    if size > most:
-        return wire.encode({**reply, "malformed": f"an answer of {size} bytes, expected at most {most}"})
-    return wire.encode(reply, arrays)
+    arrays, malformed = {}, ""
+    if isinstance(action, Mapping):
+        arrays = {name: wire.plain(action[name]) for name in fields if name in action}
+        size = sum(array.nbytes for array in arrays.values() if array is not None)
+        if size > most:
+            malformed = f"an answer of {size} bytes, expected at most {most}"
+    else:
+        malformed = f"act() returned {type(action).__name__}, expected a dict of arrays"[:200]
+    message: bytes = wire.encode({**reply, "malformed": malformed}) if malformed else wire.encode(reply, arrays)
+    return message
 
 
 def _text(error: BaseException) -> str:
@@ -149,14 +150,13 @@ def _exactly(descriptor: int, size: int) -> bytearray:
 
 def _say(descriptor: int, header: dict[str, Any]) -> None:
     text = json.dumps({**header, "arrays": []}).encode()
-    _write(descriptor, [_PREFIX.pack(len(text), 0) + text])
+    _write(descriptor, _PREFIX.pack(len(text), 0) + text)
 
 
-def _write(descriptor: int, parts: list[bytes | memoryview]) -> None:
-    for part in parts:
-        view = memoryview(part)
-        while view:
-            view = view[os.write(descriptor, view) :]
+def _write(descriptor: int, message: bytes) -> None:
+    view = memoryview(message)
+    while view:
+        view = view[os.write(descriptor, view) :]
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ import math
 import secrets
 import time
 from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,7 @@ class Exchange:
     """Questions to one agent and its answers; after the scene is over for it, every answer is empty."""
 
     def __init__(self, process: AgentProcess, limits: Limits, space: spaces.Space[Any], seal: bytes) -> None:
-        self._process, self._limits, self._seal = process, limits, seal
+        self._process, self._limits = process, limits
         assert isinstance(space, spaces.Dict)
         self._shapes = {name: tuple(part.shape or ()) for name, part in space.spaces.items()}
         self._most = answer_bytes(space, limits)
@@ -54,6 +55,9 @@ class Exchange:
         self._status, self._reason = "finished", ""
         self._started = 0.0
         self._begin = process.begun
+        self._sealer = ThreadPoolExecutor(1)  # hashes an answer while the env makes the next frame
+        self._seal: Future[bytes] = Future()
+        self._seal.set_result(seal)
 
     def open(self, setup: dict[str, Any], task: dict[str, Any]) -> None:
         """Start the agent: built, then told the task."""
@@ -80,16 +84,18 @@ class Exchange:
                 self._look()
             except SceneOverError as end:
                 self._status, self._reason, action = end.status, end.reason, None
-        self._seal_frame(action)
+        # One answer waits at most, so that a fast env does not pile them up.
+        self._seal = self._sealer.submit(lengthened, self._seal.result(), self._frame, action)
         self._frame += 1
         return action or {}, spent
 
     def result(self, rollout: Rollout) -> SceneRun:
         """What came of it."""
         self._process.others()
+        self._sealer.shutdown()
         return SceneRun(
             rollout=rollout,
-            seal=self._seal.hex(),
+            seal=self._seal.result().hex(),
             status=self._status,
             reason=self._reason,
             late=self._late,
@@ -139,6 +145,8 @@ class Exchange:
             arrays = arrays_of(header, body, self._shapes)
             fitting = {name: array for name, array in arrays.items() if array is not None}
             if len(fitting) == len(arrays) and _finite(fitting):
+                for array in fitting.values():
+                    array.flags.writeable = False  # it is hashed later
                 return fitting
         except Exception as error:  # whatever reading an answer raises is the fault of who wrote it
             raise SceneOverError("rejected", f"it broke the wire format: {_said(error)}") from None
@@ -173,15 +181,16 @@ class Exchange:
         if self._process.others():
             raise SceneOverError("rejected", f"it had started other processes at frame {self._frame}")
 
-    def _seal_frame(self, action: Action | None) -> None:
-        """Lengthen the chain by the hash before, the frame's number, and the answer or that there is none."""
-        chain = hashlib.sha256(self._seal + self._frame.to_bytes(8, "little"))
-        if action is None:
-            chain.update(b"missed")  # the seals of the records that there are
-        for name, array in sorted((action or {}).items()):
-            chain.update(f"|{name} {array.dtype.str} {list(array.shape)}|".encode())
-            chain.update(array.data)
-        self._seal = chain.digest()
+
+def lengthened(seal: bytes, frame: int, action: Action | None) -> bytes:
+    """The chain with one more link: the hash before, the frame's number, and the answer or that there is none."""
+    chain = hashlib.sha256(seal + frame.to_bytes(8, "little"))
+    if action is None:
+        chain.update(b"missed")  # the seals of the records that there are
+    for name, array in sorted((action or {}).items()):
+        chain.update(f"|{name} {array.dtype.str} {list(array.shape)}|".encode())
+        chain.update(array.data)
+    return chain.digest()
 
 
 def _said(error: Exception) -> str:

@@ -29,10 +29,10 @@ class WireError(Exception):
     """A message that is none."""
 
 
-def encode(header: dict[str, Any], arrays: Mapping[str, NDArray[Any] | None] | None = None) -> list[bytes | memoryview]:
-    """Parts of a message, to be written one after the other; None in place of an array says that it was unusable."""
+def encode(header: dict[str, Any], arrays: Mapping[str, NDArray[Any] | None] | None = None) -> bytes:
+    """A message, to be written at once: every write wakes who reads. None for an array says that it was unusable."""
     entries: list[tuple[str, str, tuple[int, ...]]] = []
-    body: list[bytes | memoryview] = []
+    body: list[memoryview] = []
     for name, value in (arrays or {}).items():
         if value is None:
             entries.append((name, UNUSABLE, ()))
@@ -41,7 +41,7 @@ def encode(header: dict[str, Any], arrays: Mapping[str, NDArray[Any] | None] | N
         entries.append((name, array.dtype.str, array.shape))
         body.append(array.reshape(-1).view(np.uint8).data)
     text = json.dumps({**header, "arrays": entries}, allow_nan=False).encode()
-    return [PREFIX.pack(len(text), sum(len(part) for part in body)) + text, *body]
+    return b"".join((PREFIX.pack(len(text), sum(map(len, body))), text, *body))
 
 
 def header_of(text: bytes | bytearray | memoryview) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from mtp_bench.env import MTPEnv
 from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import MtpBenchError, SubmissionError, UnknownNameError
 from mtp_bench.gateway import SceneRun, run_isolated, run_isolated_scenes
-from mtp_bench.gateway.exchange import Exchange
+from mtp_bench.gateway.exchange import lengthened
 from mtp_bench.gateway.run import seal_start
 from mtp_bench.gateway.wire import PREFIX, WireError, arrays_of, encode, header_of, plain
 from mtp_bench.parallel import Progress, Workers
@@ -109,13 +109,10 @@ def test_the_seal_starts_with_card_scene_and_seed() -> None:
 
 
 def test_an_unanswered_frame_and_an_empty_answer_have_different_seals() -> None:
-    seals = []
-    for action in (None, {}, {"track_id": np.zeros(2)}, {"track_id": np.zeros((2, 1))}):
-        exchange = Exchange.__new__(Exchange)
-        exchange._seal, exchange._frame = seal_start("a", "s", 0), 0
-        exchange._seal_frame(action)
-        seals.append(exchange._seal)
-    assert len(set(seals)) == len(seals)
+    actions: tuple[Any, ...] = (None, {}, {"track_id": np.zeros(2)}, {"track_id": np.zeros((2, 1))})
+    seals = {lengthened(seal_start("a", "s", 0), 0, action) for action in actions}
+    assert len(seals) == len(actions)
+    assert lengthened(seal_start("a", "s", 0), 1, None) not in seals
 
 
 ARRAYS = {
@@ -129,12 +126,11 @@ ARRAYS = {
 }
 
 
-def parts(message: list[bytes | memoryview]) -> tuple[bytes, bytes]:
+def parts(message: bytes) -> tuple[bytes, bytes]:
     """Header and body."""
-    whole = b"".join(message)
-    length, body = PREFIX.unpack(whole[: PREFIX.size])
-    assert len(whole) == PREFIX.size + length + body
-    return whole[PREFIX.size :][:length], whole[PREFIX.size + length :]
+    length, body = PREFIX.unpack(message[: PREFIX.size])
+    assert len(message) == PREFIX.size + length + body
+    return message[PREFIX.size :][:length], message[PREFIX.size + length :]
 
 
 def test_arrays_survive_the_wire() -> None:
