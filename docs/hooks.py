@@ -17,7 +17,7 @@ from mkdocs.structure.pages import Page
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from docs.generate import commands, environments, reference, repository  # noqa: E402
+from docs.generate import commands, environments, recordings, reference, repository  # noqa: E402
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
@@ -34,6 +34,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         files.append(File.generated(config, place, content=text))
     for place, content in repository.board().items():
         files.append(File.generated(config, place, content=content))
+    drawn = {place: picture for place, (picture, _) in recordings.failures().items()}
+    for place, picture in {**recordings.frames(), **drawn}.items():
+        files.append(File.generated(config, place, content=picture))
     for source, place in repository.files().items():
         files.append(File.generated(config, place, abs_src_path=str(ROOT / source)))
     return files
@@ -43,6 +46,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     """Links are written for readers of the repository; here they lead to the pages of the site."""
     if page.file.src_uri == environments.TABLE:
         markdown = environments.linked(markdown)
+    if page.file.src_uri == recordings.WHY:
+        markdown = recordings.shown(markdown)
     return repository.relinked(markdown, page.file.src_uri, config.repo_url or "")
 
 

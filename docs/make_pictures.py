@@ -3,7 +3,8 @@
     python docs/make_pictures.py               # simulated traffic, into docs/pictures
     python docs/make_pictures.py --real FOLDER # recordings under MTP_BENCH_DATA, into FOLDER
 
-Pictures of recordings are not committed: their licences do not allow it.
+Pictures of recordings are not committed: their licences do not allow it. `make docs DATA=folder` draws them into your
+copy of the site.
 """
 
 from __future__ import annotations
@@ -43,8 +44,8 @@ REAL = {
 }
 
 
-def take(shot: Shot, path: Path) -> None:
-    """Run the plain baseline on the scene and draw its costliest event of this kind."""
+def take(shot: Shot, path: Path) -> str:
+    """Run the plain baseline on the scene and draw its costliest event of this kind; the sentence about it."""
     env = MTPEnv(shot.env_id, evaluation=True)
     scene = shot.scene or env.scene_names[0]
     rollout = run_scene(load_submission("stp").build(agent_task(env, 0)), env, scene, seed=0)
@@ -52,7 +53,7 @@ def take(shot: Shot, path: Path) -> None:
     events = in_order(event_rows(run, [shot.kind], Shown("run")), "cost")
     focus = Focus.of(run, events[0].incident)
     save_report(path, focus)
-    print(f"{path}: {focus.sentence}")
+    return focus.sentence
 
 
 def main() -> None:
@@ -63,7 +64,7 @@ def main() -> None:
     for name, shot in (SIMULATED if folder is None else REAL).items():
         target = HERE if folder is None else folder
         target.mkdir(parents=True, exist_ok=True)
-        take(shot, target / f"{name}.png")
+        print(f"{target / name}.png: {take(shot, target / f'{name}.png')}")
 
 
 if __name__ == "__main__":

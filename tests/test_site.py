@@ -15,9 +15,10 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
-from docs.generate import badges, environments, reference
+from docs.generate import badges, environments, recordings, reference
 from docs.generate.drawings import DRAWINGS, FOLDER
 from docs.generate.pictures import LARGEST
+from docs.make_pictures import REAL
 from mtp_bench import card_ids, load_card
 from mtp_bench.env.action import FIELDS
 from tests.support.browser import CHROMIUM, DRIVER, MISSING, Browser, chromium
@@ -115,8 +116,19 @@ def test_every_environment_has_its_page(site: Path, env_id: str) -> None:
     for heading in ("observation", "action", "reward", "data-and-licence", "history"):
         assert f'id="{heading}"' in text
     assert load_card(env_id).digest in text
-    simulated = load_card(env_id).source.name == "highway"
-    assert (f'src="pictures/{env_id}.webp"' in text) is simulated
+    simulated, pictured = load_card(env_id).source.name == "highway", f'src="pictures/{env_id}.webp"' in text
+    assert pictured or not simulated
+    assert (recordings.OWN in text) is (pictured and not simulated)
+
+
+def test_failures_in_recordings_are_shown_where_the_data_is(site: Path) -> None:
+    page = Page(site / "seeing" / "why.html")
+    found = [f"../pictures/{name}.png" in page.loaded for name in REAL]
+    assert recordings.MARK not in page.file.read_text()
+    assert ("DATA=folder" in page.file.read_text()) is not any(found)
+    if os.environ.get("MTP_BENCH_DATA"):
+        assert all(found)
+        assert re.search(r"pedestrian \d+ loses track \d+, which goes to pedestrian", page.file.read_text())
 
 
 def test_pictures_are_of_simulated_scenes_and_small(repository: Path) -> None:

@@ -14,17 +14,19 @@ from mtp_bench.env.spaces import action_numbers, observation_space
 from mtp_bench.scoring import DEFINITIONS
 from mtp_bench.sources import describe
 
+from . import recordings
+
 ROOT = Path(__file__).resolve().parents[2]
 ARGUMENTS = """\
 Another split, detector, data root, or other sizes are keywords of `gym.make`: see
 [`EnvKeywords`](../reference/environment.md#mtp_bench.env.arguments.EnvKeywords)."""
 TABLE = "environment/index.md"  # the page with the table of all of them
-PICTURES = "environment/pictures"  # drawn by pictures.py; recorded scenes are never among them
-CAPTION = '*A frame as `render()` draws it with `render_mode="rgb_array"`; the agent is `stp`.*'
+PICTURES = "environment/pictures"  # drawn by pictures.py and, where the data is, by recordings.py
+CAPTION = 'A frame as `render()` draws it with `render_mode="rgb_array"`; the agent is `stp`'
 RECORDED = """\
 !!! note "No picture"
-    Recordings are not ours to publish. With the data on your machine `gym.make("{id}", render_mode="rgb_array")`
-    draws every frame, and these commands show a run:
+    Recordings are not ours to publish. With the data on your machine `make docs DATA=folder` draws one here,
+    `gym.make("{id}", render_mode="rgb_array")` draws every frame, and these commands show a run:
 
     ```sh
     mtp-bench run stp --env {id} --scenes 1 -o runs/stp
@@ -96,10 +98,12 @@ def _place(env_id: str) -> str:
 
 
 def _picture(card: Card) -> str:
-    picture = f"{PICTURES}/{card.id}.webp"
-    if not (ROOT / "docs" / picture).exists():
+    place = f"{PICTURES}/{card.id}.webp"
+    own = place in recordings.frames()
+    if not own and not (ROOT / "docs" / place).exists():
         return RECORDED.format(id=card.id)
-    return f"![A frame of {card.id} from above](pictures/{card.id}.webp)\n\n{CAPTION}"
+    caption = f"*{CAPTION}; {recordings.OWN}.*" if own else f"*{CAPTION}.*"
+    return f"![A frame of {card.id} from above](pictures/{card.id}.webp)\n\n{caption}"
 
 
 def _properties(card: Card) -> str:

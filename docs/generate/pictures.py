@@ -2,11 +2,12 @@
 
     python -m docs.generate.pictures
 
-Recorded scenes are not drawn: nothing of a dataset is published.
+Recorded scenes are not among them: nothing of a dataset is published (`recordings.py`).
 """
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import gymnasium as gym
@@ -24,11 +25,14 @@ def main() -> None:
     """Draw all of them."""
     for env_id in mtp_bench.card_ids():
         if mtp_bench.load_card(env_id).source.name == "highway":
-            draw(env_id)
+            content = picture_of(env_id)
+            if len(content) > LARGEST:
+                raise SystemExit(f"{env_id}.webp has {len(content)} bytes, expected at most {LARGEST}")
+            (FOLDER / f"{env_id}.webp").write_bytes(content)
 
 
-def draw(env_id: str) -> None:
-    """Draw an environment: its first scene."""
+def picture_of(env_id: str) -> bytes:
+    """The first scene of an environment, as WebP. Raises MtpBenchError where its data is missing."""
     env = gym.make(env_id, render_mode="rgb_array", disable_env_checker=True)
     world = env.unwrapped
     assert isinstance(world, mtp_bench.MTPEnv)
@@ -39,11 +43,10 @@ def draw(env_id: str) -> None:
         observation, *_ = env.step(agent.act(observation))
     image = Image.fromarray(env.render())  # type: ignore[arg-type]  # pyright: ignore[reportArgumentType]
     image = image.resize((WIDTH, round(WIDTH * image.height / image.width)), Image.Resampling.LANCZOS)
-    path = FOLDER / f"{env_id}.webp"
-    image.save(path, quality=80, method=6)
-    if path.stat().st_size > LARGEST:
-        raise SystemExit(f"{path.name} has {path.stat().st_size} bytes, expected at most {LARGEST}")
     env.close()
+    content = io.BytesIO()
+    image.save(content, format="webp", quality=80, method=6)
+    return content.getvalue()
 
 
 if __name__ == "__main__":

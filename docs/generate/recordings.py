@@ -1,0 +1,65 @@
+"""Pictures of recordings: drawn while the site is built, where the data is, and never committed.
+
+Without the data, pages say how to draw them. The site that is published is built without it.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from functools import cache
+from pathlib import Path
+
+from docs.make_pictures import REAL, take
+from mtp_bench import MtpBenchError, card_ids, load_card
+
+from .pictures import picture_of
+
+WHY, MARK = "seeing/why.md", "<!-- pictures of recordings -->"  # the page with failures, and where they stand in it
+FRAMES, FAILURES = "environment/pictures", "pictures"
+OWN = (
+    "drawn from the data of whoever built this copy of the site, under the licence of the dataset; not to be published"
+)
+_NOT_HERE = """\
+They are not shown here: the licences of the recordings do not allow it. `make docs DATA=folder` draws them into a site of
+your own."""
+
+
+@cache
+def frames() -> dict[str, bytes]:
+    """A frame of every recorded environment whose data is here, by its place in the site."""
+    ids = [env_id for env_id in card_ids() if load_card(env_id).source.name != "highway"]
+    drawn = {f"{FRAMES}/{env_id}.webp": _drawn(env_id) for env_id in ids if _has_data()}
+    return {place: content for place, content in drawn.items() if content is not None}
+
+
+@cache
+def failures() -> dict[str, tuple[bytes, str]]:
+    """Picture of real failures whose data is here, and what to say of it, by their places in the site."""
+    found: dict[str, tuple[bytes, str]] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for name, shot in REAL.items() if _has_data() else ():
+            path = Path(folder, f"{name}.png")
+            try:
+                sentence = take(shot, path)
+            except MtpBenchError:  # this dataset is missing
+                continue
+            text = f"![{sentence}](../{FAILURES}/{name}.png)\n\n*{shot.env_id}, scene {shot.scene}: {OWN}.*"
+            found[f"{FAILURES}/{name}.png"] = path.read_bytes(), text
+    return found
+
+
+def shown(markdown: str) -> str:
+    """The page with failures, with the pictures of recordings that there are."""
+    return markdown.replace(MARK, "\n\n".join(text for _, text in failures().values()) or _NOT_HERE)
+
+
+def _drawn(env_id: str) -> bytes | None:
+    try:
+        return picture_of(env_id)
+    except MtpBenchError:  # its data is missing
+        return None
+
+
+def _has_data() -> bool:
+    return bool(os.environ.get("MTP_BENCH_DATA"))
