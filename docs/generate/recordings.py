@@ -21,8 +21,8 @@ OWN = (
     "drawn from the data of whoever built this copy of the site, under the licence of the dataset; not to be published"
 )
 _NOT_HERE = """\
-They are not shown here: the licences of the recordings do not allow it. `make docs DATA=folder` draws them into a site of
-your own."""
+They are not shown here: the licences of the recordings do not allow it. `make docs DATA=folder` draws them into a
+site of your own."""
 
 
 @cache
