@@ -44,8 +44,9 @@ def failures() -> dict[str, tuple[bytes, str]]:
                 sentence = take(shot, path)
             except MtpBenchError:  # this dataset is missing
                 continue
-            text = f"![{sentence}](../{FAILURES}/{name}.png)\n\n*{shot.env_id}, scene {shot.scene}: {OWN}.*"
-            found[f"{FAILURES}/{name}.png"] = path.read_bytes(), text
+            place = f"{FAILURES}/{name}.png"
+            text = f"[![{sentence}](../{place})](../{place})\n\n*{shot.env_id}, scene {shot.scene}: {OWN}.*"
+            found[place] = path.read_bytes(), text
     return found
 
 
