@@ -218,6 +218,8 @@ def _intake(given: Sequence[Path], trust: Trust, owner: str | None, json_file: P
     refused = [text for each in taken for text in each.refused]
     if refused:
         raise RecordError(some_of(refused))
+    if not any(each.accepted for each in taken):
+        show(f"no record to take in: all are as in {trust.folder}")
 
 
 def _require_together(*pairs: tuple[str, object, str, object]) -> None:

@@ -582,6 +582,7 @@ def test_a_proposal_is_taken_in(cli: CommandLine, proposal: Path, leaderboard: P
     said = cli.ok("verify", proposal, "--intake", "--base", leaderboard, "--owner", "Ada")
     assert f"newcomer/{MAIN}.json: can be taken in" in "".join(said.split("\n"))
     assert "names no source" in " ".join(said.split())
+    assert "no record to take in" in cli.ok("verify", leaderboard, "--intake", "--base", leaderboard)
 
 
 def test_stored_rollouts_are_named_once(cli: CommandLine, proposal: Path, leaderboard: Path) -> None:
