@@ -1,6 +1,6 @@
 # make demo   the comparison of the paper on ten scenes of simulated traffic: no data needed, a minute or two
 # make test   lint, types, import rules and tests, which build the site too; DATA=folder or MTP_BENCH_DATA adds those on real recordings
-# make docs   the site in site/: static, no server and no network needed; warnings are errors; DATA=folder adds pictures of recordings
+# make docs   the site in site/: static, no server and no network needed; warnings are errors; DATA=folder or MTP_BENCH_DATA adds pictures of recordings
 # make pages  the board, RESULTS.md and the figures of the README, made anew from the records
 # All create .venv and install what they need the first time; PYTHON=python3.13 chooses another interpreter for it.
 

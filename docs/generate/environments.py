@@ -21,7 +21,7 @@ ARGUMENTS = """\
 Another split, detector, data root, or other sizes are keywords of `gym.make`: see
 [`EnvKeywords`](../reference/environment.md#mtp_bench.env.arguments.EnvKeywords)."""
 TABLE = "environment/index.md"  # the page with the table of all of them
-PICTURES = "environment/pictures"  # drawn by pictures.py and, where the data is, by recordings.py
+PICTURES = recordings.FRAMES  # drawn by pictures.py and, where the data is, by recordings.py
 CAPTION = 'A frame as `render()` draws it with `render_mode="rgb_array"`; the agent is `stp`'
 RECORDED = """\
 !!! note "No picture"

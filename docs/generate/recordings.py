@@ -5,6 +5,7 @@ Without the data, pages say how to draw them. The site that is published is buil
 
 from __future__ import annotations
 
+import logging
 import os
 import tempfile
 from functools import cache
@@ -15,14 +16,14 @@ from mtp_bench import MtpBenchError, card_ids, load_card
 
 from .pictures import picture_of
 
-WHY, MARK = "seeing/why.md", "<!-- pictures of recordings -->"  # the page with failures, and where they stand in it
+WHY = "seeing/why.md"  # the page with failures
 FRAMES, FAILURES = "environment/pictures", "pictures"
-OWN = (
-    "drawn from the data of whoever built this copy of the site, under the licence of the dataset; not to be published"
+OWN = "drawn from the data of whoever built this copy of the site; the dataset's licence does not let it be published"
+NOT_SHOWN = (  # the line of the page that gives way to the pictures
+    "They are not shown here: the licences of the recordings do not allow it. "
+    "`make docs DATA=folder` draws them into a site of your own."
 )
-_NOT_HERE = """\
-They are not shown here: the licences of the recordings do not allow it. `make docs DATA=folder` draws them into a
-site of your own."""
+_log = logging.getLogger("mkdocs.hooks.recordings")
 
 
 @cache
@@ -42,7 +43,8 @@ def failures() -> dict[str, tuple[bytes, str]]:
             path = Path(folder, f"{name}.png")
             try:
                 sentence = take(shot, path)
-            except MtpBenchError:  # this dataset is missing
+            except MtpBenchError as error:  # this dataset is missing
+                _log.info("no picture of %s: %s", shot.env_id, error)
                 continue
             place = f"{FAILURES}/{name}.png"
             text = f"[![{sentence}](../{place})](../{place})\n\n*{shot.env_id}, scene {shot.scene}: {OWN}.*"
@@ -52,15 +54,22 @@ def failures() -> dict[str, tuple[bytes, str]]:
 
 def shown(markdown: str) -> str:
     """The page with failures, with the pictures of recordings that there are."""
-    return markdown.replace(MARK, "\n\n".join(text for _, text in failures().values()) or _NOT_HERE)
+    if NOT_SHOWN not in markdown:
+        raise ValueError(f"{WHY} has no line {NOT_SHOWN!r}")
+    return markdown.replace(NOT_SHOWN, "\n\n".join(text for _, text in failures().values()) or NOT_SHOWN)
 
 
 def _drawn(env_id: str) -> bytes | None:
     try:
         return picture_of(env_id)
-    except MtpBenchError:  # its data is missing
+    except MtpBenchError as error:  # its data is missing
+        _log.info("no picture of %s: %s", env_id, error)
         return None
 
 
 def _has_data() -> bool:
-    return bool(os.environ.get("MTP_BENCH_DATA"))
+    """Whether data was named: what lies in the user's data folder gets into no site unasked."""
+    root = os.environ.get("MTP_BENCH_DATA")
+    if root and not Path(root).expanduser().is_dir():
+        raise SystemExit(f"MTP_BENCH_DATA is {root}, expected a folder with datasets")
+    return bool(root)

@@ -1,7 +1,7 @@
 """Agents in processes of their own, one frame at a time.
 
 An agent's process gets detections frame by frame and sends answers; rewards, ``info`` and the truth stay with the
-judge. Every answer enters a hash chain as it came. What an agent does ends at most its scene.
+judge. A hash chain covers all answers, unchanged and in order. What an agent does ends at most its scene.
 
 Who does what: `image` copies and hashes the submission, `layout` lists what the agent sees, `filter` the calls that it
 may not make, `mechanism` chooses who shuts it in (bubblewrap, or `namespaces`), `launch` starts it or a `stem` of which

@@ -7,7 +7,7 @@ import math
 import secrets
 import time
 from collections.abc import Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -56,8 +56,7 @@ class Exchange:
         self._started = 0.0
         self._begin = process.begun
         self._sealer = ThreadPoolExecutor(1)  # hashes an answer while the env makes the next frame
-        self._seal: Future[bytes] = Future()
-        self._seal.set_result(seal)
+        self._seal = self._sealer.submit(bytes, seal)  # starts its thread before the agent could use up all there are
 
     def open(self, setup: dict[str, Any], task: dict[str, Any]) -> None:
         """Start the agent: built, then told the task."""

@@ -18,7 +18,7 @@ _PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
 def peak_memory(pid: int) -> int:
     """Bytes that were resident at most; 0 where it is not known."""
     with suppress(OSError, ValueError, IndexError):
-        return int(_told(f"/proc/{pid}/status").split(b"VmHWM:")[1].split()[0]) * 1024
+        return int(_told(f"/proc/{pid}/status").split(b"\nVmHWM:")[1].split()[0]) * 1024
     return 0
 
 
@@ -66,9 +66,10 @@ def mapped(pid: int) -> int:
 def children(pid: int) -> list[int]:
     """Processes that it started, and those whose own parents have ended."""
     found: list[int] = []
-    with suppress(OSError, ValueError):
-        for task in os.scandir(f"/proc/{pid}/task"):
-            found += map(int, _told(f"{task.path}/children").split())
+    with suppress(OSError):
+        for task in os.listdir(f"/proc/{pid}/task"):  # noqa: PTH208
+            with suppress(OSError, ValueError):  # this thread has ended
+                found += map(int, _told(f"/proc/{pid}/task/{task}/children").split())
     return found
 
 

@@ -30,7 +30,7 @@ class WireError(Exception):
 
 
 def encode(header: dict[str, Any], arrays: Mapping[str, NDArray[Any] | None] | None = None) -> bytes:
-    """A message, to be written at once: every write wakes who reads. None for an array says that it was unusable."""
+    """A message, to be written by one call: each wakes the reader. None for an array says that it was unusable."""
     entries: list[tuple[str, str, tuple[int, ...]]] = []
     body: list[memoryview] = []
     for name, value in (arrays or {}).items():

@@ -419,6 +419,13 @@ def test_what_it_hoards_is_counted(
     assert court.error(found.rollout) > court.error(court.honest())
 
 
+def test_its_name_says_nothing_of_its_memory(held: str, court: Court) -> None:
+    code = "import ctypes\nctypes.CDLL(None).prctl(15, b'VmHWM: 1', 0, 0, 0)"
+    found = court.run(act(code))
+    assert found.status == "finished", found
+    assert found.peak_memory > 10 << 20
+
+
 HEADERS = {
     "huge and empty": [["track_box", "<f4", [2**39, 0, 2**39]]],
     "huge": [["track_box", "<f4", [2**39, 2**39]]],
