@@ -270,7 +270,7 @@ def test_a_thousand_entries_load_on_demand(browser: Browser, tmp_path: Path) -> 
     write(path, thousand_entries())
     browser.resize(1700, 1000)
     with only(browser, path):
-        took = browser.script("return performance.getEntriesByType('navigation')[0].loadEventEnd")
+        took = browser.wait_for("return performance.getEntriesByType('navigation')[0].loadEventEnd")
         assert 0 < took < 2000
         assert browser.script(COUNT) == "1000 entries"
         at(browser, path, "MTP-nuScenes-v0/somewhat_long_name_0994")  # the last of its table
