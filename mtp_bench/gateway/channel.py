@@ -41,8 +41,8 @@ class Channel:
         self._outgoing.append(memoryview(encode(header, arrays)))
         self._write()
 
-    def whole(self) -> tuple[bytes, bytes] | None:
-        """Header and body of the message that is being read, once it is complete.
+    def whole(self) -> tuple[bytearray, bytearray] | None:
+        """Header and body of the message that is being read, once it is complete; nobody else holds them.
 
         Raises WireError for one that is longer than allowed, before anything is allocated for it.
         """
@@ -53,9 +53,9 @@ class Channel:
             self._lengths, self._wanted, self._incoming = (header, body), header + body, bytearray()
         if self._lengths is None or len(self._incoming) < self._wanted:
             return None
-        whole, (header, _) = memoryview(self._incoming), self._lengths
+        whole, (header, _) = self._incoming, self._lengths
         self._lengths, self._wanted, self._incoming = None, PREFIX.size, bytearray()
-        return bytes(whole[:header]), bytes(whole[header:])
+        return whole[:header], whole[header:]
 
     def read(self) -> bool:
         """Read what is there; whether anything was. Raises EndedError, and WireError for an empty message."""

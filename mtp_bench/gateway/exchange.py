@@ -90,7 +90,6 @@ class Exchange:
 
     def result(self, rollout: Rollout) -> SceneRun:
         """What came of it."""
-        self._process.others()
         self._sealer.shutdown()
         return SceneRun(
             rollout=rollout,
@@ -99,7 +98,7 @@ class Exchange:
             reason=self._reason,
             late=self._late,
             malformed=self._malformed,
-            peak_memory=self._process.peak_memory,
+            peak_memory=self._process.peak_memory(),
             started=self._started,
             isolation=self._process.isolation,
         )

@@ -33,7 +33,7 @@ _WATCH = 0.1  # s between looks at the agent's processes while they are waited f
 _MOST_PROCESSES = 64
 _MOST_FILES = 10_000  # in its temporary folder: their names take memory that nothing else counts
 MOST_THREADS = 1024  # of all its processes; the system's own limit does not hold for root
-Message = tuple[dict[str, Any], bytes]
+Message = tuple[dict[str, Any], bytearray]
 
 
 class ExcessError(Exception):
@@ -53,7 +53,7 @@ class AgentProcess:
     """A process that holds one agent. Use it in a ``with`` statement: at the end nothing of it is left."""
 
     def __init__(self, limits: Limits, cell: Cell, most: int | None = None) -> None:
-        self.peak_memory = 0
+        self._peak = 0
         self._limits, self._cell = limits, cell
         self._most = limits.answer if most is None else most  # bytes of the body of a message
         self._watched = time.monotonic()
@@ -242,11 +242,14 @@ class AgentProcess:
         return header_of(message[0]), message[1]
 
     def others(self) -> int:
-        """Look at the process: its memory, and how many processes it has started that are still there."""
-        if self._pid is None or self._gone():
-            return 0
-        self.peak_memory = max(self.peak_memory, peak_memory(self._pid))
-        return len(children(self._pid))
+        """How many processes it has started that are still there."""
+        return 0 if self._pid is None or self._gone() else len(children(self._pid))
+
+    def peak_memory(self) -> int:
+        """Bytes of it that were resident at most, as far as was seen before it ended."""
+        if self._pid is not None and not self._gone():
+            self._peak = max(self._peak, peak_memory(self._pid))
+        return self._peak
 
     def printed(self) -> str:
         """The last line of what the agent printed first, for an error text."""
@@ -267,6 +270,7 @@ class AgentProcess:
         """See that a process that starts others does not take the machine; the limits of the system hold for each."""
         if self._pid is None or self._gone():
             return
+        self.peak_memory()
         if self._group is not None and self._group.exceeded():
             raise ExcessError(f"its processes held more than {self._limits.memory >> 20} MiB")
         family = descendants(self._pid, _MOST_PROCESSES)

@@ -32,16 +32,15 @@ class WireError(Exception):
 def encode(header: dict[str, Any], arrays: Mapping[str, NDArray[Any] | None] | None = None) -> bytes:
     """A message, to be written by one call: each wakes the reader. None for an array says that it was unusable."""
     entries: list[tuple[str, str, tuple[int, ...]]] = []
-    body: list[memoryview] = []
+    body: list[NDArray[Any]] = []
     for name, value in (arrays or {}).items():
         if value is None:
             entries.append((name, UNUSABLE, ()))
             continue
-        array = np.ascontiguousarray(value).reshape(value.shape)  # ascontiguousarray makes scalars into rows
-        entries.append((name, array.dtype.str, array.shape))
-        body.append(array.reshape(-1).view(np.uint8).data)
+        entries.append((name, value.dtype.str, value.shape))
+        body.append(np.ascontiguousarray(value))
     text = json.dumps({**header, "arrays": entries}, allow_nan=False).encode()
-    return b"".join((PREFIX.pack(len(text), sum(map(len, body))), text, *body))
+    return b"".join((PREFIX.pack(len(text), sum(array.nbytes for array in body)), text, *body))
 
 
 def header_of(text: bytes | bytearray | memoryview) -> dict[str, Any]:
@@ -60,7 +59,7 @@ def arrays_of(
     body: bytes | bytearray | memoryview,
     expected: Mapping[str, tuple[int, ...]] | None = None,
 ) -> dict[str, NDArray[Any] | None]:
-    """Arrays of a message, as writable copies; WireError where header and body do not fit.
+    """Arrays of a message, writable: views of a body that is, else copies; WireError where header and body do not fit.
 
     With ``expected`` shapes, an array of another name or shape is None and never made.
     """
@@ -90,7 +89,8 @@ def _array(body: bytes | bytearray | memoryview, dtype: str, shape: tuple[int, .
         if any(size >= MOST_ROWS for size in shape):
             raise WireError("an empty array of a huge shape")
         return np.zeros(shape, dtype)
-    return np.frombuffer(body, dtype, count, at).reshape(shape).copy()
+    array = np.frombuffer(body, dtype, count, at).reshape(shape)
+    return array if array.flags.writeable and array.flags.aligned else array.copy()
 
 
 def _entry(entry: Any) -> tuple[str, str, tuple[int, ...]]:
