@@ -116,7 +116,7 @@ def test_every_environment_has_its_page(site: Path, env_id: str) -> None:
     for heading in ("observation", "action", "reward", "data-and-licence", "history"):
         assert f'id="{heading}"' in text
     assert load_card(env_id).digest in text
-    simulated, pictured = load_card(env_id).source.name == "highway", f'src="pictures/{env_id}.webp"' in text
+    simulated, pictured = load_card(env_id).simulated, f'src="pictures/{env_id}.webp"' in text
     assert pictured or not simulated
     assert (recordings.OWN in text) is (pictured and not simulated)
 
@@ -136,7 +136,7 @@ def test_real_failures_are_in_the_site(site: Path) -> None:
 
 def test_pictures_are_of_simulated_scenes_and_small(repository: Path) -> None:
     pictures = list((repository / "docs" / environments.PICTURES).iterdir())
-    simulated = {env_id for env_id in card_ids() if load_card(env_id).source.name == "highway"}
+    simulated = {env_id for env_id in card_ids() if load_card(env_id).simulated}
     assert {picture.stem for picture in pictures} == simulated
     assert all(picture.stat().st_size <= LARGEST for picture in pictures)
 

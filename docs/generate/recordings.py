@@ -29,7 +29,7 @@ _log = logging.getLogger("mkdocs.hooks.recordings")
 @cache
 def frames() -> dict[str, bytes]:
     """A frame of every recorded environment whose data is here, by its place in the site."""
-    ids = [env_id for env_id in card_ids() if load_card(env_id).source.name != "highway"]
+    ids = [env_id for env_id in card_ids() if not load_card(env_id).simulated]
     drawn = {f"{FRAMES}/{env_id}.webp": _drawn(env_id) for env_id in ids if _has_data()}
     return {place: content for place, content in drawn.items() if content is not None}
 

@@ -86,6 +86,11 @@ class Card(Section):
         return self.source.traits.stored_detector
 
     @property
+    def simulated(self) -> bool:
+        """Whether there is a scene for any seed, so that hidden ones can rank; else scenes were recorded."""
+        return self.source.traits.simulated
+
+    @property
     def ego_motion(self) -> bool:
         """False: every frame is given in its own sensor frame."""
         return self.source.traits.common_frame

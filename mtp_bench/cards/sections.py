@@ -50,6 +50,7 @@ SeedRange = Annotated[tuple[int, int], Field(strict=False), AfterValidator(_risi
 class Traits:
     """What a source can do, and what is special about it; they are no keys of a card and no part of its digest."""
 
+    simulated: bool = False  # there is a scene for any seed
     stored_detector: str = ""  # name of the detector with stored detections; empty where there is none
     without_detections: str = ""  # what of it has no stored detections, so that the card needs a [detector]
     mixed_detections: bool = False  # stored detections of some scenes stand beside the simulated ones of the others
@@ -133,7 +134,12 @@ class HighwaySource(Section):
     @property
     def traits(self) -> Traits:
         """What the source can do."""
-        return Traits(without_detections="simulated traffic", has_ego=self.sensor == "ego", scene_seconds=self.seconds)
+        return Traits(
+            simulated=True,
+            without_detections="simulated traffic",
+            has_ego=self.sensor == "ego",
+            scene_seconds=self.seconds,
+        )
 
 
 class NuScenesSource(Section):

@@ -17,7 +17,6 @@ from ..submission.loader import Submission, load_submission
 from .ranking import STP, TRUTH
 from .record import Record
 from .running import plan_run
-from .shipped import is_simulated
 from .stated import finished_record, stated_before
 from .storage import ROLLOUTS
 from .submitting import RECORDS, declared_data, record_path
@@ -55,7 +54,7 @@ def inventory(env_ids: Sequence[str] = (), names: Sequence[str] = (), folder: Pa
     found = [load_submission(name) for name in sorted(names or baseline_names(), key=_ends_first)]
     return [
         Piece(each, env_id, record_path(each, cards[env_id], (folder or RECORDS) / each.name))
-        for env_id in sorted(cards, key=lambda env_id: is_simulated(cards[env_id]))
+        for env_id in sorted(cards, key=lambda env_id: cards[env_id].simulated)
         for each in found
         if each.compare.observe != "tracks"
     ]

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 
 from .._bundle import baseline_names, card_ids
-from ..cards import Card, HighwaySource, load_card
+from ..cards import Card, load_card
 from ..running.reference import frozen_reference
 from ..scoring import Reference
 from ..scoring.subsets import SUBSETS, Subset
@@ -40,12 +40,7 @@ def shipped(env_id: str) -> Shipped | None:
     frozen = frozen_reference(card)
     if frozen is None:
         return None
-    return Shipped(card.digest, is_simulated(card), largest_error(card), frozen.digest, _sums(frozen))
-
-
-def is_simulated(card: Card) -> bool:
-    """Whether there are scenes of the env for any seed."""
-    return isinstance(card.source, HighwaySource)
+    return Shipped(card.digest, card.simulated, largest_error(card), frozen.digest, _sums(frozen))
 
 
 def largest_error(card: Card) -> float:

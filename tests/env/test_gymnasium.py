@@ -37,7 +37,7 @@ def make_small(card: str, data: str, **keywords: Any) -> gym.Env[Any, Any]:
     return gym.make(spec)
 
 
-NEEDS_NO_DATA = [env_id for env_id in mtp_bench.card_ids() if mtp_bench.load_card(env_id).source.name == "highway"]
+NEEDS_NO_DATA = [env_id for env_id in mtp_bench.card_ids() if mtp_bench.load_card(env_id).simulated]
 RECORDED = [env_id for env_id in mtp_bench.card_ids() if env_id not in NEEDS_NO_DATA]
 EVERY_CARD = [*NEEDS_NO_DATA, *(pytest.param(env_id, marks=pytest.mark.data) for env_id in RECORDED)]
 

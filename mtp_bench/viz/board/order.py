@@ -29,9 +29,8 @@ def simulated(env_id: str) -> bool:
     """Whether an environment that ships makes its scenes itself; False for one that does not ship."""
     from ..._bundle import card_ids
     from ...cards import load_card
-    from ...records.shipped import is_simulated
 
-    return env_id in card_ids() and is_simulated(load_card(env_id))
+    return env_id in card_ids() and load_card(env_id).simulated
 
 
 def short_name(env_id: str) -> str:

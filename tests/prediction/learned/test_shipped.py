@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtp_bench.cards import HighwaySource, load_card
+from mtp_bench.cards import load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import SubmissionError
 from mtp_bench.networks import LENDERS
@@ -38,7 +38,7 @@ def test_they_are_of_simulated_traffic_and_serve_their_envs(
     assert card["env"].split(", ")[0] == env_id
     assert card["on"] == on
     for trained_on in card["env"].split(", "):
-        assert isinstance(load_card(trained_on).source, HighwaySource)
+        assert load_card(trained_on).simulated
     for borrower in (env_id, *(other for other, lender in LENDERS.items() if lender == env_id)):
         task = MTPEnv(borrower).task
         assert find_weights(name, on, task) == file
