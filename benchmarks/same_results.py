@@ -3,7 +3,7 @@
     python benchmarks/same_results.py -o before.json --checkout ../old   # a checkout of the older commit
     python benchmarks/same_results.py -o after.json --against before.json
 
-Every baseline plays a few scenes of six environments; the rollouts' arrays are read field by field, not by the digest,
+Six baselines play a few scenes of six environments; the rollouts' arrays are read field by field, not by the digest,
 which a change of a record's form may change. Needs MTP_BENCH_DATA or --data. Exit status 1: something differs.
 """
 

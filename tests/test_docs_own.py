@@ -48,7 +48,7 @@ def test_the_blocks_run(repository: Path, tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.chdir(tmp_path)
     for block in blocks(repository / PAGE, "python"):
         exec(compile(block, PAGE, "exec"), {})
-    assert (tmp_path / "runs" / "stp" / "run.json").is_file()
+    assert (tmp_path / "runs" / "from_python" / "run.json").is_file()
 
 
 def test_the_card_is_one(repository: Path, tmp_path: Path) -> None:

@@ -29,9 +29,9 @@ RECORDED = """\
     `gym.make("{id}", render_mode="rgb_array")` draws every frame, and these commands show a run:
 
     ```sh
-    mtp-bench run stp --env {id} --scenes 1 -o runs/stp
-    mtp-bench events runs/stp
-    mtp-bench view runs/stp
+    mtp-bench run stp --env {id} --scenes 1 -o runs/{id}
+    mtp-bench events runs/{id}
+    mtp-bench view runs/{id}
     ```
 """
 

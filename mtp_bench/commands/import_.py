@@ -84,7 +84,7 @@ def nuscenes(
 def tracks(
     file: Annotated[Path, typer.Argument(help="A tracking submission of nuScenes, or KITTI's result files.")],
     env: Annotated[str, typer.Option("--env", help="Environment or card whose scenes they are of.")],
-    output: FolderOption,
+    output: Annotated[Path, typer.Option("-o", "--output", help="New folder for the tables.")],
     root: DataOption = None,
     split: SplitOption = None,
 ) -> None:

@@ -32,6 +32,10 @@ SEALS = Path("leaderboard", "seals")  # relative to the working folder: the chec
 _ABSENT = "no such file; `mtp-bench seal` makes a secret and its commitment"
 
 
+class RetiredSealError(RecordError):
+    """The secret was published: its scenes rank nobody any more."""
+
+
 @dataclass(frozen=True)
 class Sealed:
     """Secret seeds whose commitment was checked."""
@@ -99,8 +103,8 @@ def seal(env_id: str, count: int, path: str | Path) -> Commitment:
 def open_seal(path: str | Path, commitment: str | Path | None = None, trust: Trust | None = None) -> Sealed:
     """The secret seeds at ``path``, checked against their commitment: the file ``commitment``, None: the one beside.
 
-    Raises RecordError where a file is missing or wrong, the secret is not the one that was promised, or the seal is
-    retired, beside the secret or in the leaderboard of ``trust``.
+    Raises RecordError where a file is missing or wrong or the secret is not the one that was promised,
+    RetiredSealError where the seal is retired, beside the secret or in the leaderboard of ``trust``.
     """
     path = Path(path)
     public = commitment_path(path) if commitment is None else Path(commitment)
@@ -111,7 +115,9 @@ def open_seal(path: str | Path, commitment: str | Path | None = None, trust: Tru
         raise RecordError(f"{path}: has the sha256 {found[:12]}, {public} promises {promise.commitment[:12]}")
     listed = None if trust is None else trust.listed.get(found)
     if retired_path(path).exists() or (listed is not None and listed.retired):
-        raise RecordError(f"{path}: this seal is retired, its scenes are public: draw another with `mtp-bench seal`")
+        raise RetiredSealError(
+            f"{path}: this seal is retired, its scenes are public: draw another with `mtp-bench seal`"
+        )
     return Sealed(seeds, found, weights_path(path))
 
 
@@ -123,14 +129,19 @@ def open_seals(folder: Path, trust: Trust) -> dict[str, Sealed]:
     found: dict[str, Sealed] = {}
     for public in sorted(folder.glob("*.commitment.json")):
         path = public.with_name(public.name.replace(".commitment.json", ".json"))
-        if not path.is_file() or retired_path(path).exists():
+        if not path.is_file():
             continue
-        sealed = open_seal(path, trust=trust)
+        try:
+            sealed = open_seal(path, trust=trust)
+        except RetiredSealError:
+            continue
         if sealed.seeds.env in found:
-            raise RecordError(f"{path}: a second seal of {sealed.seeds.env} there, expected one: retire the other")
+            raise RecordError(
+                f"{path}: a second seal of {sealed.seeds.env} there, expected one: retire the other, or name one file"
+            )
         found[sealed.seeds.env] = sealed
     if not found:
-        raise RecordError(f"{folder}: no secret of a seal there, expected files NAME.json beside NAME.commitment.json")
+        raise RecordError(f"{folder}: no secret of a seal in use there, expected NAME.json beside NAME.commitment.json")
     return found
 
 

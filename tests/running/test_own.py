@@ -53,7 +53,7 @@ def test_the_example_is_short_and_shows_something(
     (block,) = blocks(repository / "docs" / "seeing" / "why.md", "python")  # the same from Python
     page: dict[str, Any] = {}
     exec(compile(block, "why.md", "exec"), page)
-    assert page["picture_of"]("runs/stp", "one", "lost-0", "same.png") == sentence
+    assert page["picture_of"]("runs/two_cars", "one", "lost-0", "same.png") == sentence
     assert (tmp_path / "same.png").read_bytes() == (tmp_path / "failure.png").read_bytes()
     view = pixels[:, : pixels.shape[1] * 3 // 4].reshape(-1, 3)
     assert len(np.unique(view, axis=0)) > 20
