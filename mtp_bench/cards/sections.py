@@ -39,6 +39,7 @@ def _current(generator: int) -> int:
     return generator
 
 
+SECRET_SEEDS = 2**40  # scenes of these and larger seeds are of seals: not even their names are anybody's
 GENERATOR = 2  # version of the simulated content: of what a seed gives
 STORED_DETECTOR = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"  # begins the names of files
 Generator = Annotated[int, AfterValidator(_current)]

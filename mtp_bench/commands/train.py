@@ -14,6 +14,7 @@ from .options import DataOption, EnvScenes, JobsOption, TextOption, WorkerChoice
 from .output import prepare, print_or_write, require_writable, working
 
 if TYPE_CHECKING:
+    from ..running.folds import Fold
     from ..running.options import RunOptions
     from ..training.motion_noise import Fit
 
@@ -24,7 +25,10 @@ ObserveOption = Annotated[str, typer.Option(help="detections or truth: what the 
 def motion_noise(
     on: EnvScenes, observe: ObserveOption = "detections", jobs: JobsOption = 0, output: TextOption = None
 ) -> None:
-    """Fit the motion noise of the kinematic predictors on the training split of an environment (or another)."""
+    """Fit the motion noise of the kinematic predictors on the training split of an environment (or another).
+
+    The scenes of ``--fold`` are left out before ``--scenes`` takes the first ones.
+    """
     from ..training.motion_noise import fit_motion_noise
 
     _noise(on, observe, jobs, output, fit_motion_noise)
@@ -33,7 +37,10 @@ def motion_noise(
 def imm_noise(
     on: EnvScenes, observe: ObserveOption = "detections", jobs: JobsOption = 0, output: TextOption = None
 ) -> None:
-    """Fit the noise of the three motion models of the IMM predictor, on the training split or another."""
+    """Fit the noise of the three motion models of the IMM predictor, on the training split or another.
+
+    The scenes of ``--fold`` are left out before ``--scenes`` takes the first ones.
+    """
     from ..training.imm_noise import fit_imm_noise
 
     _noise(on, observe, jobs, output, fit_imm_noise)
@@ -43,11 +50,17 @@ def _noise(on: EnvScenes, observe: str, jobs: int, output: Path | None, fit: Fit
     from ..training.motion_noise import fit_env
 
     require_writable(output)
-    options = on.options(WorkerChoice(jobs)).on_split("train")
+    options, without = _learnt_from(on, jobs)
     prepare(on.env, options)
     with working("read", options) as watched:
-        text = fit_env(on.env, watched, observe, fit)
+        text = fit_env(on.env, watched, observe, fit, without)
     print_or_write(output, text)
+
+
+def _learnt_from(on: EnvScenes, jobs: int) -> tuple[RunOptions, Fold | None]:
+    """The options of a training, and the fold that it leaves out: another command scores its scenes."""
+    options = on.options(WorkerChoice(jobs)).on_split("train")
+    return replace(options, fold=None), options.fold
 
 
 def predictor(
@@ -74,9 +87,10 @@ def predictor(
         Path | None, typer.Option("-o", "--output", help="File of the weights; else where agents look for them.")
     ] = None,
 ) -> None:
-    """Train a predictor on the training split of an environment (or another), without the scenes of ``--fold``.
+    """Train a predictor on the training split of an environment (or another).
 
-    An interrupted training goes on where it was.
+    The scenes of ``--fold`` are left out before ``--scenes`` takes the first ones. An interrupted training goes on
+    where it was.
     """
     from ..prediction.learned.registry import NETWORKS
     from ..training.predictors import ON, Request, learnable, train_predictor
@@ -89,10 +103,8 @@ def predictor(
     require_writable(output)
     changed = {"seed": seed} if epochs is None else {"seed": seed, "epochs": epochs}
     plan = replace(recipe_of(network).plan, **changed)
-    options = on.options(WorkerChoice(jobs)).on_split("train")
-    # here a fold is what is left out: another command scores it
-    request = Request(network, on.env, pasts, hypotheses, options.fold, tuple(also or ()), plan, device)
-    options = replace(options, fold=None)
+    options, without = _learnt_from(on, jobs)
+    request = Request(network, on.env, pasts, hypotheses, without, tuple(also or ()), plan, device)
     for env in (on.env, *request.also):
         prepare(env, options)
     with working("read", options) as watched:

@@ -185,7 +185,7 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Line:
     if written:
         show(f"{path}: written with the digest {confirm(checked).digest[:12]}")
     if work.key is not None and checked.holds and not written:
-        show(f"{attest(checked, work.key, work.signer)}: {checked.level}, signed by {work.signer}")
+        show(f"{attest(checked, work.key, work.signer, work.trust)}: {checked.level}, signed by {work.signer}")
     differ = f"{path}: {count(len(checked.differences), 'difference')} to what was found here"
     return _Line(path, _as_json(checked), "" if checked.holds or written else differ)
 

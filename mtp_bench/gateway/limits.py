@@ -51,3 +51,4 @@ class SceneRun:
     peak_memory: int  # bytes resident, of the agent's process; 0 where the system does not tell
     started: float  # s until the agent was built
     isolation: Isolation = Isolation()
+    scene_digest: str = ""  # hex; of the data that was shown

@@ -16,6 +16,7 @@ from ..env.environment import MTPEnv
 from ..errors import SubmissionError
 from ..parallel import ALONE, QUIET, Progress, Workers, unordered_map
 from ..running.run import agent_task, derived_seed
+from ..sources.digest import scene_digest
 from ..submission.loader import load_submission
 from .exchange import Exchange, answer_bytes
 from .image import image_of
@@ -74,7 +75,8 @@ def run_isolated(
             action, spent = exchange.ask(observation)
             seconds.append(spent)
             observation, _, _, truncated, _ = env.step(action)
-        return exchange.result(replace(env.rollout(), seconds=np.array(seconds)))
+        run = exchange.result(replace(env.rollout(), seconds=np.array(seconds)))
+        return replace(run, scene_digest=scene_digest(env.scene))
 
 
 def run_isolated_scenes(

@@ -16,8 +16,9 @@ from ..scoring import SUBSETS, AgentScores, Reference, SceneScore, score_scene, 
 from ..scoring.rows import Row
 from ..scoring.table import AgentTable, agent_table
 from ..sources import open_source
+from ..sources.digest import scene_digest
 from ..types import Rollout
-from .provenance import data_manifest, scene_digest
+from .provenance import data_manifest
 from .record import ReferencePart, ScenePart, Status
 
 _LEFT_OUT = ("rank", "unranked_because", "ms_per_frame")  # of a row: known beside other records, or measured
@@ -32,10 +33,15 @@ class Evaluation:
     details: dict[str, Any]  # as JSON
     per_scene: list[ScenePart]
     reference: ReferencePart
-    data_manifest: str
+    scene_digests: tuple[str, ...]  # of the data that it was scored on, in the order of the scenes
     truth_complete: bool
     hypotheses: int
     ms_per_frame: float | None
+
+    @property
+    def data_manifest(self) -> str:
+        """The digest of all of them."""
+        return data_manifest(self.scene_digests)
 
 
 def evaluate(
@@ -80,7 +86,7 @@ def evaluate(
         reference=ReferencePart(
             name=reference.agent, hash=reference.digest, origin=reference.origin, frozen=reference.frozen
         ),
-        data_manifest=data_manifest(digest for digest, _ in scored),
+        scene_digests=tuple(digest for digest, _ in scored),
         truth_complete=table.complete,
         hypotheses=setting.hypotheses,
         ms_per_frame=report.rows[0].ms_per_frame,

@@ -80,7 +80,7 @@ def _root(folder: Path) -> Path:
     if folder.is_symlink() or not folder.exists():
         raise RecordError(f"{folder}: expected a folder leaderboard, no link")
     parts = folder.absolute().parts
-    if _RECORDS not in parts:
+    if _RECORDS not in parts or (folder / _RECORDS).is_dir():
         return folder
     return Path(*parts[: len(parts) - 1 - parts[::-1].index(_RECORDS)])
 

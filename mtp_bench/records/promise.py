@@ -6,12 +6,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from ..cards.sections import SECRET_SEEDS
 from ..strict import Section
 from .canonical import digest_of
 
 # Seeds are drawn from here. Those of the cards are far below, and there are so many that no agent finds the name of the
 # scene that it is in by trying: its noise and its motion follow from it.
-FIRST, LAST = 2**40, 2**62
+FIRST, LAST = SECRET_SEEDS, 2**62
 MOST_SCENES = 1000
 RETIRED = ".retired.json"  # suffix of what is published at the end
 

@@ -106,7 +106,7 @@ def _of_env(records: Sequence[Record], levels: Mapping[str, SignedLevel], ships:
     beside = [each for each in entrants if each.apart is None and main is not None and conditions(each.sums) == main]
     places = {entrant.record.digest: _nowhere(entrant.why or "") for entrant in entrants}
     for (division, condition), group in groups.items():
-        ranked = _places(group, _named(STP, beside))
+        ranked = _places(group, beside)
         if (division, condition) != ("closed", main):
             ranked = [_nowhere(_outside(division, place["all"])) for place in ranked]
         places |= {entrant.record.digest: place for entrant, place in zip(group, ranked, strict=True)}
@@ -146,20 +146,30 @@ def _outside(division: str, place: Place) -> str:
     return "open division" + (f": rank {place.rank} there" if place.rank is not None else "")
 
 
-def _places(group: Sequence[_Entrant], stp: _Entrant | None) -> list[dict[Subset, Place]]:
-    """The places of records that are ranked against each other."""
+def _places(group: Sequence[_Entrant], beside: Sequence[_Entrant]) -> list[dict[Subset, Place]]:
+    """The places of records that are ranked against each other; ``beside`` has the ends of their gaps."""
     places: list[dict[Subset, Place]] = [{} for _ in group]
     sums = [entrant.sums for entrant in group]
+    limits = [_limits(entrant, beside) for entrant in group]
     for subset in SUBSETS:
         nobody = why_not_on(subset, sums[0].row_of(subset).effective_objects, sums[0].unit_weight(subset))
-        limit = None if stp is None or subset == "all" else stp.sums.row.error
-        why = [nobody or guard(each.row.error, limit) for each in sums]
+        why = [
+            nobody or (None if subset == "all" else guard(each.row.error, *limit))
+            for each, limit in zip(sums, limits, strict=True)
+        ]
         ranked = [i for i, reason in enumerate(why) if reason is None]
         ranks = ranks_by_test([sums[i].unit_error(subset) for i in ranked]) if ranked else []
         rank = dict(zip(ranked, ranks, strict=True))
         for i, reason in enumerate(why):
             places[i][subset] = Place(rank.get(i), reason or "")
     return places
+
+
+def _limits(entrant: _Entrant, beside: Sequence[_Entrant]) -> tuple[float | None, float | None]:
+    """Errors over all targets of STP, and of STP with the record's own predictor; None: not known."""
+    ends = own_ends(entrant.record.submission)
+    stp, own = _named(STP, beside), None if ends is None else _named(ends[0], beside)
+    return None if stp is None else stp.sums.row.error, None if own is None else own.sums.row.error
 
 
 def own_ends(submission: SubmissionPart) -> tuple[str, str] | None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..cards import Card, load_card
-from ..errors import MtpBenchError, RecordError, SubmissionError
+from ..errors import DataError, MtpBenchError, RecordError, SubmissionError
 from ..files import reason_of, require_file, require_folder, whole_file, whole_folder
 from ..gateway import Limits, SceneRun, image_of
 from ..parallel import parallel_map
@@ -105,6 +105,7 @@ def submit(
         runs = {seed: run_seed(plan, seed, limits, parts) for seed in options.seeds}
         _require_unchanged(plan)
         found = evaluate_plan(plan, runs, reference, watched=True)
+        _require_one_data(plan, runs, found)
         return _save(target, plan, runs, _record(plan, runs, found, limits, division, declared))
 
 
@@ -130,6 +131,17 @@ def _require_unchanged(plan: Plan) -> None:
             f"{plan.submission.path}: its files were changed while it was run, expected one submission in all scenes: "
             "submit again with --fresh"
         )
+
+
+def _require_one_data(plan: Plan, runs: Mapping[int, Sequence[SceneRun]], found: Evaluation) -> None:
+    """A record is of one state of the data: scenes that an earlier submit finished were shown what is there now."""
+    for results in runs.values():
+        for name, run, digest in zip(plan.scenes, results, found.scene_digests, strict=True):
+            if run.scene_digest not in ("", digest):  # nothing is known of a part that an earlier version wrote
+                raise DataError(
+                    f"{name}: its data are others than when {plan.submission.name} was run on it, expected the same in "
+                    "all scenes: submit again with --fresh"
+                )
 
 
 def _require_causal(division: str, submission: Submission) -> None:

@@ -16,7 +16,7 @@ from ..scoring import DEFINITIONS, Reference
 from ..sources import open_source
 from ..submission.loader import load_submission
 from ..types import Rollout
-from .attestation import HiddenPart, Level, Statement, bound_to, write_level
+from .attestation import LEVELS, HiddenPart, Level, Statement, bound_to, read_level, write_level
 from .evaluation import Evaluation, evaluate
 from .hidden import run_hidden
 from .provenance import scorer_digest
@@ -27,6 +27,7 @@ from .seal import Sealed, today
 from .storage import load_record, save_record
 from .stored import stored_rollouts
 from .submitting import judged, said_of
+from .trust import Trust, trusted
 
 # The parts of a record that follow from rollouts, card and data.
 _CHECKED = ("env", "status", "status_reason", "hypotheses", "samples", "measured", "reference", "rows", "silence",
@@ -95,12 +96,18 @@ def verify(
         return _run_again(path, record, plan, reference, sealed, own if ends is None else ends)
 
 
-def attest(checked: Verification, key: Path, signer: str) -> Path:
+def attest(checked: Verification, key: Path, signer: str, trust: Trust | None = None) -> Path:
     """Sign the level that a check reached and write it beside the record; the path of the file.
 
-    Raises RecordError where the record does not hold, MtpBenchError where it cannot be signed.
+    ``trust``: whose word counts; None: the leaderboard that ships. Raises RecordError where the record does not hold or
+    a higher level is there, MtpBenchError where it cannot be signed.
     """
     record = checked.record
+    known, _ = read_level(checked.path, record, trust or trusted())
+    if known is not None and LEVELS.index(checked.level) < LEVELS.index(known.level):
+        raise RecordError(
+            f"{checked.path}: reached {checked.level}, and is {known.level} since {known.statement.date}: that is kept"
+        )
     if checked.level == "scored" or not checked.holds:
         raise RecordError(f"{checked.path}: does not hold, so there is no level to sign")
     held = (checked.held or record.isolation).mechanism

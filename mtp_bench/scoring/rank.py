@@ -57,11 +57,14 @@ def why_not_on(subset: str, objects: float, unit_weight: ArrayLike) -> str | Non
     return None
 
 
-def guard(error_of_all: float | None, *limits: float | None) -> str | None:
-    """Why an agent is not ranked on event subsets: over all targets it is worse than STP, one of the ``limits``."""
-    known = [limit for limit in limits if limit is not None]
-    if error_of_all is not None and any(error_of_all > limit * (1.0 + ROUNDING) for limit in known):
-        return "over all targets its error is above that of stp"
+def guard(error_of_all: float | None, stp: float | None, own: float | None = None) -> str | None:
+    """Why an agent is not ranked on event subsets: over all targets it is worse than STP.
+
+    ``stp``: the error of STP over all targets; ``own``: of STP with the agent's own predictor; None: not known.
+    """
+    for limit, whose in ((stp, "stp"), (own, "stp with its own predictor")):
+        if error_of_all is not None and limit is not None and error_of_all > limit * (1.0 + ROUNDING):
+            return f"over all targets its error is above that of {whose}"
     return None
 
 

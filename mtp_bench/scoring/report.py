@@ -237,8 +237,8 @@ def _with_ranks(
             weight = table.unit_weight(table.weight[subset])
             reason = reason or why_not_on(subset, _effective_objects(table, subset), weight)
             if subset != "all" and reason is None:
-                limits = [each.stp for each in (ends, own.get(setting.agent)) if each is not None]
-                reason = guard(of_all, *(_mean_error(limit) for limit in limits if limit is not None))
+                limits = [None if each is None else each.stp for each in (ends, own.get(setting.agent))]
+                reason = guard(of_all, *(None if limit is None else _mean_error(limit) for limit in limits))
             why.append(reason)
         ranked = [i for i, reason in enumerate(why) if reason is None]
         ranks = ranks_by_test([tables[i].errors(subset) for i in ranked]) if ranked else []

@@ -30,7 +30,11 @@ from ..viz.terminal.paper import unchanged
 from .plan import key_of
 
 RUNS = "runs"  # folder of the stored runs
-_MAKERS = ("agent", "cards", "detector", "env", "prediction", "sources", "submission", "tracking")  # of rollouts
+_LIBRARY = Path(__file__).resolve().parent.parent
+# Parts of the library that only judge and show; what its baselines are is told by their own digests.
+_NO_MAKERS = frozenset(
+    ["_bundled", "commands", "gateway", "records", "scoring", "study", "testing", "training", "viz", "__pycache__"]
+)
 _KEY = 12  # digits
 
 
@@ -173,9 +177,14 @@ def _given_files(options: RunOptions) -> list[Path]:
 
 @cache
 def library_digest() -> str:
-    """Hex sha256 over the code of this library that has a part in what agents see and baselines say."""
-    root = Path(__file__).resolve().parent.parent
+    """Hex sha256 over the code and the fitted files of this library that have a part in what agents see and say."""
     sha = hashlib.sha256()
-    for path in sorted(path for room in _MAKERS for path in (root / room).rglob("*.py")):
-        sha.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
+    for name in library_files():
+        sha.update(f"{name}|{file_digest(_LIBRARY / name)}\n".encode())
     return sha.hexdigest()
+
+
+def library_files() -> list[str]:
+    """What `library_digest` covers, as paths in the library."""
+    names = (path.relative_to(_LIBRARY) for path in _LIBRARY.rglob("*") if path.is_file())
+    return sorted(name.as_posix() for name in names if not _NO_MAKERS.intersection(name.parts))

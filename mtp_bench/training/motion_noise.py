@@ -16,6 +16,7 @@ from ..env.environment import OBSERVE, MTPEnv
 from ..errors import MtpBenchError, UnknownNameError
 from ..prediction.kalman import NoiseTable, filtered
 from ..prediction.motion_noise import condition, table
+from ..running.folds import Fold
 from ..running.options import DEFAULTS, RunOptions
 from ..tracking import HypothesisTracker, TruthTracker
 from ..types import Bools, Floats, Scene, Task
@@ -25,15 +26,22 @@ from .split import open_split
 Fit = Callable[[Floats, Bools, Floats, float], dict[str, Any]]  # position, valid, future and dt: the noise of a class
 
 
-def fit_env(env_id: str, options: RunOptions = DEFAULTS, observe: str = "detections", fit: Fit | None = None) -> str:
+def fit_env(
+    env_id: str,
+    options: RunOptions = DEFAULTS,
+    observe: str = "detections",
+    fit: Fit | None = None,
+    without: Fold | None = None,
+) -> str:
     """TOML of the motion noise fitted on the training split of an env, as ``mtp_bench.prediction`` stores it.
 
     ``options`` may name another split. ``observe``: "truth" for true pasts. ``fit``: of one class, `fit_motion_noise`
-    unless told otherwise. Raises MtpBenchError for whatever the user can mend, an empty split among it.
+    unless told otherwise. ``without``: a fold whose scenes are left out, see `open_split`. Raises MtpBenchError for
+    whatever the user can mend, an empty split among it.
     """
     if observe not in OBSERVE:
         raise UnknownNameError("value of observe", observe, OBSERVE)
-    split = open_split(env_id, options.on_split("train"))
+    split = open_split(env_id, options.on_split("train"), without)
     task = MTPEnv(split.card, data=options.data, observe=observe).task
     rows = fit_scenes(list(split.scenes()), task, fit)
     if not rows:

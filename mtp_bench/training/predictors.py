@@ -37,7 +37,7 @@ class Request:
     env_id: str
     on: str = "truth"
     hypotheses: int = HYPOTHESES
-    fold: Fold | None = None  # whose scenes are left out altogether
+    fold: Fold | None = None  # whose scenes are left out altogether, see `open_split`
     also: tuple[str, ...] = ()  # further envs to learn from, with the same rate and sizes
     plan: Plan | None = None  # None: what suits the network
     device: str = "auto"
@@ -77,13 +77,9 @@ def _require_alike(task: Task, other: Task) -> None:
 
 
 def _learnable(env_id: str, request: Request, options: RunOptions) -> Windows:
-    opened = open_split(env_id, options.on_split("train"))
-    names = opened.names
-    if request.fold is not None:
-        away = held_out(names, request.fold)
-        names = tuple(name for name in names if name not in away)
+    opened = open_split(env_id, options.on_split("train"), request.fold)
     tracker: str | int = TRUTH if request.on == TRUTH else request.hypotheses
-    found = windows(env_id, opened.card.source.split, tracker, names, options)
+    found = windows(env_id, opened.card.source.split, tracker, opened.names, options)
     kept = taught(found)
     if not kept.any():
         raise MtpBenchError(f"{env_id}: no track of its training scenes follows an object with a known future")
@@ -136,12 +132,15 @@ def train_predictor(
 ) -> tuple[Path, dict[str, Any]]:
     """Train on windows and write the weights: the file that was written, and its model card.
 
-    ``output``: another file than that which agents look for. ``told``: see `fitting.fit`.
+    ``output``: another file than that which agents look for. ``told``: see `fitting.fit`. Raises MtpBenchError where
+    there is no window to learn from, or none to validate on.
     """
     network, sizes = network_of(request.network), Sizes.of(found.task)
+    lesson = lesson_of(network, found, sizes)
+    _require_both_parts(network, found, lesson)
     path = output or weights_folder() / file_name(request.network, request.on, found.task.env_id)
     make_folder(path.parent, f"name another file, or another folder of weights with {WEIGHTS_VARIABLE}")
-    lesson, checkpoint = lesson_of(network, found, sizes), path.with_suffix(".checkpoint")
+    checkpoint = path.with_name(f"{path.name}.checkpoint")  # longer than the name of the weights: never the same file
     state = fit(network, sizes, lesson, request.chosen_plan, device_of(request.device), told, checkpoint)
     card = model_card(request, found, lesson, state)
     write_weights(path, Stored(state.best, network.name, sizes, card))
@@ -149,8 +148,27 @@ def train_predictor(
     return path, card
 
 
+def _require_both_parts(network: Network, found: Windows, lesson: Lesson) -> None:
+    """Raise MtpBenchError unless there are windows to learn from and windows to validate on."""
+    learnt, validated = _counts(lesson)
+    if not learnt or not validated:
+        raise MtpBenchError(
+            f"{network.name} cannot be trained: scenes {len(found.names)}, windows to learn from {learnt}, windows to "
+            f"validate on {validated}, expected at least 1 of both; validation takes windows with all "
+            f"{found.task.future} future frames known, of fewer than {FEW_SCENES} scenes from the last fifth of each, "
+            "else from a tenth of the scenes: take longer or more scenes"
+        )
+
+
+def _counts(lesson: Lesson) -> tuple[int, int]:
+    """How many windows are learnt from, and how many are validated on; those without weight do not count."""
+    counted = lesson.weight > 0
+    return int((counted & ~lesson.validation).sum()), int((counted & lesson.validation).sum())
+
+
 def model_card(request: Request, found: Windows, lesson: Lesson, state: State) -> dict[str, Any]:
     """What a file of weights says of how it was made."""
+    learnt, validated = _counts(lesson)
     return {
         "env": ", ".join(found.envs),
         "detector": found.task.detector if request.on != TRUTH else "true boxes",
@@ -159,8 +177,8 @@ def model_card(request: Request, found: Windows, lesson: Lesson, state: State) -
         "present": request.on != TRUTH,  # of true boxes the present position is known
         "fold": None if request.fold is None else f"{request.fold[0]}/{request.fold[1]}",
         "scenes": list(found.names),
-        "windows": int((~lesson.validation & (lesson.weight > 0)).sum()),
-        "validation_windows": int((lesson.validation & (lesson.weight > 0)).sum()),
+        "windows": learnt,
+        "validation_windows": validated,
         "validation_minADE": round(min(state.curve), 4),
         "best_epoch": state.best_epoch,
         "plan": asdict(request.chosen_plan),

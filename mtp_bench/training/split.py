@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ..cards import Card
 from ..errors import MtpBenchError
+from ..running.folds import Fold, held_out
 from ..running.options import RunOptions
 from ..sources import SceneSource, open_source
 from ..types import Scene
@@ -33,11 +34,16 @@ class Split:
         return map(self.source.load, self.watched())
 
 
-def open_split(env_id: str, options: RunOptions) -> Split:
-    """The first scenes of the split that ``options`` names; raises MtpBenchError where there is none."""
+def open_split(env_id: str, options: RunOptions, without: Fold | None = None) -> Split:
+    """The first scenes of the split that ``options`` names; raises MtpBenchError where there is none.
+
+    ``without``: a fold whose scenes are left out, for another run scores them. As there, it is a fold of the whole
+    split: the first scenes are taken of those that are left.
+    """
     card = options.card(env_id)
     source = open_source(card, options.data)
-    names = options.chosen(source.names)
+    away = () if without is None else held_out(source.names, without)
+    names = options.chosen([name for name in source.names if name not in away])
     if not names:
         raise MtpBenchError(f"{env_id} has no scene in its split {card.source.split!r}")
     return Split(card, source, names, options)

@@ -34,6 +34,7 @@ from mtp_bench.records.record import IsolationPart
 from mtp_bench.records.rerun import why_not_isolated
 from mtp_bench.records.shipped import baseline_digest, shipped
 from mtp_bench.records.storage import content_digest, measured_digest
+from mtp_bench.records.verifying import Verification, attest
 from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring import SUBSETS
 from tests.support.board_records import MAIN, made_up
@@ -389,6 +390,18 @@ def test_a_genuine_level_is_shown(honest: tuple[Path, Record], leaderboard: Path
     assert (signed.level, signed.signer) == ("re-run", SIGNER)
 
 
+def test_a_check_that_reached_less_does_not_replace_a_level(
+    honest: tuple[Path, Record], leaderboard: Path, key: Path
+) -> None:
+    """As on a machine whose sandbox does not hold: the level that is there stays."""
+    path, record = honest
+    sign(path, record, key)
+    again = Verification(path, record, "re-run", (), ())
+    with pytest.raises(RecordError, match=r"reached re-scored, and is re-run since .*: that is kept"):
+        attest(replace(again, level="re-scored"), key, SIGNER, trusted(leaderboard))
+    attest(again, key, SIGNER, trusted(leaderboard))
+
+
 def test_a_level_of_another_record_is_not_shown(
     honest: tuple[Path, Record], leaderboard: Path, key: Path, tmp_path: Path
 ) -> None:
@@ -583,6 +596,15 @@ def test_a_proposal_is_taken_in(cli: CommandLine, proposal: Path, leaderboard: P
     assert f"newcomer/{MAIN}.json: can be taken in" in "".join(said.split("\n"))
     assert "names no source" in " ".join(said.split())
     assert "no record to take in" in cli.ok("verify", leaderboard, "--intake", "--base", leaderboard)
+
+
+def test_a_proposal_may_lie_below_a_folder_of_any_name(
+    cli: CommandLine, proposal: Path, leaderboard: Path, tmp_path: Path
+) -> None:
+    moved = tmp_path / "records" / "pr" / "leaderboard"
+    shutil.copytree(proposal, moved)
+    assert taken(cli, moved, leaderboard) == ""
+    assert taken(cli, moved / "records" / "newcomer", leaderboard) == ""
 
 
 def test_stored_rollouts_are_named_once(cli: CommandLine, proposal: Path, leaderboard: Path) -> None:

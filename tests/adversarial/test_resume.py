@@ -302,6 +302,22 @@ def test_parts_of_another_version_are_run_again(
     assert load_record(begun).digest == undisturbed
 
 
+def test_scenes_of_other_data_are_not_mixed(
+    cli: CommandLine, command: list[str], begun: Path, kitti: str, tmp_path: Path
+) -> None:
+    """What was finished on detections that have been replaced since is not scored beside what they are now."""
+    other = tmp_path / "other"
+    shutil.copytree(kitti, other)
+    done = {path.stem for path in begun.with_suffix(".part").glob("seed-*/*.npz")}
+    file = other / "kitti_tracking" / "detections" / "pointrcnn" / "Car" / f"{min(done)}.txt"
+    file.write_text("\n".join(file.read_text().splitlines()[1:]))
+    command[command.index("--data") + 1] = str(other)
+    said = cli(*command, "--resume").error
+    assert f"{min(done)}: its data are others than when echo was run on it" in said
+    assert "--fresh" in said
+    cli.ok(*command, "--fresh")
+
+
 def test_foreign_files_are_not_removed(cli: CommandLine, command: list[str], tmp_path: Path) -> None:
     folder = tmp_path / "out" / f"{CARD_ID}.part"
     folder.mkdir(parents=True)

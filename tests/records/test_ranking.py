@@ -13,7 +13,7 @@ from mtp_bench.scoring import SUBSETS, AgentScores, Reference, SceneScore, score
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.scoring.weights import SceneWeights, scene_key
 from tests.support.scoring_scenes import make_card, random_case, take_objects
-from tests.support.stored_records import make_record, ships_of, write_record
+from tests.support.stored_records import make_record, make_row, scene_part, ships_of, write_record
 
 CARD = make_card(samples=4)
 NAMES = [f"s{i}" for i in range(9)]
@@ -54,6 +54,29 @@ def test_the_gap_of_an_agent_with_a_network_is_between_ends_with_it() -> None:
     assert found[other.digest].own_gaps == {}
     assert found[records[0].digest].own_gaps == found[records[0].digest].gaps
     assert found[ends[0].digest].own_gaps == {}  # of its own network this one says nothing
+
+
+def test_worse_than_stp_with_its_own_network_is_not_ranked_on_events() -> None:
+    """As in the comparison: a better predictor must not pay for forecasts that are made for the events alone."""
+
+    def record(name: str, error: float, on_events: float, ends: str) -> Record:
+        scenes = [scene_part(str(i), 10, error + 0.1 * (i % 3)).model_dump() for i in range(8)]
+        for scene in scenes:
+            scene["weight"]["ids"], scene["error"]["ids"] = [10.0], [10 * on_events]
+        own = {"modes-tracklets-MTP-X-v0.safetensors": "0" * 64} if name == "flood" else {}
+        said = {"ends": ends, "networks": own}
+        rows = [make_row(name, subset, scenes, objects=40) for subset in SUBSETS]
+        return make_record(name, rows, scenes, submission=said)
+
+    records = [
+        record("stp", 2.0, 3.0, "controls"),
+        record("stp_modes", 1.0, 2.0, "own"),
+        record("flood", 1.9, 0.5, "own"),
+    ]
+    places = [standings(records, ships=ships_of(*records))[each.digest].places["ids"] for each in records]
+    assert places[0].rank is not None
+    assert places[1].rank == 1
+    assert places[2].why == "over all targets its error is above that of stp with its own predictor"
 
 
 def test_records_rank_as_the_comparison_of_the_same_runs_does() -> None:

@@ -13,10 +13,11 @@ import pytest
 from mtp_bench.errors import MtpBenchError, RecordError
 from mtp_bench.records import load_record, read_history, record_paths, save_record, standings, why_unranked
 from mtp_bench.records.evaluation import status_of
-from mtp_bench.records.provenance import hardware, scene_digest
+from mtp_bench.records.provenance import hardware
 from mtp_bench.records.record import Record, ScenePart
 from mtp_bench.records.rerun import worse_when_moved
 from mtp_bench.scoring.subsets import Subset
+from mtp_bench.sources.digest import scene_digest
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import make_scene
 from tests.support.stored_records import scene_part, ships_of, write_record
@@ -144,7 +145,12 @@ def test_rollouts_are_no_records(tmp_path: Path) -> None:
     (tmp_path / "echo" / "a.rollouts" / "seed-0").mkdir(parents=True)
     (tmp_path / "echo" / "a.rollouts" / "seed-0" / "run.json").touch()
     (tmp_path / "echo" / ".b.1.0a.part.json").touch()  # is being written
+    left = tmp_path / "echo" / ".a.1.0a.part.rollouts.earlier" / "seed-0"  # by a submit that was killed
+    left.mkdir(parents=True)
+    (left / "run.json").touch()
     assert record_paths(tmp_path) == [tmp_path / "echo" / "a.json"]
+    (tmp_path / "echo").rename(tmp_path / ".mine")
+    assert record_paths(tmp_path / ".mine") == [tmp_path / ".mine" / "a.json"], "asked for by its name"
 
 
 EIGHT = (1.0, 2.0, 3.0, 4.0, 1.5, 2.5, 3.5, 4.5)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import stat
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card, HighwaySource
+from mtp_bench.cards.sections import SECRET_SEEDS
 from mtp_bench.errors import CardError, DataError, UnknownNameError
 from mtp_bench.sources import describe, open_source, prepare
 from mtp_bench.sources.base import section_of
@@ -141,6 +143,17 @@ def test_other_traffic_lies_elsewhere() -> None:
         for change in ({}, {"seconds": 5.0}, {"vehicles": 6}, {"pedestrians": 0}, {"sensor": "roadside"})
     }
     assert len(folders) == 5
+
+
+def test_secret_worlds_lie_apart_and_nobody_else_lists_them() -> None:
+    store = WorldStore(TRAFFIC)
+    store.require_writable()
+    shown = stat.S_IMODE(store.folder.stat().st_mode)
+    store.keep_private()
+    assert store.path(SECRET_SEEDS - 1).parent == store.folder
+    assert store.path(SECRET_SEEDS).parent == store.secret_folder != store.folder
+    assert stat.S_IMODE(store.secret_folder.stat().st_mode) == 0o700
+    assert stat.S_IMODE(store.folder.stat().st_mode) == shown
 
 
 def test_a_cache_that_cannot_be_written_is_no_reason_to_stop(made: list[int], tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ from mtp_bench.study.gallery import command_of
 from mtp_bench.study.moments import worst_moments
 from mtp_bench.study.plan import make_plan, subject_of
 from mtp_bench.study.relations import verdict
-from mtp_bench.study.runs import Bench, open_bench
+from mtp_bench.study.runs import Bench, library_files, open_bench
 from mtp_bench.study.tables import make_tables
 from mtp_bench.submission import load_submission
 from tests.support.browser import CHROMIUM, DRIVER, MISSING, chromium
@@ -293,3 +293,10 @@ ENDS = {
     "mtp_modes": ("mtp_modes, H = 1", "mtp_modes, H = 1"),
     "mtp_modes_tracklets": ("mtp_modes_tracklets, H = 1", "mtp_modes_tracklets, on = truth, H = 1"),
 }
+
+
+def test_runs_are_made_again_when_what_was_fitted_changes() -> None:
+    files = set(library_files())
+    assert {"prediction/presence_models/default.json", "tracking/detection_cuts.toml", "tracks.py"} <= files
+    assert {"env/environment.py", "running/run.py", "prediction/motion_noise.toml"} <= files
+    assert not [name for name in files if name.startswith(("viz/", "scoring/", "study/")) or name.endswith(".pyc")]

@@ -17,7 +17,7 @@ from mtp_bench.running.folds import fold_of, held_out
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.training.fitting import Plan, device_of, one_cycle
 from mtp_bench.training.losses import Tensors, mode_distance, varied
-from mtp_bench.training.predictors import Request, learnable, train_predictor, validation_rows
+from mtp_bench.training.predictors import Request, learnable, taught, train_predictor, validation_rows
 from mtp_bench.training.tracklets import Windows, joined, scene_arrays
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import make_scene, task, write_card, write_kitti
@@ -27,11 +27,15 @@ QUICK = Plan(epochs=6, batch=32)
 
 @pytest.fixture
 def found(tmp_path: Path) -> Windows:
-    card = load_card(write_card(tmp_path))
-    names = list("abcdefg")
-    parts = [scene_arrays(make_scene(name, frames=12), card, task(), HypothesisTracker()) for name in names]
-    whole = joined(parts, names, task())
-    return whole.those((whole.object_id >= 0) & whole.future_known.any(axis=1))
+    return windows_of_scenes(tmp_path, "abcdefg", frames=12)
+
+
+def windows_of_scenes(folder: Path, names: str, frames: int) -> Windows:
+    """The windows that are learnt from, of a scene for each letter of ``names``."""
+    card = load_card(write_card(folder))
+    parts = [scene_arrays(make_scene(name, frames=frames), card, task(), HypothesisTracker()) for name in names]
+    whole = joined(parts, list(names), task())
+    return whole.those(taught(whole))
 
 
 def test_training_lowers_the_error_and_repeats_itself(found: Windows, tmp_path: Path) -> None:
@@ -79,8 +83,27 @@ def test_a_checkpoint_of_another_training_is_not_gone_on_with(found: Windows, tm
     other = Request("modes", "small", plan=replace(QUICK, seed=1))
     train_predictor(found, other, tmp_path / "a.safetensors", lambda epoch, _: epochs.append(epoch))
     assert epochs[0] == 1
-    (tmp_path / "b.checkpoint").write_bytes(b"broken")
+    (tmp_path / "b.safetensors.checkpoint").write_bytes(b"broken")
     train_predictor(found, other, tmp_path / "b.safetensors")
+
+
+@pytest.mark.parametrize("name", ["mine.checkpoint", "mine"])
+def test_weights_may_have_any_name(name: str, found: Windows, tmp_path: Path) -> None:
+    """What a training goes on from lies beside the weights, and only the weights stay."""
+
+    def stop(epoch: int, _: float) -> None:
+        if epoch == 3:
+            raise InterruptionError
+
+    request = Request("modes", "small", plan=QUICK)
+    with pytest.raises(InterruptionError):
+        train_predictor(found, request, tmp_path / name, stop)
+    assert not (tmp_path / name).exists()
+    rest: list[int] = []
+    path, _ = train_predictor(found, request, tmp_path / name, lambda epoch, _: rest.append(epoch))
+    assert rest == [4, 5, 6]
+    assert list(tmp_path.glob("mine*")) == [path]
+    read_weights(path, network_of("modes"), found.task)
 
 
 def test_it_stops_where_nothing_gets_better(found: Windows, tmp_path: Path) -> None:
@@ -99,6 +122,25 @@ def test_validation_is_of_whole_scenes_where_there_are_enough(found: Windows) ->
     for scene in (0, 1):
         mine = few.scene == scene
         assert few.frame[mine & rows].min() > few.frame[mine & ~rows].max()
+
+
+TOO_SHORT = {
+    "few scenes without a whole future": ("abc", 3, "scenes 3, windows to learn from 18, windows to validate on 0"),
+    "few scenes without a last fifth": ("abc", 5, "scenes 3, windows to learn from 18, windows to validate on 0"),
+    "many scenes without a whole future": ("abcdef", 3, "scenes 6, windows to learn from 30, windows to validate on 0"),
+}
+
+
+@pytest.mark.parametrize("name", TOO_SHORT)
+@pytest.mark.parametrize("network", ["modes", "tracking_free", "codebook"])
+def test_scenes_too_short_to_validate_on_are_one_clear_error(network: str, name: str, tmp_path: Path) -> None:
+    names, frames, counts = TOO_SHORT[name]
+    request, out = Request(network, "small", plan=QUICK), tmp_path / "new" / "w.safetensors"
+    with pytest.raises(MtpBenchError, match=f"{network} cannot be trained: {counts}") as caught:
+        train_predictor(windows_of_scenes(tmp_path, names, frames), request, out)
+    assert "all 3 future frames" in str(caught.value)
+    assert "longer or more scenes" in str(caught.value)
+    assert not out.parent.exists()
 
 
 def test_a_varied_batch_is_the_same_motion_seen_otherwise() -> None:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...cards.sections import GENERATOR
+from ...cards.sections import GENERATOR, SECRET_SEEDS
 from ...errors import DataError
 from ...parallel import Workers, unordered_map
 from ...types import Floats, Ints, Lane, Truth
@@ -46,8 +46,13 @@ class WorldStore:
         return cache_root() / "worlds" / f"{self.traffic.scenario}-{digest}"
 
     def path(self, seed: int) -> Path:
-        """File of one world."""
-        return self.folder / f"{seed:06d}.npz"
+        """File of one world; secret ones lie in a folder of their own, which the others' readers need not enter."""
+        return (self.folder if seed < SECRET_SEEDS else self.secret_folder) / f"{seed:06d}.npz"
+
+    @property
+    def secret_folder(self) -> Path:
+        """Where the worlds of secret seeds are."""
+        return self.folder.with_name(f"{self.folder.name}-secret")
 
     def has(self, seed: int) -> bool:
         """Whether the world is there and whole."""
@@ -70,18 +75,12 @@ class WorldStore:
 
     def require_writable(self) -> None:
         """Raise DataError where worlds cannot be stored."""
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            tempfile.TemporaryFile(dir=self.folder).close()
-        except OSError as error:
-            raise DataError(
-                f"generated scenes cannot be kept in {self.folder}: {error.strerror}; {VARIABLE} names another folder"
-            ) from None
+        _require_writable(self.folder)
 
     def keep_private(self) -> None:
-        """Let nobody else on this machine list or read the worlds. Raises DataError where they cannot be stored."""
-        self.require_writable()
-        self.folder.chmod(0o700)
+        """Let nobody else on this machine list or read secret worlds. Raises DataError where they cannot be stored."""
+        _require_writable(self.secret_folder)
+        self.secret_folder.chmod(0o700)
 
     def make(self, seeds: Sequence[int], workers: int = 1) -> Iterator[int]:
         """Make and store worlds over ``workers`` processes; gives each seed when it is done."""
@@ -100,15 +99,26 @@ class WorldStore:
     def _write(self, seed: int, world: World) -> None:
         """Store a world as a whole or not at all; a cache that cannot be written is no reason to stop."""
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            write_arrays(self.path(seed), pack(world))
+            path = self.path(seed)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_arrays(path, pack(world))
         except OSError as error:
             warnings.warn(
-                f"a generated scene cannot be kept in {self.folder} ({error.strerror}) and is made anew each time; "
+                f"a generated scene cannot be kept in {path.parent} ({error.strerror}) and is made anew each time; "
                 f"{VARIABLE} names another folder",
                 RuntimeWarning,
                 stacklevel=2,
             )
+
+
+def _require_writable(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise DataError(
+            f"generated scenes cannot be kept in {folder}: {error.strerror}; {VARIABLE} names another folder"
+        ) from None
 
 
 def _make_one(store: WorldStore, seed: int) -> None:

@@ -1,0 +1,54 @@
+"""``mtp-bench train``: which scenes it learns from, and what it says where they are too short."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mtp_bench.running.folds import held_out
+from mtp_bench.training import motion_noise
+from mtp_bench.types import Scene
+from tests.support.command_line import CommandLine, copy_sequence
+from tests.support.small_scenes import CARD, write_card, write_kitti
+
+NAMES = ("0002", "0003", "0004", "0005")
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A data root whose training split has four scenes."""
+    root = write_kitti(tmp_path_factory.mktemp("train"))
+    for name in NAMES:
+        copy_sequence(Path(root), "0006", name)
+    return root
+
+
+@pytest.mark.parametrize("command", ["motion-noise", "imm-noise"])
+def test_noise_is_fitted_without_the_scenes_of_a_fold(
+    command: str, cli: CommandLine, root: str, card: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[str] = []
+
+    def watched(scenes: Sequence[Scene], *_: object) -> dict[str, Any]:
+        read.extend(scene.name for scene in scenes)
+        return {"car": {}}
+
+    monkeypatch.setattr(motion_noise, "fit_scenes", watched)
+    known = ("train", command, "--env", card, "--data", root)
+    cli.ok(*known, "--fold", "1/2")
+    assert read == [name for name in NAMES if name not in held_out(NAMES, (1, 2))]
+    read.clear()
+    cli.ok(*known)
+    assert read == list(NAMES)
+
+
+def test_scenes_that_are_too_short_are_one_clear_error(cli: CommandLine, root: str, tmp_path: Path) -> None:
+    """In scenes of 7 frames only the first two have 5 future frames."""
+    card, out = write_card(tmp_path, CARD.replace("future = 3", "future = 5")), tmp_path / "w.safetensors"
+    known = ("--env", card, "--data", root, "--jobs", "1")
+    error = cli("train", "predictor", "modes", *known, "-o", out).error
+    assert "modes cannot be trained: scenes 4," in error
+    assert list(tmp_path.iterdir()) == [Path(card)]
