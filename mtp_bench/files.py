@@ -10,15 +10,29 @@ import os
 import secrets
 import shutil
 import stat
+import struct
+import tokenize
 import unicodedata
+import zipfile
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
 from .errors import MtpBenchError
 
+try:
+    from lzma import LZMAError as _LzmaError
+except ImportError:  # a Python that was built without it, which reads no such file at all
+    _LzmaError = zlib.error  # type: ignore[assignment, misc]
+
 ABSENT = "cannot be read: no such file"
+BROKEN_ARCHIVE = (  # what reading an NPZ file raises where bytes of it are other ones, or lacking
+    OSError, TypeError, ValueError, LookupError, ArithmeticError, EOFError, MemoryError, RuntimeError, SyntaxError,
+    struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error, _LzmaError,
+)  # fmt: skip
 _PART = 1 << 20  # bytes that are hashed at once
+_EARLIER = ".earlier"  # suffix of a folder that another one takes the place of just now
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _UNSEEN = ("Cc", "Cf", "Cs")  # categories of letters: controls, marks of format, halves of characters
 _JOINERS = "\u200c\u200d"  # some scripts are written with them
@@ -51,8 +65,10 @@ def whole_file(path: Path) -> Iterator[Path]:
 def whole_folder(path: Path) -> Iterator[Path]:
     """A new folder beside ``path`` to fill; it takes the place of the folder ``path`` when the block ends well.
 
-    After an error, or an interruption, the earlier folder is as it was. Raises what writing raises.
+    A link stays, and the folder that it leads to is the one that is replaced. After an error, or an interruption, the
+    earlier folder is as it was. Raises what writing raises.
     """
+    path = _target(path)
     part = _beside(path)
     part.mkdir(parents=True)
     try:
@@ -66,10 +82,16 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
 
 def remove_leftovers(*paths: Path) -> None:
-    """Remove what writers of ``paths`` that were killed left beside them; nobody else may be writing them now."""
+    """Remove what writers of ``paths`` that were killed left beside them; nobody else may be writing them now.
+
+    Where the earlier folder was already moved away and the new one was not there yet, the earlier one comes back.
+    """
     for path in paths:
-        for left in path.parent.glob(f".{glob.escape(path.stem)}.*.part{glob.escape(path.suffix)}*"):
-            if left.is_dir() and not left.is_symlink():
+        target = _target(path)
+        for left in {*_left_beside(path), *_left_beside(target)}:  # a file takes the place of a link, a folder does not
+            if left.name.endswith(_EARLIER) and not target.exists():
+                left.rename(target)
+            elif left.is_dir() and not left.is_symlink():
                 shutil.rmtree(left, ignore_errors=True)
             else:
                 left.unlink(missing_ok=True)
@@ -208,7 +230,7 @@ def content_digest(path: Path) -> str:
         return file_digest(path)
     digest = hashlib.sha256()
     for file in sorted(each for each in path.iterdir() if each.is_file()):
-        digest.update(f"{file.name}|{file_digest(file)}\n".encode())
+        digest.update(os.fsencode(f"{file.name}|{file_digest(file)}\n"))  # a name may be no text
     return digest.hexdigest()
 
 
@@ -235,7 +257,7 @@ def require_file(path: Path) -> None:
 
 def require_folder(path: Path) -> None:
     """Raise MtpBenchError unless the folder ``path`` can be made or replaced."""
-    nearest = _nearest(path)
+    nearest = _nearest(_target(path))
     if not nearest.is_dir():
         raise MtpBenchError(f"cannot write {path}: {nearest} is a file, expected a folder")
     _require_access(path, nearest)
@@ -279,12 +301,22 @@ def _beside(path: Path) -> Path:
     return path.with_name(f".{path.stem}.{os.getpid()}.{secrets.token_hex(4)}.part{path.suffix}")
 
 
+def _left_beside(path: Path) -> Iterator[Path]:
+    """What writers of ``path`` that were killed left, see `_beside` and `_put_in_place`."""
+    return path.parent.glob(f".{glob.escape(path.stem)}.*.part{glob.escape(path.suffix)}*")
+
+
+def _target(path: Path) -> Path:
+    """Where a path leads that may be a link."""
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
+
+
 def _put_in_place(part: Path, folder: Path) -> None:
     """Replace a folder; the earlier one comes back if that fails."""
     if not folder.exists():
         part.rename(folder)
         return
-    earlier = part.with_name(f"{part.name}.earlier")
+    earlier = part.with_name(part.name + _EARLIER)
     folder.rename(earlier)
     try:
         part.rename(folder)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, TypedDict
 
 from ..errors import MtpBenchError, UnknownNameError
@@ -87,7 +87,11 @@ def own_scenes(given: Mapping[str, Any]) -> Sequence[Scene] | None:
     scenes = given["scenes"]
     if isinstance(scenes, Scene):
         raise MtpBenchError(f"scenes is the scene {scenes.name!r}, expected a list: scenes=[scene]")
-    if scenes is None or isinstance(scenes, str) or not any(isinstance(scene, Scene) for scene in scenes):
+    if scenes is None or isinstance(scenes, str):
+        return None
+    if not isinstance(scenes, Collection):
+        raise MtpBenchError(f"scenes is {scenes!r}, expected a list of names, or of Scene objects")
+    if not any(isinstance(scene, Scene) for scene in scenes):
         return None
     if given["files"] is not None:
         raise MtpBenchError("scenes holds Scene objects and files names a folder, expected one of them")

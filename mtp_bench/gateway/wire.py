@@ -32,15 +32,15 @@ class WireError(Exception):
 def encode(header: dict[str, Any], arrays: Mapping[str, NDArray[Any] | None] | None = None) -> bytes:
     """A message, to be written by one call: each wakes the reader. None for an array says that it was unusable."""
     entries: list[tuple[str, str, tuple[int, ...]]] = []
-    body: list[NDArray[Any]] = []
+    body: list[memoryview] = []
     for name, value in (arrays or {}).items():
         if value is None:
             entries.append((name, UNUSABLE, ()))
             continue
         entries.append((name, value.dtype.str, value.shape))
-        body.append(np.ascontiguousarray(value))
+        body.append(np.ascontiguousarray(value).data)
     text = json.dumps({**header, "arrays": entries}, allow_nan=False).encode()
-    return b"".join((PREFIX.pack(len(text), sum(array.nbytes for array in body)), text, *body))
+    return b"".join((PREFIX.pack(len(text), sum(part.nbytes for part in body)), text, *body))
 
 
 def header_of(text: bytes | bytearray | memoryview) -> dict[str, Any]:

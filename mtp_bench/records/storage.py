@@ -112,12 +112,16 @@ def checked(content: dict[str, Any], path: str) -> Record:
 def record_paths(folder: str | Path) -> list[Path]:
     """Files of the records in ``folder`` and the folders below it, sorted; no levels, rollouts or parts.
 
-    Nor files that are being written just now: their names begin with a dot.
+    Nor what is being written just now, or was when its writer was killed: such names of files and folders begin with
+    a dot.
     """
     folder = Path(folder)
     found = [path for path in sorted(folder.rglob("[!.]*.json")) if not path.name.endswith(LEVEL_SUFFIX)]
-    inside = (ROLLOUTS, PARTS)
-    return [path for path in found if not any(part.endswith(inside) for part in path.relative_to(folder).parts)]
+    return [path for path in found if not any(_is_aside(part) for part in path.relative_to(folder).parts)]
+
+
+def _is_aside(name: str) -> bool:
+    return name.startswith(".") or name.endswith((ROLLOUTS, PARTS))
 
 
 def rollouts_folder(path: Path, seed: int) -> Path:

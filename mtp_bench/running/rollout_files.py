@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
 import zipfile
-import zlib
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..env.rollouts import ARRAYS, digest
 from ..errors import RolloutError
-from ..files import clean_text, open_regular, reason_of, whole_folder, why_no_archive
+from ..files import BROKEN_ARCHIVE, clean_text, open_regular, reason_of, whole_folder, why_no_archive
 from ..parallel import cores
 from ..strict import Section, read_json, validate
 from ..types import Rollout
@@ -29,7 +29,6 @@ FORMAT: Literal[2] = 2
 MOST_BYTES = 1 << 30  # of the arrays of a scene
 MOST_RUN = 4 << 30  # of all scenes of a run
 _LEVEL = 4  # of compression
-_BROKEN = (OSError, TypeError, ValueError, EOFError, MemoryError, RuntimeError, zipfile.BadZipFile, zlib.error)
 
 
 class RunInfo(Section):
@@ -113,6 +112,8 @@ def require_run_folder(folder: Path) -> None:
     """Raise RolloutError if writing a run to ``folder`` would delete something that is not a run."""
     if not folder.exists():
         return
+    if os.path.ismount(folder.resolve()):
+        raise RolloutError(f"{folder} is the root of a disk, which cannot be replaced: choose a folder on it")
     if not folder.is_dir():
         raise RolloutError(f"{folder} is a file, expected a new folder or that of an earlier run")
     names = {path.name for path in folder.iterdir()}
@@ -120,6 +121,11 @@ def require_run_folder(folder: Path) -> None:
     if names and (RUN_FILE not in names or foreign):
         what = f"holds {foreign[0]!r}" if foreign else f"has no {RUN_FILE}"
         raise RolloutError(f"{folder} is not empty and {what}, so it is no run: choose another folder")
+
+
+def require_storable(info: RunInfo, scenes: Sequence[str]) -> None:
+    """Raise RolloutError for what RUN_FILE cannot hold, such as a path that is no text: before the agent runs."""
+    _text(info, [_Entry(scene=name, frames=0, digest="") for name in scenes])
 
 
 def _scene_file(scene: str) -> str:
@@ -134,15 +140,27 @@ def _write(folder: Path, info: RunInfo, rollouts: Iterable[Rollout]) -> None:
         return _Entry(scene=rollout.scene, frames=rollout.frames, digest=digest(rollout))
 
     known = list(rollouts)
-    _require_once([rollout.scene for rollout in known])
+    scenes = [rollout.scene for rollout in known]
+    _require_once(scenes)
+    require_storable(info, scenes)  # a file has the name of its scene
     with ThreadPoolExecutor(cores()) as pool:  # zlib, which takes most of the time, runs beside other threads
         entries = list(pool.map(store, known))
-    content = _RunFile(format=FORMAT, info=info, scenes=entries).model_dump()
+    (folder / RUN_FILE).write_bytes(_text(info, entries))
+
+
+def _text(info: RunInfo, scenes: list[_Entry]) -> bytes:
+    """The content of RUN_FILE. Raises RolloutError for what no JSON in UTF-8 can hold."""
+    content = _RunFile(format=FORMAT, info=info, scenes=scenes).model_dump()
     try:
-        text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
+        return f"{json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)}\n".encode()
+    except UnicodeEncodeError as error:
+        line = error.object.split("\n")[error.object.count("\n", 0, error.start)].strip(" ,")
+        raise RolloutError(
+            f"the run of {info.agent!r} cannot be stored: {RUN_FILE} would say {line!a}, which is no UTF-8: rename the "
+            "file or folder that it names"
+        ) from None
     except (TypeError, ValueError) as error:
         raise RolloutError(f"the parameters of {info.agent!r} cannot be stored as JSON: {error}") from None
-    (folder / RUN_FILE).write_text(text + "\n", encoding="utf-8")
 
 
 def _write_arrays(path: Path, arrays: dict[str, NDArray[Any]]) -> None:
@@ -170,7 +188,7 @@ def _read_scene(folder: Path, entry: _Entry) -> Rollout:
         raise RolloutError(f"{path} is missing, {RUN_FILE} names it; run the agent again") from None
     except KeyError as error:
         raise RolloutError(f"{path}: {error.args[0]}; run the agent again") from None
-    except _BROKEN as error:
+    except BROKEN_ARCHIVE as error:
         raise RolloutError(
             f"{path}: truncated or not a rollout ({why_no_archive(error)}); run the agent again"
         ) from None

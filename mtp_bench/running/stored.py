@@ -16,7 +16,7 @@ from .opened import open_run
 from .options import DEFAULTS, RunOptions
 from .reading import total_skipped
 from .reference import reference_for
-from .rollout_files import require_run_folder, save_run
+from .rollout_files import require_run_folder, require_storable, save_run
 from .run import jobs_of, run_info, run_jobs
 from .settings import setting_of
 
@@ -63,8 +63,9 @@ def run(
     keywords = {**setting.env_keywords(env.card), **shown, **options.changes}
     names = options.chosen(env.scene_names)
     jobs = jobs_of(submission, env_id, {"data": options.data, **keywords}, names, seed)
-    results: list[tuple[Rollout, dict[str, int]]] = run_jobs(jobs, options, _keep)
     info = run_info(env, setting, seed, keywords).model_copy(update={"card": env.card.stored()})
+    require_storable(info, names)
+    results: list[tuple[Rollout, dict[str, int]]] = run_jobs(jobs, options, _keep)
     save_run(folder, info, [rollout for rollout, _ in results])
     return StoredRun(len(results), total_skipped(skipped for _, skipped in results))
 

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import os
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files import whole_file
+from ..files import BROKEN_ARCHIVE, whole_file
 
 Arrays = dict[str, NDArray[Any]]
 
 VARIABLE = "MTP_BENCH_CACHE"
-_BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error)
 
 
 def cache_root() -> Path:
@@ -46,7 +43,7 @@ def read_arrays(path: Path) -> Arrays | None:
             arrays: Arrays = {name: file[name] for name in file.files}
         digest = str(arrays.pop("digest"))
         return arrays if content_hash(arrays) == digest else None
-    except _BROKEN:
+    except BROKEN_ARCHIVE:
         return None
 
 

@@ -6,10 +6,11 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from ..cards import load_card
+from ..cards import Card, load_card
 from ..env.environment import MTPEnv
 from ..errors import DataError, MtpBenchError
 from ..scoring import find_targets
+from ..sources import describe
 from .findings import Finding
 
 
@@ -17,8 +18,8 @@ def check_card(path: str | Path, data: str | None = None) -> list[Finding]:
     """What the checks of a card (path of a .toml, or an id) found, one "ok" for each that found nothing.
 
     It is read, its env is made and given to Gymnasium's own checker on its first scene, and that scene must hold
-    detections that fit and targets. Without its data under ``data`` a warning says that only the card was checked.
-    Raises nothing for what is wrong with the card or its data.
+    detections that fit and targets. Without its data under ``data`` a warning says that only the card was checked; data
+    that is there and cannot be read is an error. Raises nothing for what is wrong with the card or its data.
     """
     try:
         card = load_card(str(path))
@@ -30,11 +31,18 @@ def check_card(path: str | Path, data: str | None = None) -> list[Finding]:
         env = MTPEnv(str(path), data, scenes=env.scene_names[:1])
         env.reset(seed=0)
     except DataError as error:
-        text = "the env was not checked: its data is not here"
-        return [*findings, Finding("warning", "data", text, "", str(path), str(error))]
+        return [*findings, _of_data(error, card, data, str(path))]
     except MtpBenchError as error:
         return [*findings, Finding("error", "env", str(error), "an env", str(path))]
     return [*findings, *_gymnasium(env), *_content(env)]
+
+
+def _of_data(error: DataError, card: Card, data: str | None, where: str) -> Finding:
+    """That the data cannot be read: a warning where it is not here, an error where it is."""
+    status = describe(card, data)
+    if status.root is not None and not status.missing:
+        return Finding("error", "data", str(error), "data that can be read", where)
+    return Finding("warning", "data", "the env was not checked: its data is not here", "", where, str(error))
 
 
 def _gymnasium(env: MTPEnv) -> list[Finding]:

@@ -91,7 +91,7 @@ def extreme_frames(task: Task) -> list[tuple[str, Observation]]:
         velocity=np.tile([_SPEED if task.velocity else 0.0, 0.0], (len(place), 1)),
         score=np.ones(len(place)),
         class_id=place % len(task.classes),
-        object_id=place if task.observe == "truth" else None,
+        object_id=place if task.observe != "detections" else None,
         ego=np.zeros((frames, 4)),
         time=task.dt * np.arange(frames),
         dt=np.where(np.arange(frames) > 0, task.dt, 0.0),

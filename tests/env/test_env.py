@@ -259,6 +259,8 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "detections as flag": ({"detections": True}, "detections is True"),
     "scene": ({"scenes": ["oen"]}, "unknown scene 'oen': did you mean 'one'?"),
     "scenes as text": ({"scenes": "one"}, "scenes is 'one', expected a list of names"),
+    "scenes as number": ({"scenes": 3}, "scenes is 3, expected a list of names, or of Scene objects"),
+    "scenes once": ({"scenes": iter(["one"])}, "scenes is <.*>, expected a list of names"),
     "no scene": ({"scenes": []}, "no scene to choose from"),
     "evaluation": ({"evaluation": "yes"}, "evaluation is 'yes', expected true or false"),
     "strict": ({"strict": "yes"}, "strict is 'yes', expected true or false"),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -170,6 +172,25 @@ def test_records_are_of_the_open_division_and_never_ranked(card: str, kitti: str
         (other / file.name).write_text("")
     again = verify(path, replace(options, track_file=str(other)), card, rerun=True)
     assert "env.keywords.tracks_sha256" in [difference.what for difference in again.differences]
+
+
+def test_tracks_with_a_name_that_is_no_text_are_refused_before_anything_runs(
+    cli: CommandLine, known: list[str], tracks: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    named = Path(shutil.copytree(tracks, tmp_path / os.fsdecode(b"caf\xe9")))
+    monkeypatch.setattr(stored, "run_jobs", None)
+    said = cli("run", "given_tracks", *known, "--tracks", named, "-o", tmp_path / "run", "--jobs", 1).error
+    assert said.startswith("the run of 'given_tracks' cannot be stored: run.json would say ")
+    assert r"caf\udce9" in said
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_record_of_tracks_with_a_name_that_is_no_text(card: str, kitti: str, tracks: str, tmp_path: Path) -> None:
+    """It says what they are, not what they are called."""
+    named = Path(shutil.copytree(tracks, tmp_path / os.fsdecode(b"caf\xe9")))
+    (named / os.fsdecode(b"caf\xe9.orig")).touch()
+    submit("given_tracks", card, RunOptions(kitti, seeds=(0,), scenes=1, track_file=str(named)), tmp_path, "open")
+    assert load_record(tmp_path / f"{CARD_ID}.json").env.observe == "tracks"
 
 
 # ---- STP's own tracks, there and back

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import zipfile
 from collections.abc import Callable
@@ -16,8 +17,9 @@ from mtp_bench.env.decoding import decode
 from mtp_bench.env.rollouts import ARRAYS, assemble, digest
 from mtp_bench.errors import RolloutError
 from mtp_bench.running.packing import packed, unpacked
-from mtp_bench.running.rollout_files import RunInfo, load_run, save_run
+from mtp_bench.running.rollout_files import RunInfo, load_run, require_run_folder, require_storable, save_run
 from mtp_bench.types import Rollout
+from tests.support.broken_files import cut_head, flips
 from tests.support.small_scenes import empty_action, full_action, task
 
 INFO = RunInfo(
@@ -234,6 +236,7 @@ SPOILED: dict[str, tuple[Callable[[Path], Any], str]] = {
     "array missing": (drop_array, "member"),
     "no array inside": (no_array, "truncated or not a rollout .*forecast is no array"),
     "encrypted": (encrypt, "truncated or not a rollout .*is encrypted"),
+    "head cut": (lambda folder: cut_head(folder / "one.npz", "track_box"), "truncated or not a rollout"),
     "pickle inside": (pickled, "truncated or not a rollout"),
     "box changed": (edit_array("track_box", lambda array: array + np.float32(0.01)), "it was changed after the run"),
     "forecast changed": (edit_array("forecast", lambda array: array + np.int16(1)), "it was changed after the run"),
@@ -251,6 +254,29 @@ def test_a_spoiled_run_is_one_clear_error(case: str, tmp_path: Path) -> None:
     spoil(tmp_path / "run")
     with pytest.raises(RolloutError, match=text):
         load_run(tmp_path / "run")
+
+
+def test_one_other_byte_is_no_traceback(tmp_path: Path) -> None:
+    save_run(tmp_path / "run", INFO, [make_rollout("one")])
+    for _ in flips(tmp_path / "run" / "one.npz", 200):
+        with contextlib.suppress(RolloutError):
+            load_run(tmp_path / "run")
+
+
+def test_what_is_no_text_is_an_error_before_anything_is_written(tmp_path: Path) -> None:
+    named = INFO.model_copy(update={"keywords": {"rigid_motion": False, "track_file": "/x\udcff"}})
+    said = r"""the run of 'echo' cannot be stored: run.json would say '"track_file": "/x\\udcff"', which is no UTF-8"""
+    with pytest.raises(RolloutError, match=said):
+        require_storable(named, ["one"])
+    with pytest.raises(RolloutError, match=r'"scene": "\\udcff"'):
+        save_run(tmp_path / "run", INFO, [make_rollout("\udcff")])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_root_of_a_disk_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "disk").symlink_to("/")
+    with pytest.raises(RolloutError, match="disk is the root of a disk, which cannot be replaced"):
+        require_run_folder(tmp_path / "disk")
 
 
 def test_a_missing_folder_is_one_clear_error(tmp_path: Path) -> None:

@@ -256,6 +256,10 @@ def test_an_earlier_run_is_replaced_only_when_asked(
     cli.ok(*command[:-3], tmp_path / "empty", "--jobs", 1)
     cli.ok(*command, "--force")
     assert load_run(folder).info.agent == "ab3dmot"
+    (tmp_path / "link").symlink_to(folder)
+    cli.ok("run", "stp", "--env", card, "--data", kitti, "-o", tmp_path / "link", "--jobs", 1, "--force")
+    assert (tmp_path / "link").is_symlink()
+    assert load_run(folder).info.agent == "stp"
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

@@ -19,8 +19,10 @@ from mtp_bench.cards import Card
 from mtp_bench.cards.own import folder_digest
 from mtp_bench.errors import CardError, DataError, MtpBenchError, UnknownNameError
 from mtp_bench.sources import describe, load_scenes, open_source
+from mtp_bench.sources.files.archive import read_archive
 from mtp_bench.sources.files.writing import Form, file_stem, save_scene
-from mtp_bench.types import Detections, Scene, Truth, starts_of
+from mtp_bench.types import Detections, Scene, StoredTracks, Truth, starts_of
+from tests.support.broken_files import cut_head, flips
 from tests.support.own_scenes import (
     BOX,
     CLASSES,
@@ -470,6 +472,9 @@ ARRAYS: dict[str, tuple[dict[str, NDArray[np.generic] | None], str]] = {
     "regions": ({"image_region_frame": np.array([7, 8])}, "array 'image_region_frame': expected frames"),
     "lanes": ({"lane_of": np.full(9, 2)}, "array 'lane_of': expected the lanes 0, 1, 2, ... of 'lane_points', sorted"),
     "next lane": ({"lane_following": np.array([[0, 7]])}, "array 'lane_following': expected lanes from 0 to 2"),
+    "ways of other lanes": (
+        {"lane_junction": np.zeros(4, dtype=bool)}, "array 'lane_junction': 4 lanes, expected the 3 of 'lane_of'",
+    ),
     "far lanes": ({"lane_of": np.array([0] * 8 + [2**50])}, "array 'lane_of': expected the lanes 0, 1, 2, ... of"),
     "lanes at no place": ({"lane_points": np.full((9, 3, 2), np.nan)}, "array 'lane_points': a number that is not"),
     "an image of nothing": ({"image_size": np.array([0, 0])}, "array 'image_size': 0 x 0 pixels, expected"),
@@ -562,6 +567,50 @@ def test_an_archive_of_objects_is_not_opened(tmp_path: Path, base: Card) -> None
         DataError, match=r"one\.npz: no NPZ file, or a broken one: it holds Python objects, which are never"
     ):
         only(base, tmp_path)
+
+
+def test_one_other_byte_in_an_archive_is_no_traceback(tmp_path: Path, base: Card) -> None:
+    path = save_scene(replace(make_scene(), detector="mine"), tmp_path, CLASSES)
+    broken = 0
+    for _ in flips(path, 200):
+        try:
+            read_archive(path)
+        except DataError as error:
+            assert str(path) in str(error)  # noqa: PT017
+            broken += 1
+    assert broken > 50
+    cut_head(path, "time")
+    with pytest.raises(DataError, match=r"one\.npz: no NPZ file, or a broken one"):
+        only(base, tmp_path)
+
+
+@pytest.mark.parametrize("form", ["npz", "csv"])
+def test_a_name_that_no_file_could_have_is_not_written(form: Form, tmp_path: Path) -> None:
+    for name in ("\udcff", "", "x" * 201):
+        with pytest.raises(DataError, match=r"a scene is called .*, expected a text of 1 to 200 characters"):
+            save_scene(replace(make_scene(), name=name), tmp_path, CLASSES, form)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_stored_tracks_are_not_dropped_unsaid(tmp_path: Path) -> None:
+    scene = make_scene()
+    seen = scene.detections
+    tracks = StoredTracks(**vars(seen), object_id=np.arange(len(seen.box)))
+    with pytest.raises(MtpBenchError, match=r"scene 'one' has stored tracks, which have files of .*tracks=None"):
+        save_scene(replace(scene, tracks=tracks), tmp_path, CLASSES)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_ways_through_junctions_are_stored_where_there_are_any(tmp_path: Path) -> None:
+    """A map of an earlier version is read as before, and one without such ways is written as before."""
+    scene = whole_scene()
+    path = save_scene(scene, tmp_path, CLASSES)
+    assert [lane.junction for lane in read_archive(path).said["lanes"]] == [False, True, False]
+    plain = tuple(replace(lane, junction=False) for lane in scene.lanes)
+    path = save_scene(replace(scene, lanes=plain), tmp_path, CLASSES)
+    with np.load(path) as stored:
+        assert "lane_junction" not in stored.files
+    assert [lane.junction for lane in read_archive(path).said["lanes"]] == [False] * 3
 
 
 def test_a_scene_in_memory_that_is_wrong(base: Card) -> None:

@@ -35,7 +35,7 @@ def write_tables(folder: Path, **tables: list[str] | None) -> Path:
 
 
 def whole_scene() -> Scene:
-    """A scene with every field that a scene can have."""
+    """A scene with every field that a scene of one's own can have: all but stored tracks."""
     scene = make_scene(frames=6, empty=(2,))
     rows = len(scene.truth.box)
     return replace(
@@ -56,13 +56,13 @@ def whole_scene() -> Scene:
             region_start=np.array([0, 0, 1, 1, 1, 2, 2]),
             box_size=np.arange(6.0).reshape(2, 3),
         ),
-        lanes=(_lane(3, (1,)), _lane(2, ()), _lane(4, (0, 1))),
+        lanes=(_lane(3, (1,)), _lane(2, (), junction=True), _lane(4, (0, 1))),
     )
 
 
-def _lane(points: int, following: tuple[int, ...]) -> Lane:
+def _lane(points: int, following: tuple[int, ...], junction: bool = False) -> Lane:
     center = np.arange(2.0 * points).reshape(-1, 2)
-    return Lane(center, center + 1, center - 1, following)
+    return Lane(center, center + 1, center - 1, following, junction)
 
 
 def assert_same(first: Any, second: Any, where: str = "scene") -> None:

@@ -14,10 +14,15 @@ from numpy.typing import NDArray
 
 from mtp_bench import load_submission
 from mtp_bench.errors import MtpBenchError, UnknownNameError
+from mtp_bench.running import stored
+from mtp_bench.running.opened import open_run
+from mtp_bench.running.options import RunOptions
+from mtp_bench.running.track_export import export_tracks
 from mtp_bench.submission import SubmissionFactory
 from mtp_bench.submission.starting import new_submission
 from mtp_bench.testing import Finding, check_agent, check_card
 from mtp_bench.types import Observation, Task
+from tests.support.own_scenes import BOX, TRUTH, write_tables
 from tests.support.small_scenes import CARD, Action, EchoAgent, make_echo, write_card
 from tests.support.small_scenes import task as small_task
 
@@ -264,6 +269,26 @@ def test_what_is_wrong_with_a_card_is_found(
 ) -> None:
     found = only(check_card(write_card(tmp_path, CARD.replace(old, new)), kitti), level)
     assert text in found.got
+
+
+def test_an_agent_that_observes_stored_tracks(card: str, kitti: str, tmp_path: Path) -> None:
+    stored.run("stp", card, tmp_path / "run", RunOptions(kitti))
+    export_tracks(open_run(tmp_path / "run", kitti, card), tmp_path / "tracks")
+    given = load_submission("given_tracks")
+    keywords = {"data": kitti, "observe": "tracks", "track_file": str(tmp_path / "tracks")}
+    findings = check_agent(SubmissionFactory(str(given.path), given.parameters), card, SCENES, keywords)
+    assert faults(findings) == []
+
+
+def test_scenes_of_ones_own_that_cannot_be_read(card: str, tmp_path: Path) -> None:
+    text = CARD.replace('name = "kitti"', 'name = "files"\nfolder = "own"')
+    path = write_card(tmp_path, text)
+    finding = only(check_card(path), "warning")
+    assert (finding.check, finding.got) == ("data", "the env was not checked: its data is not here")
+    write_tables(tmp_path / "own", truth=[*TRUTH, f"2,2,car,x,0,{BOX}"])
+    finding = only(check_card(path))
+    assert finding.check == "data"
+    assert "truth.csv, line 5, column 'x'" in finding.got
 
 
 def test_a_card_without_its_data_is_only_read(card: str, tmp_path: Path) -> None:

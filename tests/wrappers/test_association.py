@@ -121,11 +121,21 @@ def test_what_is_no_choice_is_one_clear_error(action: Any, env: AssociationOnly)
         env.step(action)
 
 
-@pytest.mark.parametrize("name", ["detections", "choices", "near"])
-def test_a_wrong_size_is_one_clear_error(name: str, make_env: MakeEnv) -> None:
-    keywords: dict[str, Any] = {name: 0}
-    with pytest.raises(MtpBenchError, match=f"{name} is 0, expected a number above 0"):
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("detections", 0), ("detections", 2.5), ("choices", True), ("choices", None), ("near", -1.0), ("near", np.nan),
+     ("near", "far")],
+)  # fmt: skip
+def test_a_wrong_size_is_one_clear_error(name: str, value: Any, make_env: MakeEnv) -> None:
+    keywords: dict[str, Any] = {name: value}
+    kind = "number" if name == "near" else "whole number"
+    with pytest.raises(MtpBenchError, match=rf"{name} is {value!r}, expected a {kind} above 0 \(AssociationOnly\)"):
         AssociationOnly(make_env(make_scene()), **keywords)
+
+
+def test_sizes_may_be_numbers_of_numpy(make_env: MakeEnv) -> None:
+    sizes: dict[str, Any] = {"detections": np.int64(4), "near": np.float32(10.0)}
+    assert AssociationOnly(make_env(make_scene()), **sizes).action_space.shape == (4,)
 
 
 def make_roundabout(**keywords: Any) -> AssociationOnly:

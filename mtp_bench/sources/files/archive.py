@@ -1,10 +1,8 @@
-"""A scene in one NPZ file: everything that a `Scene` holds, as named arrays."""
+"""A scene in one NPZ file: everything that a `Scene` holds but stored tracks, as named arrays."""
 
 from __future__ import annotations
 
 import json
-import zipfile
-import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import DataError, nearest
-from ...files import open_regular, why_no_archive
+from ...files import BROKEN_ARCHIVE, open_regular, why_no_archive
 from ...types import Detections, Scene, Truth
 from .columns import ARRAYS, BOX, Array
 from .content import Content, Rows
@@ -26,11 +24,10 @@ SAID: dict[str, type] = {  # fields of `Scene` that are no arrays, in the JSON o
     "recording": str,
 }  # fmt: skip
 _SURROUND = ("world", "image_", "lane_")  # of these every number is known
-_BROKEN = (OSError, TypeError, ValueError, EOFError, MemoryError, RuntimeError, zipfile.BadZipFile, zlib.error)
 
 
 def arrays_of(scene: Scene, classes: Sequence[str]) -> Arrays:
-    """Everything that ``scene`` holds; ``classes``: the names of its class ids.
+    """Everything that ``scene`` holds but stored tracks; ``classes``: the names of its class ids.
 
     Raises DataError where its rows are not divided into frames, or have a class that has no name.
     """
@@ -112,7 +109,7 @@ def read_archive(path: Path) -> Content:
                 raise ValueError(f"{plain!r} in it is no array")
     except FileNotFoundError:
         raise DataError(f"no file {path}") from None
-    except _BROKEN as error:
+    except BROKEN_ARCHIVE as error:
         raise DataError(f"{path}: no NPZ file, or a broken one: {why_no_archive(error)}") from None
     return content_of(arrays, unquote(path.stem), str(path))
 

@@ -111,4 +111,5 @@ ARRAYS = (
     Array("lane_of", ("L",), "the lane of each point", "whole"),
     Array("lane_points", ("L", 3, 2), "m, centre, left and right border"),
     Array("lane_following", ("E", 2), "a lane and one that continues it", "whole"),
+    Array("lane_junction", ("J",), "of each lane, whether it is a way through a junction", "flag"),
 )

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from urllib.parse import quote, unquote
+from urllib.parse import unquote
 
 from ...cards import Card, FilesSource
 from ...cards.own import folder_digest, split_folder
@@ -17,8 +16,8 @@ from .archive import arrays_of, content_of, read_archive
 from .columns import FORMS, TABLES
 from .content import Content, scene_of
 from .tables import read_tables
+from .writing import require_plain_name
 
-MOST_NAME = 200  # characters of a quoted name: files of 255 bytes are usual, and writers need some of them
 EXPECTED = "NPZ files of one scene each, or a sub-folder for each scene with the tables truth, detections and ego"
 
 
@@ -39,7 +38,8 @@ class OwnScenes:
         if not self._read:
             raise DataError(f"{card.id}: no scene in the list, expected at least one")
         self.names = tuple(self._read)
-        _require_plain_names(card, self.names)
+        for name in self.names:
+            require_plain_name(name, f"{card.id}: ")
 
     def load(self, name: str) -> Scene:
         """Read one scene; DataError names the file, line and column that is wrong."""
@@ -65,17 +65,6 @@ def scene_paths(folder: Path) -> dict[str, Path]:
             )
         paths[name] = path
     return paths
-
-
-def _require_plain_names(card: Card, names: tuple[str, ...]) -> None:
-    """Raise DataError for a name that no file of a run could have."""
-    for name in names:
-        sound = isinstance(name, str) and name.encode("utf-8", "replace").decode() == name
-        if not sound or not 0 < len(quote(name, safe="")) <= MOST_NAME:
-            raise DataError(
-                f"{card.id}: a scene is called {reprlib.repr(name)}, expected a text of 1 to {MOST_NAME} characters, "
-                "as they are written in the name of a file"
-            )
 
 
 def is_scene(folder: Path) -> bool:

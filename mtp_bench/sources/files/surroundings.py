@@ -58,7 +58,9 @@ def lane_arrays(lanes: Sequence[Lane]) -> Arrays:
         return {}
     points = [np.stack([lane.center, lane.left, lane.right], axis=1) for lane in lanes]
     following = [(at, after) for at, lane in enumerate(lanes) for after in lane.following]
+    junction = np.array([lane.junction for lane in lanes], dtype=bool)
     return {
+        **({"lane_junction": junction} if junction.any() else {}),  # a map without them is as earlier versions wrote it
         "lane_of": np.repeat(np.arange(len(lanes)), [len(own) for own in points]),
         "lane_points": np.concatenate(points),
         "lane_following": np.array(following, dtype=np.int64).reshape(-1, 2),
@@ -75,9 +77,13 @@ def lanes_of(arrays: Arrays, where: str) -> tuple[Lane, ...]:
         raise DataError(f"{where}, array 'lane_of': expected the lanes 0, 1, 2, ... of 'lane_points', sorted")
     if len(following) and (following.min() < 0 or following.max() >= count):
         raise DataError(f"{where}, array 'lane_following': expected lanes from 0 to {count - 1}")
+    junction = arrays.get("lane_junction", np.zeros(count, dtype=bool))
+    if len(junction) != count:
+        raise DataError(f"{where}, array 'lane_junction': {len(junction)} lanes, expected the {count} of 'lane_of'")
     start = starts_of_sorted(of, count)
     lanes = []
     for at in range(count):
         center, left, right = (points[start[at] : start[at + 1], side] for side in range(3))
-        lanes.append(Lane(center, left, right, tuple(following[following[:, 0] == at, 1].tolist())))
+        after = tuple(following[following[:, 0] == at, 1].tolist())
+        lanes.append(Lane(center, left, right, after, bool(junction[at])))
     return tuple(lanes)

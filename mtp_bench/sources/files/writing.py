@@ -1,8 +1,9 @@
-"""The one writer of own scenes: everything in an NPZ file, or what tables can hold in tables."""
+"""The one writer of own scenes: everything but stored tracks in an NPZ file, or what tables can hold in tables."""
 
 from __future__ import annotations
 
 import csv
+import reprlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -11,7 +12,7 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import MtpBenchError, UnknownNameError
+from ...errors import DataError, MtpBenchError, UnknownNameError
 from ...files import make_folder, reason_of, whole_file, whole_folder
 from ...types import Scene
 from .archive import arrays_of
@@ -19,6 +20,7 @@ from .columns import BOX, FORMS
 
 Form = Literal["npz", "csv", "parquet"]
 Columns = dict[str, NDArray[Any]]
+MOST_NAME = 200  # characters of a quoted name: files of 255 bytes are usual, and writers need some of them
 _EMPTY: dict[str, Any] = {  # fields that no table has, and their value in a scene that tables can hold
     "image": None, "world": None, "lanes": (), "recording": "", "truth_complete": True, "listed_targets": False,
 }  # fmt: skip
@@ -27,13 +29,21 @@ _EMPTY: dict[str, Any] = {  # fields that no table has, and their value in a sce
 def save_scene(scene: Scene, folder: str | Path, classes: Sequence[str], form: Form = "npz") -> Path:
     """Write a scene into a folder of own scenes, and return the file or the sub-folder that it is in.
 
-    ``classes``: the names of its class ids, as in ``task.classes`` of a card. ``form``: "npz" holds the whole scene;
-    "csv" and "parquet" are tables that other programs read. What is read again is equal to the last bit.
+    ``classes``: the names of its class ids, as in ``task.classes`` of a card. ``form``: "npz" holds the whole scene
+    but stored tracks; "csv" and "parquet" are tables that other programs read. What is read again is equal to the last
+    bit.
 
-    Raises DataError for a scene that is none, MtpBenchError where it cannot be written or has what no table can hold.
+    Raises DataError for a scene that is none, or whose name no file could have, MtpBenchError where it cannot be
+    written, or has stored tracks or what no table can hold.
     """
     if form not in ("npz", *FORMS):
         raise UnknownNameError("form of a scene", str(form), ("npz", *FORMS))
+    require_plain_name(scene.name)
+    if scene.tracks is not None:
+        raise MtpBenchError(
+            f"scene {scene.name!r} has stored tracks, which have files of their own (`mtp-bench import tracks`): write "
+            "it without them, as dataclasses.replace(scene, tracks=None)"
+        )
     arrays, folder = arrays_of(scene, classes), Path(folder).expanduser()
     make_folder(folder)
     path = folder / (file_stem(scene.name) + (".npz" if form == "npz" else ""))
@@ -49,6 +59,16 @@ def save_scene(scene: Scene, folder: str | Path, classes: Sequence[str], form: F
     except OSError as error:
         raise MtpBenchError(f"cannot write {path}: {reason_of(error, path)}") from None
     return path
+
+
+def require_plain_name(name: object, where: str = "") -> None:
+    """Raise DataError, which begins with ``where``, for the name of a scene that no file could have."""
+    sound = isinstance(name, str) and name.encode("utf-8", "replace").decode() == name
+    if not sound or not 0 < len(quote(str(name), safe="")) <= MOST_NAME:
+        raise DataError(
+            f"{where}a scene is called {reprlib.repr(name)}, expected a text of 1 to {MOST_NAME} characters, as they "
+            "are written in the name of a file"
+        )
 
 
 def file_stem(name: str) -> str:
