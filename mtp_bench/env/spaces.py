@@ -18,7 +18,7 @@ from .action import (
     CONFIDENCE,
     COORDINATE_LIMIT,
     FIELDS,
-    FORECAST_LIMIT,
+    FORECAST_REACH,
     ID,
     ID_LIMIT,
     LOG_WEIGHT,
@@ -81,7 +81,6 @@ def observation_numbers(task: Task) -> int:
 
 def _space_of(field: Field, task: Task) -> spaces.Space[Any]:
     shape, content = field.shape_in(task), field.content
-    reach = float(np.floor(FORECAST_LIMIT / np.sqrt(2.0)))
     if content is ID:
         return Numbers(0, ID_LIMIT, shape, content.dtype)
     if content is LOG_WEIGHT:
@@ -91,7 +90,7 @@ def _space_of(field: Field, task: Task) -> spaces.Space[Any]:
     if content is BOX:
         return _boxes(shape[0], smallest=0.01)
     if content is OFFSET:
-        return Box(-reach, reach, shape, np.float32)
+        return Box(-FORECAST_REACH, FORECAST_REACH, shape, np.float32)
     if content is CONFIDENCE:
         return Box(0.0, 1.0, shape, np.float32)
     least = content.least

@@ -58,9 +58,10 @@ def history_of(tracks: Tracks, observation: Observation, dt: float) -> History:
     last = valid.shape[1] - 1
     first = np.where(valid.any(axis=1), valid.argmax(axis=1), last)
     lived = last - first  # frames
-    unseen = np.where(valid.any(axis=1), valid[:, ::-1].argmax(axis=1), lived)
     hits = np.maximum(valid.sum(axis=1), 1) if tracks.hits is None else tracks.hits
     age = lived + 1 if tracks.age is None else tracks.age
+    longer = np.clip(age - hits, 0, valid.shape[1])  # not seen in all the past that is kept
+    unseen = np.where(valid.any(axis=1), valid[:, ::-1].argmax(axis=1), longer)
     moved = tracks.past[:, -1, :2] - tracks.past[np.arange(n), first, :2]
     ego = np.asarray(observation.get("ego_pose", np.zeros(2)), dtype=np.float64)
     return History(
@@ -187,9 +188,14 @@ def fitted_on(detector: str) -> tuple[str, ...]:
     return tuple(name for part in content["fitted_on"] for name in part["scenes"])
 
 
-@cache
 def read_model(path: Path) -> tuple[PresenceModel, ScoreMap | None]:
     """The model of a file, and how scores are to be mapped before it."""
+    return _model_of(path.resolve(), path.stat().st_mtime_ns)
+
+
+@cache
+def _model_of(path: Path, changed: int) -> tuple[PresenceModel, ScoreMap | None]:
+    """What the file holds that was changed last at this time, ns: it may be trained again meanwhile."""
     content = _read(path)
     if "like" in content:
         table = {name: np.array(rows) for name, rows in content["score_map"].items()}

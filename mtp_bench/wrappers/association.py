@@ -75,6 +75,12 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
         given: dict[str, Any] = {"detections": detections, "choices": choices, "near": near}
         for name, value in given.items():
             _require_positive(name, value, whole=name != "near")
+        if choices > _STANDING:
+            raise MtpBenchError(
+                sentence(
+                    f"choices is {choices}", f"at most {_STANDING}, as many tracks as there may be", "AssociationOnly"
+                )
+            )
         RecordConstructorArgs.__init__(self, predictor=predictor, presence=presence, **given)
         untyped: Any = env  # Gymnasium types the inner env like the outer one
         gymnasium.Wrapper.__init__(self, untyped)

@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-from ..env.action import BOX, CONFIDENCE, FIELDS, LOG_WEIGHT, MASK, OFFSET, PARENT, Field
+from ..env.action import BOX, CONFIDENCE, FIELDS, FORECAST_REACH, LOG_WEIGHT, MASK, OFFSET, PARENT, Field
 from ..errors import ActionError, sentence
 from ..types import Action, Floats, Observation, Task
 from .wrapped import task_of
@@ -29,7 +29,7 @@ class FlattenAction(gymnasium.ActionWrapper[Observation, NDArray[np.float32], Ac
     - a mask: 1 where x is above 0; a track that no hypothesis holds is not there
     - a class, a parent: as many equal parts of [-1, 1] as there are values
     - a box: x y z up to ``reach`` m from the origin, yaw up to pi, l w h from 0.1 to 20 m
-    - a forecast: up to ``speed`` m/s along x and along y, times the time to its frame
+    - a forecast: up to ``speed`` m/s along x and along y, times the time to its frame, and at most 231 m
     - a confidence from 0 to 1, a log-weight from -10 to 0
 
     Numbers beyond [-1, 1] are cut; what is no such vector is an ActionError. So every action is sound. There are many
@@ -86,7 +86,7 @@ class FlattenAction(gymnasium.ActionWrapper[Observation, NDArray[np.float32], Ac
             size = smallest + (largest - smallest) * unit[:, 4:]
             return np.concatenate([self._reach * x[:, :3], np.pi * x[:, 3:4], size], axis=1)
         if content is OFFSET:
-            return x * self._speed * _times(task)[:, None]
+            return np.clip(x * self._speed * _times(task)[:, None], -FORECAST_REACH, FORECAST_REACH)
         if content is CONFIDENCE:
             return unit
         if content is LOG_WEIGHT:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -70,6 +71,14 @@ def test_the_tracker_remembers_the_last_score_and_the_age() -> None:
         {0: (1, 2, 3), 1: (1, 1, 2)},
         {0: (5, 3, 4), 1: (1, 1, 3)},
     ]
+
+
+def test_a_track_that_nobody_saw_in_its_whole_past_was_not_seen_just_now() -> None:
+    """An online tracker may name a track for longer than the frames that are kept."""
+    *_, tracks = run(HypothesisTracker(1, at_once()), [frame((0.0, 4.0, CYCLIST))])
+    kept = tracks.past_valid.shape[1]
+    late = replace(tracks, past_valid=np.zeros_like(tracks.past_valid), age=np.array([kept + 3]))
+    assert history_of(late, {}, 0.1).unseen.tolist() == [kept]
 
 
 def test_tracks_that_say_less() -> None:
@@ -148,6 +157,10 @@ def test_a_file_of_ones_own(tmp_path: Path) -> None:
     assert presence.probability(tracks, {}).tolist() == [0.25, 0.25]
     none = Tracks.of_one_hypothesis(np.zeros(0, dtype=np.int64), np.zeros((0, 7)), np.zeros(0, dtype=np.int64))
     assert presence.probability(none, {}).shape == (0,)
+    file.write_text(file.read_text().replace("0.5", "0.75"))
+    os.utime(file, ns=(0, 0))  # whatever the clock of the file system
+    presence.reset(kitti_task())
+    assert presence.probability(tracks, {}).tolist() == [0.375, 0.375], "a model that was trained again is read again"
 
 
 BASELINES = ["stp", "mtp", "ab3dmot", "stp_same_budget", "stp_hedged", "stp_cut", "mtp_cut"]

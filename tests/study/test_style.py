@@ -71,6 +71,10 @@ def painted(axes: list[Axes]) -> None:
     axes[0].set_ylabel("error, m")
 
 
+def test_a_name_with_dollars_is_no_formula() -> None:
+    draw("x", "", "", "", lambda axes: axes[0].set_xticks([0], ["$\\foo$"]))
+
+
 def test_a_figure_says_what_it_is_and_of_how_many() -> None:
     figure = draw("falls", "It falls", "The error falls & stays < 3 m.", "7 targets", painted)
     root = ElementTree.fromstring(figure.svg_file)

@@ -17,6 +17,7 @@ import pytest
 from mtp_bench._bundle import baseline_names
 from mtp_bench.errors import SubmissionError, UnknownNameError
 from mtp_bench.submission import SubmissionFactory, load_submission
+from mtp_bench.submission.starting import new_submission
 from tests.support.small_scenes import task
 
 TASK = task(classes=("car",), detections=5, objects=5)
@@ -294,3 +295,10 @@ def test_every_baseline_is_a_submission(name: str) -> None:
         agent.reset(task)
     except SubmissionError as error:
         assert "mtp-bench train predictor" in str(error)  # noqa: PT017  (a network is not trained for a made-up env)
+
+
+@pytest.mark.parametrize("name", ["mine.part", "mine.rollouts", "Mine", "stp"])
+def test_no_submission_begins_with_a_name_that_commands_refuse(name: str, tmp_path: Path) -> None:
+    with pytest.raises(SubmissionError):
+        new_submission(name, tmp_path)
+    assert not list(tmp_path.iterdir())

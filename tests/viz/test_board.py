@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ from mtp_bench.viz.board import (
     write_board,
 )  # fmt: skip
 from mtp_bench.viz.board.columns import percent
+from mtp_bench.viz.board.leader import leader_of
 from mtp_bench.viz.board.overview import overview_of
 from mtp_bench.viz.board.page import MOST_AGENTS, MOST_ROWS
 from mtp_bench.viz.board.scale import (
@@ -291,6 +293,24 @@ def test_the_page_needs_no_network(html: str, page: Page) -> None:
     assert "script-src 'self'" not in policy
 
 
+@pytest.mark.parametrize(
+    ("mean", "interval", "said"),
+    [
+        (-0.3, (-0.5, -0.1), "0.300 m lower|0.100 to 0.500"),
+        (-0.005, (-0.03, 0.04), "0.005 m lower|−0.040 to 0.030"),
+        (0.005, (-0.04, 0.03), "0.005 m higher|−0.040 to 0.030"),
+        (0.005, (-0.03, 0.04), "0.005 m higher|−0.030 to 0.040"),
+    ],
+)
+def test_the_interval_in_the_head_is_of_what_is_said(mean: float, interval: tuple[float, float], said: str) -> None:
+    """How much lower, or how much higher: also where the interval is skewed and holds 0."""
+    (entry,) = board_of(made_up("best"))
+    entry = replace(entry, standing=replace(entry.standing, differences={"all": PairedDifference(mean, interval, 0.4)}))
+    told = leader_of([entry], {entry: "id"})
+    assert told is not None
+    assert f"{told['difference']}|{told['interval']}" == said
+
+
 def test_the_head_says_who_is_best_by_how_much_and_how_sure() -> None:
     head = re.sub(r"<[^>]+>", "", board_files(board_of(*made_up_board()[:10])).page.split("<main")[0])
     assert "Best on WILDTRACK k10 braided_paths, forest_of_maybe" in " ".join(head.split())
@@ -333,7 +353,8 @@ def test_links_lead_to_code_paper_and_licence() -> None:
 
 def test_a_curve_is_drawn_small_and_large_and_nonsense_is_not() -> None:
     curve = [[0.0, 9.0], [1.0, 5.0], [5.0, 4.0]]
-    nonsense: list[Any] = [[["a", 1.0]], [[1.0]], "x", {"a": 1}, None, [[1.0, {}]]]
+    huge = [[[0.0, -1e308], [1.0, 1e308]], [[0.0, 1.0], [1e308, 1.0]], [[-1.0, 1.0], [1.0, 2.0]]]
+    nonsense: list[Any] = [[["a", 1.0]], [[1.0]], "x", {"a": 1}, None, [[1.0, {}]], *huge]
     records = [made_up(f"odd_{i}", 1.0, details={"curve": odd}) for i, odd in enumerate(nonsense)]
     files = board_files(board_of(made_up("stp", 1.5, details={"curve": curve}), *records))
     assert files.page.count("<polyline points=") == 1

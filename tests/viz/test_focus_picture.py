@@ -20,6 +20,7 @@ from mtp_bench.viz.drawing.birds_eye import PANEL, draw_frame
 from mtp_bench.viz.drawing.camera import Camera
 from mtp_bench.viz.drawing.canvas import Viewport
 from mtp_bench.viz.drawing.focus import draw_focus
+from mtp_bench.viz.drawing.labels import _round_length
 from mtp_bench.viz.drawing.report import COLUMN, ROW, SIZE, picture, report, save_report, wrapped_words
 from mtp_bench.viz.focus import MOST_BRIGHT, ROLES, Focus
 from mtp_bench.viz.frame_view import replay_view
@@ -217,3 +218,8 @@ def test_a_real_failure_is_told(env_id: str, scene: str, kind: str, data_root: P
         assert near(panel, ROLES[role]).sum() > 30, role
     assert str(focus.at.old_id) in focus.sentence
     assert "which costs" in focus.sentence
+
+
+@pytest.mark.parametrize(("metres", "length"), [(99.99999999999999, 50.0), (100.0, 100.0), (0.7, 0.5), (3.0, 2.0)])
+def test_the_scale_bar_has_a_round_length(metres: float, length: float) -> None:
+    assert _round_length(metres) == pytest.approx(length)

@@ -19,7 +19,7 @@ from mtp_bench.scoring.rank import NOT_CAUSAL
 from mtp_bench.scoring.rows import PairedRow, Row
 from mtp_bench.scoring.subsets import Subset
 from mtp_bench.viz.terminal.listings import env_table
-from mtp_bench.viz.terminal.output import TEXT_WIDTH, short, show, show_lines, show_numbers
+from mtp_bench.viz.terminal.output import TEXT_WIDTH, short, show, show_command, show_lines, show_numbers
 from mtp_bench.viz.terminal.paper import paper_figures, paper_gap
 from mtp_bench.viz.terminal.tables import full_tables, main_table, notes, sensitivity_table
 from mtp_bench.viz.terminal.verdict import verdict
@@ -91,7 +91,9 @@ def test_the_gap_between_both_kinds_of_ends_and_in_the_paper() -> None:
         "ids; in the paper, by minADE on IDS, 76.2 %."
     )
     (sentence,) = verdict(report(ends + rows(MINE, **closed)), ["mine"])[-1:]
-    assert "its own ends are not stated; by" in sentence
+    assert (
+        "; no share is given between its own ends: none are stated, or they do not differ significantly; by" in sentence
+    )
     assert "paper" not in sentence
     assert verdict(report(ends + rows(MINE)), ["mine"]) == [
         "mine (H = 3): no share of the gap is given, for stp is not significantly worse than true pasts."
@@ -327,3 +329,9 @@ def test_every_figure_of_the_paper_is_in_its_table(repository: Path) -> None:
     figures = re.findall(r"^(\w+) = \[([\d.]+), ([\d.]+)\]$", text, flags=re.MULTILINE)
     assert len(figures) == 42  # KITTI 23, nuScenes 17, WILDTRACK 2
     assert all(float(ade) < float(fde) for _, ade, fde in figures)
+
+
+def test_names_that_look_like_emoji_are_names(capsys: pytest.CaptureFixture[str]) -> None:
+    """Commands that are shown are pasted."""
+    show_command("mtp-bench view run --scene seq:x:1")
+    assert "--scene seq:x:1" in capsys.readouterr().out

@@ -133,6 +133,12 @@ def test_a_wrong_size_is_one_clear_error(name: str, value: Any, make_env: MakeEn
         AssociationOnly(make_env(make_scene()), **keywords)
 
 
+def test_more_choices_than_tracks_are_one_clear_error(make_env: MakeEnv) -> None:
+    AssociationOnly(make_env(make_scene()), choices=64).reset()
+    with pytest.raises(MtpBenchError, match="choices is 65, expected at most 64"):
+        AssociationOnly(make_env(make_scene()), choices=65)
+
+
 def test_sizes_may_be_numbers_of_numpy(make_env: MakeEnv) -> None:
     sizes: dict[str, Any] = {"detections": np.int64(4), "near": np.float32(10.0)}
     assert AssociationOnly(make_env(make_scene()), **sizes).action_space.shape == (4,)

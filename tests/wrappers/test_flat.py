@@ -46,6 +46,13 @@ def test_the_ends_of_the_range(value: float, count: int, env: FlattenAction) -> 
     assert action["track_id"].tolist() == [0, 1, 2]
 
 
+def test_no_speed_leads_out_of_the_action_space(card: str, kitti: str) -> None:
+    fast = FlattenAction(make_small(card, kitti, **SMALL), speed=1e6)
+    action = fast.action(np.ones(fast.action_space.shape or ()))
+    assert not examine(action, fast.get_wrapper_attr("task")).problems
+    assert fast.env.action_space["forecast"].contains(action["forecast"])  # type: ignore[index]
+
+
 def test_a_random_flat_action_is_sound_and_nothing_is_said_of_it(env: FlattenAction) -> None:
     space: Any = env.action_space
     space.seed(0)

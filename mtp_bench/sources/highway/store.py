@@ -98,8 +98,8 @@ class WorldStore:
 
     def _write(self, seed: int, world: World) -> None:
         """Store a world as a whole or not at all; a cache that cannot be written is no reason to stop."""
+        path = self.path(seed)
         try:
-            path = self.path(seed)
             path.parent.mkdir(parents=True, exist_ok=True)
             write_arrays(path, pack(world))
         except OSError as error:

@@ -22,7 +22,7 @@ from .style import Figure as Figure
 from .surface import surface_figure
 
 Tables = dict[str, Table]
-Draw = Callable[[Findings, Tables], Figure]
+Draw = Callable[[Findings, Tables], Figure | None]  # None: nothing of it is known
 DRAWN: tuple[tuple[str, Draw], ...] = (  # the table that a figure needs, and who draws it
     ("pasts", pasts_figure),
     ("frequency", frequency_figure),
@@ -47,9 +47,9 @@ DRAWN: tuple[tuple[str, Draw], ...] = (  # the table that a figure needs, and wh
 
 
 def make_figures(found: Findings, tables: Tables) -> dict[str, Figure]:
-    """Every figure whose table is there, by name."""
+    """Every figure of which something is known, by name."""
     figures = [make(found, tables) for name, make in DRAWN if name in tables and _has_values(tables[name])]
-    return {figure.name: figure for figure in figures}
+    return {figure.name: figure for figure in figures if figure is not None}
 
 
 def _has_values(table: Table) -> bool:

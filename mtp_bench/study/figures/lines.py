@@ -16,11 +16,13 @@ if TYPE_CHECKING:
 Tables = dict[str, Table]
 
 
-def gain_figure(found: Findings, tables: Tables) -> Figure:
-    """MinADE over H, with and without sampling, where identities switch and over all targets."""
+def gain_figure(found: Findings, tables: Tables) -> Figure | None:
+    """MinADE over H, with and without sampling, where identities switch and over all targets; None without any."""
     subject = found.subject
     known = (("targeted", "IDS"), ("targeted", "ids"), ("global", "all"))
     panels = [p for p in known if any(r.minADE is not None for r in where(tables[p[0]].rows, targets_of=p[1]))]
+    if not panels:
+        return None
 
     def paint(axes: list[Axes]) -> None:
         for axis, (table, subset) in zip(axes, panels, strict=True):

@@ -127,6 +127,7 @@ def _settings(name: str) -> Iterator[None]:
 
     settings: Any = {
         "font.family": "sans-serif",
+        "text.parse_math": False,  # "$" in a name is a name
         "font.sans-serif": ["DejaVu Sans"],
         "font.size": 10,
         "axes.labelsize": 10,

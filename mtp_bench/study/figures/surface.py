@@ -17,11 +17,14 @@ if TYPE_CHECKING:
 Tables = dict[str, Table]
 
 
-def surface_figure(found: Findings, tables: Tables) -> Figure:
-    """MinADE over H and k as maps, and the cost of H beside them."""
+def surface_figure(found: Findings, tables: Tables) -> Figure | None:
+    """MinADE over H and k as maps, and the cost of H beside them; None where no target is covered."""
     table = tables["surface"]
     rows = where(table.rows, agent=found.subject.name)
-    fields = [(f, n) for f, n in (("minADE", "all"), ("minADE_ids", "ids")) if getattr(rows[0], f) is not None]
+    known = (("minADE", "all"), ("minADE_ids", "ids"))
+    fields = [(f, n) for f, n in known if any(getattr(row, f) is not None for row in rows)]
+    if not fields:
+        return None
 
     def paint(axes: list[Axes]) -> None:
         for axis, (field, subset) in zip(axes, fields, strict=True):

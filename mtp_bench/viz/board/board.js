@@ -43,7 +43,7 @@
   const more = async (button) => {
     const key = button.dataset.part;
     const place = places[key] ? document.querySelector(places[key]) : button.closest(".board").querySelector("table");
-    if (button.disabled) return load(key);
+    if (button.disabled) return load(key).catch(() => {});
     const focused = document.activeElement === button;
     button.disabled = true;
     try {
@@ -56,6 +56,7 @@
       if (focused) (last ? last.nextElementSibling : place).querySelector("button, a")?.focus();
     } catch {
       button.insertAdjacentHTML("afterend", missing);
+      button.remove();
     }
   };
   const whole = (board) => {

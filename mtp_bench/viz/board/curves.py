@@ -15,6 +15,7 @@ from .scale import Scale, nice_scale
 
 _POINTS = TypeAdapter(list[Point])
 _MOST_POINTS = 50
+_LARGEST = 1e9  # of what is drawn: a record may say anything here
 _TICKS = {True: (0.0, 0.2, 0.5, 1.0, 2.0, 5.0), False: (1.0, 5.0, 10.0, 20.0, 40.0, 80.0)}
 _LABEL = {True: "false forecasts allowed per target", False: "forecasts allowed per frame"}
 
@@ -65,7 +66,8 @@ def curve_of(entry: Entry) -> list[Point]:
         curve = _POINTS.validate_python(entry.record.details.get("curve", []))
     except ValidationError:
         return []
-    return sorted(curve)[:_MOST_POINTS]
+    sound = all(0 <= number <= _LARGEST for point in curve for number in point)
+    return sorted(curve)[:_MOST_POINTS] if sound else []
 
 
 def small_frame(entries: Sequence[Entry]) -> Frame | None:

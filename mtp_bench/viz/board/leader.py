@@ -22,11 +22,11 @@ def leader_of(entries: Sequence[Entry], ids: Mapping[Entry, str]) -> dict[str, A
     difference, row = leader.difference(), leader.row
     said = {"difference": "", "interval": "", "p": ""}
     if difference is not None and difference.interval is not None:
-        low, high = sorted(abs(end) for end in difference.interval)
-        across = difference.interval[0] < 0 < difference.interval[1]
+        sign = -1 if difference.mean < 0 else 1  # of how much lower, or how much higher
+        low, high = sorted(sign * end for end in difference.interval)
         said = {
             "difference": f"{abs(difference.mean):.3f} m {'lower' if difference.mean < 0 else 'higher'}",
-            "interval": f"{-low if across else low:.3f} to {high:.3f}".replace("-", "−"),
+            "interval": f"{low:.3f} to {high:.3f}".replace("-", "−"),
             "p": f"p {p_value(difference.p)}",
         }
     return said | {

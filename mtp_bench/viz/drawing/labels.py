@@ -120,4 +120,4 @@ def _take(canvas: Canvas, spot: Spot) -> bool:
 def _round_length(metres: float) -> float:
     """The largest of 1, 2, 5, 10, 20, ... that is at most ``metres``."""
     power = 10.0 ** np.floor(np.log10(metres))
-    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= metres))
+    return float(max(step * power for step in (0.5, 1.0, 2.0, 5.0) if step * power <= metres))

@@ -163,4 +163,5 @@ def progress_bar(label: str) -> Iterator[tuple[Callable[[int], None], Callable[[
 def _console() -> Console:
     from rich.console import Console
 
-    return Console() if sys.stdout.isatty() else Console(width=PIPE_WIDTH)
+    # No emoji: ":x:" in a name is a name, and commands are pasted.
+    return Console(emoji=False) if sys.stdout.isatty() else Console(emoji=False, width=PIPE_WIDTH)

@@ -10,6 +10,7 @@ from ...scoring.rows import Interval, Row
 from .paper import paper_gap, shipped_env
 
 SAW_TRUTH = "saw the truth"  # of `why_unranked`
+_NO_OWN_GAP = "no share is given between its own ends: none are stated, or they do not differ significantly"
 WHERE = {"all": "over all targets", "ids": "on ids", "reacquired": "on reacquired"}
 
 
@@ -104,7 +105,7 @@ def _gap(report: Report, row: Row, stp: str, truth: str) -> str | None:
         return f"{_who(row)}: no share of the gap is given, for {stp} is not significantly worse than true pasts."
     parts = [f"{_who(row)} closes {closed} of the gap between {stp} and true pasts"]
     own = said(lambda r: r.gap_closed_same_predictor, lambda r: r.gap_same_predictor_interval)
-    parts.append(f"between ends with its own predictor and presence {own}" if own else "its own ends are not stated")
+    parts.append(f"between ends with its own predictor and presence {own}" if own else _NO_OWN_GAP)
     parts.append(f"by the plain error {said(plain) or 'unknown'}")
     if (paper := paper_gap(shipped_env(report), row)) is not None:
         parts.append(f"in the paper, by minADE on IDS, {_percent(paper)}")
