@@ -48,7 +48,7 @@ def test_the_ends_of_the_range(value: float, count: int, env: FlattenAction) -> 
 
 def test_no_speed_leads_out_of_the_action_space(card: str, kitti: str) -> None:
     fast = FlattenAction(make_small(card, kitti, **SMALL), speed=1e6)
-    action = fast.action(np.ones(fast.action_space.shape or ()))
+    action = fast.action(np.ones(fast.action_space.shape or (), np.float32))
     assert not examine(action, fast.get_wrapper_attr("task")).problems
     assert fast.env.action_space["forecast"].contains(action["forecast"])  # type: ignore[index]
 
