@@ -18,6 +18,7 @@ import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
+from urllib.parse import quote
 
 from .errors import MtpBenchError
 
@@ -222,6 +223,12 @@ def file_digest(path: Path, most: int | None = None) -> str:
             if most is not None and size > most:
                 raise OSError(errno.EFBIG, f"it has more than {most} bytes, and may be growing")
     return digest.hexdigest()
+
+
+def file_stem(name: str) -> str:
+    """A scene's name, which may have a slash, as that of a file; one that begins with a dot would not be seen."""
+    stem = quote(name, safe="")
+    return f"%2E{stem[1:]}" if stem.startswith(".") else stem
 
 
 def content_digest(path: Path) -> str:

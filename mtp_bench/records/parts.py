@@ -13,13 +13,12 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
-from urllib.parse import quote
 
 import numpy as np
 
 from ..env.rollouts import ARRAYS
 from ..errors import MtpBenchError, RecordError
-from ..files import clean_text, locked, make_folder, reason_of, remove_leftovers, write_text
+from ..files import clean_text, file_stem, locked, make_folder, reason_of, remove_leftovers, write_text
 from ..gateway import Isolation, SceneRun
 from ..sources.cache import read_arrays, write_arrays
 from ..strict import read_json
@@ -63,7 +62,7 @@ class Parts:
             ) from None
 
     def _path(self, seed: int, scene: str) -> Path:
-        return seed_folder(self.folder, seed) / f"{quote(scene, safe='')}.npz"
+        return seed_folder(self.folder, seed) / f"{file_stem(scene)}.npz"
 
 
 @contextmanager

@@ -11,14 +11,13 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
-from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..env.rollouts import ARRAYS, digest
 from ..errors import RolloutError
-from ..files import BROKEN_ARCHIVE, clean_text, open_regular, reason_of, whole_folder, why_no_archive
+from ..files import BROKEN_ARCHIVE, clean_text, file_stem, open_regular, reason_of, whole_folder, why_no_archive
 from ..parallel import cores
 from ..strict import Section, read_json, validate
 from ..types import Rollout
@@ -129,7 +128,7 @@ def require_storable(info: RunInfo, scenes: Sequence[str]) -> None:
 
 
 def _scene_file(scene: str) -> str:
-    return quote(scene, safe="") + ".npz"  # names of scenes may have a slash
+    return f"{file_stem(scene)}.npz"
 
 
 def _write(folder: Path, info: RunInfo, rollouts: Iterable[Rollout]) -> None:

@@ -72,7 +72,7 @@ def test_what_was_saved_is_loaded(tmp_path: Path) -> None:
         assert_equal(got, want)
     assert [path.name for path in (tmp_path / "runs").iterdir()] == ["echo"]
     assert sorted(path.name for path in (tmp_path / "runs/echo").iterdir()) == [
-        "...npz", "one.npz", "run.json", "two%2Fpart%201.npz",
+        "%2E..npz", "one.npz", "run.json", "two%2Fpart%201.npz",
     ]  # fmt: skip
 
 

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from mtp_bench.cards import Card
 from mtp_bench.cards.own import folder_digest
 from mtp_bench.errors import CardError, DataError, MtpBenchError, UnknownNameError
+from mtp_bench.files import file_stem
 from mtp_bench.sources import describe, load_scenes, open_source
 from mtp_bench.sources.files.archive import read_archive
-from mtp_bench.sources.files.writing import Form, file_stem, save_scene
+from mtp_bench.sources.files.writing import Form, save_scene
 from mtp_bench.types import Detections, Scene, StoredTracks, Truth, starts_of
 from tests.support.broken_files import cut_head, flips
 from tests.support.own_scenes import (

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import DataError, MtpBenchError, UnknownNameError
-from ...files import make_folder, reason_of, whole_file, whole_folder
+from ...files import file_stem, make_folder, reason_of, whole_file, whole_folder
 from ...types import Scene
 from .archive import arrays_of
 from .columns import BOX, FORMS
@@ -69,12 +69,6 @@ def require_plain_name(name: object, where: str = "") -> None:
             f"{where}a scene is called {reprlib.repr(name)}, expected a text of 1 to {MOST_NAME} characters, as they "
             "are written in the name of a file"
         )
-
-
-def file_stem(name: str) -> str:
-    """A scene's name as the name of a file; one that begins with a dot would not be seen."""
-    stem = quote(name, safe="")
-    return f"%2E{stem[1:]}" if stem.startswith(".") else stem
 
 
 def write_table(path: Path, columns: Columns) -> None:

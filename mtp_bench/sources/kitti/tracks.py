@@ -17,13 +17,10 @@ from ...types import Floats, Ints, Scene, StoredTracks
 from ..base import DataRoot, ReadTracks, TrackForm, section_of
 from ..text import read_table
 from ..tracks.building import stored_tracks
-from .files import LABEL, camera_fields, sensor_boxes
+from .files import KINDS, RESULT, camera_fields, sensor_boxes
 from .layout import TYPES
 from .poses import Poses
 from .source import KittiTracking
-
-RESULT = f"{LABEL} score"
-KNOWN = ("Car", "Van", "Truck", "Pedestrian", "Person", "Person_sitting", "Cyclist", "Tram", "Misc", "DontCare")
 
 
 def read_result(path: Path, scene: Scene, classes: Sequence[str], stride: int, poses: Poses | None) -> StoredTracks:
@@ -35,8 +32,8 @@ def read_result(path: Path, scene: Scene, classes: Sequence[str], stride: int, p
     table.refuse_not_finite()
     frame, object_id = table.whole("frame"), table.whole("id")
     types = [TYPES[name][0] for name in classes]
-    strange = ~np.isin(table.text, KNOWN)
-    table.refuse(strange, lambda at: f"type is {str(table.text[at])!r}, expected one of {', '.join(KNOWN)}")
+    strange = ~np.isin(table.text, KINDS)
+    table.refuse(strange, lambda at: f"type is {str(table.text[at])!r}, expected one of {', '.join(KINDS)}")
     class_id = np.array([types.index(text) if text in types else -1 for text in table.text.tolist()], dtype=np.int64)
     used = (class_id >= 0) & (frame % stride == 0)
     last = (scene.frames - 1) * stride

@@ -12,12 +12,12 @@ import io
 import reprlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from urllib.parse import quote
 
 import numpy as np
 
 from ...cards import Card
 from ...errors import DataError
+from ...files import file_stem
 from ...types import Scene, StoredTracks
 from ..base import DataRoot, ReadTracks, TrackForm
 from ..text import LIMIT, MOST_LETTERS, read_text
@@ -29,7 +29,7 @@ COLUMNS = ("frame", "id", "class", "x", "y", "z", "yaw", "l", "w", "h", "score")
 
 def table_path(folder: Path, scene: str) -> Path:
     """Where the table of a scene is."""
-    return folder / f"{quote(scene, safe='')}.csv"
+    return folder / f"{file_stem(scene)}.csv"
 
 
 def read_table_of_tracks(path: Path, scene: Scene, classes: Sequence[str]) -> StoredTracks:
