@@ -6,6 +6,7 @@ The action space, the decoding and its checks, the conformance suite, `mtp_bench
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -16,8 +17,8 @@ from ..types import Task
 
 COORDINATE_LIMIT = 1e5  # m, of a centre in the frame of the observations
 SIZE_LIMIT = 100.0  # m, of a box
-FORECAST_REACH = 231.0  # m, of an offset along one axis: with this along both it is within the limit
 FORECAST_LIMIT = 327.0  # m, length of an offset: within int16 centimetres whichever way the frame is turned
+FORECAST_REACH = float(math.floor(FORECAST_LIMIT / math.sqrt(2.0)))  # m, along each axis: both are within
 ID_LIMIT = 2**31 - 1
 ABSENT = -2e30  # a log-weight below `types.ABSENT_BELOW` that lies inside the space
 

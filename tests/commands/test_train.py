@@ -11,8 +11,8 @@ import pytest
 from mtp_bench.running.folds import held_out
 from mtp_bench.training import motion_noise
 from mtp_bench.types import Scene
-from tests.support.command_line import CommandLine, copy_sequence
-from tests.support.small_scenes import CARD, write_card, write_kitti
+from tests.support.command_line import CommandLine, write_training
+from tests.support.small_scenes import CARD, write_card
 
 NAMES = ("0002", "0003", "0004", "0005")
 
@@ -20,10 +20,7 @@ NAMES = ("0002", "0003", "0004", "0005")
 @pytest.fixture(scope="module")
 def root(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A data root whose training split has four scenes."""
-    root = write_kitti(tmp_path_factory.mktemp("train"))
-    for name in NAMES:
-        copy_sequence(Path(root), "0006", name)
-    return root
+    return write_training(tmp_path_factory.mktemp("train"), "0006", NAMES)
 
 
 @pytest.mark.parametrize("command", ["motion-noise", "imm-noise"])

@@ -9,6 +9,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +18,7 @@ from typing import Any, NoReturn
 import pytest
 
 from mtp_bench.commands.app import main
-from tests.support.small_scenes import EchoAgent, empty_action
+from tests.support.small_scenes import EchoAgent, empty_action, write_kitti
 
 IMPORTS = """from __future__ import annotations
 from dataclasses import dataclass
@@ -147,6 +148,14 @@ def ship(folder: Path, repository: Path, card: str) -> pytest.MonkeyPatch:
     patch = pytest.MonkeyPatch()
     patch.setattr("mtp_bench._bundle._PACKAGE", folder / "mtp_bench")
     return patch
+
+
+def write_training(folder: Path, like: str, names: Sequence[str]) -> str:
+    """A KITTI root whose training split has the sequences ``names``, copies of one of the validation split."""
+    root = write_kitti(folder)
+    for name in names:
+        copy_sequence(Path(root), like, name)
+    return root
 
 
 def copy_sequence(root: Path, name: str, to: str) -> None:

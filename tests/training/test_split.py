@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from mtp_bench.errors import MtpBenchError
@@ -11,8 +9,7 @@ from mtp_bench.running.folds import Fold, held_out
 from mtp_bench.running.options import RunOptions
 from mtp_bench.training.predictors import Request, learnable
 from mtp_bench.training.split import open_split
-from tests.support.command_line import copy_sequence
-from tests.support.small_scenes import write_kitti
+from tests.support.command_line import write_training
 
 NAMES = ("0000", "0002", "0003", "0004", "0005", "0007", "0009", "0010")
 FOLDS = [(number, 4) for number in (1, 2, 3, 4)]
@@ -21,10 +18,7 @@ FOLDS = [(number, 4) for number in (1, 2, 3, 4)]
 @pytest.fixture(scope="module")
 def root(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A data root whose training split has eight scenes."""
-    root = write_kitti(tmp_path_factory.mktemp("folds"))
-    for name in NAMES:
-        copy_sequence(Path(root), "0001", name)
-    return root
+    return write_training(tmp_path_factory.mktemp("folds"), "0001", NAMES)
 
 
 @pytest.mark.parametrize("fold", FOLDS)

@@ -46,7 +46,7 @@ class WorldStore:
         return cache_root() / "worlds" / f"{self.traffic.scenario}-{digest}"
 
     def path(self, seed: int) -> Path:
-        """File of one world; secret ones lie in a folder of their own, which the others' readers need not enter."""
+        """File of one world; secret ones lie in a folder of their own, which can be closed to others."""
         return (self.folder if seed < SECRET_SEEDS else self.secret_folder) / f"{seed:06d}.npz"
 
     @property
