@@ -22,9 +22,13 @@ def fold_of(text: str) -> Fold:
 def held_out(names: Sequence[str], fold: Fold) -> tuple[str, ...]:
     """The scenes of a fold, in their order: by lot, the same for the same set of names.
 
-    Raises MtpBenchError where there are fewer scenes than folds.
+    Raises MtpBenchError where there is no such fold, or where there are fewer scenes than folds.
     """
     number, folds = fold
+    if not 1 <= number <= folds:
+        raise MtpBenchError(
+            f"fold is ({number}, {folds}), expected the number of a fold and how many there are, such as (1, 4)"
+        )
     if len(names) < folds:
         raise MtpBenchError(f"{len(names)} scenes cannot be cut into {folds} folds")
     lot = np.random.default_rng(0).permutation(len(names)) % folds

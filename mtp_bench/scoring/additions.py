@@ -18,8 +18,9 @@ from .pairs import Pairs, Rows
 
 NEVER = np.iinfo(np.intp).max  # a step that does not come
 _MICRO = 1e6  # costs are whole micrometres: sums of the same terms in another order are equal
-_CONFIDENCE_BITS, _TIE_BITS = 40, 40
-_UNMATCHED = 1 << 120  # outweighs every sum of costs
+_SURE = 2.0**60  # confidences count in as many steps: in single precision those from 1e-11 on are told apart
+_CONFIDENCE_BITS, _TIE_BITS = 70, 40
+_UNMATCHED = 1 << 150  # outweighs every sum of costs
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +85,7 @@ def last_of(values: Ints) -> NDArray[np.intp]:
 def _whole_costs(cost: Floats, confidence: Floats, tie: Floats) -> list[int]:
     """One whole number per pair whose order is that of cost, then confidence, then tie: sums of them are exact."""
     main = np.rint(cost * _MICRO).astype(np.int64).tolist()
-    sure = np.rint(confidence.astype(np.float64) * 2.0**30).astype(np.int64).tolist()
+    sure = np.rint(confidence.astype(np.float64) * _SURE).astype(np.int64).tolist()
     far = np.rint(np.minimum(np.where(np.isfinite(tie), tie, 1e3), 1e3) * _MICRO).astype(np.int64).tolist()
     return [
         (((m << _CONFIDENCE_BITS) - s) << _TIE_BITS) - f for m, s, f in zip(main, sure, far, strict=True)

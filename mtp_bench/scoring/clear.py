@@ -26,7 +26,8 @@ def tracking_counts(frames: Iterable[Frame], gate: float = 2.0, mode: Mode = "fr
     numbers come from the matching of ``mode``: "frame" has no memory, "sticky" keeps the pairs of the previous frame.
     ``IDS`` and ``FRAG`` are CLEAR's, ``ids``, ``lost`` and ``reacquired`` the protocol's events; MOTP is the mean
     distance of matched pairs, metres. MOTA is None without truth, MOTP without a match. Raises ShapeError for a
-    negative gate, an unknown mode, a position that is not finite or an id twice in a frame.
+    negative gate, an unknown mode, ids or positions of another shape or type, a time or a position that is not finite,
+    and an id or a frame that occurs twice.
     """
     if not (np.isfinite(gate) and gate >= 0):
         raise ShapeError(f"gate is {gate}, expected a distance of 0 m or more")
@@ -75,13 +76,13 @@ def read_frames(frames: Iterable[Frame]) -> tuple[Table, Table]:
     """Truth and tracks of ``frames``, each (scene, t, true ids, true xy, track ids, track xy).
 
     Scenes may be interleaved; within a scene frames follow one another in the order of t. Ids are integers or strings.
-    Raises ShapeError, with the scene and t, for lengths that do not fit, an id twice in a frame, a frame given twice,
-    or a position not finite.
+    Raises ShapeError, with the scene and t, for ids or positions of another shape or type, an id twice in a frame, a
+    frame given twice, or a time or a position that is not finite.
     """
     ordered = list(frames)
     scenes: dict[Hashable, int] = {}
     scene = np.array([scenes.setdefault(f[0], len(scenes)) for f in ordered], dtype=np.intp)
-    time = np.array([f[1] for f in ordered], dtype=np.float64)
+    time = np.array([_time(f) for f in ordered], dtype=np.float64)
     order = np.lexsort((time, scene))
     scene, time = scene[order], time[order]
     again = np.flatnonzero((scene[1:] == scene[:-1]) & (time[1:] == time[:-1]))
@@ -95,15 +96,53 @@ def _where(frame: Frame) -> str:
     return f"(scene {frame[0]!r}, t {frame[1]})"
 
 
+def _time(frame: Frame) -> float:
+    """The t of a frame."""
+    try:
+        time = float(frame[1])
+    except (TypeError, ValueError):
+        time = np.nan
+    if not np.isfinite(time):
+        raise ShapeError(f"t of frame {_where(frame)} is {frame[1]!r}, expected a finite number")
+    return time
+
+
+def _ids(frame: Frame, given: Any, name: str) -> NDArray[Any]:
+    """Ids [M] of a frame: integers, text, or objects that are one of both."""
+    try:
+        ids = np.asarray(given)
+    except ValueError:
+        raise _no_ids(frame, name, "are lists of several lengths") from None
+    if ids.ndim != 1:
+        raise _no_ids(frame, name, f"have shape {ids.shape}")
+    if not len(ids) or ids.dtype.kind in "iu" or (ids.dtype.kind == "U" and isinstance(given, np.ndarray)):
+        return ids
+    each = list(ids if isinstance(given, np.ndarray) else given)
+    odd = [type(i).__name__ for i in each if isinstance(i, bool) or not isinstance(i, int | str | np.integer)]
+    if odd:
+        raise _no_ids(frame, name, f"have type {odd[0] if ids.dtype.kind in 'UO' else ids.dtype}")
+    return np.array(each, dtype=object)  # numpy itself would make text of 1 beside "a"
+
+
+def _no_ids(frame: Frame, name: str, got: str) -> ShapeError:
+    return ShapeError(f"{name} ids {got}, expected integers or strings, one per object {_where(frame)}")
+
+
+def _points(frame: Frame, given: Any, count: int, name: str) -> NDArray[np.float64]:
+    """Positions [M, 2] of a frame with ``count`` ids, m."""
+    try:
+        xy = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ShapeError(f"{name} xy of {_where(frame)} is no array of numbers, expected {(count, 2)} metres") from None
+    if xy.shape != (count, 2) and not (count == 0 and xy.size == 0):
+        raise ShapeError(f"{name} xy of {_where(frame)} has shape {xy.shape}, expected {(count, 2)}: one per id")
+    return xy
+
+
 def _table(frames: Sequence[Frame], place: int, name: str, scene: NDArray[np.intp]) -> Table:
-    ids = [np.asarray(f[place]) for f in frames]
-    points = [np.asarray(f[place + 1], dtype=np.float64) for f in frames]
-    count = np.array([len(i) if i.ndim else -1 for i in ids], dtype=np.intp)
-    for i, (want, xy) in enumerate(zip(count, points, strict=True)):
-        if xy.shape != (want, 2) and not (want == 0 and xy.size == 0):
-            raise ShapeError(
-                f"{name} xy of {_where(frames[i])} has shape {xy.shape}, expected {(max(int(want), 0), 2)}: one per id"
-            )
+    ids = [_ids(f, f[place], name) for f in frames]
+    points = [_points(f, f[place + 1], len(i), name) for f, i in zip(frames, ids, strict=True)]
+    count = np.array([len(i) for i in ids], dtype=np.intp)
     filled = [i for i in range(len(frames)) if count[i] > 0]
     xy = np.concatenate([points[i] for i in filled]) if filled else np.zeros((0, 2))
     frame, of_scene = np.repeat(np.arange(len(frames), dtype=np.intp), count), np.repeat(scene, count)
@@ -111,7 +150,7 @@ def _table(frames: Sequence[Frame], place: int, name: str, scene: NDArray[np.int
     if len(bad):
         at = _where(frames[int(frame[bad[0]])])
         raise ShapeError(f"{name} xy of {at} holds {xy[bad[0]].tolist()}, expected finite metres")
-    code = _codes([ids[i] for i in filled], f"{name} ids")
+    code = _codes([ids[i] for i in filled])
     identity = of_scene * (int(code.max(initial=0)) + 1) + code
     try:
         past = history(frame, identity)
@@ -120,11 +159,8 @@ def _table(frames: Sequence[Frame], place: int, name: str, scene: NDArray[np.int
     return Table(frame, identity, xy, past)
 
 
-def _codes(ids: list[NDArray[Any]], name: str) -> NDArray[np.int64]:
+def _codes(ids: list[NDArray[Any]]) -> NDArray[np.int64]:
     """Numbers from 0 on that are equal where the ids are."""
-    other = [part.dtype for part in ids if part.dtype.kind not in "iuUO"]
-    if other:
-        raise ShapeError(f"{name} have type {other[0]}, expected integers or strings")
     if ids and all(part.dtype.kind in "iu" for part in ids):
         whole = np.concatenate(ids)
         least, most = int(whole.min()), int(whole.max())

@@ -100,11 +100,12 @@ def find_events(
     back = np.flatnonzero(_matched_again(objects.consecutive, held))
     went_on = np.zeros(len(tracks.order), dtype=bool)  # tracks that are output in the next frame too
     went_on[tracks.order[np.flatnonzero(tracks.consecutive) - 1]] = True
+    recorded = lost - int(frag_at == "previous")
     none = np.full(len(lost), -1)
     return Events(
         ids=_list(objects, switch, ids[before[switch]], ids[column[switch]]),
-        lost=_list(objects, lost - int(frag_at == "previous"), ids[before[lost]], none),
-        wrong=_sorted(went_on[before[lost]], objects, lost),
+        lost=_list(objects, recorded, ids[before[lost]], none),
+        wrong=_sorted(went_on[before[lost]], objects, recorded),
         reacquired=_list(objects, back, ids[_last_match(column)[back]], ids[column[back]]),
     )
 

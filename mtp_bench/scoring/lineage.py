@@ -20,13 +20,16 @@ from .pairs import Pairs, Rows, box_pairs
 
 @dataclass(frozen=True, eq=False)
 class Hypotheses:
-    """Hypotheses of a rollout in every frame; a frame without any counts as one hypothesis without tracks."""
+    """Hypotheses of a rollout in every frame.
+
+    A frame without any counts as one hypothesis without tracks, which descends from the best of the frame before.
+    """
 
     alive: Bools  # [F, H]
     member: Bools  # [R, H] tracks of alive hypotheses
     best: Ints  # [F] heaviest; the lowest index among equals
     parent: Ints  # [F, H] hypothesis of the frame before; 0 in frame 0
-    stated: Bools  # [F, H] whether the agent stated it; else it is guessed where there is a choice
+    stated: Bools  # [F, H] whether the agent stated it, or nothing at all; else it is guessed where there is a choice
 
     @property
     def guessed(self) -> int:
@@ -68,9 +71,13 @@ def hypotheses(rollout: Rollout, card: Card) -> Hypotheses:
     member[:, : rollout.member.shape[1]] = rollout.member
     member &= alive[rollout.tracks.frame_of_rows]
     best = np.argmax(weight, axis=1)
+    silent = np.asarray(~alive.any(axis=1))
     alive = alive.copy()
-    alive[~alive.any(axis=1), 0] = True
+    alive[silent, 0] = True
     parent, stated = _stated_parents(rollout, alive)
+    # who says nothing can state no parent; a guess would take the one with the fewest tracks, which loses the least
+    later = 1 + np.flatnonzero(silent[1:])
+    parent[later, 0], stated[later, 0] = best[later - 1], True
     if alive.shape[1] > 1:
         gates = card.per_class(card.task.forecast_gate)
         # farthest a track may move in a frame [C + 1], m; the last entry is for tracks without a class

@@ -13,6 +13,7 @@ from .rows import Budget
 from .statistics import ROUNDING, beyond_rounding, effective_number, sign_flip_test
 
 NOT_CAUSAL = "not causal: stored tracks, which may have seen the future"
+ALONE = "one agent alone is not ranked"
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 from ..cards import Card
 from .definitions import DEFINITIONS
 from .details import details
-from .rank import Entrant, guard, ranks_by_test, why_not_on, why_unranked
+from .rank import ALONE, Entrant, guard, ranks_by_test, why_not_on, why_unranked
 from .rows import Details, PairedRow, Row
 from .statistics import Gap, bootstrap_interval, effective_number, gap_closed, paired_difference, ratio
 from .subsets import SUBSETS, Subset
@@ -69,7 +69,7 @@ def summarise(
     ``stp`` and ``truth`` name the agents between which gap_closed measures, ``controls`` those to which differences are
     given; all of them with equal budget, and left out where absent. ``own_ends``: by agent, the two ends with its own
     predictor and presence model; None where those are ``stp`` and ``truth``, absent where they are not known.
-    Raises RolloutError where agents differ in scenes or targets.
+    One agent alone has no rank. Raises RolloutError where agents differ in scenes or targets.
     """
     tables = [agent_table(setting, reference) for setting in agents]
     for setting in agents[1:]:
@@ -239,7 +239,8 @@ def _with_ranks(
             if subset != "all" and reason is None:
                 limits = [None if each is None else each.stp for each in (ends, own.get(setting.agent))]
                 reason = guard(of_all, *(None if limit is None else _mean_error(limit) for limit in limits))
-            why.append(reason)
+            # beside nobody even silence would be the first
+            why.append(ALONE if reason is None and len(tables) == 1 else reason)
         ranked = [i for i, reason in enumerate(why) if reason is None]
         ranks = ranks_by_test([tables[i].errors(subset) for i in ranked]) if ranked else []
         rank = dict(zip(ranked, ranks, strict=True))

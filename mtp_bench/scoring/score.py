@@ -215,3 +215,23 @@ def check_rollout(scene: Scene, rollout: Rollout, card: Card) -> None:
     confidence = rollout.object_confidence
     if not ((confidence >= 0) & (confidence <= 1)).all():
         raise RolloutError(f"a confidence in the rollout of scene {scene.name!r} is none, expected 0 to 1")
+    _check_numbers(rollout)
+
+
+def _check_numbers(rollout: Rollout) -> None:
+    """Raise RolloutError for parents, counts and times that no env makes."""
+    hypotheses = rollout.hypothesis_parent.shape[1]
+    for name, least, most, expected in (
+        ("hypothesis_parent", -1, hypotheses - 1, f"-1 to {hypotheses - 1}"),
+        ("malformed", 0, np.inf, "0 or more"),
+        ("invalid", 0, np.inf, "0 or more"),
+        ("dropped", 0, np.inf, "0 or more"),
+        ("seconds", 0, np.finfo(np.float64).max, "a finite time of 0 s or more"),
+    ):
+        array = np.asarray(getattr(rollout, name))
+        bad = ~((array >= least) & (array <= most))  # NaN is bad
+        if bad.any():
+            raise RolloutError(
+                f"{name} in the rollout of scene {rollout.scene!r} is {array[bad][0]}, expected {expected} (frame "
+                f"{np.argwhere(bad)[0][0]}); run the agent again"
+            )

@@ -56,16 +56,32 @@ def event_weights(targets: Sequence[Target], events: Iterable[Event]) -> Floats:
 
 def _lineage(rollout: Rollout, t: int, matched_ids: Callable[[int, int], Matched]) -> list[Matched]:
     """Matched ids of each true object at t, t - 1, ... along the ancestors of the best hypothesis of t."""
-    alone = rollout.member.shape[1] == 1
-    h = int(np.argmax(rollout.hypothesis_log_weight[t]))
+    h = _best(rollout, t)
     line = []
-    while t >= 0:
+    while t >= 0 and h >= 0:
         line.append(matched_ids(t, h))
-        h = 0 if alone else int(rollout.hypothesis_parent[t, h])
+        h = _parent(rollout, t, h)
         t -= 1
-        if h < 0:
-            break
     return line
+
+
+def _best(rollout: Rollout, t: int) -> int:
+    return int(np.argmax(rollout.hypothesis_log_weight[t]))
+
+
+def _parent(rollout: Rollout, t: int, h: int) -> int:
+    """The hypothesis of t - 1 that h of t descends from, -1 for none.
+
+    Reading: where no hypothesis is stated there is one without tracks, number 0. It descends from the best of the frame
+    before, and all that follow it descend from it: saying nothing ends no history.
+    """
+    if t == 0:
+        return -1
+    silent = np.asarray(~np.isfinite(rollout.hypothesis_log_weight).any(axis=1))
+    if silent[t]:
+        return _best(rollout, t - 1)
+    alone = rollout.member.shape[1] == 1
+    return 0 if alone or silent[t - 1] else int(rollout.hypothesis_parent[t, h])
 
 
 def _matched_ids(scene: Scene, neutral: Bools, rollout: Rollout, card: Card, t: int, h: int) -> Matched:

@@ -16,7 +16,7 @@ from mtp_bench.scoring.weights import SceneWeights, scene_key
 from mtp_bench.types import ImageField, Rollout, Scene
 from tests.independent import scorer
 from tests.independent.events import own_events
-from tests.support.scoring_scenes import make_card, random_case
+from tests.support.scoring_scenes import make_card, random_case, take_tracks
 
 LONG, FEW = 221, 3  # frames: two blocks of at most 20 s; objects
 KINDS = ("complete", "targets only", "official list", "image", "long")
@@ -60,7 +60,7 @@ def drawn(kind: str, seed: int, place: int) -> Scene:
 
 
 def said(kind: str, seed: int, place: int, draw: int) -> Rollout:
-    """A rollout of that scene: confidences with ties, copies of forecasts, rows that were taken out."""
+    """A rollout of that scene: confidences with ties, copies of forecasts, rows that were taken out, silent frames."""
     scene, rollout = crowd(kind, seed, place)
     rng = np.random.default_rng([seed, place, draw])
     shift = rng.normal(0, 0.5, (len(rollout.object_box), 2))
@@ -72,9 +72,12 @@ def said(kind: str, seed: int, place: int, draw: int) -> Rollout:
     weight = rollout.forecast_log_weight.copy()
     weight[rng.random(weight.shape) < 0.1] -= 9.0  # next to nothing
     weight[np.isinf(weight).all(axis=1), 0] = 0.0  # an answer without a sample would have been taken out
+    silent = rng.random(scene.frames) < 0.1  # frames in which no hypothesis is stated
+    rollout = take_tracks(rollout, np.flatnonzero(~silent[rollout.tracks.frame_of_rows]))
     return replace(
         rollout,
-        hypothesis_parent=parent,
+        hypothesis_log_weight=np.where(silent[:, None], -np.inf, rollout.hypothesis_log_weight),
+        hypothesis_parent=np.where(silent[:, None], -1, parent),
         object_box=box,
         object_confidence=confidence,
         malformed=malformed,

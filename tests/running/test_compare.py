@@ -133,6 +133,12 @@ def test_fewer_scenes_are_the_first_ones(card: str, kitti: str) -> None:
         RunOptions(kitti, scenes=0)
 
 
+@pytest.mark.parametrize("fold", [(5, 2), (0, 2), (1, 0)])
+def test_a_fold_that_is_not_there_is_refused(fold: tuple[int, int], card: str, kitti: str) -> None:
+    with pytest.raises(MtpBenchError, match=rf"fold is \({fold[0]}, {fold[1]}\), expected .* such as \(1, 4\)"):
+        compare([], card, RunOptions(kitti, fold=fold))
+
+
 def test_a_control_is_not_run_twice(card: str, kitti: str) -> None:
     options = RunOptions(kitti, scenes=1)
     rows = compare(["stp", "stp_hedged", "stp"], card, options).report.to_json()["rows"]

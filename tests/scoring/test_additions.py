@@ -78,10 +78,14 @@ def test_what_is_matched_stays_so_and_each_addition_leaves_out_at_most_one(seed:
     assert (grown.dropped[step == NEVER] == NEVER).all()
 
 
+SMALL = np.float32(0.001)
+BELOW = np.nextafter(SMALL, np.float32(0))  # the next number in single precision
 CASES: dict[str, tuple[list[tuple[int, int, float, float]], list[float], list[int]]] = {
     # (row, column, cost, tie), confidence of the columns in the order in which they come, column of each row
     "the cheapest": ([(0, 0, 1.0, 0), (0, 1, 0.5, 0)], [0.9, 0.1], [1]),
     "the surer at equal cost": ([(0, 0, 1.0, 0), (0, 1, 1.0, 9)], [0.9, 0.1], [0]),
+    "the surer among hopeless ones": ([(0, 0, 1.0, 0), (0, 1, 1.0, 9)], [4e-10, 1e-10], [0]),
+    "the surer by the last bit": ([(0, 0, 1.0, 0), (0, 1, 1.0, 9)], [float(SMALL), float(BELOW)], [0]),
     "the larger tie at equal confidence": ([(0, 0, 1.0, 0), (0, 1, 1.0, 9)], [0.5, 0.5], [1]),
     "an infinite tie is the largest": ([(0, 0, 1.0, np.inf), (0, 1, 1.0, 9)], [0.5, 0.5], [0]),
     "more pairs before cheap ones": ([(0, 0, 0.0, 0), (1, 0, 2.0, 0), (0, 1, 2.0, 0)], [0.9, 0.1], [1, 0]),

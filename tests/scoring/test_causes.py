@@ -28,6 +28,7 @@ from tests.support.scoring_scenes import (
     make_rollout,
     make_scene,
     random_case,
+    take_objects,
     with_detections,
 )
 
@@ -46,9 +47,13 @@ def seen_some(scene: Scene, seed: int) -> Scene:
     return replace(scene, detections=Detections(truth.start, box, truth.velocity, truth.class_id, rng.random(len(box))))
 
 
-def looked_at(seed: int, name: str = "s") -> tuple[SceneScore, Circumstances]:
+def looked_at(seed: int, name: str, draw: int) -> tuple[SceneScore, Circumstances]:
+    """A scene and what one of several runs of an agent says of it: other objects at other confidences in each."""
     scene, rollout = random_case(seed, name=name)
     scene = seen_some(scene, seed)
+    rng, count = np.random.default_rng([seed, draw]), len(rollout.object_box)
+    confidence = (rng.integers(0, 9, count) / 8).astype(np.float32)
+    rollout = take_objects(replace(rollout, object_confidence=confidence), np.flatnonzero(rng.random(count) < 0.7))
     return score_scene(scene, rollout, CARD), circumstances(scene, rollout, CARD)
 
 
@@ -63,8 +68,7 @@ def parts_of(runs: list[list[tuple[SceneScore, Circumstances]]], budgets: Budget
 @steady
 def test_parts_add_up_to_the_error_that_ranks_at_every_budget(seed: int, stp: float, known: bool) -> None:
     # two seeds of two scenes, true pasts and switches of any value
-    runs = [[looked_at(2 * seed, "a"), looked_at(2 * seed + 1, "b")]]
-    runs.append([looked_at(2 * seed, "a"), looked_at(2 * seed + 1, "b")])
+    runs = [[looked_at(2 * seed, "a", draw), looked_at(2 * seed + 1, "b", draw)] for draw in range(2)]
     n = sum(len(score) for score, _ in runs[0])
     budgets, rng = budgets_of(n, stp, known), np.random.default_rng(seed)
     for subsets in (False, True):

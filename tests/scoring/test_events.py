@@ -92,6 +92,17 @@ def test_a_loss_can_be_recorded_where_the_track_still_exists() -> None:
         events_of("a", "before")
 
 
+@pytest.mark.parametrize("frag_at", ["current", "previous"])
+@pytest.mark.parametrize("later", [(1, 2), (2, 1)])
+def test_a_wrong_loss_is_that_of_its_object_in_any_order_of_rows(later: tuple[int, int], frag_at: Any) -> None:
+    # objects 1 and 2 are matched to tracks 11 and 12, then both are lost: 11 is still output, 12 is not
+    objects = history(np.array([0, 0, 1, 1]), np.array([1, 2, *later]))
+    ids = np.array([11, 12, 11])
+    tracks = history(np.array([0, 0, 1]), ids)
+    found = find_events(objects, np.array([0, 1, -1, -1]), tracks, ids, frag_at)
+    assert dict(zip(found.lost.object_id.tolist(), found.wrong.tolist(), strict=True)) == {1: True, 2: False}
+
+
 def test_an_identity_twice_in_a_frame_is_an_error() -> None:
     with pytest.raises(ShapeError, match="identity 4 occurs twice in frame 1"):
         history(np.array([0, 1, 1]), np.array([4, 4, 4]))
@@ -172,6 +183,9 @@ def test_names_types_order_and_place_do_not_matter(seed: int, mode: Any) -> None
 def test_one_and_its_name_are_two_ids() -> None:
     frames: Any = [("s", 0, [1], [[0, 0]], [1], [[0, 0]]), ("s", 1, [1], [[0, 0]], ["1"], [[0, 0]])]
     assert tracking_counts(frames)["ids"] == 1
+    xy = [[0, 0], [9, 9]]
+    mixed: Any = [("s", 0, [1, 2], xy, [1, 2], xy), ("s", 1, [1, 2], xy, [1, "a"], xy)]
+    assert tracking_counts(mixed)["ids"] == 1, "1 beside a text is the number still"
     both: Any = np.array([1, "1"], dtype=object)
     assert tracking_counts([("s", 0, both, [[0, 0], [9, 9]], both, [[0, 0], [9, 9]])])["TP"] == 2
 
@@ -209,6 +223,28 @@ BAD: dict[str, tuple[Any, str]] = {
     "three coordinates": ([(*GOOD[:5], [[0, 0, 0]])], r"track xy .* has shape \(1, 3\), expected \(1, 2\)"),
     "frame twice": ([GOOD, GOOD], r"frame \(scene 's', t 3\) is given twice"),
     "ids are floats": ([(*GOOD[:4], [0.5], [[0, 0]])], "track ids have type float64, expected integers or strings"),
+    "a float beside a text": (
+        [(*GOOD[:2], [0.5, "a"], *GOOD[3:])],
+        r"true ids have type float, expected integers or strings, one per object \(scene 's', t 3\)",
+    ),
+    "ids are flags": ([(*GOOD[:2], [True, False], *GOOD[3:])], "true ids have type bool, expected integers or strings"),
+    "an id is nothing": ([(*GOOD[:2], [1, None], *GOOD[3:])], "true ids have type NoneType, expected integers"),
+    "no ids": ([(*GOOD[:2], None, [], *GOOD[4:])], r"true ids have shape \(\), expected integers or strings"),
+    "ids as a column": (
+        [(*GOOD[:2], [[1], [2]], *GOOD[3:])],
+        r"true ids have shape \(2, 1\), expected integers or strings, one per object \(scene 's', t 3\)",
+    ),
+    "ragged ids": ([(*GOOD[:2], [[1], [2, 3]], *GOOD[3:])], "true ids are lists of several lengths, expected integers"),
+    "ragged": (
+        [(*GOOD[:3], [[0, 0], [1]], *GOOD[4:])],
+        r"true xy of \(scene 's', t 3\) is no array of numbers, expected \(2, 2\) metres",
+    ),
+    "text": ([(*GOOD[:5], [["a", "b"]])], r"track xy of \(scene 's', t 3\) is no array of numbers, expected \(1, 2\)"),
+    "no time": (
+        [("s", float("nan"), *GOOD[2:])],
+        r"t of frame \(scene 's', t nan\) is nan, expected a finite number",
+    ),
+    "a time in words": ([("s", "noon", *GOOD[2:])], r"t of frame .* is 'noon', expected a finite number"),
 }
 
 

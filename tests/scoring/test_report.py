@@ -24,6 +24,7 @@ from mtp_bench.scoring import (
     stated_hypotheses,
     summarise,
 )
+from mtp_bench.scoring.rank import ALONE
 from mtp_bench.scoring.rows import Clear, PairedRow, Row
 from mtp_bench.scoring.weights import SceneWeights, scene_key
 from tests.support.scoring_scenes import WALKER, Thing, make_card, make_rollout, make_scene, random_case
@@ -240,6 +241,16 @@ def test_the_guard_knows_the_agent_s_own_pipeline_too() -> None:
 def test_few_objects_are_not_ranked() -> None:
     report = summarise([agent("a", run(0.6)[:9])], CARD, ALIKE)
     assert row(report).unranked_because == "18.0 objects, fewer than 20"
+
+
+@pytest.mark.parametrize("seen", [True, False], ids=["sees the car", "says nothing"])
+def test_one_agent_alone_is_not_ranked(seen: bool) -> None:
+    report = summarise([agent("a", run(0.6, seen=seen))], CARD, ALIKE)
+    for subset in ("all", "ids", "reacquired"):
+        assert (row(report, subset).rank, row(report, subset).unranked_because) == (None, ALONE)
+    assert row(report, "lost").unranked_because == "shown only"
+    truth = summarise([agent("truth_past", run(0.6, seen=seen))], CARD, ALIKE)
+    assert row(truth).unranked_because == "saw the truth"
 
 
 def test_confidence_against_what_is_there() -> None:

@@ -321,12 +321,20 @@ def test_silence_costs_the_miss_error_at_every_budget(seed: int) -> None:
 @steady
 @given(seeds)
 def test_the_error_falls_and_false_forecasts_rise_with_what_is_allowed(seed: int) -> None:
-    scene, rollout = random_case(seed)
-    score = score_scene(scene, rollout, CARD)
-    covered = [score.cuts.at(c)[1].sum() for c in np.unique(score.cuts.confidence)]
-    assert covered == sorted(covered)  # with a higher least confidence more is missed
-    missed = errors_at([score.cuts], np.linspace(0, 9, 19)).missed.sum(axis=1)
-    assert (np.diff(missed) <= 1e-9).all()
+    """The error does so where objects are far apart: in a crowd a nearer forecast may take a target and be worse."""
+    for apart in (0.0, 40.0):
+        scene, rollout = random_case(seed, apart=apart)
+        score = score_scene(scene, rollout, CARD)
+        confidence = np.unique(score.cuts.confidence)
+        kept = [take_objects(rollout, np.flatnonzero(rollout.object_confidence >= c)) for c in confidence]
+        false = [score_scene(scene, some, CARD).false_forecasts for some in kept]
+        assert false == sorted(false, reverse=True)  # of what a cut keeps, matched anew
+        assert false == [score.cuts.false_costs(c, np.ones(2)) for c in confidence]
+        covered = [score.cuts.at(c)[1].sum() for c in confidence]
+        assert covered == sorted(covered)  # with a higher least confidence more is missed
+        found = errors_at([score.cuts], np.linspace(0, 9, 19))
+        assert (np.diff(found.missed.sum(axis=1)) <= 1e-9).all()
+    assert (np.diff(found.error, axis=0) <= 1e-9).all()
 
 
 @steady
@@ -518,6 +526,20 @@ WRONG: dict[str, tuple[Any, str]] = {
         (make_scene([[]]), make_rollout([[]], [[Thing(1, 0, 0, confidence=np.nan)]])),
         "a confidence .* is none, expected 0 to 1",
     ),
+    "a parent that is no hypothesis": (
+        wrong(hypothesis_parent=np.full((12, 3), 3)),
+        r"hypothesis_parent in the rollout of scene 's' is 3, expected -1 to 2 \(frame 0\); run the agent again",
+    ),
+    "a parent below none": (wrong(hypothesis_parent=np.full((12, 3), -2)), "is -2, expected -1 to 2"),
+    "fewer than no malformed rows": (
+        wrong(malformed=np.repeat([[0], [-5]], [4, 8], axis=0) * np.ones((1, 3), int)),
+        r"malformed in the rollout of scene 's' is -5, expected 0 or more \(frame 4\)",
+    ),
+    "fewer than no invalid rows": (wrong(invalid=np.full((12, 3), -1)), "invalid in the rollout .* is -1, expected 0"),
+    "fewer than no detections": (wrong(dropped=np.full(12, -9)), "dropped in the rollout .* is -9, expected 0 or more"),
+    "no time": (wrong(seconds=np.full(12, np.nan)), "seconds in the rollout .* is nan, expected a finite time of 0 s"),
+    "an endless time": (wrong(seconds=np.full(12, np.inf)), "is inf, expected a finite time of 0 s or more"),
+    "a time below 0": (wrong(seconds=np.full(12, -1.0)), "is -1.0, expected a finite time of 0 s or more"),
 }
 
 

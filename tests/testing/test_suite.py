@@ -27,7 +27,7 @@ from tests.support.small_scenes import CARD, Action, EchoAgent, make_echo, write
 from tests.support.small_scenes import task as small_task
 
 SCENES = ["0006", "0001"]
-START = time.monotonic()
+START, START_NS = time.monotonic(), time.monotonic_ns()
 
 
 def check(make: Callable[[Task], Any], card: str, kitti: str, scenes: list[str] | None = None) -> list[Finding]:
@@ -95,6 +95,10 @@ def clocked(agent: Broken, action: Action, observation: Observation) -> None:
     action["forecast"] += np.float32(0.1 * (time.monotonic() > START + 1800.0))
 
 
+def clocked_in_nanoseconds(agent: Broken, action: Action, observation: Observation) -> None:
+    action["forecast"] += np.float32(0.1 * (time.monotonic_ns() > START_NS + 1800 * 10**9))
+
+
 def ragged(agent: Broken, action: Action, observation: Observation) -> None:
     """Answers with lists that are no array, and takes apart what it is shown."""
     observation.pop("time")
@@ -144,6 +148,11 @@ class FixedSize(EchoAgent):
 BROKEN: dict[str, tuple[Change | type[EchoAgent], list[tuple[str, str]], str]] = {
     "random": (unclocked, [("error", "determinism")], "scene 0006, frame 0, forecast"),
     "clock": (clocked, [("warning", "determinism")], "scene 0006, frame 0, forecast"),
+    "clock in nanoseconds": (
+        clocked_in_nanoseconds,
+        [("warning", "determinism")],
+        "scene 0006, frame 0, forecast",
+    ),
     "ragged": (ragged, [("error", "contract"), ("warning", "observations")], "scene 0006, frame 0"),
     "leaks": (remembering, [("error", "reset")], "scene 0006, frame 0, track_id"),
     "writes": (writing, [("warning", "observations")], "scene 0006, frame 0, detection_box"),
@@ -178,6 +187,16 @@ def test_each_way_to_break_the_contract_is_found_and_placed(
     assert faults(found) == expected, [str(finding) for finding in found]
     assert where in found[0].where
     assert found[0].expected
+
+
+def test_an_agent_may_make_its_observation_read_only(card: str, kitti: str) -> None:
+    class Careful(EchoAgent):
+        def act(self, observation: Observation) -> Action:
+            for array in observation.values():
+                array.flags.writeable = False
+            return super().act(observation)
+
+    assert faults(check(lambda task: Careful(), card, kitti)) == [("warning", "travels")]
 
 
 def test_an_agent_that_raises_shows_its_own_lines(card: str, kitti: str) -> None:
