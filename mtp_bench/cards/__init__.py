@@ -8,6 +8,7 @@ from .card import load_card as load_card
 from .card import parse_card as parse_card
 from .changes import VARIANTS as VARIANTS
 from .changes import instead_of_stored as instead_of_stored
+from .changes import profile_of_stored as profile_of_stored
 from .sections import DetectorSection as DetectorSection
 from .sections import FilesSource as FilesSource
 from .sections import HighwaySource as HighwaySource

@@ -26,6 +26,11 @@ def with_split(card: Card, split: str) -> Source:
     known = get_args(type(card.source).model_fields["split"].annotation)
     if split not in known:
         raise UnknownNameError(f"split of {card.id}", split, known)
+    if isinstance(card.source, FilesSource) and card.source.scenes is not None and split != "all":
+        raise CardError(
+            f"{card.id}: its scenes are objects in memory, which have no split {split!r}, expected 'all'; give the "
+            "scenes of that split alone"
+        )
     changed: Source = card.source.model_copy(update={"split": split})
     if isinstance(changed, FilesSource) and changed.folder is not None:
         folder = own.split_folder(Path(changed.folder), split)
@@ -59,13 +64,21 @@ def with_detector(card: Card, name: str) -> tuple[Source, DetectorSection | None
 
 def instead_of_stored(card: Card) -> str:
     """What to do where a card's stored detections are not there: the end of an error text."""
+    profile = profile_of_stored(card)
+    if not profile:
+        return ""
+    return f"; without them a simulated detector runs at once: --detector {profile} (detector={profile!r} in Python)"
+
+
+def profile_of_stored(card: Card) -> str:
+    """The profile that stands in for a card's stored detections; empty where none can."""
     family = card.detector_name.split("-", maxsplit=1)[0]
     profile = family if family in profile_names() else SIMULATED.get(family, "")
     try:
         card.with_detector(profile)
     except MtpBenchError:  # its truth is not complete, or no profile has its classes
         return ""
-    return f"; without them a simulated detector runs at once: --detector {profile} (detector={profile!r} in Python)"
+    return profile
 
 
 def with_detections(card: Card, file: str | Path) -> Source:

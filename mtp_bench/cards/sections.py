@@ -58,6 +58,7 @@ class Traits:
     other_detections: bool = False  # other stored detections can be named
     detection_file: str = ""  # what a file of one's own detections must be; empty: it takes none
     measured_velocity: bool = False  # stored detections carry a velocity
+    velocity_ahead: bool = False  # true velocities are taken from the next frame too: no agent may be shown them
     places_only: bool = False  # sizes and headings are nominal, detected ones too
     bounded_by_truth: bool = False  # nobody stands beyond the area of the true boxes: it is all that the camera shows
     common_frame: bool = True  # all frames of a scene share one frame of reference; else each has its sensor's own
@@ -84,6 +85,7 @@ class KittiSource(Section):
         return Traits(
             stored_detector=self.detector,
             detection_file="a folder of KITTI text, one file per sequence",
+            velocity_ahead=True,
             common_frame=self.ego_motion,
             view=90.0,  # of the labels' camera
         )

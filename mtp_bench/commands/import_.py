@@ -45,7 +45,7 @@ def kitti(
     form: FormOption = "npz",
 ) -> None:
     """Text in the columns of KITTI's tracking benchmark; without poses every frame is the sensor's own."""
-    from ..cards import load_card
+    from ..cards import load_card, profile_of_stored
     from ..sources.base import require_classes
     from ..sources.importing import KittiText, kitti_scenes
     from ..sources.kitti.layout import TYPES
@@ -55,7 +55,8 @@ def kitti(
     text = KittiText(labels, detections, oxts, calib, poses, 1 / rate if rate else FRAME_PERIOD)
     card = load_card(env)
     require_classes(card, "KITTI", TYPES)
-    _write(kitti_scenes(text, card.task.classes), card, output, text.posed, form)
+    detector = profile_of_stored(card) if detections is None else ""
+    _write(kitti_scenes(text, card.task.classes), card, output, text.posed, form, detector)
 
 
 @import_.command()
@@ -106,11 +107,13 @@ def tracks(
     show_command(f"mtp-bench run given_tracks {given} -o runs/given_tracks")
 
 
-def _write(scenes: Iterator[Scene], card: Card, output: Path, posed: bool, form: str) -> None:
+def _write(scenes: Iterator[Scene], card: Card, output: Path, posed: bool, form: str, detector: str = "") -> None:
+    """Write the scenes and say how to run them; ``detector``: the profile that they need, where they have none."""
     from ..sources.importing import import_scenes
     from ..viz.terminal.output import progress_bar, show, show_command
 
     with progress_bar("import") as (_, done):
         number, path = import_scenes(scenes, card, output, posed, form, done)  # type: ignore[arg-type]  # one of FORMS
     show(f"{count(number, 'scene')} and their card {path.name} in {output}; next:")
-    show_command(f"mtp-bench run stp --env {shlex.quote(str(path))} -o runs/{path.stem}")
+    given = shlex.join(["--env", str(path), *(["--detector", detector] if detector else [])])
+    show_command(f"mtp-bench run stp {given} -o runs/{path.stem}")

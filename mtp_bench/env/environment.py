@@ -16,6 +16,7 @@ from gymnasium.error import ResetNeeded
 
 from ..cards import Card, changed_card, load_card
 from ..errors import DataError, MtpBenchError, RolloutError
+from ..scoring.definitions import DEFINITIONS
 from ..scoring.error import frame_error
 from ..scoring.forecasts import Forecasts
 from ..scoring.targets import Targets, find_targets
@@ -66,7 +67,11 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
     Raises UnknownNameError, DataError or CardError (all MtpBenchError) for a wrong argument or missing data.
     """
 
-    metadata = {"render_modes": list(RENDER_MODES), "render_fps": 10}  # noqa: RUF012  (declared so by gymnasium.Env)
+    metadata = {  # noqa: RUF012  (declared so by gymnasium.Env)
+        "render_modes": list(RENDER_MODES),
+        "render_fps": 10,
+        "definitions": DEFINITIONS,  # version of the scorer's, which the reward is of
+    }
 
     def __init__(self, card: str | Card, data: str | None = None, **keywords: Unpack[EnvKeywords]) -> None:
         given = checked(keywords)

@@ -13,6 +13,7 @@ from ..types import Scene
 from .base import Preparation, SourcePackage
 from .base import SceneSource as SceneSource
 from .dataset import DataCheck as DataCheck
+from .dataset import Dataset as Dataset
 from .dataset import DataStatus as DataStatus
 from .images import CameraImage as CameraImage
 from .simulated import SimulatedDetections as SimulatedDetections
@@ -82,6 +83,11 @@ def camera_images(
     except DataError as error:
         note(f"drawn without images: {error}")
         return ()
+
+
+def about(card: Card) -> Dataset:
+    """What is known of the dataset that ``card`` needs, such as its licence; no data is looked for."""
+    return _package(card).about(card)
 
 
 def describe(card: Card, data: str | Path | None = None) -> DataStatus:

@@ -12,7 +12,7 @@ import numpy as np
 from ..cards import Card, FilesSource, HighwaySource, KittiSource, Mot3dSource, NuScenesSource, WildtrackSource
 from ..errors import CardError, nearest
 from ..types import Detections, Ints, Lane, Scene, StoredTracks
-from .dataset import DataStatus
+from .dataset import Dataset, DataStatus
 from .images import CameraImage
 
 DataRoot = str | Path | None  # None: from MTP_BENCH_DATA, else the user data folder
@@ -59,6 +59,7 @@ class SourcePackage:
     """What the package of a source offers, as its ``PACKAGE``; `mtp_bench.sources` finds it by the card's section."""
 
     open: Callable[[Card, DataRoot], SceneSource]
+    about: Callable[[Card], Dataset]  # what is known of the dataset, of which nothing is read
     describe: Callable[[Card, DataRoot], DataStatus]
     tracks: TrackForm | None = None  # in which foreign trackers store their tracks of this dataset
     prepare: Callable[[Card, DataRoot, Preparation], None] = lambda card, data, how: None

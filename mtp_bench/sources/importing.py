@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,14 +12,16 @@ import numpy as np
 
 from ..cards import Card, FilesSource, card_text
 from ..errors import DataError, MtpBenchError
-from ..files import make_folder, write_text
+from ..files import require_folder, whole_folder, write_text
 from ..types import Scene
 from .base import SceneSource, no_detections
+from .files.content import require_period
 from .files.writing import Form, save_scene
 from .kitti.files import SENSOR_FROM_CAMERA, read_imu_to_camera, read_labels, read_odometry, read_oxts
 from .kitti.layout import TYPES
 from .kitti.poses import FRAME_PERIOD, Poses, integrated_poses
 from .kitti.source import Frames, detections_of, stored_rows, truth_of
+from .motion import looking_back
 from .tracks.table import table_path, write_table_of_tracks
 
 MOST_FRAMES = 1_000_000  # of a scene
@@ -77,22 +80,24 @@ def import_scenes(
     """Write scenes of the classes of ``card`` into ``folder``, beside a card for them; their number and its path.
 
     ``card``: its task, sizes and detector are those of the new card. ``posed``: the frames of a scene share one frame
-    of reference. Raises MtpBenchError, also where the folder holds anything.
+    of reference. Raises MtpBenchError, also where the folder holds anything, and where frames are not as far apart as
+    the card says; nothing is written then.
     """
-    folder = _new_folder(folder)
-    count = 0
-    for scene in scenes:
-        save_scene(scene, folder, card.task.classes, form)
-        count += 1
-        done(scene.name)
-    own = card.with_files(folder)
-    assert isinstance(own.source, FilesSource)
-    source = own.source.model_copy(update={"folder": ".", "sha256": None, "ego_motion": posed})
+    folder = folder.expanduser().absolute()
     name = re.sub(r"[^A-Za-z0-9_.-]", "-", folder.name) or "own"
-    update = {"id": name, "summary": f"own scenes under the rules of {card.id}", "source": source}
-    path = folder / f"{name}.toml"
-    write_text(path, card_text(own.model_copy(update=update)))
-    return count, path
+    count = 0
+    with _new_folder(folder) as part:
+        for scene in scenes:
+            require_period(scene.time, card, f"scene {scene.name!r}")
+            save_scene(scene, part, card.task.classes, form)
+            count += 1
+            done(scene.name)
+        own = card.with_files(part)
+        assert isinstance(own.source, FilesSource)
+        source = own.source.model_copy(update={"folder": ".", "sha256": None, "ego_motion": posed})
+        update = {"id": name, "summary": f"own scenes under the rules of {card.id}", "source": source}
+        write_text(part / f"{name}.toml", card_text(own.model_copy(update=update)))
+    return count, folder / f"{name}.toml"
 
 
 def import_tracks(
@@ -101,28 +106,35 @@ def import_tracks(
     """Write the stored tracks of the scenes of ``source`` into ``folder``, a table for each scene.
 
     Returns the numbers of scenes and of boxes. Raises DataError where the tracks are wrong, and MtpBenchError where the
-    folder holds anything.
+    folder holds anything; nothing is written then.
     """
-    scenes = [scene for scene in map(source.load, source.names) if scene.tracks is not None]
-    folder = _new_folder(folder)
-    boxes = 0
-    for scene in scenes:
-        tracks = scene.tracks
-        assert tracks is not None
-        names = [card.task.classes[place] for place in tracks.class_id]
-        columns = (tracks.frame_of_rows.tolist(), tracks.object_id.tolist(), names, *tracks.box.T.tolist())
-        write_table_of_tracks(table_path(folder, scene.name), zip(*columns, tracks.score.tolist(), strict=True))
-        boxes += len(names)
-        done(scene.name)
-    return len(scenes), boxes
+    boxes = count = 0
+    with _new_folder(folder.expanduser().absolute()) as part:
+        for scene in map(source.load, source.names):
+            tracks = scene.tracks
+            if tracks is None:
+                continue
+            names = [card.task.classes[place] for place in tracks.class_id]
+            columns = (tracks.frame_of_rows.tolist(), tracks.object_id.tolist(), names, *tracks.box.T.tolist())
+            write_table_of_tracks(table_path(part, scene.name), zip(*columns, tracks.score.tolist(), strict=True))
+            count, boxes = count + 1, boxes + len(names)
+            done(scene.name)
+    return count, boxes
 
 
-def _new_folder(folder: Path) -> Path:
-    folder = folder.expanduser().absolute()
+@contextmanager
+def _new_folder(folder: Path) -> Iterator[Path]:
+    """A folder to fill, which becomes ``folder`` when the block ends well; see `whole_folder`.
+
+    Raises MtpBenchError where ``folder`` is a file or holds anything.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise MtpBenchError(f"{folder} is no folder: choose another name")
     if folder.exists() and any(folder.iterdir()):
         raise MtpBenchError(f"{folder} is not empty: choose another folder")
-    make_folder(folder)
-    return folder
+    require_folder(folder)
+    with whole_folder(folder) as part:
+        yield part
 
 
 def _kitti_scene(text: KittiText, name: str, classes: tuple[str, ...]) -> Scene:
@@ -136,11 +148,12 @@ def _kitti_scene(text: KittiText, name: str, classes: tuple[str, ...]) -> Scene:
     if text.detections is not None:
         detections, skipped = detections_of(text.detections, name, classes, frames)
         label = f"{text.detections.name}, stored detections"
+    time = np.arange(length) * text.period
     return Scene(
         name=name,
-        time=np.arange(length) * text.period,
+        time=time,
         ego=np.zeros((length, 4)) if poses is None else poses.ego(),
-        truth=truth_of(labels, classes, frames),
+        truth=looking_back(truth_of(labels, classes, frames), time),
         detections=detections,
         detector=label,
         skipped=skipped,

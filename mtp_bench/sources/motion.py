@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from ..types import Floats, Ints
+from ..types import Floats, Ints, Truth
 
 
 def backward_velocity(frame: Ints, object_id: Ints, position: Floats, time: Floats) -> Floats:
@@ -23,8 +25,17 @@ def backward_velocity(frame: Ints, object_id: Ints, position: Floats, time: Floa
     return velocity
 
 
+def looking_back(truth: Truth, time: Floats) -> Truth:
+    """``truth`` with backward velocities: what an agent may be shown of it. ``time`` ``[F]`` s."""
+    velocity = backward_velocity(truth.frame_of_rows, truth.object_id, truth.box[:, :2], time)
+    return replace(truth, velocity=velocity)
+
+
 def central_velocity(frame: Ints, object_id: Ints, position: Floats, period: float) -> Floats:
-    """Velocities ``[R, 2]`` m/s from the object's positions ``[R, 2]`` one frame before and after; NaN without both."""
+    """Velocities ``[R, 2]`` m/s from the object's positions ``[R, 2]`` one frame before and after; NaN without both.
+
+    They tell where the object is in the next frame: a source of such velocities has the trait ``velocity_ahead``.
+    """
     velocity = np.full(position.shape, np.nan)
     order = np.lexsort((frame, object_id))
     before, here, after = order[:-2], order[1:-1], order[2:]

@@ -11,6 +11,7 @@ from ..cards import Card
 from ..detector import Profile, Profile1
 from ..types import Scene
 from .base import SceneSource
+from .motion import looking_back
 from .people import as_places, extent
 
 
@@ -35,7 +36,9 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
     """``scene`` with the detections of the card's simulated detector; with its own where it has stored ones.
 
     The noise depends on the scene's name and the detector's seed, or on ``seed`` alone where it is given. All profiles
-    share their random numbers: a box that is undetected with one is likely undetected with another.
+    share their random numbers: a box that is undetected with one is likely undetected with another. A detector that
+    measures velocities is told nothing of the next frame: where the source's true velocities hold some of it, the truth
+    gets backward velocities.
     """
     from ..detector.sight import Sensor, sight, visible_fractions
     from ..detector.simulate import simulate
@@ -48,19 +51,23 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
         area = extent(scene.truth.box)
     sensor = Sensor(section.reach, float(np.deg2rad(section.field_of_view)), area)
     visible = scene.visible if scene.visible is not None else visible_fractions(scene.truth, scene.ego)
+    truth = scene.truth
+    if card.velocity and card.source.traits.velocity_ahead:
+        truth = looking_back(truth, scene.time)
     seen = simulate(
-        scene.truth,
+        truth,
         scene.ego,
         card.task.classes,
         noise,
         sensor,
         _seed(section.seed, scene.name) if seed is None else seed,
         dt=1.0 / card.task.rate,
-        sight=sight(scene.truth, scene.ego, sensor, visible),
+        sight=sight(truth, scene.ego, sensor, visible),
     )
     if card.source.traits.places_only:
         seen = as_places(seen)
-    return replace(scene, detections=seen, detector=_label(noise), simulated=True, skipped={}, visible=visible)
+    label = _label(noise)
+    return replace(scene, truth=truth, detections=seen, detector=label, simulated=True, skipped={}, visible=visible)
 
 
 def _label(noise: Profile | Profile1) -> str:

@@ -16,6 +16,8 @@ from ..errors import DataError
 from ..types import Bools, Floats, Ints
 
 LIMIT = 1e9  # of a number: far beyond metres, pixels, frames and identities
+TURN = 8 * np.pi  # rad; an angle that is never wrapped may be some turns beyond one
+RADIANS = "expected radians, such as -pi to pi; np.radians(yaw) makes radians of degrees"
 MOST_LETTERS = 200  # of a word: an array has room for the longest in every row
 _FEW = 10  # columns, which an error can name
 

@@ -17,7 +17,7 @@ from ..errors import ActionError, MtpBenchError, sentence
 from ..geometry import rotate
 from ..types import Action, Floats, Ints, Observation
 from .slots import FREE, Slots
-from .wrapped import task_of
+from .wrapped import require_positive, task_of
 
 if TYPE_CHECKING:
     from ..agent import SamplingPredictor
@@ -74,7 +74,7 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
 
         given: dict[str, Any] = {"detections": detections, "choices": choices, "near": near}
         for name, value in given.items():
-            _require_positive(name, value, whole=name != "near")
+            require_positive(name, value, "AssociationOnly", whole=name != "near")
         if choices > _STANDING:
             raise MtpBenchError(
                 sentence(
@@ -174,14 +174,6 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
         waited = self._slots.unseen[slot] / (_PATIENCE + 1)
         columns = np.stack([np.ones(slot.shape), nearness, known, waited], axis=2)
         return np.asarray(np.where(there[:, :, None], columns, 0).reshape(len(slot), _OF_TRACK * self._choices))
-
-
-def _require_positive(name: str, value: Any, whole: bool) -> None:
-    """Raise MtpBenchError unless ``value`` is a number above 0, where ``whole`` a whole one."""
-    kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
-    if isinstance(value, bool) or not isinstance(value, kinds) or not value > 0:
-        expected = f"a {'whole ' * whole}number above 0"
-        raise MtpBenchError(sentence(f"{name} is {value!r}", expected, "AssociationOnly"))
 
 
 def _within(offset: Floats) -> Floats:

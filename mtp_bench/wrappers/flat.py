@@ -10,10 +10,21 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-from ..env.action import BOX, CONFIDENCE, FIELDS, FORECAST_REACH, LOG_WEIGHT, MASK, OFFSET, PARENT, Field
-from ..errors import ActionError, sentence
+from ..env.action import (
+    BOX,
+    CONFIDENCE,
+    COORDINATE_LIMIT,
+    FIELDS,
+    FORECAST_REACH,
+    LOG_WEIGHT,
+    MASK,
+    OFFSET,
+    PARENT,
+    Field,
+)
+from ..errors import ActionError, MtpBenchError, sentence
 from ..types import Action, Floats, Observation, Task
-from .wrapped import task_of
+from .wrapped import require_positive, task_of
 
 FAINTEST = -10.0  # log-weight that stands at -1; at 1 it is 0
 _SIZES = 0.1, 20.0  # m, of boxes
@@ -35,9 +46,17 @@ class FlattenAction(gymnasium.ActionWrapper[Observation, NDArray[np.float32], Ac
     Numbers beyond [-1, 1] are cut; what is no such vector is an ActionError. So every action is sound. There are many
     entries at the sizes of a card: choose smaller ones with the keywords of the env.
     ``gymnasium.wrappers.FlattenObservation`` makes one vector of the observation.
+
+    Raises MtpBenchError for a ``reach`` or a ``speed`` that is not above 0, a ``reach`` beyond the coordinates of the
+    env, and for an env of another library.
     """
 
     def __init__(self, env: gymnasium.Env[Observation, Action], reach: float = 100.0, speed: float = 20.0) -> None:
+        for name, value in (("reach", reach), ("speed", speed)):
+            require_positive(name, value, "FlattenAction")
+        if reach > COORDINATE_LIMIT:
+            expected = f"at most {COORDINATE_LIMIT:g} m, as far as coordinates of the env go"
+            raise MtpBenchError(sentence(f"reach is {reach!r}", expected, "FlattenAction"))
         RecordConstructorArgs.__init__(self, reach=reach, speed=speed)
         gymnasium.ActionWrapper.__init__(self, env)
         self._task = task_of(env, "FlattenAction")

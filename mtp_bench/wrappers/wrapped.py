@@ -1,10 +1,11 @@
-"""The task of the env that a wrapper is put around."""
+"""The task of the env that a wrapper is put around, and the check of a wrapper's numbers."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import gymnasium
+import numpy as np
 
 from ..errors import MtpBenchError, sentence
 from ..types import Task
@@ -19,3 +20,14 @@ def task_of(env: gymnasium.Env[Any, Any], wrapper: str) -> Task:
         expected = 'one of mtp_bench, such as gym.make("MTP-Roundabout-v0")'
         raise MtpBenchError(sentence(f"the env is a {type(inner).__name__}", expected, wrapper))
     return inner.task
+
+
+def require_positive(name: str, value: Any, wrapper: str, whole: bool = False) -> None:
+    """Raise MtpBenchError, which names the ``wrapper``, unless ``value`` is a finite number above 0.
+
+    ``whole``: a whole one.
+    """
+    kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
+    if isinstance(value, bool) or not isinstance(value, kinds) or not 0 < value < np.inf:
+        expected = f"a {'whole' if whole else 'finite'} number above 0"
+        raise MtpBenchError(sentence(f"{name} is {value!r}", expected, wrapper))

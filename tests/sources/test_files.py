@@ -98,7 +98,7 @@ def scenes(draw: st.DrawFn) -> Scene:
         time=draw(st.sampled_from([0.0, 1.5e9])) + 0.1 * np.arange(len(counts)),
         ego=rng.normal(size=(len(counts), 4)),
         truth=Truth(
-            truth, boxes(rng, rows), velocities(rng, rows), rng.integers(0, 2, rows), rng.permutation(rows) - 3,
+            truth, boxes(rng, rows), velocities(rng, rows), rng.integers(0, 2, rows), rng.permutation(rows),
             rng.random(rows) < 0.5, rng.random(rows) < 0.5,
         ),
         detections=Detections(
@@ -283,6 +283,18 @@ TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
     "no class": ({"truth": [*TRUTH, f"3,1,,0,0,{BOX}"]}, "line 5, column 'class': an empty cell, expected a word"),
     "not finite": ({"truth": [*TRUTH, f"3,1,car,nan,0,{BOX}"]}, "line 5, column 'x': nan, expected a finite number"),
     "far away": ({"detections": [*DETECTIONS, f"2,car,1e12,0,{BOX},1"]}, "line 4, column 'x': 1e+12, expected a"),
+    "coordinates of a map": (
+        {"truth": [*TRUTH, f"3,1,car,7,5400123.25,{BOX}"]},
+        "line 5, column 'y': 5400123.25, expected -100000 to 100000 m: boxes are kept in single precision, so subtract",
+    ),
+    "detections far away": (
+        {"detections": [*DETECTIONS, f"2,car,-100001,0,{BOX},1"]},
+        "detections.csv, line 4, column 'x': -100001, expected -100000 to 100000 m",
+    ),
+    "an ego far away": (
+        {"ego": [*EGO[:3], "2,0.2,500000,0,0,0"]},
+        "one: x of the ego in frame 2 is 500000, expected -100000 to 100000 m",
+    ),
     "half a frame": ({"truth": [*TRUTH, f"3.5,1,car,0,0,{BOX}"]}, "line 5, column 'frame': 3.5, expected a whole"),
     "no size": ({"truth": [*TRUTH, "3,1,car,0,0,1,0,0,1,1"]}, "line 5, column 'l': 0, expected a number from 1e-06"),
     "two boxes": ({"truth": [*TRUTH, TRUTH[1]]}, "line 5, column 'id': a second box of this object in this frame"),
@@ -480,6 +492,8 @@ ARRAYS: dict[str, tuple[dict[str, NDArray[np.generic] | None], str]] = {
     "lanes at no place": ({"lane_points": np.full((9, 3, 2), np.nan)}, "array 'lane_points': a number that is not"),
     "an image of nothing": ({"image_size": np.array([0, 0])}, "array 'image_size': 0 x 0 pixels, expected"),
     "an image of no place": ({"image_projection": np.full((6, 3, 4), np.inf)}, "array 'image_projection': a number"),
+    "ids below 0": ({"truth_id": np.arange(18) - 3}, "'truth_id', row 0: -3, expected a whole number from 0 to 21"),
+    "large ids": ({"truth_id": np.arange(18) + 5 * 10**9}, "'truth_id', row 0: 5000000000, expected a whole number"),
     "no room": ({"truth_id": np.arange(2**63, 2**63 + 18, dtype=np.uint64)}, "expected whole numbers below 2**63"),
     "endless time": ({"time": np.array([0, 0.1, 0.2, 0.3, 0.4, np.inf])}, "time inf of frame 5, expected a number"),
     "deeply said": ({"said": np.array("[" * 100_000)}, "array 'said': expected JSON with some of truth_complete"),
@@ -560,6 +574,46 @@ def test_names_do_not_stand_for_contents(tmp_path: Path) -> None:
 def test_1_and_01_are_two_objects(tmp_path: Path, base: Card) -> None:
     write_tables(tmp_path, truth=[*TRUTH, f"2,01,car,9,0,{BOX}"])
     assert len(set(only(base, tmp_path).truth.object_id.tolist())) == 2
+
+
+@pytest.mark.parametrize(("first", "second"), [("5000000000", "7"), ("-5", "6")])
+def test_ids_that_no_observation_could_hold_are_words(first: str, second: str, tmp_path: Path, base: Card) -> None:
+    truth = [TRUTH[0], f"0,{second},car,0,0,{BOX}", f"1,{first},car,1,0,{BOX}", f"1,{second},car,2,0,{BOX}"]
+    scene = only(base, write_tables(tmp_path, truth=truth, detections=DETECTIONS[:2]))
+    np.testing.assert_array_equal(scene.truth.object_id, [1, 0, 1])
+    largest = [line.replace(f",{second},", ",2147483647,") for line in truth[:2]]
+    found = only(base, write_tables(tmp_path / "largest", truth=largest, detections=DETECTIONS[:2]))
+    np.testing.assert_array_equal(found.truth.object_id, [2147483647])
+
+
+@pytest.mark.parametrize("number", [-1, 2**31])
+def test_ids_of_a_scene_in_memory(number: int, tmp_path: Path, base: Card) -> None:
+    scene = make_scene()
+    object_id = np.where(scene.truth.object_id == scene.truth.object_id[0], number, scene.truth.object_id)
+    wrong = replace(scene, detector="mine", truth=replace(scene.truth, object_id=object_id))
+    for attempt in (
+        lambda: list(load_scenes(base.with_scenes([wrong]))),
+        lambda: save_scene(wrong, tmp_path, CLASSES),
+    ):
+        with pytest.raises(DataError, match=r"scene 'one': truth\.object_id has .*, expected whole numbers from 0 to"):
+            attempt()
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_scene_in_memory_far_away(base: Card) -> None:
+    scene = replace(make_scene(), detector="mine")
+    moved = replace(scene, truth=replace(scene.truth, box=scene.truth.box + 5e5 * np.eye(7)[0]))
+    with pytest.raises(DataError, match=r"scene 'one', array 'truth_box', row 0 \(x\): 5000.*subtract a fixed origin"):
+        list(load_scenes(base.with_scenes([moved])))
+
+
+def test_scenes_in_memory_have_no_splits(base: Card) -> None:
+    card = base.with_scenes([replace(make_scene(), detector="mine")])
+    assert card.with_split("all").digest == card.digest
+    with pytest.raises(
+        CardError, match="its scenes are objects in memory, which have no split 'train', expected 'all'"
+    ):
+        card.with_split("train")
 
 
 def test_an_archive_of_objects_is_not_opened(tmp_path: Path, base: Card) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +14,9 @@ from mtp_bench.cards import load_card
 from mtp_bench.errors import DataError, MtpBenchError
 from mtp_bench.running.rollout_files import load_run
 from mtp_bench.sources import load_scenes
-from mtp_bench.sources.importing import KittiText, import_scenes, kitti_scenes
-from mtp_bench.types import Rollout, Scene
+from mtp_bench.sources.importing import KittiText, import_scenes, import_tracks, kitti_scenes
+from mtp_bench.sources.kitti.poses import FRAME_PERIOD
+from mtp_bench.types import Rollout, Scene, StoredTracks
 from tests.support.command_line import CommandLine
 from tests.support.source_files import write
 
@@ -75,6 +78,71 @@ def test_the_import_is_a_folder_with_a_card_that_runs(text: KittiText, tmp_path:
     cli.ok("run", "stp", "--env", path, "-o", tmp_path / "run", "--jobs", 1)
 
 
+def test_without_detections_the_next_command_simulates_them(text: KittiText, tmp_path: Path, cli: CommandLine) -> None:
+    said = cli.ok("import", "kitti", "--labels", text.labels, "-o", tmp_path / "own")
+    path = tmp_path / "own" / "own.toml"
+    assert said.splitlines()[1] == f"mtp-bench run stp --env {path} --detector kitti_pointrcnn -o runs/own"
+    cli.ok("run", "stp", "--env", path, "--detector", "kitti_pointrcnn", "-o", tmp_path / "run", "--jobs", 1)
+
+
+def test_velocities_look_back(text: KittiText) -> None:
+    truth = only(text).truth
+    np.testing.assert_array_equal(truth.object_id, [4, 4, 5])
+    assert np.isnan(truth.velocity[[0, 2]]).all()
+    np.testing.assert_allclose(truth.velocity[1], [1 / FRAME_PERIOD, 0], atol=1e-12)
+
+
+def test_a_rate_that_the_card_has_not_is_said_before_anything_is_written(
+    text: KittiText, tmp_path: Path, cli: CommandLine
+) -> None:
+    error = cli("import", "kitti", "--labels", text.labels, "--rate", 5, "-o", tmp_path / "own").error
+    assert error.startswith("scene '0003': frames are 0.2 s apart, but MTP-KITTI-v0 has 10 frames per second: take a ")
+    assert not (tmp_path / "own").exists()
+    given = ("--labels", text.labels, "--rate", 5, "--env", "MTP-KITTI-5Hz-v0")
+    cli.ok("import", "kitti", *given, "-o", tmp_path / "own")
+
+
+@pytest.mark.parametrize("error", [DataError, KeyboardInterrupt])
+def test_a_failed_import_leaves_nothing(error: type[BaseException], text: KittiText, tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "own"
+
+    def scenes() -> Iterator[Scene]:
+        yield only(text)
+        raise error
+
+    with pytest.raises(error):
+        import_scenes(scenes(), load_card("MTP-KITTI-v0"), folder)
+    assert list(folder.parent.iterdir()) == []
+    _, path = import_scenes(kitti_scenes(text, CLASSES), load_card("MTP-KITTI-v0"), folder)
+    assert sorted(each.name for each in folder.iterdir()) == ["0003.npz", "own.toml"]
+    assert path == folder / "own.toml"
+
+
+def test_a_failed_import_of_tracks_leaves_nothing(text: KittiText, tmp_path: Path) -> None:
+    scene = only(text)
+    seen = scene.detections
+    tracked = replace(scene, tracks=StoredTracks(**vars(seen), object_id=np.arange(len(seen.box))))
+
+    class Source:
+        names = ("one", "two")
+
+        def load(self, name: str) -> Scene:
+            if name == "two":
+                raise DataError("broken")
+            return tracked
+
+    with pytest.raises(DataError, match="broken"):
+        import_tracks(Source(), load_card("MTP-KITTI-v0"), tmp_path / "new" / "tables")
+    assert list((tmp_path / "new").iterdir()) == []
+
+
+def test_a_file_is_no_new_folder(text: KittiText, tmp_path: Path) -> None:
+    (tmp_path / "own").write_text("mine")
+    with pytest.raises(MtpBenchError, match="own is no folder: choose another name"):
+        import_scenes(kitti_scenes(text, CLASSES), load_card("MTP-KITTI-v0"), tmp_path / "own")
+    assert (tmp_path / "own").read_text() == "mine"
+
+
 MISTAKES = {
     "no labels": ({"labels": "none"}, "none has no labels, expected a file for each sequence, such as 0001.txt"),
     "half of GPS/IMU": ({"oxts": "oxts"}, "GPS/IMU data needs the calibration, and nothing else does"),
@@ -103,6 +171,18 @@ def test_a_mistake_in_a_file_of_detections(text: KittiText, tmp_path: Path) -> N
     write(tmp_path / "det" / "0003.txt", RESULTS[0].replace("0 4", "99999999 4", 1))
     with pytest.raises(DataError, match="the last frame of 0003 is 99999999, expected 0 to 999999"):
         only(text)
+
+
+def test_a_mistake_in_the_labels(text: KittiText) -> None:
+    write(text.labels / "0003.txt", LABELS[0], LABELS[1].replace("Car", "car"))
+    with pytest.raises(DataError, match=r"0003\.txt, line 2: type 'car', expected one of Car, Van"):
+        only(text)
+
+
+def test_empty_poses(text: KittiText, tmp_path: Path) -> None:
+    write(tmp_path / "poses" / "0003.txt")
+    with pytest.raises(DataError, match=r"poses/0003\.txt is empty, expected one row per frame"):
+        only(KittiText(text.labels, text.detections, poses=tmp_path / "poses"))
 
 
 def test_labels_with_a_name_that_is_no_text(text: KittiText, tmp_path: Path, cli: CommandLine) -> None:

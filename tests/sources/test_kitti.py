@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card
+from mtp_bench.env import MTPEnv
 from mtp_bench.errors import CardError, DataError, UnknownNameError
 from mtp_bench.sources import describe, open_source
 from mtp_bench.sources.kitti.files import read_imu_to_camera, read_labels
 from mtp_bench.sources.kitti.layout import VALIDATION
 from mtp_bench.sources.kitti.poses import FRAME_PERIOD
 from mtp_bench.types import Scene
+from tests.support.small_scenes import empty_action
 from tests.support.source_files import assert_one_error, card_of, write
 
 QUARTER = np.pi / 2
@@ -278,6 +280,35 @@ def test_velocity_needs_both_neighbours(root: Path) -> None:
     assert np.isnan(velocity[[0, 2, 3, 4]]).all()
 
 
+@pytest.mark.parametrize("observe", ["detections", "truth"])
+def test_a_velocity_that_is_shown_tells_nothing_of_the_next_frame(root: Path, observe: str) -> None:
+    """A car at 10, 11, 13, 16, 20 and 25 m: what is shown of its first frames stays where it turns back later."""
+    card = kitti_card().with_detector("clean")
+
+    def shown(places: tuple[float, ...]) -> list[dict[str, Any]]:
+        write(root / LABELS, *[label(t, 7, "Car", 0, 1.65, x, -QUARTER) for t, x in enumerate(places)])
+        env = MTPEnv(card, data=str(root), observe=observe)
+        first, _ = env.reset(options={"scene": "0000"})
+        return [first, *(env.step(empty_action(env.task))[0] for _ in range(2))]
+
+    ahead, back = shown((10, 11, 13, 16, 20, 25)), shown((10, 11, 13, 10, 9, 8))
+    for one, other in zip(ahead, back, strict=True):
+        for name, value in one.items():
+            np.testing.assert_array_equal(value, other[name], err_msg=name)
+    velocity = [seen["detection_velocity"][0, 0] for seen in ahead]
+    np.testing.assert_allclose(velocity, [0, 1 / FRAME_PERIOD, 2 / FRAME_PERIOD], rtol=1e-5)
+
+
+def test_truth_is_as_it_was_where_no_velocity_is_shown(root: Path) -> None:
+    rows = [label(t, 7, "Car", 0, 1.65, 10 + t * t, -QUARTER) for t in range(SIX)]
+    write(root / LABELS, *rows)
+    stored, simulated = (
+        open_source(card, root).load("0000").truth
+        for card in (kitti_card(), kitti_card().with_detector("kitti_pointrcnn"))
+    )
+    np.testing.assert_array_equal(simulated.velocity, stored.velocity)
+
+
 def test_empty_scene(root: Path) -> None:
     write(root / "training/label_02/0000.txt")
     scene = load(root)
@@ -311,6 +342,11 @@ BROKEN: dict[str, tuple[str, list[str] | None, str]] = {  # file, its lines (Non
     "label row cut off": (LABELS, [PARKED, PARKED[:25]], "line 2: 9 columns, expected 17"),
     "label row too long": (LABELS, [PARKED + " 1"], "line 1: 18 columns, expected 17"),
     "label without a number": (LABELS, [PARKED, "", PARKED.replace(" 10 ", " ten ")], r"line 3, .*left\): got 'ten'"),
+    "label of a misspelt type": (
+        LABELS,
+        [PARKED, label(1, 7, "Cars", 0, 1, 2, 3)],
+        "line 2: type 'Cars', expected one",
+    ),
     "label not finite": (LABELS, [label(0, 1, "Car", np.nan, 1, 2, 3)], "line 1: .* is nan, expected a finite number"),
     "label without size": (LABELS, [label(0, 1, "Car", 0, 1, 2, 3, size="1 0 1")], "line 1: a box with a size"),
     "label in half a frame": (LABELS, [PARKED.replace("0", "0.5", 1)], "line 1: frame is 0.5, expected a whole"),
@@ -324,12 +360,19 @@ BROKEN: dict[str, tuple[str, list[str] | None, str]] = {  # file, its lines (Non
     "detection before the start": (DETECTED, [detection(-1, 2, 0, 1, 2, 3)], "line 1: frame -1, but"),
     "no detections of a sequence": (DETECTED, None, "no file"),
     "GPS/IMU too short": (OXTS, [oxts()] * 5, "has 5 rows, expected one for each of the 6 frames"),
+    "GPS/IMU empty": (OXTS, [], "is empty, expected one row per frame"),
     "GPS/IMU row cut off": (OXTS, [oxts()] * 5 + ["1 2 3"], "line 6: 3 columns, expected 30"),
     "GPS/IMU not finite": (OXTS, [oxts(yaw=np.nan)] * SIX, "line 1: yaw is nan, expected a finite number"),
     "no GPS/IMU": (OXTS, None, "no file"),
     "no calibration": (CALIB, None, "no file"),
     "calibration lacks a line": (CALIB, CALIBRATION.splitlines()[:-1], "no line 'Tr_imu_velo'; found P2, R_rect"),
     "calibration lacks the image": (CALIB, CALIBRATION.splitlines()[1:], "no line 'P2'; found R_rect"),
+    "calibration without a turn": (
+        CALIB,
+        [line if "R_rect" not in line else "R_rect 0 0 0 0 0 0 0 0 0" for line in CALIBRATION.splitlines()],
+        "line 'R_rect' must hold a rotation in its first 3 columns",
+    ),
+    "calibration not finite": (CALIB, CALIBRATION.replace("-1.5", "nan").splitlines(), "line 'Tr_imu_velo' must hold"),
     "calibration line cut off": (CALIB, [*CALIBRATION.splitlines()[:-1], "Tr_imu_velo 1 2"], "must hold 12 numbers"),
     "sequence map broken": (SEQMAP, ["0000 empty 0"], "line 1: got '0000 empty 0', expected"),
     "sequence map empty": (SEQMAP, [], "names no sequence"),

@@ -8,8 +8,9 @@ from typing import get_args
 
 import pytest
 
+from mtp_bench._bundle import card_ids
 from mtp_bench.cards import Source, load_card
-from mtp_bench.sources import describe
+from mtp_bench.sources import about, describe
 from mtp_bench.sources.base import SourcePackage
 
 NAMES = [get_args(section.model_fields["name"].annotation)[0] for section in get_args(get_args(Source)[0])]
@@ -35,3 +36,10 @@ def test_status_of_a_missing_root(env_id: str, tmp_path: Path) -> None:
     assert (status.root, status.usable, status.missing) == (None, False, [])
     about = status.about
     assert all((about.layout, about.licence, about.citation, about.how_to_get))
+
+
+@pytest.mark.parametrize("env_id", card_ids())
+def test_what_is_known_of_a_dataset_needs_no_data(env_id: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path / "cache"))
+    card = load_card(env_id)
+    assert about(card) == describe(card, tmp_path / "data").about

@@ -136,7 +136,7 @@ KITTI: dict[str, tuple[list[str], str]] = {
     "half a frame": ([line(0.5, 1)], "line 1: frame is 0.5, expected a whole number"),
     "flat": ([line(0, 1, size="1.5 0 4")], "line 1: a box with a size that is not above 0"),
     "no number": ([line(0, 1, size="nan 1 4")], "line 1: height is nan, expected a finite number"),
-    "an unknown type": ([line(0, 1, "car")], "line 1: type is 'car', expected one of Car, Van"),
+    "an unknown type": ([line(0, 1, "car")], "line 1: type 'car', expected one of Car, Van"),
 }
 
 
@@ -158,6 +158,7 @@ TABLE: dict[str, tuple[str, str]] = {
     ),
     "a word": (csv("0,1,car,here,1,1,0,4,2,1,1"), "0001.csv, line 2: x is 'here', expected a finite number"),
     "flat": (csv("0,1,car,1,1,1,0,4,0,1,1"), "line 2: w is '0', expected a size above 0"),
+    "degrees": (csv("0,1,car,1,1,1,90,4,2,1,1"), r"line 2: yaw is '90', expected radians, .* np.radians\(yaw\) makes"),
     "half a frame": (csv("0.5,1,car,1,1,1,0,4,2,1,1"), "line 2: frame is '0.5', expected a whole number"),
     "after the end": (csv("9,1,car,1,1,1,0,4,2,1,1"), "line 2: frame 9, but scene '0001' has 9 frames"),
     "cut off": (csv("0,1,car,1,1"), "line 2: more or fewer columns than in the first line"),

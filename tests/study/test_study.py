@@ -120,6 +120,19 @@ def test_the_page_tells_the_whole_story(made: Study) -> None:
     assert text.count("<svg") >= 15
 
 
+def test_the_page_is_heard_as_well(made: Study) -> None:
+    text = made.page.read_text()
+    assert not re.search(r"<th(?! scope=)[ >]", text.split("<main>")[1])
+    tables = [table.split("<tbody>")[1] for table in text.split("<table")[1:]]
+    assert tables
+    assert all(row.strip().startswith('<th scope="row"') for table in tables for row in table.split("<tr>")[1:])
+    assert not re.search(r'<(div class="scroll"|pre)(?! tabindex="0" role="region" aria-label="[^"]+">)', text)
+    assert not re.search(r'<figure class="wide"(?! tabindex="0" aria-label="[^"]+">)', text)
+    names = re.findall(r'<svg role="img" aria-label="([^"]+)"', text)
+    assert len(names) == text.count("<svg")
+    assert all(len(name.split(". ", 1)) == 2 for name in names)
+
+
 def test_nothing_is_run_twice(made: Study, tmp_path: Path, card: str, kitti: str) -> None:
     folder = tmp_path / "again"
     shutil.copytree(made.folder, folder)

@@ -82,6 +82,9 @@ def test_a_figure_says_what_it_is_and_of_how_many() -> None:
     for text in ("It falls", "The error falls & stays < 3 m.", "n: 7 targets.", "hypotheses H", "error, m"):
         assert text in words, text
     assert "The error falls" not in " ".join(ElementTree.fromstring(figure.svg).itertext())  # the page says it
+    for svg in (figure.svg, figure.svg_file):
+        named = ElementTree.fromstring(svg)
+        assert (named.get("role"), named.get("aria-label")) == ("img", "It falls. The error falls & stays < 3 m.")
     assert figure.png.startswith(b"\x89PNG")
     assert b"The error falls" in figure.png
 

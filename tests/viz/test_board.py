@@ -434,6 +434,21 @@ def test_results_under_earlier_definitions_are_a_plain_table_without_ranks(entri
     assert Page(files.page).entries == Page(html).entries
 
 
+def test_the_page_reads_no_dataset(entries: list[Entry], html: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*given: object) -> None:
+        raise AssertionError("the page looks for data")
+
+    monkeypatch.setattr("mtp_bench.sources.describe", refused)
+    assert board_files(entries).page == html
+
+
+def test_the_search_knows_the_authors_that_a_row_has_no_room_for() -> None:
+    authors = [f"Author Number {i}" for i in range(20)]
+    many = made_up("many", submission={"authors": authors, "description": "x"})
+    rows = Page(board_files(board_of(many, made_up("few", 2.0))).page).all("tbody")
+    assert [row.get("data-authors") for row in rows if row.get("id")] == [", ".join(authors), None]
+
+
 HOSTILE_TEXTS = [HOSTILE, "<!--", "\u2028", '" onmouseover="window.hacked=1', "{{ 7 * 7 }}", "'><svg/onload=hacked()>"]
 
 

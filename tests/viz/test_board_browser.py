@@ -130,6 +130,23 @@ def test_text_filters(opened: Browser) -> None:
     assert opened.script(f"return document.querySelector('{FIRST} .none').checkVisibility()")
 
 
+def test_text_means_names_and_authors_alone(browser: Browser, tmp_path: Path) -> None:
+    many = {"authors": [f"Author Number {i}" for i in range(20)], "description": "x", "source": "https://example.org/x"}
+    path = tmp_path / "board.html"
+    write(path, board_of(made_up("many", submission=many), made_up("few", 2.0), made_up("last", 3.0, division="open")))
+    with only(browser, path):
+        for text, found in (
+            ("number 19", ["many"]),
+            ("code", []),
+            ("ada", ["few", "last"]),
+            ("open", []),
+            ("FEW", ["few"]),
+        ):
+            browser.script("document.getElementById('_text').value = ''")
+            browser.type("#_text", text)
+            assert names(browser) == found, text
+
+
 @pytest.mark.parametrize(
     ("control", "value", "kept"),
     [

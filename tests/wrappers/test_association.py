@@ -124,11 +124,11 @@ def test_what_is_no_choice_is_one_clear_error(action: Any, env: AssociationOnly)
 @pytest.mark.parametrize(
     ("name", "value"),
     [("detections", 0), ("detections", 2.5), ("choices", True), ("choices", None), ("near", -1.0), ("near", np.nan),
-     ("near", "far")],
+     ("near", np.inf), ("near", "far")],
 )  # fmt: skip
 def test_a_wrong_size_is_one_clear_error(name: str, value: Any, make_env: MakeEnv) -> None:
     keywords: dict[str, Any] = {name: value}
-    kind = "number" if name == "near" else "whole number"
+    kind = "finite number" if name == "near" else "whole number"
     with pytest.raises(MtpBenchError, match=rf"{name} is {value!r}, expected a {kind} above 0 \(AssociationOnly\)"):
         AssociationOnly(make_env(make_scene()), **keywords)
 

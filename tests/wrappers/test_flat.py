@@ -11,7 +11,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import FlattenObservation
 
-from mtp_bench import ActionError
+from mtp_bench import ActionError, MtpBenchError
 from mtp_bench.env.checks import examine
 from mtp_bench.wrappers import FlattenAction
 from tests.env.test_gymnasium import SMALL, make_small
@@ -51,6 +51,25 @@ def test_no_speed_leads_out_of_the_action_space(card: str, kitti: str) -> None:
     action = fast.action(np.ones(fast.action_space.shape or (), np.float32))
     assert not examine(action, fast.get_wrapper_attr("task")).problems
     assert fast.env.action_space["forecast"].contains(action["forecast"])  # type: ignore[index]
+
+
+WRONG = {"reach": (0, -1.0, float("nan"), float("inf"), "x", True), "speed": (0, -1, float("nan"), None)}
+
+
+@pytest.mark.parametrize(("name", "value"), [(name, value) for name in WRONG for value in WRONG[name]])
+def test_a_reach_or_a_speed_that_is_none(name: str, value: Any, card: str, kitti: str) -> None:
+    said = rf"{name} is {value!r}, expected a finite number above 0 \(FlattenAction\)"
+    with pytest.raises(MtpBenchError, match=said):
+        FlattenAction(make_small(card, kitti, **SMALL), **{name: value})
+
+
+def test_a_reach_beyond_the_coordinates_of_the_env(card: str, kitti: str) -> None:
+    with pytest.raises(MtpBenchError, match=r"reach is 200000\.0, expected at most 100000 m.* \(FlattenAction\)"):
+        FlattenAction(make_small(card, kitti, **SMALL), reach=2e5)
+    far = FlattenAction(make_small(card, kitti, **SMALL), reach=1e5)
+    assert not examine(
+        far.action(np.ones(far.action_space.shape or (), np.float32)), far.get_wrapper_attr("task")
+    ).problems
 
 
 def test_a_random_flat_action_is_sound_and_nothing_is_said_of_it(env: FlattenAction) -> None:

@@ -2,7 +2,7 @@
 
 from ..base import SourcePackage
 from .source import OwnScenes
-from .status import files_status
+from .status import DATASET, files_status
 from .writing import save_scene as save_scene
 
-PACKAGE = SourcePackage(open=OwnScenes, describe=files_status)
+PACKAGE = SourcePackage(open=OwnScenes, about=lambda card: DATASET, describe=files_status)

@@ -15,7 +15,7 @@ from ...errors import DataError, nearest
 from ...files import BROKEN_ARCHIVE, open_regular, why_no_archive
 from ...types import Detections, Scene, Truth
 from .columns import ARRAYS, BOX, Array
-from .content import Content, Rows
+from .content import LARGEST_ID, Content, Rows
 from .surroundings import Arrays, image_arrays, image_of, lane_arrays, lanes_of
 
 MOST_BYTES = 1 << 30  # of the arrays of a scene
@@ -29,12 +29,14 @@ _SURROUND = ("world", "image_", "lane_")  # of these every number is known
 def arrays_of(scene: Scene, classes: Sequence[str]) -> Arrays:
     """Everything that ``scene`` holds but stored tracks; ``classes``: the names of its class ids.
 
-    Raises DataError where its rows are not divided into frames, or have a class that has no name.
+    Raises DataError where its rows are not divided into frames, have a class that has no name, or an object has a
+    number that no object may have.
     """
     names = np.array(classes, dtype=np.str_)
     truth, seen = scene.truth, scene.detections
     for table, rows in (("truth", truth), ("detections", seen)):
         _require_rows(f"scene {scene.name!r}: {table}", rows, scene.frames, len(names))
+    _require_ids(scene)
     arrays: Arrays = {
         "time": scene.time,
         "ego": scene.ego,
@@ -71,6 +73,15 @@ def _require_rows(what: str, rows: Truth | Detections, frames: int, classes: int
     if len(class_id) and (class_id.min() < 0 or class_id.max() >= classes):
         raise DataError(
             f"{what}.class_id has {class_id.min()} to {class_id.max()}, expected places among {classes} classes"
+        )
+
+
+def _require_ids(scene: Scene) -> None:
+    number = np.asarray(scene.truth.object_id)
+    if len(number) and (number.min() < 0 or number.max() > LARGEST_ID):
+        raise DataError(
+            f"scene {scene.name!r}: truth.object_id has {number.min()} to {number.max()}, expected whole numbers from "
+            f"0 to {LARGEST_ID}"
         )
 
 

@@ -14,11 +14,12 @@ from ...errors import DataError, closest
 from ...types import Bools, Detections, Floats, ImageField, Ints, Scene, Truth, starts_of_sorted
 from ..base import class_ids, no_detections, section_of
 from ..motion import backward_velocity
-from ..text import LIMIT
+from ..text import LIMIT, RADIANS, TURN
 from .columns import BOX
 
 LEAST = 1e-6  # m, of the size of a box
-TURN = 8 * np.pi  # rad; an angle that is never wrapped may be some turns beyond one
+FAR = 1e5  # m, of x and y: rollouts keep boxes in single precision, which farther away is too coarse for centimetres
+LARGEST_ID = 2**31 - 1  # of an object: larger ones do not fit into the observations of the env
 OFF = 0.2  # share by which the frames of a scene may be closer or farther apart than the task says
 
 
@@ -165,12 +166,17 @@ def _check(rows: Rows, frames: int) -> None:
     rows.refuse(outside, "frame", lambda at: f"frame {rows.frame[at]}, but the scene has the frames 0 to {frames - 1}")
     for place, column in enumerate(BOX):
         _refuse_beyond(rows, column, rows.box[:, place], LEAST if column in ("l", "w", "h") else -LIMIT, LIMIT)
-    degrees = "expected radians, such as -pi to pi; np.radians(yaw) makes radians of degrees"
-    rows.refuse(np.abs(rows.box[:, 3]) > TURN, "yaw", lambda at: f"{rows.box[at, 3]:g}, {degrees}")
+    for place, column in enumerate(("x", "y")):
+        _refuse_far(rows, column, rows.box[:, place])
+    rows.refuse(np.abs(rows.box[:, 3]) > TURN, "yaw", lambda at: f"{rows.box[at, 3]:g}, {RADIANS}")
     if rows.velocity is not None:
         known = np.where(np.isnan(rows.velocity), 0.0, rows.velocity)
         for place, column in enumerate(("vx", "vy")):
             _refuse_beyond(rows, column, known[:, place], -LIMIT, LIMIT)
+    if "id" in rows.further:
+        number = rows.further["id"]
+        outside = (number < 0) | (number > LARGEST_ID)
+        rows.refuse(outside, "id", lambda at: f"{number[at]}, expected a whole number from 0 to {LARGEST_ID}")
     for column, low, high in (("score", -LIMIT, LIMIT), ("visible", 0.0, 1.0)):
         if column in rows.further:
             _refuse_beyond(rows, column, rows.further[column], low, high)
@@ -181,6 +187,18 @@ def _refuse_beyond(rows: Rows, column: str, value: Floats, low: float, high: flo
         ~((value >= low) & (value <= high)),
         column,
         lambda at: f"{value[at]:g}, expected a number from {low:g} to {high:g}",
+    )
+
+
+def _refuse_far(rows: Rows, column: str, value: Floats) -> None:
+    rows.refuse(np.abs(value) > FAR, column, lambda at: _too_far(value[at]))
+
+
+def _too_far(value: float) -> str:
+    """What is wrong with a coordinate, and what to do."""
+    return (
+        f"{value:.10g}, expected -{FAR:g} to {FAR:g} m: boxes are kept in single precision, so subtract a fixed origin "
+        "from all coordinates, such as the first place of the ego"
     )
 
 
@@ -215,11 +233,21 @@ def _check_time(content: Content, card: Card) -> None:
         )
     if not (np.abs(content.ego) <= LIMIT).all():
         raise DataError(f"{content.where}: the ego has a place that is not finite")
+    far = np.abs(content.ego[:, :2]) > FAR
+    if far.any():
+        at, place = (int(index) for index in np.argwhere(far)[0])
+        got = _too_far(content.ego[at, place])
+        raise DataError(f"{content.where}: {'xy'[place]} of the ego in frame {at} is {got}")
+    require_period(time, card, content.where)
+
+
+def require_period(time: Floats, card: Card, where: str) -> None:
+    """Raise DataError, which begins with ``where``, unless the frames are as far apart as the task of ``card`` says."""
     period = 1.0 / card.task.rate
     found = float(np.median(np.diff(time))) if len(time) > 1 else period
     if abs(found - period) > OFF * period:
         raise DataError(
-            f"{content.where}: frames are {found:g} s apart, but {card.id} has {card.task.rate:g} frames per second: "
+            f"{where}: frames are {found:g} s apart, but {card.id} has {card.task.rate:g} frames per second: "
             f"{_advice(found, period)}"
         )
 

@@ -2,10 +2,11 @@
 
 from ..base import SourcePackage
 from .source import HighwayTraffic, generate
-from .status import highway_status
+from .status import DATASET, highway_status
 
 PACKAGE = SourcePackage(
     open=HighwayTraffic,
+    about=lambda card: DATASET,
     describe=highway_status,
     prepare=generate,
     discard=lambda card: HighwayTraffic(card).discard(),

@@ -29,6 +29,8 @@ ODOMETRY = " ".join(f"{row}{column}" for row in "xyz" for column in "123t")
 
 KINDS = ("Car", "Van", "Truck", "Pedestrian", "Person", "Person_sitting", "Cyclist", "Tram", "Misc", "DontCare")
 
+ROUNDING = 1e-2  # of a rotation in a calibration, whose entries may have few digits
+
 SENSOR_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
@@ -66,6 +68,7 @@ class Oxts:
 def read_labels(path: Path) -> Labels:
     """Labels of one sequence; an empty file gives no rows. DataError names the line that is wrong."""
     table = read_table(path, LABEL, text="type")
+    require_kinds(table)
     value, boxed = table.value, table.text != "DontCare"
     table.refuse_not_finite()
     table.refuse(boxed & (value[:, 10:13] <= 0).any(axis=1), "a box with a size that is not above 0")
@@ -95,8 +98,7 @@ def read_results(path: Path, kind: str) -> StoredDetections:
     NaN and sizes that are not positive are kept. DataError names the line that is wrong.
     """
     table = read_table(path, RESULT, text="type")
-    unknown = ~np.isin(table.text, KINDS)
-    table.refuse(unknown, lambda at: f"type {str(table.text[at])!r}, expected one of {', '.join(KINDS)}")
+    require_kinds(table)
     frame, row = table.whole("frame"), np.flatnonzero(table.text == kind)
     value = table.value[row]
     box = sensor_boxes(value[:, 10:13], value[:, 13:16], value[:, 16])
@@ -104,9 +106,15 @@ def read_results(path: Path, kind: str) -> StoredDetections:
     return StoredDetections(chosen, frame[row], value[:, 17], box)
 
 
+def require_kinds(table: Table) -> None:
+    """Raise DataError for the first row whose type is none of KITTI's."""
+    unknown = ~np.isin(table.text, KINDS)
+    table.refuse(unknown, lambda at: f"type {str(table.text[at])!r}, expected one of {', '.join(KINDS)}")
+
+
 def read_oxts(path: Path) -> Oxts:
-    """GPS/IMU rows of one sequence."""
-    table = read_table(path, OXTS)
+    """GPS/IMU rows of one sequence, at least one."""
+    table = _rows_of_frames(path, OXTS)
     table.refuse_not_finite(11)
     # The file gives the northern velocity before the eastern one.
     return Oxts(geodetic=table.value[:, :3], attitude=table.value[:, 3:6], velocity=table.value[:, [7, 6, 10]])
@@ -114,9 +122,26 @@ def read_oxts(path: Path) -> Oxts:
 
 def read_imu_to_camera(path: Path) -> Floats:
     """Transform ``[4, 4]`` from the GPS/IMU unit to the rectified camera 0: R_rect x Tr_velo_cam x Tr_imu_velo."""
-    rectify = read_calibration(path, ("R_rect", "R0_rect"), 3)
-    camera_from_velo = read_calibration(path, ("Tr_velo_cam", "Tr_velo_to_cam"), 4)
-    return np.asarray(rectify @ camera_from_velo @ read_calibration(path, ("Tr_imu_velo", "Tr_imu_to_velo"), 4))
+    rectify = _read_motion(path, ("R_rect", "R0_rect"), 3)
+    camera_from_velo = _read_motion(path, ("Tr_velo_cam", "Tr_velo_to_cam"), 4)
+    return np.asarray(rectify @ camera_from_velo @ _read_motion(path, ("Tr_imu_velo", "Tr_imu_to_velo"), 4))
+
+
+def _read_motion(path: Path, names: tuple[str, ...], columns: int) -> Floats:
+    """A matrix of `read_calibration` that is a rigid motion."""
+    whole = read_calibration(path, names, columns)
+    turn = whole[:3, :3]
+    if not (np.isfinite(whole).all() and np.allclose(turn @ turn.T, np.eye(3), atol=ROUNDING)):
+        raise DataError(f"{path}: line {names[0]!r} must hold a rotation in its first 3 columns, and finite numbers")
+    return whole
+
+
+def _rows_of_frames(path: Path, columns: str) -> Table:
+    """A table of one row per frame, of which there is one at least."""
+    table = read_table(path, columns)
+    if not len(table.value):
+        raise DataError(f"{path} is empty, expected one row per frame")
+    return table
 
 
 def read_calibration(path: Path, names: tuple[str, ...], columns: int) -> Floats:
@@ -136,7 +161,7 @@ def read_calibration(path: Path, names: tuple[str, ...], columns: int) -> Floats
 
 def read_odometry(path: Path) -> Floats:
     """Poses ``[F, 3, 4]`` camera to world (world = camera axes of frame 0), one row of 12 numbers per frame."""
-    table = read_table(path, ODOMETRY)
+    table = _rows_of_frames(path, ODOMETRY)
     table.refuse_not_finite()
     return table.value.reshape(-1, 3, 4)
 

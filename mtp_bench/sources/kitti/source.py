@@ -88,10 +88,7 @@ class KittiTracking:
     def _length(self, name: str) -> int:
         if name in self._lengths:
             return self._lengths[name]
-        length = len(read_oxts(self.root / f"training/oxts/{name}.txt").attitude)
-        if length == 0:
-            raise DataError(f"{self.root / f'training/oxts/{name}.txt'} is empty, expected one row per frame")
-        return length
+        return len(read_oxts(self.root / f"training/oxts/{name}.txt").attitude)
 
 
 def read_poses(root: Path, name: str, length: int) -> Poses:

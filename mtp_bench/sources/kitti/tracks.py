@@ -17,7 +17,7 @@ from ...types import Floats, Ints, Scene, StoredTracks
 from ..base import DataRoot, ReadTracks, TrackForm, section_of
 from ..text import read_table
 from ..tracks.building import stored_tracks
-from .files import KINDS, RESULT, camera_fields, sensor_boxes
+from .files import RESULT, camera_fields, require_kinds, sensor_boxes
 from .layout import TYPES
 from .poses import Poses
 from .source import KittiTracking
@@ -30,10 +30,9 @@ def read_result(path: Path, scene: Scene, classes: Sequence[str], stride: int, p
     """
     table = read_table(path, RESULT, text="type")
     table.refuse_not_finite()
+    require_kinds(table)
     frame, object_id = table.whole("frame"), table.whole("id")
     types = [TYPES[name][0] for name in classes]
-    strange = ~np.isin(table.text, KINDS)
-    table.refuse(strange, lambda at: f"type is {str(table.text[at])!r}, expected one of {', '.join(KINDS)}")
     class_id = np.array([types.index(text) if text in types else -1 for text in table.text.tolist()], dtype=np.int64)
     used = (class_id >= 0) & (frame % stride == 0)
     last = (scene.frames - 1) * stride

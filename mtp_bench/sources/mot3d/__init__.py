@@ -2,6 +2,6 @@
 
 from ..base import SourcePackage
 from .source import Mot3d
-from .status import mot3d_status
+from .status import about_mot3d, mot3d_status
 
-PACKAGE = SourcePackage(open=Mot3d, describe=mot3d_status)
+PACKAGE = SourcePackage(open=Mot3d, about=about_mot3d, describe=mot3d_status)

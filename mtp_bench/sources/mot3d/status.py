@@ -9,7 +9,7 @@ import numpy as np
 
 from ...cards import Card, Mot3dSource, instead_of_stored
 from ..base import section_of
-from ..dataset import DataStatus
+from ..dataset import Dataset, DataStatus
 from .files import DATASET, DETECTIONS, KNOWN, SEQINFO, TRUTH, Rows, read_detections, read_sequence_info, read_truth
 from .source import needed
 
@@ -34,8 +34,14 @@ def mot3d_status(card: Card, data: str | Path | None) -> DataStatus:
         found.note_detector(instead_of_stored(card))
         _count(found, folder, dict(TOTALS[sequence]), stored=card.detector is None)
 
+    return about_mot3d(card).status(data, folder, inspect)
+
+
+def about_mot3d(card: Card) -> Dataset:
+    """What is known of the sequence of ``card``."""
+    sequence = section_of(card, Mot3dSource).sequence
     cited = f"{DATASET.citation}; {RECORDINGS[sequence]}"
-    return replace(DATASET, name=f"{DATASET.name} {sequence}", citation=cited).status(data, folder, inspect)
+    return replace(DATASET, name=f"{DATASET.name} {sequence}", citation=cited)
 
 
 def _count(found: DataStatus, folder: str, totals: dict[str, int], stored: bool) -> None:

@@ -2,6 +2,7 @@
 
 from ..base import SourcePackage
 from .cameras import scene_images
+from .layout import DATASET
 from .road import scene_lanes
 from .source import NuScenes, prepare_nuscenes
 from .status import nuscenes_status
@@ -9,6 +10,7 @@ from .tracks import FORM
 
 PACKAGE = SourcePackage(
     open=NuScenes,
+    about=lambda card: DATASET,
     describe=nuscenes_status,
     prepare=prepare_nuscenes,
     tracks=FORM,

@@ -20,7 +20,7 @@ from ...errors import DataError
 from ...files import file_stem
 from ...types import Scene, StoredTracks
 from ..base import DataRoot, ReadTracks, TrackForm
-from ..text import LIMIT, MOST_LETTERS, read_text
+from ..text import LIMIT, MOST_LETTERS, RADIANS, TURN, read_text
 from .building import stored_tracks
 
 NUMBERS = ("frame", "x", "y", "z", "yaw", "l", "w", "h")
@@ -112,6 +112,8 @@ def _numbers(path: Path, line: int, row: dict[str, str]) -> list[float]:
         if not abs(value) <= LIMIT or (name == "frame" and value != int(value)) or (name in "lwh" and value <= 0):
             what = {"frame": "a whole number", "l": "a size above 0", "w": "a size above 0", "h": "a size above 0"}
             raise DataError(f"{path}, line {line}: {name} is {text!r}, expected {what.get(name, 'a finite number')}")
+        if name == "yaw" and abs(value) > TURN:
+            raise DataError(f"{path}, line {line}: yaw is {text!r}, {RADIANS}")
         found.append(value)
     return found
 

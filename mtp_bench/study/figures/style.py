@@ -12,6 +12,7 @@ import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ class Figure:
     sentence: str  # what it shows
     n: str  # how many targets, objects and scenes it is of
     wide: bool  # it needs the width of the page
-    svg: str  # for a page: colours are CSS variables, and neither title nor sentence is in it
+    svg: str  # for a page: colours are CSS variables; title and sentence are its name, but are not drawn
     svg_file: str  # alone: with both
     png: bytes
 
@@ -88,7 +89,7 @@ def draw(
         for each in axes:
             _tidy(each)
         canvas.draw_without_rendering()  # panels of equal scales find their places only then
-        svg = _svg(canvas, name)
+        svg = _svg(canvas, name, f"{title}. {sentence}")
         foot = textwrap.fill(f"{sentence} n: {n}.", int(width * _LETTERS))
         png = _png(canvas, title, foot, sentence)
     return Figure(name, title, sentence, n, width > WIDTH * 1.2, svg, _alone(svg, title, foot), png)
@@ -166,8 +167,8 @@ def _tidy(axes: Axes) -> None:
 _FONTS = "font-family: system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif"
 
 
-def _svg(canvas: Any, name: str) -> str:
-    """The drawing as an element of a page: sizes by its box, colours by variables."""
+def _svg(canvas: Any, name: str, label: str) -> str:
+    """The drawing as an element of a page: sizes by its box, colours by variables; ``label``: for those who listen."""
     text = io.StringIO()
     nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
     canvas.savefig(text, format="svg", facecolor="none", metadata=nothing)
@@ -182,7 +183,7 @@ def _svg(canvas: Any, name: str) -> str:
     )
     for key, (light, _) in COLORS.items():
         svg = re.sub(re.escape(light), f"var(--{key})", svg, flags=re.IGNORECASE)
-    return svg.replace("<svg ", f'<svg role="img" data-figure="{name}" ', 1)
+    return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(label)}" data-figure="{name}" ', 1)
 
 
 def _alone(svg: str, title: str, foot: str) -> str:

@@ -104,7 +104,8 @@
     history.replaceState(null, "", hash ? `#${hash}` : location.pathname + location.search);
   };
   const passes = (entry, words, division, level, unranked) => {
-    const text = entry.querySelector(".name").textContent.toLowerCase();
+    const authors = entry.dataset.authors ?? entry.querySelector(".by bdi").textContent;  // all, or those of a short line
+    const text = `${entry.querySelector(".open").textContent} ${authors}`.toLowerCase();
     return (division === "" || (entry.dataset.division ?? "closed") === division) &&
       (level === "" || Number(entry.dataset.level) >= Number(level)) &&
       (unranked || !entry.classList.contains("unranked")) &&

@@ -106,12 +106,14 @@ def _line(
 ) -> Line:
     """What the template shows of one entry in its table."""
     record, curve = entry.record, curve_of(entry)
+    authors = ", ".join(record.submission.authors)
     cells = {column.key: shown(column, entry) for column in board["columns"]}
     return {
         "entry": entry,
         "record": record,
         "reference": entry is board["reference"],
-        "authors": clean_text(", ".join(record.submission.authors), _SHORT),
+        "authors": clean_text(authors, _SHORT),
+        "all_authors": clean_text(authors, len(authors)) if len(authors) > _SHORT else "",  # for the search
         "links": [(label, address) for label, address in _links(entry) if len(address) <= _SHORT],
         "why": "" if entry.compared else clean_text(entry.why.removeprefix(f"{record.status}: "), _SHORT),
         "shared": entry.rank in shared,
@@ -138,12 +140,12 @@ def _about(env_id: str) -> dict[str, str] | None:
     """What a card that ships says of its environment; None for another."""
     from ..._bundle import card_ids
     from ...cards import load_card
-    from ...sources import describe
+    from ...sources import about
 
     if env_id not in card_ids():
         return None
     card = load_card(env_id)
-    data = describe(card).about
+    data = about(card)
     how = "simulated" if card.detector is not None else "stored"
     detections = f"{how} ({card.detector_name})" if card.detector_name else how
     return {"summary": card.summary, "detections": detections, "dataset": data.name, "licence": data.licence}
