@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..agent import FramePredictor, SamplingPredictor, Tracks
+from ..errors import ShapeError, SubmissionError
 from ..types import Floats, Ints, Task
 
 
@@ -24,10 +25,22 @@ class StandingStill:
 
 
 class HedgedPredictor:
-    """Spreads the samples evenly over several predictors; the first ones get what is left over."""
+    """Spreads the samples evenly over several predictors; the first ones get what is left over.
+
+    Raises ShapeError without predictors, SubmissionError for one that draws no samples.
+    """
 
     def __init__(self, predictors: Sequence[SamplingPredictor]) -> None:
         self._predictors = tuple(predictors)
+        if not self._predictors:
+            raise ShapeError("HedgedPredictor got no predictors, expected at least one")
+        for place, predictor in enumerate(self._predictors):
+            if isinstance(predictor, type) or not callable(getattr(predictor, "sample", None)):
+                raise SubmissionError(
+                    f"HedgedPredictor got {_kind(predictor)} as predictor {place}, expected one that draws samples, "
+                    "with sample(tracks, leaf, draw, samples), such as KinematicPredictor(); one with predict(frame) "
+                    "goes into a Pipeline by itself"
+                )
 
     def reset(self, task: Task) -> None:
         """Forget everything."""
@@ -46,3 +59,8 @@ class HedgedPredictor:
         sizes = [share + (i < rest) for i in range(len(self._predictors))]
         parts = [p.sample(tracks, leaf, draw, n) for p, n in zip(self._predictors, sizes, strict=True) if n]
         return np.concatenate(parts, axis=1)
+
+
+def _kind(predictor: object) -> str:
+    """What was given in place of a predictor."""
+    return f"the class {predictor.__name__}" if isinstance(predictor, type) else f"a {type(predictor).__name__}"

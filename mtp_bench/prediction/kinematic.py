@@ -6,6 +6,7 @@ import numpy as np
 
 from ..agent import Tracks
 from ..errors import ShapeError
+from ..shapes import require_finite, require_shape
 from ..tracking.kernels.compile import kernel
 from ..types import Floats, Ints, Task
 from .kalman import NoiseTable, Posterior, filtered, heading_frame
@@ -18,13 +19,17 @@ _NUMBERS = 7  # standard normal numbers per sample: of the state 4, of the accel
 class KinematicPredictor:
     """Samples futures from the state's posterior and a fitted motion noise; a single sample is the mean.
 
-    ``noise``: None takes what was fitted to the task's detector. ``past``: frames of history to use, None for all that
-    the task gives.
+    ``noise``: a row per class of the task; None takes what was fitted to the task's detector. ``past``: frames of
+    history to use, None for all that the task gives.
+
+    Raises ShapeError for noise that no motion can have, and at ``reset`` for noise of another number of classes.
     """
 
     def __init__(self, noise: NoiseTable | None = None, past: int | None = None) -> None:
         if past is not None and past < 1:
             raise ShapeError(f"past is {past}, expected 1 or more frames")
+        if noise is not None:
+            _require_noise(noise)
         self._given = noise
         self._past = past
 
@@ -32,6 +37,10 @@ class KinematicPredictor:
         """Forget everything."""
         self._task = task
         self._noise = self._given or stored_noise(task)
+        if len(self._noise.measurement) != len(task.classes):
+            raise ShapeError(
+                f"got noise of {len(self._noise.measurement)} classes, {task.env_id} has {len(task.classes)}"
+            )
         self._tau = task.dt * np.arange(1, task.future + 1)
         self._frame = 0
 
@@ -62,6 +71,17 @@ class KinematicPredictor:
             rng = np.random.default_rng([self._task.seed, self._frame])
             self._normal = rng.standard_normal((draws, samples, _NUMBERS))
         return self._normal
+
+
+def _require_noise(noise: NoiseTable) -> None:
+    """Raise ShapeError unless the covariances of all states can be positive definite."""
+    classes = len(noise.measurement)
+    for name, values in vars(noise).items():
+        require_shape(f"noise.{name}", values, (classes,) if name == "measurement" else (classes, 2))
+        require_finite(f"noise.{name}", values)
+        positive = name in ("measurement", "speed")  # of these a place and a velocity begin with their variance
+        if not (values > 0 if positive else values >= 0).all():
+            raise ShapeError(f"noise.{name} holds {values.min()}, expected numbers {'above 0' if positive else '>= 0'}")
 
 
 def _table(tracks: Tracks, state: Posterior, noise: NoiseTable) -> Floats:

@@ -6,17 +6,18 @@ puts its probabilities right; one small file per detector in ``presence_models/`
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, final
+from typing import final
 
 import numpy as np
 
+from ..errors import SubmissionError, nearest
 from ..tracks import Tracks
 from ..types import Floats, Ints, Observation, Task
+from .presence_file import LikeFile, read_file
 
 MODELS = Path(__file__).with_name("presence_models")
 DEFAULT = "default"  # of a detector without a file of its own: hits, misses and age
@@ -148,6 +149,8 @@ class LearnedPresence:
     ``model``: file that ``mtp-bench train presence`` wrote. By default the one that ships for the detector, by the part
     of its name before the first hyphen; a detector without one takes ``default.json``, which knows hits, misses and age
     alone.
+
+    Raises SubmissionError at ``reset`` where there is no such file or it holds something else.
     """
 
     def __init__(self, model: str | Path | None = None) -> None:
@@ -182,31 +185,37 @@ def fitted_on(detector: str) -> tuple[str, ...]:
 
     Where one of them is scored, tables and records say "presence trained on scored scenes".
     """
-    content = _read(file_of(detector))
-    if "like" in content:
-        return fitted_on(content["like"])
-    return tuple(name for part in content["fitted_on"] for name in part["scenes"])
+    content = read_file(file_of(detector))
+    if isinstance(content, LikeFile):
+        return fitted_on(content.like)
+    return tuple(name for part in content.fitted_on for name in part.scenes)
 
 
 def read_model(path: Path) -> tuple[PresenceModel, ScoreMap | None]:
-    """The model of a file, and how scores are to be mapped before it."""
-    return _model_of(path.resolve(), path.stat().st_mtime_ns)
+    """The model of a file, and how scores are to be mapped before it.
+
+    Raises SubmissionError, naming the file and what is wrong, where it is no such file.
+    """
+    return _model_of(path.resolve(), path.stat().st_mtime_ns if path.is_file() else 0)
 
 
 @cache
 def _model_of(path: Path, changed: int) -> tuple[PresenceModel, ScoreMap | None]:
     """What the file holds that was changed last at this time, ns: it may be trained again meanwhile."""
-    content = _read(path)
-    if "like" in content:
-        table = {name: np.array(rows) for name, rows in content["score_map"].items()}
-        return read_model(file_of(content["like"]))[0], ScoreMap(table)
+    content = read_file(path)
+    if isinstance(content, LikeFile):
+        _require_known(path, "detector in like", content.like, [file.stem for file in MODELS.glob("*.json")])
+        table = {name: np.array(rows) for name, rows in content.score_map.items()}
+        return read_model(file_of(content.like))[0], ScoreMap(table)
+    for name in content.features:
+        _require_known(path, "feature", name, FEATURES)
     return PresenceModel(
-        features=tuple(content["features"]),
-        **{key: np.array(content[key]) for key in ("low", "high", "center", "scale", "shared", "knots")},
-        classes={name: np.array(row) for name, row in content["classes"].items()},
+        features=tuple(content.features),
+        **{key: np.array(getattr(content, key)) for key in ("low", "high", "center", "scale", "shared", "knots")},
+        classes={name: np.array(row) for name, row in content.classes.items()},
     ), None
 
 
-def _read(path: Path) -> dict[str, Any]:
-    content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return content
+def _require_known(path: Path, kind: str, got: str, known: Iterable[str]) -> None:
+    if got not in (names := tuple(known)):
+        raise SubmissionError(f"{path}: unknown {kind} {got!r}{nearest(got, names)}")

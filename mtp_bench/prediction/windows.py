@@ -59,6 +59,12 @@ class TrackWindows:
         return replace(self, **{f.name: getattr(self, f.name)[rows] for f in fields(TrackWindows)})
 
 
+def shown_as_truth(windows: TrackWindows) -> TrackWindows:
+    """Windows as true pasts show them: sure of every box, and with no count of what came before the window."""
+    hits, age = (np.maximum(seen.sum(axis=1), 1) for seen in (windows.taken, windows.alive))
+    return replace(windows, score=windows.taken.astype(np.float64), hits=hits, age=age)
+
+
 def windows_of(frame: Frame, past: int) -> tuple[TrackWindows, Ints]:
     """The distinct windows of ``past`` frames of a frame's tracks, and the window [N] of each track.
 

@@ -72,8 +72,8 @@ class OnlineTracker:
     """
 
     def __init__(self, make: Make, per_class: bool = False, view: BirdsEye | None = None, gate: float = 2.0) -> None:
-        if not gate > 0:
-            raise ShapeError(f"gate is {gate}, expected metres, a number above 0")
+        if not 0 < gate < np.inf:
+            raise ShapeError(f"gate is {gate}, expected metres, a finite number above 0")
         self._make, self._per_class, self._view, self._gate = make, per_class, view or BirdsEye(), gate
 
     def reset(self, task: Task) -> None:

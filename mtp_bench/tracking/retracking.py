@@ -83,8 +83,8 @@ class ReTracker:
     ) -> None:
         if min(max_misses, min_hits, coasting) < 0:
             raise ShapeError(f"max_misses, min_hits, coasting are {max_misses, min_hits, coasting}, expected 0 or more")
-        if not gate > 0:
-            raise ShapeError(f"gate is {gate}, expected a number above 0")
+        if not 0 < gate < np.inf:
+            raise ShapeError(f"gate is {gate}, expected a finite number above 0")
         self._tracker, self._predictor = tracker, deepcopy(predictor)
         self._max_misses, self._min_hits, self._coasting = max_misses, min_hits, coasting
         self._smooth, self._gate = smooth, gate

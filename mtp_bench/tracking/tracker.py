@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from numbers import Real
+from typing import get_args
 
 import numpy as np
 
@@ -17,7 +19,7 @@ from ..tracks import Affinity
 from ..types import Floats, Ints, Task
 from .joint import joint_k_best, k_best, per_cluster
 from .kernels.affinity_kernels import CENTER_DISTANCE, GIOU_3D, IOU_3D, sparse_pairs
-from .parameters import ClassParameters, ab3dmot_parameters
+from .parameters import Assignment, ClassParameters, ab3dmot_parameters
 from .tree import HypothesisTree, Seen
 
 ASSIGNMENTS = ("hungarian", "as_parameters", "greedy")
@@ -52,6 +54,7 @@ class HypothesisTracker:
             raise ShapeError(f"assignment is {assignment!r}, expected {' or '.join(map(repr, ASSIGNMENTS))}")
         if assignment != "hungarian" and hypotheses > 1:
             raise ShapeError(f"assignment {assignment!r} works with 1 hypothesis, got {hypotheses}")
+        _require_scores(min_detection_score)
         self._hypotheses = hypotheses
         self._given = parameters
         self._temperature = temperature
@@ -127,6 +130,17 @@ class HypothesisTracker:
         )
 
 
+def _require_scores(least: float | Mapping[str, float] | None) -> None:
+    """Raise ShapeError unless the least scores are numbers."""
+    named = least if isinstance(least, Mapping) else {} if least is None else {"": least}
+    for name, value in named.items():
+        if isinstance(value, bool) or not isinstance(value, Real) or np.isnan(float(value)):
+            of = f" of {name!r}" if name else ""
+            raise ShapeError(
+                f"min_detection_score{of} is {value!r}, expected a number, a number per class name, or None for no cut"
+            )
+
+
 def _per_class(least: float | Mapping[str, float] | None, task: Task) -> Floats:
     """The least score of each class of the task [C]; raises UnknownNameError for a name that is none of them."""
     if not isinstance(least, Mapping):
@@ -180,8 +194,11 @@ class PairRules:
 
 
 def rules_of(parameters: Sequence[ClassParameters]) -> PairRules:
-    """The rules of C classes; raises UnknownNameError for an affinity that does not exist."""
+    """The rules of C classes; raises UnknownNameError for an unknown affinity, ShapeError for an unknown assignment."""
     for rule in parameters:
+        if rule.assignment not in get_args(Assignment):
+            allowed = " or ".join(map(repr, get_args(Assignment)))
+            raise ShapeError(f"assignment of ClassParameters is {rule.assignment!r}, expected {allowed}")
         if rule.affinity not in _KINDS:
             raise UnknownNameError("affinity", rule.affinity, _KINDS)
     kinds = np.array([_KINDS[rule.affinity] for rule in parameters], dtype=np.int64)

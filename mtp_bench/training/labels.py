@@ -32,7 +32,8 @@ class SceneLabels:
     def __init__(self, scene: Scene, card: Card, local: LocalFrame, feed: Feed) -> None:
         judged = evaluated(scene)
         truth = judged.truth
-        self._scene, self._gate = judged, np.asarray(card.per_class(card.task.forecast_gate))
+        self._scene, self._local = judged, local
+        self._gate = np.asarray(card.per_class(card.task.forecast_gate))
         self._ids, self._object = np.unique(truth.object_id, return_inverse=True)  # objects by their place in `_ids`
         self._box = local.to_local(truth.box)
         self._place = np.full((len(self._ids) + 1, scene.frames + card.task.future, 2), np.nan)  # the last: no object
@@ -41,7 +42,8 @@ class SceneLabels:
         targets = find_targets(scene, card)
         self._target = np.zeros(self._place.shape[:2], dtype=bool)
         self._target[self._object[targets.row], targets.frame] = True
-        self._start, self._of_row = feed.start, self._objects_of(feed)
+        # The last row stands for "no detection in the past that is kept".
+        self._start, self._of_row = feed.start, np.append(self._objects_of(feed), UNKNOWN)
 
     def _objects_of(self, feed: Feed) -> Ints:
         """The object [R] of each detection shown: the nearest of its class inside the gate."""
@@ -88,12 +90,11 @@ class SceneLabels:
             return self._nearest(t, windows.box[:, -1], windows.class_id)
         back = (windows.detection[:, ::-1] >= 0).argmax(axis=1)
         row = windows.detection[np.arange(len(windows)), -1 - back]
-        found = self._of_row[self._start[np.maximum(t - back, 0)] + np.maximum(row, 0)]
-        return np.where(row >= 0, found, UNKNOWN)
+        return self._of_row[np.where(row >= 0, self._start[np.maximum(t - back, 0)] + row, -1)]
 
     def _unless_neutral(self, t: int, windows: TrackWindows, follows: Ints) -> Ints:
         """UNKNOWN for what follows nothing where no label could tell."""
         nothing = np.flatnonzero(follows == NOTHING)
-        xy = windows.box[nothing, -1, :2]
+        xy = self._local.to_scene(windows.box[nothing, -1])[:, :2]
         hidden = neutral_places(self._scene, np.full(len(nothing), t), xy, windows.class_id[nothing])
         return np.where(np.isin(np.arange(len(follows)), nothing[hidden]), UNKNOWN, follows)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -56,12 +57,24 @@ class Request:
 def learnable(request: Request, options: RunOptions = DEFAULTS) -> Windows:
     """The windows that a request learns from: those that are `taught`.
 
-    For a network that sees whole frames, also those that the others see.
+    For a network that sees whole frames, also those that the others see. Raises MtpBenchError for an env that is named
+    twice, and for envs that are not alike.
     """
+    _require_each_once([options.card(env_id).id for env_id in (request.env_id, *request.also)])
     parts = [_learnable(env_id, request, options) for env_id in (request.env_id, *request.also)]
     for part in parts[1:]:
         _require_alike(parts[0].task, part.task)
     return together(parts)
+
+
+def _require_each_once(env_ids: Sequence[str]) -> None:
+    """Raise MtpBenchError for an env that comes twice: its scenes would be learnt twice."""
+    for place, env_id in enumerate(env_ids):
+        if env_id in env_ids[:place]:
+            raise MtpBenchError(
+                f"{env_id} is named twice among the envs to learn from ({', '.join(env_ids)}), expected each once; "
+                "--also names further envs beside that of --env"
+            )
 
 
 def _require_alike(task: Task, other: Task) -> None:
@@ -111,16 +124,15 @@ def lesson_of(network: Network, found: Windows, sizes: Sizes) -> Lesson:
 def validation_rows(found: Windows) -> np.ndarray:
     """The windows [n] that tell when to stop: of a tenth of the scenes; of few scenes, of the last fifth of each.
 
-    The last fifth is of the frames in which whole futures are known.
+    Scenes of several envs that show the same traffic count as one scene: none of them is learnt from while another one
+    is validated on. The last fifth is of the frames in which whole futures are known.
     """
-    scenes = np.unique(found.scene)
-    if len(scenes) >= FEW_SCENES:
-        names = [found.names[number] for number in scenes]
-        chosen = held_out(names, (1, min(10, len(scenes))))
-        return np.isin(found.scene, [found.names.index(name) for name in chosen])
+    names = tuple(dict.fromkeys(found.own_names[number] for number in np.unique(found.scene)))
+    if len(names) >= FEW_SCENES:
+        return found.of_scenes(held_out(names, (1, min(10, len(names)))))
     rows = np.zeros(len(found), dtype=bool)
-    for number in scenes:
-        mine = found.scene == number
+    for name in names:
+        mine = found.of_scenes([name])
         whole = mine & found.future_known.all(axis=1)
         if whole.any():
             rows |= mine & (found.frame > np.quantile(found.frame[whole], 0.8))

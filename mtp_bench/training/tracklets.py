@@ -51,6 +51,9 @@ class Windows(TrackWindows):
     frame: Ints  # [n]
     moment: Ints  # [n] the frame among all frames of all scenes
     names: tuple[str, ...]
+    # Of each scene, its name in its own env. Scenes of several envs with one name show the same traffic: what is held
+    # out of one env must not be learnt from another one.
+    own_names: tuple[str, ...]
     seen: Surroundings  # the detections of all frames of all scenes
     task: Task
     envs: tuple[str, ...]  # ids; where there are several the task is that of the first
@@ -66,8 +69,13 @@ class Windows(TrackWindows):
 
     def split(self, fold: Fold) -> tuple[Windows, Windows]:
         """The windows to learn from, and those of the scenes of a fold, which are held out."""
-        away = np.isin(self.scene, [self.names.index(name) for name in held_out(self.names, fold)])
+        away = self.of_scenes(held_out(tuple(dict.fromkeys(self.own_names)), fold))
         return self.those(~away), self.those(away)
+
+    def of_scenes(self, own_names: Sequence[str]) -> Bools:
+        """The windows [n] of the scenes that have one of these names in their own env."""
+        wanted = set(own_names)
+        return np.asarray(np.array([name in wanted for name in self.own_names])[self.scene])
 
     def neighbours(self, row: int) -> Ints:
         """The other windows of the same frame that the heaviest hypothesis holds."""
@@ -83,7 +91,8 @@ class Windows(TrackWindows):
 
 
 AROUND = ("box", "velocity", "class_id", "score")  # columns of `Surroundings`
-BY_WINDOW = tuple(f.name for f in fields(Windows) if f.name not in ("names", "seen", "task", "envs"))
+_WHOLE = ("names", "own_names", "seen", "task", "envs")  # fields that have no value per window
+BY_WINDOW = tuple(f.name for f in fields(Windows) if f.name not in _WHOLE)
 
 
 def windows(
@@ -103,8 +112,10 @@ def windows(
     of the card; of true boxes, the object itself. Tracks of which that cannot be said, for the truth is not complete or
     neutral there, are left out. What the tracker of a whole number of hypotheses says is kept in the cache; one
     of your own runs each time, for nobody knows what it depends on. Progress is told to ``options.progress``.
-    Raises UnknownNameError for a scene that is not there, MtpBenchError where there is nothing to learn from.
+    Raises UnknownNameError for a scene that is not there, MtpBenchError for another ``tracker`` and where there is
+    nothing to learn from.
     """
+    _require_tracker(tracker)
     first = scenes if isinstance(scenes, int) else options.scenes
     opened = open_split(env_id, replace(options, split=split, scenes=first))
     names = opened.names if scenes is None or isinstance(scenes, int) else tuple(scenes)
@@ -121,6 +132,22 @@ def windows(
     return joined(parts, names, task)
 
 
+def _require_tracker(tracker: object) -> None:
+    """Raise MtpBenchError for what is neither a tracker nor stands for one."""
+    if isinstance(tracker, str):
+        known = tracker == TRUTH
+    elif isinstance(tracker, int):
+        known = tracker >= 1 and not isinstance(tracker, bool)
+    else:
+        is_one = all(callable(getattr(tracker, name, None)) for name in ("reset", "step"))
+        known = is_one and not isinstance(tracker, type)
+    if not known:
+        raise MtpBenchError(
+            f"tracker is {tracker!r}, expected {TRUTH!r}, a number of hypotheses of at least 1, or a tracker of your "
+            "own, with reset(task) and step(observation)"
+        )
+
+
 def joined(parts: Sequence[Arrays], names: Sequence[str], task: Task) -> Windows:
     """The windows of several scenes, each as `scene_arrays` gives it."""
     first = np.cumsum([0, *(len(part["seen_start"]) - 1 for part in parts)])
@@ -132,7 +159,8 @@ def joined(parts: Sequence[Arrays], names: Sequence[str], task: Task) -> Windows
     count = np.concatenate([np.diff(part["seen_start"]) for part in parts])
     rows = {name: np.concatenate([part[name] for part in parts]) for name in BY_WINDOW}
     surroundings = Surroundings(starts_of(count), **seen, before=before)
-    return Windows(**rows, names=tuple(names), seen=surroundings, task=task, envs=(task.env_id,))
+    own = tuple(names)
+    return Windows(**rows, names=own, own_names=own, seen=surroundings, task=task, envs=(task.env_id,))
 
 
 def together(parts: Sequence[Windows]) -> Windows:
@@ -147,8 +175,10 @@ def together(parts: Sequence[Windows]) -> Windows:
     seen = {name: np.concatenate([getattr(part.seen, name) for part in parts]) for name in (*AROUND, "before")}
     start = starts_of(np.concatenate([part.seen.counts for part in parts]))
     names = tuple(f"{part.task.env_id} {name}" if len(parts) > 1 else name for part in parts for name in part.names)
-    envs = tuple(env for part in parts for env in part.envs)
-    return Windows(**rows, names=names, seen=Surroundings(start, **seen), task=parts[0].task, envs=envs)
+    own_names, envs = (tuple(one for part in parts for one in getattr(part, name)) for name in ("own_names", "envs"))
+    return Windows(
+        **rows, names=names, own_names=own_names, seen=Surroundings(start, **seen), task=parts[0].task, envs=envs
+    )
 
 
 def _scene_arrays(card: Card, data: str | None, task: Task, tracker: Tracker | int | str, name: str) -> Arrays:

@@ -17,7 +17,11 @@ from ..sources.cache import Arrays, cache_root, content_hash, read_arrays, write
 from ..types import Scene
 
 _LIBRARY = Path(__file__).parents[1]
-_MAKERS = ("env/observation.py", "prediction/windows.py", "scoring/targets.py", "scoring/neutral.py", "tracks.py")
+_MAKERS = (
+    *("geometry.py", "tracks.py", "prediction/windows.py"),
+    *("env/action.py", "env/observation.py", "env/spaces.py"),
+    *("scoring/definitions.py", "scoring/events.py", "scoring/neutral.py", "scoring/targets.py"),
+)
 
 
 def kept(scene: Scene, asked: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
@@ -36,6 +40,7 @@ def kept(scene: Scene, asked: tuple[Any, ...], make: Callable[[], Arrays]) -> Ar
 def _arrays_of(scene: Scene) -> Arrays:
     """Everything of a scene that windows can depend on."""
     arrays: Arrays = {"time": scene.time, "ego": scene.ego, "name": np.array(scene.name)}
+    arrays |= {name: np.array(getattr(scene, name)) for name in ("truth_complete", "listed_targets")}
     for part in ("truth", "detections", "image"):
         table = getattr(scene, part)
         if table is not None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mtp_bench.prediction import HedgedPredictor, StandingStill
+from mtp_bench.errors import ShapeError, SubmissionError
+from mtp_bench.prediction import HedgedPredictor, LearnedPredictor, StandingStill
 from mtp_bench.tracks import Tracks
 from mtp_bench.types import Floats, Ints, Task
 from tests.support.tracking_scenes import kitti_task, tracks_with_past
@@ -67,6 +68,15 @@ def test_standing_still_is_the_last_box_repeated() -> None:
     still.reset(TASK)
     futures = still.sample(tracks_with_past(np.stack([PAST] * 3)), np.array([2, 0]), np.zeros(2, dtype=np.int64), 3)
     np.testing.assert_array_equal(futures, np.broadcast_to([30.0, -20.0], (2, 3, 10, 2)))
+
+
+def test_what_cannot_be_hedged() -> None:
+    with pytest.raises(ShapeError, match="got no predictors, expected at least one"):
+        HedgedPredictor([])
+    with pytest.raises(SubmissionError, match="a LearnedPredictor as predictor 1, expected one that draws samples"):
+        HedgedPredictor([StandingStill(), LearnedPredictor()])  # type: ignore[list-item]
+    with pytest.raises(SubmissionError, match="the class StandingStill as predictor 0"):
+        HedgedPredictor([StandingStill])  # type: ignore[list-item]
 
 
 def test_no_tracks_no_samples() -> None:

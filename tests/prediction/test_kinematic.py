@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -195,6 +196,33 @@ def test_a_shorter_past_is_the_past_cut_off() -> None:
     np.testing.assert_array_equal(predict(tracks_with_past(past), past=10), predict(tracks_with_past(past)))
     with pytest.raises(ShapeError, match="past is 0"):
         KinematicPredictor(past=0)
+
+
+NO_NOISE = {
+    "measurement": (0.0, "noise.measurement holds 0.0, expected numbers above 0"),
+    "speed": (0.0, "noise.speed holds 0.0, expected numbers above 0"),
+    "jerkiness": (-1.0, "noise.jerkiness holds -1.0, expected numbers >= 0"),
+    "acceleration": (np.nan, r"noise.acceleration\[0, 0\] is nan, expected a finite number"),
+}
+
+
+@pytest.mark.parametrize("name", NO_NOISE)
+def test_noise_that_no_motion_has_is_one_clear_error(name: str) -> None:
+    value, message = NO_NOISE[name]
+    with pytest.raises(ShapeError, match=message):
+        KinematicPredictor(replace(NOISE, **{name: np.full_like(getattr(NOISE, name), value)}))
+
+
+def test_noise_of_another_form_is_one_clear_error() -> None:
+    with pytest.raises(ShapeError, match=r"noise.speed has shape \(3,\), expected \(3, 2\)"):
+        KinematicPredictor(replace(NOISE, speed=NOISE.measurement))
+    with pytest.raises(ShapeError, match="got noise of 3 classes, test has 1"):
+        KinematicPredictor(NOISE).reset(kitti_task(classes=("car",)))
+
+
+def test_noise_of_objects_that_never_change_their_motion() -> None:
+    still = replace(NOISE, jerkiness=np.zeros((3, 2)), acceleration=np.zeros((3, 2)))
+    assert np.isfinite(predict(tracks_with_past(arc(5.0, 0.0)[None]), noise=still)).all()
 
 
 def test_everything_a_tracker_says_gets_finite_samples() -> None:

@@ -13,6 +13,7 @@ import pytest
 
 from mtp_bench import load_submission
 from mtp_bench.cards import load_card
+from mtp_bench.errors import SubmissionError
 from mtp_bench.prediction import LearnedPresence
 from mtp_bench.prediction.presence import (
     FEATURES,
@@ -161,6 +162,57 @@ def test_a_file_of_ones_own(tmp_path: Path) -> None:
     os.utime(file, ns=(0, 0))  # whatever the clock of the file system
     presence.reset(kitti_task())
     assert presence.probability(tracks, {}).tolist() == [0.375, 0.375], "a model that was trained again is read again"
+
+
+MINE = {
+    "features": ["log_hits", "unseen"], "low": [0, 0], "high": [1, 1], "center": [0, 0], "scale": [1, 1],
+    "shared": [0, 0, 0], "classes": {}, "knots": [[0, 1], [0, 0.5]],
+}  # fmt: skip
+LIKE = {"like": "megvii", "score_map": {"car": [[0, 1], [0, 0.5]]}}
+NO_MODELS: dict[str, tuple[Any, str]] = {
+    "no table": ([], "holds list, expected a table"),
+    "nothing": ({}, "key 'features' is missing"),
+    "an unknown key": ({**MINE, "shard": []}, "unknown key 'shard': did you mean 'shared'"),
+    "an unknown feature": ({**MINE, "features": ["log_hit", "unseen"]}, "unknown feature 'log_hit': did you mean"),
+    "no features": ({**MINE, "features": []}, "features: got "),
+    "too few numbers": ({**MINE, "low": [0]}, "low: got .*: 1 numbers, expected 2 for its features"),
+    "text": ({**MINE, "high": ["1", "2"]}, "high.0: got '1'"),
+    "no spread": ({**MINE, "scale": [1, 0]}, "scale.1: got 0"),
+    "half of the products": ({**MINE, "shared": [0] * 5}, "shared: got .*: 5 numbers, expected 3 or 6"),
+    "a short class": ({**MINE, "classes": {"car": [0]}}, "classes: got .*: 1 numbers for 'car', expected 3"),
+    "one knot": ({**MINE, "knots": [[0], [0]]}, "knots: got .*, expected two lists of one length, at least 2"),
+    "knots that fall": ({**MINE, "knots": [[1, 0], [0, 1]]}, "knots: got .*: expected a first list whose numbers rise"),
+    "no probabilities": ({**MINE, "knots": [[0, 1], [0, 2]]}, "knots: got .*: expected numbers from 0 to 1"),
+    "like nobody": ({**LIKE, "like": "megvi"}, "unknown detector in like 'megvi': did you mean 'megvii'"),
+    "a map of one score": ({**LIKE, "score_map": {"car": [[0], [0]]}}, "score_map.car: got "),
+}
+
+
+@pytest.mark.parametrize("name", NO_MODELS)
+def test_a_file_that_is_no_model_is_one_clear_error(name: str, tmp_path: Path) -> None:
+    content, message = NO_MODELS[name]
+    file = tmp_path / "mine.json"
+    file.write_text(json.dumps(content))
+    with pytest.raises(SubmissionError, match=f"mine.json: {message}"):
+        LearnedPresence(file).reset(kitti_task())
+
+
+def test_a_file_that_cannot_be_read_is_one_clear_error(tmp_path: Path) -> None:
+    with pytest.raises(SubmissionError, match=r"none.json: cannot be read: no such file"):
+        LearnedPresence(str(tmp_path / "none.json")).reset(kitti_task())
+    (tmp_path / "text.json").write_text("not json")
+    with pytest.raises(SubmissionError, match=r"text.json: not valid JSON"):
+        LearnedPresence(tmp_path / "text.json").reset(kitti_task())
+    with pytest.raises(SubmissionError, match="folder"):
+        LearnedPresence(tmp_path).reset(kitti_task())
+
+
+def test_files_of_both_kinds_are_read(tmp_path: Path) -> None:
+    file = tmp_path / "mine.json"
+    for content in (MINE, LIKE):
+        file.write_text(json.dumps(content))
+        os.utime(file, ns=(0, len(content)))  # whatever the clock of the file system
+        LearnedPresence(file).reset(kitti_task())
 
 
 BASELINES = ["stp", "mtp", "ab3dmot", "stp_same_budget", "stp_hedged", "stp_cut", "mtp_cut"]

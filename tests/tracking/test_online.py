@@ -214,8 +214,9 @@ def test_what_cannot_be_updated() -> None:
 
 
 def test_wrong_settings() -> None:
-    with pytest.raises(ShapeError, match="gate is 0"):
-        OnlineTracker(OurOwn, gate=0)
+    for gate in (0, np.inf, np.nan):
+        with pytest.raises(ShapeError, match=f"gate is {gate}, expected metres, a finite number above 0"):
+            OnlineTracker(OurOwn, gate=gate)
     with pytest.raises(ShapeError, match="scale is 0"):
         BirdsEye(0)
     with pytest.raises(ShapeError, match="padding is -1"):

@@ -212,7 +212,10 @@ def test_several_hypotheses_need_parents() -> None:
     assert [after.track_id.tolist() for after in run(one, [frame((0, 0, PEDESTRIAN))], TASK)] == [[0]]
 
 
-@pytest.mark.parametrize("wrong", [{"gate": 0.0}, {"min_hits": -1}, {"coasting": -1}, {"max_misses": -1}])
+WRONG = [{"gate": 0.0}, {"gate": np.inf}, {"gate": np.nan}, {"min_hits": -1}, {"coasting": -1}, {"max_misses": -1}]
+
+
+@pytest.mark.parametrize("wrong", WRONG)
 def test_wrong_settings_are_errors(wrong: dict[str, float]) -> None:
     with pytest.raises(ShapeError, match=next(iter(wrong))):
         ReTracker(HypothesisTracker(), KinematicPredictor(), **wrong)  # type: ignore[arg-type]

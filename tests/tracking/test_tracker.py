@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -125,6 +128,9 @@ def test_wrong_settings_are_errors() -> None:
         HypothesisTracker().reset(kitti_task(detector="pointrcn"))
     with pytest.raises(UnknownNameError, match="class for detector 'pointrcnn' 'bicycle'"):
         HypothesisTracker().reset(kitti_task(classes=("bicycle",)))
+    misspelt = replace(CAR_RULE, assignment="Hungarian")  # type: ignore[arg-type]
+    with pytest.raises(ShapeError, match="assignment of ClassParameters is 'Hungarian', expected 'hungarian' or 'gree"):
+        HypothesisTracker(1, (misspelt,), assignment="as_parameters").reset(kitti_task(classes=("car",)))
     with pytest.raises(SubmissionError, match='observe="truth"'):
         TruthTracker().reset(kitti_task())
 
@@ -153,5 +159,14 @@ def test_weak_detections_are_ignored() -> None:
     assert rows(2.0) == [1, 2]
     assert rows({"cyclist": 2.5}) == [0, 2]
     assert rows({"car": 9.0, "cyclist": 9.0}) == []
+    assert rows(np.float32(2.0)) == [1, 2]  # type: ignore[arg-type]
     with pytest.raises(UnknownNameError, match="unknown class in min_detection_score 'cars'"):
         rows({"cars": 1.0})
+
+
+@pytest.mark.parametrize("wrong", [np.nan, "0.3", True, [0.3]])
+def test_cuts_that_are_no_numbers_are_one_clear_error(wrong: Any) -> None:
+    with pytest.raises(ShapeError, match=r"min_detection_score is .*, expected a number, a number per class name"):
+        HypothesisTracker(min_detection_score=wrong)
+    with pytest.raises(ShapeError, match=r"min_detection_score of 'car' is .*, expected a number"):
+        HypothesisTracker(min_detection_score={"car": wrong})

@@ -14,11 +14,13 @@ from mtp_bench.errors import MtpBenchError, UnknownNameError
 from mtp_bench.prediction.learned.registry import network_of
 from mtp_bench.prediction.learned.weights import find_weights, read_weights
 from mtp_bench.running.folds import fold_of, held_out
+from mtp_bench.running.options import RunOptions
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.training.fitting import Plan, device_of, one_cycle
 from mtp_bench.training.losses import Tensors, mode_distance, varied
 from mtp_bench.training.predictors import Request, learnable, taught, train_predictor, validation_rows
-from mtp_bench.training.tracklets import Windows, joined, scene_arrays
+from mtp_bench.training.tracklets import Windows, joined, scene_arrays, together
+from mtp_bench.types import Bools
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import make_scene, task, write_card, write_kitti
 
@@ -124,6 +126,24 @@ def test_validation_is_of_whole_scenes_where_there_are_enough(found: Windows) ->
         assert few.frame[mine & rows].min() > few.frame[mine & ~rows].max()
 
 
+@pytest.mark.parametrize("names", ["abcdefg", "abc"])
+def test_no_scene_is_learnt_from_whose_twin_of_another_env_is_validated_on(names: str, tmp_path: Path) -> None:
+    """Two envs may show the same traffic, each with its own detector."""
+    one = windows_of_scenes(tmp_path, names, frames=12)
+    both = together([one, replace(one, task=task(env_id="MTP-SmallRaw-v0"))])
+    rows = validation_rows(both)
+    validated, learnt = shown_in(both, rows), shown_in(both, ~rows)
+    assert validated
+    assert not validated & learnt
+    for env in (0, 1):
+        assert shown_in(both, rows & (both.scene // len(names) == env)) == validated
+
+
+def shown_in(found: Windows, rows: Bools) -> set[tuple[str, int]]:
+    """What these windows show: scenes by their own names, and frames."""
+    return {(found.own_names[found.scene[row]], int(found.frame[row])) for row in np.flatnonzero(rows)}
+
+
 TOO_SHORT = {
     "few scenes without a whole future": ("abc", 3, "scenes 3, windows to learn from 18, windows to validate on 0"),
     "few scenes without a last fifth": ("abc", 5, "scenes 3, windows to learn from 18, windows to validate on 0"),
@@ -221,6 +241,13 @@ def test_envs_that_are_not_alike(tmp_path: Path) -> None:
     assert request.also
     with pytest.raises(MtpBenchError):
         learnable(replace(request, env_id="MTP-Nowhere-v0"))
+
+
+@pytest.mark.parametrize("also", [("MTP-Merge-v0", "MTP-Merge-v0"), ("MTP-Merge-v0", "MTP-Highway-v0")])
+def test_an_env_that_is_named_twice_is_one_clear_error(also: tuple[str, ...]) -> None:
+    request = Request("codebook", "MTP-Highway-v0", also=also)
+    with pytest.raises(MtpBenchError, match=f"{also[1]} is named twice among the envs .* expected each once"):
+        learnable(request, RunOptions(scenes=1))
 
 
 def test_weights_lie_where_agents_look_whatever_the_card_is_called(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,10 +14,10 @@ from mtp_bench.cards import load_card
 from mtp_bench.env.observation import LocalFrame
 from mtp_bench.errors import MtpBenchError, UnknownNameError
 from mtp_bench.running.options import RunOptions
-from mtp_bench.tracking import HypothesisTracker, TruthTracker
+from mtp_bench.tracking import ClassParameters, HypothesisTracker, TruthTracker
 from mtp_bench.training.labels import UNKNOWN
 from mtp_bench.training.tracklets import Windows, joined, scene_arrays, together, windows
-from mtp_bench.types import Scene
+from mtp_bench.types import ImageField, Scene
 from tests.support.small_scenes import bare_scene, make_scene, write_card, write_kitti
 from tests.support.small_scenes import task as small_task
 
@@ -85,6 +86,44 @@ def test_tracks_of_neutral_objects_are_left_out(tmp_path: Path) -> None:
     assert UNKNOWN not in found.object_id
 
 
+def test_a_track_that_was_not_seen_in_its_whole_window_is_left_out(tmp_path: Path) -> None:
+    """Two frames are kept: the walker is lost in frame 4, and in the last frame nothing is seen at all."""
+    scene = make_scene(empty=(7,))
+    seen = scene.detections
+    seen = seen.those((seen.class_id == 0) | (seen.frame_of_rows < 4))
+    rules = tuple(ClassParameters("hungarian", "center_distance", 2.0, 1, 9) for _ in range(2))
+    card, task = load_card(write_card(tmp_path)), small_task()
+    part = scene_arrays(replace(scene, detections=seen), card, task, HypothesisTracker(parameters=rules))
+    followed = {t: set(part["object_id"][part["frame"] == t].tolist()) for t in range(8)}
+    assert followed == {t: {3, 5, 7} if t < 5 else {3, 7} for t in range(8)}
+
+
+def camera_at(place: tuple[float, float], looks: float, frames: int = 8) -> ImageField:
+    """A camera at x y of the scene that looks along x (1) or against it (-1), 90 degrees wide."""
+    f = 2000.0  # pixels to the metre, 1 m ahead
+    into = np.array([[f * looks, -f * looks, 0.0, 0.0], [f / 2 * looks, 0.0, -f, 0.0], [looks, 0.0, 0.0, 0.0]])
+    into[:, 3] = -into[:, 0] * place[0] - into[:, 1] * place[1]
+    return ImageField(
+        projection=np.tile(into, (frames, 1, 1)),
+        height=np.zeros(frames),
+        heading=np.zeros(frames),
+        size=(4000, 2000),
+        region=np.zeros((0, 4)),
+        region_start=np.zeros(frames + 1, dtype=int),
+        box_size=np.array([[4.0, 1.8, 1.5], [0.6, 0.6, 1.8]]),
+    )
+
+
+def test_what_follows_nothing_is_a_negative_where_labels_could_tell(tmp_path: Path) -> None:
+    """The image is of the scene's frame of reference; tracks are in that of the observations, turned and moved."""
+    scene = make_scene()
+    ghosts = replace(scene, detections=replace(scene.detections, box=scene.detections.box + np.eye(7)[0] * 50))
+    in_sight = windows_of_scenes(tmp_path, replace(ghosts, image=camera_at((20, 10), 1)))
+    assert in_sight.negative.all()
+    assert len(in_sight) == len(windows_of_scenes(tmp_path, ghosts))
+    assert len(windows_of_scenes(tmp_path, replace(ghosts, image=camera_at((20, 10), -1)))) == 0
+
+
 def test_targets_are_those_of_the_scorer(tmp_path: Path) -> None:
     found = windows_of_scenes(tmp_path, make_scene(frames=8))
     assert set(found.frame[found.target].tolist()) == {1, 2, 3, 4}  # two past frames, three future ones
@@ -124,6 +163,17 @@ def test_folds_are_whole_scenes(tmp_path: Path) -> None:
         found.split((1, 5))
 
 
+def test_a_fold_takes_a_scene_out_of_all_envs_that_show_it(tmp_path: Path) -> None:
+    one = windows_of_scenes(tmp_path, *(make_scene(name) for name in "abcd"))
+    both = together([one, replace(one, task=small_task(env_id="MTP-SmallRaw-v0"))])
+    for number in (1, 2, 3, 4):
+        parts = both.split((number, 4))
+        learnt, away = ({both.names[scene] for scene in part.scene.tolist()} for part in parts)
+        (name,) = {one.names[scene] for scene in one.split((number, 4))[1].scene.tolist()}
+        assert away == {f"MTP-Small-v0 {name}", f"MTP-SmallRaw-v0 {name}"}
+        assert len(learnt) == 6
+
+
 def test_envs_together(tmp_path: Path) -> None:
     one = windows_of_scenes(tmp_path, make_scene("a"))
     both = together([one, one])
@@ -147,6 +197,14 @@ def test_from_a_data_root_and_from_the_cache(tmp_path: Path, monkeypatch: pytest
     assert len(list((tmp_path / "cache" / "windows").iterdir())) == len(files)
     with pytest.raises(UnknownNameError, match="scene"):
         windows(card, "val", 1, scenes=["nowhere"], options=options)
+
+
+@pytest.mark.parametrize(
+    "wrong", ["Truth", "mtp", 0, -1, True, 2.0, None, HypothesisTracker, object()], ids=lambda value: repr(value)[:20]
+)
+def test_what_is_no_tracker_is_one_clear_error(wrong: Any) -> None:
+    with pytest.raises(MtpBenchError, match=r"expected 'truth', a number of hypotheses .*, or a tracker of your own"):
+        windows("MTP-Intersection-v0", tracker=wrong, scenes=1)
 
 
 def test_as_a_data_set_of_torch(tmp_path: Path) -> None:

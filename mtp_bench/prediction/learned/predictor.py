@@ -10,7 +10,7 @@ import numpy as np
 
 from ...agent import Forecasts, Frame
 from ...types import Task
-from ..windows import surroundings_of, windows_of
+from ..windows import shown_as_truth, surroundings_of, windows_of
 from .local import to_absolute
 from .registry import network_of
 from .weights import Stored, find_weights, read_weights
@@ -20,12 +20,17 @@ class LearnedPredictor:
     """Forecasts of a trained network.
 
     ``network``: its name, such as "modes". ``on``: what it was trained on, "truth" or "tracklets". ``weights``: a file
-    of your own; None: the one for the task's env, see `mtp_bench.prediction.learned.weights`.
+    of your own; None: the one for the task's env, see `mtp_bench.prediction.learned.weights`. ``as_truth``: show it
+    tracks as it saw true pasts in training, with score 1 and no count of what came before the window. A network trained
+    on true pasts has never seen another score, and what it makes of one is chance. The recorded baselines show it all
+    the same (``as_truth=False``): leaderboard/RESULTS.md says what that costs.
     Raises SubmissionError at ``reset`` where there is no file or it is made for another task.
     """
 
-    def __init__(self, network: str = "modes", on: str = "truth", weights: str | Path | None = None) -> None:
-        self._network = network_of(network)
+    def __init__(
+        self, network: str = "modes", on: str = "truth", weights: str | Path | None = None, as_truth: bool = False
+    ) -> None:
+        self._network, self._as_truth = network_of(network), as_truth
         self._on, self._given = on, None if weights is None else Path(weights)
 
     def reset(self, task: Task) -> None:
@@ -39,6 +44,8 @@ class LearnedPredictor:
         sizes = self._stored.sizes
         windows, row = windows_of(frame, sizes.past)
         windows = replace(windows, class_id=self._class[windows.class_id])
+        if self._as_truth:
+            windows = shown_as_truth(windows)
         if len(windows) == 0:
             return Forecasts(np.zeros((0, sizes.modes, sizes.future, 2)), row=row)
         seen = surroundings_of(frame.seen)
