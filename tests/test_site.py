@@ -52,7 +52,7 @@ class Page(HTMLParser):
 def site(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The site, built as `make docs` does it; a warning is an error."""
     if find_spec("mkdocs") is None:
-        pytest.skip("mkdocs is not installed: pip install 'mtp-bench[docs]'")
+        pytest.skip("mkdocs is not installed: pip install '.[docs]'")
     folder = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
     environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}

@@ -27,7 +27,9 @@ def study(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the page, tables and figures.")] = Path(
         "study"
     ),
-    quick: Annotated[bool, typer.Option("--quick", help="A first look in a minute: few scenes, one seed.")] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="A first look in a minute or two: few scenes, one seed.")
+    ] = False,
     seeds: Annotated[int, typer.Option(min=1, help="Runs with different random draws, of what ranks.")] = 3,
 ) -> None:
     """Tables and figures of the paper on an environment, and more: one page that tells what tracking errors cost."""

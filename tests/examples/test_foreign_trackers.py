@@ -28,7 +28,7 @@ def case(request: pytest.FixtureRequest, repository: Path) -> tuple[Path, dict[s
     """Folder and parameters of a submission whose package is there."""
     folder, parameters, package = CASES[request.param]
     if importlib.util.find_spec(package) is None:
-        pytest.skip(f"{package} is not installed: pip install 'mtp-bench[trackers]'")
+        pytest.skip(f"{package} is not installed: pip install '.[trackers]'")
     return repository / "examples" / folder, dict(parameters)
 
 

@@ -131,5 +131,5 @@ def test_without_pyav_one_sentence_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "av", None)
     error = cli("video", events_run, "-o", tmp_path / "a.mp4", *known).error
-    assert error == "mp4 files need PyAV: `pip install av` (or 'mtp-bench[video]'), or write a .gif"
+    assert error == "mp4 files need PyAV: `pip install av`, or write a .gif"
     assert list(tmp_path.iterdir()) == []

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed: pip install 'mtp-bench[rl]'")
+pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed: pip install '.[rl]'")
 
 
 def test_the_example_trains_and_compares(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:

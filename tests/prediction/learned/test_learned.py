@@ -20,7 +20,7 @@ from mtp_bench.prediction.learned.local import Arrays, local_future, local_input
 from mtp_bench.prediction.learned.network import Network, Sizes
 from mtp_bench.prediction.learned.registry import NETWORKS, network_of
 from mtp_bench.prediction.learned.weights import FORMAT, Stored, find_weights, read_weights, write_weights
-from mtp_bench.prediction.windows import TrackWindows, surroundings_of
+from mtp_bench.prediction.windows import TrackWindows, shown_as_truth, surroundings_of
 from mtp_bench.tracking import HypothesisTracker
 from tests.support.tracking_scenes import at_once, frame, kitti_task, observation
 
@@ -221,3 +221,28 @@ def test_classes_are_matched_by_name(file: Path) -> None:
         seen = observation(frame((3.0, 2.0, 1)))
         both.append(agent.act({**seen, "detection_class": np.array([number])})["forecast"][0])
     np.testing.assert_array_equal(*both)
+
+
+@pytest.mark.parametrize("as_truth", [False, True])
+def test_a_network_may_be_shown_tracks_as_true_pasts(file: Path, as_truth: bool) -> None:
+    told = []
+    for sure in (1.0, 7.5):
+        tracker = HypothesisTracker(1, at_once())
+        agent = Pipeline(tracker, LearnedPredictor(weights=file, as_truth=as_truth), KMeansSampler())
+        agent.reset(TASK)
+        for step in range(14):  # longer than the window
+            seen = observation(frame((0.8 * step, 0.0, 0)))
+            action = agent.act({**seen, "detection_score": np.array([sure])})
+        told.append(action["forecast"][0])
+    assert np.array_equal(*told) == as_truth  # the score is not seen
+
+
+def test_true_pasts_are_shown_as_they_are() -> None:
+    windows = random_windows()
+    true = replace(windows, score=windows.taken * 1.0)
+    shown = shown_as_truth(windows)
+    for name, expected in local_inputs(true).items():
+        np.testing.assert_array_equal(local_inputs(shown)[name], expected, err_msg=name)
+    older = replace(windows, hits=windows.hits + 5, age=windows.age + 9)
+    np.testing.assert_array_equal(shown_as_truth(older).hits, windows.hits)
+    np.testing.assert_array_equal(shown_as_truth(older).age, windows.age)
