@@ -1,6 +1,6 @@
 """Reinforcement learning on association: PPO decides which detection belongs to which track.
 
-    pip install 'mtp-bench[rl]'
+    pip install '.[rl]'  # in the checkout
     python examples/rl_association.py              # 2 000 steps; with a number, that many; with two, another seed
 
 Prints the reward per step on scenes that PPO was not trained on: of PPO before and after training, of the best constant

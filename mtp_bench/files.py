@@ -11,6 +11,7 @@ import secrets
 import shutil
 import stat
 import struct
+import tempfile
 import tokenize
 import unicodedata
 import zipfile
@@ -28,6 +29,7 @@ except ImportError:  # a Python that was built without it, which reads no such f
     _LzmaError = zlib.error  # type: ignore[assignment, misc]
 
 ABSENT = "cannot be read: no such file"
+ELSEWHERE = "choose another folder"  # what to do where nothing can be written
 BROKEN_ARCHIVE = (  # what reading an NPZ file raises where bytes of it are other ones, or lacking
     OSError, TypeError, ValueError, LookupError, ArithmeticError, EOFError, MemoryError, RuntimeError, SyntaxError,
     struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error, _LzmaError,
@@ -43,20 +45,32 @@ _KINDS = {  # what stands where a file is expected
 }  # fmt: skip
 
 
+class WriteError(MtpBenchError, OSError):
+    """A file or a folder could not be written; also an OSError, for those who can do without it.
+
+    Made as ``WriteError(errno, strerror, filename)``, where ``filename`` is what the user asked for.
+    """
+
+    def __str__(self) -> str:
+        return _unwritten(self, Path(self.filename))
+
+
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """A path beside ``path`` to write to; it takes the place of ``path`` when the block ends without an error.
 
     It has the suffix of ``path``. After an error, or an interruption, ``path`` is as it was and nothing else is left.
-    Raises what writing raises.
+    Raises WriteError, which names ``path``, where writing fails.
     """
     part = _beside(path)
     try:
+        _require_ordinary(path)
         yield part
         part.replace(path)
     except OSError as error:
-        _name(error, path)
-        raise
+        if not _is_of(error, part, path):
+            raise
+        raise _write_error(error, path) from error
     finally:
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)
@@ -67,17 +81,18 @@ def whole_folder(path: Path) -> Iterator[Path]:
     """A new folder beside ``path`` to fill; it takes the place of the folder ``path`` when the block ends well.
 
     A link stays, and the folder that it leads to is the one that is replaced. After an error, or an interruption, the
-    earlier folder is as it was. Raises what writing raises.
+    earlier folder is as it was. Raises WriteError, which names ``path``, where writing fails.
     """
     path = _target(path)
     part = _beside(path)
-    part.mkdir(parents=True)
     try:
+        part.mkdir(parents=True)
         yield part
         _put_in_place(part, path)
     except OSError as error:
-        _name(error, path)
-        raise
+        if not _is_of(error, part, path):
+            raise
+        raise _write_error(error, path) from error
     finally:
         shutil.rmtree(part, ignore_errors=True)
 
@@ -128,30 +143,23 @@ def locked(path: Path, what: str) -> Iterator[None]:
 def write_text(path: Path, text: str) -> None:
     """Write a text as a whole. Raises MtpBenchError where that fails."""
     require_file(path)
-    try:
-        with whole_file(path) as part:
-            part.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise MtpBenchError(f"cannot write {path}: {reason_of(error, path)}") from None
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8")
 
 
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file as a whole. Raises MtpBenchError where that fails."""
     require_file(path)
-    try:
-        with whole_file(path) as part:
-            part.write_bytes(content)
-    except OSError as error:
-        raise MtpBenchError(f"cannot write {path}: {reason_of(error, path)}") from None
+    with whole_file(path) as part:
+        part.write_bytes(content)
 
 
-def make_folder(folder: Path, advice: str = "") -> None:
+def make_folder(folder: Path, advice: str = ELSEWHERE) -> None:
     """Make a folder and those above it, unless it is there. Raises MtpBenchError, with ``advice``, where that fails."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        more = f"; {advice}" if advice else ""
-        raise MtpBenchError(f"cannot write {folder}: {reason_of(error, folder)}{more}") from None
+        raise MtpBenchError(_unwritten(error, folder, advice)) from None
 
 
 def reason_of(error: OSError, path: Path) -> str:
@@ -259,6 +267,7 @@ def require_file(path: Path) -> None:
         raise MtpBenchError(f"cannot write {str(path)!r}: it is a folder, expected the name of a file")
     if not path.parent.is_dir():
         raise MtpBenchError(f"cannot write {path}: there is no folder {path.parent}")
+    _require_ordinary(path)
     _require_access(path, path.parent)
 
 
@@ -270,6 +279,12 @@ def require_folder(path: Path) -> None:
     _require_access(path, nearest)
 
 
+def _require_ordinary(path: Path) -> None:
+    """Raise MtpBenchError for a device, a pipe or a socket: a file in its place would take it from everybody."""
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise MtpBenchError(f"cannot write {path}: it is no ordinary file; choose another name")
+
+
 def _nearest(path: Path) -> Path:
     """The nearest folder above ``path`` that is there."""
     nearest = path.absolute().parent
@@ -278,10 +293,23 @@ def _nearest(path: Path) -> Path:
     return nearest
 
 
-def _name(error: OSError, path: Path) -> None:
-    """Let an error of writing, which may know a descriptor alone, say what was written."""
-    if error.filename is None:
-        error.filename = str(path)
+def _unwritten(error: OSError, path: Path, advice: str = ELSEWHERE) -> str:
+    """What is said where ``path`` could not be written, with ``advice`` unless the reason has its own."""
+    said = f"cannot write {path}: {reason_of(error, path)}"
+    return said if error.errno in _FULL else f"{said}; {advice}"
+
+
+def _write_error(error: OSError, path: Path) -> WriteError:
+    """The same error, said of ``path``: nobody knows the temporary name that it is written under."""
+    return WriteError(error.errno, error.strerror or str(error) or type(error).__name__, str(path))
+
+
+def _is_of(error: OSError, part: Path, path: Path) -> bool:
+    """Whether an error is of writing ``path``, under the name ``part``; one that knows a descriptor alone is."""
+    if not isinstance(error.filename, str | bytes | os.PathLike):
+        return True
+    named = Path(os.fsdecode(error.filename))
+    return not {part, path}.isdisjoint([named, *named.parents])
 
 
 def _is_at(path: Path, descriptor: int) -> bool:
@@ -334,5 +362,10 @@ def _put_in_place(part: Path, folder: Path) -> None:
 
 
 def _require_access(path: Path, folder: Path) -> None:
+    """Raise MtpBenchError unless ``path`` can be made in ``folder``: some refuse a file although they permit it."""
     if not os.access(folder, os.W_OK | os.X_OK):
         raise MtpBenchError(f"cannot write {path}: no permission to write in {folder}")
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise MtpBenchError(_unwritten(error, path)) from None

@@ -36,7 +36,7 @@ def _require_backend(backend: str, scheduler: str | None) -> None:
         try:
             import distributed  # noqa: F401
         except ImportError:
-            raise MtpBenchError("backend 'dask' needs Dask: pip install 'mtp-bench[dask]'") from None
+            raise MtpBenchError("backend 'dask' needs Dask: pip install 'dask[distributed]'") from None
 
 
 @dataclass(frozen=True)

@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
+import pickle
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mtp_bench.errors import MtpBenchError
-from mtp_bench.files import content_digest, remove_leftovers, require_folder, whole_folder
+from mtp_bench.files import (
+    WriteError,
+    content_digest,
+    make_folder,
+    remove_leftovers,
+    require_file,
+    require_folder,
+    whole_file,
+    whole_folder,
+    write_text,
+)
 from mtp_bench.sources.cache import read_arrays, write_arrays
 from tests.support.broken_files import cut_head, flips
 
@@ -107,6 +120,55 @@ def test_leftovers_go_where_the_folder_is_there(tmp_path: Path) -> None:
     assert sorted(each.name for each in tmp_path.iterdir()) == [".b.7.0a.part.rollouts", "a.rollouts"]
 
 
+def write_file(path: Path) -> None:
+    with whole_file(path) as part:
+        part.write_text("new")
+
+
+def test_an_error_of_writing_names_what_was_asked_for_and_says_what_to_do(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for write, path, reason in (
+        (write_file, tmp_path / "none" / "a.png", "No such file or directory"),
+        (make_folder, tmp_path / "file" / "a", "Not a directory"),
+        (lambda path: fill(path, "new"), tmp_path / "file" / "a", "Not a directory"),
+    ):
+        with pytest.raises(MtpBenchError) as caught:
+            write(path)
+        assert str(caught.value) == f"cannot write {path}: {reason}; choose another folder"
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_an_error_of_writing_is_one_of_the_system_too(tmp_path: Path) -> None:
+    """Who can do without the file catches it as such, and it comes home from other processes."""
+    with (
+        pytest.raises(OSError, match=r"No space left on device, .* MiB are free at .*: make room there") as caught,
+        whole_folder(tmp_path / "out") as folder,
+        whole_file(folder / "scene.npz"),
+    ):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    error = caught.value
+    assert isinstance(error, WriteError)
+    assert (error.errno, error.filename) == (errno.ENOSPC, str(tmp_path / "out"))
+    assert str(pickle.loads(pickle.dumps(error))) == str(error)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_error_of_reading_stays_what_it_is(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError) as caught, whole_file(tmp_path / "a.json"):
+        (tmp_path / "source.json").read_text()
+    assert caught.value.filename == str(tmp_path / "source.json")
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs /proc")
+@pytest.mark.parametrize("require", [require_file, require_folder])
+def test_a_folder_that_refuses_files_is_told_before_the_work(
+    require: Callable[[Path], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "access", lambda *_: True)  # as it is for root
+    with pytest.raises(MtpBenchError, match=r"cannot write /proc/e.png: [\w ]+; choose another folder"):
+        require(Path("/proc/e.png"))
+
+
 def test_names_of_any_bytes_have_a_digest(tmp_path: Path) -> None:
     (tmp_path / "Zürich.txt").write_bytes(b"one")
     content = f"Zürich.txt|{hashlib.sha256(b'one').hexdigest()}\n"
@@ -115,3 +177,18 @@ def test_names_of_any_bytes_have_a_digest(tmp_path: Path) -> None:
     first = content_digest(tmp_path)
     (tmp_path / LATIN).rename(tmp_path / os.fsdecode(b"caf\xe8"))
     assert content_digest(tmp_path) != first
+
+
+def in_whole(path: Path, text: str) -> None:
+    with whole_file(path) as part:
+        part.write_text(text)
+
+
+@pytest.mark.parametrize("write", [write_text, in_whole])
+def test_a_device_or_a_pipe_is_never_replaced(tmp_path: Path, write: Callable[[Path, str], None]) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(MtpBenchError, match=r"cannot write .*pipe: it is no ordinary file; choose another name"):
+        write(pipe, "text")
+    assert pipe.is_fifo()
+    assert [path.name for path in tmp_path.iterdir()] == ["pipe"]

@@ -12,6 +12,7 @@ from typer.core import TyperGroup
 
 from .._version import __version__
 from ..errors import MtpBenchError
+from ..files import clean_text
 from .board import board
 from .challenge import challenge
 from .check import check
@@ -50,7 +51,7 @@ class InterruptedCommandError(Exception):
 
 
 class Commands(TyperGroup):
-    """All commands; an interruption is told by `main`, in one line."""
+    """All commands; an interruption is told by `main`, in one line, and wrong usage with what was got."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command that was chosen."""
@@ -58,6 +59,18 @@ class Commands(TyperGroup):
             return super().invoke(ctx)
         except KeyboardInterrupt:
             raise InterruptedCommandError(AFTER.get(ctx.invoked_subcommand, "nothing was written")) from None
+        except typer.BadParameter as error:
+            _say_what_was_got(error)
+            raise
+
+
+def _say_what_was_got(error: typer.BadParameter) -> None:
+    """Put the value before what pydantic says of it, which names what was expected alone."""
+    from pydantic import ValidationError
+
+    if isinstance(error.__cause__, ValidationError):
+        got = clean_text(repr(error.__cause__.errors()[0]["input"]), 100)
+        error.message = f"got {got}: {error.message}"
 
 
 app = typer.Typer(cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False)

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from ..running.challenge import ChallengeScore
 
 MEANING = (
-    "mean over the targets in the file, as the devkit has it; of known objects with perfect pasts: not to be compared "
-    "with errors of `mtp-bench score`. OffRoadRate needs the map and is left out"
+    "mean over the targets in the file, as the devkit has it; where the file is of true pasts, these numbers do not "
+    "compare with errors of `mtp-bench score`. OffRoadRate needs the map and is left out"
 )
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .completion import words
-from .options import DataOption, SplitOption, one_of
+from .options import DataOption, ScenesOption, SplitOption, one_of
 from .output import count, prepare
 
 if TYPE_CHECKING:
@@ -87,6 +87,7 @@ def tracks(
     env: Annotated[str, typer.Option("--env", help="Environment or card whose scenes they are of.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="New folder for the tables.")],
     root: DataOption = None,
+    scenes: ScenesOption = None,
     split: SplitOption = None,
 ) -> None:
     """Tracks of another program as tables, one for each scene."""
@@ -95,15 +96,17 @@ def tracks(
     from ..sources.importing import import_tracks
     from ..viz.terminal.output import progress_bar, show, show_command
 
-    options = RunOptions(root, split=split)
+    options = RunOptions(root, scenes, split=split)
     prepare(env, options)
     card = options.card(env)
     source = with_tracks(open_source(card, root), card, root, file)
+    names = options.chosen(source.names)
     with progress_bar("import") as (started, done):
-        started(len(source.names))
-        scenes, boxes = import_tracks(source, card, output, done)
-    show(f"{count(boxes, 'tracked position')} of {count(scenes, 'scene')} in {output}; next:")
-    given = shlex.join(["--env", env, *(["--split", split] if split else []), "--tracks", str(output)])
+        started(len(names))
+        number, boxes = import_tracks(source, names, card, output, done)
+    show(f"{count(boxes, 'tracked position')} of {count(number, 'scene')} in {output}; next:")
+    part = [*(["--scenes", str(scenes)] if scenes else []), *(["--split", split] if split else [])]
+    given = shlex.join(["--env", env, *part, "--tracks", str(output)])
     show_command(f"mtp-bench run given_tracks {given} -o runs/given_tracks")
 
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ..running.options import RunOptions
 
 ALONE = {"--cuts": ".1,.2,.3"}  # option -> its value where none follows
+SEVERAL = {"run": "`mtp-bench compare` takes several agents"}  # command -> what to do with more arguments than it takes
 DataOption = Annotated[
     str | None, typer.Option("--data", help="Data root; else MTP_BENCH_DATA, else the user data folder.")
 ]
@@ -124,12 +125,16 @@ class Command(TyperCommand):
     """A command with options that may stand alone, for a value of their own."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Read ``args``, with the values that are left out put in."""
+        """Read ``args``, with the values that are left out put in; wrong usage for more arguments than it takes."""
         whole: list[str] = []
         for word, following in zip_longest(args, args[1:], fillvalue=""):
             alone = word in ALONE and (not following or following.startswith("-"))
             whole += [word, *([ALONE[word]] if alone else [])]
-        return super().parse_args(ctx, whole)
+        ctx.allow_extra_args = ctx.info_name in SEVERAL
+        extra = super().parse_args(ctx, whole)
+        if extra and not ctx.resilient_parsing:
+            ctx.fail(f"unexpected {', '.join(map(repr, extra))}: {SEVERAL[ctx.info_name]}")
+        return extra
 
 
 def opened(command: Callable[..., None]) -> Callable[..., None]:

@@ -51,7 +51,7 @@ def prepare(env: str, options: RunOptions, agents: Iterable[str] = ()) -> None:
 
 def said_of(error: MtpBenchError | OSError) -> str:
     """What an error says to people: of the system's own (a full disk, no permission) the file, and what to do."""
-    if not isinstance(error, OSError):
+    if isinstance(error, MtpBenchError):
         return str(error)
     from ..files import reason_of
 

@@ -75,10 +75,11 @@ class Every:
 
 @dataclass(frozen=True)
 class Restart:
-    """What becomes of scenes that an earlier submit finished without coming to its end."""
+    """What becomes of an earlier submit: of scenes that it finished without coming to its end, and of its record."""
 
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the scenes that were finished before.")] = False
     fresh: Annotated[bool, typer.Option("--fresh", help="Discard the scenes that were finished before.")] = False
+    force: Annotated[bool, typer.Option("--force", help="Replace a finished record by a partial one.")] = False
 
     def start(self) -> Start:
         """As `records.submit` names it; wrong usage for both."""
@@ -110,7 +111,8 @@ def submit(
     options = RunOptions(root, runs.scenes, range(runs.seeds), runs.split, track_file=tracks, workers=workers.workers())
     if every.everything:
         _refuse_with_all(entry, again, runs)
-        _submit_all(path, env or (), options, output, every.minutes)
+        more = {"start": "resume", "replace": again.force}
+        _submit_all(path, env or (), options, output, more, every.minutes)
         return
     if every.minutes is not None:
         raise typer.BadParameter("only with --all", param_hint="--minutes")
@@ -118,7 +120,7 @@ def submit(
         raise typer.BadParameter("name a submission, or --all", param_hint="PATH")
     if not env:
         raise typer.BadParameter("name an environment, or --all", param_hint="--env")
-    _submit_one(path, env, options, output, {**more, "start": again.start()})
+    _submit_one(path, env, options, output, {**more, "start": again.start(), "replace": again.force})
 
 
 def _refuse_with_all(entry: Entry, again: Restart, runs: Runs) -> None:
@@ -133,7 +135,12 @@ def _refuse_with_all(entry: Entry, again: Restart, runs: Runs) -> None:
 
 
 def _submit_all(
-    path: str | None, env_ids: Sequence[str], options: RunOptions, output: Path | None, minutes: float | None
+    path: str | None,
+    env_ids: Sequence[str],
+    options: RunOptions,
+    output: Path | None,
+    more: Mapping[str, Any],
+    minutes: float | None,
 ) -> None:
     """Every baseline, or the one named, on every environment, or those named."""
     from ..records.inventory import Piece, inventory
@@ -141,7 +148,7 @@ def _submit_all(
     from .submit_all import last_line, make_all, summary_table
 
     def make(piece: Piece) -> Record:
-        return _one(piece.submission, piece.env, options, piece.target.parent, {"start": "resume"})
+        return _one(piece.submission, piece.env, options, piece.target.parent, more)
 
     listed = inventory(env_ids, () if path is None else (path,), output)
     lines = make_all(listed, options, make, minutes)
@@ -162,7 +169,7 @@ def _submit_one(
     """One submission on the environments that are named; each record is shown."""
     from ..cards import load_card
     from ..records.parts import require_new
-    from ..records.submitting import record_path, require_writable
+    from ..records.submitting import record_path, require_kept, require_writable
     from ..submission.loader import load_submission
     from ..viz.terminal.output import show, show_numbers
 
@@ -170,6 +177,8 @@ def _submit_one(
     targets = {env_id: record_path(submission, load_card(env_id), output, options.split) for env_id in env_ids}
     for target in targets.values():
         require_writable(target, submission)
+        if not more["replace"]:
+            require_kept(target, options.scenes)
         if more["start"] == "new":
             require_new(target)
     failed = []

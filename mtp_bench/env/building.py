@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import ShapeError
+from ..errors import MtpBenchError, ShapeError
 from ..tracks import Tracks
 from ..types import Action, Task
 from .action import FIELD
@@ -54,8 +54,11 @@ def answer(
     ``checked``: raise for numbers that the env would take out, such as NaN; False leaves that to the env.
 
     Objects beyond ``task.objects`` are left out, the last first, and so are tracks and hypotheses that do not fit, the
-    least likely first. Raises ShapeError, a ValueError, that names the argument and what was expected.
+    least likely first. Raises ShapeError, a ValueError, that names the argument and what was expected, and
+    MtpBenchError for a ``task`` that is none.
     """
+    if not isinstance(task, Task):
+        raise MtpBenchError(f"task is of type {type(task).__name__}, expected a Task: env.unwrapped.task")
     box = _array("boxes", boxes, "fiu", ("O", 7))
     objects = len(box)
     class_id = _array("classes", classes, "iu", (objects,))

@@ -50,7 +50,7 @@ from .running import (
     unanswered,
 )
 from .stated import finished_record, stated_before
-from .storage import ROLLOUTS, checked, seed_folder, written
+from .storage import ROLLOUTS, checked, load_record, seed_folder, written
 
 RECORDS = Path("leaderboard", "records")  # relative to the working folder: the checkout
 
@@ -64,6 +64,7 @@ def submit(
     training_data: Sequence[str] = (),
     limits: Limits = Limits(),  # noqa: B008  (frozen)
     start: Start = "new",
+    replace: bool = False,
 ) -> Record:
     """Run a submission on an env behind the gateway, and write its record to ``output``/<env id>.json.
 
@@ -79,19 +80,22 @@ def submit(
         start: What becomes of the scenes that an earlier submit of this record finished without coming to its end:
             "new" refuses them, "resume" goes on from them (and takes a whole record of the same plan as it is),
             "fresh" discards them.
+        replace: Whether a finished record may give way to a partial one.
 
     Every scene is kept as soon as it is done. Record and rollouts come together, at the end: until then, and after any
     failure, those of an earlier submit are as they were.
 
     In every run the local frames are turned and shifted at random: what an agent knows of the scenes by their
     coordinates is of no use. What an agent does is never an error: a submission of which no scene was finished has the
-    status "crashed". Raises MtpBenchError for whatever the user can mend, an output that cannot be written before
-    anything runs.
+    status "crashed". Raises MtpBenchError for whatever the user can mend, and before anything runs where the output
+    cannot be written or a finished record would be lost.
     """
     submission = load_submission(path)
     plan = plan_run(submission, env_id, options)
     target = record_path(submission, load_card(env_id), output, options.split)
     require_writable(target, submission)
+    if not replace:
+        require_kept(target, len(plan.scenes), plan.scenes_of_split)
     _require_causal(division, submission)
     _require_limits(division, limits)
     declared = declared_data(submission, plan.card.id, training_data)
@@ -204,6 +208,25 @@ def require_writable(target: Path, submission: Submission) -> None:
     if target.with_suffix(ROLLOUTS).exists():
         for folder in target.with_suffix(ROLLOUTS).iterdir():
             require_run_folder(folder)
+
+
+def require_kept(target: Path, scenes: int | None, scenes_of_split: int | None = None) -> None:
+    """Raise RecordError where a finished record at ``target`` would be lost to one of only ``scenes`` scenes.
+
+    ``scenes``: None for all. ``scenes_of_split``: how many the split has; None: as many as the record says.
+    """
+    if scenes is None:
+        return
+    try:
+        record = load_record(target)
+    except RecordError:  # there is none, or none that anybody could use
+        return
+    if record.status == "finished" and scenes < (scenes_of_split or record.env.scenes_of_split):
+        seeds, whole = len(record.seeds), record.env.scenes_of_split
+        raise RecordError(
+            f"{target} is a finished record ({seeds} seed{'' if seeds == 1 else 's'}, {whole} of {whole} scenes), and "
+            "this one would be partial: choose another folder (-o, output=), or replace it (--force, replace=True)"
+        )
 
 
 def _record(

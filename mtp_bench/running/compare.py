@@ -13,7 +13,7 @@ from .options import DEFAULTS, RunOptions
 from .reading import total_skipped
 from .reference import frozen_reference, reference_for
 from .run import Job, jobs_of, run_jobs
-from .settings import Setting, all_settings
+from .settings import Setting, all_settings, require_list
 
 TRUTH, STP = "truth_past", "stp"
 CONTROLS = (TRUTH, STP, "stp_same_budget", "stp_hedged")  # protocol, "Controls that every comparison prints"
@@ -40,6 +40,7 @@ def compare(names: Sequence[str], env_id: str | Card, options: RunOptions = DEFA
     Event weights are the frozen ones of the env, else made from these scenes. Raises MtpBenchError for whatever the
     user can mend.
     """
+    require_list(names)
     env = MTPEnv(env_id, **options.env_keywords)
     card, scenes = env.card, options.chosen(env.scene_names)
     settings = all_settings([*CONTROLS, *names], card)

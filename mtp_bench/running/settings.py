@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 from ..cards import Card
 from ..errors import MtpBenchError, SubmissionError
 from ..scoring.rows import Budget
 from ..submission.loader import Submission, load_submission
+from ..submission.manifest import MANIFEST
 
 
 @dataclass(frozen=True)
@@ -88,10 +91,31 @@ def expand(submission: Submission, card: Card) -> list[Setting]:
     return settings
 
 
+def submission_of(agent: object) -> Submission:
+    """The submission that a caller in Python names; raises MtpBenchError for what is no name, such as an agent."""
+    if not isinstance(agent, str | PathLike):
+        raise MtpBenchError(
+            f"agent is of type {type(agent).__name__}, expected the name of a baseline or a folder with {MANIFEST}; "
+            "`mtp-bench new` makes such a folder"
+        )
+    return load_submission(Path(agent) if isinstance(agent, PathLike) else agent)
+
+
+def require_list(names: object) -> None:
+    """Raise MtpBenchError for one agent in place of a list of them: the letters of a name are no names."""
+    if isinstance(names, str | PathLike) or not isinstance(names, Iterable):
+        example = str(names) if isinstance(names, str | PathLike) else "stp"
+        raise MtpBenchError(f"agents is of type {type(names).__name__}, expected a list such as [{example!r}]")
+
+
 def all_settings(names: Sequence[str], card: Card) -> list[Setting]:
-    """Settings of the submissions or baselines ``names``, each once; MtpBenchError where two have one name."""
+    """Settings of the submissions or baselines ``names``, each once.
+
+    Raises MtpBenchError where ``names`` are no names, and where two submissions have one name.
+    """
+    require_list(names)
     seen: dict[str, Submission] = {}
-    for submission in (load_submission(name) for name in dict.fromkeys(names)):
+    for submission in map(submission_of, names):
         if submission.name in seen and seen[submission.name].path != submission.path:
             raise MtpBenchError(
                 f"two submissions are called {submission.name!r}: {seen[submission.name].path} and {submission.path}; "

@@ -10,7 +10,6 @@ from ..env.environment import MTPEnv
 from ..errors import RolloutError
 from ..files import require_folder
 from ..scoring import AgentScores, Report, SceneScore, score_scene, stated_hypotheses, summarise
-from ..submission.loader import load_submission
 from ..types import Rollout, Scene
 from .opened import open_run
 from .options import DEFAULTS, RunOptions
@@ -18,7 +17,7 @@ from .reading import total_skipped
 from .reference import reference_for
 from .rollout_files import require_run_folder, require_storable, save_run
 from .run import jobs_of, run_info, run_jobs
-from .settings import setting_of
+from .settings import setting_of, submission_of
 
 
 @dataclass(frozen=True)
@@ -55,7 +54,7 @@ def run(
     """
     folder = Path(folder)
     require_free(folder, replace)
-    submission, seed = load_submission(agent), options.seeds[0]
+    submission, seed = submission_of(agent), options.seeds[0]
     options.require_tracks_used([submission])
     shown = options.shown_to(submission)
     env = MTPEnv(env_id, evaluation=True, **shown, **options.env_keywords)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..cards import Card, KittiSource, NuScenesSource
 from ..errors import CardError, RolloutError
-from ..files import whole_file
+from ..files import make_folder, whole_file
 from ..sources.kitti.layout import TYPES
 from ..sources.kitti.tracks import poses_of, result_lines
 from ..sources.nuscenes.source import NuScenes
@@ -19,6 +19,8 @@ from ..sources.nuscenes.tracks import submission_box
 from ..sources.tracks.table import table_path, write_table_of_tracks
 from ..types import Floats, Ints, Rollout, Scene, starts_of_sorted
 from .opened import OpenedRun
+
+_FILES = (".json", ".csv", ".txt")  # names that end so are of files: nobody wants a folder of such a name
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,10 +87,14 @@ def write_tracks(
                 f"{path}: the tracking task of nuScenes takes a .json file; for a folder of tables say --table"
             )
         return _write_submission(rows, card, data, path)
+    of_kitti = isinstance(card.source, KittiSource) and not table
+    if path.suffix in _FILES:
+        what = "KITTI's results" if of_kitti else "tables"
+        raise CardError(f"{path}: {card.id} is written as {what}: name a folder, not a {path.suffix} file")
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
         raise RolloutError(f"{path} is there already, expected a new or an empty folder")
-    path.mkdir(parents=True, exist_ok=True)
-    write = _write_result if isinstance(card.source, KittiSource) and not table else _write_table
+    make_folder(path)
+    write = _write_result if of_kitti else _write_table
     count = 0
     for scene, found in rows:
         write(scene, found, card, data, path)

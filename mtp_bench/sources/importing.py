@@ -101,23 +101,27 @@ def import_scenes(
 
 
 def import_tracks(
-    source: SceneSource, card: Card, folder: Path, done: Callable[[str], object] = lambda _: None
+    source: SceneSource,
+    names: Sequence[str],
+    card: Card,
+    folder: Path,
+    done: Callable[[str], object] = lambda _: None,
 ) -> tuple[int, int]:
-    """Write the stored tracks of the scenes of ``source`` into ``folder``, a table for each scene.
+    """Write the stored tracks of the scenes ``names`` of ``source`` into ``folder``, a table for each scene.
 
     Returns the numbers of scenes and of boxes. Raises DataError where the tracks are wrong, and MtpBenchError where the
     folder holds anything; nothing is written then.
     """
     boxes = count = 0
     with _new_folder(folder.expanduser().absolute()) as part:
-        for scene in map(source.load, source.names):
+        for scene in map(source.load, names):
             tracks = scene.tracks
             if tracks is None:
                 continue
-            names = [card.task.classes[place] for place in tracks.class_id]
-            columns = (tracks.frame_of_rows.tolist(), tracks.object_id.tolist(), names, *tracks.box.T.tolist())
+            kinds = [card.task.classes[place] for place in tracks.class_id]
+            columns = (tracks.frame_of_rows.tolist(), tracks.object_id.tolist(), kinds, *tracks.box.T.tolist())
             write_table_of_tracks(table_path(part, scene.name), zip(*columns, tracks.score.tolist(), strict=True))
-            count, boxes = count + 1, boxes + len(names)
+            count, boxes = count + 1, boxes + len(kinds)
             done(scene.name)
     return count, boxes
 

@@ -16,6 +16,7 @@ from .findings import Findings
 from .gallery import Picture
 from .story import chapters, facts, summary
 from .table import Column, Table, Value
+from .tables.where import CAUSE_NAMES
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -111,7 +112,8 @@ def _of_paper(column: Column) -> bool:
 
 def _heading(column: Column) -> str:
     name = column.name.removeprefix("paper_")
-    return f"the paper's {name.replace('_', ' ')}" if _of_paper(column) else name.replace("_", " ")
+    said = CAUSE_NAMES.get(name, name.replace("_", " "))
+    return f"the paper's {said}" if _of_paper(column) else said
 
 
 def _unit(column: Column) -> str:

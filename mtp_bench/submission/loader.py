@@ -6,6 +6,7 @@ The baselines have the same form and are loaded by the same code; see ``baseline
 from __future__ import annotations
 
 import inspect
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .._bundle import baseline_names, bundled
-from ..errors import SubmissionError, UnknownNameError
+from ..errors import MtpBenchError, SubmissionError, UnknownNameError
 from .contents import digest_of, files_of
 from .importing import import_from
 from .manifest import MANIFEST, CompareSection, read_manifest
@@ -76,7 +77,8 @@ class Submission:
         function = getattr(module, name, None)
         if not callable(function):
             found = [key for key, value in vars(module).items() if callable(value) and not key.startswith("_")]
-            raise UnknownNameError(f"function of {self.path.name}/{module_name}.py", name, found, f"see {MANIFEST}")
+            file = f"{self.path.name}/{module_name}.py"
+            raise UnknownNameError(f"function of {file}", name, found, f"the name behind ':' in agent of {MANIFEST}")
         return function  # type: ignore[no-any-return]
 
 
@@ -95,24 +97,36 @@ class SubmissionFactory:
 def load_submission(name: str | Path) -> Submission:
     """Read the submission in folder ``name``, or the baseline of that name.
 
-    Raises UnknownNameError if there is neither, and SubmissionError for a manifest that is wrong, naming the key.
+    Raises UnknownNameError for a name that no baseline has, and SubmissionError for a path that is no such folder and
+    for a manifest that is wrong, naming the key.
     """
     path = _find(name)
     return Submission(path=path, **dict(read_manifest(path)))
 
 
 def _find(name: str | Path) -> Path:
-    baselines = baseline_names()
-    if str(name) in baselines:
+    if str(name) in baseline_names():
         return bundled("baselines") / str(name)
     path = Path(name)
     path = path.parent if path.name == MANIFEST else path
     if (path / MANIFEST).exists():
         return path.resolve()
+    raise _not_found(str(name), path)
+
+
+def _not_found(text: str, path: Path) -> MtpBenchError:
+    """What is wrong with ``text``, which names no baseline and whose ``path`` is no folder of a submission."""
     if path.is_dir():
-        raise SubmissionError(f"{path}: no {MANIFEST} in this folder")
-    known = f"baselines are {', '.join(baselines) or 'not there'}; or give a folder with {MANIFEST}"
-    raise UnknownNameError("submission", str(name), baselines, known)
+        return SubmissionError(f"{path}: no {MANIFEST} in this folder")
+    if path.is_file():
+        inside = (path.parent / MANIFEST).exists()
+        expected = f"name its folder, {path.parent}" if inside else f"expected a folder with {MANIFEST}"
+        return SubmissionError(f"{path} is a file: {expected}")
+    if "," in text:
+        return SubmissionError(f"{text!r} is no submission: put blanks between agents, not commas")
+    if "/" in text or os.sep in text:
+        return SubmissionError(f"{text}: no such folder, expected one with {MANIFEST}")
+    return UnknownNameError("submission", text, baseline_names(), f"name a baseline, or a folder with {MANIFEST}")
 
 
 def _check_parameters(name: str, function: Callable[..., Any], given: dict[str, Any]) -> None:

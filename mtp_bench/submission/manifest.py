@@ -80,6 +80,11 @@ def read_manifest(folder: Path) -> Manifest:
     manifest = validate(Manifest, read_toml(folder / MANIFEST, SubmissionError), where, SubmissionError)
     code = folder.joinpath(*manifest.agent.split(":")[0].split(".")).with_suffix(".py")
     if not code.is_file():
+        if ".py:" in manifest.agent:
+            meant = manifest.agent.replace(".py:", ":")
+            raise SubmissionError(
+                f"{where}: agent is {manifest.agent!r}, expected module:function without .py, such as {meant!r}"
+            )
         raise SubmissionError(f"{where}: agent is {manifest.agent!r}, but there is no {code}")
     _check_compare(manifest, where)
     return manifest

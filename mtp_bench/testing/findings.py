@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import traceback
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,8 @@ from ..errors import MtpBenchError, sentence
 Level = Literal["ok", "warning", "error"]
 
 _OWN = Path(__file__).resolve().parent  # frames of these files say nothing of the agent
-_LOADER = _OWN.parent / "submission" / "loader.py"
+_LOADERS = {_OWN.parent / "submission" / name for name in ("loader.py", "importing.py")}
+_LOADERS |= {Path(importlib.__file__).resolve()}
 _LINES = 4  # of a traceback
 
 
@@ -41,12 +43,18 @@ class AgentError(Exception):
 
 
 def failure(error: BaseException, where: str, expected: str) -> AgentError:
-    """What the agent raised, with the lines of its code that led there."""
+    """What the agent raised, with the lines of its code that led there.
+
+    An error of this library says itself what was expected: ``expected`` is for all others.
+    """
     root = error
     while isinstance(root, MtpBenchError) and root.__cause__ is not None:
         root = root.__cause__
-    text = str(error) if isinstance(error, MtpBenchError) else f"{type(error).__name__}: {error}"
-    return AgentError(Finding("error", "", text, expected, where, "see its traceback", _calls(root)))
+    text = f"{type(error).__name__}: {error}"
+    if isinstance(error, MtpBenchError):
+        text, expected = str(error), ""
+    lines = _calls(root)
+    return AgentError(Finding("error", "", text, expected, where, "see the lines of its code" if lines else "", lines))
 
 
 def _calls(error: BaseException) -> tuple[str, ...]:
@@ -54,7 +62,7 @@ def _calls(error: BaseException) -> tuple[str, ...]:
         frame
         for frame in traceback.extract_tb(error.__traceback__)
         if not frame.filename.startswith("<frozen")
-        and Path(frame.filename).resolve() != _LOADER
+        and Path(frame.filename).resolve() not in _LOADERS
         and Path(frame.filename).resolve().parent != _OWN
     ]
     return tuple(

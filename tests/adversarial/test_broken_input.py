@@ -297,7 +297,7 @@ def test_what_lies_in_a_submission(
 
 def test_a_submission_that_is_a_link_to_itself(cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:
     (tmp_path / "echo").symlink_to(tmp_path / "echo")
-    assert "unknown submission" in refused(cli("submit", tmp_path / "echo", "--env", card, "--data", kitti))
+    assert "no such folder" in refused(cli("submit", tmp_path / "echo", "--env", card, "--data", kitti))
 
 
 def test_a_file_that_grows_while_it_is_hashed(tmp_path: Path) -> None:

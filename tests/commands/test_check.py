@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,8 @@ def folder(tmp_path: Path) -> Path:
     return new_submission("mine", tmp_path)
 
 
-def edit(folder: Path, old: str, new: str) -> None:
-    path = folder / "agent.py"
+def edit(folder: Path, old: str, new: str, file: str = "agent.py") -> None:
+    path = folder / file
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))
@@ -57,6 +58,7 @@ def test_an_agent_that_raises_shows_file_line_and_text(folder: Path, cli: Comman
     line = (folder / "agent.py").read_text().splitlines().index('            raise ValueError("no [more] frames")') + 1
     assert f'agent.py, line {line}, in act: raise ValueError("no [more] frames")' in output.out
     assert "frame 7" in output.out
+    assert "to do: see the lines of its code" in output.out
     assert "lower is better" not in output.out
 
 
@@ -79,6 +81,31 @@ def test_code_that_cannot_be_imported_shows_the_line(
     assert output.status == 1
     assert text in output.out
     assert where in output.out
+
+
+NOT_BUILT = {
+    "a misspelt function": (
+        lambda folder: edit(folder, "def build(", "def biuld("),
+        "unknown function of mine/agent.py 'build': did you mean 'biuld'? (the name behind ':' in agent of",
+    ),
+    "no agent": (lambda folder: edit(folder, "def reset(", "def rest("), "expected an agent with reset(task) and"),
+    "an unknown parameter": (
+        lambda folder: edit(folder, "[parameters]", "[parameters]\nspeed = 3", "submission.toml"),
+        "unknown parameter of mine 'speed'",
+    ),
+    "no Python": (lambda folder: edit(folder, "import numpy", "import ="), "SyntaxError: invalid syntax (agent.py"),
+}
+
+
+@pytest.mark.parametrize(("change", "text"), NOT_BUILT.values(), ids=NOT_BUILT)
+def test_what_no_line_of_the_agent_led_to_points_to_no_lines(
+    change: Callable[[Path], None], text: str, folder: Path, cli: CommandLine
+) -> None:
+    change(folder)
+    out = cli("check", folder).out
+    assert text in out
+    for empty in ("to do:", "expected: an agent", "importing.py"):
+        assert empty not in out, "it would help nobody"
 
 
 def test_a_manifest_that_is_wrong_is_one_sentence(folder: Path, cli: CommandLine) -> None:

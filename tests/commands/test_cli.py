@@ -182,6 +182,24 @@ def test_an_earlier_run_is_told_of_before_scenes_are_made(
     assert not (tmp_path / "cache").exists()
 
 
+USAGE = {
+    "several agents": (
+        ["run", "stp", "mtp", "--env", "e", "-o", "o"],
+        "unexpected 'mtp': `mtp-bench compare` takes several agents",
+    ),
+    "a number below": (["run", "stp", "--scenes=-3"], "-3"),
+    "of a group": (["import", "kitti", "--rate", "0.07"], "0.07"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "text"), USAGE.values(), ids=USAGE)
+def test_wrong_usage_says_what_was_got(arguments: list[str], text: str, cli: CommandLine) -> None:
+    output = cli(*arguments)
+    assert output.status == 2
+    said = " ".join(output.err.replace("│", " ").split("Error", 1)[1].split())
+    assert text in said
+
+
 def test_a_word_of_an_option_in_other_case_is_named(cli: CommandLine, tmp_path: Path) -> None:
     output = cli("events", tmp_path, "--kind", "LOST")
     assert output.status == 2

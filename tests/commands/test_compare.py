@@ -32,7 +32,7 @@ def test_a_comparison(
     assert verdict.startswith("- From true pasts the error over all targets is ")
     text = " ".join(verdict.split())
     assert "- mine (H = 2) against stp over all targets: " in text
-    assert "- mine (H = 2) against stp_same_budget, as many samples from one hypothesis: " in text
+    assert "- mine (H = 2) against stp_same_budget, one hypothesis with 20 times k samples: " in text
     assert "- Nobody is ranked over all targets (" in text
     assert "mtp (H" not in text
 

@@ -92,9 +92,11 @@ def test_long_cells_are_folded_at_80_columns() -> None:
     show_numbers(event_table([row]), Console(width=80, file=printed))
     lines = printed.getvalue().splitlines()
     assert max(map(len, lines)) <= 80
-    assert len(lines) <= 6
-    for part in ("intersection-", "reacquired-123*", "construction", "vehicle", "12345 →", "67890", "10.00 10.00 1.00"):
+    assert len(lines) <= 7
+    assert [line.split()[-1] for line in lines[1:3]] == ["confi-", "dence"]
+    for part in ("intersection", "-010001", "reacquired-123*", "construction", "vehicle", "12345 →", "67890"):
         assert any(part in line for line in lines), part
+    assert any(line.split()[-3:] == ["10.00", "10.00", "1.00"] for line in lines)
 
 
 def test_the_command_of_an_event_can_be_pasted(cli: CommandLine, events_run: Path, known: list[str]) -> None:

@@ -42,6 +42,15 @@ def test_noise_is_fitted_without_the_scenes_of_a_fold(
     assert read == list(NAMES)
 
 
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs /proc")
+def test_a_folder_without_room_for_the_weights_is_told_before_the_work(
+    cli: CommandLine, root: str, card: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mtp_bench.training.predictors.learnable", None)
+    error = cli("train", "predictor", "modes", "--env", card, "--data", root, "-o", "/proc/w.safetensors").error
+    assert error.startswith("cannot write /proc/w.safetensors: ")
+
+
 def test_scenes_that_are_too_short_are_one_clear_error(cli: CommandLine, root: str, tmp_path: Path) -> None:
     """In scenes of 7 frames only the first two have 5 future frames."""
     card, out = write_card(tmp_path, CARD.replace("future = 3", "future = 5")), tmp_path / "w.safetensors"

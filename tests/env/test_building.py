@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench import ShapeError, Tracks, answer
+from mtp_bench import MtpBenchError, MTPEnv, ShapeError, Tracks, answer
 from mtp_bench.env.action import FIELDS
 from mtp_bench.env.decoding import decode
 from mtp_bench.env.spaces import action_space
@@ -148,6 +148,11 @@ def test_a_wrong_argument_is_one_clear_error(case: str) -> None:
     with pytest.raises(ShapeError) as caught:
         answer(TASK, **said(**changes))
     assert text in str(caught.value)
+
+
+def test_an_env_in_place_of_its_task_is_told() -> None:
+    with pytest.raises(MtpBenchError, match=r"task is of type MTPEnv, expected a Task: env.unwrapped.task"):
+        answer(object.__new__(MTPEnv), **said())  # type: ignore[arg-type]
 
 
 def test_numbers_can_be_left_to_the_env() -> None:

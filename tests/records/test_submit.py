@@ -15,6 +15,7 @@ from mtp_bench.errors import MtpBenchError, RecordError, RolloutError, UnknownNa
 from mtp_bench.gateway import Limits
 from mtp_bench.parallel import Workers
 from mtp_bench.records import Record, load_record, save_record, submit, verify, why_unranked
+from mtp_bench.records.parts import Start
 from mtp_bench.records.verifying import confirm
 from mtp_bench.running.opened import open_run
 from mtp_bench.running.options import RunOptions
@@ -44,6 +45,11 @@ def made(tmp_path_factory: pytest.TempPathFactory, submission: Path, card: str, 
 def path(made: Path, tmp_path: Path) -> Path:
     """A copy of the record and its rollouts, to be changed."""
     return Path(shutil.copytree(made.parent, tmp_path / "echo")) / made.name
+
+
+def state_of(folder: Path) -> dict[str, bytes]:
+    """The files of a folder and what they hold."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def resign(path: Path, change: Callable[[dict[str, Any]], None]) -> None:
@@ -314,9 +320,39 @@ def test_a_lookup_table_of_coordinates_is_of_no_use(card: str, kitti: str, tmp_p
 
 
 def test_a_later_record_replaces_an_earlier_one(path: Path, submission: Path, card: str, kitti: str) -> None:
-    submit(submission, card, RunOptions(kitti, scenes=1), path.parent)
+    for scenes, replace in ((None, False), (1, True), (2, False), (3, False)):  # finished, partial, partial, finished
+        submit(submission, card, RunOptions(kitti, scenes=scenes), path.parent, replace=replace)
+        assert [folder.name for folder in path.with_suffix(".rollouts").iterdir()] == ["seed-0"]
+        assert verify(path, RunOptions(kitti), card).holds
+
+
+@pytest.mark.parametrize("start", ["new", "resume", "fresh"])
+def test_a_finished_record_is_not_lost_to_a_partial_one(
+    start: Start, path: Path, submission: Path, card: str, kitti: str
+) -> None:
+    before = state_of(path.parent)
+    with pytest.raises(RecordError) as caught:
+        submit(submission, card, RunOptions(kitti, scenes=1), path.parent, start=start)
+    assert str(caught.value) == (
+        f"{path} is a finished record (2 seeds, 3 of 3 scenes), and this one would be partial: choose another folder "
+        "(-o, output=), or replace it (--force, replace=True)"
+    )
+    assert state_of(path.parent) == before
+
+
+def test_the_command_says_so_before_anything_runs(
+    cli: CommandLine, path: Path, submission: Path, card: str, kitti: str
+) -> None:
+    other = path.parent / "MTP-Other-v0.toml"
+    other.write_text(Path(card).read_text().replace(CARD_ID, "MTP-Other-v0"))
+    before = state_of(path.parent)
+    words = ("submit", submission, "--env", other, "--env", card, "--data", kitti, "--jobs", 1, "--seeds", 1)
+    words = (*words, "--scenes", 1, "-o", path.parent)
+    assert f"{path} is a finished record (2 seeds, 3 of 3 scenes)" in cli(*words).error
+    assert state_of(path.parent) == before
+    cli.ok(*words, "--force")
+    assert {load_record(path.parent / f"{name}.json").status for name in (CARD_ID, "MTP-Other-v0")} == {"partial"}
     assert [folder.name for folder in path.with_suffix(".rollouts").iterdir()] == ["seed-0"]
-    assert verify(path, RunOptions(kitti), card).holds
 
 
 def test_a_record_is_not_written_into_the_submission(submission: Path, card: str, kitti: str) -> None:

@@ -51,6 +51,21 @@ def test_what_is_there_is_kept_and_what_is_not_is_made(
     assert target.read_bytes() == before
 
 
+def test_a_finished_record_is_not_lost_to_a_partial_one(
+    cli: CommandLine, tmp_path: Path, submission: Path, card: str, kitti: str
+) -> None:
+    words = ("submit", "--all", submission, "--env", card, "--data", kitti, "--seeds", 1, "--jobs", 1, "-o", tmp_path)
+    assert cli(*words).status == 0
+    target = tmp_path / "echo" / f"{CARD_ID}.json"
+    before = target.read_bytes()
+    refused = cli(*words, "--scenes", 1)
+    assert refused.status == 1
+    assert f"{target} is a finished record (1 seed, 3 of 3 scenes), and this one would be partial" in refused.err
+    assert target.read_bytes() == before
+    cli(*words, "--scenes", 1, "--force")
+    assert target.read_bytes() != before
+
+
 def test_a_record_of_other_seeds_is_made_again(
     tmp_path: Path, cli: CommandLine, submission: Path, card: str, kitti: str
 ) -> None:

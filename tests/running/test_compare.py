@@ -152,6 +152,19 @@ def test_two_submissions_of_one_name_are_refused(names: list[str], tmp_path: Pat
         compare(folders, card, RunOptions(kitti))
 
 
+@pytest.mark.parametrize(
+    ("agents", "message"),
+    [
+        ("stp", r"agents is of type str, expected a list such as \['stp'\]"),
+        (None, r"agents is of type NoneType, expected a list such as \['stp'\]"),
+        ([object()], "agent is of type object, expected the name of a baseline or a folder with submission.toml"),
+    ],
+)
+def test_what_is_no_list_of_agents_is_told(agents: Any, message: str, card: str, kitti: str) -> None:
+    with pytest.raises(MtpBenchError, match=message):
+        compare(agents, card, RunOptions(kitti))
+
+
 def test_an_unknown_reference_of_a_card_is_one_clear_error(tmp_path: Path, kitti: str) -> None:
     wrong = write_card(tmp_path, 'reference = "spt"' + CARD)
     with pytest.raises(UnknownNameError, match="unknown submission 'spt': did you mean 'stp'"):

@@ -127,8 +127,30 @@ def test_the_command_exports_what_can_be_read_back(
     assert by_table["error"] == pytest.approx(by_result["error"], abs=1e-4)
     again = cli("export", "tracks", run, *known, "--table", "-o", tmp_path / "tables").error
     assert again == f"{tmp_path / 'tables'} is there already, expected a new or an empty folder"
+    for more, what in (((), "KITTI's results"), (("--table",), "tables")):
+        said = cli("export", "tracks", run, *known, *more, "-o", tmp_path / "t.json").error
+        assert said == f"{tmp_path / 't.json'}: {CARD_ID} is written as {what}: name a folder, not a .json file"
+    assert not (tmp_path / "t.json").exists()
     assert cli("export", "pictures", run, *known, "-o", tmp_path / "x").status == 2
     assert cli("export", "prediction", run, *known, "--table", "-o", tmp_path / "x").status == 2
+
+
+@pytest.mark.parametrize("form", [(), ("--table",)], ids=["results", "tables"])
+def test_tracks_of_some_scenes_are_imported(
+    form: tuple[str, ...], cli: CommandLine, known: list[str], tmp_path: Path
+) -> None:
+    cli.ok("run", "stp", *known, "--scenes", 2, "-o", tmp_path / "run", "--jobs", 1)
+    cli.ok("export", "tracks", tmp_path / "run", *known, *form, "-o", tmp_path / "theirs")
+    words = ("import", "tracks", tmp_path / "theirs", *known, "-o", tmp_path / "tables")
+    said = cli(*words).error
+    assert said.startswith(f"no file {tmp_path / 'theirs' / '0008.'}")
+    assert "; --scenes N (scenes= in Python) takes the first N alone" in said
+    said = cli.ok(*words, "--scenes", 2)
+    assert "of 2 scenes in" in said
+    assert "--scenes 2 --tracks" in " ".join(said.split())
+    assert sorted(path.name for path in (tmp_path / "tables").iterdir()) == ["0001.csv", "0006.csv"]
+    again = ("--tracks", tmp_path / "tables", "-o", tmp_path / "again", "--jobs", 1)
+    cli.ok("run", "given_tracks", *known, "--scenes", 2, *again)
 
 
 WRONG: dict[str, tuple[list[str], str]] = {

@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 
 from mtp_bench.cards import load_card
+from mtp_bench.errors import MtpBenchError
 from mtp_bench.running import stored
 from mtp_bench.running.compare import compare
 from mtp_bench.running.options import RunOptions
@@ -40,6 +41,13 @@ def finished(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) ->
 def folder(finished: Path, tmp_path: Path) -> Path:
     """A copy of the run, to be changed."""
     return Path(shutil.copytree(finished, tmp_path / "run"))
+
+
+def test_an_agent_in_place_of_its_name_is_told(card: str, kitti: str, tmp_path: Path) -> None:
+    agent: Any = object()
+    with pytest.raises(MtpBenchError, match="agent is of type object, expected the name of a baseline or a folder"):
+        stored.run(agent, card, tmp_path / "run", RunOptions(kitti))
+    assert not (tmp_path / "run").exists()
 
 
 def without_times(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -271,6 +271,10 @@ TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
     "no truth": ({"truth": None}, "one: no table truth.csv or truth.parquet, without which nothing can be scored"),
     "no detections": ({"detections": None}, "one: no detections; without them a simulated detector runs at once"),
     "empty file": ({"truth": []}, "truth.csv is empty, expected a line with the names of the columns"),
+    "no names": (
+        {"truth": TRUTH[1:]},
+        "truth.csv: line 1 is '0,1,car,0,0,0.8,0,4,1.8,1.5', expected the names of the columns, such as frame, id, c",
+    ),
     "semicolons": ({"truth": ["frame;id;class"]}, "truth.csv, line 1: 'frame;id;class', expected names of columns"),
     "column of another table": ({"truth": [TRUTH[0] + ",scores"]}, "unknown column 'scores': known are class"),
     "column twice": ({"truth": [TRUTH[0] + ",x"]}, "truth.csv: column 'x' is there twice, expected once"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Iterator
 from dataclasses import replace
@@ -132,8 +133,20 @@ def test_a_failed_import_of_tracks_leaves_nothing(text: KittiText, tmp_path: Pat
             return tracked
 
     with pytest.raises(DataError, match="broken"):
-        import_tracks(Source(), load_card("MTP-KITTI-v0"), tmp_path / "new" / "tables")
+        import_tracks(Source(), Source.names, load_card("MTP-KITTI-v0"), tmp_path / "new" / "tables")
     assert list((tmp_path / "new").iterdir()) == []
+
+
+def test_a_full_disk_is_told_of_the_folder_that_was_named(
+    text: KittiText, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(np, "savez_compressed", full)
+    folder = tmp_path / "new" / "own"
+    with pytest.raises(MtpBenchError, match=f"^cannot write {folder}: No space left on device, .* make room there"):
+        import_scenes(kitti_scenes(text, CLASSES), load_card("MTP-KITTI-v0"), folder)
 
 
 def test_a_file_is_no_new_folder(text: KittiText, tmp_path: Path) -> None:

@@ -248,6 +248,16 @@ def test_a_submission_of_other_scenes(tmp_path: Path) -> None:
         tracks_of(nuscenes_card(), data, tmp_path / "tracks.json", "scene-0003")
 
 
+def test_a_submission_of_some_scenes_says_how_to_take_them_alone(tmp_path: Path) -> None:
+    data, mine = write_root(tmp_path / "data"), [sample("scene-0003", t) for t in range(4)]
+    results = {token: [tracked(token)] for token in mine}
+    write_json(tmp_path / "tracks.json", {"meta": {}, "results": results})
+    other = next(name for name in SCENES if name != "scene-0003")
+    message = rf"no entry for sample .* of {other}, .*; --scenes N \(scenes= in Python\) takes the first N alone"
+    with pytest.raises(DataError, match=message):
+        tracks_of(nuscenes_card(), data, tmp_path / "tracks.json", other)
+
+
 def test_a_changed_file_is_read_again(tmp_path: Path) -> None:
     data, path = write_root(tmp_path / "data"), tmp_path / "tracks.json"
     counts = []

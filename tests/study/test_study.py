@@ -27,10 +27,13 @@ from mtp_bench.study.conduct import find
 from mtp_bench.study.figures import make_figures
 from mtp_bench.study.gallery import command_of
 from mtp_bench.study.moments import worst_moments
+from mtp_bench.study.page import headings
 from mtp_bench.study.plan import make_plan, subject_of
 from mtp_bench.study.relations import verdict
 from mtp_bench.study.runs import Bench, library_files, open_bench
+from mtp_bench.study.table import Table
 from mtp_bench.study.tables import make_tables
+from mtp_bench.study.tables.where import CauseRow
 from mtp_bench.submission import load_submission
 from tests.support.browser import CHROMIUM, DRIVER, MISSING, chromium
 from tests.support.command_line import CommandLine, write_submission
@@ -69,6 +72,17 @@ def test_the_bar_of_every_agent_adds_up_to_its_error(made: Study) -> None:
     assert {("truth_past", 1), ("stp", 1), ("stp_same_budget", 1), ("stp_hedged", 1), ("mtp", 20)} <= agents
     for row in rows:
         assert sum(row[cause] for cause in CAUSES) == pytest.approx(row["error"], abs=1e-9), row["agent"]
+
+
+def test_the_cause_without_a_forecast_is_not_called_as_the_event(made: Study) -> None:
+    """The files keep the key "lost", for who reads them by it."""
+    row = CauseRow("all", "stp", 1, *[0.5] * 8, targets=3, objects=2)
+    names = [name for name, _, _ in headings(Table("causes", "", "", [row]))]
+    assert names[4:11] == ["undetected", "withheld", "not forecast", "true past", "localisation", "switched", "rest"]
+    assert "lost" in rows_of(made, "causes")[0]
+    figure = (made.folder / "figures" / "causes.svg").read_text()
+    assert "not forecast" in figure
+    assert "lost" not in figure
 
 
 def test_the_tables_say_what_compare_says(made: Study, cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:

@@ -216,6 +216,10 @@ WRONG_MANIFEST = {
     ),
     "an agent without function": (MANIFEST.replace("agent:build", "agent"), "agent: got 'agent'"),
     "an agent outside": (MANIFEST.replace("agent:build", "../agent:build"), "agent: got '../agent:build'"),
+    "a file as agent": (
+        MANIFEST.replace("agent:build", "agent.py:build"),
+        "agent is 'agent.py:build', expected module:function without .py, such as 'agent:build'",
+    ),
     "an agent that is not there": (MANIFEST.replace("agent:build", "agnet:build"), "there is no "),
     "a count that is no parameter": (
         MANIFEST + "[compare]\ndraws = 'gat'",
@@ -262,7 +266,7 @@ def test_wrong_code_is_one_clear_error(tmp_path: Path, code: str, text: str) -> 
 def test_an_unknown_parameter_or_function_names_the_nearest(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match=r"parameter of silent 'hypothesis': did you mean 'hypotheses'\?"):
         built(folder, hypothesis=5)
-    with pytest.raises(UnknownNameError, match=r"'built': did you mean 'build'\?"):
+    with pytest.raises(UnknownNameError, match=r"'built': did you mean 'build'\? \(the name behind ':' in agent"):
         built(write(tmp_path / "wrong", MANIFEST.replace(":build", ":built")))
 
 
@@ -279,10 +283,30 @@ def test_a_failure_inside_build_keeps_its_own_error(tmp_path: Path) -> None:
 
 def test_an_unknown_name_lists_the_baselines_and_a_folder_needs_a_manifest(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match="unknown submission") as caught:
-        load_submission(str(tmp_path / "nowhere"))
-    assert all(name in str(caught.value) for name in baseline_names())
+        load_submission("nowhere")
+    assert str(caught.value).count("ab3dmot") == 1, "the baselines, once"
+    assert "name a baseline, or a folder with submission.toml" in str(caught.value)
     with pytest.raises(SubmissionError, match=r"no submission\.toml in this folder"):
         load_submission(tmp_path)
+
+
+NO_SUBMISSION = {
+    "./nowhere": "./nowhere: no such folder, expected one with submission.toml",
+    "silent/agent.py": "silent/agent.py is a file: name its folder, silent",
+    "notes.txt": "notes.txt is a file: expected a folder with submission.toml",
+    "stp,mtp": "'stp,mtp' is no submission: put blanks between agents, not commas",
+}
+
+
+@pytest.mark.parametrize(("text", "said"), NO_SUBMISSION.items(), ids=NO_SUBMISSION)
+def test_what_is_no_submission_is_told_as_what_it_is(
+    text: str, said: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder.parent)
+    Path("notes.txt").touch()
+    with pytest.raises(SubmissionError) as caught:
+        load_submission(text)
+    assert str(caught.value) == said
 
 
 @pytest.mark.parametrize("name", baseline_names())

@@ -224,6 +224,7 @@ def test_what_is_no_agent_or_cannot_be_built(card: str, kitti: str) -> None:
     assert [finding.check for finding in findings] == ["build"]
     assert "FileNotFoundError: weights.safetensors" in only(findings).got
     assert "in make: raise FileNotFoundError" in only(findings).traceback[-1]
+    assert (only(findings).expected, only(findings).advice) == ("an agent", "see the lines of its code")
     findings = check(lambda task: object(), card, kitti)
     assert [str(finding) for finding in findings] == [
         "build: object without reset and act, expected reset(task) and act(observation) (build); write them"

@@ -640,6 +640,8 @@ def test_nothing_is_cut_off_at_80_columns(tmp_path: Path) -> None:
     assert max(map(len, printed)) <= 80
     assert not [line for line in printed if "…" in line]
     row = next(line for line in printed if line.startswith("forest_of_maybe"))
+    heading = next(line for line in printed if line.startswith("submission"))
+    assert "* p<.05" in heading, "what the star means"
     assert " ".join(row.split()) == "forest_of_maybe 1 0.744 0.690–0.797 −0.324* 1.16 1.35 47 % 22.9 scored"
 
 

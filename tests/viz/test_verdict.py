@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from mtp_bench import load_card
+from mtp_bench import load_card, load_submission
 from mtp_bench.running.reading import skipped_line, total_skipped
 from mtp_bench.running.sensitivity import AtCut
 from mtp_bench.scoring import SUBSETS, Report
@@ -22,7 +22,7 @@ from mtp_bench.viz.terminal.listings import env_table
 from mtp_bench.viz.terminal.output import TEXT_WIDTH, short, show, show_command, show_lines, show_numbers
 from mtp_bench.viz.terminal.paper import paper_figures, paper_gap
 from mtp_bench.viz.terminal.tables import full_tables, main_table, notes, sensitivity_table
-from mtp_bench.viz.terminal.verdict import verdict
+from mtp_bench.viz.terminal.verdict import CONTROL_DRAWS, verdict
 from tests.support.command_line import TERMINAL
 from tests.support.report_rows import Setting, detail, pair, row, rows
 
@@ -67,17 +67,35 @@ def test_an_agent_against_stp(values: dict[str, Any], said: str) -> None:
 
 
 def test_an_agent_against_as_many_samples_from_one_hypothesis() -> None:
-    paired = [pair(MINE, "stp_same_budget", "all", error=-0.1, interval=(-0.3, 0.1), p=0.4)]
-    paired += [pair(MINE, "stp_same_budget", "ids", error=-0.42, **CLEAR), pair(MINE, "stp", "all", error=-0.9)]
+    paired = [pair(MTP, "stp_same_budget", "all", error=-0.1, interval=(-0.3, 0.1), p=0.4)]
+    paired += [pair(MTP, "stp_same_budget", "ids", error=-0.42, **CLEAR), pair(MTP, "stp", "all", error=-0.9)]
     said = (
-        "mine (H = 3) against stp_same_budget, as many samples from one hypothesis: over all targets -0.100 "
+        "mtp (H = 20) against stp_same_budget, as many samples from one hypothesis: over all targets -0.100 "
         "m, 95 % -0.300 to +0.100, p = 0.400, could be chance; on ids -0.420 m, 95 % -0.600 to -0.200, p = "
         "0.012"
     )
-    assert verdict(report(rows(MINE), paired), ["mine"]) == [f"{said}."]
-    for own, more in ((0.4, ". The second is the honest gain of hypotheses."), (0.2, ".")):  # another predictor
-        table = rows(MINE, gap_closed=0.4, gap_closed_same_predictor=own)
-        assert verdict(report(table, paired), ["mine"])[0] == said + more
+    assert verdict(report(rows(MTP), paired), ["mtp"]) == [f"{said}."]
+    gain = ". This difference, not the one to stp, is the gain of hypotheses."
+    for own, more in ((0.4, gain), (0.2, ".")):  # another predictor
+        table = rows(MTP, gap_closed=0.4, gap_closed_same_predictor=own)
+        assert verdict(report(table, paired), ["mtp"])[0] == said + more
+
+
+@pytest.mark.parametrize("hypotheses", [0, 1, 3])
+def test_an_agent_that_draws_fewer_samples_than_the_control(hypotheses: int) -> None:
+    setting = ("mine", hypotheses, 20, "equal")
+    table = rows(setting, gap_closed=0.4, gap_closed_same_predictor=0.4)
+    (said, *_) = verdict(report(table, [pair(setting, "stp_same_budget", "all", error=-0.42, **CLEAR)]), ["mine"])
+    name = "mine (H = 3)" if hypotheses > 1 else "mine"
+    assert said == (
+        f"{name} against stp_same_budget, one hypothesis with 20 times k samples: over all targets -0.420 m, 95 % "
+        "-0.600 to -0.200, p = 0.012."
+    )
+
+
+def test_the_control_draws_as_many_samples_as_are_told() -> None:
+    control = load_submission("stp_same_budget")
+    assert control.parameters[str(control.compare.draws)] == CONTROL_DRAWS
 
 
 def test_the_gap_between_both_kinds_of_ends_and_in_the_paper() -> None:

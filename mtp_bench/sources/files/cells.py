@@ -85,6 +85,7 @@ def _read_csv(path: Path, table: str) -> Cells:
                 continue
             if not names:
                 names = [name.strip() for name in row]
+                _require_head(path, names, table)
                 _check_names(path, names, table)
             elif len(row) != len(names):
                 raise DataError(f"{path}, line {reader.line_num}: {len(row)} columns, expected {len(names)}")
@@ -147,7 +148,7 @@ def _read_parquet(path: Path, table: str) -> Cells:
         import pyarrow
         from pyarrow import parquet
     except ImportError:
-        raise MtpBenchError(f"{path}: Parquet needs pyarrow: pip install 'mtp-bench[parquet]', or write CSV") from None
+        raise MtpBenchError(f"{path}: Parquet needs pyarrow: pip install pyarrow, or write CSV") from None
     try:
         with open_regular(path) as stream:
             file = parquet.ParquetFile(stream)
@@ -184,6 +185,15 @@ def _add_arrow(cells: Cells, column: Column, values: Any) -> None:
     if not (types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind)):
         raise DataError(f"{cells.path}, column {column.name!r}: {kind}, expected numbers")
     _add_numbers(cells, column, values.cast("float64", safe=False).to_numpy(zero_copy_only=False))
+
+
+def _require_head(path: Path, names: Sequence[str], table: str) -> None:
+    """Raise DataError where the first line of a text is a row: no name is known, and some are numbers."""
+    known = {column.name for column in TABLES[table]}
+    if known.isdisjoint(names) and any(name.removeprefix("-").replace(".", "", 1).isdigit() for name in names):
+        needed = ", ".join(["frame", *(column.name for column in TABLES[table] if not column.without)])
+        got = reprlib.repr(",".join(names))
+        raise DataError(f"{path}: line 1 is {got}, expected the names of the columns, such as {needed}")
 
 
 def _check_names(path: Path, names: Sequence[str], table: str) -> None:

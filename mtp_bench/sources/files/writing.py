@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import DataError, MtpBenchError, UnknownNameError
-from ...files import file_stem, make_folder, reason_of, whole_file, whole_folder
+from ...files import file_stem, make_folder, whole_file, whole_folder
 from ...types import Scene
 from .archive import arrays_of
 from .columns import BOX, FORMS
@@ -47,17 +47,14 @@ def save_scene(scene: Scene, folder: str | Path, classes: Sequence[str], form: F
     arrays, folder = arrays_of(scene, classes), Path(folder).expanduser()
     make_folder(folder)
     path = folder / (file_stem(scene.name) + (".npz" if form == "npz" else ""))
-    try:
-        if form == "npz":
-            with whole_file(path) as part, part.open("wb") as file:
-                np.savez_compressed(file, allow_pickle=False, **arrays)
-        else:
-            _require_plain(scene)
-            with whole_folder(path) as part:
-                for table, columns in _tables(arrays).items():
-                    write_table(part / f"{table}.{form}", columns)
-    except OSError as error:
-        raise MtpBenchError(f"cannot write {path}: {reason_of(error, path)}") from None
+    if form == "npz":
+        with whole_file(path) as part, part.open("wb") as file:
+            np.savez_compressed(file, allow_pickle=False, **arrays)
+        return path
+    _require_plain(scene)
+    with whole_folder(path) as part:
+        for table, columns in _tables(arrays).items():
+            write_table(part / f"{table}.{form}", columns)
     return path
 
 
@@ -78,7 +75,7 @@ def write_table(path: Path, columns: Columns) -> None:
             import pyarrow
             from pyarrow import parquet
         except ImportError:
-            raise MtpBenchError("Parquet needs pyarrow: pip install 'mtp-bench[parquet]', or write CSV") from None
+            raise MtpBenchError("Parquet needs pyarrow: pip install pyarrow, or write CSV") from None
         parquet.write_table(pyarrow.table({name: pyarrow.array(column) for name, column in columns.items()}), path)
         return
     shown = [["" if value != value else value for value in column.tolist()] for column in columns.values()]  # noqa: PLR0124

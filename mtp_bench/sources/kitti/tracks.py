@@ -16,7 +16,7 @@ from ...errors import DataError
 from ...types import Floats, Ints, Scene, StoredTracks
 from ..base import DataRoot, ReadTracks, TrackForm, section_of
 from ..text import read_table
-from ..tracks.building import stored_tracks
+from ..tracks.building import FEWER, stored_tracks
 from .files import RESULT, camera_fields, require_kinds, sensor_boxes
 from .layout import TYPES
 from .poses import Poses
@@ -72,8 +72,8 @@ def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:
         path = folder / f"{scene.name}.txt"
         if not path.is_file():
             raise DataError(
-                f"no file {path}, expected the tracks of each sequence that is run; --scenes N (scenes= in Python) "
-                "runs fewer, and an empty file says that nothing was tracked"
+                f"no file {path}, expected the tracks of each sequence that is run; {FEWER}, and an empty file says "
+                "that nothing was tracked"
             )
         return read_result(path, scene, card.task.classes, stride, poses_of(card, data, scene.name))
 

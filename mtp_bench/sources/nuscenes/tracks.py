@@ -13,7 +13,7 @@ from ...cards import Card
 from ...errors import DataError
 from ...types import Floats, Scene, StoredTracks
 from ..base import DataRoot, ReadTracks, TrackForm, class_ids
-from ..tracks.building import stored_tracks
+from ..tracks.building import FEWER, stored_tracks
 from .classes import CLASSES
 from .detection_file import TRACKING, DetectedBoxes, read_detections
 from .json_stream import unwatched
@@ -37,9 +37,10 @@ def scene_tracks(file: _File, path: Path, scene: Scene, first: int, classes: Seq
     boxes, end = file.boxes, first + scene.frames
     lost = np.setdiff1d(np.arange(first, end), boxes.covered)
     if len(lost):
+        fewer = f"; {FEWER}" if len(lost) == scene.frames else ""  # the file has nothing of this scene
         raise DataError(
             f"{path}: no entry for sample {file.samples[lost[0]]!r} of {scene.name}, expected one for each of its "
-            f"{scene.frames} samples, empty where nothing is tracked"
+            f"{scene.frames} samples, empty where nothing is tracked{fewer}"
         )
     row = np.arange(*np.searchsorted(boxes.sample, [first, end]))
     class_id = class_ids(CLASSES, classes)[boxes.class_id[row]]

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from ...types import Floats, Ints, StoredTracks, starts_of_sorted
 
+FEWER = "--scenes N (scenes= in Python) takes the first N alone"  # what to do where only some scenes have tracks
+
 
 def stored_tracks(
     frames: int,

@@ -21,7 +21,7 @@ from ...files import file_stem
 from ...types import Scene, StoredTracks
 from ..base import DataRoot, ReadTracks, TrackForm
 from ..text import LIMIT, MOST_LETTERS, RADIANS, TURN, read_text
-from .building import stored_tracks
+from .building import FEWER, stored_tracks
 
 NUMBERS = ("frame", "x", "y", "z", "yaw", "l", "w", "h")
 COLUMNS = ("frame", "id", "class", "x", "y", "z", "yaw", "l", "w", "h", "score")
@@ -120,7 +120,10 @@ def _numbers(path: Path, line: int, row: dict[str, str]) -> list[float]:
 
 def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:
     def read(scene: Scene) -> StoredTracks:
-        return read_table_of_tracks(table_path(folder, scene.name), scene, card.task.classes)
+        path = table_path(folder, scene.name)
+        if not path.is_file():
+            raise DataError(f"no file {path}, expected the tracks of each scene that is run; {FEWER}")
+        return read_table_of_tracks(path, scene, card.task.classes)
 
     return read
 

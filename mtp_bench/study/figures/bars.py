@@ -10,6 +10,7 @@ from ...scoring.causes import CAUSES
 from ...viz.terminal.paper import figures_of
 from ..findings import Findings
 from ..table import Table
+from ..tables.where import CAUSE_NAMES
 from .common import called, n_of, pick, where
 from .style import HATCHES, Figure, beside, caps, color, draw, grid
 
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 
 Tables = dict[str, Table]
 CAUSE_COLORS = ("grey", "yellow", "orange", "green", "sky", "vermillion", "purple")
-CAUSE_NAMES = ("undetected", "withheld", "lost", "true past", "localisation", "switched", "rest")
 
 
 def pasts_figure(found: Findings, tables: Tables) -> Figure:
@@ -107,8 +107,8 @@ def causes_figure(found: Findings, tables: Tables) -> Figure:
         grid(axis, across=True)
         place = np.arange(len(rows))
         up, down = np.zeros(len(rows)), np.zeros(len(rows))
-        for cause, label, name, hatch in zip(CAUSES, CAUSE_NAMES, CAUSE_COLORS, HATCHES, strict=True):
-            value = np.array(pick(rows, cause))
+        for cause, name, hatch in zip(CAUSES, CAUSE_COLORS, HATCHES, strict=True):
+            value, label = np.array(pick(rows, cause)), CAUSE_NAMES[cause]
             left = np.where(value >= 0, up, down)
             axis.barh(place, value, 0.62, left=left, color=color(name), hatch=hatch, edgecolor="white", label=label)
             up, down = up + np.maximum(value, 0), down + np.minimum(value, 0)
@@ -125,7 +125,7 @@ def causes_figure(found: Findings, tables: Tables) -> Figure:
         "causes",
         "Where the remaining error comes from",
         "Parts of the error over all targets that add up to it (black mark); those left of zero take away from it. "
-        "Undetected, withheld and lost are targets without a forecast; the others are parts of forecasts.",
+        "Undetected, withheld, not forecast: targets without a forecast; the others are parts of forecasts.",
         n_of(found),
         paint,
         size=(8.1, 1.3 + 0.36 * len(rows)),

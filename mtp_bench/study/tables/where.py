@@ -18,6 +18,8 @@ from ..table import Count, Metres, Number, Share, Table, Text
 from .costs import shown
 from .paper import settings_told, subset_name
 
+# as shown; the key "lost" is also the name of an event, which is another thing
+CAUSE_NAMES = {cause: cause.replace("_", " ") for cause in CAUSES} | {"lost": "not forecast"}
 CAUSE_SUBSETS: tuple[Subset, ...] = ("all", "ids", "reacquired")
 
 
@@ -52,10 +54,10 @@ def cause_table(found: Findings) -> Table:
         "causes",
         "Where the remaining error comes from",
         "Parts that add up to the error that ranks. A target without a forecast counts for the first cause that "
-        "applies: undetected (no detection inside the gate), withheld (a forecast below the cut of the budget), lost "
-        "(detected, and nothing forecast). The error of one with a forecast is that from true pasts, plus localisation "
-        "(what moving the forecast to the true present place takes away), plus the rest, which is called switched "
-        "where the reference tracker ever switches the identity. Parts have signs.",
+        "applies: undetected (no detection inside the gate), withheld (a forecast below the cut of the budget), not "
+        "forecast (detected, and nothing was said). The error of one with a forecast is that from true pasts, plus "
+        "localisation (what moving the forecast to the true present place takes away), plus the rest, which is called "
+        "switched where the reference tracker ever switches the identity. Parts have signs.",
         rows,
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from ...scoring.definitions import SIGNIFICANT
 from ..terminal.output import NOTHING, short, slim_table
 from .columns import COLUMN, COLUMNS, shown
 from .entries import Entry, by_env, silence_of
@@ -13,7 +14,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 _SHOWN = {"ids": "ids", "reacquired": "reac-\nquired", "gap": "gap\nclosed", "p95": "p95\nms"}  # key -> heading
-_SURE = "*"  # after a difference to STP that the test is sure of
+_SURE = "*"  # after a difference to STP that is significant
+_SIGNIFICANT = f"{_SURE} p<{SIGNIFICANT:g}".replace("0.", ".")
 
 
 def board_tables(entries: Sequence[Entry]) -> list[Table]:
@@ -43,7 +45,8 @@ def _table(env_id: str, entries: Sequence[Entry]) -> Table:
     silence = silence_of(entries)
     said = "" if silence is None else f"; saying nothing scores {silence:.3f}"
     numbers = (f"{_SHOWN[column.key]}\n{column.arrow}" for column in columns)
-    headings = ("submission", "rank", "error\n↓", "95 %\ninterval", f"to stp\n{_SURE} sure", *numbers, "verified")
+    to_stp = f"to stp\n{_SIGNIFICANT}"
+    headings = ("submission", "rank", "error\n↓", "95 %\ninterval", to_stp, *numbers, "verified")
     table = slim_table(f"{env_id}: error (m) at the budgets{said}", headings, left=("verified",))
     for entry in entries:
         bounds = entry.interval

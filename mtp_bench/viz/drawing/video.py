@@ -33,7 +33,7 @@ def require_encoder(kind: str) -> None:
             import av  # noqa: F401
         except ImportError:
             raise MtpBenchError(
-                "mp4 files need PyAV: `pip install av` (or 'mtp-bench[video]'), or write a .gif"
+                "mp4 files need PyAV: `pip install av`, or write a .gif"
             ) from None
 
 

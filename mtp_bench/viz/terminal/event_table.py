@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 ORDERS = ("time", "cost")
 LONGEST = 3  # runs of false forecasts of a scene in the table, unless their kind is asked for
 SCENE_WIDTH = 20  # columns of names of scenes, so that those of the simulated ones can be copied in one piece
-_HEADINGS = ("scene", "frame", "event", "object", "track", "minADE", "error", "sure")
+_HEADINGS = ("scene", "frame", "event", "object", "track", "minADE", "error", "confi-\ndence")
 _LEFT = _FOLDED = ("scene", "object", "track")
 CAPTION = (
     "minADE: of the forecast made then, metres; – where the object is no target, or was not forecast. error: "
-    "min(minADE, c), c where it was not forecast: what the event costs. sure: the forecast's confidence; of a run of "
-    "false forecasts (spurious) the highest. *: the old track is still output, outside the gate."
+    "min(minADE, c), c where it was not forecast: what the event costs. confidence: that of the forecast; of a run "
+    "of false forecasts (spurious) the highest. *: the old track is still output, outside the gate."
 )
 LOOK = (
     "To look at one, name its scene and event as for the first of them; with --png FILE.png it becomes a picture, "

@@ -10,6 +10,7 @@ from ...scoring.rows import Interval, Row
 from .paper import paper_gap, shipped_env
 
 SAW_TRUTH = "saw the truth"  # of `why_unranked`
+CONTROL_DRAWS = 20  # times k samples that stp_same_budget draws from its one hypothesis
 _NO_OWN_GAP = "no share is given between its own ends: none are stated, or they do not differ significantly"
 WHERE = {"all": "over all targets", "ids": "on ids", "reacquired": "on reacquired"}
 
@@ -20,12 +21,12 @@ def verdict(
     """Sentences about a report that speak of the submissions ``names``; those whose numbers are missing are left out.
 
     A submission with several settings is spoken of in the one with the most hypotheses, at equal k. The other arguments
-    name the ends of the gap, and the control with as many samples from one hypothesis.
+    name the ends of the gap, and the control with as many samples from one hypothesis as 20 hypotheses draw.
     """
     speakers = [row for name in names if name not in (stp, truth) and (row := _setting(report, name)) is not None]
     sentences = [_cost(report, stp, truth)]
     for row in speakers:
-        sentences += [_against_stp(report, row, stp), _against_control(report, row, control)]
+        sentences += [_against_stp(report, row, stp), _against_control(report, row, stp, control)]
         sentences += [_gap(report, row, stp, truth)]
     sentences += [_ranks(report), _unknown(report, stp)]
     return [sentence for sentence in sentences if sentence]
@@ -67,7 +68,7 @@ def _against_stp(report: Report, row: Row, stp: str) -> str | None:
     )
 
 
-def _against_control(report: Report, row: Row, control: str) -> str | None:
+def _against_control(report: Report, row: Row, stp: str, control: str) -> str | None:
     parts = []
     for subset in ("all", "ids"):
         key = (row.agent, row.hypotheses, row.samples, row.budget, control, subset)
@@ -76,10 +77,12 @@ def _against_control(report: Report, row: Row, control: str) -> str | None:
                 parts.append(f"{WHERE[subset]} {_difference(r.error, r.interval, r.p)}")
     if not parts:
         return None
-    # with another predictor than the control's the difference is not of hypotheses alone
-    alike = row.gap_closed is not None and row.gap_closed == row.gap_closed_same_predictor
-    honest = ". The second is the honest gain of hypotheses" if row.hypotheses > 1 and len(parts) > 1 and alike else ""
-    return f"{_who(row)} against {control}, as many samples from one hypothesis: {'; '.join(parts)}{honest}."
+    as_many = row.hypotheses == CONTROL_DRAWS
+    drawn = "as many samples from one hypothesis" if as_many else f"one hypothesis with {CONTROL_DRAWS} times k samples"
+    # with another predictor or another number of samples than the control's the difference is not of hypotheses alone
+    alike = as_many and row.gap_closed is not None and row.gap_closed == row.gap_closed_same_predictor
+    gain = f". This difference, not the one to {stp}, is the gain of hypotheses" if alike else ""
+    return f"{_who(row)} against {control}, {drawn}: {'; '.join(parts)}{gain}."
 
 
 def _gap(report: Report, row: Row, stp: str, truth: str) -> str | None:
