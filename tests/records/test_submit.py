@@ -346,8 +346,8 @@ def test_the_command_says_so_before_anything_runs(
     other = path.parent / "MTP-Other-v0.toml"
     other.write_text(Path(card).read_text().replace(CARD_ID, "MTP-Other-v0"))
     before = state_of(path.parent)
-    words = ("submit", submission, "--env", other, "--env", card, "--data", kitti, "--jobs", 1, "--seeds", 1)
-    words = (*words, "--scenes", 1, "-o", path.parent)
+    part = ("--seeds", 1, "--scenes", 1, "--data", kitti, "--jobs", 1, "-o", path.parent)
+    words = ("submit", submission, "--env", other, "--env", card, *part)
     assert f"{path} is a finished record (2 seeds, 3 of 3 scenes)" in cli(*words).error
     assert state_of(path.parent) == before
     cli.ok(*words, "--force")

@@ -76,7 +76,7 @@ def test_the_bar_of_every_agent_adds_up_to_its_error(made: Study) -> None:
 
 def test_the_cause_without_a_forecast_is_not_called_as_the_event(made: Study) -> None:
     """The files keep the key "lost", for who reads them by it."""
-    row = CauseRow("all", "stp", 1, *[0.5] * 8, targets=3, objects=2)
+    row = CauseRow("all", "stp", 1, 3.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, targets=3, objects=2)
     names = [name for name, _, _ in headings(Table("causes", "", "", [row]))]
     assert names[4:11] == ["undetected", "withheld", "not forecast", "true past", "localisation", "switched", "rest"]
     assert "lost" in rows_of(made, "causes")[0]

@@ -32,9 +32,7 @@ def require_encoder(kind: str) -> None:
         try:
             import av  # noqa: F401
         except ImportError:
-            raise MtpBenchError(
-                "mp4 files need PyAV: `pip install av`, or write a .gif"
-            ) from None
+            raise MtpBenchError("mp4 files need PyAV: `pip install av`, or write a .gif") from None
 
 
 def frames_around(replay: Replay, event: str | None) -> range:

@@ -230,10 +230,9 @@ def test_a_network_may_be_shown_tracks_as_true_pasts(file: Path, as_truth: bool)
         tracker = HypothesisTracker(1, at_once())
         agent = Pipeline(tracker, LearnedPredictor(weights=file, as_truth=as_truth), KMeansSampler())
         agent.reset(TASK)
-        for step in range(14):  # longer than the window
-            seen = observation(frame((0.8 * step, 0.0, 0)))
-            action = agent.act({**seen, "detection_score": np.array([sure])})
-        told.append(action["forecast"][0])
+        scores = {"detection_score": np.array([sure])}
+        frames = [frame((0.8 * step, 0.0, 0)) for step in range(14)]  # longer than the window
+        told.append([agent.act({**observation(seen), **scores})["forecast"][0] for seen in frames][-1])
     assert np.array_equal(*told) == as_truth  # the score is not seen
 
 
