@@ -167,7 +167,7 @@ def test_a_backend_that_cannot_work_is_refused(backend: str, scheduler: str | No
 
 def test_without_dask_one_sentence_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(MtpBenchError, match=r"needs Dask: pip install 'mtp-bench\[dask\]'"):
+    with pytest.raises(MtpBenchError, match=r"needs Dask: pip install 'dask\[distributed\]'"):
         _require_backend("dask", "tcp://127.0.0.1:8786")
 
 
