@@ -451,9 +451,7 @@ def test_parquet_without_its_library(tmp_path: Path, base: Card, monkeypatch: py
         lambda: save_scene(scene, tmp_path / "other", CLASSES, "parquet"),
         lambda: only(base, tmp_path / "own"),
     ):
-        with pytest.raises(
-            MtpBenchError, match=r"Parquet needs pyarrow: pip install pyarrow, or write CSV"
-        ):
+        with pytest.raises(MtpBenchError, match=r"Parquet needs pyarrow: pip install pyarrow, or write CSV"):
             attempt()
     assert not list((tmp_path / "other").iterdir()), "nothing half written"
 
