@@ -71,6 +71,7 @@ class Ragged:
 
 
 ABSENT_BELOW = -1e30  # log-weights below say "no such sample", "no such hypothesis"; so does -inf
+ID_LIMIT = 2**31 - 1  # largest number of an object or a track
 CENTIMETRES = 100.0  # per metre: forecasts are recorded in whole centimetres
 
 

@@ -13,13 +13,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..types import Task
+from ..types import ID_LIMIT, Task
 
 COORDINATE_LIMIT = 1e5  # m, of a centre in the frame of the observations
 SIZE_LIMIT = 100.0  # m, of a box
 FORECAST_LIMIT = 327.0  # m, length of an offset: within int16 centimetres whichever way the frame is turned
 FORECAST_REACH = float(math.floor(FORECAST_LIMIT / math.sqrt(2.0)))  # m, along each axis: both are within
-ID_LIMIT = 2**31 - 1
 ABSENT = -2e30  # a log-weight below `types.ABSENT_BELOW` that lies inside the space
 
 Rows = Literal["tracks", "hypotheses", "objects"]

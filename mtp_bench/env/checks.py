@@ -13,13 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import closest
-from ..types import ABSENT_BELOW, Bools, Floats, Ints, Task
+from ..types import ABSENT_BELOW, ID_LIMIT, Bools, Floats, Ints, Task
 from .action import (
     COORDINATE_LIMIT,
     FIELD,
     FIELDS,
     FORECAST_LIMIT,
-    ID_LIMIT,
     MASK,
     ROWS,
     SIZE_LIMIT,

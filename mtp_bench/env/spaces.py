@@ -11,7 +11,7 @@ from gymnasium.spaces import utils as flattening
 from gymnasium.vector import utils as batching
 from numpy.typing import DTypeLike, NDArray
 
-from ..types import Task
+from ..types import ID_LIMIT, Task
 from .action import (
     ABSENT,
     BOX,
@@ -20,7 +20,6 @@ from .action import (
     FIELDS,
     FORECAST_REACH,
     ID,
-    ID_LIMIT,
     LOG_WEIGHT,
     MASK,
     OFFSET,

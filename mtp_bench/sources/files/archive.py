@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from ...errors import DataError, nearest
 from ...files import BROKEN_ARCHIVE, open_regular, why_no_archive
-from ...types import Detections, Scene, Truth
+from ...types import ID_LIMIT, Detections, Scene, Truth
 from .columns import ARRAYS, BOX, Array
-from .content import LARGEST_ID, Content, Rows
+from .content import Content, Rows
 from .surroundings import Arrays, image_arrays, image_of, lane_arrays, lanes_of
 
 MOST_BYTES = 1 << 30  # of the arrays of a scene
@@ -78,10 +78,10 @@ def _require_rows(what: str, rows: Truth | Detections, frames: int, classes: int
 
 def _require_ids(scene: Scene) -> None:
     number = np.asarray(scene.truth.object_id)
-    if len(number) and (number.min() < 0 or number.max() > LARGEST_ID):
+    if len(number) and (number.min() < 0 or number.max() > ID_LIMIT):
         raise DataError(
             f"scene {scene.name!r}: truth.object_id has {number.min()} to {number.max()}, expected whole numbers from "
-            f"0 to {LARGEST_ID}"
+            f"0 to {ID_LIMIT}"
         )
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...cards import Card, FilesSource, instead_of_stored
 from ...errors import DataError, closest
-from ...types import Bools, Detections, Floats, ImageField, Ints, Scene, Truth, starts_of_sorted
+from ...types import ID_LIMIT, Bools, Detections, Floats, ImageField, Ints, Scene, Truth, starts_of_sorted
 from ..base import class_ids, no_detections, section_of
 from ..motion import backward_velocity
 from ..text import LIMIT, RADIANS, TURN
@@ -19,7 +19,6 @@ from .columns import BOX
 
 LEAST = 1e-6  # m, of the size of a box
 FAR = 1e5  # m, of x and y: rollouts keep boxes in single precision, which farther away is too coarse for centimetres
-LARGEST_ID = 2**31 - 1  # of an object: larger ones do not fit into the observations of the env
 OFF = 0.2  # share by which the frames of a scene may be closer or farther apart than the task says
 
 
@@ -175,8 +174,8 @@ def _check(rows: Rows, frames: int) -> None:
             _refuse_beyond(rows, column, known[:, place], -LIMIT, LIMIT)
     if "id" in rows.further:
         number = rows.further["id"]
-        outside = (number < 0) | (number > LARGEST_ID)
-        rows.refuse(outside, "id", lambda at: f"{number[at]}, expected a whole number from 0 to {LARGEST_ID}")
+        outside = (number < 0) | (number > ID_LIMIT)
+        rows.refuse(outside, "id", lambda at: f"{number[at]}, expected a whole number from 0 to {ID_LIMIT}")
     for column, low, high in (("score", -LIMIT, LIMIT), ("visible", 0.0, 1.0)):
         if column in rows.further:
             _refuse_beyond(rows, column, rows.further[column], low, high)

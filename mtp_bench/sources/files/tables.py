@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import DataError
-from ...types import Floats, Ints
+from ...types import ID_LIMIT, Floats, Ints
 from .cells import Cells, read_cells
 from .columns import BOX, FORMS, TABLES
-from .content import LARGEST_ID, Content, Rows
+from .content import Content, Rows
 
 MOST_FRAMES = 1_000_000
 CLOSE = 1e-3  # s: times that are no farther apart are of one frame
@@ -194,12 +194,12 @@ def _rows(cells: Cells, frames: Frames, further: dict[str, NDArray[Any]]) -> Row
 def _ids(cells: Cells) -> Ints:
     """Numbers of the objects: those of the file, or, of words, their places among all words, sorted.
 
-    Where a number is below 0 or above `LARGEST_ID`, all are words.
+    Where a number is below 0 or above `ID_LIMIT`, all are words.
     """
     words = cells.text["id"]
     try:
         number = words.astype(np.int64) if len(words) else np.zeros(0, dtype=np.int64)
-        fits = not ((number < 0) | (number > LARGEST_ID)).any()
+        fits = not ((number < 0) | (number > ID_LIMIT)).any()
         if fits and np.array_equal(number.astype(np.str_), words):  # else 1 and 01 would be one object
             return number
     except (ValueError, OverflowError):
