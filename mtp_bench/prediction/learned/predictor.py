@@ -20,23 +20,28 @@ class LearnedPredictor:
     """Forecasts of a trained network.
 
     ``network``: its name, such as "modes". ``on``: what it was trained on, "truth" or "tracklets". ``weights``: a file
-    of your own; None: the one for the task's env, see `mtp_bench.prediction.learned.weights`. ``as_truth``: show it
-    tracks as it saw true pasts in training, with score 1 and no count of what came before the window. A network trained
-    on true pasts has never seen another score, and what it makes of one is chance. The recorded baselines show it all
-    the same (``as_truth=False``): leaderboard/RESULTS.md says what that costs.
+    of your own; None: the one for the task's env, see `mtp_bench.prediction.learned.weights`. ``as_truth``: whether it
+    is shown tracks as it saw true pasts in training, with score 1 and no count of what came before the window; None:
+    where its file says that it was trained on true pasts. Such a network has never seen another score, and what it
+    makes of one is chance: leaderboard/RESULTS.md says what that costs.
     Raises SubmissionError at ``reset`` where there is no file or it is made for another task.
     """
 
     def __init__(
-        self, network: str = "modes", on: str = "truth", weights: str | Path | None = None, as_truth: bool = False
+        self,
+        network: str = "modes",
+        on: str = "truth",
+        weights: str | Path | None = None,
+        as_truth: bool | None = None,
     ) -> None:
-        self._network, self._as_truth = network_of(network), as_truth
+        self._network, self._chosen = network_of(network), as_truth
         self._on, self._given = on, None if weights is None else Path(weights)
 
     def reset(self, task: Task) -> None:
         """Forget everything; a new scene begins."""
         path = self._given or find_weights(self._network.name, self._on, task)
         self._stored = stored = _read(path, path.stat().st_mtime_ns if path.is_file() else 0, self._network.name, task)
+        self._as_truth = stored.card.get("on") == "truth" if self._chosen is None else self._chosen
         self._class = np.array([stored.sizes.classes.index(name) for name in task.classes])
 
     def predict(self, frame: Frame) -> Forecasts:

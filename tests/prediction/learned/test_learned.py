@@ -223,8 +223,19 @@ def test_classes_are_matched_by_name(file: Path) -> None:
     np.testing.assert_array_equal(*both)
 
 
-@pytest.mark.parametrize("as_truth", [False, True])
-def test_a_network_may_be_shown_tracks_as_true_pasts(file: Path, as_truth: bool) -> None:
+@pytest.mark.parametrize(
+    ("trained_on", "as_truth", "score_is_seen"),
+    [
+        ("truth", None, False),
+        ("tracklets", None, True),
+        ("truth", False, True),
+        ("tracklets", True, False),
+    ],
+)
+def test_a_network_that_learnt_on_true_pasts_is_shown_no_scores(
+    file: Path, trained_on: str, as_truth: bool | None, score_is_seen: bool
+) -> None:
+    rewritten(file, card={"on": trained_on})
     told = []
     for sure in (1.0, 7.5):
         tracker = HypothesisTracker(1, at_once())
@@ -233,7 +244,7 @@ def test_a_network_may_be_shown_tracks_as_true_pasts(file: Path, as_truth: bool)
         scores = {"detection_score": np.array([sure])}
         frames = [frame((0.8 * step, 0.0, 0)) for step in range(14)]  # longer than the window
         told.append([agent.act({**observation(seen), **scores})["forecast"][0] for seen in frames][-1])
-    assert np.array_equal(*told) == as_truth  # the score is not seen
+    assert np.array_equal(*told) != score_is_seen
 
 
 def test_true_pasts_are_shown_as_they_are() -> None:
