@@ -79,7 +79,7 @@ class Restart:
 
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the scenes that were finished before.")] = False
     fresh: Annotated[bool, typer.Option("--fresh", help="Discard the scenes that were finished before.")] = False
-    force: Annotated[bool, typer.Option("--force", help="Replace a finished record by a partial one.")] = False
+    force: Annotated[bool, typer.Option("--force", help="Replace a finished record by one of fewer seeds or scenes.")] = False
 
     def start(self) -> Start:
         """As `records.submit` names it; wrong usage for both."""
@@ -178,7 +178,7 @@ def _submit_one(
     for target in targets.values():
         require_writable(target, submission)
         if not more["replace"]:
-            require_kept(target, options.scenes)
+            require_kept(target, len(options.seeds), options.scenes)
         if more["start"] == "new":
             require_new(target)
     failed = []

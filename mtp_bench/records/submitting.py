@@ -80,7 +80,7 @@ def submit(
         start: What becomes of the scenes that an earlier submit of this record finished without coming to its end:
             "new" refuses them, "resume" goes on from them (and takes a whole record of the same plan as it is),
             "fresh" discards them.
-        replace: Whether a finished record may give way to a partial one.
+        replace: Whether a finished record may give way to one of fewer seeds or scenes.
 
     Every scene is kept as soon as it is done. Record and rollouts come together, at the end: until then, and after any
     failure, those of an earlier submit are as they were.
@@ -95,7 +95,7 @@ def submit(
     target = record_path(submission, load_card(env_id), output, options.split)
     require_writable(target, submission)
     if not replace:
-        require_kept(target, len(plan.scenes), plan.scenes_of_split)
+        require_kept(target, len(options.seeds), len(plan.scenes), plan.scenes_of_split)
     _require_causal(division, submission)
     _require_limits(division, limits)
     declared = declared_data(submission, plan.card.id, training_data)
@@ -210,23 +210,27 @@ def require_writable(target: Path, submission: Submission) -> None:
             require_run_folder(folder)
 
 
-def require_kept(target: Path, scenes: int | None, scenes_of_split: int | None = None) -> None:
-    """Raise RecordError where a finished record at ``target`` would be lost to one of only ``scenes`` scenes.
+def require_kept(target: Path, seeds: int, scenes: int | None, scenes_of_split: int | None = None) -> None:
+    """Raise RecordError where a finished record at ``target`` would be lost to one of fewer seeds or scenes.
 
     ``scenes``: None for all. ``scenes_of_split``: how many the split has; None: as many as the record says.
     """
-    if scenes is None:
-        return
     try:
         record = load_record(target)
     except RecordError:  # there is none, or none that anybody could use
         return
-    if record.status == "finished" and scenes < (scenes_of_split or record.env.scenes_of_split):
-        seeds, whole = len(record.seeds), record.env.scenes_of_split
+    before, whole = len(record.seeds), record.env.scenes_of_split
+    now = whole if scenes is None else scenes
+    if record.status == "finished" and (seeds < before or now < (scenes_of_split or whole)):
         raise RecordError(
-            f"{target} is a finished record ({seeds} seed{'' if seeds == 1 else 's'}, {whole} of {whole} scenes), and "
-            "this one would be partial: choose another folder (-o, output=), or replace it (--force, replace=True)"
+            f"{target} is a finished record ({_counted(before, 'seed')}, {whole} of {whole} scenes), and this one would "
+            f"have less ({_counted(seeds, 'seed')}, {_counted(now, 'scene')}): choose another folder (-o, output=), or "
+            "replace it (--force, replace=True)"
         )
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _record(

@@ -320,22 +320,32 @@ def test_a_lookup_table_of_coordinates_is_of_no_use(card: str, kitti: str, tmp_p
 
 
 def test_a_later_record_replaces_an_earlier_one(path: Path, submission: Path, card: str, kitti: str) -> None:
-    for scenes, replace in ((None, False), (1, True), (2, False), (3, False)):  # finished, partial, partial, finished
+    for scenes, replace in ((None, True), (1, True), (2, False), (3, False)):  # finished, partial, partial, finished
         submit(submission, card, RunOptions(kitti, scenes=scenes), path.parent, replace=replace)
         assert [folder.name for folder in path.with_suffix(".rollouts").iterdir()] == ["seed-0"]
         assert verify(path, RunOptions(kitti), card).holds
 
 
 @pytest.mark.parametrize("start", ["new", "resume", "fresh"])
-def test_a_finished_record_is_not_lost_to_a_partial_one(
-    start: Start, path: Path, submission: Path, card: str, kitti: str
+@pytest.mark.parametrize(
+    ("seeds", "scenes", "less"), [((0, 1), 1, "2 seeds, 1 scene"), ((0,), None, "1 seed, 3 scenes")]
+)
+def test_a_finished_record_is_not_lost_to_a_smaller_one(
+    seeds: tuple[int, ...],
+    scenes: int | None,
+    less: str,
+    start: Start,
+    path: Path,
+    submission: Path,
+    card: str,
+    kitti: str,
 ) -> None:
     before = state_of(path.parent)
     with pytest.raises(RecordError) as caught:
-        submit(submission, card, RunOptions(kitti, scenes=1), path.parent, start=start)
+        submit(submission, card, RunOptions(kitti, scenes, seeds), path.parent, start=start)
     assert str(caught.value) == (
-        f"{path} is a finished record (2 seeds, 3 of 3 scenes), and this one would be partial: choose another folder "
-        "(-o, output=), or replace it (--force, replace=True)"
+        f"{path} is a finished record (2 seeds, 3 of 3 scenes), and this one would have less ({less}): choose another "
+        "folder (-o, output=), or replace it (--force, replace=True)"
     )
     assert state_of(path.parent) == before
 
