@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..training.motion_noise import Fit
 
 
-ObserveOption = Annotated[str, typer.Option(help="detections or truth: what the pasts are made of.")]
+ObserveOption = Annotated[str, typer.Option(help="Pasts from detections, tracked, or from truth.")]
 
 
 def motion_noise(

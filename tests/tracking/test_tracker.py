@@ -113,8 +113,9 @@ def test_iou_as_affinity() -> None:
 
 
 def test_wrong_settings_are_errors() -> None:
-    with pytest.raises(ShapeError, match="hypotheses is 0"):
-        HypothesisTracker(0)
+    for hypotheses in (0, 2.5):
+        with pytest.raises(ShapeError, match=f"hypotheses is {hypotheses}, expected a whole number, 1 or more"):
+            HypothesisTracker(hypotheses)  # type: ignore[arg-type]
     with pytest.raises(ShapeError, match="temperature is 0"):
         HypothesisTracker(temperature=0)
     with pytest.raises(ShapeError, match="assignment is 'auction'"):
