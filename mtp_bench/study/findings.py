@@ -70,7 +70,7 @@ class Findings:
         """The report over all settings, with the ends of every subject."""
         settings = [*self.plan.equal, *self.plan.free]
         ends = {
-            subject.equal[count].label: Ends(self._scores(subject.end), self._scores(subject.truth))
+            self.of(subject.equal[count]).setting.label: Ends(self._scores(subject.end), self._scores(subject.truth))
             for subject in self.plan.subjects
             if subject.own_ends
             for count in subject.equal
@@ -97,7 +97,7 @@ class Findings:
         measured = self.of(setting)
         hypotheses = setting.hypotheses or stated_hypotheses(measured.scores)
         return AgentScores(
-            agent=setting.label,
+            agent=measured.setting.label,  # equal runs have one name in the report
             hypotheses=hypotheses,
             samples=setting.samples,
             budget=setting.budget,

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ..cards import Card
+from ..errors import MtpBenchError
 from ..running.compare import CONTROLS, STP, TRUTH
 from ..running.settings import Setting, all_settings, setting_of
 from ..submission.loader import Submission, load_submission
@@ -94,8 +95,10 @@ def make_plan(
     """The plan for some submissions on a card, without cuts of the input, which depend on its detections.
 
     ``hypotheses``: numbers to run an agent with that takes one; ``free``: of them, those to run without sampling too.
-    Raises MtpBenchError where two submissions have one name, and SubmissionError for a count that is none.
+    Raises MtpBenchError without a name and where two submissions have one name, and SubmissionError for a count that is none.
     """
+    if not names:
+        raise MtpBenchError("a study is of an agent: name at least one")
     all_settings(names, card)  # two of one name, and broken manifests, show here
     controls = tuple(all_settings(CONTROLS, card))
     subjects = tuple(subject_of(load_submission(name), card, hypotheses, free) for name in dict.fromkeys(names))
@@ -106,17 +109,18 @@ def subject_of(submission: Submission, card: Card, hypotheses: Sequence[int], fr
     """A submission in the settings of a study."""
     whole = setting_of(submission, card)
     end, truth, stated = _ends(whole, card)
-    parameter = submission.compare.hypotheses
-    if parameter is None or submission.compare.observe == "truth":
+    end = _named_once(end, whole)
+    parameter, most = submission.compare.hypotheses, _most_hypotheses(whole)
+    alone = most == 1 and not whole.ends and key_of(end) != key_of(whole)  # a control is where its gap begins, not it
+    if parameter is None or submission.compare.observe == "truth" or alone:
         return Subject(submission.name, end, end, truth, {whole.hypotheses or 1: whole}, own_ends=stated)
 
     def with_hypotheses(count: int, budget: Any = "equal") -> Setting:
         return setting_of(submission, card, {parameter: count}, budget)
 
     single = end
-    if whole.ends and (alone := with_hypotheses(1)).parameters != end.parameters:
-        single = replace(alone, label=f"{submission.name}, H = 1")
-    most = max(whole.hypotheses or 1, 1)
+    if whole.ends and (one := with_hypotheses(1)).parameters != end.parameters:
+        single = _named_once(replace(one, label=f"{submission.name}, H = 1"), whole)
     counts = sorted({count for count in hypotheses if count <= most} | {most}) if most > 1 else [1]
     return Subject(
         name=submission.name,
@@ -127,6 +131,18 @@ def subject_of(submission: Submission, card: Card, hypotheses: Sequence[int], fr
         free={count: with_hypotheses(count, "free") for count in counts if count > 1 and count in {*free, most}},
         own_ends=stated,
     )
+
+
+def _most_hypotheses(setting: Setting) -> int:
+    """The largest number that the manifest states, as its parameter or in its sweep."""
+    compare = setting.submission.compare
+    swept = compare.sweep.get(compare.hypotheses, ()) if compare.hypotheses else ()
+    return max([setting.hypotheses or 1, *(value for value in swept if isinstance(value, int))])
+
+
+def _named_once(setting: Setting, whole: Setting) -> Setting:
+    """``whole`` where the setting is the same run: one run has one name."""
+    return whole if key_of(setting) == key_of(whole) else setting
 
 
 def _ends(setting: Setting, card: Card) -> tuple[Setting, Setting, bool]:

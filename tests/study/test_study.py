@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card
-from mtp_bench.errors import UnknownNameError
+from mtp_bench.errors import MtpBenchError, UnknownNameError
 from mtp_bench.running.opened import open_run
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.stored import run
@@ -210,6 +210,34 @@ def test_the_ends_of_a_learned_agent_are_its_own(card: str) -> None:
     assert sorted(subject.free) == [20]
 
 
+def test_an_agent_whose_gap_begins_at_a_control_is_run_itself(card: str) -> None:
+    subject = subject_of(load_submission("stp_cut"), load_card(card), (1, 5, 20), (20,))
+    assert [setting.submission.name for setting in subject.equal.values()] == ["stp_cut"]
+    assert (subject.end.submission.name, subject.own_ends) == ("stp", True)
+
+
+def test_hypotheses_that_only_the_sweep_states_are_run(tmp_path: Path, card: str) -> None:
+    stated = 'hypotheses = "hypotheses"\nsweep = { hypotheses = [2, 5] }\nends = "controls"'
+    folder = write_submission(tmp_path / "swept", "swept", f"[compare]\n{stated}")
+    agent = folder / "agent.py"
+    agent.write_text(agent.read_text().replace("def build(task", "def build(task, hypotheses=1"))
+    subject = subject_of(load_submission(folder), load_card(card), (1, 2, 5, 20), (5,))
+    assert {count: s.submission.name for count, s in subject.equal.items()} == {1: "stp", 2: "swept", 5: "swept"}
+    assert sorted(subject.free) == [5]
+
+
+def test_one_run_has_one_name_in_every_table(tmp_path: Path, card: str, kitti: str) -> None:
+    """Its end with one hypothesis is the agent itself."""
+    folder = write_submission(tmp_path / "own", "own", "[compare]\nends = {}", body="return empty_action(self._task)")
+    made = study([folder], card, tmp_path / "study", RunOptions(kitti, scenes=1), quick=True)
+    assert "own" in {row["agent"] for row in rows_of(made, "pasts")}
+
+
+def test_a_study_of_nobody_is_an_error(card: str) -> None:
+    with pytest.raises(MtpBenchError, match="name at least one"):
+        make_plan([], load_card(card))
+
+
 @pytest.mark.skipif(not (CHROMIUM and DRIVER), reason=MISSING)
 def test_in_a_browser_nothing_is_asked_for_and_nothing_is_cut_off(made: Study, tmp_path: Path) -> None:
     with chromium(tmp_path) as browser:
@@ -317,6 +345,7 @@ def test_the_names_of_ends_say_what_differs_beside_the_hypotheses() -> None:
 
 ENDS = {
     "mtp": ("stp", "stp"),
+    "stp_modes": ("stp_modes", "stp_modes"),
     "mtp_modes": ("mtp_modes, H = 1", "mtp_modes, H = 1"),
     "mtp_modes_tracklets": ("mtp_modes_tracklets, H = 1", "mtp_modes_tracklets, on = truth, H = 1"),
 }
