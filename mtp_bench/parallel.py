@@ -98,7 +98,7 @@ def unordered_map(
 ) -> Iterator[tuple[int, Any]]:
     """`parallel_map`, but place and result of every call as they come.
 
-    Raises MtpBenchError where a process of this machine died.
+    Raises MtpBenchError where a process of this machine died, or where what it raised or returned cannot be sent back.
     """
     placed = [(place, function, call) for place, call in enumerate(calls)]
     if workers.scheduler is not None:
@@ -109,14 +109,20 @@ def unordered_map(
         from concurrent.futures.process import BrokenProcessPool
 
         from joblib import Parallel, delayed
+        from joblib.externals.loky.process_executor import TerminatedWorkerError
 
         count = min(workers.count, len(calls))
         parallel: Any = Parallel(n_jobs=count, backend="loky", return_as="generator_unordered")
         try:
             yield from parallel(delayed(_placed)(*call) for call in placed)
-        except BrokenProcessPool:
+        except TerminatedWorkerError:
             raise MtpBenchError(
                 f"one of {count} processes died, most likely because memory ran out: take fewer (--jobs)"
+            ) from None
+        except BrokenProcessPool:
+            raise MtpBenchError(
+                f"what one of {count} processes raised or returned cannot be sent back to this one: take one process, "
+                "which shows it (--jobs 1)"
             ) from None
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..errors import MtpBenchError
 from .completion import words
 from .options import DataOption, EnvScenes, JobsOption, TextOption, WorkerChoice, one_of, opened
 from .output import prepare, print_or_write, require_writable, working
@@ -104,6 +105,7 @@ def predictor(
     changed = {"seed": seed} if epochs is None else {"seed": seed, "epochs": epochs}
     plan = replace(recipe_of(network).plan, **changed)
     options, without = _learnt_from(on, jobs)
+    _require_place(output, options)
     request = Request(network, on.env, pasts, hypotheses, without, tuple(also or ()), plan, device)
     for env in (on.env, *request.also):
         prepare(env, options)
@@ -114,6 +116,16 @@ def predictor(
         path, card = train_predictor(found, request, output, lambda epoch, error: done(f"minADE {error:.3f} m"))
     away = "" if card["fold"] is None else f", without the scenes of fold {card['fold']}"
     print(f"{path}: validation minADE {card['validation_minADE']} m, epoch {card['best_epoch']} of {plan.epochs}{away}")
+
+
+def _require_place(output: Path | None, options: RunOptions) -> None:
+    """Refuse weights of other scenes than the env's training split where every run of the env would take them."""
+    other = "--files" if options.files is not None else f"--split {options.split}"
+    if output is None and other != "--split train":
+        raise MtpBenchError(
+            f"{other}: without -o the weights would be those of every run of this env, expected a file of their own; "
+            'an agent takes it as its parameter "weights"'
+        )
 
 
 DetectorArgument = Annotated[str, typer.Argument(help="A detector whose training scenes are known.")]

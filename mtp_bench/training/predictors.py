@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +47,9 @@ class Request:
         network_of(self.network)
         if self.on not in ON:
             raise UnknownNameError("value of --on", self.on, ON)
+        stages, epochs = len(recipe_of(self.network).stages), self.chosen_plan.epochs
+        if epochs < stages:
+            raise MtpBenchError(f"epochs is {epochs}, expected at least {stages}: {self.network} has {stages} stages")
 
     @property
     def chosen_plan(self) -> Plan:
@@ -58,10 +61,13 @@ def learnable(request: Request, options: RunOptions = DEFAULTS) -> Windows:
     """The windows that a request learns from: those that are `taught`.
 
     For a network that sees whole frames, also those that the others see. Raises MtpBenchError for an env that is named
-    twice, and for envs that are not alike.
+    twice, for further envs beside files of one's own, and for envs that are not alike.
     """
+    if request.also and options.files is not None:
+        raise MtpBenchError(f"--also {request.also[0]} cannot go with --files: its scenes would be learnt once per env")
     _require_each_once([options.card(env_id).id for env_id in (request.env_id, *request.also)])
-    parts = [_learnable(env_id, request, options) for env_id in (request.env_id, *request.also)]
+    away = _held_out(request, options)
+    parts = [_learnable(env_id, request, options, away) for env_id in (request.env_id, *request.also)]
     for part in parts[1:]:
         _require_alike(parts[0].task, part.task)
     return together(parts)
@@ -89,8 +95,15 @@ def _require_alike(task: Task, other: Task) -> None:
         raise MtpBenchError(f"{other.env_id} has other classes than {task.env_id}: they cannot be learnt together")
 
 
-def _learnable(env_id: str, request: Request, options: RunOptions) -> Windows:
-    opened = open_split(env_id, options.on_split("train"), request.fold)
+def _held_out(request: Request, options: RunOptions) -> tuple[str, ...]:
+    """The scenes of the fold of the first env: another run scores them, so no other env may teach them."""
+    if request.fold is None:
+        return ()
+    return held_out(open_split(request.env_id, replace(options.on_split("train"), scenes=None)).source.names, request.fold)
+
+
+def _learnable(env_id: str, request: Request, options: RunOptions, away: Sequence[str]) -> Windows:
+    opened = open_split(env_id, options.on_split("train"), request.fold, away)
     tracker: str | int = TRUTH if request.on == TRUTH else request.hypotheses
     found = windows(env_id, opened.card.source.split, tracker, opened.names, options)
     kept = taught(found)

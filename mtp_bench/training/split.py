@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from ..cards import Card
@@ -34,16 +34,16 @@ class Split:
         return map(self.source.load, self.watched())
 
 
-def open_split(env_id: str, options: RunOptions, without: Fold | None = None) -> Split:
+def open_split(env_id: str, options: RunOptions, without: Fold | None = None, away: Sequence[str] = ()) -> Split:
     """The first scenes of the split that ``options`` names; raises MtpBenchError where there is none.
 
     ``without``: a fold whose scenes are left out, for another run scores them. As there, it is a fold of the whole
-    split: the first scenes are taken of those that are left.
+    split: the first scenes are taken of those that are left. ``away``: further scenes that are left out.
     """
     card = options.card(env_id)
     source = open_source(card, options.data)
-    away = () if without is None else held_out(source.names, without)
-    names = options.chosen([name for name in source.names if name not in away])
+    fold = () if without is None else held_out(source.names, without)
+    names = options.chosen([name for name in source.names if name not in fold and name not in away])
     if not names:
         raise MtpBenchError(f"{env_id} has no scene in its split {card.source.split!r}")
     return Split(card, source, names, options)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -119,9 +120,12 @@ def windows(
     first = scenes if isinstance(scenes, int) else options.scenes
     opened = open_split(env_id, replace(options, split=split, scenes=first))
     names = opened.names if scenes is None or isinstance(scenes, int) else tuple(scenes)
-    for name in names:
+    for place, name in enumerate(names):
         if name not in opened.source.names:
             raise UnknownNameError(f"scene of {env_id}", name, opened.source.names)
+        if name in names[:place]:
+            raise MtpBenchError(f"scene {name!r} is named twice, expected each once: it would be learnt twice")
+    tracker = int(tracker) if isinstance(tracker, Integral) else tracker
     observe = "truth" if tracker == TRUTH else "detections"
     task = MTPEnv(opened.card, data=options.data, observe=observe).task
     options.progress.started(len(names))
@@ -136,7 +140,7 @@ def _require_tracker(tracker: object) -> None:
     """Raise MtpBenchError for what is neither a tracker nor stands for one."""
     if isinstance(tracker, str):
         known = tracker == TRUTH
-    elif isinstance(tracker, int):
+    elif isinstance(tracker, Integral):
         known = tracker >= 1 and not isinstance(tracker, bool)
     else:
         is_one = all(callable(getattr(tracker, name, None)) for name in ("reset", "step"))

@@ -17,7 +17,7 @@ from ..errors import ActionError, MtpBenchError, sentence
 from ..geometry import rotate
 from ..types import Action, Floats, Ints, Observation
 from .slots import FREE, Slots
-from .wrapped import require_positive, task_of
+from .wrapped import require_own_spaces, require_positive, task_of
 
 if TYPE_CHECKING:
     from ..agent import SamplingPredictor
@@ -58,7 +58,8 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
         near: Metres from which on a detection cannot continue a track.
         presence: How likely it is that a track's object is there; None: certain, so the agent alone decides.
 
-    Raises MtpBenchError for a size or a distance that is not above 0, and for an env of another library.
+    Raises MtpBenchError for a size or a distance that is not above 0, for an env of another library, and around another
+    wrapper that changes what is seen or answered.
     """
 
     def __init__(
@@ -85,6 +86,7 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
         untyped: Any = env  # Gymnasium types the inner env like the outer one
         gymnasium.Wrapper.__init__(self, untyped)
         self._env, self._task, self._near = env, task_of(env, "AssociationOnly"), near
+        require_own_spaces(env, "AssociationOnly")
         self._started = False
         self._slots = Slots(_STANDING, _PATIENCE)
         self._agent = Pipeline(self._slots, predictor or KinematicPredictor(), KMeansSampler(), presence=presence)
@@ -109,10 +111,7 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
         """
         if not self._started:
             raise ResetNeeded("no scene yet: call reset() first")
-        choice = np.asarray(action)
-        if not self.action_space.contains(choice):
-            expected = f"{self._shape[0]} whole numbers from 0 to {CONTINUE + self._choices - 1}"
-            raise ActionError(sentence(f"the choices are {reprlib.repr(choice.tolist())}", expected))
+        choice = self._read(action)
         self._slots.choose(*self._resolved(choice))
         answer = self._agent.act(self._seen)
         answer["forecast"] = _within(answer["forecast"])
@@ -127,6 +126,18 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
         """The obvious choices [M]: the nearest track if there is one, else a new one."""
         first = _OWN + len(self._task.classes)
         return np.where(self.table(observation)[:, first] > 0, CONTINUE, NEW)
+
+    def _read(self, action: Any) -> Ints:
+        """The choices as numbers; ActionError for anything else."""
+        try:
+            choice = np.asarray(action)
+        except ValueError:  # rows of different lengths
+            choice = np.zeros(0)
+        if not self.action_space.contains(choice):
+            said = action.tolist() if isinstance(action, np.ndarray) else action
+            expected = f"{self._shape[0]} whole numbers from 0 to {CONTINUE + self._choices - 1}"
+            raise ActionError(sentence(f"the choices are {reprlib.repr(said)}", expected))
+        return choice
 
     def _resolved(self, choice: Ints) -> tuple[Ints, Ints]:
         """The detections that belong to a track, and its slot or FREE; the rules of the class."""

@@ -18,7 +18,7 @@ import pytest
 from mtp_bench.files import clean_text, file_digest
 from mtp_bench.records import load_record
 from mtp_bench.submission import contents
-from tests.support.command_line import CommandLine, Output, plain_environment, write_submission
+from tests.support.command_line import CommandLine, Output, plain_environment, write_submission, write_training
 from tests.support.disks import mounted
 from tests.support.small_scenes import CARD, CARD_ID, write_card
 
@@ -410,7 +410,8 @@ def test_a_home_that_cannot_be_written(card: str, kitti: str, tmp_path: Path) ->
         assert (status, error.count("\n")) == (1, 1)
         assert "Read-only file system; MTP_BENCH_CACHE names another folder" in error
         environment["MTP_BENCH_CACHE"] = str(tmp_path / "cache")
-        status, error = said("train", "predictor", "codebook", "--env", card, "--data", kitti, "--split", "val")
+        training = write_training(tmp_path / "training", "0001", ["0000"])
+        status, error = said("train", "predictor", "codebook", "--env", card, "--data", training)
         assert (status, error.count("\n")) == (1, 1)
         assert "Read-only file system; name another file, or another folder of weights with MTP_BENCH_WEIGHTS" in error
 

@@ -51,6 +51,16 @@ def test_a_folder_without_room_for_the_weights_is_told_before_the_work(
     assert error.startswith("cannot write /proc/w.safetensors: ")
 
 
+@pytest.mark.parametrize("scenes", [("--split", "val"), ("--files", "logs")])
+def test_weights_of_other_scenes_have_a_file_of_their_own(
+    scenes: tuple[str, str], cli: CommandLine, root: str, card: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else every run of the env would take them."""
+    monkeypatch.setattr("mtp_bench.training.predictors.learnable", None)
+    error = cli("train", "predictor", "modes", "--env", card, "--data", root, *scenes).error
+    assert error.startswith(f"{' '.join(scenes) if scenes[0] == '--split' else '--files'}: without -o the weights would")
+
+
 def test_scenes_that_are_too_short_are_one_clear_error(cli: CommandLine, root: str, tmp_path: Path) -> None:
     """In scenes of 7 frames only the first two have 5 future frames."""
     card, out = write_card(tmp_path, CARD.replace("future = 3", "future = 5")), tmp_path / "w.safetensors"

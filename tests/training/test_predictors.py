@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
 
-from mtp_bench.cards import load_card
+from mtp_bench.cards import Card, load_card
 from mtp_bench.errors import MtpBenchError, UnknownNameError
 from mtp_bench.prediction.learned.registry import network_of
 from mtp_bench.prediction.learned.weights import find_weights, read_weights
@@ -215,6 +217,8 @@ def test_what_cannot_be_trained() -> None:
         Request("mods", "MTP-KITTI-v0")
     with pytest.raises(UnknownNameError, match="value of --on"):
         Request("modes", "MTP-KITTI-v0", "detections")
+    with pytest.raises(MtpBenchError, match="epochs is 1, expected at least 2: ptp has 2 stages"):
+        Request("ptp", "MTP-KITTI-v0", plan=Plan(epochs=1))
     if not torch.cuda.is_available():
         with pytest.raises(MtpBenchError, match="torch finds no GPU here"):
             device_of("cuda")
@@ -248,6 +252,36 @@ def test_an_env_that_is_named_twice_is_one_clear_error(also: tuple[str, ...]) ->
     request = Request("codebook", "MTP-Highway-v0", also=also)
     with pytest.raises(MtpBenchError, match=f"{also[1]} is named twice among the envs .* expected each once"):
         learnable(request, RunOptions(scenes=1))
+
+
+def test_further_envs_do_not_go_with_files_of_ones_own() -> None:
+    with pytest.raises(MtpBenchError, match="--also MTP-Merge-v0 cannot go with --files: its scenes would be learnt once per env"):
+        learnable(Request("modes", "MTP-Highway-v0", also=("MTP-Merge-v0",)), RunOptions(files=Path("logs")))
+
+
+def test_no_env_teaches_what_a_fold_of_another_one_holds_out(
+    found: Windows, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The envs have some scenes in common, and draw their own folds by other lots."""
+    some, more = write_card(tmp_path), tmp_path / "MTP-More-v0.toml"
+    more.write_text(Path(some).read_text().replace("MTP-Small-v0", "MTP-More-v0"))
+    scenes = {"MTP-Small-v0": tuple("abcdef"), "MTP-More-v0": tuple("abcdefghijklm")}
+    learnt: dict[str, Sequence[str]] = {}
+
+    def opened(card: Card, _: object) -> SimpleNamespace:
+        return SimpleNamespace(names=scenes[card.id])
+
+    def watched(env_id: str, _split: str, _tracker: object, names: Sequence[str], _options: RunOptions) -> Windows:
+        learnt[env_id] = names
+        return found
+
+    monkeypatch.setattr("mtp_bench.training.split.open_source", opened)
+    monkeypatch.setattr("mtp_bench.training.predictors.windows", watched)
+    for number in (1, 2, 3):
+        away = set(held_out(scenes["MTP-Small-v0"], (number, 3)))
+        learnable(Request("modes", some, fold=(number, 3), also=(str(more),)))
+        assert len(learnt) == 2
+        assert not any(away & set(names) for names in learnt.values())
 
 
 def test_weights_lie_where_agents_look_whatever_the_card_is_called(

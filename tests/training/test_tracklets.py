@@ -207,6 +207,16 @@ def test_what_is_no_tracker_is_one_clear_error(wrong: Any) -> None:
         windows("MTP-Intersection-v0", tracker=wrong, scenes=1)
 
 
+def test_a_scene_that_is_named_twice_is_one_clear_error() -> None:
+    with pytest.raises(MtpBenchError, match="scene 'intersection-000000' is named twice"):
+        windows("MTP-Intersection-v0", scenes=("intersection-000000", "intersection-000000"))
+
+
+def test_a_number_of_hypotheses_may_be_numpys() -> None:
+    found = [windows("MTP-Intersection-v0", tracker=number, scenes=1) for number in (2, np.int64(2))]
+    np.testing.assert_array_equal(found[0].box, found[1].box)
+
+
 def test_as_a_data_set_of_torch(tmp_path: Path) -> None:
     found = windows_of_scenes(tmp_path, make_scene())
     data = found.dataset()

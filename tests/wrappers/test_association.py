@@ -113,12 +113,21 @@ def test_the_observation_turns_with_the_platform(make_env: MakeEnv) -> None:
 
 
 @pytest.mark.parametrize(
-    "action", [None, [0, 0], [0, 0, 0, 4], [-1, 0, 0, 0], [0.5, 0, 0, 0], np.zeros((4, 4), dtype=int)], ids=str
+    "action", [None, [0, 0], [0, 0, 0, 4], [-1, 0, 0, 0], [0.5, 0, 0, 0], [[1], [1, 2]], np.zeros((4, 4), dtype=int)], ids=str
 )
 def test_what_is_no_choice_is_one_clear_error(action: Any, env: AssociationOnly) -> None:
     env.reset()
     with pytest.raises(ActionError, match="expected 4 whole numbers from 0 to 3"):
         env.step(action)
+
+
+def test_what_another_wrapper_shows_cannot_be_associated(env: AssociationOnly) -> None:
+    inner = env.unwrapped
+    flat: Any = gym.wrappers.FlattenObservation(inner)
+    with pytest.raises(MtpBenchError, match="the observation_space of the env is a Box, expected the Dict that it has"):
+        AssociationOnly(flat)
+    with pytest.raises(MtpBenchError, match="the action_space of the env is a Box"):
+        AssociationOnly(FlattenAction(inner))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
