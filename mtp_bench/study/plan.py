@@ -95,7 +95,8 @@ def make_plan(
     """The plan for some submissions on a card, without cuts of the input, which depend on its detections.
 
     ``hypotheses``: numbers to run an agent with that takes one; ``free``: of them, those to run without sampling too.
-    Raises MtpBenchError without a name and where two submissions have one name, and SubmissionError for a count that is none.
+    Raises MtpBenchError without a name and where two submissions have one name, and SubmissionError for a count that is
+    none.
     """
     if not names:
         raise MtpBenchError("a study is of an agent: name at least one")

@@ -99,7 +99,8 @@ def _held_out(request: Request, options: RunOptions) -> tuple[str, ...]:
     """The scenes of the fold of the first env: another run scores them, so no other env may teach them."""
     if request.fold is None:
         return ()
-    return held_out(open_split(request.env_id, replace(options.on_split("train"), scenes=None)).source.names, request.fold)
+    whole = open_split(request.env_id, replace(options.on_split("train"), scenes=None))
+    return held_out(whole.names, request.fold)
 
 
 def _learnable(env_id: str, request: Request, options: RunOptions, away: Sequence[str]) -> Windows:

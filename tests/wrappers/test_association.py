@@ -113,7 +113,9 @@ def test_the_observation_turns_with_the_platform(make_env: MakeEnv) -> None:
 
 
 @pytest.mark.parametrize(
-    "action", [None, [0, 0], [0, 0, 0, 4], [-1, 0, 0, 0], [0.5, 0, 0, 0], [[1], [1, 2]], np.zeros((4, 4), dtype=int)], ids=str
+    "action",
+    [None, [0, 0], [0, 0, 0, 4], [-1, 0, 0, 0], [0.5, 0, 0, 0], [[1], [1, 2]], np.zeros((4, 4), dtype=int)],
+    ids=str,
 )
 def test_what_is_no_choice_is_one_clear_error(action: Any, env: AssociationOnly) -> None:
     env.reset()
