@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -151,7 +152,7 @@ class Card(Section):
 
     def stored(self) -> dict[str, Any]:
         """The card as JSON that `parse_card` reads again, with the places of its files on this machine."""
-        content = self.model_dump(mode="json", exclude_none=True)
+        content = self.model_dump(mode="json")  # with what is null: a detector that was taken away stays away
         places = {name: getattr(self.source, name, None) for name in ("folder", "detections_file")}
         content["source"] |= {name: place for name, place in places.items() if place is not None}
         return content
@@ -166,6 +167,8 @@ def load_card(name: str | Path) -> Card:
 
     Raises UnknownNameError for an id that does not exist and CardError for content that is wrong, naming the key.
     """
+    if not isinstance(name, (str, os.PathLike)):
+        raise CardError(f"the env is {name!r}, expected its id, the path of a card, or a card")
     path = Path(name)
     if path.suffix == ".toml":
         if not path.is_file():

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import SubmissionError
-from .options import DataOption, JsonOption, SubmissionArgument, TracksOption, absolute
+from .options import DataOption, JsonOption, ScenesOption, SubmissionArgument, TracksOption, absolute
 from .output import count, number, prepare, require_writable, working, write_json
 
 if TYPE_CHECKING:
@@ -26,16 +26,17 @@ def check(
     ] = "MTP-Intersection-v0",
     root: DataOption = None,
     tracks: TracksOption = None,
+    scenes: ScenesOption = None,
     json_file: JsonOption = None,
 ) -> None:
-    """Check that a submission keeps the contract, and score three scenes beside STP. Status 1 for errors."""
+    """Check that a submission keeps the contract, and score up to three scenes beside STP. Status 1 for errors."""
     from ..parallel import Workers, cores
     from ..records.checking import SCENES, check_submission
     from ..running.options import RunOptions
     from ..viz.terminal.output import show, show_numbers
 
     require_writable(json_file)
-    options = RunOptions(root, SCENES, track_file=absolute(tracks), workers=Workers(cores()))
+    options = RunOptions(root, min(scenes or SCENES, SCENES), track_file=absolute(tracks), workers=Workers(cores()))
     prepare(env, options)
     with working("check", options) as watched:
         checked = check_submission(path, env, watched)

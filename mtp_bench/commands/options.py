@@ -121,6 +121,11 @@ class WorkerChoice:
             raise typer.BadParameter(str(error), param_hint="--backend, --scheduler") from None
 
 
+def _is_option(word: str) -> bool:
+    """Whether a word of the command line is an option, not a number below 0."""
+    return word.startswith("-") and not word[1:2].isdigit() and word[1:2] != "."
+
+
 class Command(TyperCommand):
     """A command with options that may stand alone, for a value of their own."""
 
@@ -128,7 +133,7 @@ class Command(TyperCommand):
         """Read ``args``, with the values that are left out put in; wrong usage for more arguments than it takes."""
         whole: list[str] = []
         for word, following in zip_longest(args, args[1:], fillvalue=""):
-            alone = word in ALONE and (not following or following.startswith("-"))
+            alone = word in ALONE and (not following or _is_option(following))
             whole += [word, *([ALONE[word]] if alone else [])]
         ctx.allow_extra_args = ctx.info_name in SEVERAL
         extra = super().parse_args(ctx, whole)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -105,7 +106,7 @@ def require_writable(*paths: Path | None) -> None:
 
 
 class _Muted(io.StringIO):
-    """Takes what is printed, so that the JSON stands alone on the ``output``."""
+    """Takes what is printed, so that the JSON stands alone on the ``output``, which is written at once."""
 
     def __init__(self, output: TextIO) -> None:
         super().__init__()
@@ -115,8 +116,27 @@ class _Muted(io.StringIO):
 def json_alone(context: typer.Context, path: Path | None) -> Path | None:
     """What ``--json`` names; where that is standard output, the command prints nothing else on it."""
     if path == STANDARD_OUTPUT:
-        context.with_resource(redirect_stdout(_Muted(sys.stdout)))
+        output = context.with_resource(_standard_output_apart())
+        context.with_resource(redirect_stdout(_Muted(output)))
     return path
+
+
+@contextmanager
+def _standard_output_apart() -> Iterator[TextIO]:
+    """Standard output for this process alone: what other processes print on theirs goes to the error stream."""
+    try:
+        descriptor, errors = sys.stdout.fileno(), sys.stderr.fileno()
+    except (AttributeError, OSError):  # one of them is no file, or was closed
+        yield sys.stdout
+        return
+    sys.stdout.flush()
+    with os.fdopen(os.dup(descriptor), "w", encoding="utf-8") as own:
+        os.dup2(errors, descriptor)
+        try:
+            yield own
+        finally:
+            own.flush()
+            os.dup2(own.fileno(), descriptor)
 
 
 def write_json(path: Path | None, content: dict[str, Any]) -> None:
@@ -125,7 +145,7 @@ def write_json(path: Path | None, content: dict[str, Any]) -> None:
 
     text = json.dumps(content, indent=1, allow_nan=False) + "\n"
     if path == STANDARD_OUTPUT:
-        (sys.stdout.output if isinstance(sys.stdout, _Muted) else sys.stdout).write(text)
+        print(text, end="", file=sys.stdout.output if isinstance(sys.stdout, _Muted) else sys.stdout, flush=True)
     elif path is not None:
         write_text(path, text)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, TypedDict
 
@@ -35,8 +36,10 @@ class EnvKeywords(TypedDict, total=False):
     render_mode: str | None  # what `render` does, of RENDER_MODES
 
 
-def checked(keywords: Mapping[str, Any]) -> dict[str, Any]:
-    """All keywords with their defaults; raises UnknownNameError or MtpBenchError for a wrong one."""
+def checked(data: object, keywords: Mapping[str, Any]) -> dict[str, Any]:
+    """All keywords with their defaults; raises UnknownNameError or MtpBenchError for a wrong one, or wrong ``data``."""
+    if not isinstance(data, (str, os.PathLike, type(None))):
+        raise MtpBenchError(f"data is {data!r}, expected the path of the data root")
     known = EnvKeywords.__annotations__
     for name in keywords:
         if name not in known:

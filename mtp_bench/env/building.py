@@ -59,6 +59,8 @@ def answer(
     """
     if not isinstance(task, Task):
         raise MtpBenchError(f"task is of type {type(task).__name__}, expected a Task: env.unwrapped.task")
+    if not isinstance(tracks, (Tracks, type(None))):
+        raise ShapeError(f"tracks is of type {type(tracks).__name__}, expected Tracks")
     box = _array("boxes", boxes, "fiu", ("O", 7))
     objects = len(box)
     class_id = _array("classes", classes, "iu", (objects,))

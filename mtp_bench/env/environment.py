@@ -74,7 +74,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
     }
 
     def __init__(self, card: str | Card, data: str | None = None, **keywords: Unpack[EnvKeywords]) -> None:
-        given = checked(keywords)
+        given = checked(data, keywords)
         self.render_mode = given["render_mode"]
         card = card if isinstance(card, Card) else load_card(card)
         own = own_scenes(given)

@@ -224,8 +224,8 @@ def require_kept(target: Path, seeds: int, scenes: int | None, scenes_of_split: 
     if record.status == "finished" and (seeds < before or now < (scenes_of_split or whole)):
         raise RecordError(
             f"{target} is a finished record ({_counted(before, 'seed')}, {whole} of {whole} scenes), and this one "
-            f"would have less ({_counted(seeds, 'seed')}, {_counted(now, 'scene')}): choose another folder (-o, output=), or "
-            "replace it (--force, replace=True)"
+            f"would have less ({_counted(seeds, 'seed')}, {_counted(now, 'scene')}): choose another folder "
+            "(-o, output=), or replace it (--force, replace=True)"
         )
 
 

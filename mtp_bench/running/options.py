@@ -12,6 +12,8 @@ from ..parallel import ALONE, QUIET, Progress, Workers
 from ..submission.loader import Submission
 from .folds import Fold, held_out
 
+MOST_SEED = 2**31 - 1
+
 
 @dataclass(frozen=True)
 class RunOptions:
@@ -30,7 +32,7 @@ class RunOptions:
         workers: Who does the work: processes of this machine, or a Dask cluster.
         progress: Who is told how many pieces of work there are, and of each that is done.
 
-    Raises MtpBenchError for no scene and for no seed.
+    Raises MtpBenchError for no scene, for no seed and for a seed below 0 or above `MOST_SEED`.
     """
 
     data: str | None = None
@@ -49,6 +51,10 @@ class RunOptions:
         for name, value in (("scenes", self.scenes), ("seeds", len(self.seeds))):
             if value is not None and value < 1:
                 raise MtpBenchError(f"{name} is {value}, expected at least 1")
+
+        for seed in self.seeds:
+            if not 0 <= seed <= MOST_SEED:
+                raise MtpBenchError(f"the seed is {seed}, expected a whole number from 0 to {MOST_SEED}")
 
     def chosen(self, names: Sequence[str]) -> tuple[str, ...]:
         """Those of the scenes of a split that are asked for; raises MtpBenchError where the fold cannot be cut."""

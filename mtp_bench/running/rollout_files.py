@@ -113,6 +113,8 @@ def require_run_folder(folder: Path) -> None:
         return
     if os.path.ismount(folder.resolve()):
         raise RolloutError(f"{folder} is the root of a disk, which cannot be replaced: choose a folder on it")
+    if Path.cwd().is_relative_to(folder.resolve()):
+        raise RolloutError(f"{folder} is the folder that you work in, which cannot be replaced: choose one in it")
     if not folder.is_dir():
         raise RolloutError(f"{folder} is a file, expected a new folder or that of an earlier run")
     names = {path.name for path in folder.iterdir()}

@@ -100,6 +100,8 @@ def load_submission(name: str | Path) -> Submission:
     Raises UnknownNameError for a name that no baseline has, and SubmissionError for a path that is no such folder and
     for a manifest that is wrong, naming the key.
     """
+    if not isinstance(name, (str, os.PathLike)):
+        raise SubmissionError(f"the submission is {name!r}, expected its folder or the name of a baseline")
     path = _find(name)
     return Submission(path=path, **dict(read_manifest(path)))
 

@@ -94,7 +94,7 @@ def extreme_frames(task: Task) -> list[tuple[str, Observation]]:
         object_id=place if task.observe != "detections" else None,
         ego=np.zeros((frames, 4)),
         time=task.dt * np.arange(frames),
-        dt=np.where(np.arange(frames) > 0, task.dt, 0.0),
+        dt=np.full(frames, task.dt),  # in the first frame too, as the env shows it
         dropped=np.zeros(frames, dtype=np.int64),
     )
     words = {True: "as many detections as fit", False: "no detections"}

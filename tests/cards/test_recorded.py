@@ -126,6 +126,7 @@ def test_another_detector_takes_the_place_of_wildtracks_stored_detections_too() 
     other = card.with_detector("hard")
     assert isinstance(other.source, WildtrackSource)
     assert (other.source.detector, other.detector_name) == (None, "wildtrack_mvdet-hard")
+    assert parse_card(other.stored()).digest == other.digest, "a stored run of it can be opened"
 
 
 def test_wildtrack_needs_a_detector() -> None:

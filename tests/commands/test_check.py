@@ -50,6 +50,14 @@ def test_a_sound_submission_passes_with_its_score_beside_stp(folder: Path, cli: 
         assert row["false_forecasts"] > 0 < row["stp_false_forecasts"]
 
 
+def test_an_agent_that_divides_by_the_time_between_frames_is_sound(folder: Path, cli: CommandLine) -> None:
+    edit(folder, ACT, ACT + '        assert observation["dt"] > 0\n')
+    out = cli.ok("check", folder, "--scenes", 1)
+    assert "mine passes" in out
+    assert "intersection-010000" in out
+    assert "intersection-010001" not in out
+
+
 def test_an_agent_that_raises_shows_file_line_and_text(folder: Path, cli: CommandLine) -> None:
     edit(folder, ACT, ACT + '        if observation["time"] > 3:\n            raise ValueError("no [more] frames")\n')
     output = cli("check", folder)

@@ -18,8 +18,10 @@ import typer.main
 import mtp_bench
 from mtp_bench import card_ids, load_card
 from mtp_bench.commands.app import app
+from mtp_bench.errors import MtpBenchError
+from mtp_bench.running.options import RunOptions
 from tests.conftest import REPOSITORY
-from tests.support.command_line import CommandLine, copy_sequence, read_json, write_submission
+from tests.support.command_line import CommandLine, copy_sequence, plain_environment, read_json, write_submission
 from tests.support.small_scenes import write_kitti
 
 COMMANDS = ["envs", "data", "run", "score", "compare", "study", "view", "events", "video", "fit-noise"]
@@ -231,12 +233,41 @@ def test_json_on_standard_output_leaves_errors_where_they_are(cli: CommandLine, 
     assert output.error.startswith("data is missing or broken for MTP-KITTI-v0")
 
 
+def test_json_on_standard_output_stands_alone_beside_talking_agents(tmp_path: Path, card: str, kitti: str) -> None:
+    """Agents run in processes of their own, which have the same standard output."""
+    talking = write_submission(tmp_path / "talking", "talking", body='print("HERE I AM")')
+    known = ("--env", card, "--data", kitti, "--scenes", "2", "--seeds", "1", "--jobs", "2", "--json", "-")
+    done = subprocess.run(
+        [sys.executable, "-m", "mtp_bench", "compare", str(talking), *known],
+        env=plain_environment(), capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert {row["agent"] for row in json.loads(done.stdout)["rows"]} >= {"talking", "stp"}
+    assert "HERE I AM" in done.stderr
+
+
+def test_a_closed_standard_output_is_no_error() -> None:
+    command = f"exec {shlex.quote(sys.executable)} -m mtp_bench envs >&-"
+    done = subprocess.run(["sh", "-c", command], env=plain_environment(), capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("command", ["run", "train predictor"])
+def test_a_seed_beyond_what_files_hold_is_refused(command: str, cli: CommandLine) -> None:
+    output = cli(*command.split(), "modes", "--env", "MTP-KITTI-v0", "--seed", 2**31)
+    assert output.status == 2
+    assert "is not in the range" in " ".join(output.err.replace("│", " ").split())
+    with pytest.raises(MtpBenchError, match="the seed is 2147483648, expected a whole number from 0 to 2147483647"):
+        RunOptions(seeds=(0, 2**31))
+
+
 CUTS: dict[str, tuple[list[str], str | None]] = {
     "none": ([], None),
     "alone": (["--cuts"], ".1,.2,.3"),
     "before an option": (["--cuts", "--full"], ".1,.2,.3"),
     "a word": (["--cuts", "abc"], "abc"),
     "numbers": (["--cuts", ".25,.5"], ".25,.5"),
+    "numbers below 0": (["--cuts", "-1,0"], "-1,0"),
+    "a fraction below 0": (["--cuts", "-.5"], "-.5"),
     "one number": (["--cuts=.5"], ".5"),
 }
 

@@ -138,6 +138,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
         {"tracks": replace(Tracks.of_one_hypothesis(CLASS, BOX, CLASS), parent=np.array([-5]))},
         "tracks.parent: unknown, expected -1 (not stated) to 2 (hypothesis_parent[0] = -5); -1 where it is not known",
     ),
+    "tracks as a number": ({"tracks": 3}, "tracks is of type int, expected Tracks"),
     "an id twice": ({"ids": [7, 7]}, "ids or tracks.track_id: twice in one hypothesis in 2 rows"),
 }
 

@@ -266,6 +266,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "strict": ({"strict": "yes"}, "strict is 'yes', expected true or false"),
     "rigid_motion": ({"rigid_motion": 1}, "rigid_motion is 1, expected true or false"),
     "split as number": ({"split": 1}, "split is 1, expected a text"),
+    "data as number": ({"data": 3}, "data is 3, expected the path of the data root"),
     "misspelt": ({"sample": 4}, "unknown keyword of the env 'sample': did you mean 'samples'?"),
 }
 
@@ -275,6 +276,12 @@ def test_a_wrong_keyword_is_one_clear_error(case: str, make_env: MakeEnv) -> Non
     keywords, text = WRONG[case]
     with pytest.raises(MtpBenchError, match=text.replace("?", r"\?")):
         make_env(**keywords)
+
+
+@pytest.mark.parametrize("wrong", [3, None, object()], ids=lambda value: type(value).__name__)
+def test_what_is_no_env_is_one_clear_error(wrong: Any) -> None:
+    with pytest.raises(MtpBenchError, match="the env is .*, expected its id, the path of a card, or a card"):
+        MTPEnv(wrong)
 
 
 def test_a_wrong_reset_option_is_one_clear_error(make_env: MakeEnv) -> None:

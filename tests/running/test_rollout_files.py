@@ -279,6 +279,14 @@ def test_the_root_of_a_disk_is_refused(tmp_path: Path) -> None:
         require_run_folder(tmp_path / "disk")
 
 
+@pytest.mark.parametrize("folder", [".", "..", "../inner"])
+def test_the_folder_one_works_in_is_refused(folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "inner").mkdir()
+    monkeypatch.chdir(tmp_path / "inner")
+    with pytest.raises(RolloutError, match="is the folder that you work in, which cannot be replaced: choose one in"):
+        require_run_folder(Path(folder))
+
+
 def test_a_missing_folder_is_one_clear_error(tmp_path: Path) -> None:
     with pytest.raises(RolloutError, match=r"no run\.json there, expected a folder written by `mtp-bench run`"):
         load_run(tmp_path / "nowhere")

@@ -69,6 +69,8 @@ def built(folder: Path, **overrides: Any) -> Any:
 def test_a_submission_is_read(folder: Path) -> None:
     submission = load_submission(folder)
     assert load_submission(folder / "submission.toml") == submission
+    with pytest.raises(SubmissionError, match="the submission is 3, expected its folder or the name of a baseline"):
+        load_submission(3)  # type: ignore[arg-type]
     assert (submission.name, submission.authors, submission.agent) == ("silent", ("A. Author",), "agent:build")
     assert submission.parameters == {"gate": 1.5}
     assert submission.path == folder

@@ -159,6 +159,12 @@ def test_a_guessed_lineage_is_marked() -> None:
     assert notes(known)[-1] == "* mine states no parents: the lineage of own events is guessed in 25% of frames"
 
 
+def test_rejected_rows_are_told() -> None:
+    known = report(rows(MINE))
+    known.details[0] = known.details[0].model_copy(update={"invalid": {"tracks": 0, "hypotheses": 2, "objects": 5}})
+    assert notes(known)[-1] == "! mine: 7 rows rejected; `mtp-bench check` says what is wrong"
+
+
 def test_the_setting_that_is_spoken_of() -> None:
     """The name itself before one with other parameters, and the most hypotheses at equal k."""
     values = {"difference_to_stp": -0.1}

@@ -74,6 +74,8 @@ def notes(report: Report) -> list[str]:
             lines.append(
                 f"* {detail.agent} states no parents: the lineage of own events is guessed in {share} of frames"
             )
+        if rejected := sum(detail.invalid.values()):
+            lines.append(f"! {detail.agent}: {counted(rejected, 'row')} rejected; `mtp-bench check` says what is wrong")
     return lines
 
 
