@@ -280,7 +280,7 @@ def test_a_wrong_keyword_is_one_clear_error(case: str, make_env: MakeEnv) -> Non
 
 @pytest.mark.parametrize("wrong", [3, None, object()], ids=lambda value: type(value).__name__)
 def test_what_is_no_env_is_one_clear_error(wrong: Any) -> None:
-    with pytest.raises(MtpBenchError, match="the env is .*, expected its id, the path of a card, or a card"):
+    with pytest.raises(MtpBenchError, match=r"the env is .*, expected its id, the path of a card, or a card"):
         MTPEnv(wrong)
 
 
