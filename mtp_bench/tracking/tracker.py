@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from numbers import Integral, Real
+from numbers import Real
 from typing import get_args
 
 import numpy as np
@@ -46,7 +46,7 @@ class HypothesisTracker:
         per_cluster: bool = False,
         min_detection_score: float | Mapping[str, float] | None = None,
     ) -> None:
-        if not isinstance(hypotheses, Integral) or hypotheses < 1:
+        if not isinstance(hypotheses, (int, np.integer)) or hypotheses < 1:
             raise ShapeError(f"hypotheses is {hypotheses}, expected a whole number, 1 or more")
         if not temperature > 0:
             raise ShapeError(f"temperature is {temperature}, expected a number above 0")

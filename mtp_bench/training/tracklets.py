@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -125,7 +124,7 @@ def windows(
             raise UnknownNameError(f"scene of {env_id}", name, opened.source.names)
         if name in names[:place]:
             raise MtpBenchError(f"scene {name!r} is named twice, expected each once: it would be learnt twice")
-    tracker = int(tracker) if isinstance(tracker, Integral) else tracker
+    tracker = int(tracker) if isinstance(tracker, (int, np.integer)) else tracker
     observe = "truth" if tracker == TRUTH else "detections"
     task = MTPEnv(opened.card, data=options.data, observe=observe).task
     options.progress.started(len(names))
@@ -140,8 +139,8 @@ def _require_tracker(tracker: object) -> None:
     """Raise MtpBenchError for what is neither a tracker nor stands for one."""
     if isinstance(tracker, str):
         known = tracker == TRUTH
-    elif isinstance(tracker, Integral):
-        known = tracker >= 1 and not isinstance(tracker, bool)
+    elif isinstance(tracker, (int, np.integer)):
+        known = bool(tracker >= 1) and not isinstance(tracker, bool)
     else:
         is_one = all(callable(getattr(tracker, name, None)) for name in ("reset", "step"))
         known = is_one and not isinstance(tracker, type)
