@@ -130,7 +130,7 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
     def _read(self, action: Any) -> Ints:
         """The choices as numbers; ActionError for anything else."""
         try:
-            choice = np.asarray(action)
+            choice: NDArray[Any] = np.asarray(action)
         except ValueError:  # rows of different lengths
             choice = np.zeros(0)
         if not self.action_space.contains(choice):

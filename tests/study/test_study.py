@@ -229,7 +229,7 @@ def test_hypotheses_that_only_the_sweep_states_are_run(tmp_path: Path, card: str
 def test_one_run_has_one_name_in_every_table(tmp_path: Path, card: str, kitti: str) -> None:
     """Its end with one hypothesis is the agent itself."""
     folder = write_submission(tmp_path / "own", "own", "[compare]\nends = {}", body="return empty_action(self._task)")
-    made = study([folder], card, tmp_path / "study", RunOptions(kitti, scenes=1), quick=True)
+    made = study([str(folder)], card, tmp_path / "study", RunOptions(kitti, scenes=1), quick=True)
     assert "own" in {row["agent"] for row in rows_of(made, "pasts")}
 
 

@@ -256,7 +256,7 @@ def test_an_env_that_is_named_twice_is_one_clear_error(also: tuple[str, ...]) ->
 
 def test_further_envs_do_not_go_with_files_of_ones_own() -> None:
     with pytest.raises(MtpBenchError, match="--also MTP-Merge-v0 cannot go with --files"):
-        learnable(Request("modes", "MTP-Highway-v0", also=("MTP-Merge-v0",)), RunOptions(files=Path("logs")))
+        learnable(Request("modes", "MTP-Highway-v0", also=("MTP-Merge-v0",)), RunOptions(files="logs"))
 
 
 def test_no_env_teaches_what_a_fold_of_another_one_holds_out(

@@ -213,7 +213,8 @@ def test_a_scene_that_is_named_twice_is_one_clear_error() -> None:
 
 
 def test_a_number_of_hypotheses_may_be_numpys() -> None:
-    found = [windows("MTP-Intersection-v0", tracker=number, scenes=1) for number in (2, np.int64(2))]
+    numbers: tuple[Any, ...] = (2, np.int64(2))
+    found = [windows("MTP-Intersection-v0", tracker=number, scenes=1) for number in numbers]
     np.testing.assert_array_equal(found[0].box, found[1].box)
 
 
