@@ -16,7 +16,6 @@ from .dataset import DataCheck as DataCheck
 from .dataset import Dataset as Dataset
 from .dataset import DataStatus as DataStatus
 from .images import CameraImage as CameraImage
-from .motion import looking_back
 from .simulated import SimulatedDetections as SimulatedDetections
 from .simulated import detected as detected
 from .tracks import TrackedScenes as TrackedScenes
@@ -46,22 +45,15 @@ def load_scenes(
 ) -> Iterator[Scene]:
     """The scenes of an env, truth included, read one after the other as they are asked for.
 
-    Velocities of the truth are such as may be shown: where the source takes them from the next frame too (KITTI), they
-    are taken from the frame before, for these scenes may be put into an env again (`Card.with_scenes`, `save_scene`).
-
     ``card``: an env id, the path of a card, or a card (`Card.with_split` chooses another split). ``data``: the data
     root, else that of MTP_BENCH_DATA. ``names``: those scenes alone. Raises UnknownNameError or DataError.
     """
-    card = card if isinstance(card, Card) else load_card(card)
-    source = open_source(card, data)
+    source = open_source(card if isinstance(card, Card) else load_card(card), data)
     chosen = tuple(source.names if names is None else names)
     for name in chosen:
         if name not in source.names:
             raise UnknownNameError("scene", name, source.names)
-    scenes = (source.load(name) for name in chosen)
-    if not card.source.traits.velocity_ahead:
-        return scenes
-    return (replace(scene, truth=looking_back(scene.truth, scene.time)) for scene in scenes)
+    return (source.load(name) for name in chosen)
 
 
 def with_map(

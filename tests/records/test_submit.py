@@ -375,7 +375,6 @@ def test_a_record_is_not_written_into_the_submission(submission: Path, card: str
     ("table", "options", "reason"),
     [
         ("", {"seeds": range(51)}, "seeds: got [0, 1"),
-        ("", {"seeds": (1 << 31,)}, "seeds.0: got 2147483648"),
         ("", {"training_data": "x" * 2001}, "String should have at most 2000 characters"),
         ("", {"training_data": "\x1b[31m"}, "training_data[0] has the character U+001B"),
         (f"[parameters]\nlarge = {2**53 + 1}", {}, "parameters.large is a number of 16 digits, expected at most 9007"),
@@ -384,7 +383,7 @@ def test_a_record_is_not_written_into_the_submission(submission: Path, card: str
         ("", {"division": "middle"}, "division: got 'middle'"),
         ("", {"card": CARD.replace(CARD_ID, "MTP Small")}, "env.id: got 'MTP Small'"),
     ],
-    ids=["seeds", "seed", "length", "control", "number", "parameter", "limits", "division", "card"],
+    ids=["seeds", "length", "control", "number", "parameter", "limits", "division", "card"],
 )  # fmt: skip
 def test_what_no_record_can_hold_is_refused_before_the_work(
     table: str, options: dict[str, Any], reason: str, card: str, kitti: str, tmp_path: Path

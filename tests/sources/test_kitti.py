@@ -13,6 +13,7 @@ from mtp_bench.cards import Card
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import CardError, DataError, UnknownNameError
 from mtp_bench.sources import describe, load_scenes, open_source
+from mtp_bench.sources.files import save_scene
 from mtp_bench.sources.kitti.files import read_imu_to_camera, read_labels
 from mtp_bench.sources.kitti.layout import VALIDATION
 from mtp_bench.sources.kitti.poses import FRAME_PERIOD
@@ -280,15 +281,22 @@ def test_velocity_needs_both_neighbours(root: Path) -> None:
     assert np.isnan(velocity[[0, 2, 3, 4]]).all()
 
 
-@pytest.mark.parametrize("again", [False, True], ids=["as read", "put into an env again"])
+@pytest.mark.parametrize("again", ["", "scenes", "files"])
 @pytest.mark.parametrize("observe", ["detections", "truth"])
-def test_a_velocity_that_is_shown_tells_nothing_of_the_next_frame(root: Path, observe: str, again: bool) -> None:
+def test_a_velocity_that_is_shown_tells_nothing_of_the_next_frame(
+    root: Path, observe: str, again: str, tmp_path: Path
+) -> None:
     """A car at 10, 11, 13, 16, 20 and 25 m: what is shown of its first frames stays where it turns back later."""
 
     def shown(places: tuple[float, ...]) -> list[dict[str, Any]]:
         write(root / LABELS, *[label(t, 7, "Car", 0, 1.65, x, -QUARTER) for t, x in enumerate(places)])
         card = kitti_card()
-        card = card.with_scenes(list(load_scenes(card, root, ["0000"]))) if again else card
+        scenes = list(load_scenes(card, root, ["0000"]))
+        if again == "scenes":
+            card = card.with_scenes(scenes)
+        elif again == "files":
+            save_scene(scenes[0], tmp_path / str(places[-1]), card.task.classes)
+            card = card.with_files(tmp_path / str(places[-1]))
         env = MTPEnv(card.with_detector("clean"), data=str(root), observe=observe)
         first, _ = env.reset(options={"scene": "0000"})
         return [first, *(env.step(empty_action(env.task))[0] for _ in range(2))]
