@@ -151,10 +151,10 @@ class Card(Section):
         return self.model_copy(update={"source": own.with_scenes(self, scenes), "detector": None})
 
     def stored(self) -> dict[str, Any]:
-        """The card as JSON that `parse_card` reads again, with what is no part of its digest: where its files are."""
+        """The card as JSON that `parse_card` reads again, with the places of its files on this machine."""
         content = self.model_dump(mode="json")  # with what is null: a detector that was taken away stays away
-        apart = {name: getattr(self.source, name, None) for name in ("folder", "detections_file", "velocity_ahead")}
-        content["source"] |= {name: value for name, value in apart.items() if value is not None}
+        places = {name: getattr(self.source, name, None) for name in ("folder", "detections_file")}
+        content["source"] |= {name: place for name, place in places.items() if place is not None}
         return content
 
     def per_class(self, table: PerClass) -> tuple[float, ...]:

@@ -109,7 +109,7 @@ def _section(card: Card) -> FilesSource:
         ego_motion=traits.common_frame,
         ego=traits.has_ego,
         view=traits.view,
-        velocity_ahead=traits.velocity_ahead,
+        velocity_ahead=traits.velocity_ahead or None,
     )
 
 

@@ -224,7 +224,7 @@ class FilesSource(Section):
     ego: bool = True  # False: no vehicle carries the sensors
     truth: Literal["all", "targets"] = "all"  # "targets": objects exist that the truth does not have
     view: Annotated[float, Field(gt=0, le=360)] = 360.0  # degrees around the heading that the truth covers
-    velocity_ahead: Annotated[bool, Field(exclude=True)] = False  # scenes of a source that has this trait, see `Traits`
+    velocity_ahead: bool | None = None  # of a source with this trait; None: no, and in no digest
 
     @property
     def traits(self) -> Traits:
@@ -232,7 +232,7 @@ class FilesSource(Section):
         return Traits(
             stored_detector=self.detector,
             measured_velocity=self.velocity,
-            velocity_ahead=self.velocity_ahead,
+            velocity_ahead=bool(self.velocity_ahead),
             common_frame=self.ego_motion,
             has_ego=self.ego,
             truth_complete=self.truth == "all",

@@ -16,7 +16,7 @@ def run(
     on: EnvScenes,
     workers: WorkerChoice,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the rollouts.")],
-    seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Seed of the run.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the run.")] = 0,
     force: Annotated[bool, typer.Option("--force", help="Replace an earlier run in that folder.")] = False,
 ) -> None:
     """Run an agent and store what it said."""

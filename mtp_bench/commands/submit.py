@@ -79,7 +79,7 @@ class Restart:
 
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the scenes that were finished before.")] = False
     fresh: Annotated[bool, typer.Option("--fresh", help="Discard the scenes that were finished before.")] = False
-    force: Annotated[bool, typer.Option("--force", help="Replace a finished record by one of less.")] = False
+    force: Annotated[bool, typer.Option("--force", help="Replace a finished record by a smaller one.")] = False
 
     def start(self) -> Start:
         """As `records.submit` names it; wrong usage for both."""

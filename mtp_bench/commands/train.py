@@ -78,7 +78,7 @@ def predictor(
     also: Annotated[list[str] | None, typer.Option(help="Learn from this environment too; may be repeated.")] = None,
     hypotheses: Annotated[int, typer.Option(min=1, help="Of the tracker whose tracklets are learnt from.")] = 20,
     epochs: Annotated[int | None, typer.Option(min=1, help="At most so many; else what suits the network.")] = None,
-    seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Of all random numbers.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of all random numbers.")] = 0,
     device: Annotated[
         str,
         typer.Option(help="auto (a GPU where there is one), cpu or cuda.", autocompletion=words("auto", "cpu", "cuda")),

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field
 
+from ..running.options import MOST_SEED
 from ..scoring.rows import Count, Row
 from ..scoring.statistics import ratio
 from ..scoring.subsets import Subset
@@ -182,7 +183,7 @@ class Record(Section):
     env: EnvPart
     scorer: ScorerPart
     reference: ReferencePart
-    seeds: Annotated[list[Annotated[int, Field(ge=0, lt=1 << 31)]], Field(max_length=MOST_NAMES)]
+    seeds: Annotated[list[Annotated[int, Field(ge=0, le=MOST_SEED)]], Field(max_length=MOST_NAMES)]
     status: Status
     status_reason: _Text
     versions: Annotated[dict[str, _Name], Field(max_length=MOST_NAMES)]

@@ -223,14 +223,9 @@ def require_kept(target: Path, seeds: int, scenes: int | None, scenes_of_split: 
     now = whole if scenes is None else scenes
     if record.status == "finished" and (seeds < before or now < (scenes_of_split or whole)):
         raise RecordError(
-            f"{target} is a finished record ({_counted(before, 'seed')}, {whole} of {whole} scenes), and this one "
-            f"would have less ({_counted(seeds, 'seed')}, {_counted(now, 'scene')}): choose another folder "
-            "(-o, output=), or replace it (--force, replace=True)"
+            f"{target} is a finished record (seeds: {before}, scenes: {whole}), and this one would have less (seeds: "
+            f"{seeds}, scenes: {now}): choose another folder (-o, output=), or replace it (--force, replace=True)"
         )
-
-
-def _counted(number: int, noun: str) -> str:
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _record(

@@ -15,6 +15,12 @@ from .folds import Fold, held_out
 MOST_SEED = 2**31 - 1
 
 
+def require_seed(seed: int) -> None:
+    """Raise MtpBenchError for a seed that files of runs and weights cannot hold."""
+    if not 0 <= seed <= MOST_SEED:
+        raise MtpBenchError(f"the seed is {seed}, expected a whole number from 0 to {MOST_SEED}")
+
+
 @dataclass(frozen=True)
 class RunOptions:
     """What a run needs to know beside the agent and the env; the same for whoever runs, scores or fits.
@@ -53,8 +59,7 @@ class RunOptions:
                 raise MtpBenchError(f"{name} is {value}, expected at least 1")
 
         for seed in self.seeds:
-            if not 0 <= seed <= MOST_SEED:
-                raise MtpBenchError(f"the seed is {seed}, expected a whole number from 0 to {MOST_SEED}")
+            require_seed(seed)
 
     def chosen(self, names: Sequence[str]) -> tuple[str, ...]:
         """Those of the scenes of a split that are asked for; raises MtpBenchError where the fold cannot be cut."""

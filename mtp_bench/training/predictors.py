@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -99,8 +99,7 @@ def _held_out(request: Request, options: RunOptions) -> tuple[str, ...]:
     """The scenes of the fold of the first env: another run scores them, so no other env may teach them."""
     if request.fold is None:
         return ()
-    whole = open_split(request.env_id, replace(options.on_split("train"), scenes=None))
-    return held_out(whole.names, request.fold)
+    return held_out(open_split(request.env_id, options.on_split("train")).source.names, request.fold)
 
 
 def _learnable(env_id: str, request: Request, options: RunOptions, away: Sequence[str]) -> Windows:

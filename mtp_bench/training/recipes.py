@@ -9,6 +9,7 @@ import torch
 
 from ..errors import MtpBenchError
 from ..prediction.learned.network import Network, Sizes
+from ..running.options import require_seed
 from . import ptp_losses
 from .around import varied_around
 from .losses import Tensors, gaussian_path, varied, winner_takes_all
@@ -33,6 +34,7 @@ class Plan:
         for name in ("epochs", "batch", "patience"):
             if getattr(self, name) < 1:
                 raise MtpBenchError(f"{name} is {getattr(self, name)}, expected at least 1")
+        require_seed(self.seed)
 
 
 @dataclass(frozen=True)

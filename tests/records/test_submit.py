@@ -328,7 +328,7 @@ def test_a_later_record_replaces_an_earlier_one(path: Path, submission: Path, ca
 
 @pytest.mark.parametrize("start", ["new", "resume", "fresh"])
 @pytest.mark.parametrize(
-    ("seeds", "scenes", "less"), [((0, 1), 1, "2 seeds, 1 scene"), ((0,), None, "1 seed, 3 scenes")]
+    ("seeds", "scenes", "less"), [((0, 1), 1, "seeds: 2, scenes: 1"), ((0,), None, "seeds: 1, scenes: 3")]
 )
 def test_a_finished_record_is_not_lost_to_a_smaller_one(
     seeds: tuple[int, ...],
@@ -344,7 +344,7 @@ def test_a_finished_record_is_not_lost_to_a_smaller_one(
     with pytest.raises(RecordError) as caught:
         submit(submission, card, RunOptions(kitti, scenes, seeds), path.parent, start=start)
     assert str(caught.value) == (
-        f"{path} is a finished record (2 seeds, 3 of 3 scenes), and this one would have less ({less}): choose another "
+        f"{path} is a finished record (seeds: 2, scenes: 3), and this one would have less ({less}): choose another "
         "folder (-o, output=), or replace it (--force, replace=True)"
     )
     assert state_of(path.parent) == before
@@ -358,7 +358,7 @@ def test_the_command_says_so_before_anything_runs(
     before = state_of(path.parent)
     part = ("--seeds", 1, "--scenes", 1, "--data", kitti, "--jobs", 1, "-o", path.parent)
     words = ("submit", submission, "--env", other, "--env", card, *part)
-    assert f"{path} is a finished record (2 seeds, 3 of 3 scenes)" in cli(*words).error
+    assert f"{path} is a finished record (seeds: 2, scenes: 3)" in cli(*words).error
     assert state_of(path.parent) == before
     cli.ok(*words, "--force")
     assert {load_record(path.parent / f"{name}.json").status for name in (CARD_ID, "MTP-Other-v0")} == {"partial"}

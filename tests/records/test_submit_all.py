@@ -60,8 +60,8 @@ def test_a_finished_record_is_not_lost_to_a_partial_one(
     before = target.read_bytes()
     refused = cli(*words, "--scenes", 1)
     assert refused.status == 1
-    assert f"{target} is a finished record (1 seed, 3 of 3 scenes)" in refused.err
-    assert "this one would have less (1 seed, 1 scene)" in refused.err
+    assert f"{target} is a finished record (seeds: 1, scenes: 3)" in refused.err
+    assert "this one would have less (seeds: 1, scenes: 1)" in refused.err
     assert target.read_bytes() == before
     cli(*words, "--scenes", 1, "--force")
     assert target.read_bytes() != before
