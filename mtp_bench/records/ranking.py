@@ -16,7 +16,7 @@ from ..scoring.subsets import SUBSETS, Subset
 from .attestation import LEVELS, HiddenPart, SignedLevel
 from .eligibility import Ships, taken_names, why_not_comparable, why_not_genuine, why_unranked
 from .record import Record, SubmissionPart
-from .shipped import shipped
+from .shipped import baseline_networks, shipped
 
 STP, TRUTH = "stp", "truth_past"
 # Between whom the gap of an agent with a network is: one hypothesis, and true pasts, with the network of true pasts
@@ -176,7 +176,9 @@ def own_ends(submission: SubmissionPart) -> tuple[str, str] | None:
     """Whose records are the ends of a gap with the predictor of a submission; None where there are none."""
     if submission.ends == "controls":
         return STP, TRUTH
-    networks = sorted(name.partition("-")[0] for name in submission.networks)
+    # weights that ship, as for simulated traffic, are in no list of a record
+    named = submission.networks or baseline_networks(submission.name)
+    networks = sorted(name.partition("-")[0] for name in named)
     found = next((NETWORK_ENDS[name] for name in networks if name in NETWORK_ENDS), None)
     return found if submission.ends == "own" else None
 

@@ -56,6 +56,12 @@ def baseline_digest(name: str, networks: Mapping[str, str] | None = None) -> str
     return digest_of(folder, files_of(folder), networks)
 
 
+@cache
+def baseline_networks(name: str) -> tuple[str, ...]:
+    """Networks that the manifest of the baseline of that name takes, such as modes-truth; none for other names."""
+    return load_submission(name).networks if name in baseline_names() else ()
+
+
 def _sums(reference: Reference) -> dict[str, dict[Subset, float]]:
     """As `Reference.weight` of every scene, summed; the scenes are known by their keys alone."""
     found: dict[str, dict[Subset, float]] = {}

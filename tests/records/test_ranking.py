@@ -53,7 +53,22 @@ def test_the_gap_of_an_agent_with_a_network_is_between_ends_with_it() -> None:
     assert found[mine.digest].gaps["all"] == pytest.approx(0.375)
     assert found[other.digest].own_gaps == {}
     assert found[records[0].digest].own_gaps == found[records[0].digest].gaps
-    assert found[ends[0].digest].own_gaps == {}  # of its own network this one says nothing
+    assert found[ends[0].digest].own_gaps["all"] == 0
+
+
+def test_a_baseline_with_a_network_that_ships_has_the_gap_of_its_manifest() -> None:
+    """Weights that ship are in no list of a record, and what says nothing of networks is no baseline."""
+
+    def record(name: str, error: float, ends: str | None = "own", **env: str) -> Record:
+        said = {"ends": ends, "networks": {}}
+        return write_record(*(error + 0.1 * (i % 3) for i in range(8)), name=name, submission=said, env=env)
+
+    ends = [record("stp_modes", 4.0), record("truth_modes", 2.0, None, observe="truth")]
+    mine, other = record("mtp_modes", 3.5), record("other", 3.5)
+    records = [record("stp", 5.0, "controls"), record("truth_past", 1.0, None, observe="truth"), *ends, mine, other]
+    found = standings(records, ships=ships_of(*records))
+    assert found[mine.digest].own_gaps["all"] == pytest.approx(0.25)
+    assert found[other.digest].own_gaps == {}
 
 
 def test_worse_than_stp_with_its_own_network_is_not_ranked_on_events() -> None:
