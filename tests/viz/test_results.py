@@ -253,10 +253,13 @@ def test_simulated_scenes_that_everybody_knows_may_be_told_of_and_hidden_ones_re
     assert found.error("mtp", SIMULATED).value == pytest.approx(0.8)
     assert not found.ranked("mtp", SIMULATED)
     levels = {public[1].digest: signed_level(public[1], "hidden", hidden_part(*[2.5] * 50))}
-    hidden = Figures(Known(public, levels))
+    known = Known(public, levels)
+    hidden = Figures(known)
     assert hidden.error("mtp", SIMULATED).value == pytest.approx(2.5)
-    assert hidden.levels(SIMULATED) == "1 run again, and on scenes that were not public, 1 scored by its authors"
-    with pytest.raises(RecordError, match="are of other scenes"):
+    assert hidden.levels(SIMULATED) == "1 run again, and on scenes that were not public"
+    waits = f"stp on {SIMULATED}: not run on the hidden scenes of the last round"
+    assert (known.present(["stp", "mtp"], SIMULATED), known.unused) == (["mtp"], [waits])
+    with pytest.raises(RecordError, match="cannot be used: not run on the hidden scenes of the last round"):
         hidden.difference("mtp", "stp", SIMULATED)
 
 

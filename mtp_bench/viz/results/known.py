@@ -67,7 +67,8 @@ class Known:
         """``levels``: signed levels by the digest of the record; ``ships``: what ships for an env, by its id.
 
         ``places``: where the records stand, by their digest, if that is known.
-        Only finished records of what ships today are taken: others have other scenes, or another scorer.
+        Only finished records of what ships today are taken: others have other scenes, or another scorer. Where a round
+        was held, on hidden scenes, records that came after it wait for the next one.
         """
         levels = levels or {}
         places = standings(records, levels, ships) if places is None else places
@@ -76,9 +77,12 @@ class Known:
         self._found: dict[tuple[str, str], Scored] = {}
         self._twice: set[tuple[str, str]] = set()
         self._unfit: dict[tuple[str, str], str] = {}
+        rounds = {record.env.id for record in records if _on_hidden(levels.get(record.digest))}
         for record in records:
             signed, key = levels.get(record.digest), (record.submission.name, record.env.id)
             why = _why_not_taken(record, signed, ships)
+            if why is None and record.env.id in rounds and not _on_hidden(signed):
+                why = "not run on the hidden scenes of the last round"
             if why:
                 self._unfit[key] = why
                 continue
@@ -171,8 +175,11 @@ def _why_not_taken(record: Record, signed: SignedLevel | None, ships: Ships) -> 
     """Why the numbers of a record stand beside no others."""
     if record.status != "finished":
         return f"{record.status}: {record.status_reason}"
-    on_hidden = signed is not None and signed.hidden is not None
-    return why_not_comparable(record, signed, ships if on_hidden else partial(_public, ships))
+    return why_not_comparable(record, signed, ships if _on_hidden(signed) else partial(_public, ships))
+
+
+def _on_hidden(signed: SignedLevel | None) -> bool:
+    return signed is not None and signed.hidden is not None
 
 
 def _public(ships: Ships, env_id: str) -> Shipped | None:
