@@ -44,8 +44,11 @@ def rotate(vector: Floats, yaw: Floats | float) -> Floats:
     return turned
 
 
-def transform_boxes(box: Floats, yaw: float, translation: ArrayLike) -> Floats:
-    """Boxes ``[..., 7]`` after a rigid motion: a turn by ``yaw`` about the z axis, then ``translation`` (x, y, z)."""
+def transform_boxes(box: Floats, yaw: Floats | float, translation: ArrayLike) -> Floats:
+    """Boxes ``[..., 7]`` after a rigid motion: a turn by ``yaw`` about the z axis, then ``translation`` (x, y, z).
+
+    One motion for all boxes, or one each: ``yaw`` ``[...]`` and ``translation`` ``[..., 3]``.
+    """
     moved = rotate(box, yaw)
     moved[..., :3] += np.asarray(translation, dtype=np.float64)
     moved[..., 3] = wrap_angle(box[..., 3] + yaw)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 import tomllib
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from types import UnionType
@@ -74,7 +75,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """A table whose keys come once: of two, one reader would take the first and another the last."""
     table = dict(pairs)
     if len(table) < len(pairs):
-        twice = next(key for i, (key, _) in enumerate(pairs) if key in dict(pairs[:i]))
+        twice = Counter(key for key, _ in pairs).most_common(1)[0][0]
         raise ValueError(f"key {twice[:80]!r} comes twice")
     return table
 

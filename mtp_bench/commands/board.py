@@ -93,6 +93,8 @@ def read_board(
 ) -> Board:
     """Entries in the order of the leaderboard; those of ``further`` that are not in the folder are marked as added.
 
+    They take the place of the folder's record of that submission and environment, as the files would.
+
     ``page`` is the file that links start from; without one there are none. A broken record of the folder is refused
     and stops no other. Raises MtpBenchError where the folder is missing, RecordError where a record of ``further`` is
     broken, UnknownNameError for an env without a record that is no card either.
@@ -110,12 +112,20 @@ def read_board(
     found = {each.record.digest: each for each in _sound(record_paths(folder), start, refused)}
     for path in further:
         each = _read(path, start, added=True)
-        found.setdefault(each.record.digest, each)
+        if each.record.digest not in found:
+            place = _place(each.record)
+            found = {digest: other for digest, other in found.items() if _place(other.record) != place}
+            found[each.record.digest] = each
     listed = [each for each in found.values() if env_id is None or each.record.env.id == env_id]
     if env_id is not None and not listed:
         load_card(env_id)  # an env that nobody has submitted to is fine as long as there is such an env
     notes = [f"{each.record.submission.name} on {each.record.env.id}: {each.note}" for each in listed if each.note]
     return Board(entries_of(listed), refused, notes)
+
+
+def _place(record: Record) -> tuple[str, str]:
+    """What names the file of a record in the folder of all."""
+    return record.submission.name, record.env.id
 
 
 def _fill(pages: Sequence[Path], found: Board, leaderboard: Path, whole: bool) -> list[str]:

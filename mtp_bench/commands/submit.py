@@ -79,7 +79,9 @@ class Restart:
 
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the scenes that were finished before.")] = False
     fresh: Annotated[bool, typer.Option("--fresh", help="Discard the scenes that were finished before.")] = False
-    force: Annotated[bool, typer.Option("--force", help="Replace a finished record by a smaller one.")] = False
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace a finished record by a smaller one, or one that cannot rank.")
+    ] = False
 
     def start(self) -> Start:
         """As `records.submit` names it; wrong usage for both."""
@@ -178,7 +180,7 @@ def _submit_one(
     for target in targets.values():
         require_writable(target, submission)
         if not more["replace"]:
-            require_kept(target, len(options.seeds), options.scenes)
+            require_kept(target, options.seeds, options.scenes, more["division"])
         if more["start"] == "new":
             require_new(target)
     failed = []

@@ -51,8 +51,9 @@ def _one(piece: Piece, options: RunOptions, make: Callable[[Piece], Record]) -> 
     from ..records.inventory import standing_record, why_impossible
 
     try:
-        if standing_record(piece, options) is not None:
-            return Line(piece, "kept")
+        standing = standing_record(piece, options)
+        if standing is not None:
+            return _of(standing, piece, "kept")
         reason = why_impossible(piece, options.data)
         if reason is not None:
             return Line(piece, "not here", note=reason)
@@ -62,9 +63,20 @@ def _one(piece: Piece, options: RunOptions, make: Callable[[Piece], Record]) -> 
         return Line(piece, "not here", note=f"no data: {error}")
     except (MtpBenchError, OSError) as error:
         return Line(piece, "failed", note=said_of(error))
-    if record.status != "finished":
+    return _of(record, piece, "made", time.monotonic() - begun)
+
+
+def _of(record: Record, piece: Piece, outcome: Outcome, seconds: float = 0.0) -> Line:
+    """What became of a piece by its record: one that is not whole, now or before, is a failure."""
+    if record.status not in ("finished", "partial"):
         return Line(piece, "failed", note=f"{record.status}: {record.status_reason}")
-    return Line(piece, "made", time.monotonic() - begun)
+    cut = record.missed
+    if cut.crashed_scenes:
+        first = next(iter(cut.reasons.values()), "")
+        return Line(
+            piece, "failed", note=f"{cut.crashed_scenes} of {record.runs} scenes and seeds were cut short: {first}"
+        )
+    return Line(piece, outcome, seconds)
 
 
 def _sentence(line: Line) -> str:

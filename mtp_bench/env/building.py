@@ -132,8 +132,9 @@ def _array(name: str, value: ArrayLike, kinds: str, *shapes: tuple[int | str, ..
         array = np.asarray(value)
     except ValueError as error:
         raise ShapeError(f"{name} is no array: {error}") from None
-    if array.shape == (0,):  # an empty list: no objects
-        array = array.reshape(tuple(0 if isinstance(size, str) else size for size in shapes[-1]))
+    empty = tuple(0 if isinstance(size, str) else size for size in shapes[-1])
+    if array.shape == (0,) and 0 in empty:  # an empty list: no objects
+        array = array.reshape(empty)
     if not any(_fits(array.shape, shape) for shape in shapes):
         wanted = " or ".join(str(shape).replace("'", "") for shape in shapes)
         raise ShapeError(f"{name} has shape {array.shape}, expected {wanted}")

@@ -59,7 +59,11 @@ def take_in(folder: Path, trust: Trust, owner: str | None = None) -> Intake:
         "published), expected records alone: take the folder out of the proposal"
         for path in sorted(root.rglob(f"*{ROLLOUTS}"))
     ]
-    refused += [f"{name}: is removed; only maintainers remove files" for name in gone]
+    refused += [
+        f"{name}: is removed; only maintainers remove files (where the proposal did not: bring it up to date with "
+        "the branch that it is for)"
+        for name in gone
+    ]
     for name in sorted(files):
         path = root / name
         if name == OWNERS or _same(path, trust.folder / name) or not _within(path, folder):

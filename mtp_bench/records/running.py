@@ -178,7 +178,10 @@ def isolation(runs: Mapping[int, Sequence[SceneRun]]) -> IsolationPart:
 
 
 def latency(rollouts: Sequence[Rollout]) -> LatencyPart:
-    """Percentiles over the frames of all rollouts but the first of each; unanswered frames are left out."""
+    """Percentiles over the frames of all rollouts but the first of each; those after the end of an agent are left out.
+
+    Late and malformed answers count with the time that was waited for them.
+    """
     seconds = np.concatenate([np.zeros(0), *(rollout.seconds[1:] for rollout in rollouts)])
     seconds = seconds[np.isfinite(seconds) & (seconds > 0)]
     if not len(seconds):

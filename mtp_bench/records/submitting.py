@@ -22,6 +22,7 @@ from ..strict import parse_json, require_part, validate
 from ..submission.loader import Submission, load_submission
 from ..submission.manifest import MANIFEST
 from .bounds import out_of_bounds
+from .eligibility import SEEDS
 from .evaluation import Evaluation, status_of
 from .parts import Start, open_parts
 from .provenance import hardware, scorer_digest
@@ -80,7 +81,7 @@ def submit(
         start: What becomes of the scenes that an earlier submit of this record finished without coming to its end:
             "new" refuses them, "resume" goes on from them (and takes a whole record of the same plan as it is),
             "fresh" discards them.
-        replace: Whether a finished record may give way to one of fewer seeds or scenes.
+        replace: Whether a finished record may give way to one of fewer seeds or scenes, or to one that cannot rank.
 
     Every scene is kept as soon as it is done. Record and rollouts come together, at the end: until then, and after any
     failure, those of an earlier submit are as they were.
@@ -95,7 +96,7 @@ def submit(
     target = record_path(submission, load_card(env_id), output, options.split)
     require_writable(target, submission)
     if not replace:
-        require_kept(target, len(options.seeds), len(plan.scenes), plan.scenes_of_split)
+        require_kept(target, options.seeds, len(plan.scenes), division, plan.scenes_of_split)
     _require_causal(division, submission)
     _require_limits(division, limits)
     declared = declared_data(submission, plan.card.id, training_data)
@@ -210,8 +211,10 @@ def require_writable(target: Path, submission: Submission) -> None:
             require_run_folder(folder)
 
 
-def require_kept(target: Path, seeds: int, scenes: int | None, scenes_of_split: int | None = None) -> None:
-    """Raise RecordError where a finished record at ``target`` would be lost to one of fewer seeds or scenes.
+def require_kept(
+    target: Path, seeds: Sequence[int], scenes: int | None, division: Division, scenes_of_split: int | None = None
+) -> None:
+    """Raise RecordError where a finished record at ``target`` would be lost to a smaller one, or one that cannot rank.
 
     ``scenes``: None for all. ``scenes_of_split``: how many the split has; None: as many as the record says.
     """
@@ -219,12 +222,21 @@ def require_kept(target: Path, seeds: int, scenes: int | None, scenes_of_split: 
         record = load_record(target)
     except RecordError:  # there is none, or none that anybody could use
         return
-    before, whole = len(record.seeds), record.env.scenes_of_split
+    if record.status != "finished":
+        return
+    whole = record.env.scenes_of_split
     now = whole if scenes is None else scenes
-    if record.status == "finished" and (seeds < before or now < (scenes_of_split or whole)):
+    lost = ""
+    if len(seeds) < len(record.seeds) or now < (scenes_of_split or whole):
+        before = f"seeds: {len(record.seeds)}, scenes: {whole}"
+        lost = f"({before}), and this one would have less (seeds: {len(seeds)}, scenes: {now})"
+    elif (record.division, record.seeds) == ("closed", list(SEEDS)) != (division, list(seeds)):
+        given = ", ".join(map(str, seeds))
+        lost = f"that can rank, and this one could not (division: {division}, seeds: {given})"
+    if lost:
         raise RecordError(
-            f"{target} is a finished record (seeds: {before}, scenes: {whole}), and this one would have less (seeds: "
-            f"{seeds}, scenes: {now}): choose another folder (-o, output=), or replace it (--force, replace=True)"
+            f"{target} is a finished record {lost}: choose another folder (-o, output=), or replace it (--force, "
+            "replace=True)"
         )
 
 

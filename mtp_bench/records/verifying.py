@@ -199,6 +199,8 @@ def _plan(path: Path, record: Record, env_id: str | None, folder: str | Path | N
     """How the submission of a record is run again; RecordError where it is another one, or the scenes are others."""
     env_id = env_id or record.env.id
     submission = load_submission(folder or record.submission.name)
+    if submission.compare.observe != "tracks":  # stored tracks are for those in a round that observe them
+        options = replace(options, track_file=None)
     plan = plan_run(submission, env_id, replace(options, scenes=len(record.per_scene)))
     if plan.image.digest != record.submission.digest:
         where = "--submission" + (

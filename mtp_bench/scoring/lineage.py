@@ -37,6 +37,13 @@ class Hypotheses:
         choice = self.alive[:-1].sum(axis=1) > 1
         return int(((self.alive & ~self.stated)[1:].any(axis=1) & choice).sum())
 
+    def seen_from(self, t: int) -> Ints:
+        """The best hypothesis [F] of each frame; before frame ``t`` those that the best one of ``t`` descends from."""
+        chosen = self.best.copy()
+        for frame in range(t, 0, -1):
+            chosen[frame - 1] = self.parent[frame, chosen[frame]]
+        return chosen
+
 
 @dataclass(frozen=True, eq=False)
 class LineageEvents:

@@ -11,6 +11,7 @@ from ..cards import Card
 from ..detector import Profile, Profile1
 from ..types import Scene
 from .base import SceneSource
+from .frames import in_frames, in_world
 from .motion import looking_back
 from .people import as_places, extent
 
@@ -38,7 +39,8 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
     The noise depends on the scene's name and the detector's seed, or on ``seed`` alone where it is given. All profiles
     share their random numbers: a box that is undetected with one is likely undetected with another. A detector that
     measures velocities is told nothing of the next frame: where the source's true velocities hold some of it, the truth
-    gets backward velocities.
+    gets backward velocities. Where every frame is in its own frame of reference, false boxes that stand do so in the
+    world, if the scene says where that is, else in the sensor's frame.
     """
     from ..detector.sight import Sensor, sight, visible_fractions
     from ..detector.simulate import simulate
@@ -54,16 +56,19 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
     truth = scene.truth
     if card.velocity and card.source.traits.velocity_ahead:
         truth = looking_back(truth, scene.time)
+    there = in_world(replace(scene, truth=truth))
     seen = simulate(
-        truth,
-        scene.ego,
+        there.truth,
+        there.ego,
         card.task.classes,
         noise,
         sensor,
         _seed(section.seed, scene.name) if seed is None else seed,
         dt=1.0 / card.task.rate,
-        sight=sight(truth, scene.ego, sensor, visible),
+        sight=sight(there.truth, there.ego, sensor, visible),
     )
+    if scene.world is not None:
+        seen = in_frames(seen, scene.world)
     if card.source.traits.places_only:
         seen = as_places(seen)
     label = _label(noise)

@@ -12,7 +12,7 @@ from ..parallel import parallel_map
 from ..running.rollout_files import load_run
 from ..running.settings import Setting
 from ..scoring.forecasts import Forecasts, candidates, final_errors, grow
-from ..scoring.lineage import hypotheses
+from ..scoring.lineage import Hypotheses, hypotheses
 from ..scoring.neutral import evaluated
 from ..scoring.targets import find_targets, live_frames
 from ..sources import open_source
@@ -101,7 +101,7 @@ class _View:
     forecasts: Forecasts
     forecast: Ints  # [R] row of the forecast of each true box, -1 none
     error: Floats  # [R] m, minADE; inf where there is none, NaN where the box is no target
-    best: Ints  # [F] the best hypothesis
+    hypotheses: Hypotheses
 
     @classmethod
     def of(cls, scene: Scene, rollout: Rollout, card: Card) -> _View:
@@ -110,7 +110,7 @@ class _View:
         errors, forecast = final_errors(found, grow(found, forecasts.confidence))
         error = np.full(len(scene.truth.box), np.nan)
         error[targets.row] = errors.min_ade
-        return cls(rollout, forecasts, forecast, error, hypotheses(rollout, card).best)
+        return cls(rollout, forecasts, forecast, error, hypotheses(rollout, card))
 
 
 def _cost(truth: _View, incident: Incident) -> float:
@@ -157,16 +157,19 @@ def _said(view: _View, label: str, incident: Incident, future: Floats) -> Said:
 
 
 def _trail(view: _View, t: int, place: Floats) -> Floats:
-    """The past of the track of the best hypothesis that stands at ``place`` [2] in frame ``t``, now last."""
-    rollout = view.rollout
+    """The past of the track of the best hypothesis that stands at ``place`` [2] in frame ``t``, now last.
+
+    It is followed through the hypotheses that this one descends from, as identities are in the scorer.
+    """
+    rollout, hypothesis = view.rollout, view.hypotheses.seen_from(t)
     rows = np.arange(*rollout.tracks.rows(t).indices(len(rollout.track_id)))
-    rows = rows[rollout.member[rows, view.best[t]]] if rollout.member.shape[1] else rows
+    rows = rows[rollout.member[rows, hypothesis[t]]] if rollout.member.shape[1] else rows
     if not len(rows):
         return np.zeros((0, 2))
     track = rollout.track_id[rows[np.hypot(*(rollout.track_box[rows, :2] - place).T).argmin()]]
     places = []
     for s in range(max(0, t - TRAIL + 1), t + 1):
         held = np.arange(*rollout.tracks.rows(s).indices(len(rollout.track_id)))
-        held = held[(rollout.track_id[held] == track) & rollout.member[held, view.best[s]]]
+        held = held[(rollout.track_id[held] == track) & rollout.member[held, hypothesis[s]]]
         places += [rollout.track_box[held[0], :2]] if len(held) else []
     return np.array(places, dtype=np.float64).reshape(-1, 2)

@@ -11,6 +11,7 @@ import numpy as np
 from ..cards import Card, DetectorSection
 from ..errors import MtpBenchError, UnknownNameError
 from ..running.options import DEFAULTS, RunOptions
+from ..sources.frames import in_world
 from ..types import Scene
 from .split import open_split
 
@@ -44,7 +45,7 @@ def fit_noise(
     split = open_split(env_id, options)
     card = split.card
     floor = _floor(min_score, card)
-    known = card.detector or DetectorSection()
+    known = card.detector or DetectorSection(field_of_view=card.source.traits.view)
     section = known.model_copy(
         update={"reach": reach or known.reach, "field_of_view": field_of_view or known.field_of_view}
     )
@@ -65,9 +66,9 @@ def fit_noise(
 
 
 def _complete(scene: Scene) -> Scene:
-    """The scene; MtpBenchError where not every object of it is known."""
+    """The scene, in the world if it says where that is; MtpBenchError where not every object of it is known."""
     if scene.truth_complete:
-        return scene
+        return in_world(scene)  # what stands in the frames of a sensor that moves is not what stands
     raise MtpBenchError(
         f"scene {scene.name!r}: only prediction targets are known, so detections of anything else would be fitted as "
         "false positives; fit on an environment with complete truth"

@@ -47,8 +47,8 @@ RECIPES: dict[str, Recipe] = {
         (Scenes("MTP-KITTI-v0"), Scenes("MTP-KITTI-noego-v0"), Scenes("MTP-KITTI-5Hz-v0")),
         terms="figures derived from KITTI: CC BY-NC-SA 3.0, non-commercial",
     ),
-    # The truth of trainval holds prediction targets only, so it is mini, with four numbers per class. The two scenes of
-    # the official split val stay out, so that no scene of MTP-nuScenes-v0 is among those fitted on.
+    # The truth of trainval holds prediction targets only, so it is mini, with four numbers per class. Its split
+    # mini_val stays out. Of the official split val mini_train has two scenes; MTP-nuScenes-v0 ranks on others.
     "megvii": Recipe(
         (Scenes("MTP-nuScenes-mini-v0", "all", without=("scene-0103", "scene-0916")),),
         ("mean_score", "log_hits", "coasting"),

@@ -116,6 +116,7 @@ def windows(
     nothing to learn from.
     """
     _require_tracker(tracker)
+    scenes = int(scenes) if isinstance(scenes, np.integer) else scenes
     first = scenes if isinstance(scenes, int) else options.scenes
     opened = open_split(env_id, replace(options, split=split, scenes=first))
     names = opened.names if scenes is None or isinstance(scenes, int) else tuple(scenes)

@@ -45,11 +45,7 @@ class Case:
     @cached_property
     def hypothesis(self) -> Ints:
         """The hypothesis [F] that is looked at in each frame."""
-        found = self.replay.said.hypotheses
-        chosen = found.best.copy()
-        for t in range(self.at.frame, 0, -1):
-            chosen[t - 1] = found.parent[t, chosen[t]]
-        return chosen
+        return self.replay.said.hypotheses.seen_from(self.at.frame)
 
     @property
     def noun(self) -> str:

@@ -14,6 +14,7 @@ from mtp_bench.errors import MtpBenchError, SubmissionError
 from mtp_bench.submission.starting import FILES, TEMPLATE, new_submission
 from tests.support.command_line import CommandLine
 from tests.support.runs import run_scenes
+from tests.support.tracking_scenes import frame, kitti_task, observation
 
 
 def test_the_command_writes_a_submission_and_says_what_to_do_next(tmp_path: Path, cli: CommandLine) -> None:
@@ -85,10 +86,20 @@ def test_the_agent_follows_and_forecasts(card: str, kitti: str, tmp_path: Path) 
     submission = load_submission(new_submission("mine", tmp_path))
     (rollout,) = run_scenes(submission.build, card, {"data": kitti}, ["0006"])
     assert rollout.invalid.sum() == 0
-    for frame in range(7):  # one id per object, through two frames without detections
-        assert rollout.track_id[rollout.tracks.rows(frame)].tolist() == [0, 1, 2]
-    before, now = (rollout.track_box[rollout.tracks.rows(frame)][:, :2] for frame in (5, 6))
+    for t in range(7):  # one id per object, through two frames without detections
+        assert rollout.track_id[rollout.tracks.rows(t)].tolist() == [0, 1, 2]
+    before, now = (rollout.track_box[rollout.tracks.rows(t)][:, :2] for t in (5, 6))
     straight = rollout.forecast[rollout.objects.rows(6)][:, 0] / 100.0  # the first sample
     np.testing.assert_allclose(straight[:, 0], now - before, atol=0.06)
     np.testing.assert_allclose(straight[:, 2], 3 * straight[:, 0], atol=0.03)
     assert rollout.object_class[rollout.objects.rows(6)].tolist() == [0, 0, 1]
+
+
+def test_a_car_that_is_not_seen_for_a_while_keeps_its_speed(tmp_path: Path) -> None:
+    """1 m per frame, seen in frame 0 and next in frame 3."""
+    task = kitti_task()
+    agent = load_submission(new_submission("mine", tmp_path)).build(task)
+    agent.reset(task)
+    for detections in (frame((10.0, 0.0, 0)), frame(), frame(), frame((12.5, 0.0, 0))):
+        action = agent.act({**observation(detections), "dt": np.array(task.dt)})
+    np.testing.assert_allclose(action["forecast"][0, 0, 0], [2.5 / 3, 0], atol=1e-6)

@@ -103,6 +103,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "boxes of 6": ({"boxes": BOX[:, :6]}, "boxes has shape (2, 6), expected (O, 7)"),
     "ragged boxes": ({"boxes": [[1.0], [1.0, 2.0]]}, "boxes is no array: "),
     "a class too few": ({"classes": [0]}, "classes has shape (1,), expected (2,)"),
+    "no class at all": ({"classes": []}, "classes has shape (0,), expected (2,)"),
     "classes by name": ({"classes": ["car", "car"]}, "classes has dtype <U3, expected whole numbers"),
     "another horizon": (
         {"forecasts": FUTURE[:, :2]},

@@ -26,6 +26,8 @@ from mtp_bench.prediction.presence import (
     history_of,
     read_model,
 )
+from mtp_bench.running.reference import frozen_reference
+from mtp_bench.scoring.weights import scene_key
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.tracks import Tracks
 from tests.support.tracking_scenes import CYCLIST, at_once, frame, kitti_task, observation, run
@@ -222,6 +224,10 @@ def test_the_baselines_say_what_was_trained_on_scored_scenes() -> None:
     scored = {"scene-0061", "scene-0553", "scene-0655", "scene-0757", "scene-0796", "scene-1077", "scene-1094"}
     assert scored < set(fitted_on("megvii")) == set(fitted_on("centerpoint"))
     assert not {"scene-0103", "scene-0916"} & set(fitted_on("megvii"))  # of the official split val
+    for env_id in ("MTP-nuScenes-v0", "MTP-nuScenes-CenterPoint-v0"):  # of its others nothing ranks there
+        ranks = frozen_reference(load_card(env_id))
+        assert ranks is not None
+        assert not {scene_key(env_id, name) for name in fitted_on("megvii")} & set(ranks.scenes)
     for name in BASELINES:
         note = load_submission(name).note_on("MTP-nuScenes-mini-v0")
         assert note is not None

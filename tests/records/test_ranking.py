@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -60,7 +61,7 @@ def test_a_baseline_with_a_network_that_ships_has_the_gap_of_its_manifest() -> N
     """Weights that ship are in no list of a record, and what says nothing of networks is no baseline."""
 
     def record(name: str, error: float, ends: str | None = "own", **env: str) -> Record:
-        said = {"ends": ends, "networks": {}}
+        said: dict[str, Any] = {"ends": ends, "networks": {}}
         return write_record(*(error + 0.1 * (i % 3) for i in range(8)), name=name, submission=said, env=env)
 
     ends = [record("stp_modes", 4.0), record("truth_modes", 2.0, None, observe="truth")]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,8 @@ from mtp_bench.gateway import Limits
 from mtp_bench.parallel import Workers
 from mtp_bench.records import Record, load_record, save_record, submit, verify, why_unranked
 from mtp_bench.records.parts import Start
+from mtp_bench.records.record import Division
+from mtp_bench.records.submitting import require_kept
 from mtp_bench.records.verifying import confirm
 from mtp_bench.running.opened import open_run
 from mtp_bench.running.options import RunOptions
@@ -23,6 +25,7 @@ from mtp_bench.running.rollout_files import load_run, save_run
 from mtp_bench.scoring import SUBSETS
 from tests.support.command_line import CommandLine, read_json, write_submission
 from tests.support.small_scenes import CARD, CARD_ID, write_card
+from tests.support.stored_records import write_record
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +117,8 @@ def test_a_submission_runs_again(cli: CommandLine, path: Path, submission: Path,
 
 def test_running_again_counts_what_was_unanswered(path: Path, submission: Path, card: str, kitti: str) -> None:
     resign(path, lambda content: content["missed"].update(malformed=1))
-    checked = verify(path, RunOptions(kitti), card, submission=submission, rerun=True)
+    options = RunOptions(kitti, track_file="tracks.json")  # of another agent in the same round
+    checked = verify(path, options, card, submission=submission, rerun=True)
     assert [difference.what for difference in checked.differences] == ["missed.malformed"]
 
 
@@ -424,3 +428,25 @@ def test_wrong_usage(cli: CommandLine, card: str, kitti: str, tmp_path: Path) ->
     (odd / "thesis.tex").touch()
     assert "so it is no run" in cli(*arguments, tmp_path / "odd").error
     assert (odd / "thesis.tex").is_file()
+
+
+@pytest.mark.parametrize(
+    ("seeds", "division", "what"),
+    [
+        ((0, 1, 2), "closed", ""),
+        (range(5), "closed", "division: closed, seeds: 0, 1, 2, 3, 4"),
+        ((3, 4, 5), "closed", "division: closed, seeds: 3, 4, 5"),
+        ((0, 1, 2), "open", "division: open, seeds: 0, 1, 2"),
+    ],
+)
+def test_a_record_that_can_rank_is_not_lost_to_one_that_cannot(
+    seeds: Sequence[int], division: Division, what: str, tmp_path: Path
+) -> None:
+    target = tmp_path / "echo.json"
+    save_record(write_record(1.0, 2.0), target)
+    if not what:
+        require_kept(target, seeds, None, division)
+        return
+    with pytest.raises(RecordError) as caught:
+        require_kept(target, seeds, None, division)
+    assert f"{target} is a finished record that can rank, and this one could not ({what}): choose" in str(caught.value)

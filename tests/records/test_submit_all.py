@@ -7,11 +7,14 @@ from pathlib import Path
 import pytest
 
 from mtp_bench._bundle import baseline_names, card_ids
+from mtp_bench.commands.submit_all import Line, make_all
 from mtp_bench.errors import UnknownNameError
+from mtp_bench.records import Record
 from mtp_bench.records.inventory import inventory, standing_record
 from mtp_bench.running.options import RunOptions
 from tests.support.command_line import CommandLine, write_submission
 from tests.support.small_scenes import CARD_ID
+from tests.support.stored_records import write_record
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +52,30 @@ def test_what_is_there_is_kept_and_what_is_not_is_made(
     assert "0 records made" in again.out
     assert "1 kept" in again.out
     assert target.read_bytes() == before
+
+
+def test_a_failure_stays_one_when_its_record_is_there(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
+    broken = write_submission(tmp_path / "broken", body="raise ValueError('no')")
+    words = ("submit", "--all", broken, "--env", card, "--data", kitti, "--seeds", 1, "--jobs", 1, "-o", tmp_path / "r")
+    first, again = cli(*words), cli(*words)
+    assert first.status == again.status == 1
+    assert "crashed: no scene was finished" in first.err
+    assert again.err == first.err
+    assert "0 kept" in again.out
+
+
+def test_scenes_that_were_cut_short_are_a_failure(tmp_path: Path) -> None:
+    """Such a record is finished, and never ranked."""
+    (piece,) = inventory(["MTP-Merge-v0"], ["stp"], tmp_path)
+
+    def line_of(record: Record) -> Line:
+        (line,) = make_all([piece], RunOptions(), lambda _: record, None)
+        return line
+
+    cut = {"late": 0, "malformed": 0, "crashed_scenes": 1, "reasons": {"0/a": "crashed: no"}}
+    line = line_of(write_record(1.0, 2.0, missed=cut))
+    assert (line.outcome, line.note) == ("failed", "1 of 6 scenes and seeds were cut short: crashed: no")
+    assert line_of(write_record(1.0, 2.0)).outcome == "made"
 
 
 def test_a_finished_record_is_not_lost_to_a_partial_one(

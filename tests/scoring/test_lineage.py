@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mtp_bench.scoring import find_events, history, score_scene
 from mtp_bench.scoring.events import object_history
-from mtp_bench.scoring.lineage import hypotheses, lineage_events, match_hypotheses
+from mtp_bench.scoring.lineage import Hypotheses, hypotheses, lineage_events, match_hypotheses
 from tests.support.scoring_scenes import (
     CAR,
     WALKER,
@@ -247,3 +247,18 @@ def test_frames_in_which_the_lineage_is_guessed_are_counted() -> None:
     assert hypotheses(rollout, CARD).guessed == 2, "frame 3 has one hypothesis before it, so there is no choice"
     stated = replace(rollout, hypothesis_parent=np.array([[-1, -1], [1, 0], [0, -1], [0, 0]]))
     assert hypotheses(stated, CARD).guessed == 0
+
+
+def test_what_the_best_hypothesis_of_a_frame_descends_from() -> None:
+    """Best in turn are 0, 1, 0 and 1; that of frame 2 descends from 1 and 0."""
+    everywhere = np.ones((4, 2), dtype=bool)
+    found = Hypotheses(
+        alive=everywhere,
+        member=np.zeros((0, 2), dtype=bool),
+        best=np.array([0, 1, 0, 1]),
+        parent=np.array([[0, 0], [1, 0], [0, 1], [0, 1]]),
+        stated=everywhere,
+    )
+    assert found.seen_from(2).tolist() == [1, 0, 0, 1]
+    assert found.seen_from(0).tolist() == [0, 1, 0, 1]
+    assert found.best.tolist() == [0, 1, 0, 1]

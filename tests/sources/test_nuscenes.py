@@ -179,3 +179,27 @@ def test_a_simulated_detector_needs_no_detections(data: Path) -> None:
     assert (len(bare.detections.box), bare.detector) == (0, "")
     assert "simulated" in open_source(card, data).load("scene-0003").detector
     assert describe(card, data).usable
+
+
+@pytest.mark.parametrize(
+    ("counts", "neutral"),
+    [
+        ({"num_lidar_pts": 0, "num_radar_pts": 0}, True),
+        ({"num_lidar_pts": 0, "num_radar_pts": 1}, False),
+        ({"num_lidar_pts": 3, "num_radar_pts": 0}, False),
+        ({"num_lidar_pts": 0}, False),
+        ({}, False),
+    ],
+)
+def test_boxes_without_a_point_are_neutral(data: Path, counts: dict[str, int], neutral: bool) -> None:
+    """As in the official evaluation; a target of the prediction challenge is one all the same."""
+    tables = make_tables()
+    before = scene(data, SCENES[0]).truth.neutral
+    box = next(each for each in tables["sample_annotation"] if each["token"] == f"{SCENES[0]}-car-t1")
+    box.update(counts)
+    write_tables(data, tables)
+    found = scene(data, SCENES[0]).truth
+    changed = np.flatnonzero(found.neutral != before)
+    assert len(changed) == neutral
+    assert (found.frame_of_rows[changed] == 1).all()
+    assert not scene(data, SCENES[0], truth="targets").truth.neutral.any()

@@ -552,6 +552,10 @@ def test_of_many_scenes_the_heaviest_are_drawn() -> None:
     assert [bar.error for bar in bars] == list(range(9, MOST_SCENES + 9))
     details = html_of(board_files([entry]).parts[f"entries/{entry.env}/many.js"])
     assert f"the {MOST_SCENES} of {MOST_SCENES + 9} with most of it" in details
+    late = [0.0] * (MOST_SCENES + 9)
+    late[-2:] = [1.0, 2.0]
+    (entry,) = board_of(write_record(*late, name="many"))
+    assert [bar.error for bar in scene_chart(entry, None)] == [0.0] * (MOST_SCENES - 2) + [1.0, 2.0]
 
 
 @pytest.mark.parametrize(("share", "text"), [(-0.004, "0 %"), (-0.006, "−1 %"), (0.499, "50 %"), (1.0, "100 %")])
@@ -659,6 +663,21 @@ def test_the_command_shows_one_env_and_the_same_record_once(folders: tuple[Path,
     assert "MTP-WILDTRACK-k10-v0" not in out
     assert out.count("other") == 1
     assert "added" not in out
+
+
+def test_a_record_made_again_is_shown_in_the_place_of_the_earlier_one(
+    folders: tuple[Path, Path], tmp_path: Path, cli: CommandLine
+) -> None:
+    """Side by side they would count twice in the ranks of others."""
+    records, _ = folders
+    (again,) = write_records(tmp_path / "again", made_up("poor", 0.2))
+    content = tmp_path / "out.json"
+    cli.ok("board", "--records", records, "--with", again, "--json", content)
+    rows: dict[str, list[dict[str, Any]]] = read_json(content)
+    assert [(r["submission"], r["rank"], r["added"]) for r in rows["MTP-WILDTRACK-k10-v0"]] == [
+        ("poor", 1, True),
+        ("good", 2, False),
+    ]
 
 
 def test_an_env_without_a_record_is_no_error_but_an_unknown_one_is(

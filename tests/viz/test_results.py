@@ -242,9 +242,10 @@ def test_records_of_other_conditions_are_not_used() -> None:
 
 def test_differences_need_the_same_data() -> None:
     other = write_record(*MTP, name="mtp", env={"data_manifest": "00" * 32})
-    found = Figures(known_of(write_record(*STP, name="stp"), other))
-    with pytest.raises(RecordError, match="'mtp' and 'stp' on MTP-Small-v0 are of other scenes, data or event weights"):
-        found.difference("mtp", "stp", ENV)
+    known = known_of(write_record(*STP, name="stp"), other)
+    assert known.unused == ["mtp on MTP-Small-v0: other data, scenes or hidden scenes than the ranked ones"]
+    with pytest.raises(RecordError, match="the record of 'mtp' on MTP-Small-v0 cannot be used: other data, scenes"):
+        Figures(known).difference("mtp", "stp", ENV)
 
 
 def test_simulated_scenes_that_everybody_knows_may_be_told_of_and_hidden_ones_replace_them() -> None:

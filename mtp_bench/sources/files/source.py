@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from urllib.parse import unquote
@@ -12,6 +13,7 @@ from ...cards.own import folder_digest, split_folder
 from ...errors import DataError, UnknownNameError
 from ...types import Scene
 from ..base import section_of
+from ..motion import looking_back
 from .archive import arrays_of, content_of, read_archive
 from .columns import FORMS, TABLES
 from .content import Content, scene_of
@@ -45,7 +47,10 @@ class OwnScenes:
         """Read one scene; DataError names the file, line and column that is wrong."""
         if name not in self._read:
             raise UnknownNameError("scene", name, self.names)
-        return scene_of(self._read[name](), self.card)
+        scene = scene_of(self._read[name](), self.card)
+        if self.card.velocity and self.section.traits.velocity_ahead:  # no agent is shown where an object will be
+            return replace(scene, truth=looking_back(scene.truth, scene.time))
+        return scene
 
 
 def scene_paths(folder: Path) -> dict[str, Path]:

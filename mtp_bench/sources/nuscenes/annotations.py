@@ -14,8 +14,10 @@ from ...types import Bools, Floats, Ints
 from ..text import read_json
 from .classes import NEUTRAL_OF, class_index
 from .fields import add_numbers, check, floats, ints, text, upright_boxes, whole
-from .json_stream import Read, brief
+from .json_stream import Read, Record, brief
 from .tables import Keyframes, by_token, known, require_counts
+
+_POINTS = ("num_lidar_pts", "num_radar_pts")
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +28,7 @@ class Annotations:
     instance: Ints  # [R]
     box: Floats  # [R, 7] global frame
     class_id: Ints  # [R] index into CLASSES
-    neutral: Bools  # [R]
+    neutral: Bools  # [R] of a category beside the evaluated ones, or without a point of lidar and radar
     listed: Bools  # [R] a target of the prediction challenge
     token: list[str]  # of all instances
     boxes: int  # of all categories
@@ -40,6 +42,7 @@ class _Table:
     sample: Ints  # [R] row of the keyframe
     instance: Ints  # [R]
     box: Floats  # [R, 7]
+    hidden: Bools  # [R] no point of lidar and radar is in it
 
 
 def read_annotations(
@@ -64,7 +67,7 @@ def read_annotations(
         instance=instance[row],
         box=table.box[row],
         class_id=class_of[instance[row]],
-        neutral=beside[instance[row]],
+        neutral=beside[instance[row]] | table.hidden[row],
         listed=listed[row],
         token=owner,
         boxes=len(instance),
@@ -84,7 +87,7 @@ def _read_instances(paths: Mapping[str, Path], read: Read) -> tuple[list[str], l
 
 def _read_table(path: Path, instances: list[str], keyframes: Keyframes, read: Read) -> _Table:
     row = {token: at for at, token in enumerate(instances)}
-    tokens, instance, sample = list[str](), array("q"), array("q")
+    tokens, instance, sample, hidden = list[str](), array("q"), array("q"), array("b")
     translation, size, rotation = array("d"), array("d"), array("d")
     for token, record in by_token(path, read):
         tokens.append(token)
@@ -93,9 +96,16 @@ def _read_table(path: Path, instances: list[str], keyframes: Keyframes, read: Re
         add_numbers(path, record, "translation", 3, translation)
         add_numbers(path, record, "size", 3, size)
         add_numbers(path, record, "rotation", 4, rotation)
+        hidden.append(_is_hidden(path, record))
     fields = {"translation": floats(translation, 3), "size": floats(size, 3), "rotation": floats(rotation, 4)}
     check(path, tokens, fields)
-    return _Table(tokens, ints(sample), ints(instance), upright_boxes(**fields))
+    return _Table(tokens, ints(sample), ints(instance), upright_boxes(**fields), np.array(hidden, dtype=bool))
+
+
+def _is_hidden(path: Path, record: Record) -> bool:
+    """Whether a box is known to hold no point: tables of other makers may not count points."""
+    counts = [whole(path, record, key) for key in _POINTS if key in record]
+    return len(counts) == len(_POINTS) and not any(counts)
 
 
 def _require_single(path: Path, table: _Table) -> None:

@@ -19,7 +19,7 @@ from .json_stream import Read
 
 Content = TypeVar("Content")
 
-FORMAT = 1  # of the arrays in the cache: a change gets a new number
+FORMAT = 2  # of the arrays in the cache: a change gets a new number
 INDEX = "index.json"
 _CHUNK = 1 << 22  # bytes
 _SETTLED = 2_000_000_000  # ns; a file that was changed just now may change again without a new time

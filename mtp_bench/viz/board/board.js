@@ -111,7 +111,9 @@
       (unranked || !entry.classList.contains("unranked")) &&
       words.every((word) => text.includes(word));
   };
+  let latest = 0;  // of several calls that wait for parts, only the last one may show its answer
   const filter = async () => {
+    const call = ++latest;
     const [text, env, division, level] = filters.map((name) => one(`_${name}`).value);
     const words = text.toLowerCase().split(/\s+/).filter(Boolean);
     const unranked = one("_unranked").checked;
@@ -119,6 +121,7 @@
     const picky = words.length || division || level || !unranked;
     for (const board of boards) board.hidden = env !== "" && board.dataset.env !== env;
     if (picky) await Promise.all(boards.filter((board) => !board.hidden).map(whole));
+    if (call !== latest) return;
     let [shown, total] = [0, 0];
     for (const board of boards) {
       const entries = all("tbody.entry", board);
@@ -155,6 +158,8 @@
     }
     if (found?.matches("tbody.entry")) {
       found.hidden = false;
+      board.querySelector(".scroll").hidden = false;
+      board.querySelector(".none").hidden = true;
       setOpen(found, true);
       found.querySelector(".open").focus({ preventScroll: true });
     }

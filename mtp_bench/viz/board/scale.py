@@ -124,9 +124,10 @@ def scene_chart(entry: Entry, reference: Entry | None) -> list[SceneBar]:
 
 
 def _heaviest(entry: Entry) -> list[ScenePart]:
+    """In the order of the record; of equal ones the first."""
     scenes = entry.record.per_scene
-    sums = sorted((sum(part.error["all"]) for part in scenes), reverse=True)[:MOST_SCENES]
-    return [part for part in scenes if sum(part.error["all"]) >= sums[-1]][:MOST_SCENES]
+    places = sorted(range(len(scenes)), key=lambda place: -sum(scenes[place].error["all"]))[:MOST_SCENES]
+    return [scenes[place] for place in sorted(places)]
 
 
 def _errors(entry: Entry) -> dict[str, float]:

@@ -11,7 +11,7 @@ from ..._bundle import baseline_names, card_ids
 from ...errors import RecordError, UnknownNameError
 from ...records.attestation import HiddenPart, Level, SignedLevel
 from ...records.eligibility import Ships, why_not_comparable
-from ...records.ranking import Place, Standing, conditions, standings
+from ...records.ranking import OTHERS, Place, Standing, conditions, standings
 from ...records.record import Record
 from ...records.shipped import Shipped, shipped
 from ...scoring.rows import Row
@@ -68,7 +68,8 @@ class Known:
 
         ``places``: where the records stand, by their digest, if that is known.
         Only finished records of what ships today are taken: others have other scenes, or another scorer. Where a round
-        was held, on hidden scenes, records that came after it wait for the next one.
+        was held, on hidden scenes, records that came after it wait for the next one, and those of an earlier one are
+        left out.
         """
         levels = levels or {}
         places = standings(records, levels, ships) if places is None else places
@@ -89,6 +90,10 @@ class Known:
             if key in self._found:
                 self._twice.add(key)
             self._found[key] = Scored(record, places[record.digest], signed)
+        for key, scored in list(self._found.items()):
+            if scored.place("all").why == OTHERS:
+                self._unfit[key] = OTHERS
+                del self._found[key]
 
     def __len__(self) -> int:
         return len(self._found)

@@ -1,0 +1,41 @@
+"""Simulated detections in place of stored ones: the frame of reference that they stand still in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mtp_bench.cards import load_card
+from mtp_bench.geometry import rotate, transform_boxes, wrap_angle
+from mtp_bench.sources.base import no_detections
+from mtp_bench.sources.simulated import detected
+from mtp_bench.types import Scene
+from tests.support.detector_scenes import traffic
+
+CARD = load_card("MTP-KITTI-noego-v0").with_detector("kitti_pointrcnn_raw")
+
+
+def test_a_moving_frame_of_reference_changes_nothing_that_is_detected() -> None:
+    """The same scene twice, in the world and in the frames of a sensor that drives and turns: false boxes included."""
+    truth, _ = traffic(frames=40)
+    steps = np.arange(40)
+    world = np.stack([0.9 * steps, 0.1 * steps, 0.01 * steps, 0.02 * steps], axis=1)
+    time = steps / CARD.task.rate
+    still = Scene(name="a", time=time, ego=world, truth=truth, detections=no_detections(40))
+    pose = world[truth.frame_of_rows]
+    box = transform_boxes(truth.box, -pose[:, 3], -rotate(pose[:, :3], -pose[:, 3]))
+    own = replace(truth, box=box, velocity=rotate(truth.velocity, -pose[:, 3]))
+    moving = replace(still, ego=np.zeros((40, 4)), truth=own, world=world)
+
+    expected, found = detected(still, CARD, seed=0).detections, detected(moving, CARD, seed=0).detections
+    assert len(found.box) > len(truth.box) / 4
+    np.testing.assert_array_equal(found.start, expected.start)
+    np.testing.assert_array_equal(found.class_id, expected.class_id)
+    np.testing.assert_allclose(found.score, expected.score, atol=1e-9)
+    pose = world[found.frame_of_rows]
+    back = transform_boxes(found.box, pose[:, 3], pose[:, :3])
+    off = back - expected.box
+    off[:, 3] = wrap_angle(off[:, 3])
+    np.testing.assert_allclose(off, 0, atol=1e-9)
+    assert detected(moving, CARD, seed=0).truth is own
