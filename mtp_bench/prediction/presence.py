@@ -183,7 +183,7 @@ def file_of(detector: str) -> Path:
 def fitted_on(detector: str) -> tuple[str, ...]:
     """Names of the scenes that the presence of a detector was fitted on: it is no news to it what is there.
 
-    Where one of them is scored, tables and records say "presence trained on scored scenes".
+    Where one of them is scored, the manifest of an agent that uses it says so (``[trained_on_scored]``), and so do tables.
     """
     content = read_file(file_of(detector))
     if isinstance(content, LikeFile):
