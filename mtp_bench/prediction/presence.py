@@ -183,7 +183,7 @@ def file_of(detector: str) -> Path:
 def fitted_on(detector: str) -> tuple[str, ...]:
     """Names of the scenes that the presence of a detector was fitted on: it is no news to it what is there.
 
-    Where one of them is scored, the manifest of an agent that uses it says so (``[trained_on_scored]``), and so do tables.
+    Where one of them is scored, the manifest of an agent says so (``[trained_on_scored]``), and tables too.
     """
     content = read_file(file_of(detector))
     if isinstance(content, LikeFile):
