@@ -188,9 +188,9 @@ def _clip_of(path: Path, start: _Start) -> str | None:
 
 
 def _draw_clips(folder: Path, env: str | None) -> None:
-    """Write a clip beside each record that can have one; a record that is broken has none."""
+    """Write a clip beside each record that can have one and has not; a record that is broken has none."""
     from ..records import load_record, record_paths
-    from ..viz.board.clips import can_have_clip, write_clip
+    from ..viz.board.clips import can_have_clip, is_drawn, write_clip
     from ..viz.terminal.output import progress_bar, show
 
     paths = record_paths(folder)
@@ -199,7 +199,7 @@ def _draw_clips(folder: Path, env: str | None) -> None:
         for path in paths:
             try:
                 record = load_record(path)
-                wanted = env in (None, record.env.id) and can_have_clip(path, record)
+                wanted = env in (None, record.env.id) and can_have_clip(path, record) and not is_drawn(path)
                 written = write_clip(path, record) if wanted else None
                 if written is not None:
                     show(str(written))

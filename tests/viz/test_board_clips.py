@@ -80,3 +80,7 @@ def test_rollouts_are_needed_and_those_of_the_record(tmp_path: Path, cli: Comman
     (path.with_suffix(".rollouts") / "seed-0").mkdir(parents=True)
     assert can_have_clip(path, record)
     assert "no clip: " in cli.ok("board", "--records", path.parents[1], "--clips")  # there is no run in the folder
+    clip_path(path).touch()  # drawn since the record was made: kept
+    assert "no clip: " not in cli.ok("board", "--records", path.parents[1], "--clips")
+    path.touch()
+    assert "no clip: " in cli.ok("board", "--records", path.parents[1], "--clips")

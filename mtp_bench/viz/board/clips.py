@@ -33,6 +33,12 @@ def can_have_clip(path: Path, record: Record) -> bool:
     return simulated(record.env.id) and rollouts_folder(path, record.seeds[0]).is_dir()
 
 
+def is_drawn(path: Path) -> bool:
+    """Whether the record at ``path`` has a clip that is not older than it."""
+    clip = clip_path(path)
+    return clip.is_file() and clip.stat().st_mtime_ns >= path.stat().st_mtime_ns
+
+
 def write_clip(path: Path, record: Record, data: str | None = None) -> Path | None:
     """Write the clip of the record at ``path`` from its rollouts of the first seed; None without an event.
 
