@@ -73,14 +73,15 @@ def test_a_simulated_entry_shows_the_clip_beside_its_record() -> None:
 
 
 def test_rollouts_are_needed_and_those_of_the_record(tmp_path: Path, cli: CommandLine) -> None:
-    record = made_up("a", env_id=SIMULATED)
+    record = made_up("a", 0.1, env_id=SIMULATED)
     path = tmp_path / "records" / "a" / f"{SIMULATED}.json"
     save_record(record, path)
     assert not can_have_clip(path, record)
     (path.with_suffix(".rollouts") / "seed-0").mkdir(parents=True)
     assert can_have_clip(path, record)
-    assert "no clip: " in cli.ok("board", "--records", path.parents[1], "--clips")  # there is no run in the folder
+    no_run = "no clip: " + str(path.with_suffix(".rollouts"))  # there is no run in the folder
+    assert no_run in cli.ok("board", "--records", path.parents[1], "--clips").replace("\n", "")
     clip_path(path).touch()  # drawn since the record was made: kept
     assert "no clip: " not in cli.ok("board", "--records", path.parents[1], "--clips")
     path.touch()
-    assert "no clip: " in cli.ok("board", "--records", path.parents[1], "--clips")
+    assert no_run in cli.ok("board", "--records", path.parents[1], "--clips").replace("\n", "")
