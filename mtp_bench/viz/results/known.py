@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, get_args
@@ -11,7 +11,7 @@ from ..._bundle import baseline_names, card_ids
 from ...errors import RecordError, UnknownNameError
 from ...records.attestation import HiddenPart, Level, SignedLevel
 from ...records.eligibility import Ships, why_not_comparable
-from ...records.ranking import OTHERS, Place, Standing, conditions, standings
+from ...records.ranking import OTHERS, STP, Place, Standing, conditions, standings
 from ...records.record import Record
 from ...records.shipped import Shipped, shipped
 from ...scoring.rows import Row
@@ -90,10 +90,19 @@ class Known:
             if key in self._found:
                 self._twice.add(key)
             self._found[key] = Scored(record, places[record.digest], signed)
-        for key, scored in list(self._found.items()):
-            if scored.place("all").why == OTHERS:
-                self._unfit[key] = OTHERS
-                del self._found[key]
+        self._drop(lambda scored: scored.place("all").why == OTHERS)
+        self._drop(self._beside_no_stp)
+
+    def _drop(self, other: Callable[[Scored], bool]) -> None:
+        """Leave out records that are of other scenes than those that rank."""
+        for key in [key for key, scored in self._found.items() if other(scored)]:
+            self._unfit[key] = OTHERS
+            del self._found[key]
+
+    def _beside_no_stp(self, scored: Scored) -> bool:
+        """Whether the record of STP is of other scenes, data or event weights, as one of the open division may be."""
+        stp = self._found.get((STP, scored.record.env.id))
+        return stp is not None and scored.conditions != stp.conditions
 
     def __len__(self) -> int:
         return len(self._found)
