@@ -67,16 +67,15 @@ def _one(piece: Piece, options: RunOptions, make: Callable[[Piece], Record]) -> 
 
 
 def _of(record: Record, piece: Piece, outcome: Outcome, seconds: float = 0.0) -> Line:
-    """What became of a piece by its record: one that is not whole, now or before, is a failure."""
-    if record.status not in ("finished", "partial"):
-        return Line(piece, "failed", note=f"{record.status}: {record.status_reason}")
-    cut = record.missed
-    if cut.crashed_scenes:
-        first = next(iter(cut.reasons.values()), "")
-        return Line(
-            piece, "failed", note=f"{cut.crashed_scenes} of {record.runs} scenes and seeds were cut short: {first}"
-        )
-    return Line(piece, outcome, seconds)
+    """What became of a piece by its record: now or before, one that an agent did not live to the end of is a failure.
+
+    Some of the scenes (--scenes) are what was asked for.
+    """
+    asked_for = record.status == "partial" and not record.missed.crashed_scenes
+    if asked_for or not record.unfinished:
+        return Line(piece, outcome, seconds)
+    reasons = {} if record.status in ("crashed", "rejected") else record.missed.reasons  # these statuses have one
+    return Line(piece, "failed", note=": ".join([record.unfinished, *list(reasons.values())[:1]]))
 
 
 def _sentence(line: Line) -> str:

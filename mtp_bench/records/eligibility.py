@@ -26,13 +26,8 @@ def why_unranked(record: Record, level: SignedLevel | None = None, ships: Ships 
 
     ``level``: how far it was checked; ``ships``: what ships for an env, by its id.
     """
-    unfinished = ""
-    if record.status != "finished":
-        unfinished = f"{record.status}: {record.status_reason}"
-    elif record.missed.crashed_scenes:
-        unfinished = f"{record.missed.crashed_scenes} of {record.runs} scenes and seeds were cut short"
     observe = record.env.observe
-    entrant = Entrant(record.row.budget, record.samples, observe == "truth", unfinished, observe == "tracks")
+    entrant = Entrant(record.row.budget, record.samples, observe == "truth", record.unfinished, observe == "tracks")
     return why_entrant_unranked(entrant) or why_not_comparable(record, level, ships)
 
 

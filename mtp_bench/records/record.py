@@ -214,6 +214,14 @@ class Record(Section):
         """Number of scenes x seeds."""
         return len(self.per_scene) * len(self.seeds)
 
+    @property
+    def unfinished(self) -> str:
+        """Why not every scene was lived to its end, in a few words; empty where every one was."""
+        if self.status != "finished":
+            return f"{self.status}: {self.status_reason}"
+        cut = self.missed.crashed_scenes
+        return f"{cut} of {self.runs} scenes and seeds were cut short" if cut else ""
+
     def unit_weight(self, subset: Subset) -> list[float]:
         """Weight of the targets of each unit, over all scenes."""
         return [value for scene in self.per_scene for value in scene.weight[subset]]

@@ -91,7 +91,7 @@ class Known:
                 self._twice.add(key)
             self._found[key] = Scored(record, places[record.digest], signed)
         self._drop(lambda scored: scored.place("all").why == OTHERS)
-        self._drop(self._beside_no_stp)
+        self._drop(self._unlike_stp)
 
     def _drop(self, other: Callable[[Scored], bool]) -> None:
         """Leave out records that are of other scenes than those that rank."""
@@ -99,7 +99,7 @@ class Known:
             self._unfit[key] = OTHERS
             del self._found[key]
 
-    def _beside_no_stp(self, scored: Scored) -> bool:
+    def _unlike_stp(self, scored: Scored) -> bool:
         """Whether the record of STP is of other scenes, data or event weights, as one of the open division may be."""
         stp = self._found.get((STP, scored.record.env.id))
         return stp is not None and scored.conditions != stp.conditions
