@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 
 from ..cards import Card, load_card
-from ..errors import DataError, UnknownNameError
+from ..errors import DataError, MtpBenchError, UnknownNameError
 from ..types import Scene
 from .base import Preparation, SourcePackage
 from .base import SceneSource as SceneSource
@@ -49,6 +49,8 @@ def load_scenes(
     root, else that of MTP_BENCH_DATA. ``names``: those scenes alone. Raises UnknownNameError or DataError.
     """
     source = open_source(card if isinstance(card, Card) else load_card(card), data)
+    if isinstance(names, str):
+        raise MtpBenchError(f"names is the text {names!r}, expected a list: names=[{names!r}]")
     chosen = tuple(source.names if names is None else names)
     for name in chosen:
         if name not in source.names:

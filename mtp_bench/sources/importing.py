@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,12 +11,13 @@ import numpy as np
 
 from ..cards import Card, FilesSource, card_text
 from ..errors import DataError, MtpBenchError
-from ..files import require_folder, whole_folder, write_text
-from ..types import Scene
+from ..files import new_folder, write_text
+from ..types import ImageField, Scene
 from .base import SceneSource, no_detections
 from .files.content import require_period
 from .files.writing import Form, save_scene
-from .kitti.files import SENSOR_FROM_CAMERA, read_imu_to_camera, read_labels, read_odometry, read_oxts
+from .kitti.files import SENSOR_FROM_CAMERA, Labels, read_imu_to_camera, read_labels, read_odometry, read_oxts
+from .kitti.image import image_field, known_camera
 from .kitti.layout import TYPES
 from .kitti.poses import FRAME_PERIOD, Poses, integrated_poses
 from .kitti.source import Frames, detections_of, stored_rows, truth_of
@@ -38,6 +38,7 @@ class KittiText:
         calib: Calibrations, from the GPS/IMU unit to the camera.
         poses: Poses of the camera, rows of 12 numbers, as in KITTI's odometry benchmark.
         period: Seconds between frames; KITTI's own unless stated.
+        image: Whether scenes keep what the image can confirm, such as DontCare regions; no table can hold it.
     """
 
     labels: Path
@@ -46,6 +47,7 @@ class KittiText:
     calib: Path | None = None
     poses: Path | None = None
     period: float = FRAME_PERIOD
+    image: bool = True
 
     @property
     def posed(self) -> bool:
@@ -86,7 +88,7 @@ def import_scenes(
     folder = folder.expanduser().absolute()
     name = re.sub(r"[^A-Za-z0-9_.-]", "-", folder.name) or "own"
     count = 0
-    with _new_folder(folder) as part:
+    with new_folder(folder) as part:
         for scene in scenes:
             require_period(scene.time, card, f"scene {scene.name!r}")
             save_scene(scene, part, card.task.classes, form)
@@ -113,32 +115,20 @@ def import_tracks(
     folder holds anything; nothing is written then.
     """
     boxes = count = 0
-    with _new_folder(folder.expanduser().absolute()) as part:
+    with new_folder(folder.expanduser().absolute()) as part:
         for scene in map(source.load, names):
             tracks = scene.tracks
             if tracks is None:
                 continue
             kinds = [card.task.classes[place] for place in tracks.class_id]
+            known = tracks.velocity.astype(object)
+            known[np.isnan(tracks.velocity)] = None
             columns = (tracks.frame_of_rows.tolist(), tracks.object_id.tolist(), kinds, *tracks.box.T.tolist())
-            write_table_of_tracks(table_path(part, scene.name), zip(*columns, tracks.score.tolist(), strict=True))
+            rows = zip(*columns, tracks.score.tolist(), *known.T.tolist(), strict=True)
+            write_table_of_tracks(table_path(part, scene.name), rows)
             count, boxes = count + 1, boxes + len(kinds)
             done(scene.name)
     return count, boxes
-
-
-@contextmanager
-def _new_folder(folder: Path) -> Iterator[Path]:
-    """A folder to fill, which becomes ``folder`` when the block ends well; see `whole_folder`.
-
-    Raises MtpBenchError where ``folder`` is a file or holds anything.
-    """
-    if folder.exists() and not folder.is_dir():
-        raise MtpBenchError(f"{folder} is no folder: choose another name")
-    if folder.exists() and any(folder.iterdir()):
-        raise MtpBenchError(f"{folder} is not empty: choose another folder")
-    require_folder(folder)
-    with whole_folder(folder) as part:
-        yield part
 
 
 def _kitti_scene(text: KittiText, name: str, classes: tuple[str, ...]) -> Scene:
@@ -161,7 +151,22 @@ def _kitti_scene(text: KittiText, name: str, classes: tuple[str, ...]) -> Scene:
         detections=detections,
         detector=label,
         skipped=skipped,
+        image=_image(text, name, labels, frames, classes, skipped),
     )
+
+
+def _image(
+    text: KittiText, name: str, labels: Labels, frames: Frames, classes: tuple[str, ...], skipped: dict[str, int]
+) -> ImageField | None:
+    """What the image can confirm, as of KITTI's own scenes; None without one of its cameras and where that was."""
+    row = frames.select(labels.frame, labels.type == "DontCare")
+    path = text.calib / f"{name}.txt" if text.calib is not None and text.image else None
+    if path is not None and frames.poses is not None and known_camera(path):
+        region, start = labels.image_box[row], frames.starts(labels.frame[row])
+        return image_field(path, frames.poses, True, region, start, classes)
+    if len(row):
+        skipped["truth of type 'DontCare', which needs --oxts, --calib of a camera of KITTI and NPZ"] = len(row)
+    return None
 
 
 def _poses(text: KittiText, name: str) -> Poses | None:

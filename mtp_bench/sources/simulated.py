@@ -39,8 +39,9 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
     The noise depends on the scene's name and the detector's seed, or on ``seed`` alone where it is given. All profiles
     share their random numbers: a box that is undetected with one is likely undetected with another. A detector that
     measures velocities is told nothing of the next frame: where the source's true velocities hold some of it, the truth
-    gets backward velocities. Where every frame is in its own frame of reference, false boxes that stand do so in the
-    world, if the scene says where that is, else in the sensor's frame.
+    gets backward velocities. What has an unknown one is measured as if it stood still, like a false box: else a
+    velocity that is missing would tell that the box is true, and new. Where every frame is in its own frame of
+    reference, false boxes that stand do so in the world, if the scene says where that is, else in the sensor's frame.
     """
     from ..detector.sight import Sensor, sight, visible_fractions
     from ..detector.simulate import simulate
@@ -56,7 +57,8 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
     truth = scene.truth
     if card.velocity and card.source.traits.velocity_ahead:
         truth = looking_back(truth, scene.time)
-    there = in_world(replace(scene, truth=truth))
+    measured = replace(truth, velocity=np.nan_to_num(truth.velocity)) if card.velocity else truth
+    there = in_world(replace(scene, truth=measured))
     seen = simulate(
         there.truth,
         there.ego,

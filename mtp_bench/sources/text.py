@@ -46,6 +46,12 @@ class Table:
             got = f"{self.columns[place]} is {self.value[at, place]:g}"
             raise DataError(f"{self.path}, line {self.line[at]}: {got}, expected a finite number up to {LIMIT:g}")
 
+    def refuse_degrees(self, column: str, rows: Bools | None = None) -> None:
+        """Raise DataError for an angle of some turns, in all ``rows`` or in these: it is in degrees."""
+        value = self.value[:, self.columns.index(column)]
+        bad = np.abs(value) > TURN if rows is None else rows & (np.abs(value) > TURN)
+        self.refuse(bad, lambda at: f"{column} is {value[at]:g}, {RADIANS}")
+
     def whole(self, column: str) -> Ints:
         """A column as integers; DataError where one is not whole."""
         value = self.value[:, self.columns.index(column)]

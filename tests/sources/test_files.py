@@ -8,6 +8,7 @@ import sys
 import zipfile
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -129,6 +130,37 @@ def test_what_no_table_can_hold_is_not_written_to_one(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match="unknown form of a scene 'cvs': did you mean 'csv'"):
         save_scene(make_scene(), tmp_path, CLASSES, "cvs")  # type: ignore[arg-type]
     assert not any(tmp_path.iterdir())
+
+
+def test_no_file_of_a_user_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = replace(make_scene(), detector="mine")
+    folder = save_scene(scene, tmp_path, CLASSES, "csv")
+    assert save_scene(scene, tmp_path, CLASSES, "parquet") == folder
+    (folder / "notes.txt").write_text("mine")
+    with pytest.raises(MtpBenchError, match=r"one holds 'notes\.txt', which would be lost: choose another folder"):
+        save_scene(scene, tmp_path, CLASSES, "csv")
+    assert (folder / "notes.txt").read_text() == "mine"
+    (folder / "notes.txt").unlink()
+    monkeypatch.chdir(folder)
+    with pytest.raises(MtpBenchError, match="is the folder that you work in"):
+        save_scene(scene, tmp_path, CLASSES, "csv")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"detections": None}, "detections is NoneType, expected Detections; one without rows stands for none"),
+        ({"truth": None}, "truth is NoneType, expected Truth"),
+        ({"class_id": np.zeros(5)}, "truth.class_id is float64 [5], expected a row of whole numbers"),
+        ({"start": np.arange(5.0)}, "truth.start is float64 [5], expected a row of whole numbers"),
+    ],
+)
+def test_what_is_no_scene_is_one_clear_error(change: dict[str, Any], said: str, base: Card) -> None:
+    scene = replace(make_scene(), detector="mine")
+    rows = {name: value for name, value in change.items() if name in ("class_id", "start")}
+    wrong = replace(scene, truth=replace(scene.truth, **rows)) if rows else replace(scene, **change)
+    with pytest.raises(DataError, match=re.escape(f"scene 'one': {said}")):
+        list(load_scenes(base.with_scenes([wrong])))
 
 
 # --- what is left out ------------------------------------------------------------------------------------------------
@@ -689,3 +721,29 @@ def test_a_scene_in_memory_that_is_wrong(base: Card) -> None:
     assert not len(next(load_scenes(base.with_scenes([unseen]))).detections.box), "detected, and nothing found"
     with pytest.raises(DataError, match="scene 'one': no detections; without them a simulated detector runs at once"):
         next(load_scenes(base.with_scenes([replace(unseen, detector="")])))
+
+
+def test_two_clips_are_no_scene(tmp_path: Path, base: Card) -> None:
+    times = ["0", "0.1", "0.2", "0.3", "60.3"]
+    ego = [EGO[0], *(f"{t},{time},0,0,0,0" for t, time in enumerate(times))]
+    said = r"frame 4 is 60 s after the one before, expected at most 1\.05 s; make a scene of each side"
+    with pytest.raises(DataError, match=said):
+        only(base, write_tables(tmp_path, ego=ego))
+    ego[-1] = "4,0.6,0,0,0,0"  # two frames are lacking
+    assert only(base, write_tables(tmp_path / "short", ego=ego)).frames == 5
+
+
+@pytest.mark.parametrize(
+    ("last", "said"),
+    [
+        ("0,0,0,90", r"yaw of the ego in frame 2 is 90, expected radians"),
+        ("-9e4,0,0,0", r"x of the ego in frame 2 is "),
+        ("0,0,1e6,0", r"z of the ego in frame 2 is "),
+    ],
+)
+def test_poses_that_nobody_can_have(last: str, said: str, tmp_path: Path, base: Card) -> None:
+    ego = [EGO[0], "0,0,9e4,0,0,0", "1,0.1,9e4,0,0,0", f"2,0.2,{last}"]
+    if "x of" not in said:
+        ego = [line.replace("9e4", "0") for line in ego]
+    with pytest.raises(DataError, match=said):
+        only(base, write_tables(tmp_path, ego=ego))

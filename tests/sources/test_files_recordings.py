@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from mtp_bench.running.run import run_scene
 from mtp_bench.scoring import SceneScore, score_scene
 from mtp_bench.sources import load_scenes
 from mtp_bench.sources.files import save_scene
+from mtp_bench.sources.importing import KittiText, kitti_scenes
 from mtp_bench.types import Rollout, Scene
 from tests.support.own_scenes import assert_same
 
@@ -120,3 +122,21 @@ def without(root: Path, lost: str, folder: Path) -> Path:
         elif below:
             without(path, str(Path(*below)), folder / here)
     return folder
+
+
+@pytest.mark.data
+def test_imported_text_of_kitti_has_what_the_image_can_confirm(data_root: Path, tmp_path: Path) -> None:
+    """DontCare regions and the ends of the image: without them output there would be false."""
+    card, folder = load_card("MTP-KITTI-v0"), data_root / "kitti_tracking/training"
+    (original,) = load_scenes(card, str(data_root), ["0006"])
+    (tmp_path / "labels").mkdir()
+    shutil.copy(folder / "label_02/0006.txt", tmp_path / "labels")
+    text = KittiText(tmp_path / "labels", oxts=folder / "oxts", calib=folder / "calib")
+    (found,) = kitti_scenes(text, card.task.classes)
+    assert original.image is not None
+    assert found.image is not None
+    for name, value in vars(original.image).items():
+        np.testing.assert_allclose(getattr(found.image, name), value, atol=1e-6, err_msg=name)
+    save_scene(found, tmp_path / "own", card.task.classes)
+    (own,) = load_scenes(card.with_files(tmp_path / "own").with_detector("kitti_pointrcnn"))
+    assert own.image is not None

@@ -210,6 +210,32 @@ def test_a_folder_that_holds_something_is_left_alone(text: KittiText, tmp_path: 
     assert [path.name for path in text.labels.iterdir()] == ["0003.txt"]
 
 
+def test_nobody_is_left_in_a_folder_that_is_gone(
+    text: KittiText, tmp_path: Path, cli: CommandLine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    error = cli("import", "kitti", "--labels", text.labels, "-o", ".").error
+    assert error.endswith("here is the folder that you work in, which cannot be replaced: choose one in it")
+
+
+def test_angles_in_degrees_are_told(text: KittiText) -> None:
+    path = text.labels / "0003.txt"
+    first, *rest = path.read_text().splitlines()
+    write(path, " ".join([*first.split()[:-1], "-90"]), *rest)
+    with pytest.raises(DataError, match=r"0003\.txt, line 1: rotation_y is -90, expected radians"):
+        only(text)
+
+
+def test_regions_that_only_the_image_can_excuse_are_told(text: KittiText) -> None:
+    path = text.labels / "0003.txt"
+    dont_care = "0 -1 DontCare -1 -1 -10 100 100 200 200 -1 -1 -1 -1000 -1000 -1000 -10"
+    write(path, *path.read_text().splitlines(), dont_care)
+    scene = only(text)
+    assert scene.image is None
+    assert scene.skipped["truth of type 'DontCare', which needs --oxts, --calib of a camera of KITTI and NPZ"] == 2
+
+
 @pytest.mark.data
 def test_detections_of_kittis_text_are_those_of_the_original(tmp_path: Path, data_root: Path) -> None:
     """AB3DMOT's folders from elsewhere, and the same rows in the columns of the benchmark."""

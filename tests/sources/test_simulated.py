@@ -8,6 +8,7 @@ import numpy as np
 
 from mtp_bench.cards import load_card
 from mtp_bench.geometry import rotate, transform_boxes, wrap_angle
+from mtp_bench.sources import load_scenes
 from mtp_bench.sources.base import no_detections
 from mtp_bench.sources.simulated import detected
 from mtp_bench.types import Scene
@@ -39,3 +40,41 @@ def test_a_moving_frame_of_reference_changes_nothing_that_is_detected() -> None:
     off[:, 3] = wrap_angle(off[:, 3])
     np.testing.assert_allclose(off, 0, atol=1e-9)
     assert detected(moving, CARD, seed=0).truth is own
+
+
+def test_no_missing_velocity_tells_a_true_box_from_a_false_one() -> None:
+    """Backward velocities are unknown in the first frame of an object: what is shown of it must not say so."""
+    truth, _ = traffic(frames=30)
+    unknown = truth.velocity.copy()
+    unknown[truth.frame_of_rows % 7 == 0] = np.nan
+    scene = Scene("a", np.arange(30) / 2, np.zeros((30, 4)), truth, no_detections(30))
+    for profile in ("nuscenes_megvii_raw", "v1/nuscenes_megvii"):
+        card = load_card("MTP-nuScenes-mini-v0").with_detector(profile)
+        part = replace(scene, truth=replace(truth, velocity=unknown, class_id=np.zeros(len(truth.box), dtype=int)))
+        seen = detected(part, card, seed=0)
+        assert len(seen.detections.box) > 100
+        assert np.isfinite(seen.detections.velocity).all()
+        assert (np.abs(seen.detections.velocity) > 0).all()
+        assert seen.truth is part.truth
+
+
+def test_own_scenes_of_people_have_places_alone_too() -> None:
+    truth, _ = traffic(frames=30)
+    box = truth.box.copy()
+    box[:, 3:] = 0, 0.6, 0.6, 1.75
+    people = replace(truth, box=box, class_id=np.zeros(len(box), dtype=int))
+    scene = Scene("a", np.arange(30) / 2, np.zeros((30, 4)), people, no_detections(30))
+    card = load_card("MTP-WILDTRACK-v0").with_scenes([scene])
+    assert card.source.traits.places_only
+    pets = load_card("MTP-PETS-v0").with_scenes([scene]).source.traits
+    assert (pets.places_only, pets.bounded_by_truth) == (True, True)
+    (seen,) = load_scenes(card.with_detector("wildtrack_mvdet"))
+    assert len(seen.detections.box) > len(box) / 4
+    assert len(np.unique(seen.detections.box[:, 3:], axis=0)) == 1
+    assert (
+        load_card("MTP-nuScenes-v0")
+        .with_scenes([scene])
+        .source.model_dump(exclude_none=True)
+        .keys()
+        .isdisjoint({"places_only", "bounded_by_truth"})
+    )

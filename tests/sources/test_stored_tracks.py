@@ -172,6 +172,12 @@ TABLE: dict[str, tuple[str, str]] = {
         csv("0,1,Car,1,1,1,0,4,2,1,1"),
         "line 2: class is 'Car', and no row has a class of the task; did you mean 'car'",
     ),
+    "a class in the plural": (csv("0,1,cars,1,1,1,0,4,2,1,1"), "class is 'cars', .* did you mean 'car'"),
+    "a class of a taxonomy": (csv("0,1,vehicle.car,1,1,1,0,4,2,1,1"), "class is 'vehicle.car', .* did you mean 'car'"),
+    "another name of the score": (
+        csv("0,1,car,1,1,1,0,4,2,1,.5", "frame,id,class,x,y,z,yaw,l,w,h,Score"),
+        "column 'Score' is none of a table of tracks, expected frame, id, class, x, y, z, yaw, l, w, h, score",
+    ),
     "an id without end": (csv(f"0,{'a' * 201},car,1,1,1,0,4,2,1,1"), r"line 2: id is 'a+\.\.\.a+', expected 1 to 200"),
     "a field without end": (csv(f"0,{'a' * 200_000},car,1,1,1,0,4,2,1,1"), "field larger than field limit"),
     "behind blank lines": (csv("\n\n0,1,car,here,1,1,0,4,2,1,1"), "0001.csv, line 4: x is 'here'"),
@@ -195,6 +201,14 @@ def test_a_table_without_scores_and_with_other_classes(card: str, kitti: str, tm
     (tmp_path / "0001.csv").write_text(csv(rows, "frame,id,class,x,y,z,yaw,l,w,h"))
     tracks = tracks_of(load_card(card), kitti, tmp_path, "0001")
     assert (tracks.box.tolist(), tracks.score.tolist()) == ([[1, 2, 3, 0.5, 4, 2, 1]], [1.0])
+
+
+def test_blanks_around_commas_are_none(card: str, kitti: str, tmp_path: Path) -> None:
+    (tmp_path / "0001.csv").write_text(
+        csv("0, a, car, 1, 2, 3, .5, 4, 2, 1, .7", "frame, id, class, x, y, z, yaw, l, w, h, score")
+    )
+    tracks = tracks_of(load_card(card), kitti, tmp_path, "0001")
+    assert (tracks.box.tolist(), tracks.score.tolist()) == ([[1, 2, 3, 0.5, 4, 2, 1]], [0.7])
 
 
 def tracked(token: str, **changes: Any) -> dict[str, Any]:

@@ -32,10 +32,14 @@ def arrays_of(scene: Scene, classes: Sequence[str]) -> Arrays:
     Raises DataError where its rows are not divided into frames, have a class that has no name, or an object has a
     number that no object may have.
     """
-    names = np.array(classes, dtype=np.str_)
+    names = np.array([classes] if isinstance(classes, str) else classes, dtype=np.str_)
     truth, seen = scene.truth, scene.detections
-    for table, rows in (("truth", truth), ("detections", seen)):
-        _require_rows(f"scene {scene.name!r}: {table}", rows, scene.frames, len(names))
+    for table, rows, kind in (("truth", truth, Truth), ("detections", seen, Detections)):
+        where = f"scene {scene.name!r}: {table}"
+        if not isinstance(rows, kind):
+            empty = "; one without rows stands for none" if kind is Detections else ""
+            raise DataError(f"{where} is {type(rows).__name__}, expected {kind.__name__}{empty}")
+        _require_rows(where, rows, scene.frames, len(names))
     _require_ids(scene)
     arrays: Arrays = {
         "time": scene.time,
@@ -68,6 +72,9 @@ def arrays_of(scene: Scene, classes: Sequence[str]) -> Arrays:
 
 def _require_rows(what: str, rows: Truth | Detections, frames: int, classes: int) -> None:
     start, class_id = np.asarray(rows.start), np.asarray(rows.class_id)
+    for name, value in (("start", start), ("class_id", class_id)):
+        if value.dtype.kind not in "iu" or value.ndim != 1:
+            raise DataError(f"{what}.{name} is {value.dtype} {list(value.shape)}, expected a row of whole numbers")
     if len(start) != frames + 1 or start[0] != 0 or start[-1] != len(rows.box) or (np.diff(start) < 0).any():
         raise DataError(f"{what}.start does not divide the {len(rows.box)} rows into {frames} frames")
     if len(class_id) and (class_id.min() < 0 or class_id.max() >= classes):

@@ -20,6 +20,7 @@ from .columns import BOX
 LEAST = 1e-6  # m, of the size of a box
 FAR = 1e5  # m, of x and y: rollouts keep boxes in single precision, which farther away is too coarse for centimetres
 OFF = 0.2  # share by which the frames of a scene may be closer or farther apart than the task says
+GAP = 10.5  # periods: more between two frames, and they are of two scenes
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,22 +233,37 @@ def _check_time(content: Content, card: Card) -> None:
         )
     if not (np.abs(content.ego) <= LIMIT).all():
         raise DataError(f"{content.where}: the ego has a place that is not finite")
-    far = np.abs(content.ego[:, :2]) > FAR
+    place, yaw = content.ego[:, :3], content.ego[:, 3]
+    far = (np.abs(place) > FAR) | (np.abs(place - place[0]) > FAR)  # agents see places from the first one on
     if far.any():
-        at, place = (int(index) for index in np.argwhere(far)[0])
-        got = _too_far(content.ego[at, place])
-        raise DataError(f"{content.where}: {'xy'[place]} of the ego in frame {at} is {got}")
+        at, axis = (int(index) for index in np.argwhere(far)[0])
+        got = _too_far(content.ego[at, axis])
+        raise DataError(f"{content.where}: {'xyz'[axis]} of the ego in frame {at} is {got}")
+    if (np.abs(yaw) > TURN).any():
+        at = int(np.argmax(np.abs(yaw) > TURN))
+        raise DataError(f"{content.where}: yaw of the ego in frame {at} is {yaw[at]:g}, {RADIANS}")
     require_period(time, card, content.where)
 
 
 def require_period(time: Floats, card: Card, where: str) -> None:
-    """Raise DataError, which begins with ``where``, unless the frames are as far apart as the task of ``card`` says."""
+    """Raise DataError, which begins with ``where``, unless the frames are as far apart as the task of ``card`` says.
+
+    Some frames may be lacking. Over a longer gap there is no past and no future, and units of uncertainty are blocks
+    of frames: two clips are two scenes.
+    """
     period = 1.0 / card.task.rate
     found = float(np.median(np.diff(time))) if len(time) > 1 else period
     if abs(found - period) > OFF * period:
         raise DataError(
             f"{where}: frames are {found:g} s apart, but {card.id} has {card.task.rate:g} frames per second: "
             f"{_advice(found, period)}"
+        )
+    step = np.diff(time)
+    if (step > GAP * period).any():
+        at = int(np.argmax(step > GAP * period))
+        raise DataError(
+            f"{where}: frame {at + 1} is {step[at]:g} s after the one before, expected at most {GAP * period:g} s; "
+            "make a scene of each side"
         )
 
 

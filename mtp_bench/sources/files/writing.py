@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import DataError, MtpBenchError, UnknownNameError
-from ...files import file_stem, make_folder, whole_file, whole_folder
+from ...files import file_stem, make_folder, whole_file, whole_folder, why_not_replaced
 from ...types import Scene
 from .archive import arrays_of
-from .columns import BOX, FORMS
+from .columns import BOX, FORMS, TABLES
 
 Form = Literal["npz", "csv", "parquet"]
 Columns = dict[str, NDArray[Any]]
@@ -34,7 +34,7 @@ def save_scene(scene: Scene, folder: str | Path, classes: Sequence[str], form: F
     bit.
 
     Raises DataError for a scene that is none, or whose name no file could have, MtpBenchError where it cannot be
-    written, or has stored tracks or what no table can hold.
+    written, has stored tracks or what no table can hold, or where a folder that holds more than tables would be lost.
     """
     if form not in ("npz", *FORMS):
         raise UnknownNameError("form of a scene", str(form), ("npz", *FORMS))
@@ -52,6 +52,7 @@ def save_scene(scene: Scene, folder: str | Path, classes: Sequence[str], form: F
             np.savez_compressed(file, allow_pickle=False, **arrays)
         return path
     _require_plain(scene)
+    _require_tables_alone(path)
     with whole_folder(path) as part:
         for table, columns in _tables(arrays).items():
             write_table(part / f"{table}.{form}", columns)
@@ -90,6 +91,16 @@ def _require_plain(scene: Scene) -> None:
     held = [name for name, value in values.items() if isinstance(value, np.ndarray) or value != _EMPTY[name]]
     if held:
         raise MtpBenchError(f"scene {scene.name!r} has {', '.join(held)}, which no table can hold: write it as NPZ")
+
+
+def _require_tables_alone(folder: Path) -> None:
+    """Raise MtpBenchError unless ``folder`` is new, or holds tables of a scene and nothing else: it is replaced."""
+    if why := why_not_replaced(folder):
+        raise MtpBenchError(why)
+    tables = {f"{table}.{form}" for table in TABLES for form in FORMS}
+    other = sorted(path.name for path in folder.iterdir() if path.name not in tables) if folder.is_dir() else []
+    if other:
+        raise MtpBenchError(f"{folder} holds {other[0]!r}, which would be lost: choose another folder, or move it away")
 
 
 def _tables(arrays: Columns) -> dict[str, Columns]:

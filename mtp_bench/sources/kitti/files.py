@@ -72,6 +72,7 @@ def read_labels(path: Path) -> Labels:
     value, boxed = table.value, table.text != "DontCare"
     table.refuse_not_finite()
     table.refuse(boxed & (value[:, 10:13] <= 0).any(axis=1), "a box with a size that is not above 0")
+    table.refuse_degrees("rotation_y", boxed)
     frame, object_id = table.whole("frame"), table.whole("id")
     table.refuse_second_box(frame, object_id, np.flatnonzero(boxed))
     box = sensor_boxes(value[:, 10:13], value[:, 13:16], value[:, 16])
@@ -88,6 +89,7 @@ def read_detections(path: Path, kind: str, code: int) -> StoredDetections:
     table = read_table(path, DETECTION, ",")
     value, found = table.value, table.whole("type")
     table.refuse(found != code, lambda at: f"type {found[at]}, expected {code} ({kind})")
+    table.refuse_degrees("rotation_y")
     box = sensor_boxes(value[:, 7:10], value[:, 10:13], value[:, 13])
     return StoredDetections(table, table.whole("frame"), value[:, 6], box)
 
@@ -99,6 +101,7 @@ def read_results(path: Path, kind: str) -> StoredDetections:
     """
     table = read_table(path, RESULT, text="type")
     require_kinds(table)
+    table.refuse_degrees("rotation_y", table.text == kind)
     frame, row = table.whole("frame"), np.flatnonzero(table.text == kind)
     value = table.value[row]
     box = sensor_boxes(value[:, 10:13], value[:, 13:16], value[:, 16])
@@ -154,6 +157,8 @@ def read_calibration(path: Path, names: tuple[str, ...], columns: int) -> Floats
         value = np.array(words, dtype=np.float64).reshape(3, columns)
     except ValueError:
         raise DataError(f"{path}: line {names[0]!r} must hold {3 * columns} numbers, got {len(words)}") from None
+    if not np.isfinite(value).all():
+        raise DataError(f"{path}: line {names[0]!r} must hold finite numbers")
     whole = np.eye(4)
     whole[:3, :columns] = value
     return whole

@@ -38,6 +38,7 @@ def read_result(path: Path, scene: Scene, classes: Sequence[str], stride: int, p
     last = (scene.frames - 1) * stride
     outside = used & ((frame < 0) | (frame > last))
     table.refuse(outside, lambda at: f"frame {frame[at]}, but the last one of sequence {scene.name} is {last}")
+    table.refuse_degrees("rotation_y", used)
     size, bottom = table.value[:, 10:13], table.value[:, 13:16]
     table.refuse(used & (size <= 0).any(axis=1), "a box with a size that is not above 0")
     for index in range(len(classes)):

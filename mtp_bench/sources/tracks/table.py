@@ -2,7 +2,8 @@
 
 Columns, in any order, named in the first line: ``frame`` (from 0), ``id`` (a number or a text), ``class`` (a name of
 the task's; rows of other classes are left out), ``x y z yaw l w h`` (metres and radians, centre of the box, in the
-scene's frame of reference) and, if known, ``score``. A slash in the name of a scene is ``%2F`` in that of its file.
+scene's frame of reference) and, if known, ``score``, else 1, and ``vx vy`` (m/s; empty: unknown). Any other column is a
+mistake; blanks around a comma are none. A slash in the name of a scene is ``%2F`` in that of its file.
 """
 
 from __future__ import annotations
@@ -23,8 +24,11 @@ from ..base import DataRoot, ReadTracks, TrackForm
 from ..text import LIMIT, MOST_LETTERS, RADIANS, TURN, read_text
 from .building import FEWER, stored_tracks
 
+_WITHOUT = {"score": "1"}  # what stands for a column that is left out
 NUMBERS = ("frame", "x", "y", "z", "yaw", "l", "w", "h")
-COLUMNS = ("frame", "id", "class", "x", "y", "z", "yaw", "l", "w", "h", "score")
+NEEDED = ("frame", "id", "class", "x", "y", "z", "yaw", "l", "w", "h")
+SCORED = (*NEEDED, "score")
+COLUMNS = (*SCORED, "vx", "vy")
 
 
 def table_path(folder: Path, scene: str) -> Path:
@@ -38,7 +42,7 @@ def read_table_of_tracks(path: Path, scene: Scene, classes: Sequence[str]) -> St
     used = [(line, row) for line, row in rows if row["class"] in classes]
     if rows and not used:
         _refuse_misspelt(path, *rows[0], classes)
-    value = np.array([_numbers(path, line, row) for line, row in used]).reshape(-1, 9)
+    value = np.array([_numbers(path, line, row) for line, row in used]).reshape(-1, 11)
     frame = value[:, 0].astype(np.int64)
     identity = np.array([row["id"] for _, row in used], dtype=np.str_)
     class_id = np.array([classes.index(row["class"]) for _, row in used], dtype=np.int64)
@@ -49,14 +53,14 @@ def read_table_of_tracks(path: Path, scene: Scene, classes: Sequence[str]) -> St
         if (key := (t, row["class"], row["id"])) in seen:
             raise DataError(f"{path}, line {line}: a second box of {row['class']} {row['id']} in frame {t}")
         seen.add(key)
-    return stored_tracks(scene.frames, frame, identity, class_id, value[:, 1:8], value[:, 8])
+    return stored_tracks(scene.frames, frame, identity, class_id, value[:, 1:8], value[:, 8], value[:, 9:])
 
 
-def write_table_of_tracks(path: Path, rows: Iterable[Sequence[object]]) -> None:
-    """Write rows of `COLUMNS` as a table."""
+def write_table_of_tracks(path: Path, rows: Iterable[Sequence[object]], columns: Sequence[str] = COLUMNS) -> None:
+    """Write rows of the ``columns`` as a table; None is an empty cell."""
     with path.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file)
-        table.writerow(COLUMNS)
+        table.writerow(columns)
         table.writerows(rows)
 
 
@@ -69,10 +73,12 @@ def _read(path: Path) -> list[tuple[int, dict[str, str]]]:
         return f"{path}, line {reader.line_num}"
 
     try:
-        _require_columns(path, reader.fieldnames or ())
-        for row in reader:
-            if None in row or None in row.values():
+        reader.fieldnames = [name.strip() for name in reader.fieldnames or ()]
+        _require_columns(path, reader.fieldnames)
+        for cells in reader:
+            if None in cells or None in cells.values():
                 raise DataError(f"{at()}: more or fewer columns than in the first line: is the file cut off?")
+            row = {name: cell.strip() for name, cell in cells.items()}
             if not 0 < len(row["id"]) <= MOST_LETTERS:
                 raise DataError(f"{at()}: id is {reprlib.repr(row['id'])}, expected 1 to {MOST_LETTERS} characters")
             rows.append((reader.line_num, row))
@@ -82,17 +88,24 @@ def _read(path: Path) -> list[tuple[int, dict[str, str]]]:
 
 
 def _require_columns(path: Path, names: Sequence[str]) -> None:
-    lacking = [name for name in COLUMNS[:-1] if name not in names]
+    lacking = [name for name in NEEDED if name not in names]
     if lacking:
         raise DataError(f"{path}: no column {', '.join(map(repr, lacking))}; expected {', '.join(COLUMNS)}")
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise DataError(f"{path}: column {twice!r} is there twice, expected once")
+    strange = next((name for name in names if name not in COLUMNS), None)
+    if strange is not None:
+        raise DataError(f"{path}: column {strange!r} is none of a table of tracks, expected {', '.join(COLUMNS)}")
 
 
 def _refuse_misspelt(path: Path, line: int, row: dict[str, str], classes: Sequence[str]) -> None:
-    """Raise DataError for a class that is one of the task's but for its case; tracks of others alone are fine."""
-    meant = next((name for name in classes if name.lower() == row["class"].lower()), None)
+    """Raise DataError for a class that is one of the task's in other letters ("Cars", "vehicle.car").
+
+    Tracks of other classes alone are fine.
+    """
+    word = row["class"].lower().rsplit(".", maxsplit=1)[-1]
+    meant = next((name for name in classes if name.lower() in (word, word.removesuffix("s"))), None)
     if meant is not None:
         raise DataError(
             f"{path}, line {line}: class is {row['class']!r}, and no row has a class of the task; did you mean "
@@ -101,10 +114,13 @@ def _refuse_misspelt(path: Path, line: int, row: dict[str, str], classes: Sequen
 
 
 def _numbers(path: Path, line: int, row: dict[str, str]) -> list[float]:
-    """Frame, box and score of a row."""
+    """Frame, box, score and velocity of a row; NaN where a velocity is not known."""
     found = []
-    for name in (*NUMBERS, "score"):
-        text = row.get(name, "1") if name == "score" else row[name]
+    for name in (*NUMBERS, "score", "vx", "vy"):
+        text = row.get(name, _WITHOUT.get(name, ""))
+        if not text and name in ("vx", "vy"):
+            found.append(np.nan)
+            continue
         try:
             value = float(text)
         except (TypeError, ValueError):
