@@ -26,7 +26,7 @@ from .image import Image
 SUBMISSION, NETWORKS, KERNELS, TEMPORARY = "/submission", "/networks", "/kernels", "/tmp"
 LIBRARY = (  # of the package: what agents are made of, without judge, sources, cards and training
     "__init__.py", "_bundle.py", "_version.py", "errors.py", "files.py", "geometry.py", "networks.py", "shapes.py",
-    "strict.py", "tracks.py", "types.py", "agent", "submission", "tracking", "prediction",
+    "similar.py", "strict.py", "tracks.py", "types.py", "agent", "submission", "tracking", "prediction",
     "env/__init__.py", "env/action.py", "env/building.py", "env/checks.py", "env/problems.py",
     "gateway/child.py", "gateway/wire.py", "gateway/stem.py", "gateway/launch.py",
     "gateway/namespaces.py",

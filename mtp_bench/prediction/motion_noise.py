@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import UnknownNameError
+from ..similar import similar_class
 from ..types import Task
 from .kalman import NoiseTable
 
@@ -39,12 +40,14 @@ def most_similar(store: dict[str, dict[str, dict[str, Any]]], task: Task) -> lis
     if not similar:
         raise UnknownNameError("motion noise", condition(task), store, "fit it with `mtp-bench train`")
     knowing = [name for name in similar if all(class_name in store[name] for class_name in task.classes)]
-    if not knowing:
-        best = max(similar, key=lambda name: _likeness(name, task))
-        strange = next(class_name for class_name in task.classes if class_name not in store[best])
-        raise UnknownNameError(f"class of motion noise {best!r}", strange, store[best])
-    best = max(knowing, key=lambda name: _likeness(name, task))
-    return [store[best][c] for c in task.classes]
+    best = max(knowing or similar, key=lambda name: _likeness(name, task))
+    found = []
+    for class_name in task.classes:
+        like = similar_class(class_name, store[best])
+        if like is None:
+            raise UnknownNameError(f"class of motion noise {best!r}", class_name, store[best])
+        found.append(store[best][like])
+    return found
 
 
 def _likeness(name: str, task: Task) -> int:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ..errors import UnknownNameError
+from ..similar import similar_class
 
 Affinity = Literal["giou_3d", "iou_3d", "center_distance"]
 Assignment = Literal["hungarian", "greedy"]
@@ -60,13 +61,11 @@ _GROUND_PLANE: dict[str, dict[str, ClassParameters]] = {
     "wildtrack_mvdet": {"pedestrian": ClassParameters("hungarian", "center_distance", 1.5, 2, 2)},
 }
 
-# For simulated detectors: those of the detector that their noise was fitted to. Classes that KITTI does not have take
-# those of the most similar class, and simulated motorcycles, which move like cars, those of cars. A detector without
-# errors is tracked like Megvii's.
-_LIKE_KITTI = {**_KITTI, **dict.fromkeys(("truck", "bus"), _KITTI["car"]), "motorcycle": _KITTI["cyclist"]}
+# For simulated detectors: those of the detector that their noise was fitted to; simulated motorcycles, which move like
+# cars, take those of cars where nuScenes' detectors are meant. A detector without errors is tracked like Megvii's.
 _LIKE_MEGVII = {**AB3DMOT["megvii"], "motorcycle": _MEGVII["car"]}
 _SIMULATED: dict[str, dict[str, ClassParameters]] = {
-    **dict.fromkeys(("kitti_pointrcnn", "kitti_pointrcnn_raw"), _LIKE_KITTI),
+    **dict.fromkeys(("kitti_pointrcnn", "kitti_pointrcnn_raw"), _KITTI),
     **dict.fromkeys(("nuscenes_megvii", "nuscenes_megvii_raw"), _LIKE_MEGVII),
     "nuscenes_centerpoint": {**AB3DMOT["centerpoint"], "motorcycle": _CENTERPOINT["car"]},
     "clean": {**_LIKE_MEGVII, "cyclist": _MEGVII["car"]},
@@ -76,19 +75,21 @@ _SIMULATED: dict[str, dict[str, ClassParameters]] = {
 def ab3dmot_parameters(detector: str, classes: Sequence[str]) -> tuple[ClassParameters, ...]:
     """AB3DMOT's settings of each class for a detector, or our own where it has none.
 
-    Raises UnknownNameError for a detector or a class without settings.
-    What follows the first hyphen of the detector's name does not matter: "kitti_pointrcnn-hard" is tracked like
-    "kitti_pointrcnn".
+    A class without settings takes those of a similar one, see `similar_class`. What follows the first hyphen of the
+    detector's name does not matter: "kitti_pointrcnn-hard" is tracked like "kitti_pointrcnn". Raises UnknownNameError
+    for a detector without settings, and for a class that looks misspelt.
     """
     known = {**AB3DMOT, **_GROUND_PLANE, **_SIMULATED}
     family = detector.split("-", maxsplit=1)[0]
     if family not in known:
         raise UnknownNameError("detector", detector, known, "pass `parameters` for your own")
-    table = known[family]
+    table, similar = known[family], []
     for name in classes:
-        if name not in table:
+        like = similar_class(name, table)
+        if like is None:
             raise UnknownNameError(f"class for detector {detector!r}", name, table, "pass `parameters` for your own")
-    return tuple(table[name] for name in classes)
+        similar.append(table[like])
+    return tuple(similar)
 
 
 def sort_parameters(

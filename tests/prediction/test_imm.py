@@ -204,4 +204,4 @@ def test_stored_noise(observe: str) -> None:
 
 def test_no_stored_noise() -> None:
     with pytest.raises(UnknownNameError, match="motion noise"):
-        stored_imm_noise(kitti_task(motion_noise="KITTI", classes=("sheep",)))
+        stored_imm_noise(kitti_task(motion_noise="KITTI", classes=("pedestrain",)))

@@ -127,8 +127,8 @@ def test_wrong_settings_are_errors() -> None:
         HypothesisTracker(1, (CAR_RULE,)).reset(kitti_task())
     with pytest.raises(UnknownNameError, match="detector 'pointrcn': did you mean 'pointrcnn'"):
         HypothesisTracker().reset(kitti_task(detector="pointrcn"))
-    with pytest.raises(UnknownNameError, match="class for detector 'pointrcnn' 'bicycle'"):
-        HypothesisTracker().reset(kitti_task(classes=("bicycle",)))
+    with pytest.raises(UnknownNameError, match="class for detector 'pointrcnn' 'cyclsit'"):
+        HypothesisTracker().reset(kitti_task(classes=("cyclsit",)))
     misspelt = replace(CAR_RULE, assignment="Hungarian")  # type: ignore[arg-type]
     with pytest.raises(ShapeError, match="assignment of ClassParameters is 'Hungarian', expected 'hungarian' or 'gree"):
         HypothesisTracker(1, (misspelt,), assignment="as_parameters").reset(kitti_task(classes=("car",)))

@@ -54,5 +54,5 @@ def test_a_simulated_detector_is_tracked_like_the_one_it_was_fitted_to() -> None
 def test_an_unknown_detector_is_an_error() -> None:
     with pytest.raises(UnknownNameError, match="unknown detector 'lidar-x'"):
         ab3dmot_parameters("lidar-x", ("car",))
-    with pytest.raises(UnknownNameError, match="class for detector 'megvii-iid' 'tram'"):
-        ab3dmot_parameters("megvii-iid", ("tram",))
+    with pytest.raises(UnknownNameError, match="class for detector 'megvii-iid' 'trialer'"):
+        ab3dmot_parameters("megvii-iid", ("trialer",))
