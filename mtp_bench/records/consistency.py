@@ -9,7 +9,7 @@ from typing import Protocol
 from ..scoring.rows import Row
 from ..scoring.statistics import bootstrap_interval, effective_number, ratio
 from ..scoring.subsets import SUBSETS, Subset
-from .bounds import MOST_DETAILS
+from .bounds import MOST_DETAILS, MOST_UNITS
 from .canonical import canonical
 from .evaluation import status_of
 from .record import Record, ScenePart, key_of
@@ -73,6 +73,9 @@ def sums_that_do_not_fit(sums: Sums, most: float) -> Iterator[str]:
     units = {len(of_units(subset)) for subset in SUBSETS for of_units in (sums.unit_weight, sums.unit_error)}
     if len(units) != 1 or units == {0}:
         yield "the sums of units are not one per subset and unit"
+        return
+    if max(units) > MOST_UNITS:  # their intervals would take the memory of whoever reads them
+        yield f"there are sums of {max(units)} units, expected at most {MOST_UNITS}"
         return
     for row in sums.rows:
         weight, error = sums.unit_weight(row.subset), sums.unit_error(row.subset)

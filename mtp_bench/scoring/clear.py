@@ -164,7 +164,7 @@ def _codes(ids: list[NDArray[Any]]) -> NDArray[np.int64]:
     if ids and all(part.dtype.kind in "iu" for part in ids):
         whole = np.concatenate(ids)
         least, most = int(whole.min()), int(whole.max())
-        if most - least < 1 << 31 and most < 1 << 62 and least > -(1 << 62):
+        if whole.dtype.kind in "iu" and most - least < 1 << 31 and most < 1 << 62 and least > -(1 << 62):
             return np.asarray(whole.astype(np.int64) - least)
     # of several kinds: 1 and "1" are two ids
     codes: dict[Hashable, int] = {}

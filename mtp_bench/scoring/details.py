@@ -176,13 +176,16 @@ def _own(table: AgentTable, name: str) -> Errors:
 
 
 def _tracking(counts: list[StreamCounts], card: Card, complete: bool) -> Tracking:
-    """Tracking numbers of all classes and per class; false output only where the truth is complete."""
+    """Tracking numbers of all classes and per class; false output only where the truth is complete.
+
+    A false track without a class is false in every class and in none, so then a single class has none of these numbers.
+    """
     summed = {name: np.sum([getattr(count, name) for count in counts], axis=0) for name in _COUNTS}
     summed |= {name: np.sum([getattr(count.identity, name) for count in counts], axis=0) for name in _IDENTITY}
-    classes = enumerate(card.task.classes)
+    classes, known = enumerate(card.task.classes), complete and not summed["fp"][-1]
     return Tracking(
         all=_clear({name: value.sum(axis=0) for name, value in summed.items()}, card, complete),
-        classes={name: _clear({k: v[i] for k, v in summed.items()}, card, complete) for i, name in classes},
+        classes={name: _clear({k: v[i] for k, v in summed.items()}, card, known) for i, name in classes},
         false_positives=sum(count.false_positives for count in counts) if complete else None,
         false_tracks=sum(count.false_tracks for count in counts) if complete else None,
     )

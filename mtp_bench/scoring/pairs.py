@@ -11,6 +11,7 @@ from ..geometry import iou_3d
 from ..types import Bools, Floats, Ints
 
 Rows = NDArray[np.intp]
+_BLOCK = 1 << 17  # pairs of boxes whose overlap is worked out at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,7 @@ def near_pairs(
 
     ``frame_a`` [A], ``frame_b`` [B]: whole numbers; ``xy_a`` [A, 2], ``xy_b`` [B, 2]: m, finite. Pairs are sorted by a.
     A sweep over one sorted key per table, ``frame * span + x``, visits only neighbours in x, so the cost grows with the
-    number of close pairs.
+    number of pairs that are close in x.
     """
     nothing = np.zeros(0, dtype=np.intp)
     if len(frame_a) == 0 or len(frame_b) == 0:
@@ -95,8 +96,18 @@ def box_pairs(
     fits = (class_a[row] == class_b[column]) | (class_b[column] == -1)
     row, column, distance = row[fits], column[fits], distance[fits]
     if measure == "iou_3d":
-        overlap = iou_3d(box_a[row], box_b[column])
-        pairs, inside = Pairs(row, column, 1.0 - overlap), overlap >= limit[class_a[row]]
-    else:
-        pairs, inside = Pairs(row, column, distance), distance <= limit[class_a[row]]
-    return pairs.keep(inside)
+        return _overlapping(row, column, box_a, box_b, limit[class_a])
+    return Pairs(row, column, distance).keep(distance <= limit[class_a[row]])
+
+
+def _overlapping(row: Rows, column: Rows, box_a: Floats, box_b: Floats, least: Floats) -> Pairs:
+    """The pairs of boxes with an IoU of ``least`` [A] or more.
+
+    Block by block: an agent that states boxes of 100 m makes every pair a candidate, and must not choose the memory.
+    """
+    kept = []
+    for at in range(0, max(len(row), 1), _BLOCK):
+        a, b = row[at : at + _BLOCK], column[at : at + _BLOCK]
+        overlap = iou_3d(box_a[a], box_b[b])
+        kept.append(Pairs(a, b, 1.0 - overlap).keep(overlap >= least[a]))
+    return Pairs(*(np.concatenate([getattr(part, name) for part in kept]) for name in ("row", "column", "cost")))

@@ -48,10 +48,10 @@ def why_not_on(subset: str, objects: float, unit_weight: ArrayLike) -> str | Non
     weight = np.asarray(unit_weight, dtype=np.float64)
     if subset != "all" and subset not in RANKED_SUBSETS:
         return "shown only"
-    if objects < RANKED_OBJECTS:
+    if objects < RANKED_OBJECTS * (1.0 - ROUNDING):
         return f"{objects:.1f} objects, fewer than {RANKED_OBJECTS}"
     units = effective_number(weight)
-    if units < RANKED_UNITS:
+    if units < RANKED_UNITS * (1.0 - ROUNDING):
         return f"too few recordings to rank: {units:.1f} effective units, fewer than {RANKED_UNITS}"
     if subset != "all" and weight.max() > LARGEST_SHARE * weight.sum():
         return f"one unit has more than {LARGEST_SHARE:.0%} of the weight"

@@ -110,11 +110,17 @@ def stated_hypotheses(seeds: Sequence[Sequence[SceneScore]]) -> int:
 def agent_table(setting: AgentScores, reference: Reference | None) -> AgentTable:
     """Table of one agent; without ``reference`` only the subset "all" has weight, and STP sets no limit to budgets.
 
-    Raises RolloutError without a scene, or where seeds differ in scenes or targets, and DataError where the reference
-    does not know a scene.
+    Raises RolloutError without a scene, where one has another number of samples, or where seeds differ in scenes or
+    targets, and DataError where the reference does not know a scene.
     """
     if not setting.seeds or not setting.seeds[0]:
         raise RolloutError(f"agent {setting.agent!r} has no scored scene, expected at least one")
+    other = next((score for run in setting.seeds for score in run if score.samples != setting.samples), None)
+    if other is not None:
+        raise RolloutError(
+            f"scene {other.scene!r} of agent {setting.agent!r} has {other.samples} samples per object, expected "
+            f"{setting.samples} as in the others"
+        )
     for run in setting.seeds[1:]:
         require_same_targets(setting.seeds[0], run, f"the seeds of agent {setting.agent!r}")
     first = setting.seeds[0]

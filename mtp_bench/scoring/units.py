@@ -7,13 +7,14 @@ import numpy as np
 from ..types import Ints, Scene
 from .definitions import BLOCK_SECONDS
 
-_EXCESS = 0.05  # share by which a scene of one block may be longer: 41 frames at 2 Hz are 20.5 s
+_EXCESS = 0.05  # of BLOCK_SECONDS: by so much all blocks of a scene may be longer together, for 41 frames at 2 Hz
 
 
 def units(scene: Scene) -> Ints:
     """Number of the block [F] in which each frame of ``scene`` lies, from 0 on.
 
-    The blocks are of equal length, as few as possible.
+    The blocks have equal numbers of frames, up to one, and are as few as possible. Frames have to be about as far apart
+    as each other: over a long gap blocks of frames are no blocks of time.
     """
     if scene.frames < 2:
         return np.zeros(scene.frames, dtype=np.int64)

@@ -38,8 +38,8 @@ class SceneWeights:
     counts: NDArray[np.uint8]  # [n, 4] runs with ids, lost, reacquired, frag
     stp: Bools  # [n, 3] ids, lost, reacquired of the one run without cut or noise: the paper's condition
     stp_events: tuple[int, int, int]  # of that run, on all evaluated true boxes
-    false_forecasts: int  # of that run
-    forecasts: int  # of that run
+    false_forecasts: int  # of that run, in live frames
+    forecasts: int  # of that run, in live frames
 
     @property
     def targets(self) -> int:

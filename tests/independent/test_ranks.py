@@ -105,7 +105,8 @@ def test_both_scorers_rank_alike(seed: int) -> None:
         runs = [[of_player(player, seed, scene, place) for place, scene in enumerate(scenes)]]
         product[name] = replace(agent_scores(name, scenes, runs, card), ideal=name.endswith("gt"))
         if name == "free":
-            product[name] = replace(product[name], budget="free", samples=8)
+            eight = tuple(tuple(replace(score, samples=8) for score in run) for run in product[name].seeds)
+            product[name] = replace(product[name], budget="free", samples=8, seeds=eight)
         table = agent_table(product[name], reference)
         weights = {subset: weight for subset, weight in table.weight.items() if subset != "all"}
         others[name] = scorer.score(card, scenes, runs, table.budgets.subsets, weights)

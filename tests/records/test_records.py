@@ -113,6 +113,15 @@ def test_sums_that_do_not_fit_each_other_are_refused(change: Callable[[dict[str,
         load_record(tmp_path / "a.json")
 
 
+def test_a_record_of_too_many_units_is_refused_before_anything_is_drawn_of_them(tmp_path: Path) -> None:
+    part = scene_part("a", 10, 1.0, 2.0).model_dump()
+    part["weight"], part["error"] = (dict.fromkeys(part[name], [1.0] * 20_000) for name in ("weight", "error"))
+    record = write_record(1.0)
+    save_record(record.model_copy(update={"per_scene": [ScenePart.model_validate(part)]}), tmp_path / "a.json")
+    with pytest.raises(RecordError, match="there are sums of 20000 units, expected at most 10000"):
+        load_record(tmp_path / "a.json")
+
+
 def test_rows_and_scenes_must_be_complete(tmp_path: Path) -> None:
     record = write_record(1.0, 2.0)
     for seeds in ([], [0, 0]):

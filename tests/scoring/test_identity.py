@@ -21,7 +21,8 @@ GATE = np.array([2.0, 1.0])
 
 
 def tracking(*scores: SceneScore) -> Tracking:
-    return summarise([AgentScores("agent", 3, 4, "equal", (scores,))], CARD).details[0].tracking
+    setting = AgentScores("agent", 3, scores[0].samples, "equal", (scores,))
+    return summarise([setting], CARD).details[0].tracking
 
 
 def crowd(seed: int) -> tuple[Scene, Rollout]:
@@ -117,6 +118,6 @@ def test_overlap_is_its_own_similarity() -> None:
     card = make_card(measure="iou_3d")
     rollout = make_rollout([[replace(thing, x=thing.x + 1.1) for thing in THINGS]] * 4, samples=4)
     score = score_scene(make_scene([THINGS] * 4), rollout, card)
-    got = summarise([AgentScores("agent", 1, 4, "equal", ((score,),))], card).details[0].tracking.all
+    got = summarise([AgentScores("agent", 1, score.samples, "equal", ((score,),))], card).details[0].tracking.all
     assert got.IDF1 == 1.0
     assert pytest.approx(11 / 19) == got.HOTA  # IoU 2.9 / 5.1 = .57

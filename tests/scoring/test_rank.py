@@ -86,6 +86,7 @@ SUBSETS = {
     ),
     "a unit of more than a quarter": ("ids", 99.0, [9, *[2] * 13], "one unit has more than 25% of the weight"),
     "on all targets it may": ("all", 99.0, [9, *[2] * 13], None),
+    "as many as there must be, up to rounding": ("ids", 20 - 1e-14, [0.1] * 6, None),
     "nothing": ("ids", 0.0, np.zeros(3), "0.0 objects, fewer than 20"),
 }
 

@@ -46,7 +46,8 @@ def answer(
 
 
 def agent(name: str, *runs: Sequence[SceneScore], samples: int = 2, budget: Any = "equal") -> AgentScores:
-    return AgentScores(name, 1, samples, budget, tuple(tuple(run) for run in runs), ideal=name == "truth_past")
+    seeds = tuple(tuple(replace(score, samples=samples) for score in run) for run in runs)
+    return AgentScores(name, 1, samples, budget, seeds, ideal=name == "truth_past")
 
 
 def reference(names: Sequence[str] = ("s",), counts: Any = ((0,) * 4, (0,) * 4), **more: Any) -> Reference:

@@ -13,10 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mtp_bench.errors import RolloutError
-from mtp_bench.scoring import SceneScore, live_frames, score_scene
+from mtp_bench.scoring import AgentScores, SceneScore, live_frames, score_scene, summarise
 from mtp_bench.scoring.budgets import budgets_of, errors_at
 from mtp_bench.scoring.cuts import Cuts
 from mtp_bench.scoring.score import BESIDE, EXCUSED, FALSE, RIGHT
+from mtp_bench.scoring.table import agent_table
 from mtp_bench.types import Rollout, Scene
 from tests.support.scoring_scenes import (
     Array,
@@ -448,6 +449,25 @@ def test_a_track_without_a_class_fits_every_class() -> None:
     score = scored(truth, tracks)
     assert score.counts.tp.tolist() == [0, 4, 0]
     assert score.counts.fp.tolist() == [0, 0, 4]
+
+
+@pytest.mark.parametrize("right", [True, False])
+def test_where_false_tracks_have_no_class_no_class_has_a_number_of_them(right: bool) -> None:
+    truth = [[Thing(1, 0, 0, class_id=1)]] * 4
+    tracks = [[Thing(3, 0.1 if right else 1.1, 0, class_id=-1), Thing(4, 30, 0, class_id=-1)]] * 4
+    score, card = scored(truth, tracks), make_card(future=1)
+    tracking = summarise([AgentScores("agent", 1, score.samples, "equal", ((score,),))], card).details[0].tracking
+    fp, mota = tracking.all.FP, tracking.all.MOTA
+    assert (fp, mota) == ((4, 0.0) if right else (8, -2.0))
+    assert [(c.FP, c.MOTA, c.IDF1, c.HOTA) for c in tracking.classes.values()] == [(None,) * 4] * 2
+    assert sum(c.TP for c in tracking.classes.values()) == (4 if right else 0)
+
+
+def test_all_scenes_of_an_agent_have_as_many_samples() -> None:
+    score = scored([[Thing(1, 0, 0)]] * 4, [[Thing(3, 0.1, 0)]] * 4)
+    other = replace(score, samples=score.samples + 1)
+    with pytest.raises(RolloutError, match=f"has {other.samples} samples per object, expected {score.samples} as in"):
+        agent_table(AgentScores("agent", 1, score.samples, "equal", ((score,), (other,))), None)
 
 
 def test_own_events_are_those_of_the_best_hypothesis_wherever_it_stands() -> None:
