@@ -80,7 +80,9 @@ def main() -> None:
             unsaid = replace(rollout, hypothesis_parent=np.full_like(rollout.hypothesis_parent, -1))
             guessed.append(score_scene(env.scene, unsaid, env.card))
         for label, scores in (("stated", stated), ("guessed", guessed)):
-            detail = summarise([AgentScores("mtp", count, 1, "equal", (tuple(scores),))], env.card).details[0]
+            detail = summarise(
+                [AgentScores("mtp", count, scores[0].samples, "equal", (tuple(scores),))], env.card
+            ).details[0]
             own, share = detail.own_events, f"{tracker.fitting} of {tracker.frames}" if label == "stated" else ""
             everywhere = [
                 sum(int(getattr(score, kind).sum()) for score in scores) for kind in ("all_h_ids", "all_h_frag")

@@ -97,6 +97,34 @@ def whole_folder(path: Path) -> Iterator[Path]:
         shutil.rmtree(part, ignore_errors=True)
 
 
+@contextlib.contextmanager
+def new_folder(folder: Path) -> Iterator[Path]:
+    """A folder to fill, which becomes the new or empty ``folder`` when the block ends well; see `whole_folder`.
+
+    Raises MtpBenchError where ``folder`` is a file, holds anything or cannot be replaced.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise MtpBenchError(f"{folder} is no folder: choose another name")
+    if folder.exists() and any(folder.iterdir()):
+        raise MtpBenchError(f"{folder} is not empty: choose another folder")
+    if why := why_not_replaced(folder):
+        raise MtpBenchError(why)
+    require_folder(folder)
+    with whole_folder(folder) as part:
+        yield part
+
+
+def why_not_replaced(folder: Path) -> str:
+    """Why no other folder can take the place of ``folder``, in a sentence; empty where one can."""
+    if not folder.exists():
+        return ""
+    if os.path.ismount(folder.resolve()):
+        return f"{folder} is the root of a disk, which cannot be replaced: choose a folder on it"
+    if Path.cwd().is_relative_to(folder.resolve()):
+        return f"{folder} is the folder that you work in, which cannot be replaced: choose one in it"
+    return ""
+
+
 def remove_leftovers(*paths: Path) -> None:
     """Remove what writers of ``paths`` that were killed left beside them; nobody else may be writing them now.
 

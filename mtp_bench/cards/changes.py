@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, get_args
 
 from ..detector import load_profile, profile_names
 from ..errors import CardError, DataError, MtpBenchError, UnknownNameError
+from ..strict import read_toml, validate
 from . import own
 from .sections import STORED_DETECTOR, DetectorSection, FilesSource, Source
 
@@ -46,7 +47,7 @@ def with_detector(card: Card, name: str) -> tuple[Source, DetectorSection | None
             raise CardError(f"detector {name!r} is a variant of a simulated detector, and {card.id} has none")
         update: dict[str, object] = {"variant": name}
     elif name.endswith(".toml"):
-        update = {"profile": None, "noise": load_profile(name), "variant": "as_fitted"}
+        update = {"variant": "as_fitted", **_section_of(Path(name)), "profile": None, "noise": load_profile(name)}
     elif name in (*profile_names(), *profile_names(1)):
         update = {"profile": name, "noise": None, "variant": "as_fitted"}
     elif card.source.traits.other_detections and card.detector is None:
@@ -60,6 +61,15 @@ def with_detector(card: Card, name: str) -> tuple[Source, DetectorSection | None
     if source.traits.mixed_detections:  # else its stored detections would stay
         source = source.model_copy(update={"detector": None})
     return source, own.model_copy(update=update)
+
+
+def _section_of(path: Path) -> dict[str, object]:
+    """What the section [detector] of a file says, as ``fit-noise`` writes it; nothing of a profile alone."""
+    content = read_toml(path, CardError).get("detector")
+    if not isinstance(content, dict):
+        return {}
+    section = validate(DetectorSection, content, f"{path.name}, [detector]", CardError)
+    return {name: getattr(section, name) for name in section.model_fields_set}
 
 
 def instead_of_stored(card: Card) -> str:

@@ -110,6 +110,8 @@ def _section(card: Card) -> FilesSource:
         ego=traits.has_ego,
         view=traits.view,
         velocity_ahead=traits.velocity_ahead or None,
+        places_only=traits.places_only or None,
+        bounded_by_truth=traits.bounded_by_truth or None,
     )
 
 

@@ -225,12 +225,16 @@ class FilesSource(Section):
     truth: Literal["all", "targets"] = "all"  # "targets": objects exist that the truth does not have
     view: Annotated[float, Field(gt=0, le=360)] = 360.0  # degrees around the heading that the truth covers
     velocity_ahead: bool | None = None  # of a source with this trait; None: no, and in no digest
+    places_only: bool | None = None  # the same
+    bounded_by_truth: bool | None = None  # the same
 
     @property
     def traits(self) -> Traits:
         """What the source can do."""
         return Traits(
             stored_detector=self.detector,
+            places_only=bool(self.places_only),
+            bounded_by_truth=bool(self.bounded_by_truth),
             measured_velocity=self.velocity,
             velocity_ahead=bool(self.velocity_ahead),
             common_frame=self.ego_motion,

@@ -45,6 +45,8 @@ AFTER = {  # command -> what is said after Ctrl-C
     "study": "runs that were finished are kept: the same command goes on",
     "train": "where a training keeps its state, the same command goes on from there",
     "data": "what was made so far is kept",
+    "verify": "levels and records that were written so far are kept",
+    "board": "what was written so far, such as clips, is kept",
 }
 
 

@@ -43,7 +43,7 @@ def board(
         typer.Option("--fill", help="A Markdown page whose figures are of the records: fill them in; repeatable."),
     ] = None,
     base: Annotated[
-        Path | None, typer.Option(help="Leaderboard whose keys and seals are trusted; the one that ships.")
+        Path | None, typer.Option(help="Leaderboard whose keys and seals are trusted. Default: the one that ships.")
     ] = None,
     clips: Annotated[
         bool, typer.Option("--clips", help="First draw the costliest event of simulated records with stored rollouts.")
@@ -59,6 +59,8 @@ def board(
 
     require_writable(json_file, output)
     if output is not None:
+        if output.suffix != ".html":
+            raise typer.BadParameter(f"{output}: expected a name that ends in .html", param_hint="--output")
         require_parts(output)
     folder = records or shipped_records()
     if clips:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..errors import DataError
 from .options import DataOption, JsonOption, ScenesOption, SplitOption
 from .output import count, number, prepare, require_writable, working, write_json
 
@@ -30,12 +31,15 @@ def challenge(
     json_file: JsonOption = None,
 ) -> None:
     """Score a submission to the nuScenes prediction challenge by the challenge's own metrics."""
-    from ..running.challenge import score_predictions
+    from ..running.challenge import require_challenge, score_predictions
     from ..running.options import RunOptions
     from ..viz.terminal.output import show, show_numbers
 
     require_writable(json_file)
+    if not file.is_file():
+        raise DataError(f"no file {file}, expected a submission to the prediction challenge")
     options = RunOptions(root, scenes, split=split)
+    require_challenge(options.card(env))
     prepare(env, options)
     with working("challenge", options) as watched:
         score = score_predictions(file, env, watched)

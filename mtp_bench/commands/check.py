@@ -33,10 +33,16 @@ def check(
     from ..parallel import Workers, cores
     from ..records.checking import SCENES, check_submission
     from ..running.options import RunOptions
+    from ..submission.loader import load_submission
     from ..viz.terminal.output import show, show_numbers
 
     require_writable(json_file)
-    options = RunOptions(root, min(scenes or SCENES, SCENES), track_file=absolute(tracks), workers=Workers(cores()))
+    if scenes is not None and scenes > SCENES:
+        raise typer.BadParameter(
+            f"{scenes}, expected at most {SCENES}: a check looks at no more", param_hint="--scenes"
+        )
+    options = RunOptions(root, scenes or SCENES, track_file=absolute(tracks), workers=Workers(cores()))
+    options.require_tracks_used([load_submission(path)])
     prepare(env, options)
     with working("check", options) as watched:
         checked = check_submission(path, env, watched)
@@ -48,7 +54,9 @@ def check(
         said = count(checked.errors, "error")
         raise SubmissionError(f"{checked.submission} does not pass: {said}; the table says what, where and what to do")
     show("with every forecast kept; what ranks is the error at budgets of false forecasts, which `compare` gives")
-    show(f"{checked.submission} passes; next: `mtp-bench compare {shlex.quote(path)} --env {checked.env}`")
+    given = [*(["--data", root] if root is not None else []), *(["--tracks", str(tracks)] if tracks else [])]
+    compare = shlex.join(["mtp-bench", "compare", path, "--env", checked.env, *given])
+    show(f"{checked.submission} passes; next: `{compare}`")
 
 
 def finding_table(checked: Checked) -> Table:

@@ -9,7 +9,7 @@ import typer
 from ..errors import MtpBenchError
 from .completion import env_ids
 from .options import DataOption, JsonOption, SplitOption
-from .output import write_json
+from .output import require_writable, write_json
 
 
 def data(
@@ -28,6 +28,7 @@ def data(
     from ..viz.terminal.listings import data_report, status_json
     from ..viz.terminal.output import progress_bar, show
 
+    require_writable(json_file)
     if split is not None and env is None:
         raise typer.BadParameter("the splits of environments differ: name one with --env", param_hint="--split")
     cards = [changed_card(load_card(env_id), split) for env_id in ([env] if env else card_ids())]

@@ -23,20 +23,23 @@ def export(
     env: RunCardOption = None,
 ) -> None:
     """Write a stored run as others read it: tracks, or forecasts as the nuScenes prediction challenge takes them."""
+    from ..parallel import Progress
     from ..running.challenge import export_predictions
     from ..running.opened import open_run
     from ..running.track_export import export_tracks
-    from ..viz.terminal.output import show
+    from ..viz.terminal.output import progress_bar, show
 
     one_of(what, WHAT, "WHAT")
     if table and what != "tracks":
         raise typer.BadParameter("only with tracks", param_hint="--table")
+    if what == "prediction" and output.suffix != ".json":
+        raise typer.BadParameter(f"{output}: expected a name that ends in .json", param_hint="--output")
     opened = open_run(folder, root, env)
-    if what == "tracks":
-        show(f"{output}: {count(export_tracks(opened, output, table), 'tracked position')}")
-        return
-    done = export_predictions(opened, output)
-    show(
-        f"{output}: predictions of {done.predicted} of {count(done.targets, 'official target')}; the others have no "
-        "forecast in this run"
-    )
+    with progress_bar("export") as told:
+        if what == "tracks":
+            said = count(export_tracks(opened, output, table, Progress(*told)), "tracked position")
+        else:
+            done = export_predictions(opened, output, Progress(*told))
+            targets = count(done.targets, "official target")
+            said = f"predictions of {done.predicted} of {targets}; the others have no forecast in this run"
+    show(f"{output}: {said}")

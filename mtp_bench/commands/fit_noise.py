@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from .options import EnvScenes, TextOption
+from .options import EnvScenes, TextOption, require_no_tracks
 from .output import prepare, print_or_write, require_writable, working
 
 
@@ -29,6 +29,7 @@ def fit_noise(
     from ..training.noise_profile import fit_noise as fit
 
     require_writable(output)
+    require_no_tracks(on)
     options = on.options()
     prepare(on.env, options)
     with working("read", options) as watched:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 FolderOption = Annotated[Path, typer.Option("-o", "--output", help="New folder for the scenes and their card.")]
 FORMS = ("npz", "csv", "parquet")
+RATE = "Frames per second. Default: KITTI's own, a frame each 0.1036 s."
 FormOption = Annotated[
     str,
     typer.Option("--form", help="npz (whole scenes), or csv or parquet (tables).", autocompletion=words(*FORMS)),
@@ -36,11 +37,14 @@ def kitti(
         typer.Option(help="Folder of detections: rows as the labels' and a score, or AB3DMOT's Car/0001.txt."),
     ] = None,
     oxts: Annotated[Path | None, typer.Option(help="Folder of GPS/IMU data; needs --calib.")] = None,
-    calib: Annotated[Path | None, typer.Option(help="Folder of calibrations.")] = None,
+    calib: Annotated[
+        Path | None,
+        typer.Option(help="Folder of calibrations. With them what the image cannot confirm is neutral, as in KITTI."),
+    ] = None,
     poses: Annotated[
         Path | None, typer.Option(help="Folder of camera poses, as in KITTI's odometry benchmark.")
     ] = None,
-    rate: Annotated[float | None, typer.Option(min=0.1, max=1000, help="Frames per second; KITTI's own.")] = None,
+    rate: Annotated[float | None, typer.Option(min=0.1, max=1000, help=RATE)] = None,
     env: Annotated[str, typer.Option("--env", help="Environment whose rules the card takes.")] = "MTP-KITTI-v0",
     form: FormOption = "npz",
 ) -> None:
@@ -52,7 +56,8 @@ def kitti(
     from ..sources.kitti.poses import FRAME_PERIOD
 
     one_of(form, FORMS, "--form")
-    text = KittiText(labels, detections, oxts, calib, poses, 1 / rate if rate else FRAME_PERIOD)
+    period = 1 / rate if rate else FRAME_PERIOD
+    text = KittiText(labels, detections, oxts, calib, poses, period, image=form == "npz")
     card = load_card(env)
     require_classes(card, "KITTI", TYPES)
     detector = profile_of_stored(card) if detections is None else ""
@@ -105,7 +110,8 @@ def tracks(
         started(len(names))
         number, boxes = import_tracks(source, names, card, output, done)
     show(f"{count(boxes, 'tracked position')} of {count(number, 'scene')} in {output}; next:")
-    part = [*(["--scenes", str(scenes)] if scenes else []), *(["--split", split] if split else [])]
+    part = ["--data", root] if root is not None else []
+    part += [*(["--scenes", str(scenes)] if scenes else []), *(["--split", split] if split else [])]
     given = shlex.join(["--env", env, *part, "--tracks", str(output)])
     show_command(f"mtp-bench run given_tracks {given} -o runs/given_tracks")
 

@@ -164,6 +164,12 @@ def opened(command: Callable[..., None]) -> Callable[..., None]:
     return call
 
 
+def require_no_tracks(on: EnvScenes) -> None:
+    """Wrong usage for stored tracks where nobody reads them."""
+    if on.tracks is not None:
+        raise typer.BadParameter("nothing is learnt from stored tracks here: leave it out", param_hint="--tracks")
+
+
 def absolute(path: Path | None) -> str | None:
     """A path that holds wherever a stored run is scored from."""
     return None if path is None else str(path.expanduser().absolute())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -33,4 +34,5 @@ def run(
     line = skipped_line(stored.skipped)
     if line is not None:
         show(line)
-    show(f"{count(stored.scenes, 'scene')} of {on.env} by {agent} in {output}; score with `mtp-bench score {output}`")
+    score = shlex.join(["mtp-bench", "score", str(output), *(["--data", on.data] if on.data is not None else [])])
+    show(f"{count(stored.scenes, 'scene')} of {on.env} by {agent} in {output}; score with `{score}`")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -47,7 +48,7 @@ def _draw(env: str, scenes: int, output: Path) -> None:
     )
     if scenes < LEAST_HIDDEN:
         show(f"for trials alone: {count(scenes, 'scene')} rank nobody, ranks need {LEAST_HIDDEN}")
-    show(f"{output}: keep this secret; `mtp-bench verify RECORD --rerun --hidden {output}` runs them")
+    show(f"{output}: keep this secret; `mtp-bench verify RECORD --rerun --hidden {shlex.quote(str(output))}` runs them")
 
 
 def _retire(secret: Path, folder: Path | None) -> None:

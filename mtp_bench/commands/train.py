@@ -11,7 +11,16 @@ import typer
 
 from ..errors import MtpBenchError
 from .completion import words
-from .options import DataOption, EnvScenes, JobsOption, TextOption, WorkerChoice, one_of, opened
+from .options import (
+    DataOption,
+    EnvScenes,
+    JobsOption,
+    TextOption,
+    WorkerChoice,
+    one_of,
+    opened,
+    require_no_tracks,
+)
 from .output import prepare, print_or_write, require_writable, working
 
 if TYPE_CHECKING:
@@ -60,6 +69,7 @@ def _noise(on: EnvScenes, observe: str, jobs: int, output: Path | None, fit: Fit
 
 def _learnt_from(on: EnvScenes, jobs: int) -> tuple[RunOptions, Fold | None]:
     """The options of a training, and the fold that it leaves out: another command scores its scenes."""
+    require_no_tracks(on)
     options = on.options(WorkerChoice(jobs)).on_split("train")
     return replace(options, fold=None), options.fold
 
@@ -68,13 +78,14 @@ def predictor(
     network: Annotated[str, typer.Argument(metavar="NAME", help="Name of a network; see baselines/README.md.")],
     on: EnvScenes,
     pasts: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--on",
-            help="truth: true pasts. tracklets: what a tracker makes.",
+            help="truth: true pasts. tracklets: what a tracker makes. Default: truth; of affinity and tracking_free "
+            "tracklets.",
             autocompletion=words("truth", "tracklets"),
         ),
-    ] = "truth",
+    ] = None,
     also: Annotated[list[str] | None, typer.Option(help="Learn from this environment too; may be repeated.")] = None,
     hypotheses: Annotated[int, typer.Option(min=1, help="Of the tracker whose tracklets are learnt from.")] = 20,
     epochs: Annotated[int | None, typer.Option(min=1, help="At most so many; else what suits the network.")] = None,
@@ -94,19 +105,25 @@ def predictor(
     where it was.
     """
     from ..prediction.learned.registry import NETWORKS
+    from ..training.fitting import device_of
     from ..training.predictors import ON, Request, learnable, train_predictor
     from ..training.recipes import recipe_of
     from ..viz.terminal.output import progress_bar
 
     one_of(network, tuple(NETWORKS), "NAME")
-    one_of(pasts, ON, "--on")
+    recipe = recipe_of(network)
+    chosen = recipe.on if pasts is None else pasts
+    one_of(chosen, ON, "--on")
     one_of(device, ("auto", "cpu", "cuda"), "--device")
     require_writable(output)
     changed = {"seed": seed} if epochs is None else {"seed": seed, "epochs": epochs}
-    plan = replace(recipe_of(network).plan, **changed)
+    plan = replace(recipe.plan, **changed)
     options, without = _learnt_from(on, jobs)
     _require_place(output, options)
-    request = Request(network, on.env, pasts, hypotheses, without, tuple(also or ()), plan, device)
+    request = Request(network, on.env, chosen, hypotheses, without, tuple(also or ()), plan, device)
+    device_of(device)  # nobody waits for scenes to hear that there is no GPU, or no such env
+    for env in (on.env, *request.also):
+        options.card(env)
     for env in (on.env, *request.also):
         prepare(env, options)
     with working("read", options) as watched:

@@ -41,9 +41,9 @@ class RunningAgain:
     hidden: Annotated[
         Path | None, typer.Option(help="Secret of `mtp-bench seal`, or a folder of them: with --rerun, run its scenes.")
     ] = None
-    commitment: Annotated[Path | None, typer.Option(help="What the secret was promised with; the file beside it.")] = (
-        None
-    )
+    commitment: Annotated[
+        Path | None, typer.Option(help="What the secret was promised with. Default: the file beside it.")
+    ] = None
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Signing:
     sign: Annotated[Path | None, typer.Option(help="Private SSH key: sign the level that is reached.")] = None
     signer: Annotated[str | None, typer.Option(help="Whose key that is, as in keys/allowed_signers.")] = None
     base: Annotated[
-        Path | None, typer.Option(help="Leaderboard whose keys, seals and owners are trusted; the one that ships.")
+        Path | None, typer.Option(help="Leaderboard whose keys and seals are trusted. Default: the one that ships.")
     ] = None
 
 
@@ -94,6 +94,10 @@ def verify(
         ("--sign", signing.sign, "--signer", signing.signer),
         ("--signer", signing.signer, "--sign", signing.sign),
         ("--owner", taking.owner, "--intake", taking.intake),
+    )
+    _require_apart(
+        ("--intake", taking.intake, ("--rerun", again.rerun), ("--write", write), ("--sign", signing.sign)),
+        ("--submissions", again.submissions, ("--submission", again.submission)),
     )
     require_writable(json_file)
     trust = trusted(signing.base)
@@ -227,6 +231,14 @@ def _require_together(*pairs: tuple[str, object, str, object]) -> None:
     for option, given, needed, there in pairs:
         if given is not None and not there:
             raise typer.BadParameter(f"needs {needed}", param_hint=option)
+
+
+def _require_apart(*options: tuple[Any, ...]) -> None:
+    """Wrong usage for an option beside others that would do nothing."""
+    for option, given, *others in options:
+        beside = next((name for name, there in others if there), None)
+        if given and beside is not None:
+            raise typer.BadParameter(f"does not go with {beside}: leave one of them out", param_hint=option)
 
 
 def _difference_table(checked: Verification) -> Table:

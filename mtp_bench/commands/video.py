@@ -14,13 +14,13 @@ from .output import require_writable, say
 def video(
     folder: FolderArgument,
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write: .mp4 or .gif.")],
-    scene: Annotated[str | None, typer.Option(help="Which scene; the first of the run.")] = None,
+    scene: Annotated[str | None, typer.Option(help="Which scene. Default: the first of the run.")] = None,
     at: Annotated[
         str | None,
         typer.Option(help="This event alone, from 3 s before to 3 s after; `mtp-bench events` lists them."),
     ] = None,
     fps: Annotated[
-        float | None, typer.Option(min=0.1, max=50, help="Pictures per second; as many as were recorded.")
+        float | None, typer.Option(min=0.1, max=50, help="Pictures per second. Default: as many as were recorded.")
     ] = None,
     root: DataOption = None,
     env: RunCardOption = None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +23,7 @@ def view(
     folders: Annotated[
         list[Path], typer.Argument(help="Folders written by `mtp-bench run`; several are shown side by side.")
     ],
-    scene: Annotated[str | None, typer.Option(help="Which scene; the first of the run.")] = None,
+    scene: Annotated[str | None, typer.Option(help="Which scene. Default: the first of the run.")] = None,
     at: Annotated[
         str | None, typer.Option(help="Open at this event of the first run; `mtp-bench events` lists them.")
     ] = None,
@@ -64,7 +65,7 @@ def view(
     what = _sentence(replays, incident)
     if save is not None:
         save_recording(save, replays, level, incident)
-        show(f"{save}: {what}; open it with `rerun {save}`")
+        show(f"{save}: {what}; open it with `rerun {shlex.quote(str(save))}`")
     elif web:
         serve_recording(replays, level, incident, lambda url: show(f"{what}: {url} until Ctrl-C"))
     else:

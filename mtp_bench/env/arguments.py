@@ -6,6 +6,8 @@ import os
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, TypedDict
 
+import numpy as np
+
 from ..errors import MtpBenchError, UnknownNameError
 from ..types import Scene
 
@@ -70,9 +72,9 @@ def size(name: str, value: int | None, default: int) -> int:
     """A size of the spaces: the given one or the card's; raises MtpBenchError for what is none."""
     if value is None:
         return default
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
         raise MtpBenchError(f"{name} is {value!r}, expected a whole number of at least 1 (the card has {default})")
-    return value
+    return int(value)
 
 
 def require_room(env_id: str, sizes: Mapping[str, int], kind: str, count: int) -> None:

@@ -107,7 +107,8 @@ def _object_fields(
 
 
 def _track_fields(task: Task, tracks: Tracks) -> dict[str, NDArray[Any]]:
-    best = tracks.member.argmax(axis=0)  # the heaviest hypothesis that holds each track
+    # the heaviest hypothesis that holds each track; one that none holds comes last
+    best = np.vstack([tracks.member, np.ones((1, tracks.member.shape[1]), dtype=bool)]).argmax(axis=0)
     kept = np.sort(np.argsort(best, kind="stable")[: task.tracks])
     return {
         "track_id": tracks.track_id[kept],

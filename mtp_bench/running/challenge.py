@@ -12,6 +12,7 @@ import numpy as np
 from ..cards import Card, NuScenesSource
 from ..errors import CardError, DataError
 from ..files import require_file, whole_file
+from ..parallel import QUIET, Progress
 from ..scoring import evaluated, find_targets, live_frames
 from ..scoring.additions import final_match
 from ..scoring.challenge import KS, challenge_errors
@@ -73,8 +74,8 @@ def score_predictions(path: str | Path, env_id: str, options: RunOptions = DEFAU
     return ChallengeScore(len(future), len(found), elsewhere, errors.means())
 
 
-def export_predictions(opened: OpenedRun, path: str | Path) -> Exported:
-    """Write the forecasts of a stored run as a submission to the challenge.
+def export_predictions(opened: OpenedRun, path: str | Path, progress: Progress = QUIET) -> Exported:
+    """Write the forecasts of a stored run as a submission to the challenge; ``progress`` is told each scene.
 
     The forecast of a target is the one that the scorer matches to it when all are kept; a target without one is not in
     the file. Raises CardError for a run on an env without official targets.
@@ -82,6 +83,7 @@ def export_predictions(opened: OpenedRun, path: str | Path) -> Exported:
     path = Path(path).absolute()
     source = _source(opened.card, opened.data)
     require_file(path)
+    progress.started(len(opened.run.rollouts))
     total = 0
 
     def predictions() -> Iterator[Prediction]:
@@ -90,6 +92,7 @@ def export_predictions(opened: OpenedRun, path: str | Path) -> Exported:
             names, said = _matched(source, opened, rollout)
             total += len(names)
             yield from said
+            progress.done(rollout.scene)
 
     with whole_file(path) as part, part.open("w", encoding="utf-8") as file:
         count = write_predictions(file, predictions())
@@ -119,10 +122,13 @@ def _official(card: Card, options: RunOptions) -> dict[Name, Floats]:
     """The true future [12, 2] of every official target of a card's scenes."""
     source = _source(card, options.data)
     future: dict[Name, Floats] = {}
-    for name in options.chosen(source.names):
+    chosen = options.chosen(source.names)
+    options.progress.started(len(chosen))
+    for name in chosen:
         targets = find_targets(source.load(name), card)
         names = _names(source, name, targets.object_id.tolist(), targets.frame.tolist())
         future.update(zip(names, targets.future, strict=True))
+        options.progress.done(name)
     return future
 
 
@@ -134,6 +140,12 @@ def _names(source: NuScenes, scene: str, object_id: list[int], frame: list[int])
 
 def _source(card: Card, data: str | None) -> NuScenes:
     """The scenes of a card; CardError where it is not of the challenge's task."""
+    require_challenge(card)
+    return NuScenes(card, data)
+
+
+def require_challenge(card: Card) -> None:
+    """Raise CardError for a card that is not of the challenge's task."""
     if not isinstance(card.source, NuScenesSource) or card.source.truth != "targets":
         raise CardError(
             f'{card.id} has no official prediction targets, expected a nuScenes env with truth = "targets", such as '
@@ -144,4 +156,3 @@ def _source(card: Card, data: str | None) -> NuScenes:
             f"{card.id} forecasts {card.task.future} frames at {card.task.rate:g} Hz, expected {FUTURE} at {RATE:g} Hz "
             "as in the challenge"
         )
-    return NuScenes(card, data)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import zipfile
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -17,7 +16,16 @@ from numpy.typing import NDArray
 
 from ..env.rollouts import ARRAYS, digest
 from ..errors import RolloutError
-from ..files import BROKEN_ARCHIVE, clean_text, file_stem, open_regular, reason_of, whole_folder, why_no_archive
+from ..files import (
+    BROKEN_ARCHIVE,
+    clean_text,
+    file_stem,
+    open_regular,
+    reason_of,
+    whole_folder,
+    why_no_archive,
+    why_not_replaced,
+)
 from ..parallel import cores
 from ..strict import Section, read_json, validate
 from ..types import Rollout
@@ -111,10 +119,8 @@ def require_run_folder(folder: Path) -> None:
     """Raise RolloutError if writing a run to ``folder`` would delete something that is not a run."""
     if not folder.exists():
         return
-    if os.path.ismount(folder.resolve()):
-        raise RolloutError(f"{folder} is the root of a disk, which cannot be replaced: choose a folder on it")
-    if Path.cwd().is_relative_to(folder.resolve()):
-        raise RolloutError(f"{folder} is the folder that you work in, which cannot be replaced: choose one in it")
+    if why := why_not_replaced(folder):
+        raise RolloutError(why)
     if not folder.is_dir():
         raise RolloutError(f"{folder} is a file, expected a new folder or that of an earlier run")
     names = {path.name for path in folder.iterdir()}

@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from ..cards import Card, KittiSource, NuScenesSource
-from ..errors import CardError, RolloutError
-from ..files import make_folder, whole_file
+from ..errors import CardError
+from ..files import new_folder, whole_file
+from ..parallel import QUIET, Progress
 from ..sources.kitti.layout import TYPES
 from ..sources.kitti.tracks import poses_of, result_lines
 from ..sources.nuscenes.source import NuScenes
 from ..sources.nuscenes.tracks import submission_box
-from ..sources.tracks.table import table_path, write_table_of_tracks
+from ..sources.tracks.table import SCORED, table_path, write_table_of_tracks
 from ..types import Floats, Ints, Rollout, Scene, starts_of_sorted
 from .opened import OpenedRun
 
@@ -65,16 +66,22 @@ def _scores(rows: TrackRows, scene: Scene, gate: Floats) -> Floats:
     return score
 
 
-def export_tracks(opened: OpenedRun, path: str | Path, table: bool = False) -> int:
-    """Write the tracks of a stored run to ``path``; how many boxes that are.
+def export_tracks(opened: OpenedRun, path: str | Path, table: bool = False, progress: Progress = QUIET) -> int:
+    """Write the tracks of a stored run to ``path``; how many boxes that are. ``progress`` is told each scene.
 
     nuScenes: a .json file in the submission form of the tracking task. KITTI: a folder of the benchmark's results. With
     ``table``, and of every other source: a folder of tables (`sources.tracks.table`). Raises CardError where a path
-    does not fit, and RolloutError for a folder that is not empty.
+    does not fit, and MtpBenchError for a folder that is not empty.
     """
     card, scenes = opened.card, ((rollout, opened.recorded(rollout.scene)) for rollout in opened.run.rollouts)
-    rows = ((scene, track_rows(rollout, scene, card)) for rollout, scene in scenes)
-    return write_tracks(rows, card, opened.data, Path(path).absolute(), table)
+
+    def rows() -> Iterator[tuple[Scene, TrackRows]]:
+        for rollout, scene in scenes:
+            yield scene, track_rows(rollout, scene, card)
+            progress.done(rollout.scene)
+
+    progress.started(len(opened.run.rollouts))
+    return write_tracks(rows(), card, opened.data, Path(path).absolute(), table)
 
 
 def write_tracks(
@@ -91,14 +98,12 @@ def write_tracks(
     if path.suffix in _FILES:
         what = "KITTI's results" if of_kitti else "tables"
         raise CardError(f"{path}: {card.id} is written as {what}: name a folder, not a {path.suffix} file")
-    if path.exists() and (not path.is_dir() or any(path.iterdir())):
-        raise RolloutError(f"{path} is there already, expected a new or an empty folder")
-    make_folder(path)
     write = _write_result if of_kitti else _write_table
     count = 0
-    for scene, found in rows:
-        write(scene, found, card, data, path)
-        count += len(found.frame)
+    with new_folder(path) as part:
+        for scene, found in rows:
+            write(scene, found, card, data, part)
+            count += len(found.frame)
     return count
 
 
@@ -114,7 +119,7 @@ def _write_table(scene: Scene, rows: TrackRows, card: Card, data: str | None, fo
     names = [card.task.classes[c] for c in rows.class_id]
     columns = (rows.frame.tolist(), rows.track_id.tolist(), names, rows.box.tolist(), rows.score.tolist())
     every = ([t, i, name, *box, score] for t, i, name, box, score in zip(*columns, strict=True))
-    write_table_of_tracks(table_path(folder, scene.name), every)
+    write_table_of_tracks(table_path(folder, scene.name), every, SCORED)
 
 
 def _write_submission(rows: Iterable[tuple[Scene, TrackRows]], card: Card, data: str | None, path: Path) -> int:

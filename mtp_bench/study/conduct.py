@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..cards import Card
-from ..files import make_folder, require_folder
+from ..files import make_folder
 from ..parallel import Progress
 from ..running.options import DEFAULTS, RunOptions
 from ..running.perturbation import score_cuts
@@ -61,8 +61,9 @@ def study(
     Raises MtpBenchError for whatever the user can mend.
     """
     folder = Path(folder).absolute()
-    require_folder(folder)
-    from .write import write_study
+    from .write import require_study_folder, write_study
+
+    require_study_folder(folder)
 
     found = find(names, env_id, folder, quick_options(options) if quick else options, quick)
     options.progress.started(4)  # drawing takes a while, too

@@ -2,18 +2,32 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import NamedTuple
 
-from ..files import make_folder, write_bytes, write_text
+from ..errors import MtpBenchError
+from ..files import make_folder, require_folder, write_bytes, write_text
 from ..parallel import Done
 from .figures import make_figures
 from .findings import Findings
 from .gallery import gallery
 from .page import study_page
+from .runs import RUNS
 from .table import Table
 
 TABLES, FIGURES, EVENTS, PAGE = "tables", "figures", "events", "index.html"
+
+
+def require_study_folder(folder: Path) -> None:
+    """Raise MtpBenchError unless ``folder`` is new, or holds nothing but a study: its files are written anew."""
+    require_folder(folder)
+    names = sorted(path.name for path in folder.iterdir() if path.name[0] != ".") if folder.is_dir() else []
+    other = next((name for name in names if name not in (RUNS, TABLES, FIGURES, EVENTS, PAGE)), None)
+    if other is None and PAGE in names and not {RUNS, TABLES} & set(names):
+        other = PAGE
+    if other is not None:
+        raise MtpBenchError(f"{folder} holds {other!r}, which is of no study: choose another folder with -o")
 
 
 class Written(NamedTuple):
@@ -25,6 +39,8 @@ class Written(NamedTuple):
 
 def write_study(folder: Path, found: Findings, tables: dict[str, Table], command: str, done: Done) -> Written:
     """Write everything. ``command``: that makes the study again. ``done`` is told what is written."""
+    for name in (TABLES, FIGURES, EVENTS):  # of an earlier study, which may have had others
+        shutil.rmtree(folder / name, ignore_errors=True)
     make_folder(folder / TABLES)
     for table in tables.values():
         write_text(folder / TABLES / f"{table.name}.csv", table.to_csv())

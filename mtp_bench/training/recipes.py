@@ -61,6 +61,7 @@ class Recipe:
 
     stages: tuple[Stage, ...]
     plan: Plan = Plan()  # unless another one is asked for
+    on: str = "truth"  # the pasts that its baselines learn from, unless others are asked for
     vary: Vary = varied
     by_frame: bool = False  # batches hold whole frames, for networks whose inputs tell the ``moment``
     optimizer: Callable[[Sequence[torch.Tensor], Plan], torch.optim.Optimizer] = adam_w
@@ -72,8 +73,8 @@ RECIPES = {
         Plan(epochs=80),
         by_frame=True,
     ),
-    "tracking_free": Recipe((Stage(winner_takes_all),), Plan(epochs=40), varied_around),
-    "affinity": Recipe((Stage(winner_takes_all),), vary=varied_around),
+    "tracking_free": Recipe((Stage(winner_takes_all),), Plan(epochs=40), "tracklets", varied_around),
+    "affinity": Recipe((Stage(winner_takes_all),), on="tracklets", vary=varied_around),
     "codebook": Recipe(()),  # its weights are statistics
     "social_lstm": Recipe((Stage(gaussian_path),), Plan(epochs=40, batch=128), by_frame=True),
 }

@@ -79,7 +79,7 @@ class Slots:
         """Tracks without a past in these slots."""
         self.identity[slots] = self._next + np.arange(len(slots))
         self._next += len(slots)
-        self._taken[slots] = UNBORN
+        self._past[slots], self._taken[slots] = 0.0, UNBORN
         self.hits[slots], self._age[slots], self._score[slots] = 0, 1, 0.0
 
     def _take(self, slots: Ints, rows: Ints, observation: Observation) -> None:

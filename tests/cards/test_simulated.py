@@ -12,6 +12,7 @@ from mtp_bench._bundle import bundled
 from mtp_bench.cards import HighwaySource, changed_card, load_card, parse_card
 from mtp_bench.cards.sections import GENERATOR
 from mtp_bench.detector import load_profile
+from mtp_bench.detector.profile import profile_text
 from mtp_bench.errors import CardError, MtpBenchError, UnknownNameError
 from tests.cards.test_cards import Content, put
 
@@ -164,3 +165,17 @@ def test_a_profile_from_a_file(tmp_path: Path) -> None:
         card.with_detector(str(section))
     with pytest.raises(CardError, match=r"mine\.toml: cannot be read"):
         card.with_detector(str(tmp_path / "mine.toml"))
+    profile = (
+        profile_text(load_profile("clean"))
+        .replace("[classes", "[detector.noise.classes")
+        .replace("[alike", "[detector.noise.alike")
+    )
+    section.write_text(
+        f'[detector]\nreach = 50.0\nfield_of_view = 200.0\nvariant = "hard"\n\n[detector.noise]\n{profile}'
+    )
+    found = card.with_detector(str(section)).detector
+    assert found is not None
+    assert (found.reach, found.field_of_view, found.variant, found.profile) == (50.0, 200.0, "hard", None)
+    section.write_text(section.read_text().replace("reach", "raech"))
+    with pytest.raises(CardError, match=r"section\.toml, \[detector\]: unknown key 'raech': did you mean 'reach'"):
+        card.with_detector(str(section))

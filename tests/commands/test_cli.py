@@ -119,6 +119,11 @@ WRONG_USAGE = {
     "no folder": ["score"],
     "two folders": ["score", "one", "two"],
     "cuts in words": ["compare", "stp", "--env", "MTP-KITTI-v0", "--cuts=low"],
+    "a page of another form": ["board", "-o", "RESULTS.md"],
+    "predictions of another form": ["export", "prediction", "run", "-o", "run.py"],
+    "nothing is run at intake": ["verify", "records", "--intake", "--rerun"],
+    "two places of submissions": ["verify", "a", "--rerun", "--submission", "a", "--submissions", "b"],
+    "more scenes than are checked": ["check", "stp", "--scenes", "10"],
     "nothing known to fit": ["train", "motion-nosie", "--env", "MTP-KITTI-v0"],
 }
 

@@ -8,8 +8,11 @@ from typing import Any
 
 import pytest
 
+from mtp_bench.errors import MtpBenchError
 from mtp_bench.running.folds import held_out
+from mtp_bench.running.options import RunOptions
 from mtp_bench.training import motion_noise
+from mtp_bench.training.predictors import Request
 from mtp_bench.types import Scene
 from tests.support.command_line import CommandLine, write_training
 from tests.support.small_scenes import CARD, write_card
@@ -59,6 +62,26 @@ def test_weights_of_other_scenes_have_a_file_of_their_own(
     monkeypatch.setattr("mtp_bench.training.predictors.learnable", None)
     error = cli("train", "predictor", "modes", "--env", card, "--data", root, *scenes).error
     assert error.startswith(("--split val: without -o the weights", "--files: without -o the weights"))
+
+
+@pytest.mark.parametrize(
+    ("network", "on"), [("modes", "truth"), ("affinity", "tracklets"), ("tracking_free", "tracklets")]
+)
+def test_networks_learn_from_the_pasts_that_their_baselines_take(
+    network: str, on: str, cli: CommandLine, root: str, card: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def learnable(request: Request, options: RunOptions) -> None:
+        asked.append(request.on)
+        raise MtpBenchError("enough")
+
+    monkeypatch.setattr("mtp_bench.training.predictors.learnable", learnable)
+    known = ("train", "predictor", network, "--env", card, "--data", root)
+    assert cli(*known).error == "enough"
+    assert asked == [on]
+    assert "unknown environment" in cli(*known, "--also", "MTP-Merg-v0").error
+    assert len(asked) == 1
 
 
 def test_scenes_that_are_too_short_are_one_clear_error(cli: CommandLine, root: str, tmp_path: Path) -> None:

@@ -126,7 +126,7 @@ def test_the_command_exports_what_can_be_read_back(
     )
     assert by_table["error"] == pytest.approx(by_result["error"], abs=1e-4)
     again = cli("export", "tracks", run, *known, "--table", "-o", tmp_path / "tables").error
-    assert again == f"{tmp_path / 'tables'} is there already, expected a new or an empty folder"
+    assert again == f"{tmp_path / 'tables'} is not empty: choose another folder"
     for more, what in (((), "KITTI's results"), (("--table",), "tables")):
         said = cli("export", "tracks", run, *known, *more, "-o", tmp_path / "t.json").error
         assert said == f"{tmp_path / 't.json'}: {CARD_ID} is written as {what}: name a folder, not a .json file"

@@ -71,7 +71,7 @@ def digests(folder: Path) -> dict[str, str]:
 def test_a_run_is_stored_and_scored(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
     run, file = tmp_path / "runs" / "stp", tmp_path / "a.json"
     said = cli.ok("run", "stp", "--env", card, "--data", kitti, "-o", run, "--jobs", 1)
-    assert said == f"3 scenes of {card} by stp in {run}; score with `mtp-bench score {run}`\n"
+    assert said == f"3 scenes of {card} by stp in {run}; score with `mtp-bench score {run} --data {kitti}`\n"
     assert sorted(path.name for path in run.iterdir()) == ["0001.npz", "0006.npz", "0008.npz", "run.json"]
     assert [path.name for path in run.parent.iterdir()] == ["stp"]
     printed = cli.ok("score", run, "--data", kitti, "--env", card, "--json", file)

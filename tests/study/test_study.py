@@ -34,6 +34,7 @@ from mtp_bench.study.runs import Bench, library_files, open_bench
 from mtp_bench.study.table import Table
 from mtp_bench.study.tables import make_tables
 from mtp_bench.study.tables.where import CauseRow
+from mtp_bench.study.write import require_study_folder
 from mtp_bench.submission import load_submission
 from tests.support.browser import CHROMIUM, DRIVER, MISSING, chromium
 from tests.support.command_line import CommandLine, write_submission
@@ -231,6 +232,20 @@ def test_one_run_has_one_name_in_every_table(tmp_path: Path, card: str, kitti: s
     folder = write_submission(tmp_path / "own", "own", "[compare]\nends = {}", body="return empty_action(self._task)")
     made = study([str(folder)], card, tmp_path / "study", RunOptions(kitti, scenes=1), quick=True)
     assert "own" in {row["agent"] for row in rows_of(made, "pasts")}
+
+
+@pytest.mark.parametrize("held", ["notes.txt", "index.html"])
+def test_a_study_overwrites_studies_alone(held: str, card: str, kitti: str, tmp_path: Path) -> None:
+    (tmp_path / held).write_text("mine")
+    with pytest.raises(MtpBenchError, match=f"holds '{held}', which is of no study: choose another folder with -o"):
+        study(["mtp"], card, tmp_path, RunOptions(kitti))
+    assert (tmp_path / held).read_text() == "mine"
+
+
+def test_a_study_that_was_stopped_while_it_wrote_goes_on(tmp_path: Path) -> None:
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "index.html").write_text("of the study before")
+    require_study_folder(tmp_path)
 
 
 def test_a_study_of_nobody_is_an_error(card: str) -> None:

@@ -81,6 +81,18 @@ def test_a_second_episode_has_its_own_place(card: str, kitti: str, recording: Pa
     assert {"world/det", "episode-2/world/det", "episode-2/world/hyp/00/box"} <= set(found)
 
 
+def test_an_episode_of_another_env_has_its_own_place_too(card: str, kitti: str, recording: Path) -> None:
+    for _ in range(2):
+        env = MTPEnv(card, data=kitti, render_mode="rerun", scenes=["0001"])
+        env.reset(seed=0)
+        env.step(full_action(env.task))
+        env.close()
+    stream = rr.get_global_data_recording()
+    assert stream is not None
+    stream.disconnect()
+    assert {"world/det", "episode-2/world/det"} <= set(read(recording))
+
+
 def test_a_viewer_of_its_own_gets_a_recording_per_episode(
     card: str, kitti: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

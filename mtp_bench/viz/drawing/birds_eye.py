@@ -34,7 +34,7 @@ def draw_frame(view: FrameView, seen_by: Camera) -> NDArray[np.uint8]:
     ink = ImageDraw.Draw(image)
     _write(canvas, ink, view)
     scale_bar(canvas, ink)
-    return np.asarray(panel(image, view, PANEL), dtype=np.uint8)
+    return np.array(panel(image, view, PANEL), dtype=np.uint8)  # a copy, which can be drawn on
 
 
 def draw_lanes(canvas: Canvas, lanes: tuple[Lane, ...]) -> None:

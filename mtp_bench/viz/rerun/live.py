@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 from gymnasium import logger
@@ -21,15 +22,17 @@ from .viewer import open_viewer
 class LiveRecording:
     """Logs into rerun's active recording where there is one (`rerun.init`), else into a viewer that it opens.
 
-    In the user's own recording the second and later episodes lie under ``episode-2/`` and so on; a viewer of our own
-    gets a recording per episode.
+    In the user's own recording the second and later episodes, of any env, lie under ``episode-2/`` and so on; a viewer
+    of our own gets a recording per episode.
     """
+
+    _episodes: ClassVar[dict[str, int]] = {}  # that each of the user's own recordings has, by its id
 
     def __init__(self) -> None:
         self._recording = rr.get_data_recording()
         self._address: str | None = None  # of a viewer of our own
         self._episode: LiveEpisode | None = None
-        self._count = 0
+        self._count = 0  # of the viewer of our own
         self._root = ""
         if self._recording is None:
             try:
@@ -52,15 +55,17 @@ class LiveRecording:
 
     def _begin(self, episode: LiveEpisode) -> None:
         self._episode = episode
-        self._count += 1
         if self._address is not None:
             self.close()
+            self._count += 1
             self._recording = rr.RecordingStream(APPLICATION, recording_id=None, send_properties=False)
             self._recording.connect_grpc(self._address)
             self._recording.send_recording_name(f"{episode.scene.name} ({self._count})")
             self._recording.send_blueprint(live_layout(episode.scene, episode.card))
         elif self._recording is not None:
-            self._root = f"episode-{self._count}/" if self._count > 1 else ""
+            recording = str(self._recording.get_recording_id())
+            number = self._episodes[recording] = self._episodes.get(recording, 0) + 1
+            self._root = f"episode-{number}/" if number > 1 else ""
             # the default: a layout that the user has sent or made stays
             layout = live_layout(episode.scene, episode.card, self._root)
             self._recording.send_blueprint(layout, make_active=False, make_default=True)
