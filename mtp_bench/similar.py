@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Iterable
 
-from .errors import closest
-
+_VEHICLES = "car van truck bus trailer construction_vehicle tram vehicle forklift tractor cart minibus box_truck"
 _ALIKE = (  # the first of a row that is known stands for the others
-    ("car", "van", "truck", "bus", "trailer", "construction_vehicle", "tram", "vehicle", "forklift", "tractor"),
-    ("bicycle", "cyclist", "motorcycle", "scooter", "rider"),
-    ("pedestrian", "person", "worker", "child"),
+    (*_VEHICLES.split(), "large_vehicle", "emergency_vehicle"),
+    (
+        "bicycle",
+        "cyclist",
+        "motorcycle",
+        "scooter",
+        "rider",
+        "bike",
+        "motorbike",
+        "tricycle",
+        "bicyclist",
+        "motorcyclist",
+    ),
+    ("pedestrian", "person", "worker", "child", "adult", "people"),
 )
 
 
@@ -21,8 +32,9 @@ def similar_class(name: str, known: Iterable[str]) -> str | None:
     names = tuple(known)
     if name in names:
         return name
-    kind = next((row for row in _ALIKE if name in row), ())
+    kind = next((row for row in _ALIKE if name.lower() in row), ())
     same = next((other for other in kind if other in names), None)
     if same is not None:
         return same
-    return None if not names or closest(name, names) else names[0]
+    misspelt = difflib.get_close_matches(name.lower(), [other.lower() for other in names], n=1, cutoff=0.7)
+    return None if not names or misspelt else names[0]

@@ -36,8 +36,10 @@ def study(
     from ..study import study as run_study
     from ..study.conduct import quick_options
     from ..study.story import summary
+    from ..study.write import require_study_folder
     from ..viz.terminal.output import show, show_lines
 
+    require_study_folder(output.absolute())
     options = on.options(workers, range(seeds))
     options = quick_options(options) if quick else options
     prepare(on.env, options, agent or ())

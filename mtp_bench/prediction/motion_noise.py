@@ -24,7 +24,7 @@ def condition(task: Task) -> str:
 
 
 def stored_noise(task: Task) -> NoiseTable:
-    """The noise table for the task's condition: its own fit, else the most similar one that knows its classes.
+    """The noise table for the task's condition: its own fit, else the most similar one of those that know most.
 
     The task's card names its domain, where objects move alike. Most similar: the same domain and another variant of the
     detector; the same domain and another detector; another domain. Among equals, and where a card names no domain, the
@@ -39,8 +39,8 @@ def most_similar(store: dict[str, dict[str, dict[str, Any]]], task: Task) -> lis
     similar = [name for name in store if _likeness(name, task) > 0]
     if not similar:
         raise UnknownNameError("motion noise", condition(task), store, "fit it with `mtp-bench train`")
-    knowing = [name for name in similar if all(class_name in store[name] for class_name in task.classes)]
-    best = max(knowing or similar, key=lambda name: _likeness(name, task))
+    known = {name: sum(class_name in store[name] for class_name in task.classes) for name in similar}
+    best = max(similar, key=lambda name: (known[name], _likeness(name, task)))
     found = []
     for class_name in task.classes:
         like = similar_class(class_name, store[best])

@@ -49,7 +49,8 @@ class Table:
     def refuse_degrees(self, column: str, rows: Bools | None = None) -> None:
         """Raise DataError for an angle of some turns, in all ``rows`` or in these: it is in degrees."""
         value = self.value[:, self.columns.index(column)]
-        bad = np.abs(value) > TURN if rows is None else rows & (np.abs(value) > TURN)
+        turned = np.isfinite(value) & (np.abs(value) > TURN)
+        bad = turned if rows is None else rows & turned
         self.refuse(bad, lambda at: f"{column} is {value[at]:g}, {RADIANS}")
 
     def whole(self, column: str) -> Ints:

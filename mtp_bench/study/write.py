@@ -17,17 +17,17 @@ from .runs import RUNS
 from .table import Table
 
 TABLES, FIGURES, EVENTS, PAGE = "tables", "figures", "events", "index.html"
+_MARK = ".study"  # in every folder that a study was written into
 
 
 def require_study_folder(folder: Path) -> None:
-    """Raise MtpBenchError unless ``folder`` is new, or holds nothing but a study: its files are written anew."""
+    """Raise MtpBenchError unless ``folder`` is new, holds runs alone or is a study's, whose files are written anew."""
     require_folder(folder)
-    names = sorted(path.name for path in folder.iterdir() if path.name[0] != ".") if folder.is_dir() else []
-    other = next((name for name in names if name not in (RUNS, TABLES, FIGURES, EVENTS, PAGE)), None)
-    if other is None and PAGE in names and not {RUNS, TABLES} & set(names):
-        other = PAGE
-    if other is not None:
-        raise MtpBenchError(f"{folder} holds {other!r}, which is of no study: choose another folder with -o")
+    if not folder.is_dir() or (folder / _MARK).is_file():
+        return
+    other = sorted(path.name for path in folder.iterdir() if path.name != RUNS and path.name[0] != ".")
+    if other:
+        raise MtpBenchError(f"{folder} holds {other[0]!r}, which is of no study: choose another folder with -o")
 
 
 class Written(NamedTuple):
@@ -39,6 +39,7 @@ class Written(NamedTuple):
 
 def write_study(folder: Path, found: Findings, tables: dict[str, Table], command: str, done: Done) -> Written:
     """Write everything. ``command``: that makes the study again. ``done`` is told what is written."""
+    (folder / _MARK).touch()
     for name in (TABLES, FIGURES, EVENTS):  # of an earlier study, which may have had others
         shutil.rmtree(folder / name, ignore_errors=True)
     make_folder(folder / TABLES)

@@ -141,6 +141,10 @@ def test_no_file_of_a_user_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         save_scene(scene, tmp_path, CLASSES, "csv")
     assert (folder / "notes.txt").read_text() == "mine"
     (folder / "notes.txt").unlink()
+    (tmp_path / "two").write_text("mine")
+    with pytest.raises(MtpBenchError, match="two is a file, which would be lost"):
+        save_scene(replace(scene, name="two"), tmp_path, CLASSES, "csv")
+    assert (tmp_path / "two").read_text() == "mine"
     monkeypatch.chdir(folder)
     with pytest.raises(MtpBenchError, match="is the folder that you work in"):
         save_scene(scene, tmp_path, CLASSES, "csv")
@@ -532,8 +536,8 @@ ARRAYS: dict[str, tuple[dict[str, NDArray[np.generic] | None], str]] = {
     "endless time": ({"time": np.array([0, 0.1, 0.2, 0.3, 0.4, np.inf])}, "time inf of frame 5, expected a number"),
     "deeply said": ({"said": np.array("[" * 100_000)}, "array 'said': expected JSON with some of truth_complete"),
     "image classes": (
-        {"image_classes": np.array(["car", "van"])},
-        "image_classes has no 'pedestrian', which MTP-Small-v0 has; found: car, van",
+        {"image_classes": np.array(["car", "pedestrain"])},
+        "image_classes has no 'pedestrian', which MTP-Small-v0 has; found: car, pedestrain",
     ),
 }  # fmt: skip
 
@@ -737,7 +741,7 @@ def test_two_clips_are_no_scene(tmp_path: Path, base: Card) -> None:
     ("last", "said"),
     [
         ("0,0,0,90", r"yaw of the ego in frame 2 is 90, expected radians"),
-        ("-9e4,0,0,0", r"x of the ego in frame 2 is "),
+        ("-9e4,0,0,0", r"x of the ego in frame 2 is 180000 m from that of frame 0, expected at most 100000 m"),
         ("0,0,1e6,0", r"z of the ego in frame 2 is "),
     ],
 )

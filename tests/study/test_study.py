@@ -234,7 +234,7 @@ def test_one_run_has_one_name_in_every_table(tmp_path: Path, card: str, kitti: s
     assert "own" in {row["agent"] for row in rows_of(made, "pasts")}
 
 
-@pytest.mark.parametrize("held", ["notes.txt", "index.html"])
+@pytest.mark.parametrize("held", ["notes.txt", "index.html", "tables"])
 def test_a_study_overwrites_studies_alone(held: str, card: str, kitti: str, tmp_path: Path) -> None:
     (tmp_path / held).write_text("mine")
     with pytest.raises(MtpBenchError, match=f"holds '{held}', which is of no study: choose another folder with -o"):
@@ -244,6 +244,8 @@ def test_a_study_overwrites_studies_alone(held: str, card: str, kitti: str, tmp_
 
 def test_a_study_that_was_stopped_while_it_wrote_goes_on(tmp_path: Path) -> None:
     (tmp_path / "runs").mkdir()
+    require_study_folder(tmp_path)  # nothing is written yet
+    (tmp_path / ".study").touch()
     (tmp_path / "index.html").write_text("of the study before")
     require_study_folder(tmp_path)
 

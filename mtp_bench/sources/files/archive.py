@@ -46,7 +46,7 @@ def arrays_of(scene: Scene, classes: Sequence[str]) -> Arrays:
         "ego": scene.ego,
         "truth_frame": truth.frame_of_rows,
         "truth_box": truth.box,
-        "truth_class": names[truth.class_id],
+        "truth_class": names[np.asarray(truth.class_id, dtype=np.int64)],
         "truth_velocity": truth.velocity,
         "truth_id": truth.object_id,
         "truth_eligible": truth.eligible,
@@ -57,7 +57,7 @@ def arrays_of(scene: Scene, classes: Sequence[str]) -> Arrays:
         arrays |= {
             "detections_frame": seen.frame_of_rows,
             "detections_box": seen.box,
-            "detections_class": names[seen.class_id],
+            "detections_class": names[np.asarray(seen.class_id, dtype=np.int64)],
             "detections_velocity": seen.velocity,
             "detections_score": seen.score,
         }
@@ -73,7 +73,7 @@ def arrays_of(scene: Scene, classes: Sequence[str]) -> Arrays:
 def _require_rows(what: str, rows: Truth | Detections, frames: int, classes: int) -> None:
     start, class_id = np.asarray(rows.start), np.asarray(rows.class_id)
     for name, value in (("start", start), ("class_id", class_id)):
-        if value.dtype.kind not in "iu" or value.ndim != 1:
+        if value.ndim != 1 or (len(value) and value.dtype.kind not in "iu"):
             raise DataError(f"{what}.{name} is {value.dtype} {list(value.shape)}, expected a row of whole numbers")
     if len(start) != frames + 1 or start[0] != 0 or start[-1] != len(rows.box) or (np.diff(start) < 0).any():
         raise DataError(f"{what}.start does not divide the {len(rows.box)} rows into {frames} frames")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ...cards import Card, FilesSource, instead_of_stored
 from ...errors import DataError, closest
+from ...similar import similar_class
 from ...types import ID_LIMIT, Bools, Detections, Floats, ImageField, Ints, Scene, Truth, starts_of_sorted
 from ..base import class_ids, no_detections, section_of
 from ..motion import backward_velocity
@@ -88,14 +89,16 @@ def scene_of(content: Content, card: Card) -> Scene:
 
 
 def _image(image: ImageField, content: Content, card: Card) -> ImageField:
-    """The image, with the box sizes of the classes of ``card``."""
-    known = content.image_classes
+    """The image, with the box sizes of the classes of ``card``; those of a similar one where it does not know it."""
+    known, rows = content.image_classes, []
     for name in card.task.classes:
-        if name not in known:
+        like = similar_class(name, known)
+        if like is None:
             raise DataError(
                 f"{content.where}: image_classes has no {name!r}, which {card.id} has; found: {', '.join(known)}"
             )
-    return replace(image, box_size=image.box_size[[known.index(name) for name in card.task.classes]])
+        rows.append(known.index(like))
+    return replace(image, box_size=image.box_size[rows])
 
 
 def _with_detections(scene: Scene, content: Content, card: Card, skipped: dict[str, int]) -> Scene:
@@ -234,11 +237,18 @@ def _check_time(content: Content, card: Card) -> None:
     if not (np.abs(content.ego) <= LIMIT).all():
         raise DataError(f"{content.where}: the ego has a place that is not finite")
     place, yaw = content.ego[:, :3], content.ego[:, 3]
-    far = (np.abs(place) > FAR) | (np.abs(place - place[0]) > FAR)  # agents see places from the first one on
+    far = np.abs(place) > FAR
     if far.any():
         at, axis = (int(index) for index in np.argwhere(far)[0])
         got = _too_far(content.ego[at, axis])
         raise DataError(f"{content.where}: {'xyz'[axis]} of the ego in frame {at} is {got}")
+    moved = np.abs(place - place[0])  # agents see places from the first one on
+    if (moved > FAR).any():
+        at, axis = (int(index) for index in np.argwhere(moved > FAR)[0])
+        raise DataError(
+            f"{content.where}: {'xyz'[axis]} of the ego in frame {at} is {moved[at, axis]:g} m from that of frame 0, "
+            f"expected at most {FAR:g} m; make several scenes of it"
+        )
     if (np.abs(yaw) > TURN).any():
         at = int(np.argmax(np.abs(yaw) > TURN))
         raise DataError(f"{content.where}: yaw of the ego in frame {at} is {yaw[at]:g}, {RADIANS}")

@@ -97,7 +97,9 @@ def _require_tables_alone(folder: Path) -> None:
     """Raise MtpBenchError unless ``folder`` is new, or holds tables of a scene and nothing else: it is replaced."""
     if why := why_not_replaced(folder):
         raise MtpBenchError(why)
-    tables = {f"{table}.{form}" for table in TABLES for form in FORMS}
+    if folder.exists() and not folder.is_dir():
+        raise MtpBenchError(f"{folder} is a file, which would be lost: choose another folder, or move it away")
+    tables = {".DS_Store", *(f"{table}.{form}" for table in TABLES for form in FORMS)}
     other = sorted(path.name for path in folder.iterdir() if path.name not in tables) if folder.is_dir() else []
     if other:
         raise MtpBenchError(f"{folder} holds {other[0]!r}, which would be lost: choose another folder, or move it away")
