@@ -44,6 +44,9 @@ class RunningAgain:
     commitment: Annotated[
         Path | None, typer.Option(help="What the secret was promised with. Default: the file beside it.")
     ] = None
+    stated_limits: Annotated[
+        bool, typer.Option("--stated-limits", help="Under limits and seeds that records of the open division state.")
+    ] = False
 
 
 @dataclass(frozen=True)
@@ -91,6 +94,7 @@ def verify(
         ("--submissions", again.submissions, "--rerun", again.rerun),
         ("--hidden", again.hidden, "--rerun", again.rerun),
         ("--commitment", again.commitment, "--hidden", again.hidden),
+        ("--stated-limits", again.stated_limits or None, "--rerun", again.rerun),
         ("--sign", signing.sign, "--signer", signing.signer),
         ("--signer", signing.signer, "--sign", signing.sign),
         ("--owner", taking.owner, "--intake", taking.intake),
@@ -105,7 +109,7 @@ def verify(
         _intake(record, trust, taking.owner, json_file)
         return
     seals = _seals(again.hidden, again.commitment, trust)
-    asked = Round(again.rerun, seals, again.submissions, again.submission)
+    asked = Round(again.rerun, seals, again.submissions, again.submission, again.stated_limits)
     options = RunOptions(root, track_file=absolute(tracks), workers=WorkerChoice(jobs).workers())
     _check_all(record, _Work(asked, trust, options, env, write, signing.sign, signing.signer or ""), json_file)
 
@@ -180,7 +184,7 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Line:
         known = {"record": str(path), "digest": record.digest, "level": done.level, "hidden_error": error}
         return _Line(path, {**known, "holds": True})
     with working(f"verify {record.submission.name} on {record.env.id}", work.options) as watched:
-        again = (asked.folder(record), asked.rerun, asked.sealed(record), ends)
+        again = (asked.folder(record), asked.rerun, asked.sealed(record), ends, asked.stated_limits)
         checked = check_record(path, watched, work.env, *again)
     if checked.differences:
         show_numbers(_difference_table(checked))

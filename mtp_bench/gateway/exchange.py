@@ -202,7 +202,7 @@ def _finite(action: Mapping[str, NDArray[Any]]) -> bool:
     samples whose log-weight says that they are absent; -inf is such a log-weight, NaN and +inf are none.
     """
     weight, forecast = _claimed(action, "forecast_log_weight", "object"), _claimed(action, "forecast", "object")
-    if len(weight) == len(forecast):  # else a field is missing: every sample counts
+    if forecast.ndim > 1 and weight.shape == forecast.shape[:2]:  # else a field is missing: every sample counts
         forecast = forecast[weight >= ABSENT_BELOW]
     numbers = (_claimed(action, "track_box", "track"), _claimed(action, "object_box", "object"), forecast)
     weights = (weight, action.get("hypothesis_log_weight", _NOTHING))

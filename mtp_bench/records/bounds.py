@@ -11,7 +11,7 @@ from .record import MOST_TEXT
 
 MOST_BYTES = 8 << 20  # of a file
 MOST_DETAILS = 1 << 20  # bytes of the section ``details``
-MOST_UNITS = 10_000  # of a record: blocks of 20 s
+MOST_UNITS = 2_000  # of a record: blocks of 20 s
 _DEEPEST = 32
 _LARGEST = 1 << 53  # whole numbers beyond are not the same in every reader of JSON
 _LINES = "\n\t"  # the only control characters

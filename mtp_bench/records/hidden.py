@@ -16,7 +16,7 @@ from ..scoring.subsets import SUBSETS
 from ..sources import discard, keep_private, open_source
 from .attestation import HiddenPart
 from .record import Record
-from .rerun import run_again, why_not_isolated
+from .rerun import require_whole, run_again, why_not_isolated
 from .running import Plan, evaluate_plan, isolation
 from .seal import Sealed
 
@@ -45,6 +45,7 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed, limits: Limits, ends:
     why = why_not_isolated(record, [isolation(runs)])
     if why:
         raise RecordError(f"hidden scenes would not stay hidden: {why}; run it on Linux with user namespaces")
+    require_whole(runs, "of hidden scenes")
     reference = sealed.reference(hidden, names, options)
     found = evaluate_plan(there, runs, reference)
     return HiddenPart(

@@ -160,6 +160,8 @@ def _take(path: Path, name: Path, names: Mapping[str, str], trust: Trust, owner:
     if path.stat().st_size > MOST_BYTES:
         raise RecordError(f"{name}: has {path.stat().st_size} bytes, expected at most {MOST_BYTES >> 20} MiB")
     if name.name.endswith(LEVEL_SUFFIX):
+        if owner is not None:  # else an old one could come back, or the best of many
+            raise RecordError(f"{name}: levels are written by whoever checks records: leave it out of the proposal")
         _take_level(path, name, trust)
         return
     record = load_record(path)
@@ -185,8 +187,8 @@ def _take_level(path: Path, name: Path, trust: Trust) -> None:
     if signed is None:
         raise RecordError(f"{name.parent}/{why}")
     known = read_level(there, record, trust)[0]
-    if known is not None and _strength(signed) < _strength(known):
-        raise RecordError(f"{name}: {signed.level} of {signed.statement.date} is less than the level that is there")
+    if known is not None and _strength(signed) <= _strength(known):
+        raise RecordError(f"{name}: {signed.level} of {signed.statement.date} is no more than the level that is there")
 
 
 def _strength(signed: SignedLevel) -> tuple[int, str]:

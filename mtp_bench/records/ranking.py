@@ -103,7 +103,11 @@ def _of_env(records: Sequence[Record], levels: Mapping[str, SignedLevel], ships:
         if entrant.why is None:
             groups.setdefault((entrant.record.division, conditions(entrant.sums)), []).append(entrant)
     closed = [entrant for entrant in entrants if entrant.why is None and entrant.record.division == "closed"]
-    main = None if not closed else conditions(max(closed, key=_anchors).sums)
+    anchored = {conditions(entrant.sums) for entrant in closed if entrant.named == STP}
+    leading = [
+        entrant for entrant in closed if conditions(entrant.sums) in anchored
+    ] or closed  # a seal that STP is not on yet
+    main = None if not leading else conditions(max(leading, key=_anchors).sums)
     beside = [each for each in entrants if each.apart is None and main is not None and conditions(each.sums) == main]
     places = {entrant.record.digest: _nowhere(entrant.why or "") for entrant in entrants}
     for (division, condition), group in groups.items():
@@ -155,7 +159,7 @@ def _places(group: Sequence[_Entrant], beside: Sequence[_Entrant]) -> list[dict[
     for subset in SUBSETS:
         nobody = why_not_on(subset, sums[0].row_of(subset).effective_objects, sums[0].unit_weight(subset))
         why = [
-            nobody or (None if subset == "all" else guard(each.row.error, *limit))
+            nobody or (None if subset == "all" else _guarded(each.row.error, *limit))
             for each, limit in zip(sums, limits, strict=True)
         ]
         ranked = [i for i, reason in enumerate(why) if reason is None]
@@ -164,6 +168,11 @@ def _places(group: Sequence[_Entrant], beside: Sequence[_Entrant]) -> list[dict[
         for i, reason in enumerate(why):
             places[i][subset] = Place(rank.get(i), reason or "")
     return places
+
+
+def _guarded(error: float | None, stp: float | None, own: float | None) -> str | None:
+    """Why a record is not ranked on event subsets; where STP is not beside it nobody knows."""
+    return "no record of stp beside it" if stp is None else guard(error, stp, own)
 
 
 def _limits(entrant: _Entrant, beside: Sequence[_Entrant]) -> tuple[float | None, float | None]:

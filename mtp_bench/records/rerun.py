@@ -11,12 +11,17 @@ import secrets
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+from ..errors import RecordError
 from ..gateway import Limits, SceneRun
 from ..scoring import Reference
+from ..scoring.rank import why_not_on
+from ..scoring.rows import Row
 from .record import Difference, IsolationPart, Record
-from .running import Plan, evaluate_plan, run_seed
+from .running import Plan, evaluate_plan, run_seed, unanswered
 
-ALIKE = 0.1  # share of the error by which other draws may be worse; a baseline's seeds differ by 0.06 at most
+# Share of the error by which other draws may be worse, on all targets and on event subsets that rank. A baseline's seeds
+# differ by 0.06 at most, by 0.015 where event subsets rank.
+ALIKE = 0.1
 _NEGLIGIBLE = 1e-3  # m
 _FIRST, _SEEDS = 1 << 16, 1 << 31  # far from what anybody counts up to
 _chance = secrets.SystemRandom()
@@ -30,21 +35,39 @@ def run_again(plan: Plan, seeds: Sequence[int], limits: Limits) -> Runs:
     return {seed: found[seed] for seed in seeds}
 
 
-def error_when_moved(plan: Plan, reference: Reference, limits: Limits) -> float | None:
-    """Error of the submission of ``plan`` under one secret seed, metres; None without a target."""
+def rows_when_moved(plan: Plan, reference: Reference, limits: Limits) -> Sequence[Row]:
+    """What the submission of ``plan`` scores on each subset under one secret seed.
+
+    Raises RecordError where the agent did not live to the end of every scene: it knows the public seeds.
+    """
     seed = _FIRST + secrets.randbelow(_SEEDS - _FIRST)
-    return evaluate_plan(plan, {seed: _shuffled(plan, seed, limits)}, reference).rows[0].error
+    runs = {seed: _shuffled(plan, seed, limits)}
+    require_whole(runs, "under a secret motion")
+    return evaluate_plan(plan, runs, reference).rows
 
 
-def worse_when_moved(record: Record, error: float | None) -> Difference | None:
-    """What differs where ``error`` is worse than what the record is ranked by; None where they are alike.
+def require_whole(runs: Runs, where: str) -> None:
+    """Raise RecordError where the agent did not live to the end of every scene; no name is told, it tells a seed."""
+    lost = unanswered(runs)
+    if lost.crashed_scenes:
+        kinds = sorted({reason.partition(":")[0] for reason in lost.reasons.values()})
+        raise RecordError(f"{lost.crashed_scenes} runs {where} were cut short ({', '.join(kinds)}), expected none")
+
+
+def worse_when_moved(record: Record, rows: Sequence[Row]) -> Difference | None:
+    """What differs where an error is worse than what the record is ranked by; None where all are alike.
 
     The worst of its seeds would be no measure: a table for the others, and nothing for that one, would pass.
     """
-    ranked = record.row.error
-    if error is None or ranked is None or error <= ranked * (1 + ALIKE) + _NEGLIGIBLE:
-        return None
-    return Difference("error under another motion", ranked, error)
+    for row in rows:
+        ranked = record.row_of(row.subset)
+        if row.error is None or ranked.error is None:
+            continue
+        if row.subset != "all" and why_not_on(row.subset, ranked.effective_objects, record.unit_weight(row.subset)):
+            continue
+        if row.error > ranked.error * (1 + ALIKE) + _NEGLIGIBLE:
+            return Difference(f"error of {row.subset} under another motion", ranked.error, row.error)
+    return None
 
 
 def why_not_isolated(record: Record, held: Iterable[IsolationPart]) -> str:

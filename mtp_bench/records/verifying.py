@@ -17,16 +17,17 @@ from ..sources import open_source
 from ..submission.loader import load_submission
 from ..types import Rollout
 from .attestation import LEVELS, HiddenPart, Level, Statement, bound_to, read_level, write_level
+from .eligibility import SEEDS
 from .evaluation import Evaluation, evaluate
 from .hidden import run_hidden
 from .provenance import scorer_digest
 from .record import Difference, IsolationPart, LimitsPart, MeasuredPart, Record, unequal
-from .rerun import Runs, error_when_moved, run_again, why_not_isolated, worse_when_moved
+from .rerun import Runs, rows_when_moved, run_again, why_not_isolated, worse_when_moved
 from .running import Plan, hashes, isolation, latency, plan_run, rollouts_hash, rollouts_of, unanswered
 from .seal import Sealed, today
 from .storage import load_record, save_record
 from .stored import stored_rollouts
-from .submitting import judged, said_of
+from .submitting import declared_data, judged, said_of
 from .trust import Trust, trusted
 
 # The parts of a record that follow from rollouts, card and data.
@@ -61,6 +62,7 @@ def verify(
     rerun: bool = False,
     sealed: Sealed | None = None,
     ends: ExitStack | None = None,
+    stated_limits: bool = False,
 ) -> Verification:
     """Check a record by its stored rollouts: scored again they must give its numbers ("re-scored").
 
@@ -74,9 +76,11 @@ def verify(
         sealed: So too, and then on hidden scenes ("hidden").
         ends: Deletes the hidden scenes when it is closed, so that a round makes them once; None: they are deleted at
             the end of this check.
+        stated_limits: Run it again under the limits and seeds that a record of the open division states, graphics cards
+            included.
 
-    Raises RecordError where the record is missing, was changed or has no stored rollouts, DataError where data is
-    missing.
+    Raises RecordError where the record is missing, was changed or has no stored rollouts, or states limits or seeds of
+    its own that were not allowed; DataError where data is missing.
     """
     path = Path(path)
     record = load_record(path)
@@ -86,6 +90,7 @@ def verify(
     if stale:
         return Verification(path, record, "scored", stale, ())
     again = rerun or sealed is not None
+    limits = _limits(path, record, stated_limits) if again else Limits()
     plan = _plan(path, record, env_id, submission, options) if again else None
     stored = {} if again else stored_rollouts(path, record)
     reference = reference_for(card, [scene.scene for scene in record.per_scene], options)
@@ -93,7 +98,7 @@ def verify(
     if plan is None:
         return _scored_again(path, record, card, stored, reference, options)
     with ExitStack() as own:
-        return _run_again(path, record, plan, reference, sealed, own if ends is None else ends)
+        return _run_again(path, record, plan, reference, sealed, own if ends is None else ends, limits)
 
 
 def attest(checked: Verification, key: Path, signer: str, trust: Trust | None = None) -> Path:
@@ -152,12 +157,18 @@ def _scored_again(
 
 
 def _run_again(
-    path: Path, record: Record, plan: Plan, reference: Reference, sealed: Sealed | None, ends: ExitStack
+    path: Path,
+    record: Record,
+    plan: Plan,
+    reference: Reference,
+    sealed: Sealed | None,
+    ends: ExitStack,
+    limits: Limits,
 ) -> Verification:
     """The check by running the submission: as in the record, under a secret motion, and on hidden scenes."""
-    limits = Limits() if record.division == "closed" else Limits(**record.limits.model_dump())
     again = run_again(plan, record.seeds, limits)
     held = isolation(again)
+    _require_in_time(path, record, again)
     changed = tuple(_said_otherwise(record, plan, again, limits))
     if changed:
         return Verification(path, record, "scored", changed, (), held=held)
@@ -168,12 +179,34 @@ def _run_again(
     why = why_not_isolated(record, [held])
     if why:
         return replace(checked, notes=(*checked.notes, f"no more than re-scored: {why}"))
-    moved = worse_when_moved(record, error_when_moved(plan, reference, limits))
+    moved = worse_when_moved(record, rows_when_moved(plan, reference, limits))
     if moved is not None:
         return replace(checked, level="scored", differences=(moved,), updated=None)
     if sealed is None:
         return replace(checked, level="re-run")
     return replace(checked, level="hidden", hidden=run_hidden(plan, record, sealed, limits, ends))
+
+
+def _limits(path: Path, record: Record, stated: bool) -> Limits:
+    """What a submission may use in a run again; RecordError where it is more than ranks need and nobody allowed it."""
+    if record.division == "closed":
+        return Limits()
+    limits = Limits(**record.limits.model_dump())
+    if not stated and (limits != Limits() or record.seeds != list(SEEDS)):
+        raise RecordError(
+            f"{path}: states limits or seeds of its own (graphics cards, memory, time): read them in the record, then "
+            "say --stated-limits to run it under these"
+        )
+    return limits
+
+
+def _require_in_time(path: Path, record: Record, again: Runs) -> None:
+    """Raise RecordError where answers were late, here or when the record was made: no other run repeats that."""
+    here = unanswered(again).late
+    if here:
+        raise RecordError(f"{path}: {here} answers came late on this machine, so nothing is shown: use fewer --jobs")
+    if record.missed.late:
+        raise RecordError(f"{path}: has {record.missed.late} late answers, which no other run repeats: make it again")
 
 
 def _said_otherwise(record: Record, plan: Plan, again: Runs, limits: Limits) -> Iterator[Difference]:
@@ -183,7 +216,12 @@ def _said_otherwise(record: Record, plan: Plan, again: Runs, limits: Limits) -> 
     yield from unequal("env.observe", record.env.observe, plan.submission.compare.observe)
     yield from unequal("env.keywords", record.env.keywords, plan.stated_keywords)
     yield from unequal("limits", record.limits.model_dump(), LimitsPart(**asdict(limits)).model_dump())
-    lost = {"malformed", "crashed_scenes"}  # on any machine; late answers are a matter of the machine
+    declared = declared_data(plan.submission, record.env.id)  # `submit --training-data` adds to it
+    if not set(declared) <= set(record.training_data):
+        yield Difference("training_data", record.training_data, declared)
+    if plan.setting.hypotheses is not None:
+        yield from unequal("hypotheses", record.hypotheses, plan.setting.hypotheses)
+    lost = {"malformed", "crashed_scenes"}
     missed = (part.model_dump(include=lost) for part in (record.missed, unanswered(again)))
     yield from unequal("missed", *missed)
 

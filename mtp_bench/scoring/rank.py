@@ -14,6 +14,7 @@ from .statistics import ROUNDING, beyond_rounding, effective_number, sign_flip_t
 
 NOT_CAUSAL = "not causal: stored tracks, which may have seen the future"
 ALONE = "one agent alone is not ranked"
+_DIGITS = 1e-9  # share of a weight or a number of objects by which the digits in a record may differ from it
 
 
 @dataclass(frozen=True)
@@ -48,12 +49,12 @@ def why_not_on(subset: str, objects: float, unit_weight: ArrayLike) -> str | Non
     weight = np.asarray(unit_weight, dtype=np.float64)
     if subset != "all" and subset not in RANKED_SUBSETS:
         return "shown only"
-    if objects < RANKED_OBJECTS * (1.0 - ROUNDING):
+    if objects < RANKED_OBJECTS * (1.0 - _DIGITS):
         return f"{objects:.1f} objects, fewer than {RANKED_OBJECTS}"
     units = effective_number(weight)
-    if units < RANKED_UNITS * (1.0 - ROUNDING):
+    if units < RANKED_UNITS * (1.0 - _DIGITS):
         return f"too few recordings to rank: {units:.1f} effective units, fewer than {RANKED_UNITS}"
-    if subset != "all" and weight.max() > LARGEST_SHARE * weight.sum():
+    if subset != "all" and weight.max() > LARGEST_SHARE * weight.sum() * (1.0 + _DIGITS):
         return f"one unit has more than {LARGEST_SHARE:.0%} of the weight"
     return None
 

@@ -167,7 +167,7 @@ def _signs(units: int) -> NDArray[np.int8]:
     return np.random.default_rng(_SEED).choice([-1.0, 1.0], size=(FLIPS, units)).astype(np.int8)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=8)  # they are large
 def _resamples(units: int) -> Array:
     """How often each unit occurs in each resample [RESAMPLES, U]."""
     rng = np.random.default_rng([_SEED, units])

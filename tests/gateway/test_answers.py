@@ -171,6 +171,12 @@ UNUSED = {
 }
 
 
+def test_a_frame_without_objects_needs_no_forecasts(court: Court) -> None:
+    nothing = "action['object_valid'] = np.zeros(rules.objects, dtype=bool); del action['forecast']"
+    run = court.run(replaced(nothing))
+    assert (run.status, run.malformed) == ("finished", 0)
+
+
 @pytest.mark.parametrize("what", UNUSED.values(), ids=UNUSED)
 def test_what_an_answer_does_not_use_may_be_anything(court: Court, what: str) -> None:
     run = court.run(replaced(what))

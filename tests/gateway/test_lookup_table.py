@@ -91,5 +91,5 @@ def test_a_table_made_for_the_public_motions_does_not_survive_a_secret_one(court
     checked = verify(path, options, court.card, submission=folder, rerun=True)
     assert checked.level == "scored"
     (difference,) = checked.differences
-    assert difference.what == "error under another motion"
+    assert difference.what == "error of all under another motion"
     assert difference.found == pytest.approx(2.0)  # it says nothing

@@ -6,16 +6,18 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
 from mtp_bench.errors import MtpBenchError, RecordError
+from mtp_bench.gateway import SceneRun
 from mtp_bench.records import load_record, read_history, record_paths, save_record, standings, why_unranked
 from mtp_bench.records.evaluation import status_of
 from mtp_bench.records.provenance import hardware
 from mtp_bench.records.record import Record, ScenePart
-from mtp_bench.records.rerun import worse_when_moved
+from mtp_bench.records.rerun import require_whole, worse_when_moved
 from mtp_bench.scoring.subsets import Subset
 from mtp_bench.sources.digest import scene_digest
 from tests.support.command_line import CommandLine
@@ -118,7 +120,7 @@ def test_a_record_of_too_many_units_is_refused_before_anything_is_drawn_of_them(
     part["weight"], part["error"] = (dict.fromkeys(part[name], [1.0] * 20_000) for name in ("weight", "error"))
     record = write_record(1.0)
     save_record(record.model_copy(update={"per_scene": [ScenePart.model_validate(part)]}), tmp_path / "a.json")
-    with pytest.raises(RecordError, match="there are sums of 20000 units, expected at most 10000"):
+    with pytest.raises(RecordError, match="there are sums of 20000 units, expected at most 2000"):
         load_record(tmp_path / "a.json")
 
 
@@ -192,10 +194,15 @@ def test_four_recordings_rank_nobody() -> None:
     assert all(standing.compared for standing in standings(two, ships=ships_of(*two)).values())
 
 
-def on_ids(record: Record) -> Record:
-    """The record with as much weight on ids as on all targets."""
+def on_events(record: Record) -> Record:
+    """The record with as much weight on ids and reacquired as on all targets."""
     scenes = [
-        part.model_copy(update={n: {**getattr(part, n), "ids": getattr(part, n)["all"]} for n in ("weight", "error")})
+        part.model_copy(
+            update={
+                n: {**getattr(part, n), **dict.fromkeys(("ids", "reacquired"), getattr(part, n)["all"])}
+                for n in ("weight", "error")
+            }
+        )
         for part in record.per_scene
     ]
     rows = [row.model_copy(update={"effective_objects": 40.0}) for row in record.rows]
@@ -204,12 +211,12 @@ def on_ids(record: Record) -> Record:
 
 def test_who_is_worse_than_stp_over_all_targets_is_not_ranked_on_events() -> None:
     stp, good, poor = (
-        on_ids(write_record(*times(factor), name=name)) for factor, name in ((1.0, "stp"), (0.9, "a"), (1.1, "b"))
+        on_events(write_record(*times(factor), name=name)) for factor, name in ((1.0, "stp"), (0.9, "a"), (1.1, "b"))
     )
     assert ranks(stp, good, poor) == [2, 1, 3]
     assert ranks(stp, good, poor, subset="ids") == [2, 1, None]
     assert reasons(stp, good, poor, subset="ids")[2] == "over all targets its error is above that of stp"
-    assert ranks(good, poor, subset="ids") == [1, 2]  # nothing to compare with
+    assert reasons(good, poor, subset="ids") == ["no record of stp beside it"] * 2  # nothing to compare with
 
 
 def test_divisions_and_envs_are_ranked_apart() -> None:
@@ -253,7 +260,38 @@ def test_who_dies_in_a_scene_is_not_ranked() -> None:
 @pytest.mark.parametrize(("error", "worse"), [(1.0, False), (1.15, False), (1.17, True), (2.0, True), (None, False)])
 def test_a_submission_scores_alike_under_another_motion(error: float | None, worse: bool) -> None:
     record = write_record(1.05)
-    assert (worse_when_moved(record, error) is not None) is worse
+    moved = [row.model_copy(update={"error": error}) for row in record.rows if row.subset == "all"]
+    assert (worse_when_moved(record, moved) is not None) is worse
+
+
+@pytest.mark.parametrize(
+    ("subset", "factor", "worse"),
+    [("ids", 1.09, False), ("ids", 1.2, True), ("reacquired", 1.2, True), ("frag", 9.0, False)],
+)
+def test_so_it_does_on_event_subsets_that_rank(subset: str, factor: float, worse: bool) -> None:
+    record = on_events(write_record(*EIGHT))
+    rows = [row.model_copy(update={"error": 2.5}) for row in record.rows]
+    record = record.model_copy(update={"rows": rows})
+    moved = [row.model_copy(update={"error": 2.5 * (factor if row.subset == subset else 1.0)}) for row in rows]
+    found = worse_when_moved(record, moved)
+    assert (None if found is None else found.what) == (f"error of {subset} under another motion" if worse else None)
+
+
+def test_who_dies_where_nobody_could_know_is_told_without_a_name() -> None:
+    whole = {0: [scene_run("a"), scene_run("b")]}
+    require_whole(whole, "of hidden scenes")
+    with pytest.raises(
+        RecordError, match=r"^2 runs of hidden scenes were cut short \(crashed, rejected\), expected none$"
+    ):
+        require_whole(
+            {0: [scene_run("a", "crashed", "it fell in a"), scene_run("b", "rejected", "no")]}, "of hidden scenes"
+        )
+
+
+def scene_run(scene: str, status: str = "finished", reason: str = "") -> SceneRun:
+    """How a run ended."""
+    rollout = SimpleNamespace(scene=scene)
+    return cast("SceneRun", SimpleNamespace(rollout=rollout, status=status, reason=reason, late=0, malformed=0))
 
 
 def test_status_of_a_record() -> None:

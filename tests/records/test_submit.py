@@ -130,6 +130,41 @@ def test_running_again_checks_what_the_record_says_of_the_submission(
     assert [difference.what for difference in checked.differences] == ["submission.ends"]
 
 
+@pytest.mark.parametrize(
+    ("change", "differs"),
+    [
+        (lambda content: content.update(training_data=["KITTI"]), ["training_data"]),  # without what the manifest says
+        (lambda content: content.update(training_data=["more", "drives", "KITTI"]), []),
+    ],
+)
+def test_a_record_declares_all_training_data_of_its_submission(
+    change: Callable[[dict[str, Any]], None], differs: list[str], path: Path, submission: Path, card: str, kitti: str
+) -> None:
+    resign(path, change)
+    checked = verify(path, RunOptions(kitti), card, submission=submission, rerun=True)
+    assert [difference.what for difference in checked.differences] == differs
+
+
+def test_late_answers_cannot_be_repeated(path: Path, submission: Path, card: str, kitti: str) -> None:
+    resign(path, lambda content: content["missed"].update(late=1))
+    with pytest.raises(RecordError, match="has 1 late answers, which no other run repeats"):
+        verify(path, RunOptions(kitti), card, submission=submission, rerun=True)
+
+
+def test_limits_of_the_open_division_are_used_when_they_are_allowed(
+    path: Path, cli: CommandLine, submission: Path, card: str, kitti: str
+) -> None:
+    def open_with_much_memory(content: dict[str, Any]) -> None:
+        content["division"] = "open"
+        content["limits"]["memory"] = 1 << 36
+
+    resign(path, open_with_much_memory)
+    again = ("verify", path, "--env", card, "--data", kitti, "--jobs", 1, "--rerun", "--submission", submission)
+    assert "states limits or seeds of its own" in cli(*again).error
+    assert "holds, re-run" in cli.ok(*again, "--stated-limits")
+    assert cli("verify", path, "--stated-limits").status == 2
+
+
 def test_another_submission_is_not_run_in_its_place(path: Path, card: str, kitti: str) -> None:
     with pytest.raises(RecordError, match="name the right folder with --submission"):
         verify(path, RunOptions(kitti), card, submission="stp", rerun=True)

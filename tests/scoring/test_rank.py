@@ -85,6 +85,7 @@ SUBSETS = {
         "too few recordings to rank: 2.6 effective units, fewer than 6",
     ),
     "a unit of more than a quarter": ("ids", 99.0, [9, *[2] * 13], "one unit has more than 25% of the weight"),
+    "a quarter, up to rounding": ("ids", 99.0, [0.2, *[0.1] * 6], None),
     "on all targets it may": ("all", 99.0, [9, *[2] * 13], None),
     "as many as there must be, up to rounding": ("ids", 20 - 1e-14, [0.1] * 6, None),
     "nothing": ("ids", 0.0, np.zeros(3), "0.0 objects, fewer than 20"),
