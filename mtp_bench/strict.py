@@ -36,9 +36,9 @@ class Section(BaseModel):
 SectionT = TypeVar("SectionT", bound=Section)
 
 
-def read_toml(path: Path, error: type[MtpBenchError], most: int = MOST_TOML) -> dict[str, Any]:
-    """Content of a TOML file of at most ``most`` bytes; raises ``error`` where it cannot be read."""
-    text = read_bounded(path, most, error)
+def read_toml(path: Path, error: type[MtpBenchError]) -> dict[str, Any]:
+    """Content of a TOML file of at most `MOST_TOML` bytes; raises ``error`` where it cannot be read."""
+    text = read_bounded(path, MOST_TOML, error)
     try:
         content = tomllib.loads(text)
         _require_plain(content)

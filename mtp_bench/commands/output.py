@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ..scoring import Report
 
 STANDARD_OUTPUT = Path("-")  # of `--json`
+_FAILURES = 10  # that one line tells
 
 
 @contextmanager
@@ -160,10 +161,10 @@ def print_or_write(path: Path | None, text: str) -> None:
         write_text(path, text)
 
 
-def some_of(texts: Sequence[str], most: int = 10) -> str:
+def some_of(texts: Sequence[str]) -> str:
     """Several failures in one line: the first of them, and how many more there are."""
-    more = len(texts) - most
-    return "; ".join([*texts[:most], *([f"and {more} more"] if more > 0 else [])])
+    more = len(texts) - _FAILURES
+    return "; ".join([*texts[:_FAILURES], *([f"and {more} more"] if more > 0 else [])])
 
 
 def count(number: int, noun: str) -> str:

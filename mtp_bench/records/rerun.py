@@ -19,8 +19,8 @@ from ..scoring.rows import Row
 from .record import Difference, IsolationPart, Record
 from .running import Plan, evaluate_plan, run_seed, unanswered
 
-# Share of the error by which other draws may be worse, on all targets and on event subsets that rank. A baseline's seeds
-# differ by 0.06 at most, by 0.015 where event subsets rank.
+# Share of the error by which other draws may be worse, on all targets and on event subsets that rank. Seeds of a
+# baseline differ by 0.06 at most, by 0.015 where event subsets rank.
 ALIKE = 0.1
 _NEGLIGIBLE = 1e-3  # m
 _FIRST, _SEEDS = 1 << 16, 1 << 31  # far from what anybody counts up to

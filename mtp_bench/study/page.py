@@ -102,10 +102,6 @@ def _merged(table: Table) -> list[tuple[Column, tuple[Column, Column] | None]]:
     return merged
 
 
-def _is_number(row: Any, column: Column) -> bool:
-    return not isinstance(getattr(row, column.name), str)
-
-
 def _of_paper(column: Column) -> bool:
     return column.name.startswith("paper_")
 

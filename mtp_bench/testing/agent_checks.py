@@ -97,7 +97,7 @@ def _contract(suite: Suite) -> Iterator[Finding]:
         suite.played.append(play(agent, suite.env, scene, suite.seed))
         scores.append(score_of(suite.env))
     suite.score = mean_plain_error(scores)
-    found = [seen.finding("") for seen in suite.problems.values()]
+    found = [seen.finding() for seen in suite.problems.values()]
     yield from found
     if not any(finding.level == "error" for finding in found):
         answers = [answer for played in suite.played for answer in played.answers]

@@ -33,13 +33,13 @@ class Seen:
     rows: int = 0
     frames: int = 0
 
-    def finding(self, check: str) -> Finding:
+    def finding(self) -> Finding:
         """The problem with the place of its first row."""
         problem = self.problem
         rows = f", {self.rows} rows" if problem.kind and self.rows > 1 else ""
         got = f"{problem.field}: {problem.reason} in {self.frames} frame{'s' * (self.frames > 1)}{rows}"
         advice = f"the judge takes such {problem.kind} out: they count as missing" if problem.kind else problem.advice
-        return Finding(problem.level, check, got, problem.expected, self.where, advice)
+        return Finding(problem.level, "", got, problem.expected, self.where, advice)
 
 
 Problems = dict[tuple[str, str], Seen]  # by field and reason

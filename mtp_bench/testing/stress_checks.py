@@ -51,7 +51,7 @@ def extremes(suite: Suite) -> Iterator[Finding]:
     task = agent_task(suite.env, suite.seed)
     played = play_made_up(suite.agent(), task, extreme_frames(task))
     for seen in suite.news(played).values():
-        yield seen.finding("")
+        yield seen.finding()
 
 
 def unmoved(suite: Suite) -> Iterator[Finding]:

@@ -67,8 +67,8 @@ def weighted(loss: torch.Tensor, batch: Tensors) -> torch.Tensor:
     return (loss * batch["weight"]).sum() / batch["weight"].sum().clip(1e-9)
 
 
-def varied(batch: Tensors, generator: torch.Generator, deviation: float = TURN) -> Tensors:
-    """The batch with half of the windows mirrored, some pasts cut short, and the heading ``deviation`` rad off.
+def varied(batch: Tensors, generator: torch.Generator) -> Tensors:
+    """The batch with half of the windows mirrored, some pasts cut short, and the heading `TURN` rad off.
 
     Windows of the same frame, where the batch tells it, are mirrored together.
     """
@@ -78,7 +78,7 @@ def varied(batch: Tensors, generator: torch.Generator, deviation: float = TURN) 
     if "moment" in batch:
         lot = lot[torch.unique(batch["moment"].cpu(), return_inverse=True)[1]]
     mirror = torch.where(lot < 0.5, -1.0, 1.0)
-    angle = deviation * torch.randn(n, **made)
+    angle = TURN * torch.randn(n, **made)
     device = batch["position"].device
     turn = torch.stack([angle.cos(), -angle.sin(), angle.sin(), angle.cos()], -1).reshape(n, 2, 2)
     turn = (turn * torch.stack([torch.ones(n), mirror], -1)[:, None]).to(device)

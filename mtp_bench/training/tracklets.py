@@ -85,9 +85,11 @@ class Windows(TrackWindows):
 
     def dataset(self) -> Any:
         """A `torch.utils.data.Dataset`: each item is a dictionary of the tensors of a window, by these names."""
-        from .torch_dataset import WindowDataset
+        import torch
+        from torch.utils.data import StackDataset
 
-        return WindowDataset(self)
+        columns: dict[str, Any] = {name: torch.from_numpy(getattr(self, name)) for name in BY_WINDOW}
+        return StackDataset(**columns)
 
 
 AROUND = ("box", "velocity", "class_id", "score")  # columns of `Surroundings`

@@ -10,9 +10,9 @@ from ..plan import HEDGED, SAME_BUDGET
 from .style import SERIES
 
 
-def n_of(found: Findings, subset: Any = "all", seeds: int | None = None) -> str:
-    """Targets, objects, scenes and seeds of a subset; ``seeds``: where they are not those of what ranks."""
-    row = found.row(found.subject.single, subset)
+def n_of(found: Findings, seeds: int | None = None) -> str:
+    """Targets, objects, scenes and seeds in all; ``seeds``: where they are not those of what ranks."""
+    row = found.row(found.subject.single, "all")
     runs = row.seeds if seeds is None else seeds
     parts = ((row.targets, "target"), (row.objects, "object"), (row.scenes, "scene"), (runs, "seed"))
     return ", ".join(f"{count} {noun}{'' if count == 1 else 's'}" for count, noun in parts)

@@ -39,7 +39,7 @@ def is_drawn(path: Path) -> bool:
     return clip.is_file() and clip.stat().st_mtime_ns >= path.stat().st_mtime_ns
 
 
-def write_clip(path: Path, record: Record, data: str | None = None) -> Path | None:
+def write_clip(path: Path, record: Record) -> Path | None:
     """Write the clip of the record at ``path`` from its rollouts of the first seed; None without an event.
 
     Raises RecordError where the scenes are not simulated or the rollouts are of another submission, and what
@@ -47,7 +47,7 @@ def write_clip(path: Path, record: Record, data: str | None = None) -> Path | No
     """
     if not simulated(record.env.id):
         raise RecordError(f"{path}: scenes of {record.env.id} are recorded, and no picture of them may be published")
-    opened = open_run(rollouts_folder(path, record.seeds[0]), data)
+    opened = open_run(rollouts_folder(path, record.seeds[0]))
     if opened.run.info.submission_digest != record.submission.digest:
         raise RecordError(f"{opened.folder}: made with another submission than the record {path.name}")
     name = record.submission.name

@@ -8,7 +8,6 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import replace
-from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
@@ -22,16 +21,14 @@ NAMES = ("agent", "H", "K")  # headings of columns that name a row; the first co
 NAME_WIDTH = 16  # columns of the first column of a report's table; longer names are folded
 
 
-def new_table(
-    title: str, headings: Sequence[str], left: Collection[str] = (), whole: Collection[str] = (), caption: str = ""
-) -> Table:
+def new_table(title: str, headings: Sequence[str], left: Collection[str] = (), whole: Collection[str] = ()) -> Table:
     """An empty table with a column per one of ``headings``, aligned right but for those of ``left``.
 
-    Cells of the columns ``whole`` are never broken into lines. ``title`` and ``caption`` may hold markup.
+    Cells of the columns ``whole`` are never broken into lines. ``title`` may hold markup.
     """
     from rich.table import Table
 
-    table = Table(title=title, caption=caption or None, title_justify="left", caption_justify="left")
+    table = Table(title=title, title_justify="left")
     for heading in headings:
         justify: Literal["left", "right"] = "left" if heading in left else "right"
         table.add_column(heading, justify=justify, no_wrap=heading in whole, overflow="fold")
@@ -66,9 +63,9 @@ def short(value: float | None) -> str:
     return f"{value:.{3 if abs(value) < 9.9995 else 2 if abs(value) < 99.995 else 1 if abs(value) < 999.95 else 0}f}"
 
 
-def number(value: float | None, digits: int = 3, absent: str = NOTHING) -> str:
-    """A number with ``digits`` digits after the point; ``absent`` where there is none."""
-    return absent if value is None else f"{value:.{digits}f}"
+def number(value: float | None, digits: int = 3) -> str:
+    """A number with ``digits`` digits after the point; a dash where there is none."""
+    return NOTHING if value is None else f"{value:.{digits}f}"
 
 
 def counted(number: int | None, noun: str) -> str:
@@ -114,8 +111,8 @@ def by_columns(table: Table, console: Console) -> list[Table]:
             parts.append(list(range(names)))
         parts[-1].append(place)
     found = [_part(table, part) for part in parts]
-    for first, later in pairwise(found):
-        first.caption, later.title = None, None
+    for later in found[1:]:
+        later.title = None
     return found
 
 
