@@ -12,6 +12,7 @@ import typer
 
 from .._bundle import baseline_names
 from ..errors import MtpBenchError, RecordError
+from ..parallel import QUIET, Progress
 from .options import JsonOption
 from .output import count, require_writable, write_json
 
@@ -55,7 +56,7 @@ def board(
     from ..records import read_history, trusted
     from ..records.packed import shipped_records
     from ..viz.board import board_files, board_json, board_notes, board_tables, parts_folder, require_parts, write_board
-    from ..viz.terminal.output import show, show_lines, show_numbers
+    from ..viz.terminal.output import progress_bar, show, show_lines, show_numbers
 
     require_writable(json_file, output)
     if output is not None:
@@ -65,7 +66,8 @@ def board(
     folder = records or shipped_records()
     if clips:
         _draw_clips(folder, env)
-    found = read_board(records, further or (), env, output, trusted(base))
+    with progress_bar("records") as (started, done):
+        found = read_board(records, further or (), env, output, trusted(base), Progress(started, done))
     entries = found.entries
     history = [old for old in read_history(folder.parent / "history") if env in (None, old.env)]
     told = _fill(pages, found, folder.parent, whole=not (env or further)) if pages else []
@@ -91,7 +93,12 @@ def board(
 
 
 def read_board(
-    folder: Path | None, further: Sequence[Path], env_id: str | None, page: Path | None, trust: Trust
+    folder: Path | None,
+    further: Sequence[Path],
+    env_id: str | None,
+    page: Path | None,
+    trust: Trust,
+    progress: Progress = QUIET,
 ) -> Board:
     """Entries in the order of the leaderboard; those of ``further`` that are not in the folder are marked as added.
 
@@ -111,7 +118,9 @@ def read_board(
     folder = folder or shipped_records()
     start = _Start(page, trust, folder.absolute().parent.parent / "baselines")
     refused: list[str] = []
-    found = {each.record.digest: each for each in _sound(record_paths(folder), start, refused)}
+    paths = record_paths(folder)
+    progress.started(len(paths))
+    found = {each.record.digest: each for each in _sound(paths, start, refused, progress)}
     for path in further:
         each = _read(path, start, added=True)
         if each.record.digest not in found:
@@ -164,13 +173,14 @@ class _Start:
     baselines: Path  # beside the leaderboard
 
 
-def _sound(paths: Sequence[Path], start: _Start, refused: list[str]) -> Iterator[Found]:
+def _sound(paths: Sequence[Path], start: _Start, refused: list[str], progress: Progress) -> Iterator[Found]:
     """The records that can be read; why not, of the others, goes to ``refused``."""
     for path in paths:
         try:
             yield _read(path, start, added=False)
         except RecordError as error:
             refused.append(str(error))
+        progress.done(path.parent.name)
 
 
 def _read(path: Path, start: _Start, added: bool) -> Found:

@@ -23,6 +23,7 @@ LEAST_UNITS = 3  # of an interval
 EXACT_UNITS = 14  # all sign flips up to here
 FLIPS = 10_000  # random sign flips beyond
 ROUNDING = 1e-12  # share of a number by which another may differ and be equal to it
+_KEPT = 400  # units of which resamples are kept in memory: 64 times 6 MB
 _SEED = 20_250_101
 
 
@@ -167,9 +168,17 @@ def _signs(units: int) -> NDArray[np.int8]:
     return np.random.default_rng(_SEED).choice([-1.0, 1.0], size=(FLIPS, units)).astype(np.int8)
 
 
-@lru_cache(maxsize=8)  # they are large
 def _resamples(units: int) -> Array:
-    """How often each unit occurs in each resample [RESAMPLES, U]."""
+    """How often each unit occurs in each resample [RESAMPLES, U]; of few units they are kept."""
+    return _kept(units) if units <= _KEPT else _drawn(units)
+
+
+@lru_cache(maxsize=64)
+def _kept(units: int) -> Array:
+    return _drawn(units)
+
+
+def _drawn(units: int) -> Array:
     rng = np.random.default_rng([_SEED, units])
     counts = rng.multinomial(units, np.full(units, 1.0 / units), size=RESAMPLES)
     return counts.astype(np.float64)
