@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..cards import Card
 from ..parallel import Workers, parallel_map
@@ -79,7 +78,7 @@ def evaluate(
     )
     report, table = summarise([setting], card, reference), agent_table(setting, reference)
     return Evaluation(
-        rows=[row.model_copy(update=dict.fromkeys(_LEFT_OUT)) for row in report.rows],
+        rows=[_stored(row) for row in report.rows],
         silence=report.details[0].silence,
         details=report.details[0].model_dump(mode="json"),
         per_scene=per_scene_of(table),
@@ -141,6 +140,12 @@ def per_scene_of(table: AgentTable) -> list[ScenePart]:
     ]
 
 
-def _rounded(sums: NDArray[np.float64]) -> list[float]:
+def _stored(row: Row) -> Row:
+    """The row without what depends on others, and the same in every digit on other machines."""
+    interval = None if row.interval is None else tuple(_rounded(row.interval))  # from products of matrices
+    return row.model_copy(update={**dict.fromkeys(_LEFT_OUT), "interval": interval})
+
+
+def _rounded(sums: Iterable[float]) -> list[float]:
     """To 12 digits: a thousand times finer than what is compared, and a third shorter."""
     return [float(f"{value:.12g}") for value in sums]
