@@ -70,7 +70,7 @@ def board_files(
         "ids": ids,
         "history": [(old, address_of(link)) for old, link in history],
         "levels": LEVELS,
-        "most": max(1, min(MOST_ENTRIES, MOST_ROWS // max(len(boards), 1))),
+        "most": _most([len(board["lines"]) for board in boards]),
     }
     parts = {f"overview.{suffix}": text for suffix, text in overview_files(overview).items()}
     parts["preview.svg"] = _render("preview.svg", **preview_rows(entries))
@@ -82,6 +82,12 @@ def board_files(
         parts |= {f"tables/{env_id}.{suffix}": text for suffix, text in table_files(env_id, listed).items()}
         parts |= _scripts(board, known)
     return BoardFiles(_page(entries, known, address_of(guide)), parts)
+
+
+def _most(lines: Sequence[int]) -> int:
+    """How many lines of each table are shown before more are asked for, of tables of so many ``lines``."""
+    fitting = (most for most in range(1, MOST_ENTRIES + 1) if sum(min(count, most) for count in lines) <= MOST_ROWS)
+    return max(fitting, default=1)
 
 
 def _page(entries: Sequence[Entry], known: dict[str, Any], guide: str | None) -> str:

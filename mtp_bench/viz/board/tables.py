@@ -15,6 +15,7 @@ from .overview import Overview
 
 _FORMULA = ("=", "+", "-", "@", "'")  # how a text begins that a spreadsheet may run
 _PAIRS = ("interval", "difference_interval")
+_DIGITS = 12  # the last ones of an interval are those of the machine that multiplied the matrices
 
 
 def board_json(entries: Sequence[Entry]) -> dict[str, list[dict[str, Any]]]:
@@ -44,7 +45,7 @@ def row_of(entry: Entry) -> dict[str, Any]:
     """One entry, for other programs."""
     kept = ("division", "status", "digest")
     difference = entry.difference()
-    return {
+    row: dict[str, Any] = {
         "rank": entry.rank,
         "submission": entry.name,
         "not_ranked_because": entry.why or None,
@@ -58,6 +59,14 @@ def row_of(entry: Entry) -> dict[str, Any]:
         "checked": entry.checked or None,
         "made": entry.record.measured.made,
     }
+    return {name: _rounded(value) for name, value in row.items()}
+
+
+def _rounded(value: Any) -> Any:
+    """A number, or each of a list, to so many digits as are the same everywhere; anything else as it is."""
+    if isinstance(value, list):
+        return [_rounded(each) for each in value]
+    return float(f"{value:.{_DIGITS}g}") if isinstance(value, float) else value
 
 
 def to_json(content: Mapping[str, Any]) -> str:
