@@ -45,7 +45,8 @@ class RunningAgain:
         Path | None, typer.Option(help="What the secret was promised with. Default: the file beside it.")
     ] = None
     stated_limits: Annotated[
-        bool, typer.Option("--stated-limits", help="Under limits and seeds that records of the open division state.")
+        bool,
+        typer.Option("--stated-limits", help="Also under higher limits, which records of the open division may state."),
     ] = False
 
 

@@ -21,7 +21,7 @@ class Round:
     seals: Mapping[str, Sealed] = field(default_factory=dict)  # by env; with hidden scenes ranks simulated envs
     submissions: Path | None = None  # folder of submissions by their names
     submission: Path | None = None  # the one to run, whatever its name
-    stated_limits: bool = False  # run again under the limits and seeds that a record states
+    stated_limits: bool = False  # run again under the limits that a record states
 
     def sealed(self, record: Record) -> Sealed | None:
         """The hidden scenes that a record is run on; None: none."""

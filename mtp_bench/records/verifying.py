@@ -17,7 +17,6 @@ from ..sources import open_source
 from ..submission.loader import load_submission
 from ..types import Rollout
 from .attestation import LEVELS, HiddenPart, Level, Statement, bound_to, read_level, write_level
-from .eligibility import SEEDS
 from .evaluation import Evaluation, evaluate
 from .hidden import run_hidden
 from .provenance import scorer_digest
@@ -76,11 +75,11 @@ def verify(
         sealed: So too, and then on hidden scenes ("hidden").
         ends: Deletes the hidden scenes when it is closed, so that a round makes them once; None: they are deleted at
             the end of this check.
-        stated_limits: Run it again under the limits and seeds that a record of the open division states, graphics cards
-            included.
+        stated_limits: Run it again under the limits that a record of the open division states, also where they are
+            higher than those of records that rank; graphics cards are one.
 
-    Raises RecordError where the record is missing, was changed or has no stored rollouts, or states limits or seeds of
-    its own that were not allowed; DataError where data is missing.
+    Raises RecordError where the record is missing, was changed or has no stored rollouts, or states higher limits
+    that were not allowed; DataError where data is missing.
     """
     path = Path(path)
     record = load_record(path)
@@ -192,10 +191,11 @@ def _limits(path: Path, record: Record, stated: bool) -> Limits:
     if record.division == "closed":
         return Limits()
     limits = Limits(**record.limits.model_dump())
-    if not stated and (limits != Limits() or record.seeds != list(SEEDS)):
+    usual = asdict(Limits())
+    more = [f"{name} {value}" for name, value in asdict(limits).items() if value > usual[name]]
+    if more and not stated:
         raise RecordError(
-            f"{path}: states limits or seeds of its own (graphics cards, memory, time): read them in the record, then "
-            "say --stated-limits to run it under these"
+            f"{path}: wants more than records that rank ({', '.join(more)}): say --stated-limits to run it under these"
         )
     return limits
 

@@ -160,7 +160,7 @@ def test_limits_of_the_open_division_are_used_when_they_are_allowed(
 
     resign(path, open_with_much_memory)
     again = ("verify", path, "--env", card, "--data", kitti, "--jobs", 1, "--rerun", "--submission", submission)
-    assert "states limits or seeds of its own" in cli(*again).error
+    assert "wants more than records that rank (memory 68719476736)" in cli(*again).error
     assert "holds, re-run" in cli.ok(*again, "--stated-limits")
     assert cli("verify", path, "--stated-limits").status == 2
 
