@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -80,7 +80,7 @@ def evaluate(
     return Evaluation(
         rows=[_stored(row) for row in report.rows],
         silence=report.details[0].silence,
-        details=report.details[0].model_dump(mode="json"),
+        details=rounded(report.details[0].model_dump(mode="json")),
         per_scene=per_scene_of(table),
         reference=ReferencePart(
             name=reference.agent, hash=reference.digest, origin=reference.origin, frozen=reference.frozen
@@ -133,8 +133,8 @@ def per_scene_of(table: AgentTable) -> list[ScenePart]:
     return [
         ScenePart(
             scene=score.scene,
-            weight={name: _rounded(weight[name][i]) for name in SUBSETS},
-            error={name: _rounded(error[name][i]) for name in SUBSETS},
+            weight={name: rounded(weight[name][i].tolist()) for name in SUBSETS},
+            error={name: rounded(error[name][i].tolist()) for name in SUBSETS},
         )
         for i, score in enumerate(scores)
     ]
@@ -142,10 +142,17 @@ def per_scene_of(table: AgentTable) -> list[ScenePart]:
 
 def _stored(row: Row) -> Row:
     """The row without what depends on others, and the same in every digit on other machines."""
-    interval = None if row.interval is None else tuple(_rounded(row.interval))  # from products of matrices
-    return row.model_copy(update={**dict.fromkeys(_LEFT_OUT), "interval": interval})
+    kept = {name: rounded(value) for name, value in row.model_dump().items()}
+    return row.model_copy(update={**kept, **dict.fromkeys(_LEFT_OUT)})
 
 
-def _rounded(sums: Iterable[float]) -> list[float]:
-    """To 12 digits: a thousand times finer than what is compared, and a third shorter."""
-    return [float(f"{value:.12g}") for value in sums]
+def rounded(value: Any) -> Any:
+    """JSON with its numbers to 12 digits: a thousand times finer than what is compared.
+
+    The last digits of a product of matrices are those of the machine.
+    """
+    if isinstance(value, dict):
+        return {name: rounded(each) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return type(value)(map(rounded, value))
+    return float(f"{value:.12g}") if isinstance(value, float) else value

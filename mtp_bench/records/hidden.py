@@ -45,7 +45,7 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed, limits: Limits, ends:
     why = why_not_isolated(record, [isolation(runs)])
     if why:
         raise RecordError(f"hidden scenes would not stay hidden: {why}; run it on Linux with user namespaces")
-    require_whole(runs, "of hidden scenes")
+    require_whole(runs, plan.submission.name, "of hidden scenes")
     reference = sealed.reference(hidden, names, options)
     found = evaluate_plan(there, runs, reference)
     return HiddenPart(

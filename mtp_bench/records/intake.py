@@ -161,7 +161,9 @@ def _take(path: Path, name: Path, names: Mapping[str, str], trust: Trust, owner:
         raise RecordError(f"{name}: has {path.stat().st_size} bytes, expected at most {MOST_BYTES >> 20} MiB")
     if name.name.endswith(LEVEL_SUFFIX):
         if owner is not None:  # else an old one could come back, or the best of many
-            raise RecordError(f"{name}: levels are written by whoever checks records: leave it out of the proposal")
+            newer = (trust.folder / name).is_file()
+            what = "bring the proposal up to date with the main branch" if newer else "leave it out of the proposal"
+            raise RecordError(f"{name}: levels are written by whoever checks records: {what}")
         _take_level(path, name, trust)
         return
     record = load_record(path)

@@ -74,9 +74,9 @@ def standings(
         ships: What ships for an env, by its id.
 
     Only records of what ships, of one data, the same units and division are ranked against each other; on simulated
-    envs those of one seal. The main ranking of an env is that of its newest seal and of the record that was checked
-    best, STP's before others: never that of most records. A better record moves others down; apart from that, what a
-    record holds changes no group, guard or gap but its own.
+    envs those of one seal. The main ranking of an env is that of the newest seal that STP is on, and of the record
+    that was checked best, STP's before others: never that of most records. A better record moves others down; apart
+    from that, what a record holds changes no group, guard or gap but its own.
     """
     found: dict[str, Standing] = {}
     levels = levels or {}

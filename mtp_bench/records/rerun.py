@@ -42,16 +42,23 @@ def rows_when_moved(plan: Plan, reference: Reference, limits: Limits) -> Sequenc
     """
     seed = _FIRST + secrets.randbelow(_SEEDS - _FIRST)
     runs = {seed: _shuffled(plan, seed, limits)}
-    require_whole(runs, "under a secret motion")
+    require_whole(runs, plan.submission.name, "under a secret motion")
     return evaluate_plan(plan, runs, reference).rows
 
 
-def require_whole(runs: Runs, where: str) -> None:
-    """Raise RecordError where the agent did not live to the end of every scene; no name is told, it tells a seed."""
+def require_whole(runs: Runs, agent: str, where: str) -> None:
+    """Raise RecordError unless the agent lived to the end of every scene and answered in time.
+
+    No scene is named, that would tell its seed.
+    """
     lost = unanswered(runs)
     if lost.crashed_scenes:
         kinds = sorted({reason.partition(":")[0] for reason in lost.reasons.values()})
-        raise RecordError(f"{lost.crashed_scenes} runs {where} were cut short ({', '.join(kinds)}), expected none")
+        raise RecordError(
+            f"{agent}: runs {where} were cut short ({', '.join(kinds)}): {lost.crashed_scenes}, expected 0"
+        )
+    if lost.late:
+        raise RecordError(f"{agent}: answers {where} came late: {lost.late}, so nothing is shown: use fewer --jobs")
 
 
 def worse_when_moved(record: Record, rows: Sequence[Row]) -> Difference | None:

@@ -17,6 +17,7 @@ from ..sources import open_source
 from ..submission.loader import load_submission
 from ..types import Rollout
 from .attestation import LEVELS, HiddenPart, Level, Statement, bound_to, read_level, write_level
+from .eligibility import SEEDS
 from .evaluation import Evaluation, evaluate
 from .hidden import run_hidden
 from .provenance import scorer_digest
@@ -75,11 +76,11 @@ def verify(
         sealed: So too, and then on hidden scenes ("hidden").
         ends: Deletes the hidden scenes when it is closed, so that a round makes them once; None: they are deleted at
             the end of this check.
-        stated_limits: Run it again under the limits that a record of the open division states, also where they are
-            higher than those of records that rank; graphics cards are one.
+        stated_limits: Run it again with all seeds and under the limits that it states, also where these are more than
+            those of records that rank; graphics cards are one.
 
-    Raises RecordError where the record is missing, was changed or has no stored rollouts, or states higher limits
-    that were not allowed; DataError where data is missing.
+    Raises RecordError where the record is missing, was changed or has no stored rollouts, or states more
+    than was allowed; DataError where data is missing.
     """
     path = Path(path)
     record = load_record(path)
@@ -167,7 +168,9 @@ def _run_again(
     """The check by running the submission: as in the record, under a secret motion, and on hidden scenes."""
     again = run_again(plan, record.seeds, limits)
     held = isolation(again)
-    _require_in_time(path, record, again)
+    late = unanswered(again).late
+    if late and plan.options.workers.count > 1:
+        raise RecordError(f"{path}: {late} of its answers came late here, so nothing is shown: check it with --jobs 1")
     changed = tuple(_said_otherwise(record, plan, again, limits))
     if changed:
         return Verification(path, record, "scored", changed, (), held=held)
@@ -187,7 +190,16 @@ def _run_again(
 
 
 def _limits(path: Path, record: Record, stated: bool) -> Limits:
-    """What a submission may use in a run again; RecordError where it is more than ranks need and nobody allowed it."""
+    """What a submission may use in a run again.
+
+    RecordError where that is more than ranks need and nobody allowed it, and where no run can show anything.
+    """
+    if record.missed.late:
+        raise RecordError(f"{path}: answers came late when it was made, which no other run repeats: make it again")
+    if len(record.seeds) > len(SEEDS) and not stated:
+        raise RecordError(
+            f"{path}: has {len(record.seeds)} seeds, ranks need {len(SEEDS)}: say --stated-limits to run all of them"
+        )
     if record.division == "closed":
         return Limits()
     limits = Limits(**record.limits.model_dump())
@@ -198,15 +210,6 @@ def _limits(path: Path, record: Record, stated: bool) -> Limits:
             f"{path}: wants more than records that rank ({', '.join(more)}): say --stated-limits to run it under these"
         )
     return limits
-
-
-def _require_in_time(path: Path, record: Record, again: Runs) -> None:
-    """Raise RecordError where answers were late, here or when the record was made: no other run repeats that."""
-    here = unanswered(again).late
-    if here:
-        raise RecordError(f"{path}: {here} answers came late on this machine, so nothing is shown: use fewer --jobs")
-    if record.missed.late:
-        raise RecordError(f"{path}: has {record.missed.late} late answers, which no other run repeats: make it again")
 
 
 def _said_otherwise(record: Record, plan: Plan, again: Runs, limits: Limits) -> Iterator[Difference]:
@@ -221,7 +224,7 @@ def _said_otherwise(record: Record, plan: Plan, again: Runs, limits: Limits) -> 
         yield Difference("training_data", record.training_data, declared)
     if plan.setting.hypotheses is not None:
         yield from unequal("hypotheses", record.hypotheses, plan.setting.hypotheses)
-    lost = {"malformed", "crashed_scenes"}
+    lost = {"late", "malformed", "crashed_scenes"}
     missed = (part.model_dump(include=lost) for part in (record.missed, unanswered(again)))
     yield from unequal("missed", *missed)
 

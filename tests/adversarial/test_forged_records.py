@@ -243,6 +243,16 @@ def test_fewer_than_fifty_hidden_scenes_rank_nobody_and_another_seal_ranks_apart
     assert found[one.digest].places["all"].why == "other data, scenes or hidden scenes than the ranked ones"
 
 
+def test_a_seal_that_stp_is_not_on_yet_leads_no_ranking() -> None:
+    stp, newcomer = write_record(*[2.0] * 8, name="stp"), write_record(*[1.0] * 8, name="newcomer")
+    old = signed_level(stp, "hidden", hidden_part(*[2.0] * 50, seal="old"), made="2029-01-01", retired="2029-06-01")
+    new = signed_level(newcomer, "hidden", hidden_part(*[1.0] * 50), made="2030-01-01")
+    ships = ships_of(stp, simulated=True)
+    found = standings([stp, newcomer], {stp.digest: old, newcomer.digest: new}, ships)
+    assert found[stp.digest].places["all"].rank == 1
+    assert found[newcomer.digest].places["all"].why == "other data, scenes or hidden scenes than the ranked ones"
+
+
 HOUR = asdict(replace(Limits(), frame=3600.0))
 NOT_RANKED: dict[str, tuple[Content, str]] = {
     "seeds of one's own": ({"seeds": [3, 4, 5]}, "seeds 3, 4, 5, ranks need 0, 1, 2"),
@@ -734,7 +744,7 @@ def test_an_earlier_level_does_not_take_the_place_of_a_better_one(
     assert said in taken(cli, proposal, leaderboard, owner=None)
     sign(path, record, key, "re-run", date="2030-01-02")
     assert taken(cli, proposal, leaderboard, owner=None) == ""
-    assert "leave it out of the proposal" in taken(cli, proposal, leaderboard)
+    assert "bring the proposal up to date with the main branch" in taken(cli, proposal, leaderboard)
 
 
 def test_a_level_goes_with_the_record_that_it_was_of(

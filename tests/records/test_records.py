@@ -279,19 +279,20 @@ def test_so_it_does_on_event_subsets_that_rank(subset: str, factor: float, worse
 
 def test_who_dies_where_nobody_could_know_is_told_without_a_name() -> None:
     whole = {0: [scene_run("a"), scene_run("b")]}
-    require_whole(whole, "of hidden scenes")
+    require_whole(whole, "a", "of hidden scenes")
+    cut = {0: [scene_run("x1", "crashed", "it fell in x1"), scene_run("x2", "rejected", "no")]}
     with pytest.raises(
-        RecordError, match=r"^2 runs of hidden scenes were cut short \(crashed, rejected\), expected none$"
+        RecordError, match=r"^a: runs of hidden scenes were cut short \(crashed, rejected\): 2, expected 0$"
     ):
-        require_whole(
-            {0: [scene_run("a", "crashed", "it fell in a"), scene_run("b", "rejected", "no")]}, "of hidden scenes"
-        )
+        require_whole(cut, "a", "of hidden scenes")
+    with pytest.raises(RecordError, match=r"^a: answers of hidden scenes came late: 3, "):
+        require_whole({0: [scene_run("x1", late=3)]}, "a", "of hidden scenes")
 
 
-def scene_run(scene: str, status: str = "finished", reason: str = "") -> SceneRun:
+def scene_run(scene: str, status: str = "finished", reason: str = "", late: int = 0) -> SceneRun:
     """How a run ended."""
     rollout = SimpleNamespace(scene=scene)
-    return cast("SceneRun", SimpleNamespace(rollout=rollout, status=status, reason=reason, late=0, malformed=0))
+    return cast("SceneRun", SimpleNamespace(rollout=rollout, status=status, reason=reason, late=late, malformed=0))
 
 
 def test_status_of_a_record() -> None:

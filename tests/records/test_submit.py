@@ -147,7 +147,7 @@ def test_a_record_declares_all_training_data_of_its_submission(
 
 def test_late_answers_cannot_be_repeated(path: Path, submission: Path, card: str, kitti: str) -> None:
     resign(path, lambda content: content["missed"].update(late=1))
-    with pytest.raises(RecordError, match="has 1 late answers, which no other run repeats"):
+    with pytest.raises(RecordError, match="answers came late when it was made, which no other run repeats"):
         verify(path, RunOptions(kitti), card, submission=submission, rerun=True)
 
 

@@ -8,6 +8,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ...records.evaluation import rounded
 from ...scoring.definitions import DEFINITIONS
 from .columns import COLUMNS
 from .entries import Entry, by_env
@@ -15,7 +16,6 @@ from .overview import Overview
 
 _FORMULA = ("=", "+", "-", "@", "'")  # how a text begins that a spreadsheet may run
 _PAIRS = ("interval", "difference_interval")
-_DIGITS = 12  # the last ones of an interval are those of the machine that multiplied the matrices
 
 
 def board_json(entries: Sequence[Entry]) -> dict[str, list[dict[str, Any]]]:
@@ -59,14 +59,7 @@ def row_of(entry: Entry) -> dict[str, Any]:
         "checked": entry.checked or None,
         "made": entry.record.measured.made,
     }
-    return {name: _rounded(value) for name, value in row.items()}
-
-
-def _rounded(value: Any) -> Any:
-    """A number, or each of a list, to so many digits as are the same everywhere; anything else as it is."""
-    if isinstance(value, list):
-        return [_rounded(each) for each in value]
-    return float(f"{value:.{_DIGITS}g}") if isinstance(value, float) else value
+    return {name: rounded(value) for name, value in row.items()}
 
 
 def to_json(content: Mapping[str, Any]) -> str:
