@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from mtp_bench.cards import load_card
-from mtp_bench.sources.files.columns import ARRAYS, TABLES
+from mtp_bench.sources.files.columns import ARRAYS, COLUMNS, TABLES
 from tests.support.own_scenes import write_long_log
 from tests.test_readme import blocks
 
@@ -17,7 +17,7 @@ PAGE = "docs/data/own.md"
 def columns_table(name: str) -> str:
     """The columns of a table, as the page shows them."""
     lines = ["| column | what it is | left out |", "|---|---|---|"]
-    lines += [f"| `{one.name}` | {one.meaning} | {one.without or 'an error'} |" for one in TABLES[name]]
+    lines += [f"| `{one.name}` | {one.meaning} | {one.without or 'an error'} |" for one in COLUMNS[name]]
     return "\n".join(lines)
 
 
@@ -37,6 +37,10 @@ def page(repository: Path) -> str:
 @pytest.mark.parametrize("name", TABLES)
 def test_the_columns_are_those_of_the_code(repository: Path, name: str) -> None:
     assert columns_table(name) in page(repository)
+
+
+def test_the_columns_of_tracks_are_those_of_the_code(repository: Path) -> None:
+    assert columns_table("tracks") in (repository / "docs/data/stored_tracks.md").read_text(encoding="utf-8")
 
 
 def test_the_arrays_are_those_of_the_code(repository: Path) -> None:

@@ -154,36 +154,49 @@ def csv(row: str, header: str = "frame,id,class,x,y,z,yaw,l,w,h,score") -> str:
 TABLE: dict[str, tuple[str, str]] = {
     "no id": (
         csv("0,car,1,1,1,0,4,2,1", "frame,class,x,y,z,yaw,l,w,h"),
-        "0001.csv: no column 'id'; expected frame, id",
+        "0001.csv: no column 'id': the track: a number or a word, the same in all frames; found: frame, class",
     ),
-    "a word": (csv("0,1,car,here,1,1,0,4,2,1,1"), "0001.csv, line 2: x is 'here', expected a finite number"),
-    "flat": (csv("0,1,car,1,1,1,0,4,0,1,1"), "line 2: w is '0', expected a size above 0"),
-    "degrees": (csv("0,1,car,1,1,1,90,4,2,1,1"), r"line 2: yaw is '90', expected radians, .* np.radians\(yaw\) makes"),
-    "half a frame": (csv("0.5,1,car,1,1,1,0,4,2,1,1"), "line 2: frame is '0.5', expected a whole number"),
-    "after the end": (csv("9,1,car,1,1,1,0,4,2,1,1"), "line 2: frame 9, but scene '0001' has 9 frames"),
-    "cut off": (csv("0,1,car,1,1"), "line 2: more or fewer columns than in the first line"),
-    "empty": ("", "0001.csv: no column 'frame', 'id', 'class', 'x', 'y', 'z', 'yaw', 'l', 'w', 'h'"),
-    "another table": ("a,b\n", "0001.csv: no column 'frame', 'id', 'class'"),
+    "a word": (csv("0,1,car,here,1,1,0,4,2,1,1"), "0001.csv, line 2, column 'x': 'here', expected a number"),
+    "flat": (csv("0,1,car,1,1,1,0,4,0,1,1"), "line 2, column 'w': 0, expected a number from 1e-06"),
+    "degrees": (
+        csv("0,1,car,1,1,1,90,4,2,1,1"),
+        r"line 2, column 'yaw': 90, expected radians, .* np.radians\(yaw\) makes",
+    ),
+    "half a frame": (csv("0.5,1,car,1,1,1,0,4,2,1,1"), "line 2, column 'frame': 0.5, expected a whole number"),
+    "after the end": (csv("9,1,car,1,1,1,0,4,2,1,1"), "line 2, column 'frame': frame 9, but .* the frames 0 to 8"),
+    "far away": (csv("0,1,car,1e6,1,1,0,4,2,1,1"), "line 2, column 'x': 1000000, expected -100000 to 100000 m"),
+    "cut off": (csv("0,1,car,1,1"), "line 2: 5 columns, expected 11"),
+    "empty": ("", "0001.csv is empty, expected a line with the names of the columns"),
+    "without names": ("0,1,car,1,1,1,0,4,2,1\n", "line 1 is .*, expected the names of the columns, such as frame, id"),
+    "another table": ("a,b\n", "0001.csv: unknown column 'a'"),
     "a column twice": (
         csv("0,1,car,1,1,1,0,4,2,1,1,5", "frame,id,class,x,y,z,yaw,l,w,h,score,x"),
         "column 'x' is there twice",
     ),
+    "half a velocity": (
+        csv("0,1,car,1,1,1,0,4,2,1,1", "frame,id,class,x,y,z,yaw,l,w,h,vx"),
+        "one of the columns 'vx' and 'vy', expected both or none",
+    ),
     "a class in capitals": (
         csv("0,1,Car,1,1,1,0,4,2,1,1"),
-        "line 2: class is 'Car', and no row has a class of the task; did you mean 'car'",
+        "line 2, column 'class': 'Car', and no row has a class of the task; did you mean 'car'",
     ),
-    "a class in the plural": (csv("0,1,cars,1,1,1,0,4,2,1,1"), "class is 'cars', .* did you mean 'car'"),
-    "a class of a taxonomy": (csv("0,1,vehicle.car,1,1,1,0,4,2,1,1"), "class is 'vehicle.car', .* did you mean 'car'"),
+    "a class in the plural": (csv("0,1,cars,1,1,1,0,4,2,1,1"), "'cars', and no row .* did you mean 'car'"),
+    "a class of a taxonomy": (csv("0,1,vehicle.car,1,1,1,0,4,2,1,1"), "'vehicle.car', .* did you mean 'car'"),
     "another name of the score": (
         csv("0,1,car,1,1,1,0,4,2,1,.5", "frame,id,class,x,y,z,yaw,l,w,h,Score"),
-        "column 'Score' is none of a table of tracks, expected frame, id, class, x, y, z, yaw, l, w, h, score",
+        "unknown column 'Score'.* 'score'",
     ),
-    "an id without end": (csv(f"0,{'a' * 201},car,1,1,1,0,4,2,1,1"), r"line 2: id is 'a+\.\.\.a+', expected 1 to 200"),
+    "an id without end": (
+        csv(f"0,{'a' * 201},car,1,1,1,0,4,2,1,1"),
+        "line 2, column 'id': a word of 201 characters, expected at most 200",
+    ),
+    "no id in a row": (csv("0,,car,1,1,1,0,4,2,1,1"), "line 2, column 'id': an empty cell, expected a word"),
     "a field without end": (csv(f"0,{'a' * 200_000},car,1,1,1,0,4,2,1,1"), "field larger than field limit"),
-    "behind blank lines": (csv("\n\n0,1,car,here,1,1,0,4,2,1,1"), "0001.csv, line 4: x is 'here'"),
+    "behind blank lines": (csv("\n\n0,1,car,here,1,1,0,4,2,1,1"), "0001.csv, line 4, column 'x': 'here'"),
     "a box twice": (
         csv("0,a,car,1,1,1,0,4,2,1,1\n0,a,car,2,1,1,0,4,2,1,1"),
-        "line 3: a second box of car a in frame 0",
+        "line 3, column 'id': a second box of this car in frame 0",
     ),
 }
 
@@ -201,6 +214,26 @@ def test_a_table_without_scores_and_with_other_classes(card: str, kitti: str, tm
     (tmp_path / "0001.csv").write_text(csv(rows, "frame,id,class,x,y,z,yaw,l,w,h"))
     tracks = tracks_of(load_card(card), kitti, tmp_path, "0001")
     assert (tracks.box.tolist(), tracks.score.tolist()) == ([[1, 2, 3, 0.5, 4, 2, 1]], [1.0])
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+def test_an_id_in_two_classes_and_unknown_velocities(form: str, card: str, kitti: str, tmp_path: Path) -> None:
+    columns: dict[str, list[Any]] = {
+        "frame": [1, 0, 0], "id": ["7", "7", "7"], "class": ["car", "pedestrian", "car"],
+        **{name: [1.0, 2.0, 3.0] for name in ("x", "y", "z", "yaw", "l", "w", "h")},
+        "vx": [0.5, None, 1.5], "vy": [0.0, None, 2.0],
+    }  # fmt: skip
+    if form == "csv":
+        rows = zip(*columns.values(), strict=True)
+        text = "\n".join(",".join("" if cell is None else str(cell) for cell in row) for row in rows)
+        (tmp_path / "0001.csv").write_text(csv(text, ",".join(columns)))
+    else:
+        pyarrow = pytest.importorskip("pyarrow")
+        pytest.importorskip("pyarrow.parquet").write_table(pyarrow.table(columns), tmp_path / "0001.parquet")
+    tracks = tracks_of(load_card(card), kitti, tmp_path, "0001")
+    assert tracks.frame_of_rows.tolist() == [0, 0, 1]
+    assert (tracks.object_id[0] != tracks.object_id[1], tracks.object_id[1] == tracks.object_id[2]) == (True, True)
+    np.testing.assert_array_equal(tracks.velocity, [[np.nan, np.nan], [1.5, 2.0], [0.5, 0.0]])
 
 
 def test_blanks_around_commas_are_none(card: str, kitti: str, tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from ...errors import DataError, MtpBenchError, nearest
 from ...files import open_regular, read_bounded
 from ...types import Bools, Floats, Ints
 from ..text import LIMIT, MOST_LETTERS
-from .columns import TABLES, Column
+from .columns import COLUMNS, Column
 
 MOST_BYTES = 1 << 30  # of a file
 LATEST = 1e12  # s: clocks that count from 1970 are fine
@@ -69,7 +69,7 @@ class Cells:
 
 
 def read_cells(path: Path, table: str) -> Cells:
-    """The table of this name (truth, detections or ego) in a file. Raises DataError for whatever is wrong with it."""
+    """The table of this name in a file: truth, detections, ego or tracks. Raises DataError for what is wrong."""
     return _read_parquet(path, table) if path.suffix == ".parquet" else _read_csv(path, table)
 
 
@@ -189,16 +189,16 @@ def _add_arrow(cells: Cells, column: Column, values: Any) -> None:
 
 def _require_head(path: Path, names: Sequence[str], table: str) -> None:
     """Raise DataError where the first line of a text is a row: no name is known, and some are numbers."""
-    known = {column.name for column in TABLES[table]}
+    known = {column.name for column in COLUMNS[table]}
     if known.isdisjoint(names) and any(name.removeprefix("-").replace(".", "", 1).isdigit() for name in names):
-        needed = ", ".join(["frame", *(column.name for column in TABLES[table] if not column.without)])
+        needed = ", ".join(dict.fromkeys(["frame", *(c.name for c in COLUMNS[table] if not c.without)]))
         got = reprlib.repr(",".join(names))
         raise DataError(f"{path}: line 1 is {got}, expected the names of the columns, such as {needed}")
 
 
 def _check_names(path: Path, names: Sequence[str], table: str) -> None:
     """Raise DataError unless these are columns of the table, each once, with all that it needs."""
-    known = [column.name for column in TABLES[table]]
+    known = [column.name for column in COLUMNS[table]]
     for i, name in enumerate(names):
         if name not in known:
             if ";" in name or "\t" in name:
@@ -208,7 +208,7 @@ def _check_names(path: Path, names: Sequence[str], table: str) -> None:
             raise DataError(f"{path}: unknown column {name!r}{nearest(name, known)}; take it out, or rename it")
         if name in names[:i]:
             raise DataError(f"{path}: column {name!r} is there twice, expected once")
-    for column in TABLES[table]:
+    for column in COLUMNS[table]:
         if not column.without and column.name not in names:
             raise DataError(f"{path}: no column {column.name!r}: {column.meaning}; found: {', '.join(names)}")
     if "frame" not in names and "time" not in names:
@@ -218,4 +218,4 @@ def _check_names(path: Path, names: Sequence[str], table: str) -> None:
 
 
 def _column(table: str, name: str) -> Column:
-    return next(column for column in TABLES[table] if column.name == name)
+    return next(column for column in COLUMNS[table] if column.name == name)

@@ -63,6 +63,16 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("yaw", "rad, heading of the sensors", "0"),
     ),
 }
+TRACKS = (  # of a table of stored tracks, which is a file of its own
+    Column("frame", "whole number of the frame, from 0"),
+    Column("id", "the track: a number or a word, the same in all frames", text=True),
+    _CLASS,
+    *_PLACE,
+    Column("score", "as the tracker gives it", "1"),
+    Column("vx", "m/s; empty: unknown", "unknown", gaps=True),
+    Column("vy", "m/s; empty: unknown", "unknown", gaps=True),
+)
+COLUMNS = {**TABLES, "tracks": TRACKS}
 
 
 @dataclass(frozen=True)

@@ -118,7 +118,7 @@ def _with_detections(scene: Scene, content: Content, card: Card, skipped: dict[s
         start=starts_of_sorted(rows.frame, scene.frames),
         box=rows.box,
         velocity=unknown if rows.velocity is None else rows.velocity,
-        class_id=_class_id(rows, card.task.classes),
+        class_id=class_id_of(rows, card.task.classes),
         score=rows.further["score"],
     )
     label = scene.detector or f"{section_of(card, FilesSource).detector}, stored detections"
@@ -135,21 +135,22 @@ def _truth(rows: Rows, time: Floats, classes: Sequence[str]) -> Truth:
         start=starts_of_sorted(frame, len(time)),
         box=rows.box,
         velocity=velocity,
-        class_id=_class_id(rows, classes),
+        class_id=class_id_of(rows, classes),
         object_id=object_id,
         eligible=rows.further["eligible"],
         neutral=rows.further["neutral"],
     )
 
 
-def _class_id(rows: Rows, classes: Sequence[str]) -> Ints:
+def class_id_of(rows: Rows, classes: Sequence[str]) -> Ints:
+    """Place of the class of each row [R] among ``classes``, -1 for one that is not there."""
     known, place = np.unique(rows.kind, return_inverse=True)
     return class_ids(known.tolist(), classes)[place] if len(known) else np.zeros(0, dtype=np.int64)
 
 
 def _usable(rows: Rows, table: str, content: Content, classes: Sequence[str], skipped: dict[str, int]) -> Rows:
     """The rows of ``classes``, checked and sorted by frame, otherwise in their order."""
-    _check(rows, len(content.time))
+    check_rows(rows, len(content.time))
     used = np.isin(rows.kind, classes)
     names, count = (column.tolist() for column in np.unique(rows.kind[~used], return_counts=True))
     if names and not used.any():
@@ -163,7 +164,7 @@ def _usable(rows: Rows, table: str, content: Content, classes: Sequence[str], sk
     return rows.of(row[np.argsort(rows.frame[row], kind="stable")])
 
 
-def _check(rows: Rows, frames: int) -> None:
+def check_rows(rows: Rows, frames: int) -> None:
     """Raise DataError for the first value that no row can have."""
     outside = (rows.frame < 0) | (rows.frame >= frames)
     rows.refuse(outside, "frame", lambda at: f"frame {rows.frame[at]}, but the scene has the frames 0 to {frames - 1}")

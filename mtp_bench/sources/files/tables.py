@@ -169,6 +169,12 @@ def _ego(ego: Cells | None, frames: int) -> Floats:
     return pose
 
 
+def read_tracks(path: Path) -> Rows:
+    """The rows of a table of tracks, with frames from 0. Raises DataError for what is wrong with the table."""
+    cells = read_cells(path, "tracks")
+    return _rows(cells, cells.whole("frame"), {"id": _ids(cells), "score": _scores(cells)})
+
+
 def _truth_rows(cells: Cells, frames: Frames) -> Rows:
     further: dict[str, NDArray[Any]] = {
         "id": _ids(cells),
@@ -177,18 +183,22 @@ def _truth_rows(cells: Cells, frames: Frames) -> Rows:
     }
     if cells.has("visible"):
         further["visible"] = cells.number["visible"]
-    return _rows(cells, frames, further)
+    return _rows(cells, frames.of(cells), further)
 
 
 def _detection_rows(cells: Cells, frames: Frames) -> Rows:
-    return _rows(cells, frames, {"score": cells.number.get("score", np.ones(len(cells)))})
+    return _rows(cells, frames.of(cells), {"score": _scores(cells)})
 
 
-def _rows(cells: Cells, frames: Frames, further: dict[str, NDArray[Any]]) -> Rows:
+def _scores(cells: Cells) -> Floats:
+    return cells.number.get("score", np.ones(len(cells)))
+
+
+def _rows(cells: Cells, frame: Ints, further: dict[str, NDArray[Any]]) -> Rows:
     columns = {"z": cells.number["h"] / 2, **cells.number}
     velocity = np.column_stack([columns["vx"], columns["vy"]]) if cells.has("vx") else None
     box = np.column_stack([columns[name] for name in BOX])
-    return Rows(cells.where, frames.of(cells), box, velocity, cells.text["class"], further)
+    return Rows(cells.where, frame, box, velocity, cells.text["class"], further)
 
 
 def _ids(cells: Cells) -> Ints:
