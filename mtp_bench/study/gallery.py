@@ -122,7 +122,7 @@ def _worth(said: Said) -> str:
 
 def _window(moment: Moment) -> tuple[Floats, float]:
     """Centre and half size, m: past, future and the best forecasts are in it."""
-    best = [said.paths[said.best] for said in moment.said if said.best >= 0]
+    best = [said.forecast.nearest_path for said in moment.said if said.forecast is not None]
     points = np.concatenate([moment.past, moment.future, *best])
     low, high = points.min(axis=0), points.max(axis=0)
     return (low + high) / 2, float(np.clip((high - low).max() * 0.58, _LEAST, _MOST))
@@ -134,10 +134,11 @@ def _panel(axis: Axes, moment: Moment, said: Said, center: Floats, half: float) 
     for box in moment.others:
         axis.add_patch(_outline(box, place, "grey", 0.8))
     axis.add_patch(_outline(moment.box, place, "green", 1.6))
-    for path in said.paths:
-        _way(axis, path - place, "vermillion", 0.7, "-", None, 0.35)
-    if said.best >= 0:
-        _way(axis, said.paths[said.best] - place, "vermillion", 2.0, "-", "best forecast")
+    if said.forecast is not None:
+        for path in said.forecast.path:
+            _way(axis, path - place, "vermillion", 0.7, "-", None, 0.35)
+        best = said.forecast.path[said.forecast.nearest]
+        _way(axis, best - place, "vermillion", 2.0, "-", "best forecast")
     _way(axis, moment.past - place, "green", 1.6, ":", "true past", mark="o")
     _way(axis, moment.future - place, "green", 2.0, "--", "true future")
     if len(said.trail) and said is not moment.said[0]:  # which is the true past itself

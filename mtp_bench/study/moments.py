@@ -11,13 +11,11 @@ from ..cards import Card
 from ..parallel import parallel_map
 from ..running.rollout_files import load_run
 from ..running.settings import Setting
-from ..scoring.forecasts import Forecasts, candidates, final_errors, grow
-from ..scoring.lineage import Hypotheses, hypotheses
-from ..scoring.neutral import evaluated
-from ..scoring.targets import find_targets, live_frames
 from ..sources import open_source
-from ..types import Floats, Ints, Rollout, Scene
-from ..viz.replay import Incident, replay
+from ..types import Floats, Rollout
+from ..viz.case import Case, Forecast
+from ..viz.counterpart import counterpart
+from ..viz.replay import Incident, Replay, replay
 from .findings import Findings
 
 KINDS = ("ids", "lost", "reacquired")
@@ -30,11 +28,9 @@ class Said:
     """What one agent said of the object at the moment."""
 
     label: str
-    trail: Floats  # [n, 2] m, of the track that holds it; empty where none does
-    paths: Floats  # [K, T, 2] m; empty where nothing is forecast
-    best: int  # the sample nearest to the truth
-    error: float | None  # m, minADE; None without a forecast
-    confidence: float | None
+    trail: Floats  # [n, 2] m, of the track that follows it; empty where none does
+    forecast: Forecast | None  # None: the judge holds none for it
+    error: float | None  # m, minADE; None where the object is not covered
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,94 +78,43 @@ def _of_scene(
     card: Card, data: str | None, name: str, rollouts: Sequence[Rollout], labels: Sequence[str]
 ) -> list[Moment]:
     """The costliest events of a scene, some of each kind."""
-    scene = evaluated(open_source(card, data).load(name))
-    incidents = [i for i in replay(scene, rollouts[1], card).incidents if i.kind in KINDS and i.error is not None]
-    views = [_View.of(scene, rollout, card) for rollout in rollouts]
-    moments = []
+    scene = open_source(card, data).load(name)
+    truth, single = (replay(scene, rollout, card) for rollout in rollouts[:2])
+    priced = [(_cost(truth, each), each) for each in single.incidents if each.kind in KINDS and each.error is not None]
+    chosen: list[tuple[float, Incident]] = []
     for kind in KINDS:
-        mine = [(_cost(views[0], incident), incident) for incident in incidents if incident.kind == kind]
-        for cost, incident in sorted(mine, key=lambda pair: -pair[0])[: 2 * EACH]:
-            moments.append(_moment(scene, card, views, labels, incident, cost))
-    return moments
+        mine = [pair for pair in priced if pair[1].kind == kind]
+        chosen += sorted(mine, key=lambda pair: -pair[0])[: 2 * EACH]
+    runs = [truth, single, *(replay(scene, rollout, card) for rollout in rollouts[2:] if chosen)]
+    return [_moment(runs, labels, incident, cost) for cost, incident in chosen]
 
 
-@dataclass(frozen=True, eq=False)
-class _View:
-    """A rollout with the forecast of each true box."""
-
-    rollout: Rollout
-    forecasts: Forecasts
-    forecast: Ints  # [R] row of the forecast of each true box, -1 none
-    error: Floats  # [R] m, minADE; inf where there is none, NaN where the box is no target
-    hypotheses: Hypotheses
-
-    @classmethod
-    def of(cls, scene: Scene, rollout: Rollout, card: Card) -> _View:
-        targets, forecasts = find_targets(scene, card), Forecasts.of(rollout)
-        found = candidates(scene, targets, forecasts, live_frames(scene, card), card)
-        errors, forecast = final_errors(found, grow(found, forecasts.confidence))
-        error = np.full(len(scene.truth.box), np.nan)
-        error[targets.row] = errors.min_ade
-        return cls(rollout, forecasts, forecast, error, hypotheses(rollout, card))
-
-
-def _cost(truth: _View, incident: Incident) -> float:
+def _cost(truth: Replay, incident: Incident) -> float:
     """What the error exceeds that from the true past, m."""
-    ideal = float(truth.error[incident.row])
-    return float(incident.error or 0.0) - (ideal if np.isfinite(ideal) else 0.0)
+    ideal = float(truth.worth[incident.row, 0])
+    return float(incident.error or 0.0) - (0.0 if np.isnan(ideal) else ideal)
 
 
-def _moment(
-    scene: Scene, card: Card, views: Sequence[_View], labels: Sequence[str], incident: Incident, cost: float
-) -> Moment:
-    truth, t = scene.truth, incident.frame
-    own = np.flatnonzero(truth.object_id == incident.object_id)
-    frame = truth.frame_of_rows[own]
-    xy = np.asarray(truth.box[own, :2], dtype=np.float64)
+def _moment(runs: Sequence[Replay], labels: Sequence[str], incident: Incident, cost: float) -> Moment:
+    case, truth, t = Case(runs[1], incident), runs[1].scene.truth, incident.frame
     here = truth.rows(t)
-    rest = [row for row in range(here.start, here.stop) if row != incident.row]
-    future = xy[(frame > t) & (frame <= t + card.task.future)]
     return Moment(
-        scene=scene.name,
+        scene=runs[1].scene.name,
         incident=incident,
         cost=cost,
-        class_name=card.task.classes[incident.class_id].replace("_", " "),
-        past=xy[(frame <= t) & (frame > t - TRAIL)],
-        future=future,
+        class_name=case.noun,
+        past=case.path(t, t - TRAIL + 1)[::-1],
+        future=case.future(t)[1:],
         box=truth.box[incident.row],
-        others=truth.box[rest],
-        said=tuple(_said(view, label, incident, future) for view, label in zip(views, labels, strict=True)),
+        others=truth.box[[row for row in range(here.start, here.stop) if row != incident.row]],
+        said=tuple(
+            _said(label, Case(run, counterpart(run, incident))) for label, run in zip(labels, runs, strict=True)
+        ),
     )
 
 
-def _said(view: _View, label: str, incident: Incident, future: Floats) -> Said:
-    row = int(view.forecast[incident.row])
-    if row < 0:
-        return Said(label, np.zeros((0, 2)), np.zeros((0, *future.shape)), -1, None, None)
-    paths = view.forecasts.paths(np.array([row]))[0][view.forecasts.weights(np.array([row]))[0] > 0]
-    best = int(np.linalg.norm(paths - future, axis=-1).mean(axis=1).argmin())
-    place = view.forecasts.box[row, :2]
-    error = float(view.error[incident.row])
-    return Said(
-        label, _trail(view, incident.frame, place), paths, best, error if np.isfinite(error) else None,
-        float(view.forecasts.confidence[row]),
-    )  # fmt: skip
-
-
-def _trail(view: _View, t: int, place: Floats) -> Floats:
-    """The past of the track of the best hypothesis that stands at ``place`` [2] in frame ``t``, now last.
-
-    It is followed through the hypotheses that this one descends from, as identities are in the scorer.
-    """
-    rollout, hypothesis = view.rollout, view.hypotheses.seen_from(t)
-    rows = np.arange(*rollout.tracks.rows(t).indices(len(rollout.track_id)))
-    rows = rows[rollout.member[rows, hypothesis[t]]] if rollout.member.shape[1] else rows
-    if not len(rows):
-        return np.zeros((0, 2))
-    track = rollout.track_id[rows[np.hypot(*(rollout.track_box[rows, :2] - place).T).argmin()]]
-    places = []
-    for s in range(max(0, t - TRAIL + 1), t + 1):
-        held = np.arange(*rollout.tracks.rows(s).indices(len(rollout.track_id)))
-        held = held[(rollout.track_id[held] == track) & rollout.member[held, hypothesis[s]]]
-        places += [rollout.track_box[held[0], :2]] if len(held) else []
-    return np.array(places, dtype=np.float64).reshape(-1, 2)
+def _said(label: str, case: Case) -> Said:
+    at = case.at
+    held = case.replay.truth_forecast[at.row] >= 0
+    trail = case.trail(at.new_id, at.frame, TRAIL)
+    return Said(label, trail, case.forecast(at.frame) if held else None, at.minADE)

@@ -137,6 +137,14 @@ class Case:
             count += 1
         return count
 
+    def trail(self, track_id: int, t: int, frames: int) -> Floats:
+        """Where a track [n, 2] was in the last ``frames`` frames until ``t``, now last; empty if it is not there."""
+        if self.track_row(track_id, t) < 0:
+            return np.zeros((0, 2))
+        first = t - min(self.age(track_id, t), frames - 1)
+        rows = [self.track_row(track_id, s) for s in range(first, t + 1)]
+        return np.asarray(self.replay.rollout.track_box[rows, :2], dtype=np.float64)
+
     def detections(self, t: int) -> Ints:
         """Rows of the detections within ``near`` metres of the object at frame ``t``, the nearest first."""
         table = self.replay.scene.detections

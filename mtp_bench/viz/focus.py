@@ -174,9 +174,8 @@ class Focus:
         for track_id, role in roles.items():
             row = self.case.track_row(track_id, t)
             if row >= 0:
-                count = min(self.case.age(track_id, t), round(TRAIL_SECONDS * self.replay.card.task.rate))
-                rows = [self.case.track_row(track_id, s) for s in range(t - count, t + 1)]
-                found.append(Follower(track_id, role, box[row].astype(np.float64), box[rows, :2].astype(np.float64)))
+                trail = self.case.trail(track_id, t, 1 + round(TRAIL_SECONDS * self.replay.card.task.rate))
+                found.append(Follower(track_id, role, box[row].astype(np.float64), trail))
         return tuple(found)
 
     @cached_property
