@@ -190,7 +190,7 @@ def _read(path: Path, start: _Start, added: bool) -> Found:
     record = load_record(path)
     signed, note = read_level(path, record, start.trust)
     link = None if start.page is None else relative_address(path, start.page)
-    return Found(record, link, added, signed, note, _code_of(record, start), _clip_of(path, start))
+    return Found(record, signed, link, added, note, _code_of(record, start), _clip_of(path, start))
 
 
 def _clip_of(path: Path, start: _Start) -> str | None:

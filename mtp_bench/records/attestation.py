@@ -114,6 +114,30 @@ class SignedLevel:
         return self.statement.hidden
 
 
+@dataclass(frozen=True, eq=False)
+class Checked:
+    """A record, and how far it was checked."""
+
+    record: Record
+    signed: SignedLevel | None = None
+
+    @property
+    def level(self) -> Level:
+        """How far it was checked."""
+        return "scored" if self.signed is None else self.signed.level
+
+    @property
+    def on_hidden(self) -> bool:
+        """Whether its numbers are those of hidden scenes."""
+        return self.signed is not None and self.signed.hidden is not None
+
+    @property
+    def sums(self) -> Record | HiddenPart:
+        """What ranks: of hidden scenes where it was run on them."""
+        hidden = None if self.signed is None else self.signed.hidden
+        return self.record if hidden is None else hidden
+
+
 def level_path(record: Path) -> Path:
     """Where the level of the record at ``record`` is."""
     return record.with_name(record.name.removesuffix(".json") + LEVEL_SUFFIX)

@@ -13,7 +13,7 @@ from .._bundle import baseline_names
 from ..scoring.rank import guard, ranks_by_test, why_not_on
 from ..scoring.statistics import PairedDifference, gap_closed, paired_difference
 from ..scoring.subsets import SUBSETS, Subset
-from .attestation import LEVELS, HiddenPart, SignedLevel
+from .attestation import LEVELS, Checked, HiddenPart, SignedLevel
 from .eligibility import Ships, taken_names, why_not_comparable, why_not_genuine, why_unranked
 from .record import Record, SubmissionPart
 from .shipped import baseline_networks, shipped
@@ -44,18 +44,11 @@ class Standing:
 
 
 @dataclass(frozen=True, eq=False)
-class _Entrant:
+class _Entrant(Checked):
     """A record beside others of its env."""
 
-    record: Record
-    level: SignedLevel | None
-    why: str | None  # it is never ranked
-    apart: str | None  # its numbers say nothing beside those of others
-
-    @property
-    def sums(self) -> Record | HiddenPart:
-        """What is compared."""
-        return self.record if self.level is None or self.level.hidden is None else self.level.hidden
+    why: str | None = None  # it is never ranked
+    apart: str | None = None  # its numbers say nothing beside those of others
 
     @cached_property  # it reads the submission of that name
     def named(self) -> str:
@@ -134,10 +127,9 @@ def _entrant(record: Record, level: SignedLevel | None, taken: str | None, ships
 
 def _anchors(entrant: _Entrant) -> tuple[object, ...]:
     """How much a record says of which ranking is the main one; the largest decides."""
-    level, name = entrant.level, entrant.named
-    made = level.seal.made if level is not None and level.seal is not None else ""
-    checked = 0 if level is None else LEVELS.index(level.level)
-    return made, checked, name == STP, name in baseline_names(), entrant.record.digest
+    signed, name = entrant.signed, entrant.named
+    made = signed.seal.made if signed is not None and signed.seal is not None else ""
+    return made, LEVELS.index(entrant.level), name == STP, name in baseline_names(), entrant.record.digest
 
 
 def _nowhere(why: str) -> dict[Subset, Place]:

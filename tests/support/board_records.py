@@ -121,7 +121,7 @@ def board_of(
     }
     return entries_of(
         [
-            Found(record, link, record.submission.name == added, signed.get(record.digest))
+            Found(record, signed.get(record.digest), link, record.submission.name == added)
             for record, link in zip(records, of_each, strict=True)
         ]
     )
@@ -174,5 +174,5 @@ def thousand_entries() -> list[Entry]:
             {"all": 0.25},
             {} if place == 0 else {"all": difference},
         )
-        found.append(Entry(pattern.model_copy(update={"env": env, "submission": submission}), standing))
+        found.append(Entry(pattern.model_copy(update={"env": env, "submission": submission}), standing=standing))
     return sorted(found, key=lambda entry: (env_place(entry.env), entry.rank))

@@ -6,9 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ...records.attestation import Level, SignedLevel
+from ...records.attestation import Checked, Level
 from ...records.ranking import Standing, standings
-from ...records.record import Record
 from ...scoring.definitions import SIGNIFICANT
 from ...scoring.rows import Row
 from ...scoring.statistics import PairedDifference
@@ -24,29 +23,21 @@ LEVEL_TEXT: dict[Level, str] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class Found(Checked):
     """A record of a leaderboard, and what is known of it."""
 
-    record: Record
     link: str | None = None  # relative address of its file
     added: bool = False  # not part of the leaderboard: where it would stand
-    signed: SignedLevel | None = None  # how far it was checked
     note: str = ""  # why the level beside it is not shown
     code: str | None = None  # relative address of its folder, where that ships
     clip: str | None = None  # relative address of a clip of its costliest event
 
 
-@dataclass(frozen=True, eq=False)
-class Entry:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Entry(Found):
     """One line of a leaderboard."""
 
-    record: Record
     standing: Standing
-    link: str | None = None  # relative address of the record's file
-    added: bool = False  # not part of the leaderboard: where it would stand
-    signed: SignedLevel | None = None  # how far it was checked
-    code: str | None = None  # relative address of its folder, where that ships
-    clip: str | None = None  # relative address of a clip of its costliest event
 
     @property
     def env(self) -> str:
@@ -74,11 +65,6 @@ class Entry:
         return self.standing.compared
 
     @property
-    def level(self) -> Level:
-        """How far it was checked."""
-        return "scored" if self.signed is None else self.signed.level
-
-    @property
     def seal(self) -> str:
         """The seal of its hidden scenes, and when it was retired, for people; empty where there are none."""
         seal = None if self.signed is None else self.signed.seal
@@ -94,15 +80,9 @@ class Entry:
         by = f"{self.signed.statement.date} by {self.signed.signer}"
         return f"{by}; seal {self.seal}" if self.seal else by
 
-    @property
-    def on_hidden(self) -> bool:
-        """Whether its numbers are those of hidden scenes."""
-        return self.signed is not None and self.signed.hidden is not None
-
     def row_of(self, subset: Subset) -> Row:
-        """What ranks on a subset: of hidden scenes where it was run on them."""
-        hidden = None if self.signed is None else self.signed.hidden
-        return self.record.row_of(subset) if hidden is None else hidden.row_of(subset)
+        """What ranks on a subset."""
+        return self.sums.row_of(subset)
 
     @property
     def row(self) -> Row:
@@ -122,8 +102,7 @@ class Entry:
     @property
     def silence(self) -> float | None:
         """What an agent that says nothing scores, metres."""
-        hidden = None if self.signed is None else self.signed.hidden
-        return self.record.silence if hidden is None else hidden.silence
+        return self.sums.silence
 
     @property
     def public_error(self) -> float | None:
@@ -156,10 +135,7 @@ def entries_of(found: Sequence[Found]) -> list[Entry]:
     """The entries in the order of the leaderboard: by environment, rank, error and name."""
     levels = {each.record.digest: each.signed for each in found if each.signed is not None}
     places = standings([each.record for each in found], levels)
-    entries = (
-        Entry(each.record, places[each.record.digest], each.link, each.added, each.signed, each.code, each.clip)
-        for each in found
-    )
+    entries = (Entry(**vars(each), standing=places[each.record.digest]) for each in found)
     return sorted(entries, key=_order)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, get_args
 
 from ..._bundle import baseline_names, card_ids
 from ...errors import RecordError, UnknownNameError
-from ...records.attestation import HiddenPart, Level, SignedLevel
+from ...records.attestation import Checked, SignedLevel
 from ...records.eligibility import Ships, why_not_comparable
 from ...records.ranking import OTHERS, STP, Place, Standing, conditions, standings
 from ...records.record import Record
@@ -21,29 +21,16 @@ if TYPE_CHECKING:
     from ..board.entries import Entry
 
 
-@dataclass(frozen=True, eq=False)
-class Scored:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scored(Checked):
     """A record whose figures may be told."""
 
-    record: Record
     standing: Standing
-    signed: SignedLevel | None = None  # how far it was checked
-
-    @property
-    def sums(self) -> Record | HiddenPart:
-        """What ranks: of hidden scenes where it was run on them."""
-        hidden = None if self.signed is None else self.signed.hidden
-        return self.record if hidden is None else hidden
 
     @cached_property
     def conditions(self) -> tuple[object, ...]:
         """What it must share with another one to be compared with it."""
         return conditions(self.sums)
-
-    @property
-    def level(self) -> Level:
-        """How far it was checked."""
-        return "scored" if self.signed is None else self.signed.level
 
     def row(self, subset: str) -> Row:
         """Its numbers on a subset; UnknownNameError for another name."""
@@ -78,18 +65,19 @@ class Known:
         self._found: dict[tuple[str, str], Scored] = {}
         self._twice: set[tuple[str, str]] = set()
         self._unfit: dict[tuple[str, str], str] = {}
-        rounds = {record.env.id for record in records if _on_hidden(levels.get(record.digest))}
-        for record in records:
-            signed, key = levels.get(record.digest), (record.submission.name, record.env.id)
-            why = _why_not_taken(record, signed, ships)
-            if why is None and record.env.id in rounds and not _on_hidden(signed):
+        checked = [Checked(record, levels.get(record.digest)) for record in records]
+        rounds = {each.record.env.id for each in checked if each.on_hidden}
+        for each in checked:
+            record, key = each.record, (each.record.submission.name, each.record.env.id)
+            why = _why_not_taken(each, ships)
+            if why is None and record.env.id in rounds and not each.on_hidden:
                 why = "not run on the hidden scenes of the last round"
             if why:
                 self._unfit[key] = why
                 continue
             if key in self._found:
                 self._twice.add(key)
-            self._found[key] = Scored(record, places[record.digest], signed)
+            self._found[key] = Scored(record, each.signed, standing=places[record.digest])
         self._drop(lambda scored: scored.place("all").why == OTHERS)
         self._drop(self._unlike_stp)
 
@@ -185,15 +173,12 @@ def _names(agents: str | Sequence[str]) -> Sequence[str]:
     return [agents] if isinstance(agents, str) else agents
 
 
-def _why_not_taken(record: Record, signed: SignedLevel | None, ships: Ships) -> str | None:
+def _why_not_taken(each: Checked, ships: Ships) -> str | None:
     """Why the numbers of a record stand beside no others."""
+    record = each.record
     if record.status != "finished":
         return f"{record.status}: {record.status_reason}"
-    return why_not_comparable(record, signed, ships if _on_hidden(signed) else partial(_public, ships))
-
-
-def _on_hidden(signed: SignedLevel | None) -> bool:
-    return signed is not None and signed.hidden is not None
+    return why_not_comparable(record, each.signed, ships if each.on_hidden else partial(_public, ships))
 
 
 def _public(ships: Ships, env_id: str) -> Shipped | None:
