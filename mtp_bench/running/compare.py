@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..cards import Card
 from ..env.environment import MTPEnv
-from ..scoring import AgentScores, Ends, Reference, Report, SceneScore, score_scene, stated_hypotheses, summarise
+from ..scoring import Ends, Reference, Report, summarise
 from .options import DEFAULTS, RunOptions
 from .reading import total_skipped
 from .reference import frozen_reference, reference_for
-from .run import Job, jobs_of, run_jobs
+from .scored import score_settings
 from .settings import Setting, all_settings, require_list
 
 TRUTH, STP = "truth_past", "stp"
@@ -49,20 +48,13 @@ def compare(names: Sequence[str], env_id: str | Card, options: RunOptions = DEFA
     ends = {s.label: s.ends for s in settings if s.budget == "equal" and s.ends is not None}
     further = [end for pair in ends.values() for end in pair]
     further = [end for i, end in enumerate(further) if end not in further[:i]]  # settings of a sweep share their ends
-    jobs: list[Job] = []
-    for setting, seed in itertools.product([*settings, *further], options.seeds):
-        shown = options.shown_to(setting.submission) if setting.observe == "tracks" else {}
-        keywords = {**options.env_keywords, **setting.env_keywords(card), **shown}
-        jobs += jobs_of(setting.submission, env_id, keywords, scenes, seed, setting.parameters, setting.label)
-    scores: list[SceneScore] = run_jobs(jobs, options, score_scene)
-    runs = iter([tuple(scores[i : i + len(scenes)]) for i in range(0, len(scores), len(scenes))])
-    agents = [_agent(setting, [next(runs) for _ in options.seeds]) for setting in [*settings, *further]]
+    agents = score_settings([*settings, *further], env_id, card, scenes, options)
     of_end = agents[len(settings) :]
     own = {name: Ends(*(of_end[further.index(end)] for end in pair)) if pair else None for name, pair in ends.items()}
     reference = reference_for(card, scenes, options)
     report = summarise(agents[: len(settings)], card, reference, stp=STP, truth=TRUTH, own_ends=own)
     report.condition.update(_notes(settings, card.id))
-    skipped = total_skipped(score.skipped for score in scores[: len(scenes)])  # every setting reads the same scenes
+    skipped = total_skipped(score.skipped for score in agents[0].seeds[0])  # every setting reads the same scenes
     return Comparison(report, reference, tuple(settings), skipped)
 
 
@@ -74,9 +66,3 @@ def _notes(settings: Sequence[Setting], env_id: str) -> dict[str, str]:
         if note is not None:
             told.setdefault(note, []).append(submission.name)
     return {"trained": "; ".join(f"{note}: {', '.join(names)}" for note, names in told.items())} if told else {}
-
-
-def _agent(setting: Setting, seeds: Sequence[tuple[SceneScore, ...]]) -> AgentScores:
-    hypotheses = setting.hypotheses or stated_hypotheses(seeds)
-    stored = setting.observe == "tracks"
-    return AgentScores(setting.label, hypotheses, setting.samples, setting.budget, tuple(seeds), setting.ideal, stored)

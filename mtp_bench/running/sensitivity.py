@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from pydantic import Field
 
 from ..env.environment import MTPEnv
-from ..scoring import AgentScores, Reference, Report, SceneScore, score_scene, summarise
+from ..scoring import AgentScores, Reference, Report, summarise
 from ..scoring.rows import Count, Interval
 from ..strict import Section
 from ..submission.loader import load_submission
 from .options import DEFAULTS, RunOptions
-from .run import Job, jobs_of, run_jobs
-from .settings import Setting, setting_of
+from .scored import score_settings
+from .settings import setting_of
 
 CUTS = (0.1, 0.2, 0.3)
 AGENTS = ("stp", "mtp", "stp_same_budget")
@@ -45,19 +45,10 @@ def sensitivity(
     env = MTPEnv(env_id, **options.env_keywords)
     card, scenes = env.card, options.chosen(env.scene_names)
     settings = [setting_of(load_submission(name), card, {PARAMETER: cut}) for cut in cuts for name in AGENTS]
-    jobs: list[Job] = []
-    for setting, seed in itertools.product(settings, options.seeds):
-        keywords = {**options.env_keywords, **setting.env_keywords(card)}
-        jobs += jobs_of(setting.submission, env_id, keywords, scenes, seed, setting.parameters, setting.label)
-    scores: list[SceneScore] = run_jobs(jobs, options, score_scene)
-    runs = iter([tuple(scores[i : i + len(scenes)]) for i in range(0, len(scores), len(scenes))])
-    agents = [_agent(setting, tuple(next(runs) for _ in options.seeds)) for setting in settings]
+    scored = score_settings(settings, env_id, card, scenes, options)
+    agents = [replace(each, agent=s.submission.name) for each, s in zip(scored, settings, strict=True)]
     per_cut = [agents[i : i + len(AGENTS)] for i in range(0, len(agents), len(AGENTS))]
     return [at_cut(cut, some, summarise(some, card, reference)) for cut, some in zip(cuts, per_cut, strict=True)]
-
-
-def _agent(setting: Setting, seeds: tuple[tuple[SceneScore, ...], ...]) -> AgentScores:
-    return AgentScores(setting.submission.name, setting.hypotheses or 1, setting.samples, setting.budget, seeds)
 
 
 def at_cut(cut: float, agents: Sequence[AgentScores], report: Report) -> AtCut:

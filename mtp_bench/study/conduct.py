@@ -12,13 +12,14 @@ from ..parallel import Progress
 from ..running.options import DEFAULTS, RunOptions
 from ..running.perturbation import score_cuts
 from ..running.reference import frozen_reference, reference_for
-from ..running.sensitivity import AtCut, at_cut
+from ..running.scored import scores_of
+from ..running.sensitivity import AGENTS, AtCut, at_cut
 from ..running.settings import setting_of
-from ..scoring import AgentScores, Reference, summarise
+from ..scoring import Reference, summarise
 from ..sources import open_source
 from ..submission.loader import load_submission
 from .findings import Findings
-from .plan import CUT_AGENTS, HYPOTHESES, QUANTILES, Plan, key_of, make_plan, with_cuts
+from .plan import HYPOTHESES, QUANTILES, Plan, key_of, make_plan, with_cuts
 from .runs import Bench, Measured, measure, open_bench
 from .speed import speed_of
 from .table import Table
@@ -85,7 +86,7 @@ def find(names: Sequence[str], env_id: str | Card, folder: Path, options: RunOpt
     plan = make_plan(names, card, hypotheses, hypotheses[-1:] if quick else hypotheses[1:])
     options.require_tracks_used([setting.submission for setting in plan.equal])
     scenes = options.chosen(open_source(card, options.data).names)
-    cuts = 0 if quick else len(QUANTILES) * len(CUT_AGENTS)
+    cuts = 0 if quick else len(QUANTILES) * len(AGENTS)
     frozen = frozen_reference(card)
     weights = 0 if frozen is not None and frozen.holds(scenes) else _OF_WEIGHTS
     runs = len(plan.equal) * len(options.seeds) + len(plan.free) + cuts
@@ -119,13 +120,10 @@ def _sensitivity(bench: Bench, plan: Plan, reference: Reference, measured: dict[
     """What the baselines score with all detections, and at each cut."""
     if not plan.cuts:
         return ()
-    whole = [setting_of(load_submission(name), bench.card) for name in CUT_AGENTS]
+    whole = [setting_of(load_submission(name), bench.card) for name in AGENTS]
     at = {0.0: whole, **plan.cuts} if all(key_of(setting) in measured for setting in whole) else plan.cuts
     rows = []
     for share, settings in at.items():
-        agents = [
-            AgentScores(s.submission.name, s.hypotheses or 1, s.samples, s.budget, measured[key_of(s)].scores[:1])
-            for s in settings
-        ]
+        agents = [scores_of(each, measured[key_of(each)].scores[:1], each.submission.name) for each in settings]
         rows.append(at_cut(share, agents, summarise(agents, bench.card, reference)))
     return tuple(rows)

@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..running.scored import scores_of
 from ..running.sensitivity import AtCut
 from ..running.settings import Setting
-from ..scoring import AgentScores, Ends, Reference, Report, stated_hypotheses, summarise
+from ..scoring import AgentScores, Ends, Reference, Report, summarise
 from ..scoring.causes import CAUSES, causes
 from ..scoring.report import paired_row
 from ..scoring.rows import Details, PairedRow, Row
@@ -95,16 +96,7 @@ class Findings:
 
     def _scores(self, setting: Setting) -> AgentScores:
         measured = self.of(setting)
-        hypotheses = setting.hypotheses or stated_hypotheses(measured.scores)
-        return AgentScores(
-            agent=measured.setting.label,  # equal runs have one name in the report
-            hypotheses=hypotheses,
-            samples=setting.samples,
-            budget=setting.budget,
-            seeds=measured.scores,
-            ideal=setting.ideal,
-            stored_tracks=setting.observe == "tracks",
-        )
+        return scores_of(setting, measured.scores, measured.setting.label)  # equal runs have one name in the report
 
     def mean(self, table: AgentTable, value: Floats, weight: Floats | Bools) -> Mean:
         """Mean of ``value`` [n] over targets by their ``weight`` [n]."""

@@ -11,14 +11,13 @@ from typing import Any
 from ..cards import Card
 from ..errors import MtpBenchError
 from ..running.compare import CONTROLS, STP, TRUTH
+from ..running.sensitivity import AGENTS, PARAMETER
 from ..running.settings import Setting, all_settings, setting_of
 from ..submission.loader import Submission, load_submission
 from .retracking import retracking_settings
 
 HYPOTHESES = (1, 2, 5, 10, 20)
 QUANTILES = (0.1, 0.25, 0.5)  # of the scores of detections of true objects: where the input is cut
-CUT_AGENTS = ("stp", "mtp", "stp_same_budget")
-CUT_PARAMETER = "min_detection_score"
 SAME_BUDGET = "stp_same_budget"
 HEDGED = "stp_hedged"
 
@@ -165,7 +164,7 @@ def _changed(setting: Setting, end: Setting) -> list[str]:
 def with_cuts(plan: Plan, card: Card, cuts: dict[float, dict[str, float]]) -> Plan:
     """The plan, and the baselines with the input cut: share of true detections below -> least score per class."""
     settings = {
-        share: tuple(setting_of(load_submission(name), card, {CUT_PARAMETER: cut}) for name in CUT_AGENTS)
+        share: tuple(setting_of(load_submission(name), card, {PARAMETER: cut}) for name in AGENTS)
         for share, cut in cuts.items()
     }
     return replace(plan, cuts=settings)
