@@ -6,6 +6,7 @@ import json
 import shutil
 import stat
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from mtp_bench.cards import load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import MtpBenchError, RecordError
 from mtp_bench.records import open_seal, read_level, retire, seal, submit, trusted, verify, why_unranked
+from mtp_bench.records.rerun import Runs, run_again
 from mtp_bench.records.seal import open_seals, today
 from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring import read_reference
@@ -152,8 +154,8 @@ def test_a_submission_on_hidden_scenes(
     assert "this seal is retired" in cli(*arguments).error
 
 
-def test_hidden_scenes_stay_until_a_round_ends(short: str, tmp_path: Path) -> None:
-    """The next record of the round finds the scenes that the one before it made."""
+def test_hidden_scenes_stay_until_a_round_ends(short: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The next record of the round finds the scenes that the one before it made; late answers there show nothing."""
     seal(short, SCENES, tmp_path / "s.json")
     sealed, path = open_seal(tmp_path / "s.json"), tmp_path / "stp" / f"{ENV}.json"
     if not submit("stp", short, RunOptions(seeds=(0,)), path.parent).isolation.holds:
@@ -162,7 +164,15 @@ def test_hidden_scenes_stay_until_a_round_ends(short: str, tmp_path: Path) -> No
     with ExitStack() as ends:
         verify(path, RunOptions(), short, rerun=True, sealed=sealed, ends=ends)
         assert scene.exists()
+        monkeypatch.setattr("mtp_bench.records.hidden.run_again", lambda *given: _late(run_again(*given)))
+        with pytest.raises(RecordError, match="stp: answers of hidden scenes came late: 1, so nothing is shown"):
+            verify(path, RunOptions(), short, rerun=True, sealed=sealed, ends=ends)
     assert not scene.exists()
+
+
+def _late(runs: Runs) -> Runs:
+    """The same runs, but for one late answer in the first scene."""
+    return {seed: [replace(first, late=1), *others] for seed, (first, *others) in runs.items()}
 
 
 def test_what_was_published_must_be_what_was_promised(leaderboard: Path, tmp_path: Path) -> None:

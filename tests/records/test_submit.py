@@ -6,17 +6,19 @@ import json
 import re
 import shutil
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from mtp_bench.errors import MtpBenchError, RecordError, RolloutError, UnknownNameError
-from mtp_bench.gateway import Limits
+from mtp_bench.gateway import Limits, SceneRun
 from mtp_bench.parallel import Workers
-from mtp_bench.records import Record, load_record, save_record, submit, verify, why_unranked
+from mtp_bench.records import Record, load_record, rerun, save_record, submit, verify, why_unranked
 from mtp_bench.records.parts import Start
 from mtp_bench.records.record import Division
+from mtp_bench.records.running import Plan
 from mtp_bench.records.submitting import require_kept
 from mtp_bench.records.verifying import confirm
 from mtp_bench.running.opened import open_run
@@ -143,6 +145,38 @@ def test_a_record_declares_all_training_data_of_its_submission(
     resign(path, change)
     checked = verify(path, RunOptions(kitti), card, submission=submission, rerun=True)
     assert [difference.what for difference in checked.differences] == differs
+
+
+def test_hypotheses_are_those_of_the_parameter_that_the_manifest_names(card: str, kitti: str, tmp_path: Path) -> None:
+    tables = '[parameters]\nhypotheses = 1\nwidth = 20\n[compare]\nhypotheses = "hypotheses"\n'
+    folder = write_submission(tmp_path / "counted", "counted", tables=tables)
+    path = tmp_path / "out" / f"{CARD_ID}.json"
+    submit(folder, card, RunOptions(kitti, scenes=1, seeds=(0,)), path.parent)
+
+    def says_twenty(content: dict[str, Any]) -> None:
+        content["hypotheses"] = content["details"]["hypotheses"] = 20
+        for row in content["rows"]:
+            row["hypotheses"] = 20
+
+    resign(path, says_twenty)
+    assert verify(path, RunOptions(kitti), card).holds, "it is the number of another parameter"
+    checked = verify(path, RunOptions(kitti), card, submission=folder, rerun=True)
+    assert [(one.what, one.recorded, one.found) for one in checked.differences] == [("hypotheses", 20, 1)]
+
+
+def test_who_dies_under_the_secret_motion_shows_nothing(
+    path: Path, submission: Path, card: str, kitti: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def dies_where_the_seed_is_secret(plan: Plan, seed: int, limits: Limits) -> list[SceneRun]:
+        first, *others = shuffled(plan, seed, limits)
+        return [first, *others] if seed in (0, 1) else [replace(first, status="crashed", reason="crashed: no"), *others]
+
+    shuffled = rerun._shuffled
+    monkeypatch.setattr(rerun, "_shuffled", dies_where_the_seed_is_secret)
+    with pytest.raises(
+        RecordError, match=r"^echo: runs under a secret motion were cut short \(crashed\): 1, expected 0$"
+    ):
+        verify(path, RunOptions(kitti), card, submission=submission, rerun=True)
 
 
 def test_late_answers_cannot_be_repeated(path: Path, submission: Path, card: str, kitti: str) -> None:
@@ -359,8 +393,8 @@ def test_a_lookup_table_of_coordinates_is_of_no_use(card: str, kitti: str, tmp_p
 
 
 def test_a_later_record_replaces_an_earlier_one(path: Path, submission: Path, card: str, kitti: str) -> None:
-    for scenes, replace in ((None, True), (1, True), (2, False), (3, False)):  # finished, partial, partial, finished
-        submit(submission, card, RunOptions(kitti, scenes=scenes), path.parent, replace=replace)
+    for scenes, force in ((None, True), (1, True), (2, False), (3, False)):  # finished, partial, partial, finished
+        submit(submission, card, RunOptions(kitti, scenes=scenes), path.parent, replace=force)
         assert [folder.name for folder in path.with_suffix(".rollouts").iterdir()] == ["seed-0"]
         assert verify(path, RunOptions(kitti), card).holds
 
