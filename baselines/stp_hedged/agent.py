@@ -8,8 +8,7 @@ PASTS = (2, 3, 5, 10)
 
 
 def build(task: Task) -> Agent:
-    """Equal shares for each past window and one share for standing still."""
-    readings = [KinematicPredictor(past=min(past, task.past)) for past in PASTS]
-    return Pipeline(
-        HypothesisTracker(1), HedgedPredictor([*readings, StandingStill()]), KMeansSampler(), presence=LearnedPresence()
-    )
+    """Equal shares for each past window that the env has, and one sample that stands still."""
+    readings = [KinematicPredictor(past=past) for past in sorted({min(past, task.past) for past in PASTS})]
+    predictor = HedgedPredictor(readings, once=[StandingStill()])
+    return Pipeline(HypothesisTracker(1), predictor, KMeansSampler(), presence=LearnedPresence())

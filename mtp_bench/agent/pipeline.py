@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..env.action import FORECAST_LIMIT
 from ..env.building import answer
 from ..errors import ShapeError
 from ..tracks import Objects, Tracks, group
@@ -90,7 +91,7 @@ class Pipeline:
             self._task,
             objects.box,
             objects.class_id,
-            said.samples - objects.box[:, None, None, :2],
+            _within_limit(said.samples - objects.box[:, None, None, :2]),
             said.log_weight,
             confidence=said.confidence,
             tracks=tracks,
@@ -170,6 +171,14 @@ class Pipeline:
         log_weight[row, place] = weight[slot // draws][:, None]
         size = shape[1] * k
         return pool.reshape(shape[0], size, self._task.future, 2), log_weight.reshape(shape[0], size)
+
+
+def _within_limit(offset: Floats) -> Floats:
+    """Offsets [..., 2] that are too long for an answer end just before the limit: a wrong track may be that fast."""
+    length = np.linalg.norm(offset, axis=-1, keepdims=True)
+    return np.asarray(
+        np.where(length > FORECAST_LIMIT, offset * (0.999 * FORECAST_LIMIT / np.maximum(length, 1)), offset)
+    )
 
 
 def _without_silent(said: _Said) -> _Said:

@@ -27,12 +27,18 @@ class StandingStill:
 class HedgedPredictor:
     """Spreads the samples evenly over several predictors; the first ones get what is left over.
 
+    Args:
+        predictors: They share the samples. Each gets random draws of its own: two that read the same past say
+            different things.
+        once: Predictors that have one thing to say, such as `StandingStill`: one sample each, after the others.
+
     Raises ShapeError without predictors, SubmissionError for one that draws no samples.
     """
 
-    def __init__(self, predictors: Sequence[SamplingPredictor]) -> None:
-        self._predictors = tuple(predictors)
-        if not self._predictors:
+    def __init__(self, predictors: Sequence[SamplingPredictor], once: Sequence[SamplingPredictor] = ()) -> None:
+        self._shared, self._once = tuple(predictors), tuple(once)
+        self._predictors = (*self._shared, *self._once)
+        if not self._shared:
             raise ShapeError("HedgedPredictor got no predictors, expected at least one")
         for place, predictor in enumerate(self._predictors):
             if isinstance(predictor, type) or not callable(getattr(predictor, "sample", None)):
@@ -55,9 +61,16 @@ class HedgedPredictor:
 
     def sample(self, tracks: Tracks, leaf: Ints, draw: Ints, samples: int) -> Floats:
         """Futures [Q, samples, T, 2] in absolute x y, in the order of the predictors."""
-        share, rest = divmod(samples, len(self._predictors))
-        sizes = [share + (i < rest) for i in range(len(self._predictors))]
-        parts = [p.sample(tracks, leaf, draw, n) for p, n in zip(self._predictors, sizes, strict=True) if n]
+        count = len(self._shared)
+        single = min(len(self._once), samples - 1)
+        share, rest = divmod(samples - single, count)
+        sizes = [share + (i < rest) for i in range(count)]
+        parts = [
+            predictor.sample(tracks, leaf, draw * count + i, size)
+            for i, (predictor, size) in enumerate(zip(self._shared, sizes, strict=True))
+            if size
+        ]
+        parts += [predictor.sample(tracks, leaf, draw, 1) for predictor in self._once[:single]]
         return np.concatenate(parts, axis=1)
 
 

@@ -12,7 +12,6 @@ from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
 from ..agent import Pipeline, Predictor, Presence
-from ..env.action import FORECAST_LIMIT
 from ..errors import ActionError, MtpBenchError, sentence
 from ..geometry import rotate
 from ..types import Action, Floats, Ints, Observation
@@ -114,7 +113,6 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
         choice = self._read(action)
         self._slots.choose(*self._resolved(choice))
         answer = self._agent.act(self._seen)
-        answer["forecast"] = _within(answer["forecast"])
         self._seen, reward, terminated, truncated, info = self._env.step(answer)
         return self._shown(), reward, terminated, truncated, info
 
@@ -185,9 +183,3 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
         waited = self._slots.unseen[slot] / (_PATIENCE + 1)
         columns = np.stack([np.ones(slot.shape), nearness, known, waited], axis=2)
         return np.asarray(np.where(there[:, :, None], columns, 0).reshape(len(slot), _OF_TRACK * self._choices))
-
-
-def _within(offset: Floats) -> Floats:
-    """Offsets [..., 2] that are too long end just before the limit: a track of wrong choices may be that fast."""
-    length = np.linalg.norm(offset, axis=-1, keepdims=True)
-    return np.asarray(offset * np.minimum(1, 0.999 * FORECAST_LIMIT / np.maximum(length, 1)))

@@ -11,11 +11,12 @@ import pytest
 
 from mtp_bench import load_submission
 from mtp_bench.agent import Action, Agent, Pipeline
+from mtp_bench.env.action import FORECAST_LIMIT
 from mtp_bench.errors import ShapeError
 from mtp_bench.prediction import KinematicPredictor, KMeansSampler, StandingStill
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.tracks import Tracks, group
-from mtp_bench.types import Task
+from mtp_bench.types import Floats, Ints, Task
 from tests.support.tracking_scenes import CYCLIST, Frame, at_once, frame, kitti_task, observation, random_frames
 
 TASK = kitti_task(seed=3)
@@ -187,3 +188,19 @@ def test_parts_can_be_exchanged() -> None:
     for action in answers(agent):
         coasting = np.abs(action["forecast"]).max(axis=(1, 2, 3))
         assert (coasting < 2.0).all()  # from the filtered box to the last detection
+
+
+def test_forecasts_end_where_no_answer_may_go_on() -> None:
+    class Far(StandingStill):
+        def sample(self, tracks: Tracks, leaf: Ints, draw: Ints, samples: int) -> Floats:
+            futures = super().sample(tracks, leaf, draw, samples)
+            futures[..., 1:, 0] += 400.0
+            return futures
+
+    action = answers(Pipeline(HypothesisTracker(1, at_once()), Far(), KMeansSampler()))[-1]
+    offset = action["forecast"][action["object_valid"] == 1]
+    assert len(offset)
+    reach = np.linalg.norm(offset, axis=-1)
+    assert (reach[:, :, 0] < 1).all()
+    np.testing.assert_allclose(reach[:, :, 1:], 0.999 * FORECAST_LIMIT, rtol=1e-6)
+    assert (offset[..., 1:, 0] > 0).all()

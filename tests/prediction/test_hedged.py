@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.errors import ShapeError, SubmissionError
-from mtp_bench.prediction import HedgedPredictor, LearnedPredictor, StandingStill
+from mtp_bench.prediction import HedgedPredictor, KinematicPredictor, LearnedPredictor, StandingStill
 from mtp_bench.tracks import Tracks
 from mtp_bench.types import Floats, Ints, Task
 from tests.support.tracking_scenes import kitti_task, tracks_with_past
@@ -61,6 +61,25 @@ def test_the_hedged_predictor_shares_its_samples(samples: int, shares: list[int]
     assert futures.shape == (2, samples, 10, 2)
     assert [int((futures[1, :, 0, 0] == i).sum()) for i in range(5)] == shares
     assert [part.asked for part in parts] == [[n] if n else [] for n in shares]
+
+
+def test_what_has_one_thing_to_say_says_it_once() -> None:
+    parts = [Counting(0.0), Counting(1.0), Counting(9.0)]
+    hedged = HedgedPredictor(parts[:2], once=parts[2:])
+    tracks = tracks_with_past(PAST[None])
+    for samples, shares in ((7, [3, 3, 1]), (2, [1, 0, 1]), (1, [1, 0, 0])):
+        futures = hedged.sample(tracks, np.arange(1), np.zeros(1, dtype=np.int64), samples)
+        assert [int((futures[0, :, 0, 0] == part.number).sum()) for part in parts] == shares
+
+
+def test_readings_of_one_past_draw_different_samples() -> None:
+    hedged = HedgedPredictor([KinematicPredictor(), KinematicPredictor()], once=[StandingStill()])
+    hedged.reset(TASK)
+    tracks = tracks_with_past(PAST[None])
+    hedged.begin(tracks)
+    for draw in (0, 1):
+        futures = hedged.sample(tracks, np.zeros(1, dtype=np.int64), np.array([draw]), 11)
+        assert len(np.unique(futures[0, :, -1], axis=0)) == 11
 
 
 def test_standing_still_is_the_last_box_repeated() -> None:
