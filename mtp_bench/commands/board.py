@@ -190,19 +190,19 @@ def _read(path: Path, start: _Start, added: bool) -> Found:
     record = load_record(path)
     signed, note = read_level(path, record, start.trust)
     link = None if start.page is None else relative_address(path, start.page)
-    return Found(record, signed, link, added, note, _code_of(record, start), _clip_of(path, start))
+    return Found(record, signed, link, added, note, _code_of(record, start), _clip_of(path, record, start))
 
 
-def _clip_of(path: Path, start: _Start) -> str | None:
+def _clip_of(path: Path, record: Record, start: _Start) -> str | None:
     from ..viz.board.clips import clip_path
 
-    return None if start.page is None else _existing(clip_path(path), start.page)
+    return None if start.page is None else _existing(clip_path(path, record), start.page)
 
 
 def _draw_clips(folder: Path, env: str | None) -> None:
     """Write a clip beside each record that can have one and has not; a record that is broken has none."""
     from ..records import load_record, record_paths
-    from ..viz.board.clips import can_have_clip, is_drawn, write_clip
+    from ..viz.board.clips import can_have_clip, clip_path, write_clip
     from ..viz.terminal.output import progress_bar, show
 
     paths = record_paths(folder)
@@ -211,8 +211,8 @@ def _draw_clips(folder: Path, env: str | None) -> None:
         for path in paths:
             try:
                 record = load_record(path)
-                wanted = env in (None, record.env.id) and can_have_clip(path, record) and not is_drawn(path)
-                written = write_clip(path, record) if wanted else None
+                wanted = env in (None, record.env.id) and can_have_clip(path, record)
+                written = write_clip(path, record) if wanted and not clip_path(path, record).is_file() else None
                 if written is not None:
                     show(str(written))
             except MtpBenchError as error:

@@ -17,7 +17,8 @@ from pathlib import Path
 ROOT = Path("/sys/fs/cgroup")
 _NAME = "mtp_bench"  # and the number of the judge
 _V2 = {"memory.max": "memory", "memory.swap.max": None, "pids.max": "processes"}
-_V1 = {"memory.limit_in_bytes": "memory", "pids.max": "processes"}
+_V1 = {"memory.limit_in_bytes": "memory", "memory.memsw.limit_in_bytes": "with_swap", "pids.max": "processes"}
+_NEEDED = ("memory.max", "memory.limit_in_bytes", "pids.max")  # the others bound swap, which not every system has
 _ENDING = 2.0  # s that the system may take to empty a group
 
 
@@ -55,7 +56,7 @@ class Group:
 
 def make_group(memory: int, processes: int, root: Path = ROOT, own: Path = Path("/proc/self/cgroup")) -> Group | None:
     """A group for ``memory`` bytes and so many processes and threads; None where the system does not allow it."""
-    values = {"memory": str(memory), "processes": str(processes), None: "0"}
+    values = {"memory": str(memory), "with_swap": str(memory), "processes": str(processes), None: "0"}
     places, names = _places(root, own)
     for place in places:
         _sweep(place)
@@ -68,7 +69,7 @@ def make_group(memory: int, processes: int, root: Path = ROOT, own: Path = Path(
             made.append(folder)
         for file, value in names.items():
             written = [folder / file for folder in made if (folder / file).exists()]
-            if not written and value is not None:
+            if not written and file in _NEEDED:
                 raise OSError(f"no {file}")
             for path in written:
                 path.write_text(values[value])

@@ -41,7 +41,7 @@ def answer_bytes(space: spaces.Space[Any], limits: Limits) -> int:
 
 
 class Exchange:
-    """Questions to one agent and its answers; after the scene is over for it, every answer is empty."""
+    """Questions to one agent and its answers; after the scene is over for it, there is none."""
 
     def __init__(self, process: AgentProcess, limits: Limits, space: spaces.Space[Any], seal: bytes) -> None:
         self._process, self._limits = process, limits
@@ -71,9 +71,13 @@ class Exchange:
         except SceneOverError as end:
             self._status, self._reason = end.status, end.reason
 
-    def ask(self, observation: Arrays) -> tuple[Action, float]:
-        """The answer to one frame, empty where there is none in time, and the seconds that it took."""
+    def ask(self, observation: Arrays) -> tuple[Action | None, float]:
+        """The answer to one frame, None where none came in time, and the seconds that it took.
+
+        One that is no answer comes back without fields, which the env takes for broken.
+        """
         action: Action | None = None
+        malformed = self._malformed
         begin = time.monotonic()
         spent = 0.0
         if self._status == "finished":
@@ -86,7 +90,8 @@ class Exchange:
         # One answer waits at most, so that a fast env does not pile them up.
         self._seal = self._sealer.submit(lengthened, self._seal.result(), self._frame, action)
         self._frame += 1
-        return action or {}, spent
+        broken = action is None and self._malformed > malformed
+        return {} if broken else action, spent
 
     def result(self, rollout: Rollout) -> SceneRun:
         """What came of it."""

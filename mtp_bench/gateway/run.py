@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..cards import Card
+from ..env.building import answer
 from ..env.environment import MTPEnv
 from ..errors import SubmissionError
 from ..parallel import ALONE, QUIET, Progress, Workers, unordered_map
@@ -69,12 +70,13 @@ def run_isolated(
         setup = process.setup(loaded.parameters if parameters is None else parameters)
         exchange = Exchange(process, limits, env.action_space, seal_start(env.card.digest, scene, seed))
         exchange.open(setup, asdict(agent_task(env, seed)))
+        silence = answer(env.task, np.zeros((0, 7)), np.zeros(0, int), np.zeros((0, env.task.future, 2)), checked=False)
         seconds: list[float] = []
         truncated = False
         while not truncated:
             action, spent = exchange.ask(observation)
             seconds.append(spent)
-            observation, _, _, truncated, _ = env.step(action)
+            observation, _, _, truncated, _ = env.step(silence if action is None else action)
         run = exchange.result(replace(env.rollout(), seconds=np.array(seconds)))
         return replace(run, scene_digest=scene_digest(env.scene))
 

@@ -145,6 +145,10 @@ class ImmPredictor:
         """Forget everything."""
         self._task = task
         self._noise = self._given or stored_imm_noise(task)
+        if len(self._noise.measurement) != len(task.classes):
+            raise ShapeError(
+                f"got noise of {len(self._noise.measurement)} classes, {task.env_id} has {len(task.classes)}"
+            )
         tau = task.dt * np.arange(1, task.future + 1)
         self._powers = np.stack([np.ones_like(tau), tau, tau**2 / 2])  # [3, T]
         self._frame = 0

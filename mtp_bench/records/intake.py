@@ -64,6 +64,12 @@ def take_in(folder: Path, trust: Trust, owner: str | None = None) -> Intake:
         "the branch that it is for)"
         for name in gone
     ]
+    if owner is not None and _whole(folder, root):
+        used = {name.parts[1] for name in files if name.parts[0] == _RECORDS and len(name.parts) == _DEEPEST}
+        refused += [
+            f"{OWNERS}: {name[:40]!r} has no record: a name comes with the first record of it"
+            for name in sorted(names.keys() - trust.owners.keys() - used)
+        ]
     for name in sorted(files):
         path = root / name
         if name == OWNERS or _same(path, trust.folder / name) or not _within(path, folder):

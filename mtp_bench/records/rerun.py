@@ -1,8 +1,9 @@
 """A submission that is run again: scenes in random order, and once more under a motion that nobody could know.
 
-The seeds of a record are public, and with them how its scenes were turned and shifted: a table made for just those
-motions would score. It does not under another one; an agent that tracks and predicts scores alike. What one run leaves
-in the page cache of the system for the next is of no use where nobody knows which comes next.
+The seeds of a record are public, and with them how its scenes were turned and shifted: a table of coordinates as they
+were shown would score. It does not under another motion; an agent that tracks and predicts scores alike. What one run
+leaves in the page cache of the system for the next is of no use where nobody knows which comes next. A table relative
+to the first pose of the ego works under any motion: that nobody has one of recorded scenes is what authors declare.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from .running import Plan, evaluate_plan, run_seed, unanswered
 # baseline differ by 0.06 at most, by 0.015 where event subsets rank.
 ALIKE = 0.1
 _NEGLIGIBLE = 1e-3  # m
-_FIRST, _SEEDS = 1 << 16, 1 << 31  # far from what anybody counts up to
+_SEEDS = 1 << 60  # as many as those of hidden runs
 _chance = secrets.SystemRandom()
 
 Runs = dict[int, list[SceneRun]]
@@ -40,7 +41,7 @@ def rows_when_moved(plan: Plan, reference: Reference, limits: Limits) -> Sequenc
 
     Raises RecordError where the agent did not live to the end of every scene: it knows the public seeds.
     """
-    seed = _FIRST + secrets.randbelow(_SEEDS - _FIRST)
+    seed = secrets.randbelow(_SEEDS)
     runs = {seed: _shuffled(plan, seed, limits)}
     require_whole(runs, plan.submission.name, "under a secret motion")
     return evaluate_plan(plan, runs, reference).rows

@@ -17,6 +17,7 @@ from ..types import Bools, Floats, Ints
 from .pairs import Pairs, Rows
 
 Matched = NDArray[np.intp]
+_MOST_CELLS = 1 << 20  # of a dense table of costs: a few boxes that touch many objects must not choose the memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +80,9 @@ def match_best(pairs: Pairs, rows: int) -> Matched:
         large = contested.keep(~star)
         row, column, cost = large.pairs.row, large.pairs.column, large.pairs.cost
         for low, high in large.parts():
-            chosen = low + _cheapest(large.local_row[low:high], large.local_column[low:high], cost[low:high])
+            part = large.local_row[low:high], large.local_column[low:high], cost[low:high]
+            cells = (int(part[0].max()) + 1) * (int(part[1].max()) + 1)
+            chosen = low + (_cheapest(*part) if cells <= _MOST_CELLS else _cheapest_sparse(*part))
             matched[row[chosen]] = column[chosen]
     return matched
 
@@ -208,3 +211,21 @@ def _cheapest(row: Rows, column: Rows, cost: Floats, absent: float = 0.0) -> Row
     dense[row, column], place[row, column] = cost, np.arange(len(row))
     chosen = place[linear_sum_assignment(dense)]
     return np.asarray(chosen[chosen >= 0])
+
+
+def _cheapest_sparse(row: Rows, column: Rows, cost: Floats) -> Rows:
+    """Places of the pairs of the cheapest assignment of costs below 0, in memory of the pairs alone."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import min_weight_full_bipartite_matching
+
+    rows, columns = int(row.max()) + 1, int(column.max()) + 1
+    every, least = np.arange(rows), float(cost.min())
+    # each row may take a column of its own that costs nothing; a constant on all of them changes no choice
+    weight = np.concatenate([cost, np.zeros(rows)]) - least + 1.0
+    at = np.concatenate([row, every]), np.concatenate([column, columns + every])
+    chosen_row, chosen_column = min_weight_full_bipartite_matching(
+        csr_array((weight, at), shape=(rows, columns + rows))
+    )
+    taken = np.full(rows, -1, dtype=np.intp)
+    taken[chosen_row] = chosen_column
+    return np.flatnonzero(taken[row] == column)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..tracks import UNBORN, Tracks
 from ..types import Floats, Ints
+from .repair import bridged
 
 
 @dataclass
@@ -77,14 +78,17 @@ class Histories:
             life.last_score = score
 
     def _window(self, lives: list[_Life]) -> tuple[Floats, Ints]:
-        """Boxes [N, P, 7] of the last P frames and the rows taken [N, P]; where nothing was said, the box before."""
+        """Boxes [N, P, 7] of the last P frames and the rows taken [N, P].
+
+        Between two frames in which an identity was said its box moves on a straight line; before the first one of the
+        window it was not there: how it got here from a place long ago is not known.
+        """
         length = self._past
         past, taken = np.zeros((len(lives), length, 7)), np.full((len(lives), length), UNBORN)
+        said = np.zeros(taken.shape, dtype=bool)
         for at, life in enumerate(lives):
-            taken[at, max(length - 1 - self._frame + life.first, 0) :] = -1
             for frame, row, box in life.said:
                 column = length - 1 - self._frame + frame
-                past[at, max(column, 0) :] = box
                 if column >= 0:
-                    taken[at, column] = row
-        return past, taken
+                    past[at, column:], taken[at, column:], taken[at, column], said[at, column] = box, -1, row, True
+        return bridged(past, said)[0], taken

@@ -676,6 +676,10 @@ def look_alike(proposal: Path, _: Path) -> None:
     (proposal / "owners.toml").write_text('[owners]\nnewcomer = "ada"\ns_t-p = "ada"\n')
 
 
+def more_names(proposal: Path, _: Path) -> None:
+    (proposal / "owners.toml").write_text('[owners]\nnewcomer = "ada"\n"for <b>later</b>" = "ada"\n')
+
+
 def of_a_baseline(proposal: Path, _: Path) -> None:
     save_record(made_up("stp", 0.1), proposal / "records" / "stp" / f"{MAIN}.json")
 
@@ -715,6 +719,7 @@ PROPOSALS: dict[Callable[[Path, Path], None], str] = {
     no_owner: "the name 'newcomer' has no owner",
     for_another: "gives 'newcomer' to 'bob', expected 'ada'",
     look_alike: "'s_t-p' looks like 'stp', which is taken",
+    more_names: "'for <b>later</b>' has no record: a name comes with the first record of it",
     of_a_baseline: "'stp' is a baseline, only maintainers make its records",
     taken_over: "'newcomer' belongs to 'bob': only maintainers change that",
     of_somebody_else: "the name 'newcomer' belongs to 'bob', not to 'ada'",

@@ -96,6 +96,8 @@ def test_an_agent_that_is_always_late_says_nothing(court: Court) -> None:
     run = court.run(ALWAYS_LATE, replace(HURRIED, first_frame=HURRIED.frame))
     assert run.late == FRAMES
     assert len(run.rollout.object_box) == len(run.rollout.track_box) == 0
+    assert not run.rollout.invalid.any(), "it stated nothing"
+    assert not run.rollout.malformed.any()
 
 
 def test_patched_clocks_and_numpy_change_nothing(court: Court) -> None:

@@ -205,3 +205,8 @@ def test_stored_noise(observe: str) -> None:
 def test_no_stored_noise() -> None:
     with pytest.raises(UnknownNameError, match="motion noise"):
         stored_imm_noise(kitti_task(motion_noise="KITTI", classes=("pedestrain",)))
+
+
+def test_noise_of_another_task() -> None:
+    with pytest.raises(ShapeError, match="got noise of 3 classes, test has 1"):
+        ImmPredictor(NOISE).reset(kitti_task(classes=("car",)))

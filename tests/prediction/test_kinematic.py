@@ -222,7 +222,10 @@ def test_noise_of_another_form_is_one_clear_error() -> None:
 
 def test_noise_of_objects_that_never_change_their_motion() -> None:
     still = replace(NOISE, jerkiness=np.zeros((3, 2)), acceleration=np.zeros((3, 2)))
-    assert np.isfinite(predict(tracks_with_past(arc(5.0, 0.0)[None]), noise=still)).all()
+    past = arc(5.0, 0.0)[None]
+    assert np.isfinite(predict(tracks_with_past(past), noise=still)).all()
+    unseen = tracks_with_past(past, np.arange(10)[None] < 5)  # it coasts longer than the window that is read
+    assert np.isfinite(predict(unseen, noise=still, past=2)).all()
 
 
 def test_everything_a_tracker_says_gets_finite_samples() -> None:

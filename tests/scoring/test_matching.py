@@ -242,3 +242,17 @@ def test_blocks_of_candidates_do_not_matter(monkeypatch: pytest.MonkeyPatch) -> 
         parts.append([found.row.tolist(), found.column.tolist(), found.cost.tolist()])
     assert len(parts[0][0]) > 7
     assert parts[0] == parts[1] == parts[2]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_large_components_are_matched_in_memory_of_their_pairs(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(seed)
+    row, column = np.nonzero(rng.random((8, 12)) < 0.5)
+    pairs = Pairs(row, column, -rng.integers(1, 9, len(row)).astype(np.float64))
+    dense = match_best(pairs, 8)
+    monkeypatch.setattr("mtp_bench.scoring.matching._MOST_CELLS", 0)
+    sparse = match_best(pairs, 8)
+    cost = dict(zip(zip(row.tolist(), column.tolist(), strict=True), pairs.cost.tolist(), strict=True))
+    worth = [sum(cost[i, j] for i, j in enumerate(found.tolist()) if j >= 0) for found in (dense, sparse)]
+    assert worth[0] == worth[1]
+    assert len(set(sparse[sparse >= 0])) == (sparse >= 0).sum()

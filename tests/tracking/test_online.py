@@ -71,6 +71,18 @@ def test_an_id_that_returns_after_a_gap_goes_on() -> None:
     assert (last.hits.tolist(), last.age.tolist()) == ([2], [4])
 
 
+@pytest.mark.parametrize(
+    ("away", "x", "taken"), [(2, [0, 1, 2, 3], [0, -1, -1, 0]), (30, [0, 0, 0, 3], [UNBORN] * 3 + [0])]
+)
+def test_what_was_not_said_moved_steadily_or_is_not_known(away: int, x: list[float], taken: list[int]) -> None:
+    """The detections are where the tracker says; after a long absence the window holds the return alone."""
+    frames = [frame((0, 0, CAR)), *[frame()] * away, frame((3, 0, CAR))]
+    last = played(scripted([(7, box(0), 1)], *[[]] * away, [(7, box(3), 1)]), frames)[-1]
+    assert last.past_detection is not None
+    assert last.past[0, -4:, 0].tolist() == pytest.approx(x)
+    assert last.past_detection[0, -4:].tolist() == taken
+
+
 def test_an_id_in_another_class_is_another_identity() -> None:
     tracks = played(scripted([(1, box(0), 1, 0)], [(1, box(0), 1, 0)]), [frame((0, 0, CAR)), frame((0, 0, PEDESTRIAN))])
     assert [t.track_id.tolist() for t in tracks] == [[0], [1]]

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from mtp_bench.errors import RecordError
-from mtp_bench.records import save_record
+from mtp_bench.records import load_record, save_record
 from mtp_bench.running.opened import open_run
 from mtp_bench.viz.board import Found, board_files, entries_of
 from mtp_bench.viz.board.clips import MOST_BYTES, SIZE, can_have_clip, clip_path, draw_clip, worst_event, write_clip
@@ -58,8 +58,9 @@ def test_no_clip_is_ever_made_or_shown_of_recorded_scenes(tmp_path: Path, cli: C
     with pytest.raises(RecordError, match="no picture of them may be published"):
         write_clip(path, record)
     assert "clip" not in cli.ok("board", "--records", path.parents[1], "--clips")
-    assert not clip_path(path).exists()
-    clip_path(path).touch()
+    clip = clip_path(path, load_record(path))
+    assert not clip.exists()
+    clip.touch()
     page = tmp_path / "x.html"
     cli.ok("board", "--records", path.parents[1], "-o", page)
     assert ".webp" not in (tmp_path / "x.parts" / "entries" / MAIN / "a.js").read_text()
@@ -81,7 +82,13 @@ def test_rollouts_are_needed_and_those_of_the_record(tmp_path: Path, cli: Comman
     assert can_have_clip(path, record)
     no_run = "no clip: " + str(path.with_suffix(".rollouts"))  # there is no run in the folder
     assert no_run in cli.ok("board", "--records", path.parents[1], "--clips").replace("\n", "")
-    clip_path(path).touch()  # drawn since the record was made: kept
+    clip_path(path, load_record(path)).touch()  # of this record: kept
     assert "no clip: " not in cli.ok("board", "--records", path.parents[1], "--clips")
-    path.touch()
+    page = tmp_path / "x.html"
+    entry = tmp_path / "x.parts" / "entries" / SIMULATED / "a.js"
+    cli.ok("board", "--records", path.parents[1], "-o", page)
+    assert ".webp" in entry.read_text()
+    save_record(made_up("a", 0.2, env_id=SIMULATED), path)  # another record: its clip is another one
+    cli.ok("board", "--records", path.parents[1], "-o", page)
+    assert ".webp" not in entry.read_text()
     assert no_run in cli.ok("board", "--records", path.parents[1], "--clips").replace("\n", "")

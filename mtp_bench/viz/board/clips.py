@@ -23,20 +23,14 @@ _MOST_FRAMES = 16
 _QUALITIES = (60, 45, 30, 20, 10)  # of WebP, until it is small enough
 
 
-def clip_path(record: Path) -> Path:
-    """Where the clip of the record at ``record`` is."""
-    return record.with_name(record.name.removesuffix(".json") + SUFFIX)
+def clip_path(path: Path, record: Record) -> Path:
+    """Where the clip of the record at ``path`` is; its name tells of which record it is."""
+    return path.with_name(f"{path.stem}.{record.digest[:12]}{SUFFIX}")
 
 
 def can_have_clip(path: Path, record: Record) -> bool:
     """Whether scenes of the env may be shown, and what the agent said on them is stored."""
     return simulated(record.env.id) and rollouts_folder(path, record.seeds[0]).is_dir()
-
-
-def is_drawn(path: Path) -> bool:
-    """Whether the record at ``path`` has a clip that is not older than it."""
-    clip = clip_path(path)
-    return clip.is_file() and clip.stat().st_mtime_ns >= path.stat().st_mtime_ns
 
 
 def write_clip(path: Path, record: Record) -> Path | None:
@@ -56,8 +50,12 @@ def write_clip(path: Path, record: Record) -> Path | None:
     )
     if worst is None:
         return None
-    draw_clip(clip_path(path), *worst)
-    return clip_path(path)
+    clip = clip_path(path, record)
+    draw_clip(clip, *worst)
+    for other in path.parent.glob(f"{path.stem}.*{SUFFIX}"):  # of earlier records
+        if other != clip:
+            other.unlink()
+    return clip
 
 
 def worst_event(replays: Iterable[Replay]) -> tuple[Replay, Incident] | None:

@@ -36,7 +36,10 @@ MOST_AGENTS = 60  # of the overview
 _FURTHER = {
     "rank": ("#", "1 + the number of entries that are significantly better: sign-flip test over units, p below .05."),
     "name": ("submission", "Open it for its details. Below its name: authors, code and paper."),
-    "curve": ("curve", "The error over how many false forecasts are allowed, from none on; dashed: stp."),
+    "curve": (
+        "curve",
+        "The error on public scenes over how many false forecasts are allowed, from none on; dashed: stp.",
+    ),
     "level": ("verified", " ".join(f"{name}: {LEVEL_TEXT[name]}." for name in LEVELS)),
 }  # what stands in a table beside the columns of numbers
 
