@@ -68,8 +68,10 @@ def shown_as_truth(windows: TrackWindows) -> TrackWindows:
 def windows_of(frame: Frame, past: int) -> tuple[TrackWindows, Ints]:
     """The distinct windows of ``past`` frames of a frame's tracks, and the window [N] of each track.
 
-    Tracks that took the same detections in these frames share a window, whatever came before: forecasts of one are
-    forecasts of all. A tracker that does not state the detections it took has a window for each track.
+    Tracks that took the same detections in these frames share the window of the first of them, whatever came before.
+    Where such tracks coast, or are of another age, this is not exact: at the simulated intersection with 20 hypotheses
+    the forecasts of 2 % of the objects are of another track's window, half of them by more than 0.4 m. A tracker that
+    does not state the detections it took has a window for each track.
     """
     tracks = frame.tracks
     length = min(past, tracks.past.shape[1])
