@@ -74,8 +74,8 @@ def nearest(got: str, known: Iterable[str]) -> str:
     return f": known are {shown}" if names else ": none is known"
 
 
-def closest(got: str, known: Iterable[str]) -> str:
-    """The known name that looks most like ``got``; empty where none does."""
+def closest(got: object, known: Iterable[str]) -> str:
+    """The known name that looks most like ``got``, which callers may have meant as one; empty where none does."""
     lower = {name.lower(): name for name in sorted(known)}  # other case is no other name
-    close = difflib.get_close_matches(got.lower(), lower, n=1, cutoff=0.5)
+    close = difflib.get_close_matches(str(got).lower(), lower, n=1, cutoff=0.5)
     return lower[close[0]] if close else ""

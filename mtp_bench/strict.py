@@ -38,7 +38,7 @@ SectionT = TypeVar("SectionT", bound=Section)
 
 def read_toml(path: Path, error: type[MtpBenchError]) -> dict[str, Any]:
     """Content of a TOML file of at most `MOST_TOML` bytes; raises ``error`` where it cannot be read."""
-    text = read_bounded(path, MOST_TOML, error)
+    text = read_bounded(path, MOST_TOML, error).removeprefix("\ufeff")  # some editors write a mark first
     try:
         content = tomllib.loads(text)
         _require_plain(content)

@@ -15,7 +15,7 @@ from ..errors import ShapeError
 from ..tracks import Objects, Tracks, group
 from ..types import Action, Floats, Ints, Observation, Task
 from .pools import pool_of, reduced
-from .protocols import Frame, FramePredictor, Predictor, Presence, Sampler, SamplingPredictor, Tracker
+from .protocols import Forecasts, Frame, FramePredictor, Predictor, Presence, Sampler, SamplingPredictor, Tracker
 
 _POOLED = 2048  # samples that are held at once: memory must not grow with hypotheses times objects
 
@@ -107,6 +107,8 @@ class Pipeline:
         leaf = leaf.reshape(objects.leaf.shape) - first
         part = tracks.those(needed[first:])
         said = predictor.predict(Frame(self._frame - 1, part, tuple(self._seen)))
+        if not isinstance(said, Forecasts):
+            raise ShapeError(f"predict returned a {type(said).__name__}, expected mtp_bench.agent.Forecasts")
         row = np.append(said.rows_of(len(part.box)), -1)[leaf]
         log_weight = tracks.log_weight if self._posterior else np.zeros(len(tracks.log_weight))
         samples, weight = reduced(pool_of(row, log_weight), said, self._task, self._sampler, rng, _POOLED)

@@ -55,6 +55,9 @@ class Forecasts:
     row: Ints | None = None  # [N] the row of each track; None: row i is track i
 
     def __post_init__(self) -> None:
+        if np.ndim(self.samples) != len("RSTx"):
+            got = f"forecasts.samples has shape {np.shape(self.samples)}"
+            raise ShapeError(f"{got}, expected [rows, samples, frames, 2]; one sample each is [rows, 1, frames, 2]")
         rows, samples = np.shape(self.samples)[:2]
         wanted = {"log_weight": (rows, samples), "present": (rows, 2), "presence": (rows,)}
         for name, shape in wanted.items():

@@ -74,6 +74,8 @@ class Windows(TrackWindows):
 
     def of_scenes(self, own_names: Sequence[str]) -> Bools:
         """The windows [n] of the scenes that have one of these names in their own env."""
+        if isinstance(own_names, str):
+            raise MtpBenchError(f"own_names is {own_names!r}, expected a list of names")
         wanted = set(own_names)
         return np.asarray(np.array([name in wanted for name in self.own_names])[self.scene])
 
@@ -119,7 +121,7 @@ def windows(
     """
     _require_tracker(tracker)
     scenes = int(scenes) if isinstance(scenes, np.integer) else scenes
-    if isinstance(scenes, str) or not (scenes is None or isinstance(scenes, int | Collection)):
+    if isinstance(scenes, str | bool) or not (scenes is None or isinstance(scenes, int | Collection)):
         raise MtpBenchError(f"scenes is {scenes!r}, expected a number of scenes or a list of their names")
     first = scenes if isinstance(scenes, int) else options.scenes
     opened = open_split(env_id, replace(options, split=split, scenes=first))

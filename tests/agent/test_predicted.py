@@ -127,6 +127,21 @@ def test_forecasts_of_the_wrong_shape_are_refused() -> None:
         Forecasts(np.zeros((2, 4, 3, 2)), np.zeros((2, 3)))
 
 
+@pytest.mark.parametrize("shape", [(2, 3, 2), (2, 3), ()])
+def test_forecasts_without_an_axis_of_samples(shape: tuple[int, ...]) -> None:
+    with pytest.raises(ShapeError, match=r"samples has shape .*, expected \[rows, samples, frames, 2\]"):
+        Forecasts(np.zeros(shape))
+
+
+def test_a_predictor_that_answers_with_an_array() -> None:
+    class Wrong(Still):
+        def predict(self, frame: Frame) -> Forecasts:
+            return np.zeros((2, 1, 3, 2))  # type: ignore[return-value]
+
+    with pytest.raises(ShapeError, match=r"predict returned a ndarray, expected mtp_bench\.agent\.Forecasts"):
+        play(Wrong(), frames=[frame((0, 0, 0), (10, 0, 1))])
+
+
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [

@@ -105,6 +105,8 @@ def test_a_card_from_a_file(tmp_path: Path) -> None:
     path = tmp_path / "MTP-small-v0.toml"
     path.write_text(SMALL)
     assert load_card(path) == load_card(str(path)) == parse_card(tomllib.loads(SMALL))
+    path.write_text(SMALL, encoding="utf-8-sig")  # with the mark that some editors write
+    assert load_card(path) == parse_card(tomllib.loads(SMALL))
 
 
 def test_the_digest_does_not_depend_on_order_and_spelling(content: Content) -> None:

@@ -184,6 +184,18 @@ def test_tables_with_numbered_frames(tmp_path: Path, base: Card) -> None:
     assert (scene.detector, scene.truth_complete) == ("pointrcnn, stored detections", True)
 
 
+def test_frames_beyond_the_known_times_come_at_the_rate(tmp_path: Path, base: Card) -> None:
+    """A table with times does not know those of the frames that only another has."""
+    seen = ["frame,time,class,x,y,yaw,l,w,h", "1,7.1,car,2,0,0,4,1.8,1.5", "2,7.25,car,2,0,0,4,1.8,1.5"]
+    scene = only(base, write_tables(tmp_path, truth=[*TRUTH, f"4,1,car,4,0,{BOX}"], detections=seen))
+    np.testing.assert_allclose(scene.time, [7, 7.1, 7.25, 7.35, 7.45])
+
+
+def test_a_table_of_timed_rows_that_has_none(tmp_path: Path, base: Card) -> None:
+    scene = only(base, write_tables(tmp_path, detections=["frame,time,class,x,y,yaw,l,w,h"]))
+    np.testing.assert_allclose(scene.time, [0, 0.1, 0.2])
+
+
 def test_the_ego_table_says_which_frames_there_are(tmp_path: Path, base: Card) -> None:
     longer = [*EGO, "3,0.31,5,3,1,0.1"]
     scene = only(base, write_tables(tmp_path, ego=longer))

@@ -159,6 +159,14 @@ def test_odometry_replaces_the_gps_unit_where_it_is_given(root: Path) -> None:
         load(root)
 
 
+@pytest.mark.parametrize("row", ["2 0 0 0 0 2 0 0 0 0 2 0", "1 0 0 0 0 1 0 0 0 0 -1 0", "0 0 0 1 0 0 0 1 0 0 0 1"])
+def test_odometry_whose_axes_are_no_rotation(row: str, root: Path) -> None:
+    """Scaled, mirrored, or the twelve numbers in another order."""
+    write(root / "poses_orbslam3/0000.txt", "1 0 0 0 0 1 0 0 0 0 1 0", *[row] * (SIX - 1))
+    with pytest.raises(DataError, match=r"0000\.txt.*2.* no pose: .* are no rotation"):
+        load(root)
+
+
 # Corners of a standing car of the nominal size (3.88 x 1.63 x 1.50 m) 20 m ahead and 2 m to the left, on level ground
 # 1.65 m below the camera: the near face is 18.06 m away.
 AHEAD, LEFT = 20.0, 2.0

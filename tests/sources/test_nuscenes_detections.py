@@ -189,6 +189,7 @@ BROKEN: dict[str, tuple[Callable[[Record], object], str]] = {  # change, what th
     "score not finite": (second_box(detection_score=NAN), "box 1: detection_score is None, expected a number"),
     "no score": (second_box(detection_score=None), "box 1: detection_score is None, expected a number"),
     "quaternion of norm 2": (second_box(rotation=[2, 0, 0, 0]), "box 1: rotation is .* expected a unit quaternion"),
+    "w of a quaternion last": (second_box(rotation=[0, 0, 0.6, 0.8]), "box 1: rotation is .* that stands upright"),
     "quaternion not finite": (second_box(rotation=[NAN, 0, 0, 1]), "box 1: rotation is .* expected 4 numbers"),
     "three numbers for a quaternion": (second_box(rotation=[1, 0, 0]), "box 1: rotation is .* expected 4 numbers"),
     "text for a number": (second_box(translation=["1", 2, 3]), "box 1: translation is .* expected 3 numbers"),

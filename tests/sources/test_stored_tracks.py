@@ -179,10 +179,18 @@ TABLE: dict[str, tuple[str, str]] = {
     ),
     "a class in capitals": (
         csv("0,1,Car,1,1,1,0,4,2,1,1"),
-        "line 2, column 'class': 'Car', and no row has a class of the task; did you mean 'car'",
+        "line 2, column 'class': 'Car' is no class of the task; did you mean 'car'",
     ),
-    "a class in the plural": (csv("0,1,cars,1,1,1,0,4,2,1,1"), "'cars', and no row .* did you mean 'car'"),
-    "a class of a taxonomy": (csv("0,1,vehicle.car,1,1,1,0,4,2,1,1"), "'vehicle.car', .* did you mean 'car'"),
+    "a class in capitals beside another": (
+        csv("0,1,pedestrian,1,1,1,0,4,2,1,1\n0,2,Car,1,1,1,0,4,2,1,1"),
+        "line 3, column 'class': 'Car' is no class of the task; did you mean 'car'",
+    ),
+    "a number with underscores": (csv("0,1,car,1_0,1,1,0,4,2,1,1"), "column 'x': '1_0', expected a number"),
+    "a class in the plural": (csv("0,1,cars,1,1,1,0,4,2,1,1"), "'cars' is no class of the task; did you mean 'car'"),
+    "a class of a taxonomy": (
+        csv("0,1,vehicle.car,1,1,1,0,4,2,1,1"),
+        "'vehicle.car' is no class of the task; did you mean 'car'",
+    ),
     "another name of the score": (
         csv("0,1,car,1,1,1,0,4,2,1,.5", "frame,id,class,x,y,z,yaw,l,w,h,Score"),
         "unknown column 'Score'.* 'score'",

@@ -165,6 +165,13 @@ def test_rejected_rows_are_told() -> None:
     assert notes(known)[-1] == "! mine: 7 rows rejected; `mtp-bench check` says what is wrong"
 
 
+def test_detections_that_no_agent_was_shown_are_told() -> None:
+    known = report(rows(MINE))
+    assert "not shown" not in "".join(notes(known))
+    known.details[0] = known.details[0].model_copy(update={"dropped_detections": 3})
+    assert any(note.startswith("! 3 detections not shown to agents") for note in notes(known))
+
+
 def test_the_setting_that_is_spoken_of() -> None:
     """The name itself before one with other parameters, and the most hypotheses at equal k."""
     values = {"difference_to_stp": -0.1}

@@ -117,6 +117,8 @@ def _add(cells: Cells, column: Column, values: Sequence[str]) -> None:
         return
     try:
         numbers = np.array(values, dtype=np.float64)
+        if any("_" in value for value in values):  # Python would leave them out of a number
+            raise ValueError
     except ValueError:
         numbers = np.array([_number(cells, column, at, value) for at, value in enumerate(values)], dtype=np.float64)
     _add_numbers(cells, column, numbers)
@@ -126,7 +128,9 @@ def _number(cells: Cells, column: Column, at: int, value: str) -> float:
     if not value.strip() and column.gaps:
         return float("nan")
     try:
-        return float(value)
+        if "_" not in value:
+            return float(value)
+        raise ValueError
     except ValueError:
         got = reprlib.repr(value.strip()) if value.strip() else "an empty cell"
         raise DataError(f"{cells.where(at, column.name)}: {got}, expected a number") from None

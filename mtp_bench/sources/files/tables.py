@@ -120,7 +120,15 @@ def _numbered(folder: Path, tables: list[Cells], rate: float) -> Frames:
     time = np.concatenate([table.number["time"] for table in timed])[first]
     for table in timed:
         _refuse_falling(table)
-    return Frames(number, np.interp(number, known, time))
+    return Frames(number, _times(number, known, time, rate))
+
+
+def _times(number: Ints, known: Ints, time: Floats, rate: float) -> Floats:
+    """The time of each frame from those of the ``known`` ones; before and after these, at ``rate``."""
+    if not len(known):
+        return np.asarray((number - number[0]) / rate)
+    outside = np.minimum(number - known[0], 0) + np.maximum(number - known[-1], 0)
+    return np.asarray(np.interp(number, known, time) + outside / rate)
 
 
 def _refuse_falling(cells: Cells) -> None:

@@ -25,6 +25,7 @@ OXTS = (
     "lat lon alt roll pitch yaw vn ve vf vl vu ax ay az af al au wx wy wz wf wl wu "
     "pos_accuracy vel_accuracy navstat numsats posmode velmode orimode"
 )
+_NOT_TURNED = 0.01  # of an entry: rounding of files is far below
 ODOMETRY = " ".join(f"{row}{column}" for row in "xyz" for column in "123t")
 
 KINDS = ("Car", "Van", "Truck", "Pedestrian", "Person", "Person_sitting", "Cyclist", "Tram", "Misc", "DontCare")
@@ -168,7 +169,13 @@ def read_odometry(path: Path) -> Floats:
     """Poses ``[F, 3, 4]`` camera to world (world = camera axes of frame 0), one row of 12 numbers per frame."""
     table = _rows_of_frames(path, ODOMETRY)
     table.refuse_not_finite()
-    return table.value.reshape(-1, 3, 4)
+    pose = table.value.reshape(-1, 3, 4)
+    turn = pose[:, :, :3]
+    off = np.abs(turn @ turn.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) > _NOT_TURNED
+    table.refuse(
+        off | (np.linalg.det(turn) < 0), "no pose: the first three columns of its 3 x 4 matrix are no rotation"
+    )
+    return pose
 
 
 def read_sequence_map(path: Path) -> dict[str, int]:

@@ -15,7 +15,7 @@ from ...errors import DataError
 from ...types import Floats, Ints
 from ..text import MOST_LETTERS
 from .classes import CLASSES
-from .fields import LIMIT, extended, first_wrong, floats, ints, upright_boxes
+from .fields import LIMIT, extended, first_tilted, first_wrong, floats, ints, upright_boxes
 from .json_stream import Read, brief, read_entries
 
 _CLASS_INDEX = {name: index for index, name in enumerate(CLASSES)}
@@ -79,6 +79,7 @@ def read_detections(path: Path, row: Mapping[str, int], read: Read, form: Form =
     score = floats(rows.score, 1)[:, 0]
     for key, value in {**fields, f"{form.task}_score": score}.items():
         rows.refuse_first(first_wrong(key, value))
+    rows.refuse_first(first_tilted(fields["rotation"]))
     velocity = fields.pop("velocity")
     unknown = (velocity == 0).all(axis=1)
     order = np.argsort(sample, kind="stable")

@@ -111,6 +111,16 @@ def not_unit(rotation: Floats) -> Bools:
     return np.asarray(np.abs(np.linalg.norm(rotation, axis=1) - 1.0) > NORM_TOLERANCE)
 
 
+def first_tilted(rotation: Floats) -> tuple[int, str] | None:
+    """As `first_wrong`, of boxes' quaternions ``[R, 4]`` that tilt by over 45 degrees: w was written last."""
+    _, x, y, _ = rotation.T
+    tilted = 1.0 - 2.0 * (x * x + y * y) < np.sqrt(0.5)
+    if not tilted.any():
+        return None
+    at = int(np.argmax(tilted))
+    return at, f"rotation is {shown(rotation[at])}, expected w, x, y, z of a box that stands upright"
+
+
 _MORE = {
     "size": ((not_sized, f"sizes above 0 and up to {LONGEST:g} m"),),
     "rotation": ((not_unit, "a unit quaternion"),),

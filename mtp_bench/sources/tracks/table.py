@@ -35,8 +35,7 @@ def read_table_of_tracks(path: Path, scene: Scene, classes: Sequence[str]) -> St
     rows = read_tracks(path)
     check_rows(rows, scene.frames)
     used = np.isin(rows.kind, classes)
-    if len(used) and not used.any():
-        _refuse_misspelt(rows, classes)
+    _refuse_misspelt(rows, classes)
     _refuse_second_box(rows)
     kept = rows.of(np.flatnonzero(used))
     class_id, velocity = class_id_of(kept, classes), kept.velocity
@@ -62,17 +61,13 @@ def _refuse_second_box(rows: Rows) -> None:
 
 
 def _refuse_misspelt(rows: Rows, classes: Sequence[str]) -> None:
-    """Raise DataError for a class that is one of the task's in other letters ("Cars", "vehicle.car").
-
-    Tracks of other classes alone are fine.
-    """
-    got = str(rows.kind[0])
-    word = got.lower().rsplit(".", maxsplit=1)[-1]
-    meant = next((name for name in classes if name.lower() in (word, word.removesuffix("s"))), None)
-    if meant is not None:
-        raise DataError(
-            f"{rows.where(0, 'class')}: {got!r}, and no row has a class of the task; did you mean {meant!r}?"
-        )
+    """Raise DataError for a class that is one of the task's in other letters ("Cars", "vehicle.car")."""
+    for got in np.unique(rows.kind[~np.isin(rows.kind, classes)]).tolist():
+        word = got.lower().rsplit(".", maxsplit=1)[-1]
+        meant = next((name for name in classes if name.lower() in (word, word.removesuffix("s"))), None)
+        if meant is not None:
+            at = int(np.argmax(rows.kind == got))
+            raise DataError(f"{rows.where(at, 'class')}: {got!r} is no class of the task; did you mean {meant!r}?")
 
 
 def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:

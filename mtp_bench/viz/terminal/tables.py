@@ -68,6 +68,10 @@ def notes(report: Report) -> list[str]:
             lines.append(f"{name}: {on} in {counted(row.scenes, 'scene')}")
     unfair = dict.fromkeys(row.agent for row in report.rows if row.unranked_because == NOT_CAUSAL)
     lines += [f"{agent}: never ranked, {NOT_CAUSAL}" for agent in unfair]
+    if dropped := max((detail.dropped_detections for detail in report.details), default=0):
+        lines.append(
+            f"! {counted(dropped, 'detection')} not shown to agents: beyond the range or the number of the task"
+        )
     for detail in report.details:
         if detail.guessed_parents:
             share = _percent(detail.guessed_parents)
