@@ -221,6 +221,18 @@ def test_words_are_ids_and_rows_come_in_any_order(tmp_path: Path, base: Card) ->
     np.testing.assert_array_equal(scene.truth.class_id, [0, 0, 1])
 
 
+def test_flags_in_words(tmp_path: Path, base: Card) -> None:
+    said = ("True", "false", "1")
+    truth = [TRUTH[0] + ",eligible", *(f"{line},{word}" for line, word in zip(TRUTH[1:], said, strict=True))]
+    scene = only(base, write_tables(tmp_path, truth=truth))
+    np.testing.assert_array_equal(scene.truth.eligible, [True, False, True])
+
+
+def test_a_copy_beside_a_table_is_not_read(tmp_path: Path, base: Card) -> None:
+    scene = only(base, write_tables(tmp_path, detections_old=["nothing"], notes=["nothing"]))
+    assert len(scene.detections.box) == 2
+
+
 def test_rows_of_other_classes_are_left_out_and_counted(tmp_path: Path, base: Card) -> None:
     truth = [*TRUTH, f"0,8,truck,1,5,{BOX}", f"1,8,truck,1,5,{BOX}"]
     scene = only(base, write_tables(tmp_path, truth=truth))
@@ -317,6 +329,10 @@ def moved_name(scene: Scene) -> Scene:
 
 TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
     "no truth": ({"truth": None}, "one: no table truth.csv or truth.parquet, without which nothing can be scored"),
+    "a name in the singular": (
+        {"detections": None, "detection": DETECTIONS},
+        "detection.csv is no table that is read; did you mean detections.csv?",
+    ),
     "no detections": ({"detections": None}, "one: no detections; without them a simulated detector runs at once"),
     "empty file": ({"truth": []}, "truth.csv is empty, expected a line with the names of the columns"),
     "no names": (

@@ -20,6 +20,7 @@ from ..text import LIMIT, MOST_LETTERS
 from .columns import COLUMNS, Column
 
 MOST_BYTES = 1 << 30  # of a file
+_FLAGS = {"true": 1.0, "false": 0.0}  # as pandas and others write them
 LATEST = 1e12  # s: clocks that count from 1970 are fine
 
 
@@ -117,7 +118,7 @@ def _add(cells: Cells, column: Column, values: Sequence[str]) -> None:
         return
     try:
         numbers = np.array(values, dtype=np.float64)
-        if any("_" in value for value in values):  # Python would leave them out of a number
+        if any("_" in value for value in values):  # NumPy and Python would leave them out of a number
             raise ValueError
     except ValueError:
         numbers = np.array([_number(cells, column, at, value) for at, value in enumerate(values)], dtype=np.float64)
@@ -127,6 +128,8 @@ def _add(cells: Cells, column: Column, values: Sequence[str]) -> None:
 def _number(cells: Cells, column: Column, at: int, value: str) -> float:
     if not value.strip() and column.gaps:
         return float("nan")
+    if column.flag and value.strip().lower() in _FLAGS:
+        return _FLAGS[value.strip().lower()]
     try:
         if "_" not in value:
             return float(value)

@@ -17,6 +17,7 @@ class Column:
     without: str = ""  # what happens where it is left out; empty: it has to be there
     text: bool = False  # a word, not a number
     gaps: bool = False  # a cell may be empty
+    flag: bool = False  # 1 or 0; true and false are read too
 
 
 _FRAME = Column("frame", "whole number of the frame", "the row's `time` says it")
@@ -41,8 +42,8 @@ TABLES: dict[str, tuple[Column, ...]] = {
         *_PLACE,
         Column("vx", "m/s; empty: unknown", _IN_TRUTH, gaps=True),
         Column("vy", "m/s; empty: unknown", _IN_TRUTH, gaps=True),
-        Column("eligible", "1 or 0: may be a prediction target", "1"),
-        Column("neutral", "1 or 0: matching it is neither right nor wrong, such as a van beside cars", "0"),
+        Column("eligible", "1 or 0, true or false: may be a prediction target", "1", flag=True),
+        Column("neutral", "1 or 0, true or false: matching it is neither right nor wrong, such as a van beside cars", "0", flag=True),
         Column("visible", "share in line of sight, 0 to 1, for simulated detectors", "worked out from the boxes"),
     ),
     "detections": (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -49,6 +50,7 @@ def read_tables(folder: Path, rate: float) -> Content:
     Raises DataError that names the file, the line and the column that is wrong.
     """
     found = {table: find_table(folder, table) for table in TABLES}
+    _refuse_misspelt(folder, [table for table, path in found.items() if path is None])
     if found["truth"] is None:
         raise DataError(f"{folder}: no table truth.csv or truth.parquet, without which nothing can be scored")
     cells = {table: read_cells(path, table) for table, path in found.items() if path is not None}
@@ -69,6 +71,15 @@ def find_table(folder: Path, table: str) -> Path | None:
     if len(paths) > 1:
         raise DataError(f"{folder} has {paths[0].name} and {paths[1].name}, expected one of them")
     return paths[0] if paths else None
+
+
+def _refuse_misspelt(folder: Path, missing: list[str]) -> None:
+    """Raise DataError for a file whose name is nearly that of a table that is not there (``detection.csv``)."""
+    for path in sorted(folder.iterdir()):
+        form = path.suffix.lower().removeprefix(".")
+        meant = difflib.get_close_matches(path.stem.lower(), missing, n=1, cutoff=0.8)
+        if form in FORMS and meant:
+            raise DataError(f"{path} is no table that is read; did you mean {meant[0]}.{form}?")
 
 
 def _frames(folder: Path, cells: dict[str, Cells], rate: float) -> Frames:
