@@ -25,6 +25,7 @@ def run(
     from ..running.stored import require_free
     from ..running.stored import run as run_agent
     from ..viz.terminal.output import show
+    from ..viz.terminal.tables import rejected_line
 
     options = on.options(workers, [seed])
     require_free(output, force)
@@ -34,5 +35,7 @@ def run(
     line = skipped_line(stored.skipped)
     if line is not None:
         show(line)
+    if stored.rejected:
+        show(rejected_line(agent, stored.rejected))
     score = shlex.join(["mtp-bench", "score", str(output), *(["--data", on.data] if on.data is not None else [])])
     show(f"{count(stored.scenes, 'scene')} of {on.env} by {agent} in {output}; score with `{score}`")

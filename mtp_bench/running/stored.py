@@ -26,6 +26,7 @@ class StoredRun:
 
     scenes: int
     skipped: dict[str, int]  # rows of the data that could not be used, by reason
+    rejected: int  # rows of the agent's answers that broke the contract
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,8 @@ def run(
     require_storable(info, names)
     results: list[tuple[Rollout, dict[str, int]]] = run_jobs(jobs, options, _keep)
     save_run(folder, info, [rollout for rollout, _ in results])
-    return StoredRun(len(results), total_skipped(skipped for _, skipped in results))
+    rejected = sum(int(rollout.invalid.sum()) for rollout, _ in results)
+    return StoredRun(len(results), total_skipped(skipped for _, skipped in results), rejected)
 
 
 def require_free(folder: Path, replace: bool) -> None:

@@ -208,7 +208,10 @@ def scene_arrays(scene: Scene, card: Card, task: Task, tracker: Tracker) -> Arra
     parts, seen = [_nothing(task)], deque[Observation](maxlen=task.past)
     for t in range(scene.frames):
         seen.append(feed.observe(t))
-        found, _ = windows_of(Frame(t, tracker.step(seen[-1]), tuple(seen)), task.past)
+        tracks = tracker.step(seen[-1])
+        if not np.isfinite(tracks.box).all():
+            raise MtpBenchError(f"scene {scene.name!r}, frame {t}: the tracker gave a box that is not finite")
+        found, _ = windows_of(Frame(t, tracks, tuple(seen)), task.past)
         parts.append(_learnable(found, labels.of(t, found), t))
     rows = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     around = {name: getattr(feed, name) for name in AROUND}

@@ -163,6 +163,14 @@ def test_a_folder_of_the_user_is_run_like_a_baseline(cli: CommandLine, tmp_path:
     assert (run.info.agent, [rollout.scene for rollout in run.rollouts]) == ("echo", ["0001", "0006"])
 
 
+def test_rows_that_broke_the_contract_are_told(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
+    agent = write_submission(
+        tmp_path / "mine", body='observation["detection_box"] = -observation["detection_box"]  # of sizes below 0'
+    )
+    output = cli.ok("run", agent, "--env", card, "--data", kitti, "-o", tmp_path / "run", "--jobs", 1)
+    assert re.search(r"! \S+: \d+ rows rejected; `mtp-bench check` says what is wrong", " ".join(output.split()))
+
+
 CHANGES: dict[str, tuple[Callable[[Path], Any], str]] = {  # what a file may hold: tests of rollouts
     "npz missing": (lambda folder: (folder / "0006.npz").unlink(), "0006.npz is missing"),
     "fewer samples than stored": (

@@ -15,9 +15,10 @@ from mtp_bench.env.observation import LocalFrame
 from mtp_bench.errors import MtpBenchError, UnknownNameError
 from mtp_bench.running.options import RunOptions
 from mtp_bench.tracking import ClassParameters, HypothesisTracker, TruthTracker
+from mtp_bench.tracks import Tracks
 from mtp_bench.training.labels import UNKNOWN
 from mtp_bench.training.tracklets import Windows, joined, scene_arrays, together, windows
-from mtp_bench.types import ImageField, Scene
+from mtp_bench.types import ImageField, Observation, Scene
 from tests.support.small_scenes import bare_scene, make_scene, write_card, write_kitti
 from tests.support.small_scenes import task as small_task
 
@@ -181,6 +182,17 @@ def test_envs_together(tmp_path: Path) -> None:
     assert len(both.names) == 2
     np.testing.assert_array_equal(both.moment[len(one) :], one.moment + 8)
     assert both.seen.frames == 16
+
+
+def test_a_tracker_whose_boxes_are_not_finite(tmp_path: Path) -> None:
+    class Lost(HypothesisTracker):
+        def step(self, observation: Observation) -> Tracks:
+            tracks = super().step(observation)
+            return replace(tracks, box=np.full_like(tracks.box, np.nan))
+
+    card = load_card(write_card(tmp_path))
+    with pytest.raises(MtpBenchError, match=r"scene .*, frame 0: the tracker gave a box that is not finite"):
+        scene_arrays(make_scene(), card, small_task(), Lost(1))
 
 
 def test_from_a_data_root_and_from_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -165,6 +165,11 @@ def test_rejected_rows_are_told() -> None:
     assert notes(known)[-1] == "! mine: 7 rows rejected; `mtp-bench check` says what is wrong"
 
 
+def test_scenes_without_a_target_measure_nothing() -> None:
+    assert "nothing is measured" not in "".join(notes(report(rows(MINE))))
+    assert "! nothing is measured: no object is" in "".join(notes(report(rows(MINE, targets=0))))
+
+
 def test_detections_that_no_agent_was_shown_are_told() -> None:
     known = report(rows(MINE))
     assert "not shown" not in "".join(notes(known))

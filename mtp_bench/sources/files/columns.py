@@ -43,7 +43,12 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("vx", "m/s; empty: unknown", _IN_TRUTH, gaps=True),
         Column("vy", "m/s; empty: unknown", _IN_TRUTH, gaps=True),
         Column("eligible", "1 or 0, true or false: may be a prediction target", "1", flag=True),
-        Column("neutral", "1 or 0, true or false: matching it is neither right nor wrong, such as a van beside cars", "0", flag=True),
+        Column(
+            "neutral",
+            "1 or 0, true or false: matching it is neither right nor wrong, such as a van beside cars",
+            "0",
+            flag=True,
+        ),
         Column("visible", "share in line of sight, 0 to 1, for simulated detectors", "worked out from the boxes"),
     ),
     "detections": (

@@ -66,6 +66,8 @@ def notes(report: Report) -> list[str]:
             few = "" if subset != "ids" else f" ({row.effective_targets:.1f} and {row.effective_objects:.1f} effective)"
             on = f"{counted(row.targets, 'target')} on {counted(row.objects, 'object')}{few}"
             lines.append(f"{name}: {on} in {counted(row.scenes, 'scene')}")
+    if "all" in rows and not rows["all"].targets:
+        lines.append("! nothing is measured: no object is there in all past and future frames of a target")
     unfair = dict.fromkeys(row.agent for row in report.rows if row.unranked_because == NOT_CAUSAL)
     lines += [f"{agent}: never ranked, {NOT_CAUSAL}" for agent in unfair]
     if dropped := max((detail.dropped_detections for detail in report.details), default=0):
@@ -79,8 +81,13 @@ def notes(report: Report) -> list[str]:
                 f"* {detail.agent} states no parents: the lineage of own events is guessed in {share} of frames"
             )
         if rejected := sum(detail.invalid.values()):
-            lines.append(f"! {detail.agent}: {counted(rejected, 'row')} rejected; `mtp-bench check` says what is wrong")
+            lines.append(rejected_line(detail.agent, rejected))
     return lines
+
+
+def rejected_line(agent: str, rejected: int) -> str:
+    """That so many rows of an agent's answers broke the contract."""
+    return f"! {agent}: {counted(rejected, 'row')} rejected; `mtp-bench check` says what is wrong"
 
 
 def full_tables(report: Report) -> Iterator[Table]:
