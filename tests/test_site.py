@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -178,6 +179,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
         pytest.skip(MISSING)
     with chromium(tmp_path_factory.mktemp("browser")) as opened:
         opened.resize(1600, 900)
+        opened.first_of_all("localStorage.clear()")  # no choice of an earlier visit
         opened.forget()
         yield opened
 
@@ -192,12 +194,10 @@ SHOWN = ("index", "definitions/index", "environment/index", "environment/MTP-KIT
 def test_it_fits_and_asks_for_nothing(site: Path, browser: Browser, name: str, width: int, scheme: str) -> None:
     browser.resize(width, 900)
     browser.prefer(scheme)
-    browser.open(site / f"{name}.html")
-    browser.script("localStorage.clear()")  # no choice of an earlier visit
     browser.forget()
     browser.open(site / f"{name}.html")
-    ground = browser.script("return getComputedStyle(document.body).backgroundColor")
-    assert (ground == "rgb(255, 255, 255)") == (scheme == "light")
+    white = "getComputedStyle(document.body).backgroundColor === 'rgb(255, 255, 255)'"
+    assert browser.wait_for(f"return ({white}) === {json.dumps(scheme == 'light')}")  # scripts of the page set it
     assert browser.script("return document.documentElement.scrollWidth") <= width
     assert browser.console() == []
     assert [url for url in browser.requests() if urlsplit(url).scheme in ("http", "https", "ws", "wss")] == []

@@ -75,6 +75,10 @@ class Browser:
         """Prefer the scheme ``light`` or ``dark``."""
         self.devtools("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
 
+    def first_of_all(self, body: str) -> None:
+        """Run this script in every page before its own."""
+        self.devtools("Page.addScriptToEvaluateOnNewDocument", source=body)
+
     def devtools(self, command: str, **parameters: object) -> Any:
         """Send a command of the DevTools protocol."""
         return self._post("goog/cdp/execute", {"cmd": command, "params": parameters})
