@@ -134,9 +134,9 @@ def read_board(
     return Board(entries_of(listed), refused, notes)
 
 
-def _place(record: Record) -> tuple[str, str]:
+def _place(record: Record) -> tuple[str, ...]:
     """What names the file of a record in the folder of all."""
-    return record.submission.name, record.env.id
+    return record.submission.name, record.env.id, record.env.split
 
 
 def _fill(pages: Sequence[Path], found: Board, leaderboard: Path, whole: bool) -> list[str]:

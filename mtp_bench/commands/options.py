@@ -46,7 +46,7 @@ TracksOption = Annotated[
     typer.Option(
         "--tracks",
         help="Stored tracks, for agents that observe them: a nuScenes tracking submission (.json), or a folder of "
-        "KITTI results (.txt) or tables (.csv), one per scene.",
+        "KITTI results (.txt) or tables (.csv, .parquet), one per scene.",
     ),
 ]
 RunCardOption = Annotated[

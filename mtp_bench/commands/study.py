@@ -13,6 +13,8 @@ from .completion import submissions
 from .options import EnvScenes, WorkerChoice
 from .output import prepare, working
 
+SEEDS = 3
+
 
 def study(
     on: EnvScenes,
@@ -30,17 +32,23 @@ def study(
     quick: Annotated[
         bool, typer.Option("--quick", help="A first look in a minute or two: few scenes, one seed.")
     ] = False,
-    seeds: Annotated[int, typer.Option(min=1, help="Runs with different random draws, of what ranks.")] = 3,
+    seeds: Annotated[
+        int | None, typer.Option(min=1, help="Runs with different random draws, of what ranks. Default: 3.")
+    ] = None,
 ) -> None:
     """Tables and figures of the paper on an environment, and more: one page that tells what tracking errors cost."""
     from ..study import study as run_study
-    from ..study.conduct import quick_options
+    from ..study.conduct import QUICK_SCENES, quick_options
     from ..study.story import summary
     from ..study.write import require_study_folder
     from ..viz.terminal.output import show, show_lines
 
     require_study_folder(output.absolute())
-    options = on.options(workers, range(seeds))
+    options = on.options(workers, range(1 if quick else seeds or SEEDS))
+    if quick and ((seeds or 1) > 1 or (options.scenes or 1) > QUICK_SCENES):
+        raise typer.BadParameter(
+            f"means one seed and at most {QUICK_SCENES} scenes; leave it out", param_hint="--quick"
+        )
     options = quick_options(options) if quick else options
     prepare(on.env, options, agent or ())
     with working("study", options) as watched:

@@ -178,7 +178,7 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Line:
 
     asked = work.asked
     record = load_record(path)
-    done = asked.done(path, record, work.trust) if work.key is not None else None
+    done = asked.done(path, record, work.trust) if work.key is not None and not work.write else None
     if done is not None:
         show(f"{path}: {done.level} since {done.statement.date}, signed by {done.signer}")
         error = None if done.hidden is None else done.hidden.row.error
@@ -192,7 +192,8 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Line:
     show(_verdict(checked))
     written = work.write and checked.updated is not None
     if written:
-        show(f"{path}: written with the digest {confirm(checked).digest[:12]}")
+        unsigned = "" if work.key is None else "; not signed, run the same command again"
+        show(f"{path}: written with the digest {confirm(checked).digest[:12]}{unsigned}")
     if work.key is not None and checked.holds and not written:
         show(f"{attest(checked, work.key, work.signer, work.trust)}: {checked.level}, signed by {work.signer}")
     differ = f"{path}: {count(len(checked.differences), 'difference')} to what was found here"

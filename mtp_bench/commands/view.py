@@ -16,6 +16,7 @@ from .options import DataOption, RunCardOption, one_of
 from .output import require_writable, say
 
 if TYPE_CHECKING:
+    from ..running.rollout_files import RunInfo
     from ..viz.replay import Incident, Replay
 
 
@@ -114,7 +115,22 @@ def _replays(
     name = first.first(scene).scene
     content = first.drawn(name, say)
     found = first.images(content, say) if images else ()
-    return [replace(replay(content, run.first(name), run.card, run.run.info.agent), images=found) for run in runs]
+    replays = []
+    for run, agent in zip(runs, _names([run.run.info for run in runs]), strict=True):
+        given = replace(content, detections=run.scene(name).detections)  # one may have been given true boxes
+        played = replay(given, run.first(name), run.card, agent)
+        replays.append(replace(played, images=found, observe=run.run.info.observe))
+    return replays
+
+
+def _names(runs: Sequence[RunInfo]) -> list[str]:
+    """Names of the runs; those of one agent say how many hypotheses they have, where these differ."""
+    several = {run.agent for run in runs for other in runs if run.agent == other.agent and _held(run) != _held(other)}
+    return [f"{run.agent} (H = {_held(run)})" if run.agent in several else run.agent for run in runs]
+
+
+def _held(run: RunInfo) -> int:
+    return run.hypotheses or 1
 
 
 def _sentence(replays: Sequence[Replay], incident: Incident | None) -> str:

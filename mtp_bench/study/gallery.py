@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image
 
-from ..running.rollout_files import load_run
-from ..sources import open_source, with_map
+from ..running.opened import open_run
 from ..types import Floats
 from ..viz.drawing.report import report
 from ..viz.focus import Focus
@@ -59,12 +58,10 @@ def gallery(found: Findings) -> list[Picture]:
 def _focus(found: Findings, moment: Moment) -> tuple[bytes, str]:
     """The focus picture of a moment with one hypothesis, and its sentence."""
     bench, single = found.bench, found.subject.single
-    rollouts = load_run(found.of(single).folders[0]).rollouts
+    run = open_run(found.of(single).folders[0], bench.options.data, bench.card)
     notes: list[str] = []
-    scene = open_source(bench.card, bench.options.data).load(moment.scene)
-    scene = with_map(scene, bench.card, bench.options.data, notes.append)
-    rollout = rollouts[bench.scenes.index(moment.scene)]
-    focus = Focus.of(replay(scene, rollout, bench.card, single.label), moment.incident)
+    scene = run.drawn(moment.scene, notes.append)
+    focus = Focus.of(replay(scene, run.first(moment.scene), run.card, single.label), moment.incident)
     content = BytesIO()
     report(focus).quantize(128, dither=Image.Dither.NONE).save(content, "PNG", optimize=True)
     return content.getvalue(), focus.sentence + ("; the road is not drawn, for its map is broken" if notes else "")

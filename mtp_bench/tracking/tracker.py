@@ -30,7 +30,7 @@ class HypothesisTracker:
     """AB3DMOT's filter and life cycle with the ``hypotheses`` best global associations.
 
     ``parameters``: one per class of the task; None takes AB3DMOT's for the task's detector. ``temperature`` turns costs
-    into weights, exp(-cost / temperature). Greedy assignment, as AB3DMOT uses for pedestrians, is honoured only with
+    into weights, exp(-cost / temperature). Greedy assignment, as AB3DMOT's for some classes, is honoured only with
     ``assignment="as_parameters"`` and a single hypothesis: the best hypothesis of many is the Hungarian one.
     ``assignment="greedy"`` is greedy for every class.
     ``per_cluster``: the alternatives of all clusters of tracks side by side, not the cheapest overall.

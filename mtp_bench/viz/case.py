@@ -123,12 +123,22 @@ class Case:
 
     def followed(self, track_id: int, t: int) -> int:
         """Row of the true box, other than the object, that a track follows at frame ``t``, -1 none."""
+        row = self._followed(track_id, t)
+        return -1 if row == self.rows[t] else row
+
+    def _followed(self, track_id: int, t: int) -> int:
+        """Row of the true box that a track follows at frame ``t``, -1 none."""
         row, truth = self.track_row(track_id, t), self.replay.scene.truth.rows(t)
-        if row < 0:
-            return -1
-        own = truth.start + np.flatnonzero(self._matched(t)[truth] == row)
-        own = own[own != self.rows[t]]
-        return int(own[0]) if len(own) else -1
+        own = np.flatnonzero((self._matched(t)[truth] == row) & (row >= 0))
+        return truth.start + int(own[0]) if len(own) else -1
+
+    def last_followed(self, track_id: int, t: int) -> tuple[int, int] | None:
+        """Before frame ``t`` in one piece: how many frames ago a track last followed an object, and its row then."""
+        for ago in range(1, self.age(track_id, t) + 1):
+            row = self._followed(track_id, t - ago)
+            if row >= 0:
+                return ago, row
+        return None
 
     def age(self, track_id: int, t: int) -> int:
         """Number of frames just before ``t`` in which a track was output."""

@@ -70,6 +70,7 @@ class Replay:
     worth: Floats  # [R, 3] minADE, error (m) and confidence of the forecast of each true box, NaN where there is none
     incidents: tuple[Incident, ...]  # in the order of frames
     images: tuple[CameraImage, ...] = ()  # of the cameras, for pictures of events
+    observe: str = "detections"  # what the agent was given, and ``scene.detections`` are: see `MTPEnv`
 
     @property
     def rollout(self) -> Rollout:

@@ -41,10 +41,12 @@ def _taker(case: Case) -> str:
     before = case.age(at.new_id, at.frame)
     if before == 0:
         return f"the new track {at.new_id}"
-    other = case.followed(at.new_id, at.frame - 1)
-    if other >= 0:
-        return f"track {at.new_id}, which followed {case.named(other)} before"
-    return f"track {at.new_id} ({_frames(before)} old, of no object before)"
+    found = case.last_followed(at.new_id, at.frame)
+    if found is None:
+        return f"track {at.new_id} ({_frames(before)} old, of no object before)"
+    ago, row = found
+    did = f"followed {case.named(row)} before" if ago == 1 else f"{ago} frames before followed {case.named(row)}"
+    return f"track {at.new_id}, which {did}"
 
 
 def _left(case: Case) -> str:
@@ -71,10 +73,11 @@ def _lost(case: Case) -> str:
 
 
 def _seen(case: Case) -> str:
-    """Whether there was anything to follow."""
+    """Whether there was anything of its class to follow."""
     found = case.detections(case.at.frame)
+    found = found[case.replay.scene.detections.class_id[found] == case.at.class_id]
     if not len(found):
-        return f"nothing is detected within {case.near:g} m"
+        return f"no {case.noun} is detected within {case.near:g} m"
     box = case.replay.scene.detections.box[found[0]]
     return f"the nearest detection is {float(np.hypot(*(box[:2] - case.place(case.at.frame)))):.1f} m away"
 
@@ -91,12 +94,22 @@ def _spurious(case: Case) -> str:
     at = case.at
     owner = f"track {at.new_id}" if at.new_id >= 0 else "a forecast without a track"
     when = f"from {case.seconds(at.frame):.1f} s to {case.seconds(at.until):.1f} s"
-    truth, rows = case.replay.scene.truth, case.replay.scene.truth.rows(at.frame)
-    same = truth.box[rows][truth.class_id[rows] == at.class_id]
-    far = np.hypot(*(same[:, :2] - case.place(at.frame)).T)
-    near = f"the nearest true one is {far.min():.1f} m away" if len(far) else "no true one is in the scene"
     sure = "" if at.confidence is None else f"; confidence up to {at.confidence:.2f}"
-    return f"{when} {owner} forecasts a {case.noun} where there is none, {near}{sure}"
+    return f"{when} {owner} forecasts a {case.noun} {_surplus(case)}{sure}"
+
+
+def _surplus(case: Case) -> str:
+    """Why a forecast is false: the object within its gate has another one, or there is none."""
+    at, truth, card = case.at, case.replay.scene.truth, case.replay.card
+    rows = truth.rows(at.frame)
+    same = rows.start + np.flatnonzero(truth.class_id[rows] == at.class_id)
+    if not len(same):
+        return "where there is none, no true one is in the scene"
+    far = np.hypot(*(truth.box[same, :2] - np.array(at.position[:2])).T)
+    nearest = int(np.argmin(far))
+    if far[nearest] <= card.per_class(card.task.forecast_gate)[at.class_id]:
+        return f"a second time: {case.named(int(same[nearest]))}, {far[nearest]:.1f} m away, has its forecast"
+    return f"where there is none, the nearest true one is {far[nearest]:.1f} m away"
 
 
 def _nothing_there(case: Case) -> str:

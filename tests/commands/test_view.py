@@ -9,9 +9,11 @@ import sys
 import urllib.request
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card
+from mtp_bench.commands.view import _replays
 from mtp_bench.running import stored
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run, save_run
@@ -83,6 +85,28 @@ def test_runs_of_other_cards_share_no_picture(
     error = cli("view", folder, tmp_path / "other", *known, "--save", tmp_path / "a.rrd").error
     assert load_card(known[1]).digest in error
     assert "0" * 16 in error
+
+
+def test_each_run_stands_beside_what_its_agent_was_given(
+    cli: CommandLine, card: str, kitti: str, known: list[str], tmp_path: Path
+) -> None:
+    for agent in ("truth_past", "stp"):
+        stored.run(agent, card, tmp_path / agent, RunOptions(kitti))
+    shown = [_replays([tmp_path / name for name in order], None, kitti, card, False)
+             for order in (("truth_past", "stp"), ("stp",))]  # fmt: skip
+    together, alone = shown[0][1], shown[1][0]
+    np.testing.assert_array_equal(together.scene.detections.box, alone.scene.detections.box)
+    assert [each.observe for each in shown[0]] == ["truth", "detections"]
+
+
+def test_runs_of_one_agent_say_how_many_hypotheses_they_have(card: str, kitti: str, tmp_path: Path) -> None:
+    stored.run("stp", card, tmp_path / "one", RunOptions(kitti))
+    run = load_run(tmp_path / "one")
+    save_run(tmp_path / "five", run.info.model_copy(update={"hypotheses": 5}), run.rollouts)
+    both = _replays([tmp_path / "one", tmp_path / "five"], None, kitti, card, False)
+    assert [each.agent for each in both] == ["stp (H = 1)", "stp (H = 5)"]
+    twice = _replays([tmp_path / "one", tmp_path / "one"], None, kitti, card, False)
+    assert [each.agent for each in twice] == ["stp", "stp"]
 
 
 def test_a_window_opens_at_the_event(

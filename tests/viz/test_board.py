@@ -30,6 +30,7 @@ from mtp_bench.viz.board import (
     write_board,
 )  # fmt: skip
 from mtp_bench.viz.board.columns import percent
+from mtp_bench.viz.board.curves import curve_chart
 from mtp_bench.viz.board.leader import leader_of
 from mtp_bench.viz.board.overview import overview_of
 from mtp_bench.viz.board.page import MOST_AGENTS, MOST_ROWS
@@ -365,6 +366,17 @@ def test_a_curve_is_drawn_small_and_large_and_nonsense_is_not() -> None:
     assert "polyline" not in html_of(files.parts[f"entries/{MAIN}/odd_0.js"])
 
 
+def test_the_large_curve_of_an_entry_that_is_not_compared_has_room() -> None:
+    truth = made_up("truth", 1.0, env={"observe": "truth"}, details={"curve": [[0.0, 9.0], [1.0, 2.5], [5.0, 2.4]]})
+    entries = board_of(made_up("stp", 1.5, details={"curve": [[0.0, 9.0], [1.0, 5.0], [5.0, 4.5]]}), truth)
+    stp, own = (next(entry for entry in entries if entry.name == name) for name in ("stp", "truth"))
+    assert not own.compared
+    chart = curve_chart(own, stp)
+    assert chart is not None
+    ways = [[float(point.split(",")[1]) for point in line.split()] for line in (chart.own, chart.reference)]
+    assert max(ways[0]) > max(ways[1])  # it ends below stp, not on the floor of its curve
+
+
 def test_every_table_is_a_csv_and_a_json_file(files: BoardFiles, entries: list[Entry], html: str) -> None:
     rows = list(csv.DictReader(io.StringIO(files.parts[f"tables/{MAIN}.csv"])))
     assert [row["submission"] for row in rows] == [entry.name for entry in entries[3:]]
@@ -679,6 +691,18 @@ def test_a_record_made_again_is_shown_in_the_place_of_the_earlier_one(
         ("poor", 1, True),
         ("good", 2, False),
     ]
+
+
+def test_a_record_of_another_split_takes_nobodys_place(
+    folders: tuple[Path, Path], tmp_path: Path, cli: CommandLine
+) -> None:
+    records, _ = folders
+    record = made_up("poor", 0.2)
+    other = record.model_copy(update={"env": record.env.model_copy(update={"split": "train"})})
+    (path,) = write_records(tmp_path / "other", other)
+    content = tmp_path / "out.json"
+    cli.ok("board", "--records", records, "--with", path, "--json", content)
+    assert sum(row["submission"] == "poor" for row in read_json(content)["MTP-WILDTRACK-k10-v0"]) == 2
 
 
 def test_an_env_without_a_record_is_no_error_but_an_unknown_one_is(

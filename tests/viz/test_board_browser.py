@@ -308,6 +308,16 @@ def test_no_width_makes_the_page_scroll_sideways(opened: Browser, width: int) ->
     assert opened.script("return document.documentElement.scrollWidth") <= width
 
 
+def test_a_large_screen_shows_all_columns_of_the_page(browser: Browser, repository: Path) -> None:
+    """Who signed is in the last one."""
+    browser.resize(1600, 900)
+    with only(browser, repository / "leaderboard" / "index.html"):
+        shown = "return getComputedStyle(document.querySelector('.ranking .wide')).display"
+        assert browser.script(shown) == "table-cell"
+        over = "[...document.querySelectorAll('.ranking')].map((t) => t.scrollWidth - t.parentElement.clientWidth)"
+        assert max(browser.script(f"return {over}")) <= 60  # pixels, for other fonts: its text stays in sight
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_both_schemes_have_contrast(opened: Browser, scheme: str) -> None:
     opened.prefer(scheme)

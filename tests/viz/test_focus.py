@@ -17,7 +17,7 @@ from mtp_bench.viz.focus import LARGEST, MOST_BRIGHT, Focus
 from mtp_bench.viz.replay import replay
 from mtp_bench.viz.sentence import sentence, went
 from tests.support.focus_scenes import CARD, CROWD, EVENT, crowd, told
-from tests.support.scoring_scenes import WALKER, Thing, make_rollout, make_scene, moved, random_case
+from tests.support.scoring_scenes import WALKER, Thing, make_rollout, make_scene, moved, random_case, with_detections
 
 THREE = (1, 2, 3)
 
@@ -192,6 +192,46 @@ def test_what_is_said_of_an_event(tracks: list[list[Thing]], name: str, text: st
     assert text in told(line([5] * 8), tracks, name)
 
 
+TAKEN = {  # places y of track 2 until it takes car 5 at frame 4, and what is said of it; car 6 drives at y = 6
+    "another": ([6.0, 6.0, 6.0, 6.0], "which followed car 6 before,"),
+    "another, long ago": ([6.0, 6.0, 3.0, 3.0], "which 3 frames before followed car 6,"),
+    "itself": ([0.0, 3.0, 3.0, 3.0], "which 4 frames before followed car 5,"),
+    "nobody": ([3.0, 3.0, 3.0, 3.0], "(4 frames old, of no object before),"),
+}
+
+
+@pytest.mark.parametrize(("places", "text"), TAKEN.values(), ids=TAKEN)
+def test_whom_the_track_that_takes_an_object_followed(places: list[float], text: str) -> None:
+    truth = [[Thing(5, float(t), 0.0), Thing(6, float(t), 6.0)] for t in range(8)]
+    tracks = [
+        [Thing(2, float(t), places[t] if t < 4 else 0.0), *([Thing(1, float(t), 0.0)] if 0 < t < 4 else [])]
+        for t in range(8)
+    ]
+    tracks[0] += [Thing(1, 0.0, 1.0)] if places[0] else []
+    event = "ids-1" if not places[0] else "ids-0"  # at frame 1 the car changes from track 2 to track 1
+    assert f"track 2{',' if text[0] == 'w' else ''} {text}" in told(truth, tracks, event)
+
+
+def test_a_detection_of_another_class_is_nothing_to_follow() -> None:
+    truth, tracks = line([5] * 8), line([1, 1, None, None, None, None, None, None])
+    walkers = [[replace(thing, class_id=WALKER) for thing in frame] for frame in truth]
+    run = replay(with_detections(make_scene(truth), walkers), make_rollout(tracks), CARD)
+    assert (
+        "loses track 1, which ends, and no car is detected within 4 m; "
+        in Focus.of(run, run.incident("lost-0")).sentence
+    )
+
+
+def test_a_second_forecast_of_an_object_in_one_sentence() -> None:
+    tracks = [[*own, *other] for own, other in zip(line([1] * 8), line([8] * 8, y=0.5, confidence=0.25), strict=True)]
+    said = [[replace(thing, forecast=[[[0.0, 0.0]] * 3], log_weight=[0.0]) for thing in frame] for frame in tracks]
+    run = replay(make_scene(line([5] * 8)), make_rollout(tracks, said), CARD)
+    assert Focus.of(run, run.incident("spurious-0")).sentence == (
+        "spurious-0: from 0.1 s to 0.4 s track 8 forecasts a car a second time: car 5, 0.5 m away, has its forecast; "
+        "confidence up to 0.25"
+    )
+
+
 def test_what_follows_in_the_hypothesis_that_becomes_the_best() -> None:
     """Track 1 drifts off in it for two frames, while it stays in the one that was the best until then."""
     tracks = [
@@ -210,7 +250,7 @@ def test_what_follows_in_the_hypothesis_that_becomes_the_best() -> None:
 def test_where_nothing_is_detected() -> None:
     run = crowd(old_y=None, detected=False)
     silent = replace(run.incident("ids-0"), kind="lost", name="lost-0", new_id=-1)
-    assert "which ends, and nothing is detected within 4 m; " in sentence(Case(run, silent))
+    assert "which ends, and no car is detected within 4 m; " in sentence(Case(run, silent))
 
 
 def test_a_false_forecast_in_one_sentence() -> None:

@@ -172,6 +172,22 @@ def test_several_agents_share_the_scene(run: Replay, tmp_path: Path) -> None:
     assert both["agents/stp/metrics/IDS"][-1]["names"] == ["stp IDS"]
 
 
+def test_detections_are_of_a_run_that_was_given_them(run: Replay, tmp_path: Path) -> None:
+    moved = changed(run.scene.detections, box=run.scene.detections.box + 1.0)
+    truth = changed(run, agent="ideal", observe="truth", scene=changed(run.scene, detections=moved))
+    both = read(save(tmp_path / "both.rrd", truth, run))
+    np.testing.assert_allclose(boxes(both["world/det"], 0), run.scene.detections.box[run.scene.detections.rows(0)])
+    assert "ideal was given true boxes in place of them." in both["about"][-1]["text"][0]
+
+
+def test_where_the_truth_is_not_complete_nobody_counts_false_boxes(run: Replay, tmp_path: Path) -> None:
+    partly = changed(run, scene=changed(run.scene, truth_complete=False))
+    found = read(save(tmp_path / "partly.rrd", partly))
+    assert "metrics/FP" not in found
+    assert "metrics/FN" in found
+    assert "which of them are false is not known" in found["about"][-1]["text"][0]
+
+
 def test_runs_of_different_scenes_share_no_recording(run: Replay, tmp_path: Path) -> None:
     other = changed(run, scene=changed(run.scene, name="two"))
     with pytest.raises(MtpBenchError, match="one scene, got one, two"):

@@ -533,7 +533,7 @@ def test_the_template_of_results_tells_of_the_records_that_are_there(repository:
     assert "| MTP, H = 20 | 0.80 [" in text
     assert text.count("MTP closes 40 % (") >= 3
     assert "Silence scores 2.00 m." in text
-    assert "- Records: 4 scored by its authors." in text
+    assert "- Records: 4 checked by nobody but the authors." in text
 
 
 def test_the_block_of_the_readme_tells_of_the_records_that_are_there(repository: Path, people_and_cars: Known) -> None:

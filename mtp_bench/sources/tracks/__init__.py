@@ -3,7 +3,7 @@
 ====================== =================================================================================
 a ``.json`` file       nuScenes: the official submission to the tracking task
 a folder of ``.txt``   KITTI: a file of the tracking benchmark's result form for each sequence, as AB3DMOT writes
-a folder of ``.csv``   every source: a table for each scene, see `table`
+a folder of tables     every source: a ``.csv`` or ``.parquet`` for each scene, see `table`
 ====================== =================================================================================
 """
 

@@ -72,14 +72,15 @@ def curve_of(entry: Entry) -> list[Point]:
 
 def small_frame(entries: Sequence[Entry]) -> Frame | None:
     """The frame that all small drawings of one environment share; None without a curve."""
-    return _frame(entries, 64.0, 20.0, 1.0, 0.0)
+    shown = [entry for entry in entries if entry.compared] or entries  # what is not may have any error
+    return _frame([curve_of(entry) for entry in shown], 64.0, 20.0, 1.0, 0.0)
 
 
 def curve_chart(entry: Entry, reference: Entry | None) -> CurveChart | None:
     """The larger drawing of an entry, with the curve of ``reference`` beside it; None without a curve."""
     own = curve_of(entry)
     beside = [] if reference is None or reference is entry else curve_of(reference)
-    frame = _frame([entry] if not beside or reference is None else [entry, reference], 340.0, 180.0, 34.0, 20.0)
+    frame = _frame([own, beside], 340.0, 180.0, 34.0, 20.0)
     if frame is None or not own:
         return None
     known = entry.record.env.truth_complete
@@ -87,9 +88,7 @@ def curve_chart(entry: Entry, reference: Entry | None) -> CurveChart | None:
     return CurveChart(frame, _LABEL[known], ticks, frame.line(own), frame.line(beside))
 
 
-def _frame(entries: Sequence[Entry], width: float, height: float, left: float, bottom: float) -> Frame | None:
-    shown = [entry for entry in entries if entry.compared] or list(entries)
-    curves = [curve for entry in shown if (curve := curve_of(entry))]
+def _frame(curves: Sequence[list[Point]], width: float, height: float, left: float, bottom: float) -> Frame | None:
     most = max((at for curve in curves for at, _ in curve), default=0.0)
     if most <= 0:
         return None

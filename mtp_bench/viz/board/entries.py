@@ -15,9 +15,9 @@ from ...scoring.subsets import Subset
 from .order import env_place
 
 LEVEL_TEXT: dict[Level, str] = {
-    "scored": "scored by its authors",
-    "re-scored": "scored again from its stored rollouts",
-    "re-run": "run again from its submission",
+    "scored": "checked by nobody but the authors",
+    "re-scored": "scored again from the stored rollouts",
+    "re-run": "run again from the submission",
     "hidden": "run again, and on scenes that were not public",
 }
 

@@ -146,7 +146,8 @@ def _column(focus: Focus, size: tuple[int, int]) -> Image.Image:
     for key in focus.key:
         ink.text((56, y), key.text, fill=BLACK, font=font(SMALL))
         y += LINE
-    for line in wrapped_words(_REMARK, SMALL, size[0] - 26):
+    bold = "has the most weight" if focus.at.object_id < 0 else "is nearest to the truth"
+    for line in wrapped_words(_REMARK.format(bold=bold), SMALL, size[0] - 26):
         y += 19
         ink.text((14, y), line, fill=GRAY, font=font(SMALL))
     return image
@@ -154,7 +155,7 @@ def _column(focus: Focus, size: tuple[int, int]) -> Image.Image:
 
 _REMARK = (
     "Seen from above; the way of the object, or its front, points to the right. Bold: the sample of the forecast that "
-    "is nearest to the truth; thin: the others."
+    "{bold}; thin: the others."
 )
 
 

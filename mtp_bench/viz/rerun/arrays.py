@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...errors import MtpBenchError, UnknownNameError
 from ...scoring.events import history
-from ...types import Bools, Detections, Floats, Ragged, Scene, Truth, to_metres
+from ...types import Bools, Detections, Floats, Ints, Ragged, Scene, Truth, to_metres
 from ..answers import Answers
 from ..focus import Focus
 from ..frame_view import ego_boxes
@@ -207,6 +207,11 @@ class Contents:
         if self.at is None:
             return []
         return list(zip(self.agents, Focus.of_all([agent.replay for agent in self.agents], self.at), strict=True))
+
+
+def box_counts(replay: Replay) -> dict[str, Ints]:
+    """The `Replay.counts` that can be known: no FP where the truth is not complete."""
+    return {name: count for name, count in replay.counts.items() if name != "FP" or replay.scene.truth_complete}
 
 
 def contents_of(replays: Sequence[Replay], level: str, at: Incident | None = None) -> Contents:

@@ -11,7 +11,7 @@ import numpy as np
 from ...cards import Card
 from ...types import Floats, Scene
 from ..replay import Incident, Replay
-from .arrays import TOP_HYPOTHESES, Contents, ShownAgent
+from .arrays import TOP_HYPOTHESES, Contents, ShownAgent, box_counts
 from .eye import FALSE, FOLLOW, Eye
 from .focus_layout import focus_columns
 from .sdk import rr, rrb
@@ -131,7 +131,8 @@ def _plots(agents: Sequence[ShownAgent]) -> list[rrb.TimeSeriesView]:
         contents = [f"/{agent.root}metrics/{one}" for agent in agents for one in series]
         return rrb.TimeSeriesView(origin="/", contents=contents, name=name, plot_legend=rrb.Corner2D.LeftTop)
 
-    return [view("boxes per frame", ("TP", "FN", "FP")), view("events so far", ("IDS", "lost", "reacquired"))]
+    boxes = tuple(box_counts(agents[0].replay))
+    return [view("boxes per frame", boxes), view("events so far", ("IDS", "lost", "reacquired"))]
 
 
 def _eventful(replay: Replay, at: Incident | None) -> list[int]:

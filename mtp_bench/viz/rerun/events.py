@@ -11,7 +11,7 @@ from ...types import Ints, Scene
 from ..case import Case
 from ..replay import KINDS, Incident, Replay
 from ..sentence import sentence
-from .arrays import ShownAgent
+from .arrays import ShownAgent, box_counts
 from .colors import EVENTS, SERIES, SWITCH, UNTRACKED, packed, tone, track_colors
 from .entities import EDGE, Log, frame_times
 from .sdk import rr
@@ -43,7 +43,7 @@ def _series(replay: Replay) -> dict[str, Ints]:
         kind: np.bincount([i.frame for i in replay.events if i.kind == kind], minlength=replay.frames)
         for kind in KINDS[:-1]
     }
-    return replay.counts | {_title(kind): np.cumsum(count) for kind, count in happened.items()}
+    return box_counts(replay) | {_title(kind): np.cumsum(count) for kind, count in happened.items()}
 
 
 def _log_texts(log: Log, replay: Replay) -> None:

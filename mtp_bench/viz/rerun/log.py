@@ -26,7 +26,7 @@ APPLICATION = "mtp_bench"
 ABOUT = """# {scene}
 {agents}
 
-Green: truth, and where it goes. Yellow: detections; false positives red. White: the sensor platform.
+Green: truth, and where it goes. Yellow: detections; {false}. White: the sensor platform.{given}
 Tracks have the colour of their id; trails follow a hypothesis along its lineage, forecasts belong to objects and are
 the same for all hypotheses. Metres, in the frame of reference of the scene.
 """
@@ -71,12 +71,11 @@ def save_recording(path: str | Path, replays: Sequence[Replay], level: str = "to
 
 def log_runs(recording: rr.RecordingStream, contents: Contents) -> None:
     """Log everything, what all runs share once, then each run under its root; and complete the recording."""
-    first = contents.agents[0].replay
+    replays = [agent.replay for agent in contents.agents]
+    first = next((replay for replay in replays if replay.observe == "detections"), replays[0])
     log_map(recording, first.scene)
     log_scene(Log(recording, frame_times(first.scene)), first.scene, first.card, first.detection_false)
-    agents = ", ".join(f"{a.replay.agent or 'agent'}: hypotheses {a.hypotheses}" for a in contents.agents)
-    about = ABOUT.format(scene=first.scene.name, agents=agents)
-    recording.log("about", rr.TextDocument(about, media_type="text/markdown"), static=True)
+    recording.log("about", rr.TextDocument(_about(contents), media_type="text/markdown"), static=True)
     for agent in contents.agents:
         log = Log(recording, frame_times(first.scene), agent.root)
         log_answers(log, agent.replay.said, agent.hypotheses, contents.level, agent.replay.forecast_false)
@@ -88,3 +87,16 @@ def log_runs(recording: rr.RecordingStream, contents: Contents) -> None:
         log_focus(recording, focus, agent.focus_root, alone=len(contents.agents) == 1)
     recording.flush()
     recording.disconnect()
+
+
+def _about(contents: Contents) -> str:
+    """What the colours mean, and which agents were given something else than the detections."""
+    scene = contents.agents[0].replay.scene
+    agents = ", ".join(f"{a.replay.agent or 'agent'}: hypotheses {a.hypotheses}" for a in contents.agents)
+    others = [a.replay for a in contents.agents if a.replay.observe in _GIVEN]
+    given = "".join(f"\n{r.agent or 'The agent'} was given {_GIVEN[r.observe]} in place of them." for r in others)
+    false = "false positives red" if scene.truth_complete else "which of them are false is not known"
+    return ABOUT.format(scene=scene.name, agents=agents, false=false, given=given)
+
+
+_GIVEN = {"truth": "true boxes", "tracks": "stored tracks"}
