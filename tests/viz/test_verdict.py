@@ -170,6 +170,13 @@ def test_scenes_without_a_target_measure_nothing() -> None:
     assert "! nothing is measured: no object is" in "".join(notes(report(rows(MINE, targets=0))))
 
 
+def test_detections_in_another_frame_of_reference_are_asked_about() -> None:
+    """True pasts are near the targets all the same."""
+    seen = rows(TRUTH, unranked_because="saw the truth")
+    assert "frame of reference" not in "".join(notes(report(seen + rows(MINE) + rows(STP, coverage=0.0))))
+    assert "! no forecast is near a target: are det" in "".join(notes(report(seen + rows(STP, coverage=0.0))))
+
+
 def test_detections_that_no_agent_was_shown_are_told() -> None:
     known = report(rows(MINE))
     assert "not shown" not in "".join(notes(known))

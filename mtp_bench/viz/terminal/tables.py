@@ -15,6 +15,7 @@ from ...scoring.subsets import SUBSETS, Subset
 from ...scoring.weights import EVENTS
 from .output import NOTHING, counted, short, slim_table
 from .paper import paper_figures, shipped_env
+from .verdict import SAW_TRUTH
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -68,6 +69,9 @@ def notes(report: Report) -> list[str]:
             lines.append(f"{name}: {on} in {counted(row.scenes, 'scene')}")
     if "all" in rows and not rows["all"].targets:
         lines.append("! nothing is measured: no object is there in all past and future frames of a target")
+    blind = [row for row in report.rows if row.subset == "all" and row.unranked_because != SAW_TRUTH and row.targets]
+    if blind and not any(row.coverage for row in blind):
+        lines.append("! no forecast is near a target: are detections and truth in one frame of reference, in metres?")
     unfair = dict.fromkeys(row.agent for row in report.rows if row.unranked_because == NOT_CAUSAL)
     lines += [f"{agent}: never ranked, {NOT_CAUSAL}" for agent in unfair]
     if dropped := max((detail.dropped_detections for detail in report.details), default=0):
