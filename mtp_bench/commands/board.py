@@ -102,7 +102,7 @@ def read_board(
 ) -> Board:
     """Entries in the order of the leaderboard; those of ``further`` that are not in the folder are marked as added.
 
-    They take the place of the folder's record of that submission and environment, as the files would.
+    They take the place of the folder's record of that submission, environment and split, as the files would.
 
     ``page`` is the file that links start from; without one there are none. A broken record of the folder is refused
     and stops no other. Raises MtpBenchError where the folder is missing, RecordError where a record of ``further`` is

@@ -103,6 +103,7 @@ def verify(
     _require_apart(
         ("--intake", taking.intake, ("--rerun", again.rerun), ("--write", write), ("--sign", signing.sign)),
         ("--submissions", again.submissions, ("--submission", again.submission)),
+        ("--write", write, ("--sign", signing.sign)),  # a record that is written needs a new level: sign it after
     )
     require_writable(json_file)
     trust = trusted(signing.base)
@@ -178,7 +179,7 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Line:
 
     asked = work.asked
     record = load_record(path)
-    done = asked.done(path, record, work.trust) if work.key is not None and not work.write else None
+    done = asked.done(path, record, work.trust) if work.key is not None else None
     if done is not None:
         show(f"{path}: {done.level} since {done.statement.date}, signed by {done.signer}")
         error = None if done.hidden is None else done.hidden.row.error
@@ -192,9 +193,8 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Line:
     show(_verdict(checked))
     written = work.write and checked.updated is not None
     if written:
-        unsigned = "" if work.key is None else "; not signed, run the same command again"
-        show(f"{path}: written with the digest {confirm(checked).digest[:12]}{unsigned}")
-    if work.key is not None and checked.holds and not written:
+        show(f"{path}: written with the digest {confirm(checked).digest[:12]}")
+    if work.key is not None and checked.holds:
         show(f"{attest(checked, work.key, work.signer, work.trust)}: {checked.level}, signed by {work.signer}")
     differ = f"{path}: {count(len(checked.differences), 'difference')} to what was found here"
     return _Line(path, _as_json(checked), "" if checked.holds or written else differ)

@@ -117,7 +117,7 @@ def _replays(
     found = first.images(content, say) if images else ()
     replays = []
     for run, agent in zip(runs, _names([run.run.info for run in runs]), strict=True):
-        given = replace(content, detections=run.scene(name).detections)  # one may have been given true boxes
+        given = content if run is first else replace(content, detections=run.scene(name).detections)
         played = replay(given, run.first(name), run.card, agent)
         replays.append(replace(played, images=found, observe=run.run.info.observe))
     return replays

@@ -12,7 +12,7 @@ from ..submission.loader import load_submission
 from ..types import Action, Observation, Task
 from .runs import Bench, shown_of
 
-FRAMES = 120  # at most so many are timed per number of hypotheses
+FRAMES = 120  # scenes are timed until they have so many, per number of hypotheses
 REPEATS = 2  # the faster counts
 
 

@@ -102,6 +102,12 @@ class Focus:
         return [first, *(cls(Case(run, counterpart(run, at)), first.turn) for run in replays[1:])]
 
     @property
+    def bold(self) -> str:
+        """Which sample of a forecast is drawn bold, in words."""
+        known = len(self.case.future(self.at.frame)) > 1
+        return "is nearest to the truth" if known else "has the most weight"
+
+    @property
     def replay(self) -> Replay:
         """The run."""
         return self.case.replay

@@ -45,7 +45,7 @@ def _taker(case: Case) -> str:
     if found is None:
         return f"track {at.new_id} ({_frames(before)} old, of no object before)"
     ago, row = found
-    did = f"followed {case.named(row)} before" if ago == 1 else f"{ago} frames before followed {case.named(row)}"
+    did = f"followed {case.named(row)} before" if ago == 1 else f"followed {case.named(row)} until {ago} frames before"
     return f"track {at.new_id}, which {did}"
 
 

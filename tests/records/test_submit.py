@@ -308,6 +308,11 @@ def test_records_follow_a_changed_scorer(cli: CommandLine, path: Path, card: str
     assert load_record(path) == true
 
 
+def test_a_level_is_signed_after_a_record_was_written(cli: CommandLine, path: Path, tmp_path: Path) -> None:
+    output = cli("verify", path, "--write", "--sign", tmp_path / "key", "--signer", "us")
+    assert (output.status, "does not go with" in output.err) == (2, True)
+
+
 def test_records_follow_changed_weights(path: Path, card: str, kitti: str) -> None:
     true = load_record(path)
     resign(path, lambda content: content["reference"].update(hash="00" * 32))

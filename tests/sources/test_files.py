@@ -229,8 +229,15 @@ def test_flags_in_words(tmp_path: Path, base: Card) -> None:
 
 
 def test_a_copy_beside_a_table_is_not_read(tmp_path: Path, base: Card) -> None:
-    scene = only(base, write_tables(tmp_path, detections_old=["nothing"], notes=["nothing"]))
+    scene = only(base, write_tables(tmp_path, detection=["nothing"], notes=["nothing"]))
     assert len(scene.detections.box) == 2
+
+
+@pytest.mark.parametrize("name", ["detections_old", "detections_pp", "my_detections", "directions", "ego2"])
+def test_other_tables_of_a_user_are_left_alone(name: str, tmp_path: Path, base: Card) -> None:
+    folder = write_tables(tmp_path, detections=None, **{name: DETECTIONS})
+    (scene,) = load_scenes(base.with_files(folder).with_detector("kitti_pointrcnn"))
+    assert scene.simulated
 
 
 def test_rows_of_other_classes_are_left_out_and_counted(tmp_path: Path, base: Card) -> None:
@@ -385,6 +392,10 @@ TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
     "a share": (
         {"truth": [TRUTH[0] + ",visible", *(f"{line},1.5" for line in TRUTH[1:])]},
         "line 2, column 'visible': 1.5, expected a number from 0 to 1",
+    ),
+    "a flag in other words": (
+        {"truth": [TRUTH[0] + ",neutral", *(f"{line},yes" for line in TRUTH[1:])]},
+        "truth.csv, line 2, column 'neutral': 'yes', expected 1, 0, true or false",
     ),
     "steps": (
         {"truth": [TRUTH[0], f"0,1,car,0,0,{BOX}", f"5,1,car,1,0,{BOX}"], "detections": DETECTIONS[:2]},

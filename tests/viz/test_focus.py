@@ -194,8 +194,8 @@ def test_what_is_said_of_an_event(tracks: list[list[Thing]], name: str, text: st
 
 TAKEN = {  # places y of track 2 until it takes car 5 at frame 4, and what is said of it; car 6 drives at y = 6
     "another": ([6.0, 6.0, 6.0, 6.0], "which followed car 6 before,"),
-    "another, long ago": ([6.0, 6.0, 3.0, 3.0], "which 3 frames before followed car 6,"),
-    "itself": ([0.0, 3.0, 3.0, 3.0], "which 4 frames before followed car 5,"),
+    "another, long ago": ([6.0, 6.0, 3.0, 3.0], "which followed car 6 until 3 frames before,"),
+    "itself": ([0.0, 3.0, 3.0, 3.0], "which followed car 5 until 4 frames before,"),
     "nobody": ([3.0, 3.0, 3.0, 3.0], "(4 frames old, of no object before),"),
 }
 
@@ -258,7 +258,10 @@ def test_a_false_forecast_in_one_sentence() -> None:
     tracks = [[*own, *other] for own, other in zip(line([1] * 8), ghost, strict=True)]
     said = [[replace(thing, forecast=[[[0.0, 0.0]] * 3], log_weight=[0.0]) for thing in frame] for frame in tracks]
     run = replay(make_scene(line([5] * 8)), make_rollout(tracks, said), CARD)
-    assert Focus.of(run, run.incident("spurious-0")).sentence == (
+    focus = Focus.of(run, run.incident("spurious-0"))
+    assert focus.bold == "has the most weight", "there is no truth to be near"
+    assert switch().bold == "is nearest to the truth"
+    assert focus.sentence == (
         "spurious-0: from 0.1 s to 0.4 s track 8 forecasts a pedestrian where there is none, no true one is in the "
         "scene; confidence up to 0.25"
     )

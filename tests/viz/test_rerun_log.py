@@ -177,7 +177,12 @@ def test_detections_are_of_a_run_that_was_given_them(run: Replay, tmp_path: Path
     truth = changed(run, agent="ideal", observe="truth", scene=changed(run.scene, detections=moved))
     both = read(save(tmp_path / "both.rrd", truth, run))
     np.testing.assert_allclose(boxes(both["world/det"], 0), run.scene.detections.box[run.scene.detections.rows(0)])
-    assert "ideal was given true boxes in place of them." in both["about"][-1]["text"][0]
+    assert "ideal was given true boxes, not detections." in both["about"][-1]["text"][0]
+
+
+def test_what_is_yellow_beside_a_run_on_true_boxes_alone(run: Replay, tmp_path: Path) -> None:
+    alone = read(save(tmp_path / "alone.rrd", changed(run, agent="ideal", observe="truth")))
+    assert "Yellow: the true boxes, as detections; false" in alone["about"][-1]["text"][0]
 
 
 def test_where_the_truth_is_not_complete_nobody_counts_false_boxes(run: Replay, tmp_path: Path) -> None:

@@ -167,7 +167,7 @@ def test_rejected_rows_are_told() -> None:
 
 def test_scenes_without_a_target_measure_nothing() -> None:
     assert "nothing is measured" not in "".join(notes(report(rows(MINE))))
-    assert "! nothing is measured: no object is" in "".join(notes(report(rows(MINE, targets=0))))
+    assert "! nothing is measured: no object that" in "".join(notes(report(rows(MINE, targets=0))))
 
 
 def test_detections_in_another_frame_of_reference_are_asked_about() -> None:

@@ -136,7 +136,8 @@ def _number(cells: Cells, column: Column, at: int, value: str) -> float:
         raise ValueError
     except ValueError:
         got = reprlib.repr(value.strip()) if value.strip() else "an empty cell"
-        raise DataError(f"{cells.where(at, column.name)}: {got}, expected a number") from None
+        expected = "1, 0, true or false" if column.flag else "a number"
+        raise DataError(f"{cells.where(at, column.name)}: {got}, expected {expected}") from None
 
 
 def _add_numbers(cells: Cells, column: Column, numbers: Floats) -> None:
@@ -189,6 +190,9 @@ def _add_arrow(cells: Cells, column: Column, values: Any) -> None:
         _add(cells, column, ["" if value is None else str(value) for value in values.to_pylist()])
         return
     kind = values.type
+    if column.flag and (types.is_string(kind) or types.is_large_string(kind)):
+        _add(cells, column, ["" if value is None else value for value in values.to_pylist()])
+        return
     if not (types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind)):
         raise DataError(f"{cells.path}, column {column.name!r}: {kind}, expected numbers")
     _add_numbers(cells, column, values.cast("float64", safe=False).to_numpy(zero_copy_only=False))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 FORMS = ("csv", "parquet")  # of tables, by suffix
 BOX = ("x", "y", "z", "yaw", "l", "w", "h")
@@ -69,10 +69,11 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("yaw", "rad, heading of the sensors", "0"),
     ),
 }
+_KNOWN = replace(_CLASS, meaning=f"{_CLASS.meaning}; one of the task's in other letters is an error")
 TRACKS = (  # of a table of stored tracks, which is a file of its own
     Column("frame", "whole number of the frame, from 0"),
     Column("id", "the track: a number or a word, the same in all frames", text=True),
-    _CLASS,
+    _KNOWN,
     *_PLACE,
     Column("score", "as the tracker gives it", "1"),
     Column("vx", "m/s; empty: unknown", "unknown", gaps=True),

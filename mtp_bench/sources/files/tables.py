@@ -19,6 +19,7 @@ from .content import Content, Rows
 
 MOST_FRAMES = 1_000_000
 CLOSE = 1e-3  # s: times that are no farther apart are of one frame
+_NEARLY = 0.9  # alike: `detection`, not `detections_old`
 GAP = 1.5  # periods: more between two frames, and one is lacking
 
 
@@ -77,7 +78,7 @@ def _refuse_misspelt(folder: Path, missing: list[str]) -> None:
     """Raise DataError for a file whose name is nearly that of a table that is not there (``detection.csv``)."""
     for path in sorted(folder.iterdir()):
         form = path.suffix.lower().removeprefix(".")
-        meant = difflib.get_close_matches(path.stem.lower(), missing, n=1, cutoff=0.8)
+        meant = difflib.get_close_matches(path.stem.lower(), missing, n=1, cutoff=_NEARLY)
         if form in FORMS and meant:
             raise DataError(f"{path} is no table that is read; did you mean {meant[0]}.{form}?")
 

@@ -146,8 +146,7 @@ def _column(focus: Focus, size: tuple[int, int]) -> Image.Image:
     for key in focus.key:
         ink.text((56, y), key.text, fill=BLACK, font=font(SMALL))
         y += LINE
-    bold = "has the most weight" if focus.at.object_id < 0 else "is nearest to the truth"
-    for line in wrapped_words(_REMARK.format(bold=bold), SMALL, size[0] - 26):
+    for line in wrapped_words(_REMARK.format(bold=focus.bold), SMALL, size[0] - 26):
         y += 19
         ink.text((14, y), line, fill=GRAY, font=font(SMALL))
     return image

@@ -73,7 +73,7 @@ def text(focus: Focus, large: bool = True) -> str:
         "the play button leads back. To play the whole scene, switch the loop off and set the speed to 1."
     )
     said = f"### {focus.sentence}." if large else f"**{focus.sentence}.**"
-    return f"{said}\n\n{table}\n\nBold: the sample nearest to the truth. {hint}\n"
+    return f"{said}\n\n{table}\n\nBold: the sample that {focus.bold}. {hint}\n"
 
 
 Things = Sequence[tuple[str, Floats]]  # a role, and boxes [7] or a path [n, 2]

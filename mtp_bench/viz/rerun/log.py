@@ -26,7 +26,7 @@ APPLICATION = "mtp_bench"
 ABOUT = """# {scene}
 {agents}
 
-Green: truth, and where it goes. Yellow: detections; {false}. White: the sensor platform.{given}
+Green: truth, and where it goes. Yellow: {given}; {false}. White: the sensor platform.{others}
 Tracks have the colour of their id; trails follow a hypothesis along its lineage, forecasts belong to objects and are
 the same for all hypotheses. Metres, in the frame of reference of the scene.
 """
@@ -71,8 +71,7 @@ def save_recording(path: str | Path, replays: Sequence[Replay], level: str = "to
 
 def log_runs(recording: rr.RecordingStream, contents: Contents) -> None:
     """Log everything, what all runs share once, then each run under its root; and complete the recording."""
-    replays = [agent.replay for agent in contents.agents]
-    first = next((replay for replay in replays if replay.observe == "detections"), replays[0])
+    first = _first(contents)
     log_map(recording, first.scene)
     log_scene(Log(recording, frame_times(first.scene)), first.scene, first.card, first.detection_false)
     recording.log("about", rr.TextDocument(_about(contents), media_type="text/markdown"), static=True)
@@ -89,14 +88,24 @@ def log_runs(recording: rr.RecordingStream, contents: Contents) -> None:
     recording.disconnect()
 
 
+def _first(contents: Contents) -> Replay:
+    """The first run whose agent was given detections, else the first: what it was given is drawn for all."""
+    replays = [agent.replay for agent in contents.agents]
+    return next((replay for replay in replays if replay.observe == "detections"), replays[0])
+
+
+_GIVEN = {"detections": "detections", "truth": "the true boxes, as detections", "tracks": "detections"}
+_INSTEAD = {"truth": "true boxes", "tracks": "stored tracks"}
+
+
 def _about(contents: Contents) -> str:
     """What the colours mean, and which agents were given something else than the detections."""
-    scene = contents.agents[0].replay.scene
-    agents = ", ".join(f"{a.replay.agent or 'agent'}: hypotheses {a.hypotheses}" for a in contents.agents)
-    others = [a.replay for a in contents.agents if a.replay.observe in _GIVEN]
-    given = "".join(f"\n{r.agent or 'The agent'} was given {_GIVEN[r.observe]} in place of them." for r in others)
-    false = "false positives red" if scene.truth_complete else "which of them are false is not known"
-    return ABOUT.format(scene=scene.name, agents=agents, false=false, given=given)
-
-
-_GIVEN = {"truth": "true boxes", "tracks": "stored tracks"}
+    first, agents = _first(contents), contents.agents
+    told = [agent.replay for agent in agents if agent.replay.observe in _INSTEAD]
+    return ABOUT.format(
+        scene=first.scene.name,
+        agents=", ".join(f"{agent.replay.agent or 'agent'}: hypotheses {agent.hypotheses}" for agent in agents),
+        given=_GIVEN[first.observe],
+        false="false positives red" if first.scene.truth_complete else "which of them are false is not known",
+        others="".join(f"\n{r.agent or 'The agent'} was given {_INSTEAD[r.observe]}, not detections." for r in told),
+    )

@@ -68,13 +68,15 @@ def notes(report: Report) -> list[str]:
             on = f"{counted(row.targets, 'target')} on {counted(row.objects, 'object')}{few}"
             lines.append(f"{name}: {on} in {counted(row.scenes, 'scene')}")
     if "all" in rows and not rows["all"].targets:
-        lines.append("! nothing is measured: no object is there in all past and future frames of a target")
-    blind = [row for row in report.rows if row.subset == "all" and row.unranked_because != SAW_TRUTH and row.targets]
-    if blind and not any(row.coverage for row in blind):
+        lines.append("! nothing is measured: no object that may be a target is there for all past and future frames")
+    honest = [row for row in report.rows if row.subset == "all" and row.unranked_because != SAW_TRUTH]
+    seen = [detail for detail in report.details if detail.agent in {row.agent for row in honest}]
+    blind = bool(rows["all"].targets) and not any(row.coverage for row in honest) if "all" in rows else False
+    if blind and any(detail.forecasts_per_frame for detail in seen):
         lines.append("! no forecast is near a target: are detections and truth in one frame of reference, in metres?")
     unfair = dict.fromkeys(row.agent for row in report.rows if row.unranked_because == NOT_CAUSAL)
     lines += [f"{agent}: never ranked, {NOT_CAUSAL}" for agent in unfair]
-    if dropped := max((detail.dropped_detections for detail in report.details), default=0):
+    if dropped := max((detail.dropped_detections for detail in seen), default=0):
         lines.append(
             f"! {counted(dropped, 'detection')} not shown to agents: beyond the range or the number of the task"
         )
