@@ -75,7 +75,7 @@ def nearest(got: str, known: Iterable[str]) -> str:
 
 
 def closest(got: object, known: Iterable[str]) -> str:
-    """The known name that looks most like ``got``, which callers may have meant as one; empty where none does."""
+    """The known name that looks most like ``got``, whatever its type; empty where none does."""
     lower = {name.lower(): name for name in sorted(known)}  # other case is no other name
     close = difflib.get_close_matches(str(got).lower(), lower, n=1, cutoff=0.5)
     return lower[close[0]] if close else ""

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from .completion import submissions
-from .options import EnvScenes, FullOption, JsonOption, WorkerChoice
+from .options import SEEDS, EnvScenes, FullOption, JsonOption, WorkerChoice
 from .output import count, prepare, require_writable, show_report, working, write_json
 
 
@@ -18,7 +18,7 @@ def compare(
     ],
     on: EnvScenes,
     workers: WorkerChoice,
-    seeds: Annotated[int, typer.Option(min=1, help="Runs with different random draws.")] = 3,
+    seeds: Annotated[int, typer.Option(min=1, help="Runs with different random draws.")] = SEEDS,
     full: FullOption = False,
     cuts: Annotated[
         str | None,

@@ -41,6 +41,7 @@ SplitOption = Annotated[
 ]
 TextOption = Annotated[Path | None, typer.Option("-o", "--output", help="Write here instead of printing.")]
 FolderArgument = Annotated[Path, typer.Argument(help="Folder written by `mtp-bench run`.")]
+SEEDS = 3  # of commands that compare or submit
 TracksOption = Annotated[
     Path | None,
     typer.Option(

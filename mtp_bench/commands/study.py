@@ -10,10 +10,8 @@ from typing import Annotated
 import typer
 
 from .completion import submissions
-from .options import EnvScenes, WorkerChoice
+from .options import SEEDS, EnvScenes, WorkerChoice
 from .output import prepare, working
-
-SEEDS = 3
 
 
 def study(
@@ -33,7 +31,7 @@ def study(
         bool, typer.Option("--quick", help="A first look in a minute or two: few scenes, one seed.")
     ] = False,
     seeds: Annotated[
-        int | None, typer.Option(min=1, help="Runs with different random draws, of what ranks. Default: 3.")
+        int | None, typer.Option(min=1, help=f"Runs with different random draws, of what ranks. Default: {SEEDS}.")
     ] = None,
 ) -> None:
     """Tables and figures of the paper on an environment, and more: one page that tells what tracking errors cost."""

@@ -11,7 +11,7 @@ import typer
 
 from ..errors import MtpBenchError, RecordError
 from .completion import env_ids, submissions, words
-from .options import DataOption, TracksOption, WorkerChoice, absolute, one_of
+from .options import SEEDS, DataOption, TracksOption, WorkerChoice, absolute, one_of
 from .output import count, number, prepare, said_of, say, some_of, working
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class Entry:
 class Runs:
     """What is run of an environment."""
 
-    seeds: Annotated[int, typer.Option(min=1, help="Runs with different random draws and frames.")] = 3
+    seeds: Annotated[int, typer.Option(min=1, help="Runs with different random draws and frames.")] = SEEDS
     scenes: Annotated[
         int | None, typer.Option(min=1, help="Only the first N scenes: a partial record, never ranked.")
     ] = None

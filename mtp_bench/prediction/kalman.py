@@ -89,9 +89,7 @@ def filter_pasts(
                 v += gain_v * residual
                 vv -= gain_v * pv
                 pp, pv = (1 - gain_p) * pp, (1 - gain_p) * pv
-            if (
-                not started and q == 0
-            ):  # the variance would be singular; a detection would have told as much of the place
-                pp += r2
+            if not started and q == 0:
+                pp += r2  # else the variance is singular; a detection would have told as much of the place
             row = state[i, axis]
             row[0], row[1], row[2], row[3], row[4] = p, v, pp, pv, vv

@@ -12,13 +12,12 @@ from ..scoring.definitions import RANKED_UNITS
 from ..scoring.statistics import bootstrap_interval, effective_number, ratio, share_interval
 from ..scoring.subsets import Subset
 from ..types import Floats
-from ..viz.terminal.paper import figures_of, paper_facts
+from ..viz.terminal.paper import PAPER_HYPOTHESES, figures_of, paper_facts
 from .findings import Findings
 from .plan import SAME_BUDGET
 from .table import Number, Table, Text
 
 HOLDS, FAILS, OPEN = "holds", "does not hold", "cannot be told"
-_OF_PAPER = 20  # hypotheses in its tables
 _MUCH = 2.0  # a stage that takes so many times as long has slowed down
 
 
@@ -170,7 +169,7 @@ def _frequency(found: Findings) -> Iterator[Relation]:
 
 def _shared(found: Findings) -> Iterator[Relation]:
     count = found.subject.most.hypotheses
-    papers = paper_facts(found.bench.of_paper, "shared").get("ids") if count == _OF_PAPER else None
+    papers = paper_facts(found.bench.of_paper, "shared").get("ids") if count == PAPER_HYPOTHESES else None
     one, every = (found.of(setting).around[0] for setting in (found.subject.single, found.subject.most))
     first = np.array([len(scene.own["ids"].frame) for scene in one], dtype=float)
     left = np.array([len(scene.shared["ids"].frame) for scene in every], dtype=float)
@@ -198,10 +197,10 @@ def _speed(found: Findings) -> Iterator[Relation]:
         first, last = (getattr(times[i], stage) for i in (0, -1))
         if not first or not last or len(times) < 2:
             continue
-        rates = papers.get(stage) if times[-1].hypotheses == _OF_PAPER else None
+        rates = papers.get(stage) if times[-1].hypotheses == PAPER_HYPOTHESES else None
         yield Relation(
             relation=f"{stage.capitalize()} {'slows down much' if slows else 'hardly slows down'} with hypotheses",
-            paper="" if rates is None else f"{rates['1']} to {rates[str(_OF_PAPER)]} frames/s",
+            paper="" if rates is None else f"{rates['1']} to {rates[str(PAPER_HYPOTHESES)]} frames/s",
             measured=f"time of a frame with H = {times[-1].hypotheses} by that with 1",
             value=last / first,
             low=None,

@@ -180,9 +180,12 @@ def test_detections_are_of_a_run_that_was_given_them(run: Replay, tmp_path: Path
     assert "ideal was given true boxes, not detections." in both["about"][-1]["text"][0]
 
 
-def test_what_is_yellow_beside_a_run_on_true_boxes_alone(run: Replay, tmp_path: Path) -> None:
-    alone = read(save(tmp_path / "alone.rrd", changed(run, agent="ideal", observe="truth")))
-    assert "Yellow: the true boxes, as detections; false" in alone["about"][-1]["text"][0]
+@pytest.mark.parametrize(("observe", "given"), [("truth", "true boxes"), ("tracks", "stored tracks")])
+def test_what_is_yellow_where_nobody_was_given_detections(
+    observe: str, given: str, run: Replay, tmp_path: Path
+) -> None:
+    alone = read(save(tmp_path / "alone.rrd", changed(run, agent="ideal", observe=observe)))
+    assert f"Yellow: {given}, as detections; false" in alone["about"][-1]["text"][0]
 
 
 def test_where_the_truth_is_not_complete_nobody_counts_false_boxes(run: Replay, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from ...running.settings import Setting
 from ...scoring.circumstances import KINDS, Circumstances, EventRows
 from ...scoring.definitions import DISTANCE_BINS
 from ...types import Ints
-from ...viz.terminal.paper import paper_facts
+from ...viz.terminal.paper import PAPER_HYPOTHESES, paper_facts
 from ..findings import Findings
 from ..table import Count, Metres, Number, Share, Table, Text
 
@@ -132,7 +132,7 @@ def shared_table(found: Findings) -> Table:
             for kind in KINDS:
                 one = sum(len(scene.own[kind].frame) for scene in _around(found, subject.single))
                 every = sum(len(scene.shared[kind].frame) for scene in _around(found, setting))
-                paper = papers.get(kind) if count == 20 else None
+                paper = papers.get(kind) if count == PAPER_HYPOTHESES else None
                 rows.append(
                     SharedRow(
                         kind,

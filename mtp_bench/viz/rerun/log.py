@@ -94,8 +94,7 @@ def _first(contents: Contents) -> Replay:
     return next((replay for replay in replays if replay.observe == "detections"), replays[0])
 
 
-_GIVEN = {"detections": "detections", "truth": "the true boxes, as detections", "tracks": "detections"}
-_INSTEAD = {"truth": "true boxes", "tracks": "stored tracks"}
+_INSTEAD = {"truth": "true boxes", "tracks": "stored tracks"}  # what an agent is given in place of detections
 
 
 def _about(contents: Contents) -> str:
@@ -105,7 +104,7 @@ def _about(contents: Contents) -> str:
     return ABOUT.format(
         scene=first.scene.name,
         agents=", ".join(f"{agent.replay.agent or 'agent'}: hypotheses {agent.hypotheses}" for agent in agents),
-        given=_GIVEN[first.observe],
+        given=f"{_INSTEAD[first.observe]}, as detections" if first.observe in _INSTEAD else "detections",
         false="false positives red" if first.scene.truth_complete else "which of them are false is not known",
         others="".join(f"\n{r.agent or 'The agent'} was given {_INSTEAD[r.observe]}, not detections." for r in told),
     )

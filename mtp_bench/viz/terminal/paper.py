@@ -42,6 +42,9 @@ def unchanged(env_id: str, digest: str | None) -> str:
     return env_id if env_id not in card_ids() or digest in (None, load_card(env_id).digest) else ""
 
 
+PAPER_HYPOTHESES = 20  # of MTP in the paper's tables
+
+
 def paper_facts(env_id: str, name: str) -> dict[str, Any]:
     """Other facts of the paper for an env: "objects", "speed", "shared", "near", "people"; empty where it has none."""
     paper = _paper()
