@@ -283,10 +283,13 @@ def clean_text(text: str, most: int) -> str:
     Controls, escapes, marks that turn the direction of writing and lone surrogates become U+FFFD, line ends blanks.
     """
     line = " ".join(text[: 4 * most].splitlines())
-    clean = "".join(
-        "\ufffd" if unicodedata.category(letter) in _UNSEEN and letter not in _JOINERS else letter for letter in line
-    )
+    clean = "".join("\ufffd" if unseen(letter) else letter for letter in line)
     return clean if len(clean) <= most else clean[: most - 1] + "…"
+
+
+def unseen(letter: str) -> bool:
+    """Whether a character is invisible: a control, an escape, a mark of direction, half of a character."""
+    return unicodedata.category(letter) in _UNSEEN and letter not in _JOINERS
 
 
 def require_file(path: Path) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import tomllib
 from collections import Counter
 from collections.abc import Sequence
@@ -24,6 +25,7 @@ MOST_TOML = 1 << 20  # bytes of a file
 MOST_JSON = 8 << 20
 MOST_DEPTH = 64  # of tables and lists in each other
 _MOST_SHOWN = 200  # characters of what was got
+_NUMBER = re.compile(r"(?<![\w.+-])[+-]?\d+\.\d+(?:[eE][+-]?\d+)?(?![\w.])")  # by itself, no part of a key
 _MOST_DIGITS = 19  # of a whole number: it fits 64 bits
 
 
@@ -40,6 +42,7 @@ def read_toml(path: Path, error: type[MtpBenchError]) -> dict[str, Any]:
     """Content of a TOML file of at most `MOST_TOML` bytes; raises ``error`` where it cannot be read."""
     text = read_bounded(path, MOST_TOML, error).removeprefix("\ufeff")  # some editors write a mark first
     try:
+        _require_short_keys(text)
         content = tomllib.loads(text)
         _require_plain(content)
     except (ValueError, RecursionError) as cause:
@@ -65,6 +68,14 @@ def parse_json(text: str, where: str, error: type[MtpBenchError]) -> dict[str, A
     if not isinstance(content, dict):
         raise error(f"{where}: holds {type(content).__name__}, expected a table")
     return content
+
+
+def _require_short_keys(text: str) -> None:
+    """ValueError for a line of very many dots: a dotted key costs its reader the square of its parts in memory."""
+    for number, line in enumerate(text.split("\n"), 1):
+        dots = line.count(".")
+        if dots > MOST_DEPTH and (dots := _NUMBER.sub("", line).count(".")) > MOST_DEPTH:
+            raise ValueError(f"line {number} has {dots} dots outside of numbers, expected at most {MOST_DEPTH}")
 
 
 def _refuse(text: str) -> None:

@@ -75,7 +75,10 @@ def say(text: str) -> None:
     """Print one line on the error stream."""
     from rich.console import Console
 
+    from ..files import clean_text
+
     line = " ".join(part.strip() for part in text.splitlines())
+    line = clean_text(line, len(line) + 1)  # it may name files of a stranger
     Console(stderr=True, soft_wrap=True, markup=False, highlight=False).print(line)
 
 

@@ -48,6 +48,10 @@ class RunningAgain:
         bool,
         typer.Option("--stated-limits", help="Also under higher limits, which records of the open division may state."),
     ] = False
+    unheld: Annotated[
+        bool,
+        typer.Option("--unheld", help="Also where this system can hold no agent: it then runs with your rights."),
+    ] = False
 
 
 @dataclass(frozen=True)
@@ -96,6 +100,7 @@ def verify(
         ("--hidden", again.hidden, "--rerun", again.rerun),
         ("--commitment", again.commitment, "--hidden", again.hidden),
         ("--stated-limits", again.stated_limits or None, "--rerun", again.rerun),
+        ("--unheld", again.unheld or None, "--rerun", again.rerun),
         ("--sign", signing.sign, "--signer", signing.signer),
         ("--signer", signing.signer, "--sign", signing.sign),
         ("--owner", taking.owner, "--intake", taking.intake),
@@ -111,7 +116,7 @@ def verify(
         _intake(record, trust, taking.owner, json_file)
         return
     seals = _seals(again.hidden, again.commitment, trust)
-    asked = Round(again.rerun, seals, again.submissions, again.submission, again.stated_limits)
+    asked = Round(again.rerun, seals, again.submissions, again.submission, again.stated_limits, again.unheld)
     options = RunOptions(root, track_file=absolute(tracks), workers=WorkerChoice(jobs).workers())
     _check_all(record, _Work(asked, trust, options, env, write, signing.sign, signing.signer or ""), json_file)
 
@@ -141,6 +146,7 @@ class _Line:
 
 def _check_all(given: Sequence[Path], work: _Work, json_file: Path | None) -> None:
     from ..records import record_paths
+    from ..records.seal import require_listed
     from ..records.signing import require_signer
     from ..viz.terminal.output import show_numbers
 
@@ -149,6 +155,7 @@ def _check_all(given: Sequence[Path], work: _Work, json_file: Path | None) -> No
         raise RecordError(f"{given[0]}: no record there, expected files <submission>/<env id>.json")
     if work.key is not None:
         require_signer(work.key, work.signer, work.trust)
+        require_listed(work.asked.seals.values(), work.trust)
     with ExitStack() as ends:  # hidden scenes are made once for all records
         lines = [_line(path, work, ends, alone=list(given) == [path]) for path in paths]
     if len(lines) > 1:
@@ -186,7 +193,7 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Line:
         known = {"record": str(path), "digest": record.digest, "level": done.level, "hidden_error": error}
         return _Line(path, {**known, "holds": True})
     with working(f"verify {record.submission.name} on {record.env.id}", work.options) as watched:
-        again = (asked.folder(record), asked.rerun, asked.sealed(record), ends, asked.stated_limits)
+        again = (asked.folder(record), asked.rerun, asked.sealed(record), ends, asked.stated_limits, asked.unheld)
         checked = check_record(path, watched, work.env, *again)
     if checked.differences:
         show_numbers(_difference_table(checked))

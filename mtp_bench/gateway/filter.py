@@ -1,12 +1,14 @@
 """The filter of system calls: what an agent has no use for, and what lets it reach others or hoard unseen.
 
-It is written with libseccomp, so that names become the numbers of this processor. A forbidden call fails with EPERM.
+It is written with libseccomp, so that names become the numbers of this processor. A forbidden call fails with EPERM,
+one that is newer than this list with ENOSYS, as on an older kernel.
 """
 
 from __future__ import annotations
 
 import errno
 import tempfile
+from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
@@ -26,13 +28,16 @@ FORBIDDEN = {
         "userfaultfd remap_file_pages"
     ),
     "what others read, by the page cache": (
-        "mincore preadv2 cachestat fadvise64 io_setup io_submit io_pgetevents inotify_init inotify_init1 sync syncfs"
+        "mincore preadv2 cachestat fadvise64 readahead io_setup io_submit io_pgetevents inotify_init inotify_init1 "
+        "sync syncfs"
     ),
     "locks of files that others see": "flock",
     "marks on files that others see": (
         "utime utimes futimesat utimensat chown fchown lchown fchownat setxattr lsetxattr fsetxattr removexattr "
-        "lremovexattr fremovexattr"
+        "lremovexattr fremovexattr setxattrat removexattrat file_setattr"
     ),
+    "where pages lie, which files in memory keep for others": "mbind set_mempolicy_home_node",
+    "signals by pages that two map": "futex_waitv futex_wake futex_wait futex_requeue",
     "the kernel": (
         "bpf init_module finit_module delete_module kexec_load kexec_file_load reboot syslog acct quotactl quotactl_fd "
         "swapon swapoff "
@@ -41,11 +46,20 @@ FORBIDDEN = {
     ),
 }
 PRETENDED = "chmod fchmod fchmodat fchmodat2"  # said to have worked: copying a file ends with them
-_FILE_CONTROLS = (5, 6, 7, 36, 37, 38, 1024, 1026)  # of fcntl: locks, leases, notes of changed folders
+# Of fcntl: copies and flags of descriptors, sizes of pipes. All else locks, leases or marks a file for others.
+_FILE_CONTROLS = (range(5), range(1030, 1033))
+_PRIVATE = 128  # of futex: a signal within one process, as all locks of threads are
+_SIGNALS = (1, 3, 4, 5, 6, 7, 8, 10, 11, 12, 13)  # of futex: wake, requeue, lock; who waits tells nothing
+_TAKEN_OUT = (20, 21)  # of madvise: pages of files that others read too
 _PARENT_DEATH = 1  # of prctl: an agent must not outlive the judge
 _INT = 0xFFFFFFFF  # the bits of an argument that the kernel reads of these two; a filter sees 64
 _NEW_NAMESPACES = 0x7E020000  # CLONE_NEW* of clone
-_NUMBERS = {"cachestat": 451, "fchmodat2": 452}  # newer than many a libseccomp; the same number on every processor
+_NUMBERS = {  # newer than many a libseccomp; the same number on every processor
+    "futex_waitv": 449, "set_mempolicy_home_node": 450, "cachestat": 451, "fchmodat2": 452, "futex_wake": 454,
+    "futex_wait": 455, "futex_requeue": 456, "setxattrat": 463, "removexattrat": 466, "open_tree_attr": 467,
+    "file_setattr": 469,
+}  # fmt: skip
+_UNHEARD_OF = range(470, 600)  # calls of kernels to come: what they do is not known here
 
 
 @cache
@@ -61,8 +75,15 @@ def system_call_filter() -> bytes | None:
         _add(rules, forbid, name)
     for name in PRETENDED.split():
         _add(rules, pyseccomp.ERRNO(0), name)
-    for control in _FILE_CONTROLS:
-        rules.add_rule(forbid, "fcntl", pyseccomp.Arg(1, pyseccomp.MASKED_EQ, _INT, control))
+    for number in _UNHEARD_OF:
+        rules.add_rule(pyseccomp.ERRNO(errno.ENOSYS), number)
+    for mask, control in _blocks(_FILE_CONTROLS[0].stop, _FILE_CONTROLS[1].start):
+        rules.add_rule(forbid, "fcntl", pyseccomp.Arg(1, pyseccomp.MASKED_EQ, mask, control))
+    rules.add_rule(forbid, "fcntl", pyseccomp.Arg(1, pyseccomp.GE, _FILE_CONTROLS[1].stop))
+    for signal in _SIGNALS:
+        rules.add_rule(forbid, "futex", pyseccomp.Arg(1, pyseccomp.MASKED_EQ, 127 | _PRIVATE, signal))
+    for advice in _TAKEN_OUT:
+        rules.add_rule(forbid, "madvise", pyseccomp.Arg(2, pyseccomp.MASKED_EQ, _INT, advice))
     rules.add_rule(forbid, "prctl", pyseccomp.Arg(0, pyseccomp.MASKED_EQ, _INT, _PARENT_DEATH))
     # Threads are made by clone3, whose arguments a filter cannot read: without it the C library takes clone.
     rules.add_rule(pyseccomp.ERRNO(errno.ENOSYS), "clone3")
@@ -72,6 +93,16 @@ def system_call_filter() -> bytes | None:
         rules.export_bpf(file)
         file.seek(0)
         return file.read()
+
+
+def _blocks(first: int, end: int) -> Iterator[tuple[int, int]]:
+    """``first`` to ``end`` - 1 as masks and values: a rule compares an argument once, so none can ask for a range."""
+    while first < end:
+        size = first & -first
+        while first + size > end:
+            size //= 2
+        yield _INT & -size, first
+        first += size
 
 
 def _add(rules: Any, action: int, name: str) -> None:

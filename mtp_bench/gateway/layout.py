@@ -105,13 +105,21 @@ def environment(isolated: bool, work: str = TEMPORARY, networks: str = NETWORKS)
     """
     kernels = f"{work}/kernels" if isolated else str(_players("tracking.kernels.compile").cache_folder())
     own = {"HOME": work, "TMPDIR": work, "LANG": "C.UTF-8", "USER": "agent", WEIGHTS: networks}
-    own |= {"NUMBA_CACHE_DIR": kernels}
+    own |= {"NUMBA_CACHE_DIR": kernels, "PYTHONHASHSEED": "0"}  # else the order of a set is another one in every judge
     return {name: os.environ[name] for name in _PASSED if name in os.environ} | own
 
 
 def interpreter() -> Path:
     """The interpreter itself, not the link to it in a virtual environment."""
     return Path(getattr(sys, "_base_executable", None) or sys.executable).resolve()
+
+
+def python() -> list[str]:
+    """The interpreter as an agent gets it: no modules of the user's, of the folder or of the site.
+
+    Not ``-I``, which would ignore the seed of hashes in `environment`.
+    """
+    return [os.fspath(interpreter()), "-s", "-P", "-S", "-B"]
 
 
 def library() -> Path:

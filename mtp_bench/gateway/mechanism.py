@@ -14,12 +14,13 @@ from functools import cache
 from pathlib import Path
 from typing import Literal
 
+from ..errors import SubmissionError
 from .filter import system_call_filter
-from .layout import TEMPORARY, Layout, bare_layout, environment, interpreter
+from .layout import TEMPORARY, Layout, bare_layout, environment, python
 
 Mechanism = Literal["bubblewrap", "namespaces", "none"]
 _UID = 1000  # of the agent, inside
-_TRY = 10.0  # s
+_TRY = 30.0  # s
 
 
 @cache
@@ -57,9 +58,8 @@ def command(
         groups: Doors of the control groups that it enters.
         rights: Capabilities over its cell that bubblewrap leaves it.
     """
-    python = [os.fspath(interpreter()), "-I", "-S", "-B"]
     here = Path(__file__).parent
-    start = [*python, str(here / "launch.py")]
+    start = [*python(), str(here / "launch.py")]
     prepared = {
         "judge": os.getpid(), "groups": list(groups), "info": info if way == "none" else None, "rules": rules,
     }  # fmt: skip
@@ -75,7 +75,7 @@ def command(
             "private": dict(private), "uid": _UID, "told": info, "held": list(held), "work": TEMPORARY,
             "filter": base64.b64encode(system_call_filter() or b"").decode(),
         }  # fmt: skip
-        program = [*python, str(here / "namespaces.py"), json.dumps(plan), *program]
+        program = [*python(), str(here / "namespaces.py"), json.dumps(plan), *program]
     return [*start, json.dumps(prepared), *program]
 
 
@@ -117,7 +117,7 @@ def _works(way: Mechanism) -> bool:
     if rules is None or (way == "bubblewrap" and shutil.which("bwrap") is None):
         return False
     seen = "import os; print(sorted(os.listdir('/')))"
-    program = [os.fspath(interpreter()), "-I", "-S", "-B", "-c", seen]
+    program = [*python(), "-c", seen]
     layout = bare_layout()
     with tempfile.TemporaryFile() as told, tempfile.TemporaryFile() as filtering:
         filtering.write(rules)
@@ -134,7 +134,12 @@ def _works(way: Mechanism) -> bool:
                 timeout=_TRY,
                 check=False,
             )
-        except (OSError, subprocess.TimeoutExpired):
+        except subprocess.TimeoutExpired:
+            raise SubmissionError(
+                f"{way} took more than {_TRY:.0f} s to start here, so it is not known whether it holds an agent: "
+                "try again when the machine is less busy"
+            ) from None
+        except OSError:
             return False
     there = {Path(path).parts[1] for path in [*(t for _, t in layout.shown), *(t for _, t in layout.links)]}
     return done.returncode == 0 and done.stdout.decode() == f"{sorted(there | {'dev', 'proc', 'tmp'})}\n"

@@ -21,7 +21,7 @@ from .channel import Channel
 from .family import children, descendants, end, files_below, hide_memory, mapped, peak_memory, ready, resident, threads
 from .filter import system_call_filter
 from .image import Image
-from .layout import KERNELS, SUBMISSION, TEMPORARY, Layout, environment, interpreter, library, packages
+from .layout import KERNELS, SUBMISSION, TEMPORARY, Layout, environment, library, packages, python
 from .limits import Isolation, Limits
 from .mechanism import Mechanism, command
 from .stems import Stem, StemError, give_up, stem_of, uproot
@@ -197,7 +197,7 @@ class AgentProcess:
 
     def _command(self, orders: int, answers: int, tell: int, rules: int) -> list[str]:
         child = str(library() / "mtp_bench" / "gateway" / "child.py")
-        program = [str(interpreter()), "-I", "-S", "-B", child, str(orders), str(answers)]
+        program = [*python(), child, str(orders), str(answers)]
         doors = [] if self._group is None else self._group.doors
         private = {TEMPORARY: self._limits.disk}
         return command(self._cell.way, self._cell.layout, program, private, tell, rules, (orders, answers), doors)

@@ -19,7 +19,7 @@ from dataclasses import replace
 
 from .family import ready
 from .filter import system_call_filter
-from .layout import KERNELS, LOADED, TEMPORARY, Layout, environment, interpreter, library, packages
+from .layout import KERNELS, LOADED, TEMPORARY, Layout, environment, library, packages, python
 from .mechanism import command
 from .stem import HERE, READY
 
@@ -44,7 +44,7 @@ class Stem:
         self._door.setsockopt(socket.SOL_SOCKET, _PASS_CREDENTIALS, 1)
         plan = {"path": [str(library()), *packages()], "kernels": KERNELS, "modules": LOADED}
         script = str(library() / "mtp_bench" / "gateway" / "stem.py")
-        program = [str(interpreter()), "-I", "-S", "-B", script, json.dumps(plan), str(theirs.fileno())]
+        program = [*python(), script, json.dumps(plan), str(theirs.fileno())]
         open_cell = replace(layout, masked=())  # a new /proc is refused where the old one is masked
         words = command("bubblewrap", open_cell, program, {TEMPORARY: _SPACE}, rights=_RIGHTS)
         nothing, end_of_it = os.pipe()

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-import unicodedata
 from collections.abc import Iterator
 from typing import Any
 
+from ..files import unseen
 from .record import MOST_TEXT
 
 MOST_BYTES = 8 << 20  # of a file
@@ -39,6 +39,6 @@ def out_of_bounds(content: Any, where: str = "", depth: int = 0) -> Iterator[str
 def _text(text: str, where: str) -> Iterator[str]:
     if len(text) > MOST_TEXT:
         yield f"{where} has {len(text)} characters, expected at most {MOST_TEXT}"
-    odd = next((sign for sign in text if unicodedata.category(sign) in ("Cc", "Cs") and sign not in _LINES), None)
+    odd = next((sign for sign in text if unseen(sign) and sign not in _LINES), None)
     if odd is not None:
-        yield f"{where} has the character U+{ord(odd):04X}, expected none that steers a terminal or is half of one"
+        yield f"{where} has the character U+{ord(odd):04X}, expected none that is invisible or steers a terminal"

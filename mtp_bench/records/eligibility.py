@@ -78,6 +78,8 @@ def _other_conditions(record: Record, ships: Ships) -> Iterator[str]:
         yield f"card {env.card_digest}, the one that ships is {known.card}"
     if record.reference.hash != known.weights or not record.reference.frozen:
         yield "other event weights than the frozen ones"
+    if record.missed.late:
+        yield "answers came late, which no other run repeats: make it again"
     if record.seeds != list(SEEDS):
         yield f"seeds {', '.join(map(str, record.seeds))}, ranks need {', '.join(map(str, SEEDS))}"
     if not (env.scenes == env.scenes_of_split == len(known.sums)):

@@ -22,7 +22,7 @@ from .seal import Sealed
 
 
 def run_hidden(plan: Plan, record: Record, sealed: Sealed, limits: Limits, ends: ExitStack) -> HiddenPart:
-    """What the submission of ``plan`` scores on the hidden scenes, under the seeds of ``record``.
+    """What the submission of ``plan`` scores on the hidden scenes, under secret seeds in place of those of ``record``.
 
     They are made where they are not there yet, and deleted when ``ends`` is closed.
 

@@ -144,12 +144,13 @@ def _owners(path: Path, trust: Trust, owner: str | None) -> Mapping[str, str]:
     changed = [name for name in known if proposed.get(name) != known[name]]
     if changed:
         raise RecordError(f"{OWNERS}: {changed[0]!r} belongs to {known[changed[0]]!r}: only maintainers change that")
+    names = (*proposed, *baseline_names())
     for name in proposed:
         if name in known:
             continue
         if owner is not None and proposed[name].lower() != owner.lower():
             raise RecordError(f"{OWNERS}: gives {name!r} to {proposed[name]!r}, expected {owner!r} who asks for it")
-        taken = next((other for other in (*known, *baseline_names()) if _looks(other) == _looks(name)), None)
+        taken = next((other for other in names if other != name and _looks(other) == _looks(name)), None)
         if taken is not None:
             raise RecordError(f"{OWNERS}: {name!r} looks like {taken!r}, which is taken: choose another name")
     return proposed
@@ -181,7 +182,7 @@ def _take(path: Path, name: Path, names: Mapping[str, str], trust: Trust, owner:
     if said in baseline_names():
         raise RecordError(f"{name}: {said!r} is a baseline, only maintainers make its records")
     if said not in names:
-        raise RecordError(f'{name}: the name {said!r} has no owner: add `{said} = "LOGIN"` to {OWNERS}, with yours')
+        raise RecordError(f'{name}: the name {said!r} has no owner: add `"{said}" = "LOGIN"` to {OWNERS}, with yours')
     if owner is not None and names[said].lower() != owner.lower():
         raise RecordError(f"{name}: the name {said!r} belongs to {names[said]!r}, not to {owner!r}")
 

@@ -21,9 +21,13 @@ _Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
 class SecretSeeds(Section):
-    """The content of the secret file."""
+    """The content of the secret file.
 
-    format: Literal[1] = 1
+    Format 1: every scene is run under each seed of a record. Format 2: once, so that what one run sees of a scene helps
+    no other run of the submission.
+    """
+
+    format: Literal[1, 2] = 2
     env: str
     card_digest: str
     first: Annotated[int, Field(ge=FIRST, lt=LAST)]

@@ -22,6 +22,7 @@ class Round:
     submissions: Path | None = None  # folder of submissions by their names
     submission: Path | None = None  # the one to run, whatever its name
     stated_limits: bool = False  # run again under the limits that a record states
+    unheld: bool = False  # run again also where nothing holds an agent
 
     def sealed(self, record: Record) -> Sealed | None:
         """The hidden scenes that a record is run on; None: none."""

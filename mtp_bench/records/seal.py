@@ -53,8 +53,12 @@ class Sealed:
         return card.model_copy(update={"source": hidden})
 
     def run_seeds(self, seeds: Sequence[int]) -> dict[int, int]:
-        """Secret seeds in place of public ones: a motion of a known seed would tell the name of its scene."""
-        return {seed: int(self._drawn(f"run {seed}")[:15], 16) for seed in seeds}
+        """Secret seeds in place of the public ones under which hidden scenes are run.
+
+        A motion of a known seed would tell the name of its scene.
+        """
+        run = seeds if self.seeds.format == 1 else seeds[:1]
+        return {seed: int(self._drawn(f"run {seed}")[:15], 16) for seed in run}
 
     def shuffled(self, scenes: Iterable[str]) -> tuple[str, ...]:
         """The hidden scenes in the order of every submission's sums; theirs is that of consecutive seeds."""
@@ -119,6 +123,16 @@ def open_seal(path: str | Path, commitment: str | Path | None = None, trust: Tru
             f"{path}: this seal is retired, its scenes are public: draw another with `mtp-bench seal`"
         )
     return Sealed(seeds, found, weights_path(path))
+
+
+def require_listed(seals: Iterable[Sealed], trust: Trust) -> None:
+    """Raise RecordError where the leaderboard of ``trust`` promises no such seal: its levels would not be shown."""
+    for sealed in seals:
+        if sealed.commitment not in trust.listed:
+            raise RecordError(
+                f"the seal of {sealed.seeds.env} with the sha256 {sealed.commitment[:12]} is not promised in "
+                f"{trust.seals}, so no level on it would be shown: publish its commitment there first"
+            )
 
 
 def open_seals(folder: Path, trust: Trust) -> dict[str, Sealed]:

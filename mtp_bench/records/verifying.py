@@ -10,6 +10,7 @@ from pathlib import Path
 from ..cards import Card
 from ..errors import RecordError
 from ..gateway import Limits
+from ..gateway.mechanism import mechanism
 from ..running.options import DEFAULTS, RunOptions
 from ..running.reference import reference_for
 from ..scoring import DEFINITIONS, Reference
@@ -25,6 +26,7 @@ from .record import Difference, IsolationPart, LimitsPart, MeasuredPart, Record,
 from .rerun import Runs, rows_when_moved, run_again, why_not_isolated, worse_when_moved
 from .running import Plan, hashes, isolation, latency, plan_run, rollouts_hash, rollouts_of, unanswered
 from .seal import Sealed, today
+from .shipped import baseline_digest
 from .storage import load_record, save_record
 from .stored import stored_rollouts
 from .submitting import declared_data, judged, said_of
@@ -63,6 +65,7 @@ def verify(
     sealed: Sealed | None = None,
     ends: ExitStack | None = None,
     stated_limits: bool = False,
+    unheld: bool = False,
 ) -> Verification:
     """Check a record by its stored rollouts: scored again they must give its numbers ("re-scored").
 
@@ -78,9 +81,10 @@ def verify(
             the end of this check.
         stated_limits: Run it again with all seeds and under the limits that it states, also where these are more than
             those of records that rank; graphics cards are one.
+        unheld: Run it again also where this system can hold no agent: it then has the rights of whoever runs it.
 
-    Raises RecordError where the record is missing, was changed or has no stored rollouts, or states more
-    than was allowed; DataError where data is missing.
+    Raises RecordError where the record is missing, was changed or has no stored rollouts, states more
+    than was allowed, or is of a stranger whom nothing would hold; DataError where data is missing.
     """
     path = Path(path)
     record = load_record(path)
@@ -90,6 +94,8 @@ def verify(
     if stale:
         return Verification(path, record, "scored", stale, ())
     again = rerun or sealed is not None
+    if again and not unheld:
+        _require_held(path, record, options)
     limits = _limits(path, record, stated_limits) if again else Limits()
     plan = _plan(path, record, env_id, submission, options) if again else None
     stored = {} if again else stored_rollouts(path, record)
@@ -137,15 +143,17 @@ def _scored_again(
     runs: Mapping[int, Sequence[Rollout]],
     reference: Reference,
     options: RunOptions,
-    timed: bool = True,
+    again: Plan | None = None,
 ) -> Verification:
-    """The check by rollouts that are stored, ``timed`` as the record says, or that were made again and are the same."""
+    """The check by rollouts that are stored, or that were made ``again`` and are the same; their times are others."""
     changed = tuple(unequal("hashes.rollouts", record.hashes.rollouts, rollouts_hash(runs)))
     if changed:
         return Verification(path, record, "scored", changed, ())
-    found = _evaluate(record, card, runs, reference, options)
+    declared = _declared(record) if again is None else again.setting.hypotheses
+    truth = record.env.observe == "truth"
+    found = evaluate(record.submission.name, card, options, runs, reference, declared, truth)
     scored = _with(record, found, runs, len(open_source(card, options.data).names))
-    if timed:
+    if again is None:
         scored = scored.model_copy(update={"measured": _times(record, found, runs)})
     parts = (each.model_dump(mode="json", include=set(_CHECKED)) for each in (record, scored))
     differences = tuple(unequal("", *parts))
@@ -174,7 +182,7 @@ def _run_again(
     changed = tuple(_said_otherwise(record, plan, again, limits))
     if changed:
         return Verification(path, record, "scored", changed, (), held=held)
-    checked = _scored_again(path, record, plan.card, rollouts_of(again), reference, plan.options, timed=False)
+    checked = _scored_again(path, record, plan.card, rollouts_of(again), reference, plan.options, plan)
     checked = replace(checked, held=held)
     if not checked.holds:
         return checked
@@ -187,6 +195,17 @@ def _run_again(
     if sealed is None:
         return replace(checked, level="re-run")
     return replace(checked, level="hidden", hidden=run_hidden(plan, record, sealed, limits, ends))
+
+
+def _require_held(path: Path, record: Record, options: RunOptions) -> None:
+    """Raise RecordError before a stranger's code is run where nothing would hold it."""
+    known = baseline_digest(record.submission.name, record.submission.networks) == record.submission.digest
+    if known or options.workers.scheduler is not None or mechanism() != "none":
+        return
+    raise RecordError(
+        f"{path}: this system can hold no agent (see SECURITY.md), so {record.submission.name!r} would run with your "
+        "rights: do it on Linux with bubblewrap, or say --unheld for code that you trust"
+    )
 
 
 def _limits(path: Path, record: Record, stated: bool) -> Limits:
@@ -232,7 +251,7 @@ def _said_otherwise(record: Record, plan: Plan, again: Runs, limits: Limits) -> 
 def _work(record: Record, plan: Plan | None, sealed: Sealed | None) -> int:
     """Runs and scenes to score, for a progress bar."""
     runs = 0 if plan is None else len(record.seeds) + 1
-    hidden = 0 if sealed is None else sealed.seeds.count * len(record.seeds)
+    hidden = 0 if sealed is None else sealed.seeds.count * len(sealed.run_seeds(record.seeds))
     return len(record.per_scene) * (1 + runs) + hidden
 
 
@@ -275,13 +294,10 @@ def _card_differences(record: Record, card: Card) -> tuple[Difference, ...]:
     return tuple(Difference(*pair) for pair in pairs if pair[1] != pair[2])
 
 
-def _evaluate(
-    record: Record, card: Card, runs: Mapping[int, Sequence[Rollout]], reference: Reference, options: RunOptions
-) -> Evaluation:
-    # H is a parameter, as the submission declared, or else what its answers state
+def _declared(record: Record) -> int | None:
+    """H where it is a parameter, as the submission declared; None: it is what the answers state."""
     counts = [value for value in record.submission.parameters.values() if type(value) is int]
-    declared = record.hypotheses if record.hypotheses in counts else None
-    return evaluate(record.submission.name, card, options, runs, reference, declared, record.env.observe == "truth")
+    return record.hypotheses if record.hypotheses in counts else None
 
 
 def _with(record: Record, found: Evaluation, runs: Mapping[int, Sequence[Rollout]], scenes_of_split: int) -> Record:

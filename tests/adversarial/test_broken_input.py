@@ -118,7 +118,10 @@ TOML: dict[str, tuple[Change, str]] = {
     "nan": (text("a = nan"), "a number is too large, infinite or none (NaN)"),
     "900 deep": (text("a = " + "[" * 900 + "]" * 900), DEEP),
     "100 000 deep": (text("a = " + "[" * 100_000), DEEP),
-    "a key 1 000 deep": (text("a" + ".a" * 1000 + " = 1"), DEEP),
+    "a key 1 000 deep": (
+        text("a" + ".a" * 1000 + " = 1"),
+        "line 1 has 1000 dots outside of numbers, expected at most 64",
+    ),
     "a date": (text("a = 2026-01-01"), "a date (2026-01-01), expected texts, numbers, lists and tables"),
     "an escape of half a letter": (text('a = "\\ud800"'), "not valid TOML"),
 }

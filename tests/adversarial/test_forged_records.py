@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import json
 import os
 import shutil
@@ -209,6 +210,19 @@ def test_what_nothing_held_is_re_scored_at_most(echo: tuple[Path, Path], card: s
     assert checked.notes == (f"no more than re-scored: {nothing}",)
 
 
+def test_a_stranger_is_not_run_where_nothing_holds_it(
+    echo: tuple[Path, Path], card: str, kitti: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, genuine = echo
+    monkeypatch.setattr("mtp_bench.records.verifying.mechanism", lambda: "none")
+    run = functools.partial(verify, genuine, RunOptions(kitti), card, submission=folder, rerun=True)
+    with monkeypatch.context() as patch:
+        patch.setattr("mtp_bench.records.verifying.run_again", lambda *_: pytest.fail("it was run"))
+        with pytest.raises(RecordError, match=r"can hold no agent .*'echo' would run with your rights: .*--unheld"):
+            run()
+    assert run(unheld=True).holds
+
+
 def test_a_run_that_nothing_held_proves_no_record() -> None:
     record, held = write_record(1.0), IsolationPart(mechanism="namespaces", memory="watch")
     assert why_not_isolated(record, [held]) == ""
@@ -263,6 +277,7 @@ NOT_RANKED: dict[str, tuple[Content, str]] = {
     "weights that only say frozen": ({"reference": {"frozen": False}}, "other event weights than the frozen ones"),
     "a card of one's own": ({"env": {"card_digest": "00" * 8}}, "card 0000000000000000, the one that ships is"),
     "an env of one's own": ({"env": {"id": "MTP-Mine-v0"}}, "no env of that id ships"),
+    "an answer that no run repeats": ({"missed": {"late": 1}}, "answers came late, which no other run repeats"),
     "an earlier scorer": ({"scorer": {"source_digest": "00" * 32}}, "another scorer than today's"),
 }
 
@@ -676,6 +691,14 @@ def look_alike(proposal: Path, _: Path) -> None:
     (proposal / "owners.toml").write_text('[owners]\nnewcomer = "ada"\ns_t-p = "ada"\n')
 
 
+def two_alike(proposal: Path, _: Path) -> None:
+    (proposal / "owners.toml").write_text('[owners]\nnewcomer = "ada"\nnew-comer = "ada"\n')
+
+
+def odd_name(proposal: Path, _: Path) -> None:
+    (proposal / "records" / "newcomer" / "a\x1b[2J\u202e.json").write_text("{}")
+
+
 def more_names(proposal: Path, _: Path) -> None:
     (proposal / "owners.toml").write_text('[owners]\nnewcomer = "ada"\n"for <b>later</b>" = "ada"\n')
 
@@ -719,6 +742,8 @@ PROPOSALS: dict[Callable[[Path, Path], None], str] = {
     no_owner: "the name 'newcomer' has no owner",
     for_another: "gives 'newcomer' to 'bob', expected 'ada'",
     look_alike: "'s_t-p' looks like 'stp', which is taken",
+    two_alike: "'newcomer' looks like 'new-comer', which is taken",
+    odd_name: "records/newcomer/a\ufffd[2J\ufffd.json: ",
     more_names: "'for <b>later</b>' has no record: a name comes with the first record of it",
     of_a_baseline: "'stp' is a baseline, only maintainers make its records",
     taken_over: "'newcomer' belongs to 'bob': only maintainers change that",

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
+import pyseccomp
 import pytest
 
 from mtp_bench.cards import card_text, load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import SubmissionError
-from mtp_bench.gateway import run_isolated
+from mtp_bench.gateway import filter, mechanism, run_isolated
 from mtp_bench.gateway.cgroup import Group, _places, make_group
 from mtp_bench.gateway.image import image_of
-from mtp_bench.gateway.layout import LIBRARY, LOADED, environment, layout_for, library
+from mtp_bench.gateway.layout import LIBRARY, LOADED, environment, layout_for, library, python
 from mtp_bench.networks import VARIABLE, file_name
 from mtp_bench.running.run import agent_task
 from mtp_bench.submission import load_submission
@@ -221,3 +223,23 @@ def test_a_group_of_this_system_is_removed() -> None:
     assert all(folder.is_dir() for folder in group.folders)
     group.remove()
     assert not any(folder.is_dir() for folder in group.folders)
+
+
+def test_the_order_of_a_set_is_the_same_in_every_judge() -> None:
+    program = [*python(), "-c", "print(hash('car'), list({'car', 'bus', 'bicycle', 'truck'}))"]
+    found = {subprocess.run(program, env=environment(False), capture_output=True, check=True).stdout for _ in range(3)}
+    assert len(found) == 1
+
+
+def test_a_busy_machine_is_no_system_without_isolation(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mechanism, "_TRY", 1e-4)
+    way = next((way for way in mechanism._WAYS if way != "bubblewrap" or shutil.which("bwrap")), "namespaces")
+    with pytest.raises(SubmissionError, match="try again when the machine is less busy"):
+        mechanism._works(way)
+
+
+def test_every_forbidden_call_has_a_number() -> None:
+    known = filter._NUMBERS
+    names = " ".join([*filter.FORBIDDEN.values(), filter.PRETENDED]).split()
+    native = pyseccomp.Arch.NATIVE
+    assert not [name for name in names if name not in known and pyseccomp.resolve_syscall(native, name) < 0]

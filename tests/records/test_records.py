@@ -42,7 +42,7 @@ def test_a_record_comes_back_as_it_was(tmp_path: Path) -> None:
 
 
 def test_what_users_write_is_kept_verbatim(tmp_path: Path) -> None:
-    text = "<script>alert('ä')</script> [bold] & \"x\" \u202e"
+    text = "<script>alert('ä')</script> [bold] & \"x\""
     part = {"authors": [text], "description": text, "parameters": {text: text}}
     save_record(write_record(1.0, submission=part, training_data=[text]), tmp_path / "a.json")
     read = load_record(tmp_path / "a.json")
@@ -50,6 +50,15 @@ def test_what_users_write_is_kept_verbatim(tmp_path: Path) -> None:
     assert read.submission.description == text
     assert read.training_data == [text]
     assert "<script>" in (tmp_path / "a.json").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("letter", ["\u202e", "\u200b", "\x1b"], ids=["turns around", "no width", "escape"])
+def test_what_nobody_sees_is_refused(letter: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    save_record(write_record(1.0, training_data=["a sign: $"]), path)
+    path.write_text(path.read_text(encoding="utf-8").replace("a sign: $", "a sign: " + json.dumps(letter)[1:-1]))
+    with pytest.raises(RecordError, match=r"training_data\[0\] has the character U\+"):
+        load_record(path)
 
 
 def test_the_digest_is_of_the_content_not_of_the_file_or_what_was_measured(tmp_path: Path) -> None:
