@@ -144,13 +144,13 @@ def _owners(path: Path, trust: Trust, owner: str | None) -> Mapping[str, str]:
     changed = [name for name in known if proposed.get(name) != known[name]]
     if changed:
         raise RecordError(f"{OWNERS}: {changed[0]!r} belongs to {known[changed[0]]!r}: only maintainers change that")
-    names = (*proposed, *baseline_names())
     for name in proposed:
         if name in known:
             continue
         if owner is not None and proposed[name].lower() != owner.lower():
             raise RecordError(f"{OWNERS}: gives {name!r} to {proposed[name]!r}, expected {owner!r} who asks for it")
-        taken = next((other for other in names if other != name and _looks(other) == _looks(name)), None)
+        others = (*baseline_names(), *(other for other in proposed if other != name))
+        taken = next((other for other in others if _looks(other) == _looks(name)), None)
         if taken is not None:
             raise RecordError(f"{OWNERS}: {name!r} looks like {taken!r}, which is taken: choose another name")
     return proposed

@@ -691,6 +691,10 @@ def look_alike(proposal: Path, _: Path) -> None:
     (proposal / "owners.toml").write_text('[owners]\nnewcomer = "ada"\ns_t-p = "ada"\n')
 
 
+def name_of_a_baseline(proposal: Path, _: Path) -> None:
+    (proposal / "owners.toml").write_text('[owners]\nnewcomer = "ada"\nstp = "ada"\n')
+
+
 def two_alike(proposal: Path, _: Path) -> None:
     (proposal / "owners.toml").write_text('[owners]\nnewcomer = "ada"\nnew-comer = "ada"\n')
 
@@ -742,6 +746,7 @@ PROPOSALS: dict[Callable[[Path, Path], None], str] = {
     no_owner: "the name 'newcomer' has no owner",
     for_another: "gives 'newcomer' to 'bob', expected 'ada'",
     look_alike: "'s_t-p' looks like 'stp', which is taken",
+    name_of_a_baseline: "'stp' looks like 'stp', which is taken",
     two_alike: "'newcomer' looks like 'new-comer', which is taken",
     odd_name: "records/newcomer/a\ufffd[2J\ufffd.json: ",
     more_names: "'for <b>later</b>' has no record: a name comes with the first record of it",
