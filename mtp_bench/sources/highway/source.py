@@ -20,7 +20,8 @@ class HighwayTraffic:
     """Scenes of one split, named ``<scenario>-<seed>``; without detections, which a simulated detector adds.
 
     Frame of reference: the road's, x and y in the plane, z up, the road at z = 0. What is beyond the detector's reach
-    or field of view is not in the truth. An object is a prediction target once it has been in view.
+    or field of view is not in the truth. An object is a prediction target once it was in free sight,
+    at any distance.
     """
 
     def __init__(self, card: Card, data: object = None) -> None:
@@ -101,7 +102,7 @@ def seed_of(name: str) -> int:
 
 
 def ever_seen(truth: Truth, visible: Floats) -> Bools:
-    """Whether each box's object has been in view at its frame or before [R]: before, nobody could know of it."""
+    """Whether each box's object was in free sight at its frame or before, at any distance [R]."""
     order = np.argsort(truth.object_id, kind="stable")  # rows come by frame
     object_id, in_view = truth.object_id[order], visible[order] >= IN_VIEW
     first = np.searchsorted(object_id, object_id)
