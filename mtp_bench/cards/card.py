@@ -263,17 +263,17 @@ def _check_classes(card: Card, where: str) -> None:
         "task.forecast_gate": card.task.forecast_gate,
         "task.miss_error": card.task.miss_error,
     }
+    iou = card.task.event_gate.measure == "iou_3d"
     for key, table in tables.items():
+        most = 1.0 if iou and key == "task.event_gate.threshold" else MOST_METRES  # an IoU beyond 1 nothing reaches
         for name in table:
             if name not in classes:
                 raise CardError(f"{where}: {key} has an unknown class {name!r}{nearest(name, classes)}")
         for name in card.task.classes:
             if name not in table:
                 raise CardError(f"{where}: {key} has no value for class {name!r}")
-            if not 0 < table[name] <= MOST_METRES:
-                raise CardError(
-                    f"{where}: {key}.{name} is {table[name]}, expected a number above 0, at most {MOST_METRES:g}"
-                )
+            if not 0 < table[name] <= most:
+                raise CardError(f"{where}: {key}.{name} is {table[name]}, expected a number above 0, at most {most:g}")
 
 
 def check_detector(card: Card, where: str) -> None:

@@ -265,6 +265,12 @@ def _model(content: object) -> str:
 Noise = Annotated[Annotated[Profile, Tag("Profile")] | Annotated[Profile1, Tag("Profile1")], Discriminator(_model)]
 
 
+def _corners(area: tuple[float, float, float, float] | None) -> tuple[float, float, float, float] | None:
+    if area is not None and not (area[0] < area[2] and area[1] < area[3]):
+        raise ValueError("expected least x and y, then largest x and y")
+    return area
+
+
 class DetectorSection(Section):
     """A simulated detector in place of stored detections: a shipped profile by name, or ``noise`` of one's own."""
 
@@ -273,7 +279,7 @@ class DetectorSection(Section):
     variant: Variant = "as_fitted"
     reach: Annotated[float, Field(gt=0)] = 80.0  # m
     field_of_view: Annotated[float, Field(gt=0, le=360)] = 90.0  # degrees, centred on the ego's heading
-    area: Annotated[tuple[float, float, float, float] | None, Field(strict=False)] = None
+    area: Annotated[tuple[float, float, float, float] | None, Field(strict=False), AfterValidator(_corners)] = None
     # m: least x and y, largest x and y of false positives; without it they are anywhere within reach
     seed: Annotated[int, Field(ge=0)] = 0  # of the noise
 

@@ -48,7 +48,7 @@ class FlattenAction(gymnasium.ActionWrapper[Observation, NDArray[np.float32], Ac
     ``gymnasium.wrappers.FlattenObservation`` makes one vector of the observation.
 
     Raises MtpBenchError for a ``reach`` or a ``speed`` that is not above 0, a ``reach`` beyond the coordinates of the
-    env, and for an env of another library.
+    env, for an env of another library, and around a wrapper that has its own actions.
     """
 
     def __init__(self, env: gymnasium.Env[Observation, Action], reach: float = 100.0, speed: float = 20.0) -> None:
@@ -60,6 +60,10 @@ class FlattenAction(gymnasium.ActionWrapper[Observation, NDArray[np.float32], Ac
         RecordConstructorArgs.__init__(self, reach=reach, speed=speed)
         gymnasium.ActionWrapper.__init__(self, env)
         self._task = task_of(env, "FlattenAction")
+        space: gymnasium.Space[Any] = env.action_space
+        if not isinstance(space, gymnasium.spaces.Dict):
+            got = f"the action_space of the env is a {type(space).__name__}"
+            raise MtpBenchError(sentence(got, "the Dict that it has", "FlattenAction"))
         self._reach, self._speed = reach, speed
         self.columns: dict[str, slice] = {}
         end = 0

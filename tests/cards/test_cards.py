@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
 from mtp_bench import card_ids
 from mtp_bench._bundle import bundled
 from mtp_bench.cards import Card, KittiSource, load_card, parse_card
+from mtp_bench.cards.sections import DetectorSection
 from mtp_bench.errors import CardError, UnknownNameError
 
 Content = dict[str, Any]
@@ -200,6 +202,11 @@ WRONG: dict[str, tuple[str, object, str]] = {
     "infinite": ("task.forecast_gate.car", float("inf"), "task.forecast_gate.car: got inf"),
     "not a number": ("task.miss_error", float("nan"), "task.miss_error.car: got nan"),
     "negative gate": ("task.forecast_gate.car", -1.0, "task.forecast_gate.car is -1.0, expected a number above 0"),
+    "an IoU in percent": (
+        "task.event_gate.threshold",
+        50.0,
+        "event_gate.threshold.car is 50.0, expected a number above 0, at most 1",
+    ),
     "unknown measure": ("task.event_gate.measure", "iou", "'iou_3d' or 'center_distance'"),
     "unknown source": (
         "source.name",
@@ -292,3 +299,9 @@ def test_a_card_is_stored_whatever_its_files_are_called(tmp_path: Path) -> None:
     assert [card.detector_name for card in named] == ["megvii-my-d-tections", "pointrcnn-my-boxes"]
     for card in (*named, named[1].with_files(folder)):
         assert parse_card(card.stored()) == card
+
+
+def test_the_corners_of_an_area_come_in_order() -> None:
+    DetectorSection(profile="clean", area=(-3.0, -9.0, 9.0, 27.0))
+    with pytest.raises(ValidationError, match="expected least x and y, then largest x and y"):
+        DetectorSection(profile="clean", area=(9.0, 27.0, -3.0, -9.0))

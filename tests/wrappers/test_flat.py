@@ -72,6 +72,11 @@ def test_a_reach_beyond_the_coordinates_of_the_env(card: str, kitti: str) -> Non
     ).problems
 
 
+def test_around_another_action_it_is_refused(env: FlattenAction) -> None:
+    with pytest.raises(MtpBenchError, match="the action_space of the env is a Box, expected the Dict that it has"):
+        FlattenAction(env)  # type: ignore[arg-type]
+
+
 def test_a_random_flat_action_is_sound_and_nothing_is_said_of_it(env: FlattenAction) -> None:
     space: Any = env.action_space
     space.seed(0)
