@@ -152,7 +152,8 @@ def _owners(path: Path, trust: Trust, owner: str | None) -> Mapping[str, str]:
         others = (*baseline_names(), *(other for other in proposed if other != name))
         taken = next((other for other in others if _looks(other) == _looks(name)), None)
         if taken is not None:
-            raise RecordError(f"{OWNERS}: {name!r} looks like {taken!r}, which is taken: choose another name")
+            why = "is taken" if taken == name else f"looks like {taken!r}, which is taken"
+            raise RecordError(f"{OWNERS}: {name!r} {why}: choose another name")
     return proposed
 
 

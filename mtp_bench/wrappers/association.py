@@ -16,7 +16,7 @@ from ..errors import ActionError, MtpBenchError, sentence
 from ..geometry import rotate
 from ..types import Action, Floats, Ints, Observation
 from .slots import FREE, Slots
-from .wrapped import require_own_spaces, require_positive, task_of
+from .wrapped import require_own_space, require_positive, task_of
 
 if TYPE_CHECKING:
     from ..agent import SamplingPredictor
@@ -85,7 +85,8 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
         untyped: Any = env  # Gymnasium types the inner env like the outer one
         gymnasium.Wrapper.__init__(self, untyped)
         self._env, self._task, self._near = env, task_of(env, "AssociationOnly"), near
-        require_own_spaces(env, "AssociationOnly")
+        require_own_space(env, "observation_space", "AssociationOnly")
+        require_own_space(env, "action_space", "AssociationOnly")
         self._started = False
         self._slots = Slots(_STANDING, _PATIENCE)
         self._agent = Pipeline(self._slots, predictor or KinematicPredictor(), KMeansSampler(), presence=presence)

@@ -24,7 +24,7 @@ from ..env.action import (
 )
 from ..errors import ActionError, MtpBenchError, sentence
 from ..types import Action, Floats, Observation, Task
-from .wrapped import require_positive, task_of
+from .wrapped import require_own_space, require_positive, task_of
 
 FAINTEST = -10.0  # log-weight that stands at -1; at 1 it is 0
 _SIZES = 0.1, 20.0  # m, of boxes
@@ -60,10 +60,7 @@ class FlattenAction(gymnasium.ActionWrapper[Observation, NDArray[np.float32], Ac
         RecordConstructorArgs.__init__(self, reach=reach, speed=speed)
         gymnasium.ActionWrapper.__init__(self, env)
         self._task = task_of(env, "FlattenAction")
-        space: gymnasium.Space[Any] = env.action_space
-        if not isinstance(space, gymnasium.spaces.Dict):
-            got = f"the action_space of the env is a {type(space).__name__}"
-            raise MtpBenchError(sentence(got, "the Dict that it has", "FlattenAction"))
+        require_own_space(env, "action_space", "FlattenAction")
         self._reach, self._speed = reach, speed
         self.columns: dict[str, slice] = {}
         end = 0

@@ -22,13 +22,12 @@ def task_of(env: gymnasium.Env[Any, Any], wrapper: str) -> Task:
     return inner.task
 
 
-def require_own_spaces(env: gymnasium.Env[Any, Any], wrapper: str) -> None:
-    """Raise MtpBenchError, which names the ``wrapper``, unless ``env`` shows and takes what the env below does."""
-    for name in ("observation_space", "action_space"):
-        space = getattr(env, name)
-        if not isinstance(space, gymnasium.spaces.Dict):
-            got = f"the {name} of the env is a {type(space).__name__}"
-            raise MtpBenchError(sentence(got, "the Dict that it has before another wrapper changes it", wrapper))
+def require_own_space(env: gymnasium.Env[Any, Any], name: str, wrapper: str) -> None:
+    """Raise MtpBenchError, which names the ``wrapper``, unless the space called ``name`` is that of the env below."""
+    space = getattr(env, name)
+    if not isinstance(space, gymnasium.spaces.Dict):
+        got = f"the {name} of the env is a {type(space).__name__}"
+        raise MtpBenchError(sentence(got, "the Dict that it has before another wrapper changes it", wrapper))
 
 
 def require_positive(name: str, value: Any, wrapper: str, whole: bool = False) -> None:

@@ -746,7 +746,7 @@ PROPOSALS: dict[Callable[[Path, Path], None], str] = {
     no_owner: "the name 'newcomer' has no owner",
     for_another: "gives 'newcomer' to 'bob', expected 'ada'",
     look_alike: "'s_t-p' looks like 'stp', which is taken",
-    name_of_a_baseline: "'stp' looks like 'stp', which is taken",
+    name_of_a_baseline: "'stp' is taken: choose another name",
     two_alike: "'newcomer' looks like 'new-comer', which is taken",
     odd_name: "records/newcomer/a\ufffd[2J\ufffd.json: ",
     more_names: "'for <b>later</b>' has no record: a name comes with the first record of it",

@@ -73,7 +73,7 @@ def test_a_reach_beyond_the_coordinates_of_the_env(card: str, kitti: str) -> Non
 
 
 def test_around_another_action_it_is_refused(env: FlattenAction) -> None:
-    with pytest.raises(MtpBenchError, match="the action_space of the env is a Box, expected the Dict that it has"):
+    with pytest.raises(MtpBenchError, match="action_space of the env is a Box, expected the Dict that it has before"):
         FlattenAction(env)  # type: ignore[arg-type]
 
 
