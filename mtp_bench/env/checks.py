@@ -215,7 +215,7 @@ _CHECKS = (
 
 def _check_membership(arrays: Arrays, sound: dict[Rows, Bools], task: Task) -> list[Problem]:
     """Take out of ``sound`` the tracks whose id occurs twice in a hypothesis; tracks in none are only warned of."""
-    track_id = arrays.get("track_id", np.zeros(task.tracks, dtype=np.int64))
+    track_id, valid = (arrays.get(name, np.zeros(task.tracks, dtype=np.int64)) for name in ("track_id", "track_valid"))
     member = (arrays["hypothesis_member"] != 0) & sound["hypotheses"][:, None] & sound["tracks"]
     loose = np.flatnonzero(sound["tracks"] & ~member.any(axis=0))
     twice = np.flatnonzero(_repeated(track_id, member))
@@ -224,7 +224,7 @@ def _check_membership(arrays: Arrays, sound: dict[Rows, Bools], task: Task) -> l
     apart = "give every object an identity of its own"
     return [
         *rows_problem("track_id", "twice in one hypothesis", once, twice, track_id, "tracks", apart, outside=False),
-        *rows_problem("track_valid", "in no hypothesis, so unused", _IN_ONE, loose, track_id, outside=False),
+        *rows_problem("track_valid", "in no hypothesis, so unused", _IN_ONE, loose, valid, outside=False),
     ]
 
 

@@ -56,6 +56,6 @@ def rows_problem(
 
 def _shown(value: NDArray[Any]) -> str:
     """The entries of a row, as far as they say something at a glance."""
-    numbers = [f"{number:.4g}" for number in value.ravel()[:_MOST_NUMBERS]]
+    numbers = [f"{number:.4g}" if value.dtype.kind == "f" else str(number) for number in value.ravel()[:_MOST_NUMBERS]]
     more = ", ..." if value.size > _MOST_NUMBERS else ""
     return "" if value.ndim > 1 else f" = [{', '.join(numbers)}{more}]" if value.ndim else f" = {numbers[0]}"

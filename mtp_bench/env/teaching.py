@@ -10,7 +10,7 @@ from gymnasium import logger
 
 from ..errors import ActionError
 from ..types import Floats, Task
-from .action import Rows
+from .action import COORDINATE_LIMIT, Rows
 from .checks import Examined, present
 from .problems import Problem
 
@@ -56,9 +56,9 @@ def _gravest(problems: list[Problem]) -> Problem:
 
 
 def _random(examined: Examined) -> bool:
-    return any(
-        (np.abs(examined.arrays[name][examined.claimed[rows]][:, :2]) > RANDOM_BEYOND).any() for name, rows in _BOXES
-    )
+    """Whether the boxes were drawn from the action space; rows that are not claimed were drawn with the others."""
+    far = [np.abs(examined.arrays[name][:, :2]) for name, _ in _BOXES]
+    return any(((part > RANDOM_BEYOND) & (part <= COORDINATE_LIMIT)).any() for part in far)
 
 
 def _degrees(examined: Examined) -> list[Problem]:

@@ -164,10 +164,16 @@ WRONG: dict[str, Wrong] = {
         degrees, "object_box: yaw looks like degrees in 2 rows, expected radians, such as -pi to pi", True
     ),
     "one id twice": Wrong(
-        put("track_id", slice(0, 2), 7), "track_id: twice in one hypothesis in 2 rows, expected an id once per", True
+        put("track_id", slice(0, 2), 123456),
+        "track_id: twice in one hypothesis in 2 rows, expected an id once per hypothesis (frame 0,"
+        " first track_id[0] = 123456)",
+        True,
     ),
     "a track in no hypothesis": Wrong(
-        put("hypothesis_member", (slice(None), 0), 0), "track_valid: in no hypothesis, so unused, expected every", True
+        put("hypothesis_member", (slice(None), 0), 0),
+        "track_valid: in no hypothesis, so unused, expected every valid track in a hypothesis whose log-weight is"
+        " present (frame 0, track_valid[0] = 1)",
+        True,
     ),
     "an object without samples": Wrong(
         put("forecast_log_weight", 0, -np.inf), "forecast_log_weight: no sample present, expected at least one", True
@@ -330,6 +336,20 @@ def test_check_never_raises_for_what_an_agent_answers(card: str, kitti: str, cli
 
 
 # ---- no false alarm
+
+
+def test_nothing_is_said_of_an_action_from_the_action_space(make_env: MakeEnv) -> None:
+    """Also where few rows are claimed, and those happen to lie near: the others are far."""
+    env = make_env(scene(), tracks=3, objects=2, samples=2)
+    env.reset()
+    env.action_space.seed(0)
+    for _ in range(100):
+        action = env.action_space.sample()
+        for rows in ("track", "object"):
+            action[f"{rows}_valid"][1:] = 0
+            action[f"{rows}_box"][0, :2] = 50.0
+        env.step(action)
+        env.reset()
 
 
 def silent_play(agent: str, env: MTPEnv) -> int:
