@@ -44,6 +44,11 @@ class Examined:
     problems: list[Problem]
 
     @property
+    def outside(self) -> list[Problem]:
+        """What puts the action outside the action space."""
+        return [problem for problem in self.problems if problem.outside]
+
+    @property
     def readable(self) -> bool:
         """Whether the fields of the objects could be read, so that it is known which objects are stated."""
         unreadable = {problem.field for problem in self.problems if problem.level == "error" and not problem.example}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from .action import (
     SIZE_LIMIT,
     Field,
 )
+from .checks import examine
 
 SCORE_LIMIT = 1e6
 VELOCITY_LIMIT = 1e3  # m/s
@@ -61,11 +63,10 @@ def observation_space(task: Task) -> spaces.Dict:
 def action_space(task: Task) -> spaces.Dict:
     """Space of the answer to one frame, in the frame of the observations.
 
-    A log-weight of -inf or below -1e30 means absent; ``track_class`` -1 means not stated. Every row of the space is
-    sound, unless an id occurs twice in a hypothesis or all samples of an object are absent. A little more is: any
-    finite angle, and forecasts up to 327 m in length, of which the space is the inscribed square.
+    A log-weight of -inf or below -1e30 means absent; ``track_class`` -1 means not stated. Every drawn row is sound,
+    unless an id occurs twice in a hypothesis or all samples of an object are absent.
     """
-    return spaces.Dict({field.name: _space_of(field, task) for field in FIELDS})
+    return ActionSpace(task)
 
 
 def action_numbers(task: Task) -> int:
@@ -109,6 +110,23 @@ def _boxes(rows: int, smallest: float) -> spaces.Box:
     return Box(np.tile(low, (rows, 1)), np.tile(high, (rows, 1)), dtype=np.float32)
 
 
+class ActionSpace(spaces.Dict):
+    """The actions that a strict env takes under ``task``: `contains` asks the same checks.
+
+    It holds more than what its fields draw: any content of rows that are not there, missing optional fields, any finite
+    angle and log-weight, boxes of any size above 0, and forecasts up to 327 m in length, of which the field is the
+    inscribed square.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self._task = task
+        super().__init__({field.name: _space_of(field, task) for field in FIELDS})
+
+    def contains(self, x: Any) -> bool:
+        """Whether a strict env takes ``x`` as an action."""
+        return not examine(x, self._task).outside
+
+
 class Numbers(spaces.Space[NDArray[Any]]):
     """Arrays of ``shape`` with entries from ``low`` to ``high``: a Box that is no continuous control.
 
@@ -139,6 +157,14 @@ class Numbers(spaces.Space[NDArray[Any]]):
     def contains(self, x: Any) -> bool:
         """Whether ``x`` has the shape, the type and the range."""
         return self._box.contains(x)
+
+    def to_jsonable(self, sample_n: Iterable[NDArray[Any]]) -> list[Any]:
+        """Elements as lists of numbers."""
+        return self._box.to_jsonable(list(sample_n))
+
+    def from_jsonable(self, sample_n: Sequence[Any]) -> list[NDArray[Any]]:
+        """Elements of what `to_jsonable` made."""
+        return self._box.from_jsonable(sample_n)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Numbers) and self._box == other._box

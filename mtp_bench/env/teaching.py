@@ -35,8 +35,7 @@ class Teacher:
         ``where`` is the frame in words. Nothing is said of an answer with a box more than 10 km from the origin: it was
         drawn at random from the action space.
         """
-        outside = [problem for problem in examined.problems if problem.outside]
-        if outside:
+        if outside := examined.outside:
             more = f" (and {len(outside) - 1} more)" if len(outside) > 1 else ""
             raise ActionError(_gravest(outside).sentence(where) + more)
         if not _random(examined):

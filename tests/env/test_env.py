@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -532,5 +533,7 @@ def test_observations_and_actions_can_be_flattened(make_env: MakeEnv) -> None:
     env.action_space.seed(0)
     action = env.action_space.sample()
     back = space_utils.unflatten(env.action_space, space_utils.flatten(env.action_space, action))
+    (read,) = env.action_space.from_jsonable(json.loads(json.dumps(env.action_space.to_jsonable([action]))))
     for key in action:
         np.testing.assert_array_equal(back[key], action[key])
+        np.testing.assert_array_equal(read[key], action[key])

@@ -242,6 +242,14 @@ def test_each_mistake_gets_its_sentence(case: str, make_env: MakeEnv) -> None:
 
 
 @pytest.mark.parametrize("case", WRONG, ids=str)
+def test_the_action_space_holds_what_is_taken(case: str, make_env: MakeEnv) -> None:
+    env = make_env(scene())
+    observation, _ = env.reset()
+    assert env.action_space.contains(right(env)(observation))
+    assert env.action_space.contains(wrong(case, env)(observation)) == WRONG[case].warned
+
+
+@pytest.mark.parametrize("case", WRONG, ids=str)
 @pytest.mark.parametrize("complete", [True, False], ids=["complete truth", "targets only"])
 def test_no_mistake_pays(case: str, complete: bool, make_env: MakeEnv) -> None:
     """Not more than the right action or the sound part of the wrong one; and not more than silence if none is left."""
@@ -360,7 +368,9 @@ def silent_play(agent: str, env: MTPEnv) -> int:
     player.reset(agent_task(env, 0))
     truncated, frames = False, 0
     while not truncated:
-        observation, _, _, truncated, _ = env.step(player.act(observation))
+        action = player.act(observation)
+        assert env.action_space.contains(action)
+        observation, _, _, truncated, _ = env.step(action)
         frames += 1
     return frames
 
