@@ -17,7 +17,9 @@ Share = Annotated[float, Field(ge=0, le=1)]
 Scale = Annotated[float, Field(ge=0)]
 Correlation = Annotated[float, Field(gt=-1, lt=1)]
 
-_SIMILAR = {"bicycle": "motorcycle", "construction_vehicle": "truck"}  # for profiles that do not know a class
+_SIMILAR = {  # for profiles that do not know a class
+    "cyclist": "bicycle", "bicycle": "motorcycle", "construction_vehicle": "truck"
+}  # fmt: skip
 
 
 class Memory(Section):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from ..geometry import rotate, transform_boxes
 from ..types import Detections, Floats, Scene
 
@@ -34,9 +36,22 @@ def in_world(scene: Scene) -> Scene:
     )
 
 
-def in_frames(seen: Detections, world: Floats) -> Detections:
-    """Detections of the world in the frames ``world`` ``[F, 4]`` x y z yaw: the inverse of `in_world`."""
-    pose = world[seen.frame_of_rows]
-    back = -pose[:, 3]
-    box = transform_boxes(seen.box, back, -rotate(pose[:, :3], back))
-    return replace(seen, box=box, velocity=rotate(seen.velocity, back))
+def in_frames(seen: Detections, world: Floats, time: Floats) -> Detections:
+    """Detections of the world in the frames ``world`` ``[F, 4]`` x y z yaw, which are at the times ``time`` ``[F]`` s.
+
+    Velocities are those in the frames: what stands in the world moves against a frame that drives. Nothing is known of
+    the frames' motion before the first.
+    """
+    frame = seen.frame_of_rows
+    before = np.maximum(frame - 1, 0)
+    passed = np.where(frame > 0, time[frame] - time[before], 1.0)[:, None]
+    box = _placed(seen.box, world[frame])
+    back = np.concatenate([seen.box[:, :2] - passed * seen.velocity, seen.box[:, 2:]], axis=1)
+    velocity = (box[:, :2] - _placed(back, world[before])[:, :2]) / passed
+    return replace(seen, box=box, velocity=velocity)
+
+
+def _placed(box: Floats, pose: Floats) -> Floats:
+    """Boxes ``[R, 7]`` of the world as seen from ``pose`` ``[R, 4]``."""
+    turn = -pose[:, 3]
+    return transform_boxes(box, turn, -rotate(pose[:, :3], turn))

@@ -41,7 +41,8 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
     measures velocities is told nothing of the next frame: where the source's true velocities hold some of it, the truth
     gets backward velocities. What has an unknown one is measured as if it stood still, like a false box: else a
     velocity that is missing would tell that the box is true, and new. Where every frame is in its own frame of
-    reference, false boxes that stand do so in the world, if the scene says where that is, else in the sensor's frame.
+    reference, false boxes that stand do so in the world, if the scene says where that is, else in the sensor's frame;
+    velocities are measured in the world and told in the frames.
     """
     from ..detector.sight import Sensor, sight, visible_fractions
     from ..detector.simulate import simulate
@@ -57,8 +58,10 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
     truth = scene.truth
     if card.velocity and card.source.traits.velocity_ahead:
         truth = looking_back(truth, scene.time)
-    measured = replace(truth, velocity=np.nan_to_num(truth.velocity)) if card.velocity else truth
-    there = in_world(replace(scene, truth=measured))
+    there = in_world(replace(scene, truth=truth))
+    if card.velocity:
+        moves = there.truth if scene.world is None else looking_back(there.truth, scene.time)
+        there = replace(there, truth=replace(moves, velocity=np.nan_to_num(moves.velocity)))
     seen = simulate(
         there.truth,
         there.ego,
@@ -70,7 +73,7 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
         sight=sight(there.truth, there.ego, sensor, visible),
     )
     if scene.world is not None:
-        seen = in_frames(seen, scene.world)
+        seen = in_frames(seen, scene.world, scene.time)
     if card.source.traits.places_only:
         seen = as_places(seen)
     label = _label(noise)

@@ -105,3 +105,20 @@ def test_a_scene_without_objects_can_be_simulated(frames: int, name: str) -> Non
     clean = simulate(truth, ego, TRAFFIC, load_profile("clean"), SENSOR, 0, DT)
     assert clean.start.tolist() == [0] * (frames + 1)
     assert clean.box.shape == (0, 7)
+
+
+@pytest.mark.parametrize("name", MEGVII)
+def test_a_class_without_noise_of_its_own_is_a_false_positive_too(name: str) -> None:
+    """A class that is lent its noise would else tell that the box is true."""
+    truth, ego = traffic(frames=200)
+    classes = ("car", "pedestrian", "cyclist")  # cyclists are lent the noise of cars
+    profile = load_profile(name)
+    assert profile.noise_name("cyclist") == profile.noise_name("bicycle") == "car"
+    lent = Truth(**{**vars(truth), "class_id": truth.object_id % 3})
+    found = simulate(lent, ego, classes, profile, SENSOR, 0, DT)
+    far = np.zeros(len(classes), dtype=int)
+    for t in range(len(ego)):
+        rows, mine = lent.rows(t), found.rows(t)
+        apart = np.linalg.norm(found.box[mine, None, :2] - lent.box[None, rows, :2], axis=-1).min(axis=1)
+        far += np.bincount(found.class_id[mine][apart > 4.0], minlength=len(classes))
+    assert (far > 0).all()

@@ -10,8 +10,9 @@ from mtp_bench.cards import load_card
 from mtp_bench.geometry import rotate, transform_boxes, wrap_angle
 from mtp_bench.sources import load_scenes
 from mtp_bench.sources.base import no_detections
+from mtp_bench.sources.motion import looking_back
 from mtp_bench.sources.simulated import detected
-from mtp_bench.types import Scene
+from mtp_bench.types import Floats, Ints, Scene
 from tests.support.detector_scenes import traffic
 
 CARD = load_card("MTP-KITTI-noego-v0").with_detector("kitti_pointrcnn_raw")
@@ -78,3 +79,41 @@ def test_own_scenes_of_people_have_places_alone_too() -> None:
         .keys()
         .isdisjoint({"places_only", "bounded_by_truth"})
     )
+
+
+def test_what_stands_moves_against_a_frame_that_drives_true_or_not() -> None:
+    """Velocities of a detector are those of its frame: a false box that stands is told the same as a true one."""
+    truth, _ = traffic(frames=40)
+    steps = np.arange(40)
+    world = np.stack([0.9 * steps, 0.1 * steps, 0.01 * steps, 0.02 * steps], axis=1)
+    standing = replace(truth, box=truth.box[first_rows(truth.object_id)], velocity=np.zeros_like(truth.velocity))
+    pose = world[standing.frame_of_rows]
+    box = transform_boxes(standing.box, -pose[:, 3], -rotate(pose[:, :3], -pose[:, 3]))
+    time = steps / CARD.task.rate
+    own = looking_back(replace(standing, box=box, class_id=np.zeros(len(box), dtype=int)), time)
+    card = load_card("MTP-KITTI-noego-v0").with_detector("nuscenes_megvii_raw")
+    seen = detected(Scene("a", time, np.zeros((40, 4)), own, no_detections(40), world=world), card, seed=0).detections
+
+    frame = seen.frame_of_rows
+    near = np.array(
+        [np.abs(box[own.rows(t), :2] - at).sum(1).min(initial=99.0) for t, at in zip(frame, seen.box[:, :2])]
+    )
+    for which in ((near < 2) & (frame > 0), (near > 5) & (frame > 0)):
+        assert which.sum() > 40
+        back = placed_before(seen.box[which, :2], world, frame[which])
+        expected = (seen.box[which, :2] - back) * CARD.task.rate
+        off = seen.velocity[which] - expected
+        assert np.abs(np.median(off, axis=0)).max() < 0.2
+        assert np.linalg.norm(np.median(expected, axis=0)) > 5
+
+
+def first_rows(object_id: Ints) -> Ints:
+    """For every row, the first one of its object."""
+    _, first, inverse = np.unique(object_id, return_index=True, return_inverse=True)
+    return first[inverse]
+
+
+def placed_before(xy: Floats, world: Floats, frame: Ints) -> Floats:
+    """Where points that stand in the world were in the frame before."""
+    still = world[frame, :2] + rotate(xy, world[frame, 3])
+    return rotate(still - world[frame - 1, :2], -world[frame - 1, 3])

@@ -104,4 +104,8 @@ class Profile1(Section):
 
     def noise(self, class_name: str) -> ClassNoise:
         """Noise of a class, or of a similar one; raises UnknownNameError for what the profile does not know."""
-        return self.classes[noise_name(class_name, self.classes, self.alike, self.name)]
+        return self.classes[self.noise_name(class_name)]
+
+    def noise_name(self, class_name: str) -> str:
+        """The class whose noise a class has; raises UnknownNameError for what the profile does not know."""
+        return noise_name(class_name, self.classes, self.alike, self.name)

@@ -55,7 +55,7 @@ def _false_positives(profile: Profile1, classes: Sequence[str], around: Surround
     rows = []
     for number, (own, noise) in enumerate(profile.classes.items()):
         law = noise.false_positives
-        having = [class_id for class_id, name in enumerate(classes) if profile.alike.get(name, name) == own]
+        having = [class_id for class_id, name in enumerate(classes) if profile.noise_name(name) == own]
         labels = None if law is None else labels_of(around.truth, classes, having, own, law.size)
         if labels is not None:
             rows.append(false_positives(noise, labels, around, number, seed))
