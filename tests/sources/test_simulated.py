@@ -95,9 +95,8 @@ def test_what_stands_moves_against_a_frame_that_drives_true_or_not() -> None:
     seen = detected(Scene("a", time, np.zeros((40, 4)), own, no_detections(40), world=world), card, seed=0).detections
 
     frame = seen.frame_of_rows
-    near = np.array(
-        [np.abs(box[own.rows(t), :2] - at).sum(1).min(initial=99.0) for t, at in zip(frame, seen.box[:, :2])]
-    )
+    seen_with = [(own.rows(t), at) for t, at in zip(frame, seen.box[:, :2], strict=True)]
+    near = np.array([np.abs(box[rows, :2] - at).sum(1).min(initial=99.0) for rows, at in seen_with])
     for which in ((near < 2) & (frame > 0), (near > 5) & (frame > 0)):
         assert which.sum() > 40
         back = placed_before(seen.box[which, :2], world, frame[which])
