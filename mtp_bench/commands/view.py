@@ -16,6 +16,7 @@ from .options import DataOption, RunCardOption, one_of
 from .output import require_writable, say
 
 if TYPE_CHECKING:
+    from ..running.opened import OpenedRun
     from ..running.rollout_files import RunInfo
     from ..viz.replay import Incident, Replay
 
@@ -59,9 +60,10 @@ def view(
     from ..viz.rerun.viewer import require_display, serve_recording, show_recording
     from ..viz.terminal.output import show
 
+    runs = _opened(folders, root, env)
     if save is None and not web:
         require_display()
-    replays = _replays(folders, scene, root, env, at is not None)
+    replays = _replays(runs, scene, at is not None)
     incident = None if at is None else replays[0].incident(at)
     what = _sentence(replays, incident)
     if save is not None:
@@ -88,21 +90,15 @@ def _write_picture(
         raise typer.BadParameter(
             "a picture shows one event: name it with --at; `mtp-bench events` lists them", param_hint="--png"
         )
-    replays = _replays(folders, scene, data, env_id, True)
+    replays = _replays(_opened(folders, data, env_id), scene, True)
     incident = replays[0].incident(at)
     save_report(png, *Focus.of_all(replays, incident))
     show(f"{png}: {_sentence(replays, incident)}")
 
 
-def _replays(
-    folders: Sequence[Path], scene: str | None, data: str | None, env_id: str | None, images: bool
-) -> list[Replay]:
-    """The runs of one scene, by default the first of the first run; with the camera ``images`` where they are there.
-
-    Raises MtpBenchError where the runs were made for different cards, UnknownNameError where one has no such scene.
-    """
+def _opened(folders: Sequence[Path], data: str | None, env_id: str | None) -> list[OpenedRun]:
+    """The runs in ``folders``; raises MtpBenchError where they were made for different cards."""
     from ..running.opened import open_run
-    from ..viz.replay import replay
 
     runs = [open_run(folder, data, env_id) for folder in folders]
     first = runs[0]
@@ -112,6 +108,17 @@ def _replays(
                 f"{run.folder}: made for {run.card.id} ({run.card.digest}), expected {first.card.id} "
                 f"({first.card.digest}) as in {first.folder}: only runs of one env and detector share a picture"
             )
+    return runs
+
+
+def _replays(runs: Sequence[OpenedRun], scene: str | None, images: bool) -> list[Replay]:
+    """The runs of one scene, by default the first of the first run; with the camera ``images`` where they are there.
+
+    Raises UnknownNameError where one of them has no such scene.
+    """
+    from ..viz.replay import replay
+
+    first = runs[0]
     name = first.first(scene).scene
     content = first.drawn(name, say)
     found = first.images(content, say) if images else ()

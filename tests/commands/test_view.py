@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card
-from mtp_bench.commands.view import _replays
+from mtp_bench.commands.view import _opened, _replays
 from mtp_bench.running import stored
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run, save_run
@@ -64,6 +64,8 @@ def test_one_sentence_says_what_is_wrong(
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     assert re.search(text, cli("view", folder, *known, *arguments).error)
+    if not arguments:
+        assert "nowhere" in cli("view", tmp_path / "nowhere", *known).error, "a missing run is said before the display"
     assert not list(tmp_path.iterdir())
 
 
@@ -92,7 +94,7 @@ def test_each_run_stands_beside_what_its_agent_was_given(
 ) -> None:
     for agent in ("truth_past", "stp"):
         stored.run(agent, card, tmp_path / agent, RunOptions(kitti))
-    shown = [_replays([tmp_path / name for name in order], None, kitti, card, False)
+    shown = [_replays(_opened([tmp_path / name for name in order], kitti, card), None, False)
              for order in (("truth_past", "stp"), ("stp",))]  # fmt: skip
     together, alone = shown[0][1], shown[1][0]
     np.testing.assert_array_equal(together.scene.detections.box, alone.scene.detections.box)
@@ -103,9 +105,9 @@ def test_runs_of_one_agent_say_how_many_hypotheses_they_have(card: str, kitti: s
     stored.run("stp", card, tmp_path / "one", RunOptions(kitti))
     run = load_run(tmp_path / "one")
     save_run(tmp_path / "five", run.info.model_copy(update={"hypotheses": 5}), run.rollouts)
-    both = _replays([tmp_path / "one", tmp_path / "five"], None, kitti, card, False)
+    both = _replays(_opened([tmp_path / "one", tmp_path / "five"], kitti, card), None, False)
     assert [each.agent for each in both] == ["stp (H = 1)", "stp (H = 5)"]
-    twice = _replays([tmp_path / "one", tmp_path / "one"], None, kitti, card, False)
+    twice = _replays(_opened([tmp_path / "one", tmp_path / "one"], kitti, card), None, False)
     assert [each.agent for each in twice] == ["stp", "stp"]
 
 

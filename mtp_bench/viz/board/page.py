@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 _HERE = Path(__file__).parent
-MOST_ENTRIES, MOST_ROWS = 25, 252  # of a table, and of all tables, before more are asked for
+MOST_ENTRIES, MOST_ROWS = 25, 266  # of a table, and of all tables, before more are asked for
 MOST_AGENTS = 60  # of the overview
 _FURTHER = {
     "rank": ("#", "1 + the number of entries that are significantly better: sign-flip test over units, p below .05."),
