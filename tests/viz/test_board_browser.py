@@ -316,6 +316,9 @@ def test_a_large_screen_shows_who_signed(browser: Browser, repository: Path) -> 
         assert browser.script(shown) == "table-cell"
         begin = "[...document.querySelectorAll('.entry .verified')].map((cell) => cell.getBoundingClientRect().left)"
         assert 0 < max(browser.script(f"return {begin}")) < 1520, "in sight, whatever the font"
+        heads = "[...document.querySelectorAll('.ranking > thead button')]"
+        beyond = browser.script(f"return {heads}.map((head) => head.scrollWidth - head.clientWidth)")
+        assert max(beyond) <= 1, "no heading runs into the next"
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
