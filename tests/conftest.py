@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from mtp_bench.parallel import cores
 from tests.support.command_line import CommandLine
 from tests.support.leaderboards import listed, make_key, make_leaderboard
 from tests.support.small_scenes import write_card, write_kitti
@@ -33,6 +34,11 @@ def pytest_configure(config: pytest.Config) -> None:
         raise pytest.UsageError(f"{VARIABLE} is {root!r}, expected an existing folder; unset it to run without data")
     if root:
         os.environ[VARIABLE] = str(Path(root).resolve())  # tests may change the working directory
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """Half as many again as cores: for a third of their time tests wait for processes that they started."""
+    return (3 * cores() + 1) // 2
 
 
 def pytest_report_header(config: pytest.Config) -> str:

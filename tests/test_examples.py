@@ -16,6 +16,7 @@ from docs.generate.outputs import OUTPUTS, ROOT, run
 
 NEEDS = re.compile(r"^# needs: (.+)$", flags=re.MULTILINE)
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+SHORTER = {"rl_association": ["200"]}  # steps of training: 2 000 take most of a minute, and show nothing more
 
 
 def needs(example: Path) -> list[str]:
@@ -49,7 +50,7 @@ def sentences(output: str) -> list[str]:
 
 @pytest.mark.parametrize("example", [case(example) for example in EXAMPLES])
 def test_it_runs(example: Path, tmp_path: Path) -> None:
-    done = run(example, tmp_path)
+    done = run(example, tmp_path, *SHORTER.get(example.stem, []))
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip(), "an example shows something"
     shown = OUTPUTS / f"{example.stem}.txt"

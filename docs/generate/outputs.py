@@ -18,11 +18,11 @@ OUTPUTS = ROOT / "docs" / "outputs"
 COLUMNS = "110"
 
 
-def run(example: Path, folder: Path) -> subprocess.CompletedProcess[str]:
+def run(example: Path, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run an example in an empty ``folder``."""
     path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
     environment = {**os.environ, "COLUMNS": COLUMNS, "NO_COLOR": "1", "PYTHONPATH": path, "OMP_NUM_THREADS": "1"}
-    command = [sys.executable, str(example)]
+    command = [sys.executable, str(example), *arguments]
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 
