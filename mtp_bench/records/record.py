@@ -68,7 +68,7 @@ class ScorerPart(Section):
     """What scored it."""
 
     definitions: _Name
-    source_digest: Sha256
+    source_digest: Sha256  # of the version of the definitions and the golden results, see `scorer_digest`
 
 
 class ReferencePart(Section):

@@ -11,20 +11,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..types import Floats
 from .cuts import Cuts
 from .definitions import BUDGETS, FORECASTS_PER_FRAME
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Budgets:
     """How many false forecasts are allowed; where false ones are not known, how many forecasts per live frame."""
 
-    all: Array  # the mean over these ranks "all"
+    all: Floats  # the mean over these ranks "all"
     subsets: float  # ranks the subsets: STP's own number
     false_known: bool = True
 
@@ -33,8 +30,8 @@ class Budgets:
 class BudgetErrors:
     """Errors of one run, per budget b and target."""
 
-    error: Array  # [b, n] m
-    missed: Array  # [b, n] m, the part that targets without a forecast make
+    error: Floats  # [b, n] m
+    missed: Floats  # [b, n] m, the part that targets without a forecast make
 
 
 def budgets_of(targets: int, stp: float, false_known: bool = True) -> Budgets:
@@ -48,7 +45,7 @@ def budgets_of(targets: int, stp: float, false_known: bool = True) -> Budgets:
     return Budgets(np.array([*FORECASTS_PER_FRAME, *([stp] if np.isfinite(stp) else [])]), stp, false_known=False)
 
 
-def errors_at(cuts: Sequence[Cuts], budgets: Sequence[float] | Array, live_frames: int | None = None) -> BudgetErrors:
+def errors_at(cuts: Sequence[Cuts], budgets: Sequence[float] | Floats, live_frames: int | None = None) -> BudgetErrors:
     """Errors of one run, the ``cuts`` of all its scenes, at each of the ``budgets``.
 
     ``live_frames``: of the run, where a budget is a number of forecasts per live frame; None: of false forecasts.
@@ -59,10 +56,10 @@ def errors_at(cuts: Sequence[Cuts], budgets: Sequence[float] | Array, live_frame
 
 def at_budgets(
     cuts: Sequence[Cuts],
-    budgets: Sequence[float] | Array,
+    budgets: Sequence[float] | Floats,
     value: Callable[[int, float], Floats],
     live_frames: int | None = None,
-) -> Array:
+) -> Floats:
     """What is known of targets at cuts, taken at each of the ``budgets``: [b, p, n].
 
     ``value(scene, least)``: p values [p, targets] of the scene of this place, where the least confidence that is kept

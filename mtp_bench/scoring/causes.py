@@ -21,7 +21,6 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..types import Bools, Floats
 from .budgets import Budgets, at_budgets
@@ -30,10 +29,9 @@ from .cuts import Cuts
 from .score import SceneScore
 
 CAUSES = ("undetected", "withheld", "lost", "true_past", "localisation", "switched", "rest")
-Array = NDArray[np.float64]
 
 
-def causes_at(cuts: Cuts, around: Circumstances, from_truth: Floats, switched: Bools, least: float) -> Array:
+def causes_at(cuts: Cuts, around: Circumstances, from_truth: Floats, switched: Bools, least: float) -> Floats:
     """Parts [len(CAUSES), n], m, of the error of each target where the least confidence that is kept is ``least``.
 
     ``from_truth`` [n]: m, the plain error from true pasts, at most c; ``switched`` [n]: the event weight is above 0.
@@ -61,7 +59,7 @@ def causes(
     from_truth: Floats,
     switched: Bools,
     subsets: bool = False,
-) -> Array:
+) -> Floats:
     """Parts [len(CAUSES), n], m, of the number that ranks per target, mean over seeds; they add up to it.
 
     ``around``: of the same scenes and seeds; ``from_truth`` and ``switched`` [n] as in `causes_at`, over all scenes;
@@ -73,7 +71,7 @@ def causes(
     runs = []
     for scores, near in zip(seeds, around, strict=True):
 
-        def parts(scene: int, least: float, scores=scores, near=near) -> Array:  # type: ignore[no-untyped-def]
+        def parts(scene: int, least: float, scores=scores, near=near) -> Floats:  # type: ignore[no-untyped-def]
             rows = of_scene[scene]
             return causes_at(scores[scene].cuts, near[scene], from_truth[rows], switched[rows], least)
 

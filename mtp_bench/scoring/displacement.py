@@ -17,8 +17,6 @@ from ..shapes import require_finite, require_shape
 from ..types import Bools, Floats
 from .definitions import MISS_RATE_GATE, SAMPLE_FLOOR
 
-Array = NDArray[np.float64]
-
 _BLOCK = 64  # rows of the distance matrix at a time; larger products wake up the threads of the BLAS
 _CHUNK = 1 << 18  # distances held at a time: they should stay in the cache
 
@@ -61,7 +59,7 @@ def displacement(samples: ArrayLike, truth: ArrayLike, weights: ArrayLike | None
     )
 
 
-def floored(weights: NDArray[Any]) -> Array:
+def floored(weights: NDArray[Any]) -> Floats:
     """Weights [n, S] with 0 for the samples of less than 1 % of the uniform weight: they are absent in every number.
 
     So a sample that costs nothing in the energy score earns nothing in minADE. Samples of weight 0 do not count as
@@ -73,7 +71,7 @@ def floored(weights: NDArray[Any]) -> Array:
     return np.where(weight < floor, 0.0, weight)
 
 
-def sample_errors(guess: NDArray[Any], true: NDArray[Any], weight: NDArray[Any]) -> tuple[Array, Array, Bools]:
+def sample_errors(guess: NDArray[Any], true: NDArray[Any], weight: NDArray[Any]) -> tuple[Floats, Floats, Bools]:
     """Mean and final error [n, S] of each sample, inf if absent or in an invalid target; valid [n]. Unchecked input."""
     present = weight > 0
     broken = (present & ~np.isfinite(guess).all(axis=(2, 3))).any(axis=1)
@@ -133,7 +131,7 @@ def _checked(guess: NDArray[np.float64], true: NDArray[np.float64], weights: Arr
     return weight
 
 
-def energy_score(samples: Array, truth: Array, weights: Array) -> Array:
+def energy_score(samples: Floats, truth: Floats, weights: Floats) -> Floats:
     """Energy score [n], metres, of ``samples`` [n, S, T, 2] for ``truth`` [n, T, 2]; ``weights`` [n, S] sum to 1.
 
     ``sum_a w_a |x_a - y| - 1/2 sum_a sum_b w_a w_b |x_a - x_b|``, the norm over the flattened T x 2 divided by sqrt(T):
@@ -154,7 +152,7 @@ def energy_score(samples: Array, truth: Array, weights: Array) -> Array:
     return np.asarray(np.maximum(first - spread, 0.0) / np.sqrt(steps))
 
 
-def _pair_term(flat: Array, weight: Array) -> Array:
+def _pair_term(flat: Floats, weight: Floats) -> Floats:
     """Sum over unordered pairs of w_a w_b |x_a - x_b|, for [n, S, d] and [n, S]."""
     # centred, the Gram matrix loses least to cancellation
     flat = flat - np.einsum("ns,nsd->nd", weight, flat)[:, None]

@@ -22,8 +22,6 @@ class EventList:
     row: Ints  # [E] row of the truth
     frame: Ints  # [E]
     object_id: Ints  # [E]
-    old_id: Ints  # [E] track before, -1 none
-    new_id: Ints  # [E] track after, -1 none
 
     def __len__(self) -> int:
         return len(self.row)
@@ -101,12 +99,11 @@ def find_events(
     went_on = np.zeros(len(tracks.order), dtype=bool)  # tracks that are output in the next frame too
     went_on[tracks.order[np.flatnonzero(tracks.consecutive) - 1]] = True
     recorded = lost - int(frag_at == "previous")
-    none = np.full(len(lost), -1)
     return Events(
-        ids=_list(objects, switch, ids[before[switch]], ids[column[switch]]),
-        lost=_list(objects, recorded, ids[before[lost]], none),
+        ids=_list(objects, switch),
+        lost=_list(objects, recorded),
         wrong=_sorted(went_on[before[lost]], objects, recorded),
-        reacquired=_list(objects, back, ids[_last_match(column)[back]], ids[column[back]]),
+        reacquired=_list(objects, back),
     )
 
 
@@ -130,15 +127,9 @@ def _matched_again(follows: Bools, held: Bools) -> Bools:
     return np.asarray(held & follows & ~np.roll(held, 1) & before)
 
 
-def _last_match(column: Matched) -> NDArray[np.intp]:
-    """Track row of the nearest matched row before each row (of the same object where there is one)."""
-    place = np.where(column >= 0, np.arange(len(column)), -1)
-    return np.asarray(column[np.roll(np.maximum.accumulate(place), 1)] if len(column) else column)
-
-
-def _list(objects: History, place: NDArray[np.intp], old: NDArray[np.int64], new: NDArray[np.int64]) -> EventList:
+def _list(objects: History, place: NDArray[np.intp]) -> EventList:
     """Events at places of the history, sorted by row."""
-    columns = objects.order[place], objects.frame[place], objects.identity[place], old, new
+    columns = objects.order[place], objects.frame[place], objects.identity[place]
     return EventList(*(_sorted(column, objects, place) for column in columns))
 
 

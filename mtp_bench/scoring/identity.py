@@ -10,13 +10,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..types import Bools, Floats, Ints
 from .matching import match_best
 from .pairs import Pairs, Rows
 
-Array = NDArray[np.float64]
 THRESHOLDS = np.arange(1, 20) * 0.05
 _EPSILON = float(np.finfo(np.float64).eps)
 
@@ -25,9 +23,9 @@ _EPSILON = float(np.finfo(np.float64).eps)
 class IdentityCounts:
     """Counts per class [C], by the class of the true box."""
 
-    shared: Array  # [C] IDTP: boxes of identities that are paired
-    hits: Array  # [C, 19] true boxes with a track, per threshold
-    association: Array  # [C, 19] summed over the hits: how much of both identities the pair makes up
+    shared: Floats  # [C] IDTP: boxes of identities that are paired
+    hits: Floats  # [C, 19] true boxes with a track, per threshold
+    association: Floats  # [C, 19] summed over the hits: how much of both identities the pair makes up
 
 
 class _Identities(NamedTuple):
@@ -36,7 +34,7 @@ class _Identities(NamedTuple):
     of: Rows  # [E] number of the pair of identities
     object: Rows  # [P] of each pair of identities
     track: Rows  # [P]
-    lives: Array  # [P] boxes of both
+    lives: Floats  # [P] boxes of both
 
 
 def identity_counts(
@@ -65,7 +63,7 @@ def identity_counts(
     )
 
 
-def _together(pairs: Pairs, similarity: Floats, known: _Identities, rows: int, columns: int) -> Array:
+def _together(pairs: Pairs, similarity: Floats, known: _Identities, rows: int, columns: int) -> Floats:
     """Hits [P, 19] of every pair of identities, per threshold."""
     of_row = np.bincount(pairs.row, weights=similarity, minlength=rows)
     of_column = np.bincount(pairs.column, weights=similarity, minlength=columns)
@@ -86,7 +84,7 @@ def idf1(shared: float, truth: float, tracks: float) -> float | None:
     return 2.0 * shared / (truth + tracks) if truth + tracks else None
 
 
-def hota(hits: Array, association: Array, truth: float, tracks: float) -> float | None:
+def hota(hits: Floats, association: Floats, truth: float, tracks: float) -> float | None:
     """HOTA from counts per threshold [19] and the numbers of boxes; None without any."""
     if not truth + tracks:
         return None

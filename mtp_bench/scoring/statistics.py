@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ShapeError
 from ..shapes import require_finite, require_shape
-
-Array = NDArray[np.float64]
+from ..types import Floats
 
 RESAMPLES = 2000
 LEVEL = 0.95
@@ -61,7 +60,7 @@ def _widest(units: int) -> float:
     return float(t.ppf(0.995, units - 1))
 
 
-def _mean_and_error(counts: Array, top: Array, bottom: Array) -> tuple[Array, Array]:
+def _mean_and_error(counts: Floats, top: Floats, bottom: Floats) -> tuple[Floats, Floats]:
     """Mean and its standard error [B] of resamples that hold each unit ``counts`` [B, U] times."""
     weight = counts @ bottom
     mean = (counts @ top) / weight
@@ -101,7 +100,7 @@ def paired_difference(a: ArrayLike, b: ArrayLike, denominator: ArrayLike) -> Pai
     return PairedDifference(mean, bootstrap_interval(gap, count), sign_flip_test(beyond_rounding(a, b)))
 
 
-def beyond_rounding(a: ArrayLike, b: ArrayLike) -> Array:
+def beyond_rounding(a: ArrayLike, b: ArrayLike) -> Floats:
     """Differences a - b [U], 0 where they are no more than the rounding of equal numbers.
 
     Sums of the same terms in another order, or means of other numbers of equal seeds, are no difference.
@@ -154,7 +153,7 @@ def sign_flip_test(difference: ArrayLike) -> float:
     return (1 + extreme) / (1 + FLIPS)
 
 
-def as_sums(name: str, values: ArrayLike) -> Array:
+def as_sums(name: str, values: ArrayLike) -> Floats:
     """Sums over the targets of each unit [U] as an array; raises ShapeError for another shape or a NaN."""
     array = np.asarray(values, dtype=np.float64)
     require_shape(name, array, (None,))
@@ -168,17 +167,17 @@ def _signs(units: int) -> NDArray[np.int8]:
     return np.random.default_rng(_SEED).choice([-1.0, 1.0], size=(FLIPS, units)).astype(np.int8)
 
 
-def _resamples(units: int) -> Array:
+def _resamples(units: int) -> Floats:
     """How often each unit occurs in each resample [RESAMPLES, U]; of few units they are kept."""
     return _kept(units) if units <= _KEPT else _drawn(units)
 
 
 @lru_cache(maxsize=64)
-def _kept(units: int) -> Array:
+def _kept(units: int) -> Floats:
     return _drawn(units)
 
 
-def _drawn(units: int) -> Array:
+def _drawn(units: int) -> Floats:
     rng = np.random.default_rng([_SEED, units])
     counts = rng.multinomial(units, np.full(units, 1.0 / units), size=RESAMPLES)
     return counts.astype(np.float64)
@@ -197,7 +196,7 @@ def gap_closed(error: ArrayLike, stp: ArrayLike, truth: ArrayLike, weight: Array
     ``error`` is of the agent, ``stp`` of STP and ``truth`` of STP on true pasts, all with the same k; ``weight`` [U] of
     the targets. None unless STP is significantly worse than true pasts: the interval of the difference lies above 0.
     """
-    high: Array = as_sums("stp", stp)
+    high: Floats = as_sums("stp", stp)
     low = as_sums("truth", truth)
     interval = paired_interval(high, low, weight)
     if interval is None or interval[0] <= 0.0:
@@ -239,7 +238,7 @@ def order_agreement(
     return Agreement(float(whole[0]), (float(low), float(high)))
 
 
-def kendall_tau(first: Array, second: Array) -> Array:
+def kendall_tau(first: Floats, second: Floats) -> Floats:
     """Kendall's tau-b [B] over the agents of each column of ``first`` and ``second`` [A, B]; NaN where one is NaN."""
     one, other = np.triu_indices(len(first), 1)
     x, y = np.sign(first[one] - first[other]), np.sign(second[one] - second[other])
@@ -247,7 +246,7 @@ def kendall_tau(first: Array, second: Array) -> Array:
     return np.asarray((x * y).sum(0) / np.maximum(pairs, 1))
 
 
-def _means(counts: Array, error: Array, weight: Array) -> Array:
+def _means(counts: Floats, error: Floats, weight: Floats) -> Floats:
     """Mean errors [A, B] of agents over resamples that hold each unit ``counts`` [B, U] times; NaN without weight."""
     total = counts @ weight
     return np.asarray((counts @ error.T).T / np.where(total > 0, total, np.nan))

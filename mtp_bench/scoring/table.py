@@ -11,14 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RolloutError
-from ..types import Bools, Ints
+from ..types import Bools, Floats, Ints
 from .budgets import BudgetErrors, Budgets, budgets_of, errors_at
 from .rows import Budget
 from .score import SceneScore
 from .subsets import SUBSETS
 from .weights import Reference
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +36,9 @@ class AgentScores:
 class Ranked:
     """The number that ranks, per target [n], mean over seeds; m."""
 
-    error: Array
-    missed: Array  # the part of targets without a forecast
-    by_score: Array  # the error with the score of the nearest detection as the confidence
+    error: Floats
+    missed: Floats  # the part of targets without a forecast
+    by_score: Floats  # the error with the score of the nearest detection as the confidence
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,20 +52,20 @@ class AgentTable:
     units: int  # U
     person: Ints  # [n] index of the object in its recording: the same in all scenes that are cut from it
     class_id: Ints  # [n]
-    distance: Array  # [n] m
-    approach: Array  # [n] m
+    distance: Floats  # [n] m
+    approach: Floats  # [n] m
     moving: Bools  # [n]
-    covered: Array  # [n] seeds
-    min_ade: Array  # [n] m, summed
-    min_fde: Array  # [n] m, summed
-    energy_score: Array  # [n] m, summed
-    curve: Array  # [n, len(ks)] m, summed
-    hit: Array  # [n] seeds with a final point within 2 m
-    miss_error: Array  # [n] m, c
-    capped: Array  # [n] m, mean over seeds of min(minADE, c), c where not covered; every forecast is kept
+    covered: Floats  # [n] seeds
+    min_ade: Floats  # [n] m, summed
+    min_fde: Floats  # [n] m, summed
+    energy_score: Floats  # [n] m, summed
+    curve: Floats  # [n, len(ks)] m, summed
+    hit: Floats  # [n] seeds with a final point within 2 m
+    miss_error: Floats  # [n] m, c
+    capped: Floats  # [n] m, mean over seeds of min(minADE, c), c where not covered; every forecast is kept
     of_all: Ranked  # at the budgets of "all"
     of_subsets: Ranked  # at the budget of the subsets
-    weight: dict[str, Array]  # [n] per subset
+    weight: dict[str, Floats]  # [n] per subset
     events: dict[str, float | None]  # per subset: expected number in a run of the reference
 
     def ranked(self, subset: str) -> Ranked:
@@ -89,15 +87,15 @@ class AgentTable:
         """Live frames, over all seeds and scenes."""
         return sum(score.live for score in self.scores)
 
-    def per_unit(self, value: Array, weight: Array) -> Array:
+    def per_unit(self, value: Floats, weight: Floats) -> Floats:
         """Sums [U] of ``value`` [n] times ``weight`` [n]."""
         return np.bincount(self.unit, weights=value * weight, minlength=self.units).astype(np.float64)
 
-    def unit_weight(self, weight: Array) -> Array:
+    def unit_weight(self, weight: Floats) -> Floats:
         """Weight of the targets of each unit [U]."""
         return self.per_unit(np.ones(len(weight)), weight)
 
-    def errors(self, subset: str) -> Array:
+    def errors(self, subset: str) -> Floats:
         """What ranks, times the weight of the subset, summed over the targets of each unit [U], m."""
         return self.per_unit(self.ranked(subset).error, self.weight[subset])
 
@@ -166,7 +164,7 @@ def run_budgets(run: Sequence[SceneScore], reference: Reference | None) -> Budge
     return budgets_of(sum(len(score) for score in run), stp, complete)
 
 
-def run_errors(run: Sequence[SceneScore], budgets: Sequence[float] | Array, known: bool, which: str) -> BudgetErrors:
+def run_errors(run: Sequence[SceneScore], budgets: Sequence[float] | Floats, known: bool, which: str) -> BudgetErrors:
     """Errors of one run at each of the ``budgets``; ``known``: of false forecasts; ``which`` cuts of a score."""
     live = None if known else sum(score.live for score in run)
     return errors_at([getattr(score, which) for score in run], budgets, live)
@@ -199,7 +197,7 @@ def _join(run: Sequence[SceneScore], name: str) -> NDArray[Any]:
     return np.concatenate([getattr(score, name) for score in run])
 
 
-def _over_seeds(setting: AgentScores, name: str) -> Array:
+def _over_seeds(setting: AgentScores, name: str) -> Floats:
     """Sum over the seeds that cover a target."""
     total: Any = 0.0
     for run in setting.seeds:
@@ -216,16 +214,16 @@ def _people(run: Sequence[SceneScore], scene: Ints) -> Ints:
     return np.unique(pairs, axis=0, return_inverse=True)[1].reshape(-1)
 
 
-def _weights(run: Sequence[SceneScore], reference: Reference | None) -> dict[str, Array]:
+def _weights(run: Sequence[SceneScore], reference: Reference | None) -> dict[str, Floats]:
     count = sum(len(score) for score in run)
-    weights: dict[str, Array] = {name: np.zeros(count) for name in SUBSETS}
+    weights: dict[str, Floats] = {name: np.zeros(count) for name in SUBSETS}
     if reference is not None:
         for name in SUBSETS[1:]:
             weights[name] = np.concatenate([_of_targets(reference.weight(s.scene, name), s) for s in run])
     return {**weights, "all": np.ones(count)}
 
 
-def _of_targets(weight: Array, score: SceneScore) -> Array:
+def _of_targets(weight: Floats, score: SceneScore) -> Floats:
     """The weights, which must be those of the targets of the scene."""
     if len(weight) != len(score):
         raise RolloutError(

@@ -75,6 +75,9 @@ class Table:
         return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
+Tables = dict[str, Table]  # by name
+
+
 def _unit(hint: Any) -> str:
     """The unit that a type is annotated with."""
     return next((part for part in get_args(hint)[1:] if isinstance(part, str)), "")

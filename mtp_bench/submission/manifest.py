@@ -57,9 +57,7 @@ class CompareSection(Section):
 class Manifest(Section):
     """The content of ``submission.toml``."""
 
-    name: Annotated[
-        str, Field(pattern=NAME_PATTERN, max_length=MOST_NAME), AfterValidator(_no_part)
-    ]  # it names a folder of records
+    name: _FolderName  # it names a folder of records
     authors: Annotated[tuple[_Author, ...], Field(min_length=1, max_length=50, strict=False)]
     agent: Annotated[str, Field(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*$")]
     description: Annotated[str, Field(max_length=2000), _Shown] = ""

@@ -83,8 +83,3 @@ def at_budgets(steps: Iterable[Cut], budgets: Sequence[float]) -> list[tuple[Flo
             missed = (1 - l) * missed + l * following.error * following.missed
         result.append((error, missed))
     return result
-
-
-def curve(run: Run) -> list[tuple[float, float]]:
-    """False forecasts per target, and the error of "all", at every cut."""
-    return [(cut.false / len(run.targets), float(cut.error.mean())) for cut in cuts(run)]

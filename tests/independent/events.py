@@ -5,16 +5,16 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from mtp_bench.cards import Card
 from mtp_bench.geometry import iou_3d
-from mtp_bench.types import Bools, Floats, Rollout, Scene
+from mtp_bench.types import Bools, Rollout, Scene
 
 from .matching import Keys, best_pairs
-from .targets import Target, neutral_rows
+from .targets import neutral_rows
 
 Event = tuple[int, int, int, int | None, int | None]  # scene, object, frame, old id, new id
 Matched = dict[int, int | None]  # object -> id of its track, None: unmatched
@@ -46,12 +46,6 @@ def own_events(scenes: Sequence[Scene], rollouts: Sequence[Rollout], card: Card)
                 elif new is not None and past[0] is None and known:
                     found["reacquired"].append((s, g, t, known[0], new))
     return found
-
-
-def event_weights(targets: Sequence[Target], events: Iterable[Event]) -> Floats:
-    """1 for the targets that carry one of the events, else 0."""
-    there = {event[:3] for event in events}
-    return np.array([(g.scene, g.object, g.t) in there for g in targets], dtype=float)
 
 
 def _lineage(rollout: Rollout, t: int, matched_ids: Callable[[int, int], Matched]) -> list[Matched]:

@@ -29,7 +29,6 @@ class ClassStatistics:
     flips: float | None  # share of headings that are turned by more than a right angle
     false_positives: float  # per frame
     dispersion: float | None  # variance over mean of their number per frame
-    survival: float | None  # share of them that have another one within 1 m in the next frame
     score_true: float | None  # mean score of detections that belong to a true box
     score_false: float | None  # mean score of false positives
 
@@ -63,7 +62,6 @@ def class_statistics(objects: ObjectSamples, false: FalsePositiveSamples) -> Cla
         flips=_mean(turned),
         false_positives=rate,
         dispersion=float(false.count.var()) / rate if rate else None,
-        survival=_mean(false.followed[false.judged]),
         score_true=_mean(objects.score[objects.hit]),
         score_false=_mean(false.score),
     )

@@ -234,3 +234,8 @@ def _starts(frames: Sequence[Sequence[Thing]]) -> Array:
 
 def _padded(frames: Sequence[Sequence[Thing]], count: int) -> list[Sequence[Thing]]:
     return [*frames, *[()] * (count - len(frames))]
+
+
+def line(ids: Sequence[int | None], y: float = 0.0, **more: Any) -> list[list[Thing]]:
+    """A thing that moves 1 m per frame along x, under another id in every frame; None: it is not there."""
+    return [[] if i is None else [Thing(i, float(t), y, **more)] for t, i in enumerate(ids)]

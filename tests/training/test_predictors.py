@@ -20,7 +20,14 @@ from mtp_bench.running.options import RunOptions
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.training.fitting import Plan, device_of, one_cycle
 from mtp_bench.training.losses import Tensors, mode_distance, varied
-from mtp_bench.training.predictors import Request, learnable, taught, train_predictor, validation_rows
+from mtp_bench.training.predictors import (
+    Request,
+    _require_alike,
+    learnable,
+    taught,
+    train_predictor,
+    validation_rows,
+)
 from mtp_bench.training.tracklets import Windows, joined, scene_arrays, together
 from mtp_bench.types import Bools
 from tests.support.command_line import CommandLine
@@ -240,11 +247,17 @@ def test_the_command(tmp_path: Path, cli: CommandLine) -> None:
     assert cli("train", "predictor", "modes", "--fold", "5/4", *options).status == 2
 
 
-def test_envs_that_are_not_alike(tmp_path: Path) -> None:
-    request = Request("modes", "MTP-Highway-v0", also=("MTP-Intersection-v0",))
-    assert request.also
-    with pytest.raises(MtpBenchError):
-        learnable(replace(request, env_id="MTP-Nowhere-v0"))
+@pytest.mark.parametrize(
+    ("name", "value"), [("past", 7), ("future", 9), ("dt", 0.3), ("k", 9), ("classes", ("van", "car"))]
+)
+def test_envs_that_are_not_alike(name: str, value: object) -> None:
+    _require_alike(task(), task())
+    with pytest.raises(MtpBenchError, match="cannot be learnt together"):
+        _require_alike(task(), task(**{name: value}))
+
+
+def test_an_env_may_teach_some_of_the_classes() -> None:
+    _require_alike(task(), task(classes=("car",)))
 
 
 @pytest.mark.parametrize("also", [("MTP-Merge-v0", "MTP-Merge-v0"), ("MTP-Merge-v0", "MTP-Highway-v0")])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,9 +16,16 @@ from mtp_bench.viz.focus import LARGEST, MOST_BRIGHT, Focus
 from mtp_bench.viz.replay import replay
 from mtp_bench.viz.sentence import sentence, went
 from tests.support.focus_scenes import CARD, CROWD, EVENT, crowd, told
-from tests.support.scoring_scenes import WALKER, Thing, make_rollout, make_scene, moved, random_case, with_detections
-
-THREE = (1, 2, 3)
+from tests.support.scoring_scenes import (
+    WALKER,
+    Thing,
+    line,
+    make_rollout,
+    make_scene,
+    moved,
+    random_case,
+    with_detections,
+)
 
 
 def switch(**options: Any) -> Focus:
@@ -146,11 +152,6 @@ def test_a_switch_in_one_sentence() -> None:
         "(the frame before: 0.0 m)"
     )
     assert "to the new track 2, and track 1 ends; " in switch(old_y=None).sentence
-
-
-def line(ids: Sequence[int | None], y: float = 0.0, **more: Any) -> list[list[Thing]]:
-    """A thing that moves 1 m per frame along x, under another id in every frame; None: it is not there."""
-    return [[] if i is None else [Thing(i, float(t), y, **more)] for t, i in enumerate(ids)]
 
 
 SAYS: dict[str, tuple[list[list[Thing]], str, str]] = {  # tracks of car 5, event, what is said of it

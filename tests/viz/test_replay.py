@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,6 +26,7 @@ from tests.support.scoring_scenes import (
     CAR,
     WALKER,
     Thing,
+    line,
     make_card,
     make_rollout,
     make_scene,
@@ -40,11 +40,6 @@ CARD = make_card()  # gates 2 m and 1 m; miss errors 10 m and 4 m; 2 past and 3 
 def told(incidents: tuple[Incident, ...]) -> list[tuple[str, int, int, int, int]]:
     """Name, frame, object, old and new track."""
     return [(i.name, i.frame, i.object_id, i.old_id, i.new_id) for i in incidents]
-
-
-def line(ids: Sequence[int | None], y: float = 0.0, **more: Any) -> list[list[Thing]]:
-    """A thing that moves 1 m per frame along x, under another id in every frame; None: it is not there."""
-    return [[] if i is None else [Thing(i, float(t), y, **more)] for t, i in enumerate(ids)]
 
 
 def together(*lines: list[list[Thing]]) -> list[list[Thing]]:

@@ -19,7 +19,6 @@ RADIAL, TANGENTIAL, HEIGHT, HEADING, SIZE = 0, 1, 2, 3, slice(4, 7)  # columns o
 _GATES = {"pedestrian": 1.0, "cyclist": 1.5, "bicycle": 1.5, "motorcycle": 1.5}
 _VEHICLE_GATE = 2.0
 _BESIDE = 0.75  # m: a second detection that near to the first one is of the same object
-_SAME_PLACE = 1.0  # m: a false positive that near in the next frame is the same one
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +58,6 @@ class FalsePositiveSamples:
 
     count: Ints  # [F] per frame, all scenes one after another
     duplicate: Bools  # [D] a second detection of an object
-    judged: Bools  # [D] there is a next frame
-    followed: Bools  # [D] another one is within 1 m in the next frame
     score: Floats  # [D]
     size: Floats  # [D, 3] m
     distance: Floats  # [D] m from the sensor
@@ -162,17 +159,10 @@ def _false_positives(
     row, distance = row[inside], distance[inside]
     frame, place = frame[row], detections.box[row, :2]
     first = starts_of_sorted(frame, scene.frames)
-    followed = np.zeros(len(row), dtype=bool)
-    for t in range(scene.frames - 1):
-        here, following = slice(first[t], first[t + 1]), slice(first[t + 1], first[t + 2])
-        off = place[here, None] - place[None, following]
-        followed[here] = (np.hypot(off[..., 0], off[..., 1]) <= _SAME_PLACE).any(axis=1)
     beside, of_class, parent = _parents(scene, detections, matches, row, class_ids)
     return FalsePositiveSamples(
         count=np.diff(first),
         duplicate=matches.duplicate[row],
-        judged=frame < scene.frames - 1,
-        followed=followed,
         score=detections.score[row],
         size=detections.box[row, 4:7],
         distance=distance,

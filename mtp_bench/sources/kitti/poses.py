@@ -1,6 +1,6 @@
 """Path of the KITTI car: poses of its sensor frame in a world that starts at the first one.
 
-The sensor frame is the rectified camera 0 with x forward, y left, z up (see `kitti_files`). The world is level
+The sensor frame is the rectified camera 0 with x forward, y left, z up (see `files`). The world is level
 (z against gravity), has its origin in the first sensor position and its x axis along the first heading.
 """
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..findings import Findings
-from ..table import Table
+from ..table import Table, Tables
 from .bars import causes_figure, frequency_figure, gaps_figure, pasts_figure, people_figure
 from .bins import age_figure, bins_figure, since_figure
 from .events import distance_figure, frames_figure, shared_figure
@@ -21,7 +21,6 @@ from .lines import (
 from .style import Figure as Figure
 from .surface import surface_figure
 
-Tables = dict[str, Table]
 Draw = Callable[[Findings, Tables], Figure | None]  # None: nothing of it is known
 DRAWN: tuple[tuple[str, Draw], ...] = (  # the table that a figure needs, and who draws it
     ("pasts", pasts_figure),

@@ -9,7 +9,7 @@ import numpy as np
 from ...scoring.causes import CAUSES
 from ...viz.terminal.paper import figures_of
 from ..findings import Findings
-from ..table import Table
+from ..table import Tables
 from ..tables.where import CAUSE_NAMES
 from .common import called, n_of, pick, where
 from .style import HATCHES, Figure, beside, caps, color, draw, grid
@@ -17,7 +17,6 @@ from .style import HATCHES, Figure, beside, caps, color, draw, grid
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Tables = dict[str, Table]
 CAUSE_COLORS = ("grey", "yellow", "orange", "green", "sky", "vermillion", "purple")
 
 

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..findings import Findings
-from ..table import Table
+from ..table import Tables
 from .common import agents, called, colors_of, n_of, pick, where
 from .style import MARKERS, Figure, beside, caps, color, draw, grid
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Tables = dict[str, Table]
 PLAIN = ("plain_error", "low", "high", "plain error, m")
 COVERED = ("minADE", "minADE_low", "minADE_high", "minADE, m")
 

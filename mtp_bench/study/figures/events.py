@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..findings import Findings
-from ..table import Table
+from ..table import Tables
 from .common import pick, where
 from .style import HATCHES, Figure, beside, color, draw, grid
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Tables = dict[str, Table]
 KINDS = (("ids", "vermillion"), ("frag", "blue"))
 
 

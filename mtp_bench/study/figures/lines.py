@@ -6,14 +6,12 @@ from typing import TYPE_CHECKING
 
 from ..findings import Findings
 from ..plan import SAME_BUDGET
-from ..table import Table
+from ..table import Tables
 from .common import agents, called, colors_of, n_of, pick, where
 from .style import MARKERS, Figure, beside, color, draw, grid, line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-Tables = dict[str, Table]
 
 
 def gain_figure(found: Findings, tables: Tables) -> Figure | None:

@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..findings import Findings
-from ..table import Table
+from ..table import Tables
 from .common import n_of, where
 from .style import Figure, color, draw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-Tables = dict[str, Table]
 
 
 def surface_figure(found: Findings, tables: Tables) -> Figure | None:

@@ -60,11 +60,11 @@ def sign(canvas: Canvas, ink: ImageDraw.ImageDraw, xy: Floats, text: str, radius
 
 def callout(
     canvas: Canvas, ink: ImageDraw.ImageDraw, tip: Floats, text: str, color: Color, reach: float, size: int = MIDDLE
-) -> bool:
+) -> None:
     """A board with ``text`` near the pixel ``tip`` [2], at least ``reach`` pixels away, with a line to it.
 
-    ``canvas`` knows the places that are taken, ``ink`` draws in ``color`` and in this ``size``. False where there is
-    no room near.
+    ``canvas`` knows the places that are taken, ``ink`` draws in ``color`` and in this ``size``. Where there is no
+    room near, nothing is drawn.
     """
     wide, high = text_size(text, size)
     wide, high = wide + 10, high + 6
@@ -79,8 +79,7 @@ def callout(
             ink.line([x + dx * reach, y + dy * reach, *near], fill=color, width=1)
             ink.rectangle([round(v) for v in spot], fill=PAPER, outline=color)
             ink.text((round(left + 5), round(top + 2)), text, fill=color, font=font(size))
-            return True
-    return False
+            return
 
 
 def scale_bar(canvas: Canvas, ink: ImageDraw.ImageDraw) -> None:

@@ -139,13 +139,12 @@ def test_only_what_the_sensor_covers_counts() -> None:
     assert (figures.boxes, figures.recall, figures.false_positives) == (1, 1.0, 1.0)
 
 
-def test_false_positives_vary_and_survive() -> None:
+def test_false_positives_vary() -> None:
     stays, moves = (20.0, 0.0), [(30.0, 0.0), (32.0, 0.0), (34.0, 0.0)]
     found = detections([stays, moves[0]], [(20.4, 0.0), moves[1]], [moves[2]], [])
     figures = of_car(truth([], [], [], []), replace(found, score=np.array([1.0, 2.0, 3.0, 4.0, 5.0])))
     assert figures.false_positives == 5 / 4
     assert figures.dispersion == pytest.approx(np.var([2, 2, 1, 0]) / 1.25)
-    assert figures.survival == pytest.approx(1 / 5)
     assert figures.score_false == 3.0
     assert figures.recall is None
     assert figures.score_true is None

@@ -14,7 +14,6 @@ from tests.support.detector_scenes import DT, MEMORY, WHITE, crowd, detect, on_g
 from tests.support.model1_scenes import FALSE_POSITIVES, noisy
 
 FRAMES, OBJECTS = 200, 300
-TRUE_YAW = 0.3
 
 
 def _errors(distance: float = 20.0, bearing: float = 0.0, dt: float = DT, **noise: Any) -> Floats:
