@@ -57,6 +57,10 @@ class Pipeline:
     ) -> None:
         if weighting not in ("posterior", "uniform"):
             raise ShapeError(f"weighting is {weighting!r}, expected 'posterior' or 'uniform'")
+        if isinstance(draws, bool) or not isinstance(draws, int | np.integer) or draws < 1:
+            raise ShapeError(f"draws is {draws!r}, expected a whole number of at least 1")
+        if not 0 <= min_mass <= 1:
+            raise ShapeError(f"min_mass is {min_mass!r}, expected a weight from 0 to 1")
         self._tracker, self._predictor, self._sampler = tracker, predictor, sampler
         self._draws = draws
         self._posterior = weighting == "posterior"

@@ -136,8 +136,11 @@ def predictor(
 
 
 def _require_place(output: Path | None, options: RunOptions) -> None:
-    """Refuse weights of other scenes than the env's training split where every run of the env would take them."""
+    """Refuse weights of other data than the env's training split where every run of the env would take them."""
     other = "--files" if options.files is not None else f"--split {options.split}"
+    for option in ("detector", "detection_file"):
+        if getattr(options, option) is not None:
+            other = "--detector" if option == "detector" else "--detections"
     if output is None and other != "--split train":
         raise MtpBenchError(
             f"{other}: without -o the weights would be those of every run of this env, expected a file of their own; "

@@ -20,8 +20,11 @@ from .batches import in_order, shuffled
 from .losses import Tensors, mode_distance
 from .recipes import Plan as Plan
 from .recipes import Recipe, Stage, recipe_of
+from .window_cache import code_digest
 
 Told = Callable[[int, float], object]  # is told every epoch's number, from 1 on, and its validation minADE
+
+_CODE = ("training", "prediction/learned")  # a training that goes on under other code would be half of each
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +59,9 @@ class State:
 
 
 def device_of(name: str) -> torch.device:
-    """The device that is meant by "auto", "cpu" or "cuda"; raises MtpBenchError for a GPU that is not there."""
+    """The device meant by "auto", "cpu" or "cuda"; raises MtpBenchError for other names and a GPU that is not there."""
+    if name not in ("auto", "cpu", "cuda"):
+        raise MtpBenchError(f"device is {name!r}, expected auto, cpu or cuda")
     if name == "cuda" and not torch.cuda.is_available():
         raise MtpBenchError("device 'cuda': torch finds no GPU here; leave the option out or choose 'cpu'")
     return torch.device(("cuda" if torch.cuda.is_available() else "cpu") if name == "auto" else name)
@@ -67,8 +72,8 @@ def fit(
 ) -> State:
     """Train a network by its recipe; the weights of the epoch with the best validation minADE count.
 
-    After each epoch ``checkpoint`` holds where it is; a training with the same plan and data goes on from there, and
-    ends with the same weights as one that was never interrupted.
+    After each epoch ``checkpoint`` holds where it is; a training with the same plan, data and code goes on from there,
+    and ends with the same weights as one that was never interrupted.
     """
     with _one_thread():
         return _fit(network, sizes, lesson, plan, device, told, checkpoint)
@@ -89,7 +94,7 @@ def _fit(
     network: Network, sizes: Sizes, lesson: Lesson, plan: Plan, device: torch.device, told: Told, checkpoint: Path
 ) -> State:
     work = _Work.of(network, sizes, lesson, plan, device)
-    kept = _Checkpoint(checkpoint, _digest(network, sizes, lesson, plan))
+    kept = _Checkpoint(checkpoint, _digest(network, sizes, lesson, plan, device))
     state = kept.read(work.weights)
     if not work.recipe.stages:
         _judge(work, state)
@@ -213,12 +218,13 @@ def validation_error(
     return total / weight
 
 
-def _digest(network: Network, sizes: Sizes, lesson: Lesson, plan: Plan) -> str:
-    """What a checkpoint is of: another plan or other data begins anew."""
+def _digest(network: Network, sizes: Sizes, lesson: Lesson, plan: Plan, device: torch.device) -> str:
+    """What a checkpoint is of: another plan, other data and other code begin anew."""
     from ..sources.cache import content_hash
 
     rest = {name: getattr(lesson, name) for name in ("future", "known", "present", "weight", "validation")}
-    return f"{network.name} {asdict(sizes)} {asdict(plan)} {content_hash({**lesson.inputs, **rest})}"
+    data = content_hash({**lesson.inputs, **rest})
+    return f"{network.name} {asdict(sizes)} {asdict(plan)} {data} {device.type} {code_digest(_CODE)}"
 
 
 def _memory(optimizer: torch.optim.Optimizer) -> Tensors:

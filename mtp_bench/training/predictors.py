@@ -85,7 +85,7 @@ def _require_each_once(env_ids: Sequence[str]) -> None:
 
 def _require_alike(task: Task, other: Task) -> None:
     """Raise MtpBenchError unless what is learnt from ``other`` is what ``task`` asks for."""
-    for name in ("past", "future", "dt", "k"):
+    for name in ("past", "future", "dt", "k", "ego_motion"):
         if getattr(task, name) != getattr(other, name):
             raise MtpBenchError(
                 f"{other.env_id} has {name} {getattr(other, name)}, but {task.env_id} {getattr(task, name)}: "

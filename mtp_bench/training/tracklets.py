@@ -68,7 +68,11 @@ class Windows(TrackWindows):
         return np.asarray(self.object_id < 0)
 
     def split(self, fold: Fold) -> tuple[Windows, Windows]:
-        """The windows to learn from, and those of the scenes of a fold, which are held out."""
+        """The windows to learn from, and those of the scenes of a fold, which are held out.
+
+        It is a fold of the scenes that are here. Commands (``--fold``) take it of the whole split: what they score may
+        have been learnt from here, unless these are all its scenes.
+        """
         away = self.of_scenes(held_out(tuple(dict.fromkeys(self.own_names)), fold))
         return self.those(~away), self.those(away)
 

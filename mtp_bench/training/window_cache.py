@@ -18,15 +18,15 @@ from ..types import Scene
 
 _LIBRARY = Path(__file__).parents[1]
 _MAKERS = (
-    *("geometry.py", "tracks.py", "prediction/windows.py"),
+    *("geometry.py", "similar.py", "tracks.py", "types.py", "prediction/windows.py", "training"),
     *("env/action.py", "env/observation.py", "env/spaces.py"),
-    *("scoring/definitions.py", "scoring/events.py", "scoring/neutral.py", "scoring/targets.py"),
+    *("scoring/definitions.py", "scoring/events.py", "scoring/neutral.py", "scoring/targets.py", "tracking"),
 )
 
 
 def kept(scene: Scene, asked: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
     """What ``make`` makes of a scene, from the cache where it is there; ``asked``: what it depends on beside it."""
-    parts = [content_hash(_arrays_of(scene)), *map(repr, asked), _code()]
+    parts = [content_hash(_arrays_of(scene)), *map(repr, asked), code_digest(_MAKERS)]
     path = cache_root() / "windows" / f"{hashlib.sha256('|'.join(parts).encode()).hexdigest()[:32]}.npz"
     found = read_arrays(path)
     if found is None:
@@ -49,9 +49,9 @@ def _arrays_of(scene: Scene) -> Arrays:
 
 
 @cache
-def _code() -> str:
-    """Digest of the modules that windows come from."""
-    makers = [*(_LIBRARY / name for name in _MAKERS), *Path(__file__).parent.glob("*.py")]
-    makers += (_LIBRARY / "tracking").rglob("*.py")
-    digests = sorted(f"{path.relative_to(_LIBRARY).as_posix()} {file_digest(path)}" for path in makers)
+def code_digest(parts: tuple[str, ...]) -> str:
+    """Digest of modules and packages of the library."""
+    places = [_LIBRARY / part for part in parts]
+    code = [path for place in places for path in (place.rglob("*.py") if place.is_dir() else [place])]
+    digests = sorted(f"{path.relative_to(_LIBRARY).as_posix()} {file_digest(path)}" for path in code)
     return hashlib.sha256("\n".join(digests).encode()).hexdigest()

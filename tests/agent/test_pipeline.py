@@ -156,6 +156,17 @@ def test_an_unknown_weighting_is_an_error() -> None:
         pipeline(1, weighting="equal")
 
 
+@pytest.mark.parametrize("draws", [0, -1, 1.5, True])
+def test_draws_that_are_no_count_are_an_error(draws: float) -> None:
+    with pytest.raises(ShapeError, match="expected a whole number of at least 1"):
+        pipeline(1, draws=draws)
+
+
+def test_a_mass_that_is_no_weight_is_an_error() -> None:
+    with pytest.raises(ShapeError, match="min_mass is 50, expected a weight from 0 to 1"):
+        pipeline(1, min_mass=50)
+
+
 class Told(StandingStill):
     """Counts the frames that it is told, and those that it is asked about."""
 

@@ -73,6 +73,15 @@ def test_another_plan_begins_anew(network: Network, tmp_path: Path) -> None:
     assert found.curve == expected.curve
 
 
+def test_other_code_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(StoppedError):
+        trained(Modes(), tmp_path, told=partial(stop, 2))
+    monkeypatch.setattr("mtp_bench.training.fitting.code_digest", lambda parts: "other")
+    told: list[int] = []
+    trained(Modes(), tmp_path, told=lambda done, _: told.append(done))
+    assert told[0] == 1
+
+
 def test_each_stage_of_ptp_trains_its_own_weights(tmp_path: Path) -> None:
     """The first stage leaves the sampling function as k draws of the prior, the second leaves the rest as it is."""
     network, lesson = Ptp(), random_lesson(Ptp())

@@ -230,6 +230,8 @@ def test_what_cannot_be_trained() -> None:
         with pytest.raises(MtpBenchError, match="torch finds no GPU here"):
             device_of("cuda")
         assert device_of("auto").type == "cpu"
+    with pytest.raises(MtpBenchError, match="expected auto, cpu or cuda"):
+        device_of("gpu")
 
 
 def test_the_command(tmp_path: Path, cli: CommandLine) -> None:
@@ -248,7 +250,8 @@ def test_the_command(tmp_path: Path, cli: CommandLine) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("past", 7), ("future", 9), ("dt", 0.3), ("k", 9), ("classes", ("van", "car"))]
+    ("name", "value"),
+    [("past", 7), ("future", 9), ("dt", 0.3), ("k", 9), ("ego_motion", False), ("classes", ("van", "car"))],
 )
 def test_envs_that_are_not_alike(name: str, value: object) -> None:
     _require_alike(task(), task())

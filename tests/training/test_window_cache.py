@@ -20,9 +20,9 @@ from tests.support.small_scenes import make_scene
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path))
-    window_cache._code.cache_clear()
+    window_cache.code_digest.cache_clear()
     yield
-    window_cache._code.cache_clear()
+    window_cache.code_digest.cache_clear()
 
 
 def made(scene: Scene) -> bool:
@@ -47,7 +47,8 @@ def test_windows_of_a_changed_scene_are_made_again(changes: dict[str, object]) -
 
 
 MAKERS = [
-    "geometry.py", "tracks.py", "env/action.py", "env/observation.py", "env/spaces.py", "prediction/windows.py",
+    "geometry.py", "similar.py", "tracks.py", "types.py",
+    "env/action.py", "env/observation.py", "env/spaces.py", "prediction/windows.py",
     "scoring/definitions.py", "scoring/events.py", "scoring/neutral.py", "scoring/targets.py", "tracking/tracker.py",
     "tracking/kernels/small.py", "training/labels.py",
 ]  # fmt: skip
@@ -59,5 +60,5 @@ def test_windows_are_made_again_where_the_code_changed(name: str, monkeypatch: p
     monkeypatch.setattr(
         window_cache, "file_digest", lambda path: file_digest(path) + str(path).endswith(name) * "changed"
     )
-    window_cache._code.cache_clear()
+    window_cache.code_digest.cache_clear()
     assert made(make_scene())

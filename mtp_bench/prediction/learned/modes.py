@@ -39,7 +39,7 @@ class Modes:
         """Random layers; inputs are standardised, and outputs are in units of how wrong constant velocity is."""
         seen = encoded(inputs, sizes)
         error = np.linalg.norm(future - straight(inputs, sizes), axis=-1)
-        spread = np.array([np.sqrt(np.mean(error[known[:, t], t] ** 2)) for t in range(sizes.future)])
+        spread = root_mean_square(error, known)
         trained = {name: shape for name, shape in self.shapes(sizes).items() if name.startswith("net.")}
         weights = initial(trained, np.random.default_rng(seed))
         weights |= {"input.mean": seen.mean(axis=0), "input.spread": np.maximum(seen.std(axis=0), CAUTION)}
@@ -83,5 +83,11 @@ def step_spread(correction: np.ndarray, known: np.ndarray) -> np.ndarray:
     """How far a step of corrections [n, T, 2] of constant velocity strays, per axis: [T, 1] m."""
     step = np.diff(correction, axis=1, prepend=0)
     both = known & np.concatenate([known[:, :1], known[:, :-1]], axis=1)
-    spread = [np.sqrt(np.mean(step[both[:, t], t] ** 2)) if both[:, t].any() else CAUTION for t in range(step.shape[1])]
-    return np.maximum(spread, CAUTION)[:, None].astype(np.float32)
+    spread: np.ndarray = np.maximum(root_mean_square(step, both), CAUTION)
+    return spread[:, None].astype(np.float32)
+
+
+def root_mean_square(value: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Of each step [T], over the rows of ``value`` [n, T, ...] that are ``known`` [n, T]; 0 where none is."""
+    steps = range(value.shape[1])
+    return np.array([np.sqrt(np.mean(value[known[:, t], t] ** 2)) if known[:, t].any() else 0.0 for t in steps])

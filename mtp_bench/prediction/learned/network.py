@@ -15,7 +15,7 @@ from .local import Arrays
 
 @dataclass(frozen=True)
 class Sizes:
-    """What a network is made for; a task with other sizes cannot use its weights."""
+    """What a network is made for. A task may have fewer classes, in any order, and another k; the rest must agree."""
 
     classes: tuple[str, ...]
     past: int  # P frames, the current one included

@@ -55,6 +55,8 @@ class LearnedPredictor:
             return Forecasts(np.zeros((0, sizes.modes, sizes.future, 2)), row=row)
         seen = surroundings_of(frame.seen)
         seen = replace(seen, class_id=self._class[seen.class_id])
+        if self._as_truth:
+            seen = replace(seen, score=np.ones_like(seen.score))
         inputs = self._network.inputs(windows, np.full(len(windows), seen.frames - 1), seen, sizes)
         said = self._network.forward(self._stored.weights, inputs, sizes)
         present = to_absolute(windows, said["present"]) if self._stored.card.get("present") else None

@@ -13,6 +13,7 @@ from ..windows import Surroundings, TrackWindows
 from .around import ages, around_inputs, fitted_velocity, shares
 from .layers import Array, Weights, initial, linear, linear_shapes, mlp, namespace, relu, sigmoid
 from .local import Arrays, one_hot
+from .modes import root_mean_square
 from .network import Sizes
 
 HIDDEN = 48  # numbers per detection
@@ -48,7 +49,7 @@ class TrackingFree:
         seen = described(inputs, sizes)[inputs["near"] > 0]
         seen = seen if len(seen) else np.zeros((1, PER_DETECTION), np.float32)
         error = np.linalg.norm(future, axis=-1)
-        spread = np.array([np.sqrt(np.mean(error[known[:, t], t] ** 2)) for t in range(sizes.future)])
+        spread = root_mean_square(error, known)
         weights = initial(_trained(sizes), np.random.default_rng(seed))
         weights |= {"around.mean": seen.mean(axis=0), "around.spread": np.maximum(seen.std(axis=0), CAUTION)}
         return {**weights, "output.spread": np.maximum(spread, CAUTION)[:, None].astype(np.float32)}

@@ -36,7 +36,7 @@ class Stored:
     weights: Arrays  # float32
     network: str
     sizes: Sizes
-    card: Mapping[str, Any]  # how they were trained, see `training.model_card`
+    card: Mapping[str, Any]  # how they were trained, see `training.predictors.model_card`
 
 
 def find_weights(network: str, on: str, task: Task) -> Path:
@@ -79,6 +79,9 @@ def read_weights(path: Path, network: Network, task: Task | None = None) -> Stor
     found = said.get("network")
     if said.get("format") != FORMAT or found != network.name:
         raise SubmissionError(f"{path}: weights of {found!r}, expected {network.name!r} in the form {FORMAT!r}")
+    card = said.get("card", {})
+    if not isinstance(card, dict):
+        raise SubmissionError(f"{path}: its card is {type(card).__name__}, expected a table")
     try:
         sizes = Sizes(**{**said["sizes"], "classes": tuple(said["sizes"]["classes"])})
         shapes = network.shapes(sizes)
@@ -95,7 +98,7 @@ def read_weights(path: Path, network: Network, task: Task | None = None) -> Stor
     for name, value in tensors.items():
         if not np.isfinite(value).all():
             raise SubmissionError(f"{path}: {name} holds numbers that are not finite")
-    return Stored(tensors, network.name, sizes, said.get("card", {}))
+    return Stored(tensors, network.name, sizes, card)
 
 
 def _check_task(path: Path, sizes: Sizes, task: Task) -> None:

@@ -17,11 +17,13 @@ from mtp_bench.networks import VARIABLE
 from mtp_bench.prediction import KMeansSampler, LearnedPredictor
 from mtp_bench.prediction.learned.layers import lstm, lstm_shapes
 from mtp_bench.prediction.learned.local import Arrays, local_future, local_inputs, mean_velocity, to_absolute
+from mtp_bench.prediction.learned.modes import Modes, root_mean_square
 from mtp_bench.prediction.learned.network import Network, Sizes
 from mtp_bench.prediction.learned.registry import NETWORKS, network_of
 from mtp_bench.prediction.learned.weights import FORMAT, Stored, find_weights, read_weights, write_weights
-from mtp_bench.prediction.windows import TrackWindows, shown_as_truth, surroundings_of
+from mtp_bench.prediction.windows import Surroundings, TrackWindows, shown_as_truth, surroundings_of
 from mtp_bench.tracking import HypothesisTracker
+from mtp_bench.types import Ints
 from tests.support.tracking_scenes import at_once, frame, kitti_task, observation
 
 TASK = kitti_task(k=5, samples=5)
@@ -179,6 +181,8 @@ def test_files_that_do_not_fit_are_refused(file: Path) -> None:
         read_weights(rewritten(file, arrays, network="other"), modes)
     with pytest.raises(SubmissionError, match="does not say what it is made for"):
         read_weights(rewritten(file, arrays, sizes={"classes": ["car"]}), modes)
+    with pytest.raises(SubmissionError, match="its card is list, expected a table"):
+        read_weights(rewritten(file, arrays, card=[]), modes)
     file.write_bytes(b"\x80\x04\x95 a pickle")
     with pytest.raises(SubmissionError, match="no file of weights"):
         read_weights(file, modes)
@@ -245,6 +249,29 @@ def test_a_network_that_learnt_on_true_pasts_is_shown_no_scores(
         frames = [frame((0.8 * step, 0.0, 0)) for step in range(14)]  # longer than the window
         told.append([agent.act({**observation(seen), **scores})["forecast"][0] for seen in frames][-1])
     assert np.array_equal(*told) != score_is_seen
+
+
+@pytest.mark.parametrize("as_truth", [True, False])
+def test_nor_of_the_detections_around(as_truth: bool, file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[float] = []
+    inputs = Modes.inputs
+
+    def watched(self: Modes, windows: TrackWindows, now: Ints, seen: Surroundings, sizes: Sizes) -> Arrays:
+        shown.extend(seen.score)
+        return inputs(self, windows, now, seen, sizes)
+
+    monkeypatch.setattr(Modes, "inputs", watched)
+    agent = Pipeline(
+        HypothesisTracker(1, at_once()), LearnedPredictor(weights=file, as_truth=as_truth), KMeansSampler()
+    )
+    agent.reset(TASK)
+    agent.act({**observation(frame((0.0, 0.0, 0))), "detection_score": np.array([7.5])})
+    assert shown == [1.0 if as_truth else 7.5]
+
+
+def test_steps_that_no_window_knows_have_no_spread() -> None:
+    value, known = np.full((3, 2), 2.0), np.array([[True, False]] * 3)
+    assert root_mean_square(value, known).tolist() == [2.0, 0.0]
 
 
 def test_true_pasts_are_shown_as_they_are() -> None:
