@@ -206,7 +206,13 @@ def _model_of(path: Path, changed: int) -> tuple[PresenceModel, ScoreMap | None]
     if isinstance(content, LikeFile):
         _require_known(path, "detector in like", content.like, [file.stem for file in MODELS.glob("*.json")])
         table = {name: np.array(rows) for name, rows in content.score_map.items()}
-        return read_model(file_of(content.like))[0], ScoreMap(table)
+        model, further = read_model(file_of(content.like))
+        if further is not None:
+            raise SubmissionError(
+                f"{path}: like is {content.like!r}, which itself is like another detector; expected one that has a "
+                "model of its own"
+            )
+        return model, ScoreMap(table)
     for name in content.features:
         _require_known(path, "feature", name, FEATURES)
     return PresenceModel(

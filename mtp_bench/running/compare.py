@@ -48,6 +48,8 @@ def compare(names: Sequence[str], env_id: str | Card, options: RunOptions = DEFA
     ends = {s.label: s.ends for s in settings if s.budget == "equal" and s.ends is not None}
     further = [end for pair in ends.values() for end in pair]
     further = [end for i, end in enumerate(further) if end not in further[:i]]  # settings of a sweep share their ends
+    for end in further:  # they run last: a misspelt parameter shows before anything runs
+        end.submission.require_parameters(**end.parameters)
     agents = score_settings([*settings, *further], env_id, card, scenes, options)
     of_end = agents[len(settings) :]
     own = {name: Ends(*(of_end[further.index(end)] for end in pair)) if pair else None for name, pair in ends.items()}

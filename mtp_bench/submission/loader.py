@@ -71,6 +71,10 @@ class Submission:
             )
         return agent
 
+    def require_parameters(self, **overrides: Any) -> None:
+        """Raise, as `build` does, for parameters that the build function does not take."""
+        _check_parameters(self.name, self._function(), {**self.parameters, **overrides})
+
     def _function(self) -> Callable[..., Any]:
         module_name, name = self.agent.split(":")
         module = import_from(self.path, module_name, self.name)

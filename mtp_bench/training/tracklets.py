@@ -7,7 +7,7 @@ be shown (`mtp_bench.prediction.windows`), with the truth that belongs to them.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -125,7 +125,7 @@ def windows(
     """
     _require_tracker(tracker)
     scenes = int(scenes) if isinstance(scenes, np.integer) else scenes
-    if isinstance(scenes, str | bool) or not (scenes is None or isinstance(scenes, int | Collection)):
+    if isinstance(scenes, str | bool) or not (scenes is None or isinstance(scenes, int | Sequence)):
         raise MtpBenchError(f"scenes is {scenes!r}, expected a number of scenes or a list of their names")
     first = scenes if isinstance(scenes, int) else options.scenes
     opened = open_split(env_id, replace(options, split=split, scenes=first))

@@ -185,6 +185,7 @@ NO_MODELS: dict[str, tuple[Any, str]] = {
     "one knot": ({**MINE, "knots": [[0], [0]]}, "knots: got .*, expected two lists of one length, at least 2"),
     "knots that fall": ({**MINE, "knots": [[1, 0], [0, 1]]}, "knots: got .*: expected a first list whose numbers rise"),
     "no probabilities": ({**MINE, "knots": [[0, 1], [0, 2]]}, "knots: got .*: expected numbers from 0 to 1"),
+    "like one that is like another": ({**LIKE, "like": "centerpoint"}, "like is 'centerpoint', which itself is like"),
     "like nobody": ({**LIKE, "like": "megvi"}, "unknown detector in like 'megvi': did you mean 'megvii'"),
     "a map of one score": ({**LIKE, "score_map": {"car": [[0], [0]]}}, "score_map.car: got "),
 }

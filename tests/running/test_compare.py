@@ -266,3 +266,14 @@ def test_two_real_sequences(cli: CommandLine, tmp_path: Path, data_root: Path) -
     assert rows["truth_past", "all"]["coverage"] == 1.0
     assert rows["truth_past", "all"]["error"] < rows["stp", "all"]["error"]
     assert rows["stp_same_budget", "all"]["minADE"] < rows["stp", "all"]["minADE"]
+
+
+def test_ends_that_the_agent_does_not_take_are_told_before_anything_runs(
+    tmp_path: Path, card: str, kitti: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = write_submission(tmp_path / "echo", tables="[compare]\nends = { hypotheses = 1 }\n")
+    agent = folder / "agent.py"
+    agent.write_text(agent.read_text().replace(", **parameters", ""))
+    monkeypatch.setattr("mtp_bench.running.compare.score_settings", None)
+    with pytest.raises(UnknownNameError, match="unknown parameter of echo 'hypotheses': known are noise"):
+        compare([str(folder)], card, RunOptions(data=kitti))

@@ -209,6 +209,8 @@ def test_from_a_data_root_and_from_the_cache(tmp_path: Path, monkeypatch: pytest
     assert len(list((tmp_path / "cache" / "windows").iterdir())) == len(files)
     with pytest.raises(UnknownNameError, match="scene"):
         windows(card, "val", 1, scenes=["nowhere"], options=options)
+    with pytest.raises(MtpBenchError, match=r"scenes is \{'one'\}, expected a number of scenes or a list"):
+        windows(card, "val", 1, scenes={"one"}, options=options)  # type: ignore[arg-type]  # it has no order
     with pytest.raises(MtpBenchError, match="scenes is True, expected a number of scenes or a list"):
         windows(card, "val", 1, scenes=True, options=options)
     with pytest.raises(MtpBenchError, match="own_names is '0000', expected a list of names"):
