@@ -36,6 +36,7 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ[VARIABLE] = str(Path(root).resolve())  # tests may change the working directory
 
 
+@pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     """Half as many again as cores: for a third of their time tests wait for processes that they started."""
     return (3 * cores() + 1) // 2

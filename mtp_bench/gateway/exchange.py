@@ -156,13 +156,12 @@ class Exchange:
         self._malformed += 1
         return None
 
-    def _expect(self, kind: str, seconds: float) -> dict[str, Any]:
+    def _expect(self, kind: str, seconds: float) -> None:
         message = self._message(min(time.monotonic() + seconds, self._begin + self._limits.scene))
         if message is None:
             raise SceneOverError("hung", f"not {kind} within {seconds:g} s")
         if message[0].get("kind") != kind:
             raise SceneOverError("rejected", f"it sent {str(message[0].get('kind'))[:20]!r}, expected {kind!r}")
-        return message[0]
 
     def _message(self, deadline: float) -> Message | None:
         """The next message; an error of the agent and the end of its process are the end of the scene."""

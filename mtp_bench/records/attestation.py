@@ -20,9 +20,9 @@ from ..scoring.rows import Count, Row
 from ..scoring.subsets import Subset
 from ..strict import Section, validate
 from .bounds import out_of_bounds
-from .canonical import canonical
+from .canonical import Date, Sha256, canonical
 from .consistency import sums_that_do_not_fit
-from .record import MOST_NAME, Difference, Mechanism, Record, Sha256, UnitSums, unequal
+from .record import MOST_NAME, Difference, Mechanism, Record, UnitSums, unequal
 from .signing import MOST_SIGNATURE, SIGNER_PATTERN, sign, why_not_signed
 from .storage import LEVEL_SUFFIX, read_table
 from .trust import ListedSeal, Trust
@@ -31,7 +31,6 @@ Level = Literal["scored", "re-scored", "re-run", "hidden"]
 LEVELS: tuple[Level, ...] = get_args(Level)  # from the weakest on, each includes those before it
 UNTRUSTED = "not signed by a trusted key"
 _Reached = Literal["re-scored", "re-run", "hidden"]
-_Date = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\d$")]
 _Text = Annotated[str, Field(max_length=MOST_NAME)]
 
 
@@ -83,7 +82,7 @@ class Statement(Section):
     scorer: Sha256
     weights: Sha256
     isolation: Mechanism  # what held the agent when it was run again; of stored rollouts what the record says
-    date: _Date
+    date: Date
     hidden: HiddenPart | None = None
 
 

@@ -1,10 +1,15 @@
-"""JSON that is the same for equal contents: what digests and signatures are of."""
+"""JSON that is the same for equal contents: what digests and signatures are of; how they and dates are written."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
+
+Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+Date = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\d$")]
 
 
 def canonical(content: Any) -> bytes:

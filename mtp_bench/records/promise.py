@@ -8,16 +8,13 @@ from pydantic import Field
 
 from ..cards.sections import SECRET_SEEDS
 from ..strict import Section
-from .canonical import digest_of
+from .canonical import Date, Sha256, digest_of
 
 # Seeds are drawn from here. Those of the cards are far below, and there are so many that no agent finds the name of the
 # scene that it is in by trying: its noise and its motion follow from it.
 FIRST, LAST = SECRET_SEEDS, 2**62
 MOST_SCENES = 1000
 RETIRED = ".retired.json"  # suffix of what is published at the end
-
-_Date = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\d$")]
-_Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
 class SecretSeeds(Section):
@@ -42,8 +39,8 @@ class Commitment(Section):
     env: str
     card_digest: str
     count: int
-    commitment: _Sha256  # of the secret
-    made: _Date
+    commitment: Sha256  # of the secret
+    made: Date
 
 
 class Retired(Section):
@@ -51,8 +48,8 @@ class Retired(Section):
 
     format: Literal[1] = 1
     secret: SecretSeeds
-    weights: _Sha256 | None  # hash of the event weights, in a file beside; None: it was never used
-    retired: _Date
+    weights: Sha256 | None  # hash of the event weights, in a file beside; None: it was never used
+    retired: Date
 
 
 def commitment_of(seeds: SecretSeeds) -> str:

@@ -14,6 +14,7 @@ from ..scoring.statistics import ratio
 from ..scoring.subsets import Subset
 from ..strict import Section
 from ..submission.manifest import NAME_PATTERN
+from .canonical import Sha256
 
 Division = Literal["closed", "open"]
 Mechanism = Literal["bubblewrap", "namespaces", "none"]
@@ -25,7 +26,6 @@ MOST_NAMES, MOST_SCENES = 50, 10_000  # in a list; of a record
 _FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=MOST_NAME)]  # part of a path
 _Name = Annotated[str, Field(max_length=MOST_NAME)]
 _Text = Annotated[str, Field(max_length=MOST_TEXT)]
-Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 _CardDigest = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
 _Unmade = Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")]  # empty until the record is sealed
 _Seconds = Annotated[float, Field(gt=0, le=86_400)]

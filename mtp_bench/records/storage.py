@@ -9,6 +9,8 @@ from typing import Any
 from ..errors import MtpBenchError, RecordError
 from ..files import require_folder, write_text
 from ..strict import read_json, validate
+from ..submission.manifest import PARTS as PARTS
+from ..submission.manifest import ROLLOUTS as ROLLOUTS
 from .bounds import MOST_BYTES, out_of_bounds
 from .canonical import digest_of
 from .consistency import inconsistencies
@@ -16,8 +18,6 @@ from .record import Record
 from .record import key_of as key_of
 
 OUTSIDE = ("digest", "measured")  # no part of the digest
-ROLLOUTS = ".rollouts"  # suffix of the folder beside a record
-PARTS = ".part"  # suffix of the folder of a submit that is not done
 LEVEL_SUFFIX = ".level.json"  # of the file beside a record that says how far it was checked
 _MOVED = dict.fromkeys(("verification", "hidden"), "levels are in a signed file of their own, never in a record")
 

@@ -15,7 +15,9 @@ from ..strict import Section, read_toml, validate
 MANIFEST = "submission.toml"
 NAME_PATTERN = r"^[a-z0-9][a-z0-9_.-]*$"
 MOST_NAME = 64  # characters
-PARTS = (".part", ".rollouts")  # endings of what lies beside records
+PARTS = ".part"  # ending of the folder of a submit that is not done
+ROLLOUTS = ".rollouts"  # ending of the folder beside a record
+BESIDE_RECORDS = (PARTS, ROLLOUTS)
 Value = bool | int | float | str | list[Any] | dict[str, Any]
 NetworkName = Annotated[str, Field(pattern=r"^[a-z0-9_]+-(truth|tracklets)$")]  # network and what it was trained on
 MOST_SETTINGS = 1000  # that a comparison runs
@@ -28,8 +30,10 @@ def _visible(text: str) -> str:
 
 
 def _no_part(name: str) -> str:
-    if name.endswith(PARTS):
-        raise ValueError(f"expected another ending than {' and '.join(PARTS)}: folders beside records have these")
+    if name.endswith(BESIDE_RECORDS):
+        raise ValueError(
+            f"expected another ending than {' and '.join(BESIDE_RECORDS)}: folders beside records have these"
+        )
     return name
 
 

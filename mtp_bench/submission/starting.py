@@ -8,7 +8,7 @@ from pathlib import Path
 from .._bundle import baseline_names
 from ..errors import SubmissionError
 from ..files import reason_of, require_folder, whole_folder
-from .manifest import MANIFEST, MOST_NAME, NAME_PATTERN, PARTS
+from .manifest import BESIDE_RECORDS, MANIFEST, MOST_NAME, NAME_PATTERN
 
 TEMPLATE = Path(__file__).parent / "template"
 FILES = (MANIFEST, "agent.py", "README.md")
@@ -20,11 +20,11 @@ def new_submission(name: str, parent: Path) -> Path:
     Raises SubmissionError for a name that a manifest could not have or a baseline has, for a folder that exists, and
     MtpBenchError where nothing can be written.
     """
-    if not re.fullmatch(NAME_PATTERN, name) or len(name) > MOST_NAME or name.endswith(PARTS):
+    if not re.fullmatch(NAME_PATTERN, name) or len(name) > MOST_NAME or name.endswith(BESIDE_RECORDS):
         near = re.sub(r"[^a-z0-9_-]+", "-", name.lower()).strip("-_")[:MOST_NAME] or "mine"
         raise SubmissionError(
             f"{name!r} is no name for a submission: expected at most {MOST_NAME} lower-case letters, digits and _ . - "
-            f"after a letter or a digit, without {' or '.join(PARTS)} at the end, such as {near!r}"
+            f"after a letter or a digit, without {' or '.join(BESIDE_RECORDS)} at the end, such as {near!r}"
         )
     if name in baseline_names():
         raise SubmissionError(f"{name!r} is the name of a baseline, which commands would take instead: choose another")

@@ -21,7 +21,7 @@ from mtp_bench.gateway import SceneRun, run, run_isolated
 from mtp_bench.gateway.filter import system_call_filter
 from mtp_bench.gateway.mechanism import Mechanism, _works
 from tests.support.hostile import HONEST, QUICK, SCENE, Court, submission
-from tests.support.runs import PATIENT
+from tests.support.runs import PATIENT, move_home
 
 WAYS: tuple[Mechanism, ...] = ("bubblewrap", "namespaces")
 
@@ -63,27 +63,22 @@ libc = ctypes.CDLL(None, use_errno=True)
 def call(*arguments):
     return libc.syscall(*[ctypes.c_long(a) if isinstance(a, int) else a for a in arguments])
 """
-WALK = """
+SEARCH = """
 def everything():
     for folder, folders, files in os.walk("/", onerror=lambda error: None):
         if folder == "/":
             folders[:] = [name for name in folders if name not in ("proc", "sys")]
         for name in [*folders, *files]:
-            yield Path(folder, name)
-"""
-SEARCH = (
-    WALK
-    + """
+            if name.endswith((".json", ".txt", ".npz", ".toml")):
+                yield Path(folder, name)
+
 for path in everything() if self.frame == 0 else ():
-    if path.suffix not in (".json", ".txt", ".npz", ".toml"):
-        continue
     try:
         small = path.is_file() and path.stat().st_size < 9000
         assert not (small and self.given["secret"].encode() in path.read_bytes()), f"read the secret at {path}"
     except OSError:
         continue
 """
-)
 LIBRARY = """
 import importlib
 for name in ("scoring", "sources", "records", "cards", "running", "viz", "testing", "training", "env.environment"):
@@ -319,7 +314,7 @@ def secret(court: Court, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
         Path(court.data),
         home / ".cache" / "mtp_bench",
     ]
-    monkeypatch.setenv("HOME", str(home))
+    move_home(home, monkeypatch)
     files = []
     for place in places:
         place.mkdir(parents=True, exist_ok=True)

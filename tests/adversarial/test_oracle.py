@@ -18,7 +18,7 @@ from mtp_bench.scoring import mean_plain_error, score_scene
 from mtp_bench.scoring.targets import find_targets
 from mtp_bench.sources import discard, open_source
 from tests.support.command_line import write_submission
-from tests.support.runs import PATIENT
+from tests.support.runs import PATIENT, move_home
 from tests.support.small_scenes import write_short_card
 
 ENV = "MTP-Merge-v0"
@@ -112,7 +112,7 @@ class Hall:
         for place in places:
             place.mkdir(parents=True, exist_ok=True)
             shutil.copy(folder / "secret.json", place / "secret.json")
-        patch.setenv("HOME", str(home))
+        move_home(home, patch)
         patch.setenv("MTP_BENCH_DATA", str(root))
         self.honest = write_submission(folder / "submissions" / "honest", "honest")
         self.oracle = write_submission(folder / "submissions" / "oracle", "oracle", body=BODY.strip())

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
+
+import pytest
 
 from mtp_bench.gateway import Limits
 from mtp_bench.parallel import Workers
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.run import Finish, Job, MakeAgent, run_jobs
+from mtp_bench.tracking.kernels.compile import cache_folder
 
 PATIENT = Limits(start=600.0, reset=600.0, first_frame=600.0, frame=600.0)  # no agent is late on a busy machine
 
@@ -25,3 +29,9 @@ def run_scenes(
     """What ``finish`` makes of each scene, its rollout if None, in the order of ``names``."""
     jobs = [Job(make_agent, env_id, {**keywords, "evaluation": True}, scene, seed, "mine") for scene in names]
     return run_jobs(jobs, RunOptions(workers=Workers(workers)), finish)
+
+
+def move_home(home: Path, patch: pytest.MonkeyPatch) -> None:
+    """Another home folder; compiled kernels stay where they are, else every process there compiled them anew."""
+    patch.setenv("NUMBA_CACHE_DIR", str(cache_folder()))
+    patch.setenv("HOME", str(home))

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...types import Ints
 from ..windows import Surroundings, TrackWindows
-from .around import around_inputs, fitted_velocity, shares
+from .around import FINE, around_inputs, fitted_velocity, shares
 from .layers import Array, Weights, initial, linear_shapes, mlp, namespace
 from .local import Arrays, one_hot
 from .modes import Modes
@@ -21,7 +21,6 @@ from .network import Sizes
 
 HIDDEN = 32
 PAIR = 18  # numbers that `_pairs` gives
-FINE = 0.3  # m: up to here offsets count in proportion, beyond it by their logarithm
 GATE = 0.5  # m: before training a detection so far from where it is expected is as likely the object's as not ...
 SPEED = 6.0  # m/s: ... and farther, as long as little is known of the velocity
 FADE = 2.0  # log-odds that are lost with each such distance

@@ -19,6 +19,7 @@ NEAREST = 6  # M: detections of a frame that are kept, at most
 REACH = np.array([2.0, 2.0])  # m along the heading and across it, in which a detection of this frame is near
 SPEED = np.array([20.0, 4.0])  # m/s by which the reach grows with age, for the object was elsewhere then
 OTHER_CLASS = 2.0  # a detection of another class counts as so many times as far away
+FINE = 0.3  # m: up to here offsets count in proportion, beyond it by their logarithm
 CAUTION = 0.01  # weight of the prior of a velocity, beside one place a frame away
 
 

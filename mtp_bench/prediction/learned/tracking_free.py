@@ -10,23 +10,21 @@ import numpy as np
 
 from ...types import Ints
 from ..windows import Surroundings, TrackWindows
-from .around import ages, around_inputs, fitted_velocity, shares
+from .around import FINE, ages, around_inputs, fitted_velocity, shares
 from .layers import Array, Weights, initial, linear, linear_shapes, mlp, namespace, relu, sigmoid
 from .local import Arrays, one_hot
-from .modes import root_mean_square
+from .modes import CAUTION, root_mean_square
 from .network import Sizes
 
 HIDDEN = 48  # numbers per detection
 VALUES = 16  # numbers that are pooled from each frame
 DECODER = 256
-CAUTION = 1e-3  # least spread of a number that is standardised
 FASTEST = 40.0  # m/s
 NOISE = 0.3  # m, of a detected position
 ACCELERATION = 1.5  # m/s2 by which objects deviate from constant velocity
 PER_DETECTION = 14  # numbers that `described` gives
 RESIDUAL = 0.2  # size of corrections of a constant velocity, beside standing still
 FAR = 1e6  # m2: nothing is there
-FINE = 0.3  # m: up to here offsets count in proportion, beyond it by their logarithm
 PER_FIT = 3  # numbers more about how a detection fits to a velocity
 
 
