@@ -40,15 +40,19 @@ def test_results_under_definitions_1_are_kept(repository: Path) -> None:
     assert all(old.error is not None and old.interval is not None for old in found)
 
 
-def test_the_page_is_made_of_the_records(repository: Path, tmp_path: Path, cli: CommandLine) -> None:
-    """To mend it: mtp-bench board -o leaderboard/index.html."""
+def test_the_pages_are_made_of_the_records(repository: Path, tmp_path: Path, cli: CommandLine) -> None:
+    """The board, RESULTS.md and the figures of the README. To mend it: make pages."""
     committed, copy = repository / "leaderboard", tmp_path / "leaderboard"
-    made = ("index.*", "*.rollouts", "*.part")
+    made = ("index.*", "RESULTS.md", "*.rollouts", "*.part")
     shutil.copytree(committed, copy, ignore=shutil.ignore_patterns(*made))
     (tmp_path / "baselines").symlink_to(repository / "baselines")  # the page links to them
-    (copy / "records").mkdir(exist_ok=True)
-    cli.ok("board", "--records", copy / "records", "-o", copy / "index.html")
+    shutil.copy(repository / "README.md", tmp_path)
+    pages = [copy / "RESULTS.md", tmp_path / "README.md"]
+    filled = [word for page in pages for word in ("--fill", page)]
+    cli.ok("board", "--records", copy / "records", "-o", copy / "index.html", *filled)
     assert _files(copy) == _files(committed)
+    for page in pages:
+        assert page.read_bytes() == (repository / page.relative_to(tmp_path)).read_bytes(), page.name
 
 
 def _files(leaderboard: Path) -> dict[str, bytes]:

@@ -541,24 +541,3 @@ def test_the_block_of_the_readme_tells_of_the_records_that_are_there(repository:
     assert "| agent | WILDTRACK, k = 10 | PETS |" in text
     assert text.count("\n| ") == 6
     assert "On nuScenes" not in text
-
-
-def test_the_committed_pages_are_made_of_the_committed_records(
-    repository: Path, tmp_path: Path, cli: CommandLine
-) -> None:
-    """To mend it: mtp-bench board --fill leaderboard/RESULTS.md --fill README.md."""
-    pages = ["leaderboard/RESULTS.md"]
-    readme = (repository / "README.md").read_text()
-    if "<!-- results: " in readme:
-        pages.append("README.md")
-    board = tmp_path / "leaderboard"
-    (board / "blocks").mkdir(parents=True)
-    for path in (repository / "leaderboard").rglob("*.jinja"):
-        (board / path.relative_to(repository / "leaderboard")).write_bytes(path.read_bytes())
-    (tmp_path / "README.md").write_text(readme)
-    records = repository / "leaderboard" / "records"
-    chosen = ["--records", records] if records.is_dir() else []
-    filled_in = [["--fill", tmp_path / page] for page in pages]
-    cli.ok("board", *chosen, *(word for words in filled_in for word in words))
-    for page in pages:
-        assert (tmp_path / page).read_bytes() == (repository / page).read_bytes(), page
