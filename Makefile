@@ -12,7 +12,7 @@ BIN := .venv/bin
 PYTHON ?= python3.11
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
-.PHONY: demo test lint docs pages clean
+.PHONY: demo test lint ruff mypy pyright import-linter docs pages clean
 
 demo: .venv/installed
 	@$(BIN)/mtp-bench compare truth_past stp stp_same_budget mtp --env MTP-Intersection-v0 --scenes 10 --seeds 1
@@ -21,14 +21,24 @@ test: lint
 	@echo '== pytest'
 	@$(BIN)/python -m pytest -q --numprocesses auto --dist loadfile
 
+# two at a time: each of them works on one core
 lint: .venv/installed-dev
+	@$(MAKE) --no-print-directory --jobs 2 ruff mypy pyright import-linter
+
+ruff:
 	@echo '== ruff'
 	@$(BIN)/ruff check --quiet .
 	@$(BIN)/ruff format --quiet --check . || { $(BIN)/ruff format --check .; exit 1; }
+
+mypy:
 	@echo '== mypy'
 	@$(BIN)/mypy --no-error-summary
+
+pyright:
 	@echo '== pyright'
 	@$(BIN)/pyright
+
+import-linter:
 	@echo '== import-linter'
 	@$(BIN)/lint-imports --no-logo --no-cache
 

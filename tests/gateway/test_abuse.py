@@ -20,6 +20,8 @@ from mtp_bench.gateway.family import children
 from mtp_bench.parallel import Progress, Workers
 from tests.support.hostile import FRAMES, HONEST, HURRIED, QUICK, SCENE, Court, submission
 
+pytestmark = pytest.mark.usefixtures("light_stems")
+
 
 def at_frame_two(what: str) -> str:
     return f"""

@@ -10,6 +10,8 @@ import pytest
 from mtp_bench.env.rollouts import digest
 from tests.support.hostile import FRAMES, HURRIED, SLOW, Court
 
+pytestmark = pytest.mark.usefixtures("light_stems")
+
 LATE = f"""
 def act(self, observation):
     if self.frame == 2:

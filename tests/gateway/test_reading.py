@@ -12,6 +12,8 @@ from mtp_bench.env.rollouts import digest
 from mtp_bench.gateway import SceneRun
 from tests.support.hostile import Court
 
+pytestmark = pytest.mark.usefixtures("light_stems")
+
 MEMORY = """
 def act(self, observation):
     kinds = {"Scene", "Truth", "MTPEnv", "_Episode", "Targets"}

@@ -29,6 +29,8 @@ from tests.support.command_line import CommandLine, read_json, write_submission
 from tests.support.small_scenes import CARD, CARD_ID, write_card
 from tests.support.stored_records import write_record
 
+pytestmark = pytest.mark.usefixtures("light_stems")
+
 
 @pytest.fixture(scope="module")
 def submission(tmp_path_factory: pytest.TempPathFactory) -> Path:
