@@ -17,6 +17,7 @@ from ..files import clean_text, content_digest
 from ..gateway import Image, Limits, SceneRun, image_of, run_isolated_scenes
 from ..parallel import QUIET
 from ..running.options import RunOptions
+from ..running.reference import ranked_scenes
 from ..running.rollout_files import RunInfo
 from ..running.run import run_info
 from ..running.settings import Setting, setting_of
@@ -79,7 +80,7 @@ def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
     del keywords["observe"]  # the submission says it, and the record in a field of its own
     if env.card.source.split != load_card(env_id).source.split:
         keywords["split"] = env.card.source.split
-    names, image = env.scene_names, image_of(submission, env.card.id)
+    names, image = ranked_scenes(env.card, env.scene_names), image_of(submission, env.card.id)
     return Plan(submission, env_id, env.card, options.chosen(names), len(names), keywords, options, image)
 
 

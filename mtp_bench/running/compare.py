@@ -10,7 +10,7 @@ from ..env.environment import MTPEnv
 from ..scoring import Ends, Reference, Report, summarise
 from .options import DEFAULTS, RunOptions
 from .reading import total_skipped
-from .reference import frozen_reference, reference_for
+from .reference import ranked_scenes, reference_for
 from .scored import score_settings
 from .settings import Setting, all_settings, require_list
 
@@ -41,10 +41,10 @@ def compare(names: Sequence[str], env_id: str | Card, options: RunOptions = DEFA
     """
     require_list(names)
     env = MTPEnv(env_id, **options.env_keywords)
-    card, scenes = env.card, options.chosen(env.scene_names)
+    card, ranked = env.card, ranked_scenes(env.card, env.scene_names)  # a broken file of weights shows before all else
+    scenes = options.chosen(ranked)
     settings = all_settings([*CONTROLS, *names], card)
     options.require_tracks_used([setting.submission for setting in settings])
-    frozen_reference(card)  # a broken file shows before anything runs
     ends = {s.label: s.ends for s in settings if s.budget == "equal" and s.ends is not None}
     further = [end for pair in ends.values() for end in pair]
     further = [end for i, end in enumerate(further) if end not in further[:i]]  # settings of a sweep share their ends
@@ -56,6 +56,9 @@ def compare(names: Sequence[str], env_id: str | Card, options: RunOptions = DEFA
     reference = reference_for(card, scenes, options)
     report = summarise(agents[: len(settings)], card, reference, stp=STP, truth=TRUTH, own_ends=own)
     report.condition.update(_notes(settings, card.id))
+    if len(ranked) < len(env.scene_names):
+        left = f"{len(env.scene_names) - len(ranked)} of {len(env.scene_names)} scenes of the split have none"
+        report.condition["weights"] += f"; {left} and are left out"
     skipped = total_skipped(score.skipped for score in agents[0].seeds[0])  # every setting reads the same scenes
     return Comparison(report, reference, tuple(settings), skipped)
 

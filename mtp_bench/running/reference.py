@@ -62,6 +62,16 @@ def frozen_reference(card: Card) -> Reference | None:
     return replace(reference, frozen=True) if reference.card == card.digest else None
 
 
+def ranked_scenes(card: Card, names: Sequence[str]) -> tuple[str, ...]:
+    """Those of the scenes of a split that have frozen event weights, all of them where none has.
+
+    Whoever has more scenes than were there when weights were frozen, such as all 138 of nuScenes' split ``val``, runs
+    those that everybody else is ranked on.
+    """
+    frozen = frozen_reference(card)
+    return tuple(name for name in names if frozen is not None and frozen.holds([name])) or tuple(names)
+
+
 def reference_for(card: Card, scenes: Sequence[str], options: RunOptions = DEFAULTS) -> Reference:
     """The frozen event weights of ``card`` where they hold these scenes, else weights made from these scenes.
 

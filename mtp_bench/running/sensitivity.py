@@ -14,6 +14,7 @@ from ..scoring.rows import Count, Interval
 from ..strict import Section
 from ..submission.loader import load_submission
 from .options import DEFAULTS, RunOptions
+from .reference import ranked_scenes
 from .scored import score_settings
 from .settings import setting_of
 
@@ -43,7 +44,7 @@ def sensitivity(
     ``reference``: event weights of the scenes. Raises MtpBenchError for whatever the user can mend.
     """
     env = MTPEnv(env_id, **options.env_keywords)
-    card, scenes = env.card, options.chosen(env.scene_names)
+    card, scenes = env.card, options.chosen(ranked_scenes(env.card, env.scene_names))
     settings = [setting_of(load_submission(name), card, {PARAMETER: cut}) for cut in cuts for name in AGENTS]
     scored = score_settings(settings, env_id, card, scenes, options)
     agents = [replace(each, agent=s.submission.name) for each, s in zip(scored, settings, strict=True)]

@@ -19,6 +19,7 @@ from ..networks import network_files
 from ..parallel import Progress, parallel_map
 from ..running.options import RunOptions
 from ..running.perturbation import MatchedDetections, matched_detections
+from ..running.reference import ranked_scenes
 from ..running.rollout_files import load_run, save_run
 from ..running.run import jobs_of, run_info, run_jobs
 from ..running.settings import Setting
@@ -69,7 +70,7 @@ class Bench:
 def open_bench(env_id: str | Card, folder: Path, options: RunOptions) -> Bench:
     """The bench of an env; reads all its scenes once. Raises MtpBenchError for whatever the user can mend."""
     env = MTPEnv(env_id, **options.env_keywords)
-    scenes = options.chosen(env.scene_names)
+    scenes = options.chosen(ranked_scenes(env.card, env.scene_names))
     read = parallel_map(
         _read,
         [(env.card, options.data, name) for name in scenes],

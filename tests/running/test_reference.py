@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +15,23 @@ from mtp_bench.cards import load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import CardError, DataError, UnknownNameError
 from mtp_bench.parallel import Workers
+from mtp_bench.records.running import plan_run
+from mtp_bench.running.compare import compare
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.perturbation import RUNS
-from mtp_bench.running.reference import freeze, frozen_path, frozen_reference, make_reference, reference_for, track
+from mtp_bench.running.reference import (
+    freeze,
+    frozen_path,
+    frozen_reference,
+    make_reference,
+    ranked_scenes,
+    reference_for,
+    track,
+)
 from mtp_bench.running.run import jobs_of, run_jobs, run_scene
 from mtp_bench.scoring import score_scene
-from mtp_bench.scoring.weights import WEIGHED, tracking_events
-from mtp_bench.scoring.weights_file import read_reference
+from mtp_bench.scoring.weights import WEIGHED, scene_key, tracking_events
+from mtp_bench.scoring.weights_file import read_reference, write_reference
 from mtp_bench.submission import load_submission
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import CARD, write_card, write_kitti
@@ -125,6 +137,32 @@ def test_a_changed_card_or_a_scene_that_is_not_there_makes_its_own(shipped: str,
     part = make_reference(load_card(shipped), scenes[:1], RunOptions(kitti))
     assert part.of(scenes[0]).targets == frozen.of(scenes[0]).targets
     assert not part.holds(scenes)
+
+
+def test_scenes_without_frozen_weights_are_left_out(shipped: str, tmp_path: Path, kitti: str) -> None:
+    """More data than there was when weights were frozen, such as the whole split of nuScenes: ranks are of the same."""
+    _, whole = freeze(shipped, RunOptions(kitti))
+    card, scenes = load_card(shipped), scenes_of(shipped, kitti)
+    assert ranked_scenes(card, scenes) == scenes
+    known = tuple(name for name in scenes if name != scenes[0])
+    write_reference(frozen_path(shipped), replace(whole, scenes={k: whole.scenes[k] for k in keys_of(shipped, known)}))
+    assert ranked_scenes(card, scenes) == known
+    assert ranked_scenes(card, scenes[:1]) == scenes[:1], "of these alone nothing is known"
+    compared = compare(["stp"], shipped, RunOptions(kitti))
+    assert (compared.reference.frozen, compared.reference.digest) == (True, frozen_digest(shipped))
+    assert compared.report.condition["weights"].endswith(
+        f"; 1 of {len(scenes)} scenes of the split have none and are left out"
+    )
+    plan = plan_run(load_submission("stp"), shipped, RunOptions(kitti))
+    assert (plan.scenes, plan.scenes_of_split) == (known, len(known))
+
+
+def keys_of(env: str, scenes: Sequence[str]) -> list[str]:
+    return [scene_key(env, name) for name in scenes]
+
+
+def frozen_digest(env: str) -> str:
+    return read_reference(frozen_path(env)).digest
 
 
 def test_a_changed_frozen_file_is_refused(shipped: str, kitti: str) -> None:
