@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,7 +34,7 @@ class Entry:
     training_data: Annotated[
         list[str] | None, typer.Option(help="Data it was trained on beside what its manifest says.")
     ] = None
-
+    commit: Annotated[str, typer.Option(help="Commit that holds the folder: 7 to 64 hex digits.")] = ""
     cuda: Annotated[bool, typer.Option("--cuda", help="Give the agent the graphics cards: open division.")] = False
     tracks: TracksOption = None
 
@@ -44,7 +45,10 @@ class Entry:
         one_of(self.division, DIVISIONS, "--division")
         if self.cuda and self.division != "open":
             raise typer.BadParameter("only with --division open", param_hint="--cuda")
-        return {"division": self.division, "training_data": self.training_data or (), "limits": Limits(cuda=self.cuda)}
+        if not re.fullmatch("([0-9a-f]{7,64})?", self.commit):
+            raise typer.BadParameter(f"got {self.commit!r}, expected 7 to 64 hex digits", param_hint="--commit")
+        said = {"division": self.division, "training_data": self.training_data or (), "commit": self.commit}
+        return {**said, "limits": Limits(cuda=self.cuda)}
 
 
 @dataclass(frozen=True)
@@ -128,8 +132,8 @@ def submit(
 def _refuse_with_all(entry: Entry, again: Restart, runs: Runs) -> None:
     """Records of baselines are made under the conditions that rank, and gone on with: nothing else can be asked for."""
     asked = {
-        "--division": entry.division != DIVISIONS[0], "--training-data": entry.training_data, "--cuda": entry.cuda,
-        "--tracks": entry.tracks, "--split": runs.split, "--fresh": again.fresh,
+        "--division": entry.division != DIVISIONS[0], "--training-data": entry.training_data, "--commit": entry.commit,
+        "--cuda": entry.cuda, "--tracks": entry.tracks, "--split": runs.split, "--fresh": again.fresh,
     }  # fmt: skip
     for name, given in asked.items():
         if given:

@@ -75,7 +75,9 @@ def _learnt_from(on: EnvScenes, jobs: int) -> tuple[RunOptions, Fold | None]:
 
 
 def predictor(
-    network: Annotated[str, typer.Argument(metavar="NAME", help="Name of a network; see baselines/README.md.")],
+    network: Annotated[
+        str, typer.Argument(metavar="NAME", help="modes, ptp, social_lstm, tracking_free, affinity or codebook.")
+    ],
     on: EnvScenes,
     pasts: Annotated[
         str | None,

@@ -211,4 +211,4 @@ def _notes(path: Path) -> Iterator[str]:
     if why is not None:
         yield f"{path}: not ranked yet: {why}"
     if not record.submission.source:
-        yield f"{path}: names no source, so nobody else can run it: `source` and `commit` in submission.toml tell it"
+        yield f"{path}: names no source, so nobody else can run it: say `source` in submission.toml"

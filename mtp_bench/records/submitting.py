@@ -63,6 +63,7 @@ def submit(
     output: str | Path | None = None,
     division: Division = "closed",
     training_data: Sequence[str] = (),
+    commit: str = "",
     limits: Limits = Limits(),  # noqa: B008  (frozen)
     start: Start = "new",
     replace: bool = False,
@@ -77,6 +78,7 @@ def submit(
         output: Folder; None: leaderboard/records/<name of the submission>.
         division: Where the record is ranked.
         training_data: What the submission was trained on beside what its manifest says.
+        commit: Hex, the commit that holds the folder; else what its manifest says, which cannot name its own commit.
         limits: What the agent may use; those of the closed division are fixed.
         start: What becomes of the scenes that an earlier submit of this record finished without coming to its end:
             "new" refuses them, "resume" goes on from them (and takes a whole record of the same plan as it is),
@@ -100,7 +102,7 @@ def submit(
     _require_causal(division, submission)
     _require_limits(division, limits)
     declared = declared_data(submission, plan.card.id, training_data)
-    _require_recordable(plan, limits, division, declared)
+    _require_recordable(plan, limits, division, declared, commit)
     stated = stated_before(plan, limits, division, declared)
     if start == "resume" and (record := finished_record(target, stated)) is not None:
         return record
@@ -111,7 +113,7 @@ def submit(
         _require_unchanged(plan)
         found = evaluate_plan(plan, runs, reference, watched=True)
         _require_one_data(plan, runs, found)
-        return _save(target, plan, runs, _record(plan, runs, found, limits, division, declared))
+        return _save(target, plan, runs, _record(plan, runs, found, limits, division, declared, commit))
 
 
 def _save(target: Path, plan: Plan, runs: Mapping[int, Sequence[SceneRun]], record: Record) -> Record:
@@ -166,11 +168,11 @@ def _require_limits(division: str, limits: Limits) -> None:
         )
 
 
-def _require_recordable(plan: Plan, limits: Limits, division: str, training_data: Sequence[str]) -> None:
+def _require_recordable(plan: Plan, limits: Limits, division: str, training_data: Sequence[str], commit: str) -> None:
     """Refuse before the work what no record can hold: a text that is too long, too many seeds."""
     where, card = f"a record of {plan.submission.name} on {plan.card.id}", plan.card
     content = {
-        "submission": said_of(plan).model_dump(mode="json"),
+        "submission": said_of(plan, commit).model_dump(mode="json"),
         "division": division,
         "training_data": list(training_data),
         "env": {"id": card.id, "split": card.source.split, "keywords": plan.stated_keywords},
@@ -247,11 +249,12 @@ def _record(
     limits: Limits,
     division: Division,
     training_data: Sequence[str],
+    commit: str,
 ) -> Record:
     lost, rollouts, submission, card = unanswered(runs), rollouts_of(runs), plan.submission, plan.card
     every = [rollout for results in rollouts.values() for rollout in results]
     return Record(
-        submission=said_of(plan),
+        submission=said_of(plan, commit),
         division=division,
         training_data=list(training_data),
         env=EnvPart(
@@ -288,8 +291,11 @@ def _hardware(options: RunOptions) -> HardwarePart:
     return hardware() if options.workers.scheduler is None else parallel_map(hardware, [()], options.workers)[0]
 
 
-def said_of(plan: Plan) -> SubmissionPart:
-    """What a record says of a submission. Raises SubmissionError for a text that is too long for a record."""
+def said_of(plan: Plan, commit: str = "") -> SubmissionPart:
+    """What a record says of a submission: of its commit what is given, else what its manifest says.
+
+    Raises SubmissionError for a text that is too long for a record, and for a commit that is none.
+    """
     submission = plan.submission
     ends = submission.compare.ends
     said = {
@@ -297,7 +303,7 @@ def said_of(plan: Plan) -> SubmissionPart:
         "authors": list(submission.authors),
         "description": submission.description,
         "source": submission.source,
-        "commit": submission.commit,
+        "commit": commit or submission.commit,
         "paper": submission.paper,
         "license": submission.license,
         "digest": plan.image.digest,

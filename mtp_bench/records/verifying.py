@@ -234,7 +234,9 @@ def _limits(path: Path, record: Record, stated: bool) -> Limits:
 def _said_otherwise(record: Record, plan: Plan, again: Runs, limits: Limits) -> Iterator[Difference]:
     """In what a run again differs from what the record says of its own."""
     yield from unequal("hashes", record.hashes.model_dump(), hashes(again).model_dump())
-    yield from unequal("submission", record.submission.model_dump(), said_of(plan).model_dump())
+    yield from unequal(
+        "submission", record.submission.model_dump(), said_of(plan, record.submission.commit).model_dump()
+    )
     yield from unequal("env.observe", record.env.observe, plan.submission.compare.observe)
     yield from unequal("env.keywords", record.env.keywords, plan.stated_keywords)
     yield from unequal("limits", record.limits.model_dump(), LimitsPart(**asdict(limits)).model_dump())

@@ -25,6 +25,7 @@ from mtp_bench.running.opened import open_run
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run, save_run
 from mtp_bench.scoring import SUBSETS
+from mtp_bench.submission import load_submission
 from tests.support.command_line import CommandLine, read_json, write_submission
 from tests.support.small_scenes import CARD, CARD_ID, write_card
 from tests.support.stored_records import write_record
@@ -147,6 +148,20 @@ def test_a_record_declares_all_training_data_of_its_submission(
     resign(path, change)
     checked = verify(path, RunOptions(kitti), card, submission=submission, rerun=True)
     assert [difference.what for difference in checked.differences] == differs
+
+
+def test_the_commit_is_named_beside_the_folder(
+    submission: Path, card: str, kitti: str, tmp_path: Path, cli: CommandLine
+) -> None:
+    """In the folder it would change the digest of what it names."""
+    words = ["submit", submission, "--env", card, "--data", kitti, "--scenes", 1, "--seeds", 1, "-o", tmp_path]
+    assert "--commit: got 'main', expected 7 to 64 hex digits" in cli(*words, "--commit", "main").err
+    cli.ok(*words, "--commit", "0123abc")
+    record = load_record(tmp_path / f"{CARD_ID}.json")
+    assert record.submission.commit == "0123abc"
+    assert record.submission.digest == load_submission(submission).digest
+    path = tmp_path / f"{CARD_ID}.json"
+    assert verify(path, RunOptions(kitti), card, submission=submission, rerun=True).holds
 
 
 def test_hypotheses_are_those_of_the_parameter_that_the_manifest_names(card: str, kitti: str, tmp_path: Path) -> None:
