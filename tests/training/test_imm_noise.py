@@ -7,7 +7,7 @@ import pytest
 
 from mtp_bench.prediction.imm import mixture
 from mtp_bench.prediction.imm_noise import imm_noise
-from mtp_bench.training.imm_noise import fit_imm_noise, imm_score
+from mtp_bench.training.imm_noise import _START, _row, fit_imm_noise, imm_score
 from mtp_bench.types import Bools, Floats
 
 DT = 0.2
@@ -52,5 +52,6 @@ def test_the_score_is_that_of_samples() -> None:
 def test_a_fit_betters_the_start_on_other_windows() -> None:
     found = fit_imm_noise(*windows(300, 2), DT)
     fresh = windows(1000, 3)
-    assert imm_score(*fresh, imm_noise([found]), DT) < 0.95 * imm_score(*fresh, imm_noise([ROW]), DT)
+    start = imm_noise([_row(np.array(_START))])
+    assert imm_score(*fresh, imm_noise([found]), DT) < 0.95 * imm_score(*fresh, start, DT)
     assert found["measurement"] == pytest.approx(0.05, rel=0.3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,8 @@ from mtp_bench.training.presence import Quality, Rows, design, isotonic_knots
 from mtp_bench.training.presence_recipes import Recipe
 from mtp_bench.types import Floats
 from tests.support.command_line import CommandLine
+from tests.support.scoring_scenes import at, make_card, make_scene, with_detections
+from tests.support.tracking_scenes import kitti_task
 
 FULL = Recipe((), terms="of nobody")
 SMALL = Recipe((), ("mean_score", "log_hits", "coasting"), products=False, calibrated=False)
@@ -110,7 +113,19 @@ def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:
     np.testing.assert_array_equal(presence.said_by(stored, rows), presence.said_by(model, rows))
 
 
-def test_labels_are_those_of_the_rule_for_forecasts(card: str, kitti: str) -> None:
+def test_labels_are_those_of_the_rule_for_forecasts() -> None:
+    """Two tracks on one car: one is present; a track on a neutral one is left out; one on nothing is not there."""
+    card, frames = make_card(), 6
+    truth = [[at(1, (10.0, 0.0)), at(2, (20.0, 0.0), neutral=True)] for _ in range(frames)]
+    seen = [[at(i, xy) for i, xy in enumerate([(10.0, 0.3), (10.0, -0.1), (20.0, 0.0), (30.0, 0.0)])]] * frames
+    rows = presence.collect([with_detections(make_scene(truth), seen)], card, kitti_task(classes=card.task.classes))
+    told = [(round(float(away)), bool(there)) for away, there in zip(rows.history.range, rows.present, strict=True)]
+    frames_told = len(told) // 3
+    assert frames_told > 0
+    assert Counter(told) == {(10, True): frames_told, (10, False): frames_told, (30, False): frames_told}
+
+
+def test_rows_of_presence_are_complete(card: str, kitti: str) -> None:
     env = MTPEnv(card, kitti)
     rows = presence.collect(load_scenes(card, data=kitti), load_card(card), env.task)
     assert rows.present.any()
