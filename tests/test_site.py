@@ -87,7 +87,9 @@ def test_no_link_is_dead(site: Path, pages: dict[Path, Page]) -> None:
 
 def test_no_link_of_a_part_of_the_board_is_dead(site: Path) -> None:
     board = site / "leaderboard" / "board.html"
-    for script in (site / "leaderboard" / "index.parts").rglob("*.js"):
+    scripts = list((site / "leaderboard" / "index.parts").rglob("*.js"))
+    assert scripts
+    for script in scripts:
         for target in re.findall(r'(?:href|src)="([^"#]+)"', script.read_text().replace("\\", "")):
             parts = urlsplit(target)
             assert parts.scheme or (board.parent / unquote(parts.path)).resolve().exists(), f"{script.name}: {target}"

@@ -93,7 +93,7 @@ def test_an_agent_that_cannot_be_built_says_why(card: str, kitti: str) -> None:
 
 
 def test_what_the_user_can_mend_is_an_error(card: str, kitti: str, tmp_path: Path) -> None:
-    with pytest.raises(MtpBenchError):
+    with pytest.raises(UnknownNameError, match="unknown scene '0007'"):
         run_isolated("stp", card, {"data": kitti}, "0007")
     with pytest.raises(UnknownNameError, match="unknown submission"):
         run_isolated("spt", card, {"data": kitti}, "0006")

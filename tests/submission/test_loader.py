@@ -323,8 +323,16 @@ def test_every_baseline_is_a_submission(name: str) -> None:
         assert "mtp-bench train predictor" in str(error)  # noqa: PT017  (a network is not trained for a made-up env)
 
 
-@pytest.mark.parametrize("name", ["mine.part", "mine.rollouts", "Mine", "stp"])
-def test_no_submission_begins_with_a_name_that_commands_refuse(name: str, tmp_path: Path) -> None:
-    with pytest.raises(SubmissionError):
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("mine.part", "without .part or .rollouts at the end"),
+        ("mine.rollouts", "without .part or .rollouts at the end"),
+        ("Mine", "such as 'mine'"),
+        ("stp", "baseline"),
+    ],
+)
+def test_no_submission_begins_with_a_name_that_commands_refuse(name: str, why: str, tmp_path: Path) -> None:
+    with pytest.raises(SubmissionError, match=why):
         new_submission(name, tmp_path)
     assert not list(tmp_path.iterdir())
