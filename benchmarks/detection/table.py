@@ -7,10 +7,10 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from mtp_bench.detector.fit.couplings import DISTANCES, Couplings, couplings
 from mtp_bench.detector.fit.samples import Samples, at_floor, collect
 from mtp_bench.types import Scene
 
+from .couplings import DISTANCES, Couplings, couplings
 from .events import switches_and_losses
 from .folds import Fold, Recordings, detected
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.detection.couplings import Couplings, couplings, lives
 from mtp_bench.detector import Profile
-from mtp_bench.detector.fit.couplings import Couplings, couplings, lives
 from mtp_bench.detector.fit.samples import Samples, collect
 from mtp_bench.detector.model2.fit import fit_profile
 from mtp_bench.detector.model2.fit.latent import ordered_levels

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from ...geometry import rotate
-from ...types import Bools, Floats, Ints
-from .samples import FalsePositiveSamples, ObjectSamples
+from mtp_bench.detector.fit.samples import FalsePositiveSamples, ObjectSamples
+from mtp_bench.geometry import rotate
+from mtp_bench.types import Bools, Floats, Ints
 
 DISTANCES = (0.0, 20.0, 40.0, 60.0, 80.0)  # m, ends of the bins that recall, score and error are given for
 _NARROW = 10.0  # m, width of the bins within which scores and misses are compared
