@@ -11,7 +11,6 @@ from ..env.rollouts import digest
 from ..gateway import SceneRun, run_isolated_scenes
 from ..parallel import Progress
 from ..running.options import RunOptions
-from ..running.reference import ranked_scenes
 from ..running.run import jobs_of, run_jobs
 from ..scoring import SceneScore, mean_plain_error, score_scene
 from ..submission import SubmissionFactory, load_submission
@@ -51,7 +50,7 @@ def check_submission(path: str, env_id: str, options: RunOptions) -> Checked:
     submission, told = load_submission(path), options.progress
     keywords: dict[str, Any] = {"data": options.data, **options.shown_to(submission), "evaluation": True}
     env = MTPEnv(env_id, **keywords)
-    names = options.chosen(ranked_scenes(env.card, env.scene_names))
+    names = options.chosen(env.scene_names)
     told.started(1 + 2 * len(names))
     runs = run_isolated_scenes(submission.path, env_id, keywords, scenes=names, progress=told)
     if any(_unsafe(run) for run in runs):  # it would take this process with it

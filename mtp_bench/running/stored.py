@@ -14,7 +14,7 @@ from ..types import Rollout, Scene
 from .opened import open_run
 from .options import DEFAULTS, RunOptions
 from .reading import total_skipped
-from .reference import ranked_scenes, reference_for
+from .reference import reference_for
 from .rollout_files import require_run_folder, require_storable, save_run
 from .run import jobs_of, run_info, run_jobs
 from .settings import setting_of, submission_of
@@ -61,7 +61,7 @@ def run(
     env = MTPEnv(env_id, evaluation=True, **shown, **options.env_keywords)
     setting = setting_of(submission, env.card)
     keywords = {**setting.env_keywords(env.card), **shown, **options.changes}
-    names = options.chosen(ranked_scenes(env.card, env.scene_names))
+    names = options.chosen(env.scene_names)
     jobs = jobs_of(submission, env_id, {"data": options.data, **keywords}, names, seed)
     info = run_info(env, setting, seed, keywords).model_copy(update={"card": env.card.stored()})
     require_storable(info, names)
