@@ -21,18 +21,27 @@ import pytest
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.gateway import Limits, SceneRun, run_isolated_scenes
 from mtp_bench.parallel import Workers
-from mtp_bench.records import load_record, running, submit
+from mtp_bench.records import load_record, running, submit, submitting
 from mtp_bench.records.parts import count_parts
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run
 from mtp_bench.sources.cache import read_arrays, write_arrays
 from tests.support.command_line import CommandLine, plain_environment, write_submission
 from tests.support.disks import mounted
+from tests.support.runs import remembered_reference
 from tests.support.small_scenes import CARD_ID, write_kitti
+
+pytestmark = pytest.mark.usefixtures("light_stems")
 
 SEEDS = (0, 1)
 SCENES = 3 * len(SEEDS)  # files of parts of a whole submit
 RECORD = f"{CARD_ID}.json"
+LIGHT = """
+from mtp_bench.gateway import stems
+stems.LOADED = {"mtp_bench.submission.loader": ()}
+from mtp_bench.commands.app import main
+main()
+"""
 EARLY = """
 import os, sys
 from pathlib import Path
@@ -45,8 +54,6 @@ def replaced(self, target):
             os._exit(9)  # as by SIGKILL: nothing is tidied up
     return real(self, target)
 setattr(Path, step, replaced)
-from mtp_bench.commands.app import main
-main()
 """.replace("{name!r}", repr(CARD_ID)).replace("{name}", CARD_ID)
 
 
@@ -55,6 +62,14 @@ def submission(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_submission(
         tmp_path_factory.mktemp("submissions") / "echo", tables="[parameters]\nnoise = 0.1\n", body="time.sleep(0.02)"
     )
+
+
+@pytest.fixture(scope="module", autouse=True)
+def weights() -> Iterator[None]:
+    """Made once in this process."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(submitting, "reference_for", remembered_reference)
+        yield
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -81,7 +96,7 @@ def start(command: list[str], *before: str) -> subprocess.Popen[str]:
     inherited = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         return subprocess.Popen(
-            [sys.executable, *(before or ("-m", "mtp_bench")), *command], stdout=subprocess.DEVNULL,
+            [sys.executable, *(before or ("-c", LIGHT)), *command], stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE, text=True, start_new_session=True, env=plain_environment(),
         )  # fmt: skip
     finally:
@@ -144,7 +159,7 @@ def test_a_kill_between_two_steps_of_the_end_is_finished(
 ) -> None:
     target = tmp_path / "out" / RECORD
     cli.ok(*command, "--scenes", 1)
-    process = start([step, str(after), *command], "-c", EARLY)
+    process = start([step, str(after), *command], "-c", EARLY + LIGHT)
     process.communicate()
     assert process.returncode == 9
     assert count_parts(target) == SCENES

@@ -2,28 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import pytest
 
-from mtp_bench.cards import Card
 from mtp_bench.gateway import Limits, SceneRun
 from mtp_bench.records import rerun, submitting, verifying
 from mtp_bench.records.parts import Parts
 from mtp_bench.records.running import Plan, run_seed
-from mtp_bench.running.options import DEFAULTS, RunOptions
-from mtp_bench.running.reference import reference_for
-from mtp_bench.scoring import Reference
-from tests.support.runs import PATIENT
-
-_made: dict[tuple[str, str | None, tuple[str, ...]], Reference] = {}
-
-
-def _known(card: Card, scenes: Sequence[str], options: RunOptions = DEFAULTS) -> Reference:
-    key = (card.digest, options.data, tuple(scenes))
-    if key not in _made:
-        _made[key] = reference_for(card, scenes, options)
-    return _made[key]
+from tests.support.runs import PATIENT, remembered_reference
 
 
 @pytest.fixture(scope="package", autouse=True)
@@ -31,7 +18,7 @@ def weights() -> Iterator[None]:
     """Weights are remembered by card, data and scenes."""
     with pytest.MonkeyPatch.context() as patch:
         for module in (submitting, verifying):
-            patch.setattr(module, "reference_for", _known)
+            patch.setattr(module, "reference_for", remembered_reference)
         yield
 
 

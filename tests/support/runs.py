@@ -8,13 +8,26 @@ from typing import Any
 
 import pytest
 
+from mtp_bench.cards import Card
 from mtp_bench.gateway import Limits
 from mtp_bench.parallel import Workers
-from mtp_bench.running.options import RunOptions
+from mtp_bench.running.options import DEFAULTS, RunOptions
+from mtp_bench.running.reference import reference_for
 from mtp_bench.running.run import Finish, Job, MakeAgent, run_jobs
+from mtp_bench.scoring import Reference
 from mtp_bench.tracking.kernels.compile import cache_folder
 
 PATIENT = Limits(start=600.0, reset=600.0, first_frame=600.0, frame=600.0)  # no agent is late on a busy machine
+
+_made: dict[tuple[str, str | None, tuple[str, ...]], Reference] = {}
+
+
+def remembered_reference(card: Card, scenes: Sequence[str], options: RunOptions = DEFAULTS) -> Reference:
+    """As `reference_for`; the weights of a card, data and scenes are made once."""
+    key = (card.digest, options.data, tuple(scenes))
+    if key not in _made:
+        _made[key] = reference_for(card, scenes, options)
+    return _made[key]
 
 
 def run_scenes(
