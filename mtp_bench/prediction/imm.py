@@ -180,9 +180,9 @@ class ImmPredictor:
 
     def _drawn(self, leaf: Ints, draw: Ints, samples: int) -> Floats:
         """States [Q, samples, 2, 3]: every model as often as it is likely, up to one (systematic resampling)."""
-        draws = int(draw.max()) + 1
-        normal = np.random.default_rng([self._task.seed, self._frame]).standard_normal((draws, samples, 2, 3))[draw]
-        offset = np.random.default_rng([self._task.seed, self._frame, 1]).random(draws)[draw]
+        draws = int(draw.max()) + 1  # streams of its own: not those of the sampler and of the kinematic predictor
+        normal = np.random.default_rng([self._task.seed, self._frame, 2]).standard_normal((draws, samples, 2, 3))[draw]
+        offset = np.random.default_rng([self._task.seed, self._frame, 3]).random(draws)[draw]
         place = (np.arange(samples) + offset[:, None]) / samples
         upto = np.cumsum(self._state.probability[:-1, leaf], axis=0)
         model = (place > upto[..., None]).sum(axis=0)  # [Q, samples]

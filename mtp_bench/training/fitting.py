@@ -81,11 +81,14 @@ def fit(
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """Torch on one core: sums are made in the same order on every machine, and small batches gain nothing from more."""
+    """One core: sums are made in the same order on every machine, and small batches gain nothing from more."""
+    from threadpoolctl import threadpool_limits  # scikit-learn needs it, so it is there
+
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        yield
+        with threadpool_limits(1):  # what scikit-learn uses
+            yield
     finally:
         torch.set_num_threads(before)
 

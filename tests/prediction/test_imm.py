@@ -8,14 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mtp_bench import Pipeline
 from mtp_bench.errors import ShapeError, UnknownNameError
 from mtp_bench.geometry import transform_boxes
-from mtp_bench.prediction import ImmNoise, ImmPredictor, stored_imm_noise
+from mtp_bench.prediction import ImmNoise, ImmPredictor, KinematicPredictor, KMeansSampler, stored_imm_noise
 from mtp_bench.prediction.imm import mixture
 from mtp_bench.prediction.kalman import heading_frame
+from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.tracks import Tracks
 from mtp_bench.types import Bools, Floats
-from tests.support.tracking_scenes import SIZE, kitti_task, tracks_with_past
+from tests.support.tracking_scenes import SIZE, at_once, frame, kitti_task, observation, tracks_with_past
 
 DT = 0.1
 TASK = kitti_task(dt=DT, seed=5)
@@ -163,6 +165,31 @@ def test_equal_draws_are_equal_numbers_whoever_asks() -> None:
     part = predict(tracks, draw=[2, 0], leaf=[5, 3])
     np.testing.assert_array_equal(part, whole[[5, 3]])
     assert not np.allclose(predict(tracks, draw=[1] * 6)[0], whole[0])
+
+
+def test_its_draws_are_those_of_nobody_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither of the sampler of a pipeline nor of a kinematic predictor beside it (`HedgedPredictor`)."""
+    tracks, leaf = walks(4), np.arange(4)
+    made = np.random.default_rng
+    streams: list[set[tuple[int, ...]]] = []
+
+    def noted(seed: Any = None) -> np.random.Generator:
+        streams[-1].add(tuple(seed))
+        return made(seed)
+
+    monkeypatch.setattr(np.random, "default_rng", noted)
+    for predictor in (ImmPredictor(NOISE), KinematicPredictor()):
+        streams.append(set())
+        predictor.reset(TASK)
+        predictor.begin(tracks)
+        predictor.sample(tracks, leaf, leaf, 20)
+    streams.append(set())
+    agent = Pipeline(HypothesisTracker(2, parameters=at_once()), ImmPredictor(NOISE), KMeansSampler())
+    agent.reset(TASK)
+    monkeypatch.setattr(ImmPredictor, "_drawn", lambda self, leaf, draw, samples: np.zeros((len(leaf), samples, 2, 3)))
+    agent.act(observation(frame((0.0, 0.0, 0), (9.0, 0.0, 0))))
+    assert all(streams)
+    assert len(set().union(*streams)) == sum(map(len, streams))
 
 
 def test_it_turns_with_the_world() -> None:

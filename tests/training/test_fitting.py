@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from mtp_bench.prediction.learned.local import Arrays
 from mtp_bench.prediction.learned.modes import Modes
@@ -50,6 +52,22 @@ def assert_equal(one: Arrays, other: Arrays) -> None:
 def test_it_learns(network: Network, tmp_path: Path) -> None:
     curve = trained(network, tmp_path, replace(PLAN, epochs=20)).curve
     assert min(curve) < 0.9 * curve[0]
+
+
+def test_it_works_on_one_core(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sums of several threads come in any order: OpenMP's too, with which scikit-learn finds codes."""
+    seen: list[int] = []
+    start = Modes.start
+
+    def counted(*arguments: Any) -> Arrays:
+        seen.extend(pool["num_threads"] for pool in threadpool_info())
+        return start(*arguments)
+
+    monkeypatch.setattr(Modes, "start", counted)
+    with threadpool_limits(2):
+        trained(Modes(), tmp_path)
+        assert {pool["num_threads"] for pool in threadpool_info()} == {2}
+    assert set(seen) == {1}
 
 
 @NETWORKS
