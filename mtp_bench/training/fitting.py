@@ -25,6 +25,7 @@ from .window_cache import code_digest
 Told = Callable[[int, float], object]  # is told every epoch's number, from 1 on, and its validation minADE
 
 _CODE = ("training", "prediction/learned")  # a training that goes on under other code would be half of each
+WARM = 0.2  # of a training: the learning rate rises
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,11 +200,11 @@ def _epoch(work: _Work, stage: Stage, optimizer: torch.optim.Optimizer, state: S
         optimizer.step()
 
 
-def one_cycle(progress: float, warm: float = 0.2) -> float:
-    """Learning rate as a share of the highest: up from 1/25 over ``warm`` of the training, then down to nearly 0."""
-    if progress < warm:
-        return 0.04 + 0.96 * (1 - math.cos(math.pi * progress / warm)) / 2
-    return max(1e-3, (1 + math.cos(math.pi * (progress - warm) / (1 - warm))) / 2)
+def one_cycle(progress: float) -> float:
+    """Learning rate as a share of the highest: up from 1/25 over a fifth of the training, then down to nearly 0."""
+    if progress < WARM:
+        return 0.04 + 0.96 * (1 - math.cos(math.pi * progress / WARM)) / 2
+    return max(1e-3, (1 + math.cos(math.pi * (progress - WARM) / (1 - WARM))) / 2)
 
 
 @torch.no_grad()

@@ -15,8 +15,8 @@ _RIDGE = 1.0  # inverse variance of a weight around 0; keeps a feature that neve
 _TINY = 1e-12
 
 
-def ordered_levels(feature: Floats, level: Ints, levels: int, lapses: float) -> tuple[Floats, Floats, float]:
-    """Weights ``[n]`` of the mean over ``feature`` ``[R, n]``, cuts ``[levels - 1]``, and the mean log-likelihood.
+def ordered_levels(feature: Floats, level: Ints, levels: int, lapses: float) -> tuple[Floats, Floats]:
+    """Weights ``[n]`` of the mean over ``feature`` ``[R, n]``, and cuts ``[levels - 1]``.
 
     ``level`` ``[R]`` 0, 1, ... is the number of cuts below a number of variance 1 whose lower tail has the share
     ``lapses``; the first cut is 0.
@@ -33,7 +33,7 @@ def ordered_levels(feature: Floats, level: Ints, levels: int, lapses: float) -> 
     of = feature, level, lapses
     answer = minimize(_loss, known, args=of, jac=True, method="L-BFGS-B", options={"maxiter": 1000})
     weight, gaps = np.split(answer.x, [feature.shape[1]])
-    return weight, np.concatenate([[0.0], np.cumsum(np.exp(gaps) + _LEAST_STEP)]), -float(answer.fun)
+    return weight, np.concatenate([[0.0], np.cumsum(np.exp(gaps) + _LEAST_STEP)])
 
 
 def _loss(known: Floats, feature: Floats, level: Ints, lapses: float) -> tuple[float, Floats]:

@@ -54,7 +54,7 @@ def _margins(objects: ObjectSamples, floor: float, lapses: float) -> Quality:
     cut = cut[cut >= floor][: 1 if score.min() == score.max() else None]  # without scores: the floor alone
     level = np.zeros(len(objects.hit), dtype=np.int64)
     level[objects.hit] = np.maximum(np.searchsorted(cut, score, side="right"), 1)
-    weight, latent, _ = ordered_levels(location_features(objects.feature), level, len(cut) + 1, lapses)
+    weight, latent = ordered_levels(location_features(objects.feature), level, len(cut) + 1, lapses)
     return Quality(
         bias=0.5,
         ar=0.3,
