@@ -12,8 +12,8 @@ BIN := .venv/bin
 PYTHON ?= python3.11
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
+# the longest first and several at a time: each of them works on one core
 LINT := mypy pyright import-linter ruff
-# two at a time, the longest first: each of them works on one core
 
 .PHONY: demo test lint kernels $(LINT) docs pages clean
 
@@ -21,7 +21,7 @@ demo: .venv/installed
 	@$(BIN)/mtp-bench compare truth_past stp stp_same_budget mtp --env MTP-Intersection-v0 --scenes 10 --seeds 1
 
 test: .venv/installed-dev
-	@$(MAKE) --no-print-directory --jobs 2 $(LINT) kernels
+	@$(MAKE) --no-print-directory --jobs 3 kernels $(LINT)
 	@echo '== pytest'
 	@$(BIN)/python -m pytest -q --numprocesses auto --dist loadfile --no-loadscope-reorder
 
