@@ -51,7 +51,7 @@ from .running import (
     unanswered,
 )
 from .stated import finished_record, stated_before
-from .storage import ROLLOUTS, checked, load_record, seed_folder, written
+from .storage import ROLLOUTS, checked, load_record, save_record, seed_folder, written
 
 RECORDS = Path("leaderboard", "records")  # relative to the working folder: the checkout
 
@@ -78,7 +78,8 @@ def submit(
         output: Folder; None: leaderboard/records/<name of the submission>.
         division: Where the record is ranked.
         training_data: What the submission was trained on beside what its manifest says.
-        commit: Hex, the commit that holds the folder; else what its manifest says, which cannot name its own commit.
+        commit: Hex, the commit that holds the folder; else what its manifest says, which cannot name its own commit. A
+            whole record that is resumed is given another one without a run.
         limits: What the agent may use; those of the closed division are fixed.
         start: What becomes of the scenes that an earlier submit of this record finished without coming to its end:
             "new" refuses them, "resume" goes on from them (and takes a whole record of the same plan as it is),
@@ -105,7 +106,7 @@ def submit(
     _require_recordable(plan, limits, division, declared, commit)
     stated = stated_before(plan, limits, division, declared)
     if start == "resume" and (record := finished_record(target, stated)) is not None:
-        return record
+        return record if commit in ("", record.submission.commit) else _renamed(record, plan, commit, target)
     with open_parts(target, stated, start) as parts:
         reference = reference_for(plan.card, plan.scenes, options)
         options.progress.started((len(options.seeds) + 1) * len(plan.scenes))
@@ -114,6 +115,11 @@ def submit(
         found = evaluate_plan(plan, runs, reference, watched=True)
         _require_one_data(plan, runs, found)
         return _save(target, plan, runs, _record(plan, runs, found, limits, division, declared, commit))
+
+
+def _renamed(record: Record, plan: Plan, commit: str, target: Path) -> Record:
+    """A whole record that names another commit: of its runs nothing changes."""
+    return save_record(record.model_copy(update={"submission": said_of(plan, commit)}), target)
 
 
 def _save(target: Path, plan: Plan, runs: Mapping[int, Sequence[SceneRun]], record: Record) -> Record:

@@ -162,6 +162,11 @@ def test_the_commit_is_named_beside_the_folder(
     assert record.submission.digest == load_submission(submission).digest
     path = tmp_path / f"{CARD_ID}.json"
     assert verify(path, RunOptions(kitti), card, submission=submission, rerun=True).holds
+    made = record.measured.made, record.hashes
+    again = submit(submission, card, RunOptions(kitti, 1, (0,)), tmp_path, commit="4567def", start="resume")
+    assert again == load_record(path)
+    assert (again.submission.commit, again.measured.made, again.hashes) == ("4567def", *made)
+    assert verify(path, RunOptions(kitti), card, submission=submission).holds
 
 
 def test_hypotheses_are_those_of_the_parameter_that_the_manifest_names(card: str, kitti: str, tmp_path: Path) -> None:
