@@ -38,24 +38,44 @@ class Leaders:
 
 def leaders(state: State, geometry: LaneGeometry, routes: RouteTable) -> Leaders:
     """The nearest disc of somebody else in the strip that everybody is going to sweep."""
-    n = len(state)
     lanes = routes.path[state.route, state.lane]  # [N, K]
-    start = routes.path_start[state.route, state.lane] - state.s[:, None]
-    s, d = state.along[lanes], state.across[lanes]  # [N, K, P]
-    ahead = s + start[:, :, None]
     low, high = _strip(state, geometry, lanes)
-    taken = (lanes[:, :, None] >= 0) & (s > -0.3) & (s < geometry.length[lanes][:, :, None] + 0.3) & (ahead > 0.0)
-    taken &= (d + state.radius > low[:, :, None]) & (d - state.radius < high[:, :, None])
-    taken &= state.owner != np.arange(n)[:, None, None]
-    gap = np.where(taken, ahead - state.radius, np.inf).reshape(n, -1)
-    first = np.argmin(gap, axis=1)
-    rows = np.arange(n)
-    k, p = np.divmod(first, s.shape[2])
-    tangent = geometry.heading(lanes[rows, k], s[rows, k, p])
+    row, k, p = _in_lanes(state, geometry, lanes, low, high)
+    ahead = state.along[lanes[row, k], p] + (routes.path_start[state.route, state.lane] - state.s[:, None])[row, k]
+    across, radius = state.across[lanes[row, k], p], state.radius[p]
+    taken = (ahead > 0.0) & (across + radius > low[row, k]) & (across - radius < high[row, k])
+    taken &= state.owner[p] != row
+    row, k, p = row[taken], k[taken], p[taken]
+    gap = ahead[taken] - radius[taken]
+    least = np.full(len(state), np.inf)
+    np.minimum.at(least, row, gap)
+    nearest = np.flatnonzero(gap == least[row])
+    row, first = np.unique(row[nearest], return_index=True)
+    lane, p = lanes[row, k[nearest[first]]], p[nearest[first]]
+    tangent = geometry.heading(lane, state.along[lane, p])
     velocity = state.velocity[state.owner[p]]
-    along = velocity[:, 0] * np.cos(tangent) + velocity[:, 1] * np.sin(tangent)
-    nearest = gap[rows, first] - state.length / 2
-    return Leaders(nearest, np.where(np.isfinite(nearest), along, 0.0))
+    speed = np.zeros(len(state))
+    speed[row] = velocity[:, 0] * np.cos(tangent) + velocity[:, 1] * np.sin(tangent)
+    return Leaders(least - state.length / 2, speed)
+
+
+def _in_lanes(state: State, geometry: LaneGeometry, lanes: Ints, low: Floats, high: Floats) -> tuple[Ints, Ints, Ints]:
+    """Vehicles, places in their paths ``lanes`` ``[N, K]`` and discs that may lie there, in this order.
+
+    Between ``low`` and ``high`` ``[N, K]`` of the widest strip that anybody is going to sweep in the lane.
+    """
+    row, k = np.nonzero(lanes >= 0)
+    lane = lanes[row, k]
+    least, most = np.full(len(geometry), np.inf), np.full(len(geometry), -np.inf)
+    np.minimum.at(least, lane, low[row, k])
+    np.maximum.at(most, lane, high[row, k])
+    inside = (state.along > -0.3) & (state.along < geometry.length[:, None] + 0.3)
+    inside &= (state.across + state.radius > least[:, None]) & (state.across - state.radius < most[:, None])
+    disc, count = np.nonzero(inside)[1], inside.sum(axis=1)
+    begin = np.cumsum(count) - count
+    pair = np.repeat(np.arange(len(lane)), count[lane])
+    rank = np.arange(len(pair)) - np.repeat(np.cumsum(count[lane]) - count[lane], count[lane])
+    return row[pair], k[pair], disc[begin[lane][pair] + rank]
 
 
 def _strip(state: State, geometry: LaneGeometry, lanes: Ints) -> tuple[Floats, Floats]:

@@ -39,8 +39,10 @@ class Seen:
         # frames far apart in the third coordinate, scenes farther
         here = np.column_stack([self.place, self._moment(lag)])
         there = np.column_stack([self.place, self._moment(0)])[by]
-        count = KDTree(there).query_ball_point(here, distance, return_length=True)
-        return np.asarray(count > (by if lag == 0 else 0))
+        # in the same frame the nearest one of them is itself
+        rank = by.astype(np.int64) if lag == 0 else np.zeros(len(here), dtype=np.int64)
+        found = KDTree(there).query(here, k=[1, 2] if lag == 0 else [1], distance_upper_bound=distance)[0]
+        return np.asarray(np.isfinite(found[np.arange(len(here)), rank]))
 
     def _moment(self, lag: int) -> Floats:
         return 10.0 * (self.scene * (int(self.frame.max(initial=0)) + 20.0) + self.frame + lag)

@@ -172,5 +172,8 @@ class Stage:
 def _correlation(value: Floats, one: Ints, other: Ints) -> float:
     if len(one) < _FEW:
         return float("nan")
-    first, second = np.append(value[one], value[other]), np.append(value[other], value[one])
-    return float(np.corrcoef(first, second)[0, 1]) if first.std() > 0 else 0.0
+    first, second = value[one], value[other]
+    mean = 0.5 * (first.mean() + second.mean())  # each pair counts in both orders
+    first, second = first - mean, second - mean
+    square = first @ first + second @ second
+    return float(2.0 * (first @ second) / square) if square > 0 else 0.0
