@@ -1,5 +1,6 @@
 # make demo   the comparison of the paper on ten scenes of simulated traffic: no data needed, a minute or two
 # make test   lint, types, import rules and tests, which build the site too; DATA=folder or MTP_BENCH_DATA adds those on real recordings
+#             BESIDE=held adds, for root with bubblewrap, the tests of the gateway as an ordinary user
 # make docs   the site in site/: static, no server and no network needed; warnings are errors; DATA=folder or MTP_BENCH_DATA adds pictures of recordings
 # make pages  the board, RESULTS.md and the figures of the README, made anew from the records
 # All create .venv and install what they need the first time; PYTHON=python3.13 chooses another interpreter for it.
@@ -10,20 +11,37 @@ export MTP_BENCH_DATA := $(DATA)
 endif
 BIN := .venv/bin
 PYTHON ?= python3.11
+# compiled is what is imported, then: a quarter of it all
+INSTALL := $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable
+unexport PYTHONDONTWRITEBYTECODE
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
 # the longest first and several at a time: each of them works on one core
 LINT := mypy pyright import-linter ruff
 
-.PHONY: demo test lint kernels $(LINT) docs pages clean
+PYTEST := pytest -q --numprocesses auto --dist loadfile --no-loadscope-reorder
+HELD := .pytest_cache/held.log
+
+.PHONY: demo test pytest held lint kernels $(LINT) docs pages clean
 
 demo: .venv/installed
 	@$(BIN)/mtp-bench compare truth_past stp stp_same_budget mtp --env MTP-Intersection-v0 --scenes 10 --seeds 1
 
 test: .venv/installed-dev
 	@$(MAKE) --no-print-directory --jobs 3 kernels $(LINT)
+	@$(MAKE) --no-print-directory --jobs 2 pytest $(BESIDE)
+
+pytest:
 	@echo '== pytest'
-	@$(BIN)/python -m pytest -q --numprocesses auto --dist loadfile --no-loadscope-reorder
+	@$(BIN)/python -m $(PYTEST)
+
+# What holds agents does so for an ordinary user too, whom root plays here; its tests mostly wait, so others run beside.
+held:
+	@mkdir -p $(dir $(HELD))
+	@bwrap --unshare-user --uid 1000 --gid 1000 --cap-drop ALL --dev-bind / / $(BIN)/python -m $(PYTEST) \
+		tests/gateway tests/adversarial/test_escapes.py tests/adversarial/test_oracle.py > $(HELD) 2>&1 \
+		|| { cat $(HELD); exit 1; }
+	@echo '== pytest: the gateway, as an ordinary user'; tail -n 1 $(HELD)
 
 lint: .venv/installed-dev
 	@$(MAKE) --no-print-directory --jobs 2 $(LINT)
@@ -68,12 +86,12 @@ pages: .venv/installed
 
 .venv/installed: pyproject.toml constraints.txt | .venv/bin/pip
 	@echo '== installing into .venv (the first time takes a few minutes)'
-	@$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable .
+	@$(INSTALL) .
 	@touch $@
 
 .venv/installed-dev: pyproject.toml constraints.txt | .venv/bin/pip
 	@echo '== installing into .venv (the first time takes a few minutes)'
-	@$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	@$(INSTALL) '.[dev]'
 	@touch $@ .venv/installed
 
 clean:

@@ -20,7 +20,7 @@ from tests.independent.statistics import blocks_of
 from tests.independent.test_agreement import RUNS, agent_scores, drawn, reference_of, rows_of, said, same
 from tests.support.scoring_scenes import make_card, take_objects
 
-CASES, SCENES = 15, (4, 7, 8, 10, 15)  # a scene is a unit; beyond 14 units the flips are drawn
+CASES, SCENES = 10, (4, 7, 8, 10, 15)  # a scene is a unit; beyond 14 units the flips are drawn
 REASONS = {  # in the independent scorer's words -> in the product's
     "shown, not ranked": "shown only",
     "too few recordings to rank": "too few recordings",

@@ -181,7 +181,8 @@ def test_stored_runs_are_runs(made: Study, cli: CommandLine, card: str, kitti: s
 
 
 def test_the_command_on_an_agent_of_ones_own(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
-    mine = write_submission(tmp_path / "mine", "mine")
+    """One run has one name in every table: its end with one hypothesis is the agent itself."""
+    mine = write_submission(tmp_path / "mine", "mine", "[compare]\nends = {}", body="return empty_action(self._task)")
     folder = tmp_path / "out"
     given = "--env", card, "--data", kitti, "--agent", mine, "-o", folder, "--quick", "--jobs", 1
     said = cli.ok("study", *given)
@@ -189,6 +190,7 @@ def test_the_command_on_an_agent_of_ones_own(cli: CommandLine, tmp_path: Path, c
     told = json.loads((folder / "tables" / "global.json").read_text())["rows"]
     assert "mine" in {row["agent"] for row in told}
     assert "mtp" not in {row["agent"] for row in told}
+    assert "mine" in {row["agent"] for row in json.loads((folder / "tables" / "pasts.json").read_text())["rows"]}
 
 
 @pytest.mark.parametrize("more", [("--seeds", 2), ("--scenes", 7)])
@@ -231,13 +233,6 @@ def test_hypotheses_that_only_the_sweep_states_are_run(tmp_path: Path, card: str
     subject = subject_of(load_submission(folder), load_card(card), (1, 2, 5, 20), (5,))
     assert {count: s.submission.name for count, s in subject.equal.items()} == {1: "stp", 2: "swept", 5: "swept"}
     assert sorted(subject.free) == [5]
-
-
-def test_one_run_has_one_name_in_every_table(tmp_path: Path, card: str, kitti: str) -> None:
-    """Its end with one hypothesis is the agent itself."""
-    folder = write_submission(tmp_path / "own", "own", "[compare]\nends = {}", body="return empty_action(self._task)")
-    made = study([str(folder)], card, tmp_path / "study", RunOptions(kitti, scenes=1), quick=True)
-    assert "own" in {row["agent"] for row in rows_of(made, "pasts")}
 
 
 @pytest.mark.parametrize("held", ["notes.txt", "index.html", "tables"])
@@ -355,8 +350,8 @@ def test_the_papers_numbers_stand_beside_where_it_has_some(
     of_ten = replace(found, speed=tuple(replace(s, hypotheses=min(s.hypotheses, 10)) for s in found.speed))
     told_of_ten = {row.relation: row.paper for row in make_tables(of_ten)["relations"].rows}
     assert told_of_ten["Tracking slows down much with hypotheses"] == "", "the paper has no figures of 10 hypotheses"
-    figures = make_figures(found, tables)
-    assert "the paper's" in " ".join(ElementTree.fromstring(figures["pasts"].svg).itertext())
+    figure = make_figures(found, {"pasts": tables["pasts"]})["pasts"]
+    assert "the paper's" in " ".join(ElementTree.fromstring(figure.svg).itertext())
 
 
 def test_the_names_of_ends_say_what_differs_beside_the_hypotheses() -> None:
