@@ -1,6 +1,7 @@
 # make demo   the comparison of the paper on ten scenes of simulated traffic: no data needed, a minute or two
 # make test   lint, types, import rules and tests, which build the site too; DATA=folder or MTP_BENCH_DATA adds those on real recordings
 #             BESIDE=held adds, for root with bubblewrap, the tests of the gateway as an ordinary user
+# make lint   the same without tests, and pyright, which takes a minute alone: what users see in their editors
 # make docs   the site in site/: static, no server and no network needed; warnings are errors; DATA=folder or MTP_BENCH_DATA adds pictures of recordings
 # make pages  the board, RESULTS.md and the figures of the README, made anew from the records
 # All create .venv and install what they need the first time; PYTHON=python3.13 chooses another interpreter for it.
@@ -11,24 +12,24 @@ export MTP_BENCH_DATA := $(DATA)
 endif
 BIN := .venv/bin
 PYTHON ?= python3.11
-# compiled is what is imported, then: a quarter of it all
+# modules are compiled when they are first imported: most of them never are
 INSTALL := $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable
 unexport PYTHONDONTWRITEBYTECODE
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
 # the longest first and several at a time: each of them works on one core
-LINT := mypy pyright import-linter ruff
+CHECKS := mypy import-linter ruff
 
 PYTEST := pytest -q --numprocesses auto --dist loadfile --no-loadscope-reorder
 HELD := .pytest_cache/held.log
 
-.PHONY: demo test pytest held lint kernels $(LINT) docs pages clean
+.PHONY: demo test pytest held lint kernels $(CHECKS) pyright docs pages clean
 
 demo: .venv/installed
 	@$(BIN)/mtp-bench compare truth_past stp stp_same_budget mtp --env MTP-Intersection-v0 --scenes 10 --seeds 1
 
 test: .venv/installed-dev
-	@$(MAKE) --no-print-directory --jobs 3 kernels $(LINT)
+	@$(MAKE) --no-print-directory --jobs 3 kernels $(CHECKS)
 	@$(MAKE) --no-print-directory --jobs 2 pytest $(BESIDE)
 
 pytest:
@@ -44,7 +45,7 @@ held:
 	@echo '== pytest: the gateway, as an ordinary user'; tail -n 1 $(HELD)
 
 lint: .venv/installed-dev
-	@$(MAKE) --no-print-directory --jobs 2 $(LINT)
+	@$(MAKE) --no-print-directory --jobs 2 pyright $(CHECKS)
 
 ruff:
 	@echo '== ruff'

@@ -34,15 +34,14 @@ class Seen:
     def _any_within(self, distance: float, lag: int, by: Bools) -> Bools:
         from scipy.spatial import KDTree
 
+        # of their own frame the nearest one is itself
         if not by.any():
             return np.zeros(len(self.frame), dtype=bool)
         # frames far apart in the third coordinate, scenes farther
         here = np.column_stack([self.place, self._moment(lag)])
         there = np.column_stack([self.place, self._moment(0)])[by]
-        # in the same frame the nearest one of them is itself
-        rank = by.astype(np.int64) if lag == 0 else np.zeros(len(here), dtype=np.int64)
-        found = KDTree(there).query(here, k=[1, 2] if lag == 0 else [1], distance_upper_bound=distance)[0]
-        return np.asarray(np.isfinite(found[np.arange(len(here)), rank]))
+        nearest = np.isfinite(KDTree(there).query(here, k=2, distance_upper_bound=distance)[0])
+        return np.asarray(np.where(by, nearest[:, 1], nearest[:, 0]) if lag == 0 else nearest[:, 0])
 
     def _moment(self, lag: int) -> Floats:
         return 10.0 * (self.scene * (int(self.frame.max(initial=0)) + 20.0) + self.frame + lag)
