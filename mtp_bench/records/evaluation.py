@@ -13,7 +13,7 @@ from ..parallel import Workers, parallel_map
 from ..running.options import RunOptions
 from ..scoring import SUBSETS, AgentScores, Reference, SceneScore, score_scene, stated_hypotheses, summarise
 from ..scoring.rows import Row
-from ..scoring.table import AgentTable, agent_table
+from ..scoring.table import AgentTable
 from ..sources import open_source
 from ..sources.digest import scene_digest
 from ..types import Rollout
@@ -76,7 +76,8 @@ def evaluate(
         seeds=seeds,
         ideal=ideal,
     )
-    report, table = summarise([setting], card, reference), agent_table(setting, reference)
+    report = summarise([setting], card, reference)
+    (table,) = report.tables
     return Evaluation(
         rows=[_stored(row) for row in report.rows],
         silence=report.details[0].silence,

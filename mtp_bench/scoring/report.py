@@ -32,6 +32,7 @@ class Report:
     condition: dict[str, str] = field(
         default_factory=dict
     )  # source, split, detector, card digest, detections, truth, weights
+    tables: Sequence[AgentTable] = ()  # what the rows are made of, per agent
 
     def to_json(self, *further: str) -> dict[str, Any]:
         """The content of ``compare --json``: env, definitions, rows, and the ``further`` fields that are named."""
@@ -98,6 +99,7 @@ def summarise(
         ],
         details=[details(table, card) for table in tables],
         condition=_condition(tables, card, reference),
+        tables=tables,
     )
 
 

@@ -17,7 +17,7 @@ from ..scoring.report import paired_row
 from ..scoring.rows import Details, PairedRow, Row
 from ..scoring.statistics import bootstrap_interval, ratio
 from ..scoring.subsets import Subset
-from ..scoring.table import AgentTable, agent_table
+from ..scoring.table import AgentTable
 from ..types import Bools, Floats, Ints
 from .plan import Plan, Subject, key_of
 from .runs import Bench, Measured
@@ -57,10 +57,8 @@ class Findings:
     @cached_property
     def tables(self) -> dict[str, AgentTable]:
         """Targets of every setting with or without sampling, by `key_of`."""
-        return {
-            key_of(setting): agent_table(self._scores(setting), self.reference)
-            for setting in [*self.plan.equal, *self.plan.free]
-        }
+        keys = [key_of(setting) for setting in [*self.plan.equal, *self.plan.free]]
+        return dict(zip(keys, self.report.tables, strict=True))
 
     def table(self, setting: Setting) -> AgentTable:
         """The targets of a setting."""
