@@ -16,8 +16,10 @@ from ..errors import ShapeError
 from ..types import Bools, Floats, Ints, Task
 from .imm_noise import MODELS, ImmNoise, stored_imm_noise
 from .kalman import heading_frame, rotation
+from .noise_checks import require_classes, require_noise, require_past
 
 _MEAN = slice(9, 12)  # of the raw moments of a state: 3 x 3 second moments, then 3 means
+_AXES = {"measurement": (), "speed": (2,), "jerkiness": (MODELS, 2), "acceleration": (MODELS, 2), "stay": ()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,11 +135,16 @@ class ImmPredictor:
 
     ``noise``: None takes what was fitted to the task's detector. ``past``: frames of history to use, None for all that
     the task gives.
+
+    Raises ShapeError for noise that no motion can have, and at ``reset`` for noise of another number of classes.
     """
 
     def __init__(self, noise: ImmNoise | None = None, past: int | None = None) -> None:
-        if past is not None and past < 1:
-            raise ShapeError(f"past is {past}, expected 1 or more frames")
+        require_past(past)
+        if noise is not None:
+            require_noise(noise, _AXES, positive=("measurement", "speed"))
+            if not (noise.stay <= 1).all():
+                raise ShapeError(f"noise.stay holds {noise.stay.max()}, expected probabilities")
         self._given = noise
         self._past = past
 
@@ -145,10 +152,7 @@ class ImmPredictor:
         """Forget everything."""
         self._task = task
         self._noise = self._given or stored_imm_noise(task)
-        if len(self._noise.measurement) != len(task.classes):
-            raise ShapeError(
-                f"got noise of {len(self._noise.measurement)} classes, {task.env_id} has {len(task.classes)}"
-            )
+        require_classes(self._noise, task)
         tau = task.dt * np.arange(1, task.future + 1)
         self._powers = np.stack([np.ones_like(tau), tau, tau**2 / 2])  # [3, T]
         self._frame = 0

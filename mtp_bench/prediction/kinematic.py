@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from ..agent import Tracks
-from ..errors import ShapeError
-from ..shapes import require_finite, require_shape
 from ..tracking.kernels.compile import kernel
 from ..types import Floats, Ints, Task
 from .kalman import NoiseTable, Posterior, filtered, heading_frame
 from .motion_noise import stored_noise
+from .noise_checks import require_classes, require_noise, require_past
 
 _NUMBERS = 7  # standard normal numbers per sample: of the state 4, of the acceleration 2, and one that is not used:
 # with another number of them every sample that was ever drawn would be another
+_AXES = {"measurement": (), "jerkiness": (2,), "speed": (2,), "acceleration": (2,)}
 
 
 class KinematicPredictor:
@@ -26,10 +26,9 @@ class KinematicPredictor:
     """
 
     def __init__(self, noise: NoiseTable | None = None, past: int | None = None) -> None:
-        if past is not None and past < 1:
-            raise ShapeError(f"past is {past}, expected 1 or more frames")
+        require_past(past)
         if noise is not None:
-            _require_noise(noise)
+            require_noise(noise, _AXES, positive=("measurement", "speed"))
         self._given = noise
         self._past = past
 
@@ -37,10 +36,7 @@ class KinematicPredictor:
         """Forget everything."""
         self._task = task
         self._noise = self._given or stored_noise(task)
-        if len(self._noise.measurement) != len(task.classes):
-            raise ShapeError(
-                f"got noise of {len(self._noise.measurement)} classes, {task.env_id} has {len(task.classes)}"
-            )
+        require_classes(self._noise, task)
         self._tau = task.dt * np.arange(1, task.future + 1)
         self._frame = 0
 
@@ -71,17 +67,6 @@ class KinematicPredictor:
             rng = np.random.default_rng([self._task.seed, self._frame])
             self._normal = rng.standard_normal((draws, samples, _NUMBERS))
         return self._normal
-
-
-def _require_noise(noise: NoiseTable) -> None:
-    """Raise ShapeError unless the covariances of all states can be positive definite."""
-    classes = len(noise.measurement)
-    for name, values in vars(noise).items():
-        require_shape(f"noise.{name}", values, (classes,) if name == "measurement" else (classes, 2))
-        require_finite(f"noise.{name}", values)
-        positive = name in ("measurement", "speed")  # of these a place and a velocity begin with their variance
-        if not (values > 0 if positive else values >= 0).all():
-            raise ShapeError(f"noise.{name} holds {values.min()}, expected numbers {'above 0' if positive else '>= 0'}")
 
 
 def _table(tracks: Tracks, state: Posterior, noise: NoiseTable) -> Floats:

@@ -234,6 +234,27 @@ def test_no_stored_noise() -> None:
         stored_imm_noise(kitti_task(motion_noise="KITTI", classes=("pedestrain",)))
 
 
+NO_NOISE = {
+    "measurement": (0.0, "noise.measurement holds 0.0, expected numbers above 0"),
+    "speed": (0.0, "noise.speed holds 0.0, expected numbers above 0"),
+    "jerkiness": (-1.0, "noise.jerkiness holds -1.0, expected numbers >= 0"),
+    "acceleration": (np.nan, r"noise.acceleration\[0, 0, 0\] is nan, expected a finite number"),
+    "stay": (1.5, "noise.stay holds 1.5, expected probabilities"),
+}
+
+
+@pytest.mark.parametrize("name", NO_NOISE)
+def test_noise_that_no_motion_has_is_one_clear_error(name: str) -> None:
+    value, message = NO_NOISE[name]
+    with pytest.raises(ShapeError, match=message):
+        ImmPredictor(replace(NOISE, **{name: np.full_like(getattr(NOISE, name), value)}))
+
+
+def test_noise_of_another_form_is_one_clear_error() -> None:
+    with pytest.raises(ShapeError, match=r"noise.jerkiness has shape \(3, 2\), expected \(3, 3, 2\)"):
+        ImmPredictor(replace(NOISE, jerkiness=NOISE.speed))
+
+
 def test_noise_of_another_task() -> None:
     with pytest.raises(ShapeError, match="got noise of 3 classes, test has 1"):
         ImmPredictor(NOISE).reset(kitti_task(classes=("car",)))
