@@ -34,12 +34,12 @@ class Seen:
     def _any_within(self, distance: float, lag: int, by: Bools) -> Bools:
         from scipy.spatial import KDTree
 
-        # of their own frame the nearest one is itself
         if not by.any():
             return np.zeros(len(self.frame), dtype=bool)
         # frames far apart in the third coordinate, scenes farther
         here = np.column_stack([self.place, self._moment(lag)])
         there = np.column_stack([self.place, self._moment(0)])[by]
+        # two of each, for in its own frame the nearest one is itself
         nearest = np.isfinite(KDTree(there).query(here, k=2, distance_upper_bound=distance)[0])
         return np.asarray(np.where(by, nearest[:, 1], nearest[:, 0]) if lag == 0 else nearest[:, 0])
 
