@@ -102,8 +102,10 @@ def events_run(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) 
 
 @pytest.fixture(scope="session", autouse=True)
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Generated scenes of this session lie apart from the user's."""
-    folder = tmp_path_factory.mktemp("cache")
+    """What is made once lies apart from the user's, in one folder for all processes of this session."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base) / "cache"
+    folder.mkdir(exist_ok=True)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MTP_BENCH_CACHE", str(folder))
         yield folder

@@ -16,7 +16,7 @@ def data(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where nuScenes is kept in a cache of this test alone."""
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where nuScenes is kept, in a cache of this test alone."""
     monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path / "cache"))
     return tmp_path / "cache/nuscenes"

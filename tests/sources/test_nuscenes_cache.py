@@ -18,7 +18,7 @@ from mtp_bench.sources.nuscenes import folders
 from mtp_bench.sources.nuscenes.folders import file_hash
 from tests.support.nuscenes_root import VERSION, make_tables, nuscenes_card, scene, write_root, write_tables
 
-pytestmark = pytest.mark.usefixtures("cache")
+pytestmark = pytest.mark.usefixtures("own_cache")
 
 LONG_AGO = 10**18  # ns
 FILES = {"detections": "nuscenes/detections/megvii_all.json", "tables": f"nuscenes/{VERSION}/sample_annotation.json"}
@@ -30,9 +30,9 @@ def settled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(folders, "_SETTLED", -1)
 
 
-def stored_scene(cache: Path, kind: str) -> Path:
+def stored_scene(own_cache: Path, kind: str) -> Path:
     """The copy of a scene of the tables or of the detections."""
-    tables, detections = sorted(cache.rglob("scene-0003.npz"), key=lambda path: len(path.parent.name))
+    tables, detections = sorted(own_cache.rglob("scene-0003.npz"), key=lambda path: len(path.parent.name))
     return tables if kind == "tables" else detections
 
 
@@ -94,9 +94,9 @@ EDITS: dict[str, Callable[[dict[str, Any]], object]] = {
 
 
 @pytest.mark.parametrize("change", EDITS.values(), ids=EDITS)
-def test_an_edited_index_is_not_believed(data: Path, cache: Path, change: Callable[[dict[str, Any]], None]) -> None:
+def test_an_edited_index_is_not_believed(data: Path, own_cache: Path, change: Callable[[dict[str, Any]], None]) -> None:
     first = scene(data)
-    indices = sorted(path for path in cache.rglob("index.json"))
+    indices = sorted(path for path in own_cache.rglob("index.json"))
     assert len(indices) == 2  # of the tables and the detections
     content = [path.read_text() for path in indices]
     for path in indices:
@@ -108,17 +108,17 @@ def test_an_edited_index_is_not_believed(data: Path, cache: Path, change: Callab
 
 
 @pytest.mark.parametrize("content", ["{", "[" * 100_000, '{"scenes": ' + "9" * 5000 + "}", "[]", "{}"])
-def test_an_index_that_cannot_be_read(data: Path, cache: Path, content: str) -> None:
+def test_an_index_that_cannot_be_read(data: Path, own_cache: Path, content: str) -> None:
     first = scene(data)
-    for path in cache.rglob("index.json"):
+    for path in own_cache.rglob("index.json"):
         path.write_text(content)
     np.testing.assert_array_equal(scene(data).detections.box, first.detections.box)
 
 
 @pytest.mark.parametrize("content", [b"", b"no archive", None, {}], ids=["empty", "other", "gone", "edited"])
 @pytest.mark.parametrize("kind", FILES)
-def test_a_broken_file_of_the_cache_is_built_again(data: Path, cache: Path, kind: str, content: Any) -> None:
-    first, source, broken = scene(data), open_source(nuscenes_card(), data), stored_scene(cache, kind)
+def test_a_broken_file_of_the_cache_is_built_again(data: Path, own_cache: Path, kind: str, content: Any) -> None:
+    first, source, broken = scene(data), open_source(nuscenes_card(), data), stored_scene(own_cache, kind)
     if content is None:
         broken.unlink()
     elif isinstance(content, bytes):
@@ -130,14 +130,14 @@ def test_a_broken_file_of_the_cache_is_built_again(data: Path, cache: Path, kind
     for again in (source.load("scene-0003"), scene(data)):
         np.testing.assert_array_equal(again.truth.box, first.truth.box)
         np.testing.assert_array_equal(again.detections.box, first.detections.box)
-    assert not list(cache.rglob("*.part"))
+    assert not list(own_cache.rglob("*.part"))
 
 
 @pytest.mark.parametrize("kind", FILES)
-def test_a_broken_file_is_not_built_from_other_sources(data: Path, cache: Path, kind: str) -> None:
+def test_a_broken_file_is_not_built_from_other_sources(data: Path, own_cache: Path, kind: str) -> None:
     """The folder is named by the tables as they were; those of today belong in another one."""
     source = open_source(nuscenes_card(), data)
-    broken = stored_scene(cache, kind)
+    broken = stored_scene(own_cache, kind)
     broken.write_bytes(b"")
     (data / FILES[kind]).write_text((data / FILES[kind]).read_text().replace("10.0", "77.0"))
     what = "the tables of v1.0-mini" if kind == "tables" else r".*megvii_all\.json"
@@ -147,9 +147,9 @@ def test_a_broken_file_is_not_built_from_other_sources(data: Path, cache: Path, 
     assert 77 in np.concatenate([scene(data).truth.box[:, 0], scene(data).detections.box[:, 0]])
 
 
-def test_a_table_that_vanishes(data: Path, cache: Path) -> None:
+def test_a_table_that_vanishes(data: Path, own_cache: Path) -> None:
     source = open_source(nuscenes_card(), data)
-    for path in cache.rglob("scene-0003.npz"):
+    for path in own_cache.rglob("scene-0003.npz"):
         path.unlink()
     (data / FILES["tables"]).unlink()
     with pytest.raises(DataError, match=r"sample_annotation\.json cannot be read: No such file"):

@@ -64,9 +64,9 @@ def test_without_images_no_table_is_read(data: Path) -> None:
     assert not notes
 
 
-def test_the_tables_are_read_once(seen: Path, cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_tables_are_read_once(seen: Path, own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     images(seen)
-    assert len(list(cache.glob("*-cameras*/*.npz"))) == 3
+    assert len(list(own_cache.glob("*-cameras*/*.npz"))) == 3
 
     def refuse(*_: object) -> None:
         raise AssertionError("they are in the cache")

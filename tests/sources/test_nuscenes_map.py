@@ -75,9 +75,9 @@ def test_borders_follow_the_polygon() -> None:
         np.testing.assert_allclose(right[:, 1], -1.0)
 
 
-def test_the_map_is_read_once(mapped: Path, cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_map_is_read_once(mapped: Path, own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first = drawn(mapped)
-    assert len(list(cache.glob("maps/*.npz"))) == 1
+    assert len(list(own_cache.glob("maps/*.npz"))) == 1
     path = write_map(mapped / "nuscenes", LOCATION, make_map((0.0, 1.0, np.pi / 2)))
     np.testing.assert_allclose(drawn(mapped)[0].center, first[0].center + np.array([0.0, 1.0]), atol=1e-9)
     assert path.is_file()
@@ -89,9 +89,9 @@ def test_the_map_is_read_once(mapped: Path, cache: Path, monkeypatch: pytest.Mon
     assert len(drawn(mapped)) == 3
 
 
-def test_a_cache_that_cannot_be_written_is_no_obstacle(mapped: Path, cache: Path) -> None:
+def test_a_cache_that_cannot_be_written_is_no_obstacle(mapped: Path, own_cache: Path) -> None:
     scene(mapped)
-    (cache / "maps").write_text("")
+    (own_cache / "maps").write_text("")
     assert len(drawn(mapped)) == 3
 
 
@@ -186,7 +186,7 @@ def test_the_status_says_whether_it_is_there(mapped: Path) -> None:
 
 
 @pytest.mark.data
-def test_the_road_lies_around_the_way_of_a_real_ego(data_root: Path, tmp_path: Path, cache: Path) -> None:
+def test_the_road_lies_around_the_way_of_a_real_ego(data_root: Path, tmp_path: Path, own_cache: Path) -> None:
     data, card = link_root(tmp_path / "root", data_root), load_card("MTP-nuScenes-mini-v0")
     (real,) = load_scenes(card, data, ["scene-0655"])
     assert with_map(real, card, data).lanes == ()

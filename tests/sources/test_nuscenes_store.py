@@ -27,12 +27,12 @@ from tests.support.nuscenes_root import (
 )
 
 
-def test_the_cache_is_used_until_a_file_changes(data: Path, cache: Path) -> None:
+def test_the_cache_is_used_until_a_file_changes(data: Path, own_cache: Path) -> None:
     first = scene(data)
-    made = {path: path.stat().st_ino for path in cache.rglob("*.npz")}
+    made = {path: path.stat().st_ino for path in own_cache.rglob("*.npz")}
     assert len(made) == 7  # three scenes and the tokens of all samples; detections of three scenes
     np.testing.assert_array_equal(scene(data).truth.box, first.truth.box)
-    assert {path: path.stat().st_ino for path in cache.rglob("*.npz")} == made
+    assert {path: path.stat().st_ino for path in own_cache.rglob("*.npz")} == made
 
     tables = make_tables()
     tables["sample_annotation"][0]["translation"] = [11.0, 0.0, 1.0]
@@ -44,7 +44,7 @@ def test_the_cache_is_used_until_a_file_changes(data: Path, cache: Path) -> None
     assert scene(data).detections.box[0, 0] == 12
     write_json(data / PREDICTION, make_targets(SCENES[:1]))
     assert open_source(nuscenes_card(truth="targets"), data).names == ("scene-0301",)
-    assert not list(cache.rglob("*.part"))
+    assert not list(own_cache.rglob("*.part"))
 
 
 def test_a_cache_that_cannot_be_written(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -54,22 +54,22 @@ def test_a_cache_that_cannot_be_written(data: Path, tmp_path: Path, monkeypatch:
         open_source(nuscenes_card(), data)
 
 
-def test_many_may_build_at_once(data: Path, cache: Path) -> None:
+def test_many_may_build_at_once(data: Path, own_cache: Path) -> None:
     with ThreadPoolExecutor(8) as pool:
         boxes = list(pool.map(lambda _: scene(data).detections.box, range(8)))
     for box in boxes:
         np.testing.assert_array_equal(box, boxes[0])
-    assert len(list(cache.rglob("*.npz"))) == 7
-    assert not list(cache.rglob("*.part"))
+    assert len(list(own_cache.rglob("*.npz"))) == 7
+    assert not list(own_cache.rglob("*.part"))
 
 
-def test_the_cache_names_no_folder_of_the_machine(data: Path, cache: Path) -> None:
+def test_the_cache_names_no_folder_of_the_machine(data: Path, own_cache: Path) -> None:
     scene(data)
-    for path in (path for path in cache.rglob("*") if path.is_file() and path.parent.name != "stamps"):
+    for path in (path for path in own_cache.rglob("*") if path.is_file() and path.parent.name != "stamps"):
         assert str(data).encode() not in path.read_bytes()
 
 
-def test_prepare_tells_its_pieces(data: Path, cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_prepare_tells_its_pieces(data: Path, own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     totals: list[int] = []
     names: list[str] = []
     prepare(nuscenes_card(), data, started=totals.append, progress=names.append)
