@@ -7,7 +7,7 @@ import numpy as np
 from ...types import Bools, Floats
 from ..chains import at_period, stationary, two_state
 from ..sight import Sight, features
-from .draws import Grid, Kind, stream
+from .draws import Grid, Kind, Streams
 
 
 def undetected(grid: Grid, sight: Sight, covered: Bools, seed: int) -> Bools:
@@ -15,7 +15,7 @@ def undetected(grid: Grid, sight: Sight, covered: Bools, seed: int) -> Bools:
 
     An object is seen for the first time in its first covered frame, and again after any frame without it.
     """
-    uniform = stream(seed, Kind.UNDETECTED).random(grid.shape)
+    uniform = Streams(seed).of(Kind.UNDETECTED).random(grid.shape)
     present = np.zeros(grid.shape, dtype=bool)
     present[grid.frame, grid.column] = covered
     begins = present.copy()
