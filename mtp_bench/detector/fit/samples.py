@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import TypeVar
 
 import numpy as np
 
 from ...errors import DataError
 from ...geometry import center_distance, wrap_angle
 from ...types import Bools, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
+from ..rows import joined
 from ..sight import Sensor, covered, polar, sight, within
 from ..sight import features as features_of
 
@@ -70,7 +70,6 @@ class FalsePositiveSamples:
 
 
 Samples = tuple[ObjectSamples, FalsePositiveSamples]
-RecordT = TypeVar("RecordT", ObjectSamples, FalsePositiveSamples)
 
 
 def collect(
@@ -94,7 +93,9 @@ def collect(
         found = at_floor(scene.detections, classes, floor)
         matches = match(scene.truth, found, classes)
         known, number = np.unique(scene.truth.object_id, return_inverse=True)
-        seen = _features(scene, sensor, features)
+        seen = np.zeros((len(number), 6))
+        if features:
+            seen = features_of(sight(scene.truth, scene.ego, sensor, scene.visible))
         every = _objects(scene, found, matches.detection, objects + number, seen, number_of_scene)
         inside = covered(scene.truth, scene.ego, sensor) & ~scene.truth.neutral
         for name, samples in parts.items():
@@ -106,13 +107,7 @@ def collect(
         objects += len(known)
     if not any(parts.values()):
         raise DataError("no scenes to compare detections with true boxes in, expected at least one")
-    return {name: (_joined([a for a, _ in part]), _joined([b for _, b in part])) for name, part in parts.items()}
-
-
-def _features(scene: Scene, sensor: Sensor, wanted: bool) -> Floats:
-    if not wanted:
-        return np.zeros((len(scene.truth.box), 6))
-    return features_of(sight(scene.truth, scene.ego, sensor, scene.visible))
+    return {name: (joined([a for a, _ in part]), joined([b for _, b in part])) for name, part in parts.items()}
 
 
 def _objects(
@@ -199,12 +194,6 @@ def _parents(
 
 def _selected(record: ObjectSamples, row: Ints) -> ObjectSamples:
     return ObjectSamples(**{one.name: getattr(record, one.name)[row] for one in fields(record)})
-
-
-def _joined(parts: Sequence[RecordT]) -> RecordT:
-    """One record of several, end to end."""
-    columns = {one.name: np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(parts[0])}
-    return type(parts[0])(**columns)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from ..surroundings import Surroundings, spread_sides
 from .draws import Draws, Grid, Kind, Part, Whose, keys_of
 from .profile import SLOTS, ClassNoise, NearGhosts
 from .quality import Qualities, place_by_rank, score_by_rank, seen_rank
-from .reports import Ghosts, report
+from .reports import report
 from .skewed import exponential, with_exponential
 
 BESIDE = 0.75, 1.5  # m from the object's centre: what is nearer, or farther, has its class more or less often
@@ -41,7 +41,7 @@ def near_ghosts(grid: Grid, around: Surroundings, found: Qualities, alike: Seque
     slots, row = slots.of_these(reported), row[reported]
     box = _boxes(slots, around.truth.box[row], offset[reported], draws)
     velocity = around.truth.velocity[row]
-    return report(Ghosts(slots, slots.frame, box, velocity, class_id[reported], score[reported]), around, draws)
+    return report(slots, Rows(slots.frame, box, velocity, class_id[reported], score[reported]), around, draws)
 
 
 def _law(noise: ClassNoise) -> NearGhosts:

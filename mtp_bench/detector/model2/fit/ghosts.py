@@ -9,7 +9,7 @@ import numpy as np
 
 from ....types import Floats, Scene
 from ...fit.samples import FalsePositiveSamples
-from ...rows import Rows
+from ...rows import Rows, joined
 from ...sight import Sensor, Sight, covered, sight
 from ...surroundings import Surroundings
 from ..draws import Draws, grid_of, neighbours_in
@@ -124,8 +124,7 @@ class _Fit:
         profile = self.profile.model_copy(update={"classes": {**classes, self.own: noise}})
         made = []
         for seed in range(_SEEDS):
-            parts = [self._scene(profile, stage, i, seed) for i, stage in enumerate(self.stages)]
-            seen = Seen(*(np.concatenate([getattr(p, n) for p in parts]) for n in Seen.__dataclass_fields__))
+            seen = joined([self._scene(profile, stage, i, seed) for i, stage in enumerate(self.stages)])
             made.append(np.append(figures(seen, self.frames, self.high), seen.near.sum() / self.frames))
         return np.asarray(np.mean(made, axis=0))
 
@@ -145,9 +144,8 @@ class _Fit:
         labels = labels_in(truth, self.classes, profile, self.own)
         if labels is not None:
             rows.append(free_ghosts(profile.classes[self.own], labels, stage.around, 0, 1000 * seed + number))
-        found = Rows(*(np.concatenate([getattr(one, n) for one in rows]) for n in Rows.__dataclass_fields__))
         score = np.where(known.reported, known.score, -np.inf)
-        return self._seen(found, stage, score, number)
+        return self._seen(joined(rows), stage, score, number)
 
     def _seen(self, found: Rows, stage: _Stage, score: Floats, number: int) -> Seen:
         truth = stage.around.truth
