@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from ..types import Detections, Floats, Ints, starts_of
 
-RecordT = TypeVar("RecordT", bound=Any)
+RecordT = TypeVar("RecordT")
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Rows:
 
 def joined(parts: Sequence[RecordT]) -> RecordT:
     """One record of several of the same class, at least one: their arrays end to end."""
-    columns = {one.name: np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(parts[0])}
+    columns = {one.name: np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(parts[0])}  # type: ignore[arg-type]
     return type(parts[0])(**columns)
 
 
