@@ -13,7 +13,7 @@ from ..rows import Rows
 from ..surroundings import Surroundings, spread_sides
 from .draws import Draws, Grid, Kind, Part, Whose, keys_of
 from .profile import SLOTS, ClassNoise, NearGhosts
-from .quality import Qualities, place_by_rank, score_by_rank, seen_rank
+from .quality import Qualities, score_by_rank, seen_rank
 from .reports import report
 from .skewed import exponential, with_exponential
 
@@ -83,7 +83,8 @@ def _offsets(slots: Grid, draws: Draws) -> Floats:
     """Distances from the objects' centres ``[R]`` m."""
     offset = draws.uniform(Kind.PLACE, Part.BIAS, slots.of_ids)[slots.column]
     for noise, rows in slots.by_noise():
-        offset[rows] = place_by_rank(offset[rows], _law(noise).offset)
+        quantile = _law(noise).offset
+        offset[rows] = np.interp(offset[rows], np.linspace(0.0, 1.0, len(quantile)), quantile)
     return offset
 
 
