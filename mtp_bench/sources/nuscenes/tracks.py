@@ -13,6 +13,7 @@ from ...cards import Card
 from ...errors import DataError
 from ...types import Floats, Scene, StoredTracks
 from ..base import DataRoot, ReadTracks, TrackForm, class_ids
+from ..text import refuse, repeated
 from ..tracks.building import FEWER, stored_tracks
 from .classes import CLASSES
 from .detection_file import TRACKING, DetectedBoxes, read_detections
@@ -49,12 +50,12 @@ def scene_tracks(file: _File, path: Path, scene: Scene, first: int, classes: Seq
     found = stored_tracks(
         scene.frames, frame, boxes.identity[row], class_id, boxes.box[row], boxes.score[row], boxes.velocity[row]
     )
-    _, count = np.unique(np.stack([found.frame_of_rows, found.object_id]), axis=1, return_counts=True)
-    if (count > 1).any():
-        _, place = np.unique(np.stack([found.frame_of_rows, found.object_id]), axis=1, return_index=True)
-        twice = int(np.setdiff1d(np.arange(len(row)), place)[0])
-        token, name = file.samples[first + int(frame[twice])], boxes.identity[row[twice]]
-        raise DataError(f"{path}, sample {token!r}: a second box of tracking_id {str(name)!r}, expected one")
+
+    def what(at: int) -> str:
+        token, name = file.samples[first + int(frame[at])], str(boxes.identity[row[at]])
+        return f"{path}, sample {token!r}: a second box of tracking_id {name!r}, expected one"
+
+    refuse(repeated(found.frame_of_rows, found.object_id), what)
     return found
 
 
