@@ -210,9 +210,7 @@ def _said(text: NDArray[Any] | None, where: str) -> dict[str, Any]:
         said = json.loads(str(text))
     except (ValueError, RecursionError):
         said = None
-    if not isinstance(said, dict) or not all(
-        name in SAID and type(value) is SAID[name] for name, value in said.items()
-    ):
+    if not isinstance(said, dict) or any(type(value) is not SAID.get(name) for name, value in said.items()):
         raise DataError(f"{where}, array 'said': expected JSON with some of {', '.join(SAID)}")
     counts = said.get("skipped", {}).values()
     if not all(type(count) is int for count in counts):

@@ -16,7 +16,7 @@ from ..base import DataRoot, ReadTracks, TrackForm, class_ids
 from ..text import refuse, repeated
 from ..tracks.building import FEWER, stored_tracks
 from .classes import CLASSES
-from .detection_file import TRACKING, DetectedBoxes, read_detections
+from .detection_file import TRACKING, DetectedBoxes, no_match, read_detections
 from .json_stream import unwatched
 from .source import NuScenes
 from .store import SAMPLES, TableStore
@@ -95,11 +95,7 @@ def _read(path: Path, tables: TableStore) -> _File:
         tokens = [str(token) for token in tables.arrays(SAMPLES)["token"]]
         boxes = read_detections(path, {token: at for at, token in enumerate(tokens)}, unwatched, TRACKING)
         if not len(boxes.covered):
-            example = f" (for example {boxes.example!r})" if boxes.example else ""
-            raise DataError(
-                f"{path}: none of its {boxes.samples} sample tokens{example} is in sample.json of "
-                f"{tables.tables.version}; expected tracks of these scenes"
-            )
+            raise DataError(no_match(path, boxes.samples, boxes.example, tables.tables.version, "tracks"))
         _kept.clear()
         _kept[key] = _File(boxes, tokens)
     return _kept[key]
