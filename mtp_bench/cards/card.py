@@ -284,8 +284,7 @@ def check_detector(card: Card, where: str) -> None:
             'take stored detections, or a card with truth = "all"'
         )
     if card.detector is None:
-        if card.source.traits.without_detections:
-            what = card.source.traits.without_detections
+        if what := card.source.traits.without_detections:
             raise CardError(f"{where}: {what} has no detections: a [detector] section is missing")
         return
     try:

@@ -40,7 +40,8 @@ def decayed(correlation: Floats, steps: float) -> Floats:
 def two_state(chance: tuple[Floats, Floats, Floats], begins: Bools, uniform: Floats) -> Bools:
     """Runs of a two-state chain for many objects at once ``[F, J]``.
 
-    ``chance`` of "yes" where the chain begins, after a "no" and after a "yes", and ``uniform`` in [0, 1): ``[F, J]``.
+    ``chance`` of "yes" where the chain begins, after a "no" and after a "yes", ``[F, J]`` or ``[J]``; ``uniform`` in
+    [0, 1): ``[F, J]``.
     """
     first, after_no, after_yes = chance
     yes_after_no = uniform < np.where(begins, first, after_no)

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import TypeVar
 
 import numpy as np
 
 from ..types import Detections, Floats, Ints, starts_of
+
+RecordT = TypeVar("RecordT")
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,10 +30,15 @@ class Rows:
         return cls(no_ints, np.zeros((0, 7)), np.zeros((0, 2)), no_ints, np.zeros(0))
 
 
+def joined(parts: Sequence[RecordT]) -> RecordT:
+    """One record of several of the same class, at least one: their arrays end to end."""
+    columns = {one.name: np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(parts[0])}  # type: ignore[arg-type]
+    return type(parts[0])(**columns)
+
+
 def in_order(parts: Sequence[Rows], frames: int) -> Detections:
     """All parts by frame; within a frame by descending score, then by x: the order does not tell what a row is."""
-    columns = [np.concatenate([getattr(part, column.name) for part in parts]) for column in fields(Rows)]
-    frame, box, velocity, class_id, score = columns
-    order = np.lexsort((box[:, 0], -score, frame))
-    start = starts_of(np.bincount(frame, minlength=frames))
-    return Detections(start, box[order], velocity[order], class_id[order], score[order])
+    rows = joined(parts)
+    order = np.lexsort((rows.box[:, 0], -rows.score, rows.frame))
+    start = starts_of(np.bincount(rows.frame, minlength=frames))
+    return Detections(start, rows.box[order], rows.velocity[order], rows.class_id[order], rows.score[order])

@@ -85,12 +85,13 @@ class Labels:
 
 
 def labels_of(
-    truth: Truth, classes: Sequence[str], having: Sequence[int], own: str, size: Sequence[float]
+    truth: Truth, classes: Sequence[str], noise_names: Sequence[str], own: str, size: Sequence[float]
 ) -> Labels | None:
-    """The classes ``having`` the noise of ``own``, by their number of true boxes in the scene.
+    """The ``classes`` with the noise of ``own``, by their number of true boxes in the scene; names of noise per class.
 
-    Where it has none: the class ``own``, or the first of ``having``, with ``size``; None where no class has the noise.
+    Where it has none: the class ``own``, or the first with its noise, with ``size``; None where no class has the noise.
     """
+    having = [class_id for class_id, name in enumerate(noise_names) if name == own]
     if not having:
         return None
     boxes = np.bincount(truth.class_id, minlength=len(classes))

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 
 from ..cards import Card, load_card
 from ..errors import DataError, MtpBenchError, UnknownNameError
 from ..types import Scene
-from .base import Preparation, SourcePackage
+from .base import ChangedScenes, Preparation, SourcePackage
 from .base import SceneSource as SceneSource
 from .dataset import DataCheck as DataCheck
 from .dataset import Dataset as Dataset
 from .dataset import DataStatus as DataStatus
 from .images import CameraImage as CameraImage
-from .simulated import SimulatedDetections as SimulatedDetections
 from .simulated import detected as detected
-from .tracks import TrackedScenes as TrackedScenes
 from .tracks import find_tracks
 
 
@@ -29,7 +28,7 @@ def open_source(card: Card, data: str | Path | None = None) -> SceneSource:
     Raises DataError when the root, a folder or the card's detector is missing.
     """
     source = _package(card).open(card, data)
-    return source if card.detector is None else SimulatedDetections(source, card)
+    return source if card.detector is None else ChangedScenes(source, partial(detected, card=card))
 
 
 def with_tracks(source: SceneSource, card: Card, data: str | Path | None, path: str | Path) -> SceneSource:
@@ -37,7 +36,8 @@ def with_tracks(source: SceneSource, card: Card, data: str | Path | None, path: 
 
     ``card`` and ``data``: what ``source`` was opened with. Raises DataError where ``path`` holds no tracks for it.
     """
-    return TrackedScenes(source, find_tracks(_package(card), card, data, path))
+    read = find_tracks(_package(card), card, data, path)
+    return ChangedScenes(source, lambda scene: replace(scene, tracks=read(scene)))
 
 
 def load_scenes(

@@ -33,6 +33,23 @@ class SceneSource(Protocol):
 
 
 @dataclass(frozen=True)
+class ChangedScenes:
+    """The scenes of another source, each with something in it changed when it is read."""
+
+    source: SceneSource
+    change: Callable[[Scene], Scene]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the scenes, as in the source."""
+        return self.source.names
+
+    def load(self, name: str) -> Scene:
+        """Read one scene and change it."""
+        return self.change(self.source.load(name))
+
+
+@dataclass(frozen=True)
 class Preparation:
     """How to do what is done once per machine."""
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
 from ..geometry import rotate, transform_boxes
-from ..types import Detections, Floats, Scene
+from ..types import Detections, Floats, Scene, Truth
+
+RowsT = TypeVar("RowsT", Truth, Detections)
 
 
 def in_world(scene: Scene) -> Scene:
@@ -15,25 +18,10 @@ def in_world(scene: Scene) -> Scene:
 
     Else the scene as it is. Boxes turn about z alone and stay upright; velocities are turned, not made anew.
     """
-    world, truth, seen = scene.world, scene.truth, scene.detections
-    if world is None:
+    if scene.world is None:
         return scene
-    pose, place = world[truth.frame_of_rows], world[seen.frame_of_rows]
-    return replace(
-        scene,
-        ego=world,
-        world=None,
-        truth=replace(
-            truth,
-            box=transform_boxes(truth.box, pose[:, 3], pose[:, :3]),
-            velocity=rotate(truth.velocity, pose[:, 3]),
-        ),
-        detections=replace(
-            seen,
-            box=transform_boxes(seen.box, place[:, 3], place[:, :3]),
-            velocity=rotate(seen.velocity, place[:, 3]),
-        ),
-    )
+    truth, detections = _moved(scene.truth, scene.world), _moved(scene.detections, scene.world)
+    return replace(scene, ego=scene.world, world=None, truth=truth, detections=detections)
 
 
 def in_frames(seen: Detections, world: Floats, time: Floats) -> Detections:
@@ -49,6 +37,13 @@ def in_frames(seen: Detections, world: Floats, time: Floats) -> Detections:
     back = np.concatenate([seen.box[:, :2] - passed * seen.velocity, seen.box[:, 2:]], axis=1)
     velocity = (box[:, :2] - _placed(back, world[before])[:, :2]) / passed
     return replace(seen, box=box, velocity=velocity)
+
+
+def _moved(rows: RowsT, world: Floats) -> RowsT:
+    """Rows in the frames ``world`` ``[F, 4]``, brought to the world."""
+    pose = world[rows.frame_of_rows]
+    box = transform_boxes(rows.box, pose[:, 3], pose[:, :3])
+    return replace(rows, box=box, velocity=rotate(rows.velocity, pose[:, 3]))
 
 
 def _placed(box: Floats, pose: Floats) -> Floats:

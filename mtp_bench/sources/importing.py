@@ -159,13 +159,12 @@ def _image(
     text: KittiText, name: str, labels: Labels, frames: Frames, classes: tuple[str, ...], skipped: dict[str, int]
 ) -> ImageField | None:
     """What the image can confirm, as of KITTI's own scenes; None without one of its cameras and where that was."""
-    row = frames.select(labels.frame, labels.type == "DontCare")
+    region, start = frames.regions(labels)
     path = text.calib / f"{name}.txt" if text.calib is not None and text.image else None
     if path is not None and frames.poses is not None and known_camera(path):
-        region, start = labels.image_box[row], frames.starts(labels.frame[row])
         return image_field(path, frames.poses, True, region, start, classes)
-    if len(row):
-        skipped["truth of type 'DontCare', which needs --oxts, --calib of a camera of KITTI and NPZ"] = len(row)
+    if len(region):
+        skipped["truth of type 'DontCare', which needs --oxts, --calib of a camera of KITTI and NPZ"] = len(region)
     return None
 
 

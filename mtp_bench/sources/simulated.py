@@ -8,29 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from ..cards import Card
-from ..detector import Profile, Profile1
 from ..types import Scene
-from .base import SceneSource
 from .frames import in_frames, in_world
 from .motion import looking_back
 from .people import as_places, extent
-
-
-class SimulatedDetections:
-    """The scenes of another source, seen by the detector of the card where they have no stored detections."""
-
-    def __init__(self, source: SceneSource, card: Card) -> None:
-        self.card = card
-        self._source = source
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the scenes, as in the source."""
-        return self._source.names
-
-    def load(self, name: str) -> Scene:
-        """Read one scene and detect it; the same noise every time."""
-        return detected(self._source.load(name), self.card)
 
 
 def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
@@ -76,12 +57,8 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
         seen = in_frames(seen, scene.world, scene.time)
     if card.source.traits.places_only:
         seen = as_places(seen)
-    label = _label(noise)
+    label = f"{noise.name}, simulated detections"
     return replace(scene, truth=truth, detections=seen, detector=label, simulated=True, skipped={}, visible=visible)
-
-
-def _label(noise: Profile | Profile1) -> str:
-    return f"{noise.name}, simulated detections"
 
 
 def _seed(seed: int, name: str) -> int:

@@ -34,17 +34,17 @@ class Table:
 
     def refuse(self, bad: Bools, what: str | Callable[[int], str]) -> None:
         """Raise DataError for the first row where ``bad``; ``what`` is wrong may depend on the row."""
-        if bad.any():
-            at = int(np.argmax(bad))
-            raise DataError(f"{self.path}, line {self.line[at]}: {what if isinstance(what, str) else what(at)}")
+        refuse(bad, lambda at: f"{self.path}, line {self.line[at]}: {what if isinstance(what, str) else what(at)}")
 
     def refuse_not_finite(self, first: int | None = None) -> None:
         """Raise DataError for NaN, infinity or a number beyond `LIMIT` in the ``first`` columns, or in all."""
         bad = ~(np.abs(self.value[:, :first]) <= LIMIT)
-        if bad.any():
-            at, place = (int(index) for index in np.argwhere(bad)[0])
-            got = f"{self.columns[place]} is {self.value[at, place]:g}"
-            raise DataError(f"{self.path}, line {self.line[at]}: {got}, expected a finite number up to {LIMIT:g}")
+
+        def what(at: int) -> str:
+            place = int(np.argmax(bad[at]))
+            return f"{self.columns[place]} is {self.value[at, place]:g}, expected a finite number up to {LIMIT:g}"
+
+        self.refuse(np.asarray(bad.any(axis=1)), what)
 
     def refuse_degrees(self, column: str, rows: Bools | None = None) -> None:
         """Raise DataError for an angle of some turns, in all ``rows`` or in these: it is in degrees."""
@@ -62,11 +62,23 @@ class Table:
 
     def refuse_second_box(self, frame: Ints, object_id: Ints, row: Ints) -> None:
         """Raise DataError where, among the rows ``row``, an object has two boxes in a frame."""
-        order = row[np.lexsort((row, frame[row], object_id[row]))]
-        first, second = order[:-1], order[1:]
         twice = np.zeros(len(frame), dtype=bool)
-        twice[second] = (frame[first] == frame[second]) & (object_id[first] == object_id[second])
+        twice[row] = repeated(frame[row], object_id[row])
         self.refuse(twice, lambda at: f"a second box of object {object_id[at]} in frame {frame[at]}")
+
+
+def refuse(bad: Bools, what: Callable[[int], str]) -> None:
+    """Raise DataError, which says ``what`` is wrong, for the first row where ``bad``."""
+    if bad.any():
+        raise DataError(what(int(np.argmax(bad))))
+
+
+def repeated(*keys: NDArray[Any]) -> Bools:
+    """Which rows have all the ``keys`` ``[R]`` of an earlier row."""
+    order = np.lexsort(keys)  # rows that are alike stay in their order
+    again = np.zeros(len(order), dtype=bool)
+    again[order[1:]] = np.all([key[order[1:]] == key[order[:-1]] for key in keys], axis=0)
+    return again
 
 
 def read_text(path: Path) -> str:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import TypeVar
 
 import numpy as np
 
 from ...errors import DataError
 from ...geometry import center_distance, wrap_angle
 from ...types import Bools, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
+from ..rows import joined
 from ..sight import Sensor, covered, polar, sight, within
 from ..sight import features as features_of
 
@@ -70,7 +70,6 @@ class FalsePositiveSamples:
 
 
 Samples = tuple[ObjectSamples, FalsePositiveSamples]
-RecordT = TypeVar("RecordT", ObjectSamples, FalsePositiveSamples)
 
 
 def collect(
@@ -94,7 +93,9 @@ def collect(
         found = at_floor(scene.detections, classes, floor)
         matches = match(scene.truth, found, classes)
         known, number = np.unique(scene.truth.object_id, return_inverse=True)
-        seen = _features(scene, sensor, features)
+        seen: Floats = np.zeros((len(number), 6))
+        if features:
+            seen = features_of(sight(scene.truth, scene.ego, sensor, scene.visible))
         every = _objects(scene, found, matches.detection, objects + number, seen, number_of_scene)
         inside = covered(scene.truth, scene.ego, sensor) & ~scene.truth.neutral
         for name, samples in parts.items():
@@ -106,13 +107,7 @@ def collect(
         objects += len(known)
     if not any(parts.values()):
         raise DataError("no scenes to compare detections with true boxes in, expected at least one")
-    return {name: (_joined([a for a, _ in part]), _joined([b for _, b in part])) for name, part in parts.items()}
-
-
-def _features(scene: Scene, sensor: Sensor, wanted: bool) -> Floats:
-    if not wanted:
-        return np.zeros((len(scene.truth.box), 6))
-    return features_of(sight(scene.truth, scene.ego, sensor, scene.visible))
+    return {name: (joined([a for a, _ in part]), joined([b for _, b in part])) for name, part in parts.items()}
 
 
 def _objects(
@@ -179,32 +174,31 @@ def _parents(
     scene: Scene, detections: Detections, matches: Matches, row: Ints, class_ids: Sequence[int]
 ) -> tuple[Floats, Bools, Floats]:
     """Of detections ``row``: distance to the nearest true box of the classes, whether of its class, its score."""
-    beside, of_class, parent = np.full(len(row), np.inf), np.zeros(len(row), bool), np.full(len(row), np.nan)
-    truth, detection = scene.truth, matches.detection
-    own = np.isin(truth.class_id, class_ids)
-    frame = detections.frame_of_rows[row]
+    truth, frame = scene.truth, detections.frame_of_rows[row]
+    nearest, beside = nearest_true(truth, np.isin(truth.class_id, class_ids), frame, detections.box[row])
+    of_class = np.append(truth.class_id, -1)[nearest] == detections.class_id[row]
+    detection = np.append(matches.detection, -1)[nearest]
+    return beside, of_class, np.append(detections.score, np.nan)[detection]
+
+
+def nearest_true(truth: Truth, own: Bools, frame: Ints, box: Floats) -> tuple[Ints, Floats]:
+    """The nearest of the true boxes ``own`` ``[R]`` in the frame of each box ``[D, 7]``: its row, and m to it.
+
+    -1, an index of what is appended, and inf where the frame has none.
+    """
+    nearest, distance = np.full(len(box), -1), np.full(len(box), np.inf)
     for t in np.unique(frame):
-        true = truth.rows(int(t)).start + np.flatnonzero(own[truth.rows(int(t))])
-        if not len(true):
-            continue
-        here = np.flatnonzero(frame == t)
-        off = center_distance(detections.box[row[here], None], truth.box[None, true])
-        nearest = true[off.argmin(axis=1)]
-        beside[here] = off.min(axis=1)
-        of_class[here] = truth.class_id[nearest] == detections.class_id[row[here]]
-        hit = detection[nearest] >= 0
-        parent[here[hit]] = detections.score[detection[nearest[hit]]]
-    return beside, of_class, parent
+        rows = truth.rows(int(t))
+        true = rows.start + np.flatnonzero(own[rows])
+        if len(true):
+            here = np.flatnonzero(frame == t)
+            off = center_distance(box[here, None], truth.box[None, true])
+            nearest[here], distance[here] = true[off.argmin(axis=1)], off.min(axis=1)
+    return nearest, distance
 
 
 def _selected(record: ObjectSamples, row: Ints) -> ObjectSamples:
     return ObjectSamples(**{one.name: getattr(record, one.name)[row] for one in fields(record)})
-
-
-def _joined(parts: Sequence[RecordT]) -> RecordT:
-    """One record of several, end to end."""
-    columns = {one.name: np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(parts[0])}
-    return type(parts[0])(**columns)
 
 
 @dataclass(frozen=True, eq=False)

@@ -53,20 +53,15 @@ class Whose(IntEnum):
 
 @dataclass(frozen=True)
 class Streams:
-    """The generators of the errors of some boxes."""
+    """The generators of a scene, or of the errors of some boxes."""
 
     seed: int
     whose: Whose = Whose.OBJECTS
     number: int = 0  # which noise of the profile false positives have; 0 for everything else
 
     def of(self, kind: Kind) -> np.random.Generator:
-        """The generator of one kind of error."""
+        """The generator of one kind of noise."""
         return np.random.default_rng([self.seed, int(kind) + int(self.whose), self.number])
-
-
-def stream(seed: int, kind: Kind, number: int = 0) -> np.random.Generator:
-    """The generator of one kind of noise; false positives have one for each noise of the profile too."""
-    return np.random.default_rng([seed, int(kind), number])
 
 
 def autoregression(phi: Floats, normal: Floats) -> Floats:

@@ -11,7 +11,7 @@ from ...geometry import rotate, wrap_angle
 from ...types import Bools, Floats
 from ..chains import at_period, stationary, two_state
 from ..estimates import FARTHEST, ROBUST_T4, sized
-from .draws import Grid, Kind, Streams, stream
+from .draws import Grid, Kind, Streams
 from .profile import ClassNoise, PositionNoise
 from .truncated import within_limits
 
@@ -75,7 +75,7 @@ def duplicates(grid: Grid, toward: Floats, seed: int) -> tuple[Bools, Floats, Fl
 
     The last one is in latent numbers.
     """
-    rng = stream(seed, Kind.DUPLICATE)
+    rng = Streams(seed).of(Kind.DUPLICATE)
     uniform, normal = rng.random(grid.shape), rng.standard_normal((*grid.shape, 3))
     twice = grid.rows_of(uniform) < grid.of_rows(lambda noise: noise.duplicates)
     offset = grid.rows_of(normal)
@@ -111,8 +111,8 @@ def _heading_error(grid: Grid, streams: Streams) -> Floats:
     after_no, after_yes = at_period(after_no, after_yes, grid.steps)
     begins = np.zeros(grid.shape, dtype=bool)
     begins[:1] = True
-    chance = tuple(np.broadcast_to(p, grid.shape) for p in (stationary(after_no, after_yes), after_no, after_yes))
-    flipped = two_state((chance[0], chance[1], chance[2]), begins, streams.of(Kind.FLIP).random(grid.shape))
+    chance = stationary(after_no, after_yes), after_no, after_yes
+    flipped = two_state(chance, begins, streams.of(Kind.FLIP).random(grid.shape))
     scale = grid.of_rows(lambda noise: noise.heading.scale) / ROBUST_T4
     return scale * grid.rows_of(wobble) + np.pi * grid.rows_of(flipped)
 

@@ -13,7 +13,7 @@ from ..rows import Rows
 from ..sections import more
 from ..sight import polar, within
 from ..surroundings import Labels, Surroundings, ground_at, places, spread_sides
-from .draws import Grid, Kind, Streams, Whose, stream
+from .draws import Grid, Kind, Streams, Whose
 from .errors import box_errors, latent_scores, scores_within, velocities
 from .profile import ClassNoise, FalsePositives
 
@@ -38,7 +38,7 @@ def false_positives(noise: ClassNoise, labels: Labels, around: Surroundings, num
         return Rows.none()
     law = noise.false_positives
     law = law.model_copy(update=more(law.rate, law.dispersion, around.wider))
-    runs = _runs(law, labels, around, number, seed)
+    runs = _runs(law, labels, around, Streams(seed, number=number))
     rows = Ragged.of_counts(runs.life)
     which = rows.frame_of_rows
     age = np.arange(len(which)) - rows.start[which]
@@ -47,7 +47,8 @@ def false_positives(noise: ClassNoise, labels: Labels, around: Surroundings, num
     near = distance[age == 0] <= around.sensor.reach
     seen = np.flatnonzero(near[which] & within(distance, bearing, around.sensor))
     frame, which = frame[seen], which[seen]
-    grid = _grid(noise, runs, age[seen], which, around.steps)
+    count, longest = len(runs.life), int(runs.life.max(initial=0))  # the grid is by age
+    grid = Grid(longest, count, age[seen], which, (noise,), np.zeros(count, dtype=np.int64), around.steps)
     toward = bearing[seen] + around.ego[frame, 3]
     streams = Streams(seed, Whose.FALSE_POSITIVES, number)
     box = box_errors(runs.box[which], grid, distance[seen], toward, streams)
@@ -57,25 +58,19 @@ def false_positives(noise: ClassNoise, labels: Labels, around: Surroundings, num
     return Rows(frame, box, velocity, runs.class_id[which], score)
 
 
-def _grid(noise: ClassNoise, runs: _Runs, age: Ints, which: Ints, steps: float) -> Grid:
-    """A grid of the runs by age: no larger than the longest life."""
-    count = len(runs.life)
-    return Grid(int(runs.life.max(initial=0)), count, age, which, (noise,), np.zeros(count, dtype=np.int64), steps)
-
-
-def _runs(law: FalsePositives, labels: Labels, around: Surroundings, number: int, seed: int) -> _Runs:
+def _runs(law: FalsePositives, labels: Labels, around: Surroundings, streams: Streams) -> _Runs:
     """All runs of a scene, those beyond the sensor's reach included."""
     survive = float(decayed(np.asarray(law.survive), around.steps))
-    birth = _births(law, survive, len(around.ego), number, seed)
-    life = stream(seed, Kind.FALSE_LIFE, number).geometric(1.0 - survive, len(birth))
-    label = stream(seed, Kind.FALSE_CLASS, number).choice(len(labels.share), len(birth), p=labels.share)
-    spread = stream(seed, Kind.FALSE_SIZE, number).standard_normal((len(birth), 3))
+    birth = _births(law, survive, len(around.ego), streams)
+    life = streams.of(Kind.FALSE_LIFE).geometric(1.0 - survive, len(birth))
+    label = streams.of(Kind.FALSE_CLASS).choice(len(labels.share), len(birth), p=labels.share)
+    spread = streams.of(Kind.FALSE_SIZE).standard_normal((len(birth), 3))
     size = spread_sides(labels.size[label], spread)
-    box = _boxes(law, around, birth, size, number, seed)
+    box = _boxes(law, around, birth, size, streams)
     return _Runs(birth, np.minimum(life, len(around.ego) - birth), box, labels.class_id[label])
 
 
-def _births(law: FalsePositives, survive: float, frames: int, number: int, seed: int) -> Ints:
+def _births(law: FalsePositives, survive: float, frames: int, streams: Streams) -> Ints:
     """Frame of every birth, ascending: Poisson with a rate that differs between scenes by a Gamma factor.
 
     Counts per frame then have variance / mean = 1 + rate x variance of the factor. The first frame is in equilibrium.
@@ -83,18 +78,18 @@ def _births(law: FalsePositives, survive: float, frames: int, number: int, seed:
     factor = 1.0
     if law.dispersion > 1.0:
         shape = law.rate / (law.dispersion - 1.0)
-        factor = stream(seed, Kind.FALSE_SCENE, number).gamma(shape) / shape
+        factor = streams.of(Kind.FALSE_SCENE).gamma(shape) / shape
     mean = np.full(frames, law.rate * factor * (1.0 - survive))
     mean[:1] = law.rate * factor
-    return np.repeat(np.arange(frames), stream(seed, Kind.FALSE_BIRTH, number).poisson(mean))
+    return np.repeat(np.arange(frames), streams.of(Kind.FALSE_BIRTH).poisson(mean))
 
 
-def _boxes(law: FalsePositives, around: Surroundings, birth: Ints, size: Floats, number: int, seed: int) -> Floats:
+def _boxes(law: FalsePositives, around: Surroundings, birth: Ints, size: Floats, streams: Streams) -> Floats:
     """Boxes ``[B, 7]`` on the ground: distances by the law, evenly over the field of view and all headings."""
     ego = around.ego[birth]
     box = np.empty((len(birth), 7))
-    box[:, :2] = places(law.distance, around.sensor, ego, stream(seed, Kind.FALSE_PLACE, number))
-    box[:, 3] = wrap_angle(ego[:, 3] + 2 * np.pi * stream(seed, Kind.FALSE_HEADING, number).random(len(birth)))
+    box[:, :2] = places(law.distance, around.sensor, ego, streams.of(Kind.FALSE_PLACE))
+    box[:, 3] = wrap_angle(ego[:, 3] + 2 * np.pi * streams.of(Kind.FALSE_HEADING).random(len(birth)))
     box[:, 4:] = size
     box[:, 2] = ground_at(box[:, :2], birth, around) + size[:, 2] / 2
     return box

@@ -52,11 +52,10 @@ def _of_objects(truth: Truth, ego: Floats, grid: Grid, sight: Sight, hit: Bools,
 
 def _false_positives(profile: Profile1, classes: Sequence[str], around: Surroundings, seed: int) -> list[Rows]:
     """False positives, by noise of the profile."""
-    rows = []
+    rows, names = [], [profile.noise_name(name) for name in classes]
     for number, (own, noise) in enumerate(profile.classes.items()):
         law = noise.false_positives
-        having = [class_id for class_id, name in enumerate(classes) if profile.noise_name(name) == own]
-        labels = None if law is None else labels_of(around.truth, classes, having, own, law.size)
+        labels = None if law is None else labels_of(around.truth, classes, names, own, law.size)
         if labels is not None:
             rows.append(false_positives(noise, labels, around, number, seed))
     return rows

@@ -2,22 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from ...types import Bools, Floats
+from ...types import Floats
 
 _BEYOND = 30.0  # deviations from location to limit: beyond, probabilities lose all digits
-
-
-class _Ends(NamedTuple):
-    """Limits in deviations from the location, mirrored where the lower one is above it: tails keep their digits."""
-
-    location: Floats
-    low: Floats
-    high: Floats
-    mirrored: Bools
 
 
 def within_limits(latent: Floats, location: Floats, deviation: Floats, lowest: Floats, highest: Floats) -> Floats:
@@ -28,24 +17,13 @@ def within_limits(latent: Floats, location: Floats, deviation: Floats, lowest: F
     """
     from scipy.special import ndtr, ndtri
 
-    ends = _ends(location, deviation, lowest, highest)
-    below = ndtr(ends.low)
-    rank = below + ndtr(_turned(latent, ends.mirrored)) * (ndtr(ends.high) - below)
-    value = ends.location + _scale(deviation) * _turned(ndtri(rank), ends.mirrored)
+    scale = np.where(deviation > 0, deviation, 1.0)
+    middle = np.clip(location, lowest - _BEYOND * scale, highest + _BEYOND * scale)
+    low, high = (lowest - middle) / scale, (highest - middle) / scale
+    mirrored = low > 0  # where the lower limit is above the location: tails keep their digits
+    sign = np.where(mirrored, -1.0, 1.0)
+    low, high = np.where(mirrored, -high, low), np.where(mirrored, -low, high)
+    below = ndtr(low)
+    rank = below + ndtr(sign * latent) * (ndtr(high) - below)
+    value = middle + scale * (sign * ndtri(rank))
     return np.asarray(np.clip(np.where(deviation > 0, value, location), lowest, highest))
-
-
-def _ends(location: Floats, deviation: Floats, lowest: Floats, highest: Floats) -> _Ends:
-    scale = _scale(deviation)
-    location = np.clip(location, lowest - _BEYOND * scale, highest + _BEYOND * scale)
-    low, high = (lowest - location) / scale, (highest - location) / scale
-    mirrored = np.asarray(low > 0)
-    return _Ends(location, np.where(mirrored, -high, low), np.where(mirrored, -low, high), mirrored)
-
-
-def _scale(deviation: Floats) -> Floats:
-    return np.asarray(np.where(deviation > 0, deviation, 1.0))
-
-
-def _turned(value: Floats, mirrored: Bools) -> Floats:
-    return np.asarray(np.where(mirrored, -value, value))

@@ -7,7 +7,7 @@ import numpy as np
 from ...types import Bools, Floats
 from ..chains import at_period, stationary, two_state
 from ..sight import Sight, features
-from .draws import Grid, Kind, stream
+from .draws import Grid, Kind, Streams
 
 
 def undetected(grid: Grid, sight: Sight, covered: Bools, seed: int) -> Bools:
@@ -15,13 +15,14 @@ def undetected(grid: Grid, sight: Sight, covered: Bools, seed: int) -> Bools:
 
     An object is seen for the first time in its first covered frame, and again after any frame without it.
     """
-    uniform = stream(seed, Kind.UNDETECTED).random(grid.shape)
+    uniform = Streams(seed).of(Kind.UNDETECTED).random(grid.shape)
     present = np.zeros(grid.shape, dtype=bool)
     present[grid.frame, grid.column] = covered
     begins = present.copy()
     begins[1:] &= ~present[:-1]
-    first, after_hit, after_none = (_on_grid(grid, chance) for chance in chances(grid, sight))
-    state = two_state((first, after_hit, after_none), begins, uniform)
+    chance = np.zeros((3, *grid.shape))
+    chance[:, grid.frame, grid.column] = chances(grid, sight)
+    state = two_state((chance[0], chance[1], chance[2]), begins, uniform)
     return ~covered | grid.rows_of(state)
 
 
@@ -35,12 +36,6 @@ def chances(grid: Grid, sight: Sight) -> tuple[Floats, Floats, Floats]:
     memory = grid.of_rows(lambda noise: noise.miss.memory) > 0
     long_run = stationary(after_hit, after_none)
     return first, np.where(memory, after_hit, long_run), np.where(memory, after_none, long_run)
-
-
-def _on_grid(grid: Grid, of_rows: Floats) -> Floats:
-    values = np.zeros(grid.shape)
-    values[grid.frame, grid.column] = of_rows
-    return values
 
 
 def _sigmoid(logit: Floats) -> Floats:

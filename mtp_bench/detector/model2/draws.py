@@ -25,7 +25,6 @@ _MODEL = 2  # keeps the streams apart from those of model 1
 _TINY = 1e-12
 _SHIFTS = np.uint64(30), np.uint64(27), np.uint64(31)
 _LOW = np.uint64(11)  # bits that a float has no room for
-_ALL = 2**64 - 1
 
 
 class Kind(IntEnum):
@@ -85,8 +84,8 @@ class Draws:
 
     def uniform(self, kind: Kind, part: int, where: Keys) -> Floats:
         """Numbers in (0, 1), one for each key of `keys_of`."""
-        own = _mixed_number(self._key + (64 * int(kind) + part + 1) * int(_GOLDEN))
-        bits = _mixed(where + np.uint64(own))
+        own = self._key + (64 * int(kind) + part + 1) * int(_GOLDEN)
+        bits = _mixed(where + _mixed(np.array([own % 2**64], dtype=np.uint64)))
         bits >>= _LOW
         number = bits.astype(np.float64)
         number += 0.5
@@ -120,15 +119,6 @@ def _mixed(state: Keys) -> Keys:
         state *= factor
     state ^= state >> _SHIFTS[2]
     return state
-
-
-def _mixed_number(state: int) -> int:
-    """The same of one number, taken modulo 2^64."""
-    for shift, factor in ((30, int(_FIRST)), (27, int(_SECOND))):
-        state &= _ALL
-        state = (state ^ (state >> shift)) * factor
-    state &= _ALL
-    return state ^ (state >> 31)
 
 
 @dataclass(frozen=True, eq=False)

@@ -103,8 +103,7 @@ def _flips(after_no: Floats, after_yes: Floats, grid: Grid, draws: Draws) -> Boo
     uniform[frame, column] = draws.uniform(Kind.FLIP, Part.PUSH, grid.of_cells)
     begins = np.zeros(uniform.shape, dtype=bool)
     begins[grid.span[0] % grid.frames, np.arange(len(grid.ids))] = True
-    first, no, yes = (np.broadcast_to(p, uniform.shape) for p in (stationary(after_no, after_yes), after_no, after_yes))
-    return two_state((first, no, yes), begins, uniform)
+    return two_state((stationary(after_no, after_yes), after_no, after_yes), begins, uniform)
 
 
 def _student4(grid: Grid, draws: Draws) -> Floats:

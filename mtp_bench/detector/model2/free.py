@@ -15,7 +15,7 @@ from ..surroundings import Labels, Surroundings, ground_at, places, spread_sides
 from .draws import Draws, Grid, Kind, Whose
 from .profile import ClassNoise, FreeGhosts
 from .quality import score_by_rank, seen_rank
-from .reports import Ghosts, report
+from .reports import report
 from .skewed import exponential, with_exponential
 
 
@@ -43,15 +43,9 @@ def free_ghosts(noise: ClassNoise, labels: Labels, around: Surroundings, number:
     rows = Ragged.of_counts(members.life)
     which = rows.frame_of_rows
     age = np.arange(len(which)) - rows.start[which]
-    grid = Grid(
-        int(members.life.max(initial=0)),
-        np.arange(len(members.life)),
-        age,
-        which,
-        (noise,),
-        np.zeros(len(members.life), dtype=np.int64),
-        around.steps,
-    )
+    count, longest = len(members.life), int(members.life.max(initial=0))  # the grid is by age
+    of_noise = np.zeros(count, dtype=np.int64)
+    grid = Grid(longest, np.arange(count), age, which, (noise,), of_noise, around.steps)
     kept, rank = _seen(law, members, grid, draws)
     near = polar(members.box[:, :2], around.ego[members.birth])[0] <= around.sensor.reach
     score = score_by_rank(rank, law.score)
@@ -61,8 +55,8 @@ def free_ghosts(noise: ClassNoise, labels: Labels, around: Surroundings, number:
     frame = members.birth[which] + age[kept]
     box = _on_the_ground(members, which, around)
     still = np.zeros((len(which), 2))
-    ghosts = Ghosts(grid.of_these(kept), frame, box, still, members.class_id[which], score)
-    return report(ghosts, around, draws)
+    ghosts = Rows(frame, box, still, members.class_id[which], score)
+    return report(grid.of_these(kept), ghosts, around, draws)
 
 
 def _on_the_ground(members: _Members, which: Ints, around: Surroundings) -> Floats:
@@ -78,12 +72,8 @@ def _on_the_ground(members: _Members, which: Ints, around: Surroundings) -> Floa
 def _seen(law: FreeGhosts, members: _Members, grid: Grid, draws: Draws) -> tuple[Ints, Floats]:
     """Rows of the grid that are seen, and the ranks of their quality; siblings share a part of it."""
     families = int(members.family.max(initial=-1)) + 1
-    of_families = replace(
-        grid,
-        ids=np.arange(families),
-        column=members.family[grid.column],
-        of_noise=np.zeros(families, dtype=np.int64),
-    )
+    column, of_noise = members.family[grid.column], np.zeros(families, dtype=np.int64)
+    of_families = replace(grid, ids=np.arange(families), column=column, of_noise=of_noise)
     own, alone = _latent(law, grid, draws, Kind.QUALITY)
     common, together = _latent(law, of_families, draws, Kind.FAMILY)
     share, rest = np.sqrt(law.family), np.sqrt(1 - law.family)

@@ -13,8 +13,8 @@ from ..rows import Rows
 from ..surroundings import Surroundings, spread_sides
 from .draws import Draws, Grid, Kind, Part, Whose, keys_of
 from .profile import SLOTS, ClassNoise, NearGhosts
-from .quality import Qualities, place_by_rank, score_by_rank, seen_rank
-from .reports import Ghosts, report
+from .quality import Qualities, score_by_rank, seen_rank
+from .reports import report
 from .skewed import exponential, with_exponential
 
 BESIDE = 0.75, 1.5  # m from the object's centre: what is nearer, or farther, has its class more or less often
@@ -41,7 +41,7 @@ def near_ghosts(grid: Grid, around: Surroundings, found: Qualities, alike: Seque
     slots, row = slots.of_these(reported), row[reported]
     box = _boxes(slots, around.truth.box[row], offset[reported], draws)
     velocity = around.truth.velocity[row]
-    return report(Ghosts(slots, slots.frame, box, velocity, class_id[reported], score[reported]), around, draws)
+    return report(slots, Rows(slots.frame, box, velocity, class_id[reported], score[reported]), around, draws)
 
 
 def _law(noise: ClassNoise) -> NearGhosts:
@@ -83,7 +83,8 @@ def _offsets(slots: Grid, draws: Draws) -> Floats:
     """Distances from the objects' centres ``[R]`` m."""
     offset = draws.uniform(Kind.PLACE, Part.BIAS, slots.of_ids)[slots.column]
     for noise, rows in slots.by_noise():
-        offset[rows] = place_by_rank(offset[rows], _law(noise).offset)
+        quantile = _law(noise).offset
+        offset[rows] = np.interp(offset[rows], np.linspace(0.0, 1.0, len(quantile)), quantile)
     return offset
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from ...strict import Section
 from ..sections import Correlation, HeadingNoise, Memory, Scale, Share, SizeNoise, known_noise, noise_name
@@ -18,13 +18,16 @@ QUANTILES = 11  # of places: at 0, 10, ..., 100 %
 RANKS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.997, 1.0)  # of scores, of which the high ones count
 SLOTS = 2  # places beside every true box at which a false positive may be seen
 
-Quantiles = Annotated[tuple[float, ...], Field(min_length=QUANTILES, max_length=QUANTILES, strict=False)]
-
 
 def _ascending(values: tuple[float, ...]) -> tuple[float, ...]:
     if any(later < earlier for earlier, later in itertools.pairwise(values)):
         raise ValueError("expected ascending numbers")
     return values
+
+
+Quantiles = Annotated[tuple[float, ...], Field(min_length=QUANTILES, max_length=QUANTILES, strict=False)]
+Ascending = Annotated[Quantiles, AfterValidator(_ascending)]
+Curve = Annotated[tuple[float, ...], Field(min_length=2, strict=False), AfterValidator(_ascending)]
 
 
 class Shared(Memory):
@@ -48,14 +51,9 @@ class Quality(Shared):
     location: Annotated[tuple[float, ...], Field(min_length=LOCATION, max_length=LOCATION, strict=False)]
     # mean: 1, d, d^2, partly occluded, largely occluded, hidden, truncated; the random part has variance 1
     lapses: Lapses
-    latent: Annotated[tuple[float, ...], Field(min_length=2, strict=False)]  # qualities, ascending
-    score: Annotated[tuple[float, ...], Field(min_length=2, strict=False)]  # their scores; linear between
+    latent: Curve  # qualities
+    score: Curve  # their scores; linear between
     floor: float  # the operating point: what has a lower score is not reported
-
-    @field_validator("latent", "score")
-    @classmethod
-    def _ascends(cls, values: tuple[float, ...]) -> tuple[float, ...]:
-        return _ascending(values)
 
     @field_validator("floor")
     @classmethod
@@ -86,12 +84,7 @@ class Ghosts(Memory):
     """
 
     chance: Annotated[float, Field(gt=0, le=1)]  # share of the frames of its life in which one is seen
-    score: Quantiles  # of those that are seen: at 0, 20, 40, 60, 80, 90, 95, 98, 99, 99.7, 100 %
-
-    @field_validator("score")
-    @classmethod
-    def _ascends(cls, values: tuple[float, ...]) -> tuple[float, ...]:
-        return _ascending(values)
+    score: Ascending  # of those that are seen: at 0, 20, 40, 60, 80, 90, 95, 98, 99, 99.7, 100 %
 
 
 class FreeGhosts(Ghosts):
@@ -104,27 +97,17 @@ class FreeGhosts(Ghosts):
     spread: Scale  # m, deviation per axis of their places
     family: Share  # share of the quality that siblings have in common
     size: Annotated[tuple[float, float, float], Field(strict=False)]  # m, mean length, width, height
-    distance: Quantiles  # m from the sensor, at the same ranks
-
-    @field_validator("distance")
-    @classmethod
-    def _reaches(cls, values: tuple[float, ...]) -> tuple[float, ...]:
-        return _ascending(values)
+    distance: Ascending  # m from the sensor: at 0, 10, ..., 100 %
 
 
 class NearGhosts(Ghosts):
     """False positives beside true boxes, which they follow: duplicates, shadows, boxes of a wrong class."""
 
-    offset: Quantiles  # m from the centre of the true box: at 0, 10, ..., 100 %
+    offset: Ascending  # m from the centre of the true box: at 0, 10, ..., 100 %
     same: Annotated[tuple[Share, Share, Share], Field(strict=False)]
     # share with the class of the object, where within .75 m, within 1.5 m, beyond
     duplicates: Quantiles | None = None  # scores of those of its class within .75 m; None: the same as of all
     parent: Correlation = 0.0  # correlation of their quality with that of the object
-
-    @field_validator("offset")
-    @classmethod
-    def _goes_out(cls, values: tuple[float, ...]) -> tuple[float, ...]:
-        return _ascending(values)
 
 
 class ClassNoise(Section):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from ...types import Bools, Floats, Ints
 from ..sight import Sight, features
 from .draws import Draws, Grid, Kind
 from .neighbours import Neighbours
-from .profile import RANKS, Lapses
+from .profile import RANKS
 from .skewed import below, exceeded, raised
 
 
@@ -38,23 +39,15 @@ def qualities(grid: Grid, sight: Sight, neighbours: Neighbours, draws: Draws) ->
 def random_quality(grid: Grid, neighbours: Neighbours, draws: Draws) -> Floats:
     """The random part of the quality ``[R]``: a normal number, less the exponential one of a lapse."""
     usual = grid.latent(lambda noise: noise.quality, neighbours, draws, Kind.QUALITY)
-    bias, phi, shared, share = grid.of_objects(lambda n: _numbers(n.quality.lapses)).T
+    lapses = attrgetter("bias", "phi", "shared", "share")
+    bias, phi, shared, share = grid.of_objects(lambda n: lapses(n.quality.lapses)).T
     lapse = neighbours.shared(grid.lasting(bias, phi, draws, Kind.LAPSE), shared[grid.column])
     return -raised(-usual, lapse, share[grid.column])
-
-
-def _numbers(lapses: Lapses) -> tuple[float, float, float, float]:
-    return lapses.bias, lapses.phi, lapses.shared, lapses.share
 
 
 def location_features(feature: Floats) -> Floats:
     """``[R, 7]`` 1, d, d^2, partly, largely, hidden, truncated, of `features` ``[R, 6]``."""
     return np.column_stack([feature[:, :2], feature[:, 1] ** 2, feature[:, 2:]])
-
-
-def place_by_rank(rank: Floats, quantile: tuple[float, ...]) -> Floats:
-    """Distances with ranks in 0..1, by the quantiles at 0, 10, ..., 100 % of their law."""
-    return np.asarray(np.interp(rank, np.linspace(0.0, 1.0, len(quantile)), quantile))
 
 
 def score_by_rank(rank: Floats, quantile: tuple[float, ...]) -> Floats:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from ...types import Floats, Ints
 from ..rows import Rows
 from ..sight import polar, within
 from ..surroundings import Surroundings
@@ -17,23 +14,14 @@ from .neighbours import Neighbours
 _POOR = -1.0  # random part of the quality that the errors of false positives have
 
 
-@dataclass(frozen=True, eq=False)
-class Ghosts:
-    """False positives that are seen, before any error; those that the sensor does not cover included."""
+def report(grid: Grid, ghosts: Rows, around: Surroundings, draws: Draws) -> Rows:
+    """Detections of those false positives that the sensor covers.
 
-    grid: Grid
-    frame: Ints  # [R] of the scene; those of the grid may be others
-    box: Floats  # [R, 7]
-    velocity: Floats  # [R, 2] m/s
-    class_id: Ints  # [R]
-    score: Floats  # [R]
-
-
-def report(ghosts: Ghosts, around: Surroundings, draws: Draws) -> Rows:
-    """Detections of what the sensor covers."""
+    ``ghosts``: those that are seen, before any error; ``grid``: their noise, whose frames may be others.
+    """
     distance, bearing = polar(ghosts.box[:, :2], around.ego[ghosts.frame])
     kept = within(distance, bearing, around.sensor)
-    grid = ghosts.grid.of_these(np.flatnonzero(kept))
+    grid = grid.of_these(np.flatnonzero(kept))
     frame, distance = ghosts.frame[kept], distance[kept]
     toward, poor = bearing[kept] + around.ego[frame, 3], np.full(len(frame), _POOR)
     alone = Neighbours.none()

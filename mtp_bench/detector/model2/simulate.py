@@ -9,7 +9,7 @@ import numpy as np
 from ...types import Detections, Truth
 from ..rows import Rows, in_order
 from ..sight import Sight, within
-from ..surroundings import Labels, Surroundings, labels_of
+from ..surroundings import Surroundings, labels_of
 from .draws import Draws, grid_of, neighbours_in
 from .errors import estimated, position_errors, velocities
 from .free import free_ghosts
@@ -36,23 +36,10 @@ def simulate2(
     box = estimated(truth.box[hit], off[hit], seen, draws)
     velocity = velocities(truth.velocity[hit], seen, toward[hit], draws)
     objects = Rows(seen.frame, box, velocity, truth.class_id[hit], found.score[hit])
-    alike = classes_alike(truth, [profile.noise_name(name) for name in classes])
-    near = near_ghosts(grid, around, found, alike, seed)
-    return in_order([objects, near, *_free(profile, classes, around, seed)], len(around.ego))
-
-
-def _free(profile: Profile, classes: Sequence[str], around: Surroundings, seed: int) -> list[Rows]:
-    """False positives where nothing is, by noise of the profile."""
-    rows = []
+    names = [profile.noise_name(name) for name in classes]
+    rows = [objects, near_ghosts(grid, around, found, classes_alike(truth, names), seed)]
     for number, (own, noise) in enumerate(profile.classes.items()):
-        labels = labels_in(around.truth, classes, profile, own)
+        labels = None if noise.free is None else labels_of(truth, classes, names, own, noise.free.size)
         if labels is not None:
             rows.append(free_ghosts(noise, labels, around, number, seed))
-    return rows
-
-
-def labels_in(truth: Truth, classes: Sequence[str], profile: Profile, own: str) -> Labels | None:
-    """What free false positives with the noise ``own`` are reported as; None where there are none."""
-    having = [class_id for class_id, name in enumerate(classes) if profile.noise_name(name) == own]
-    free = profile.classes[own].free
-    return None if free is None else labels_of(truth, classes, having, own, free.size)
+    return in_order(rows, len(around.ego))

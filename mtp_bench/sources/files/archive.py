@@ -192,14 +192,12 @@ def _checked(array: Array, value: NDArray[Any], sizes: dict[str, int], where: st
         raise DataError(f"{where}, array {array.name!r}: its shape is {list(value.shape)}, expected {letters}, {sized}")
     if array.name.startswith(_SURROUND) and array.kind == "number" and not np.isfinite(value).all():
         raise DataError(f"{where}, array {array.name!r}: a number that is not finite")
-    kept = value.dtype in (np.float32, np.float64) if array.kind == "number" else array.kind != "whole"
-    return value if kept else _converted(array, value, where)
-
-
-def _converted(array: Array, value: NDArray[Any], where: str) -> NDArray[Any]:
-    """Numbers as float64 and whole numbers as int64. Raises DataError where one has no room there."""
-    found = value.astype(np.float64 if array.kind == "number" else np.int64)
-    if array.kind == "whole" and not np.array_equal(found, value):
+    if array.kind == "number":
+        return value if value.dtype in (np.float32, np.float64) else value.astype(np.float64)
+    if array.kind != "whole":
+        return value
+    found = value.astype(np.int64)
+    if not np.array_equal(found, value):
         raise DataError(f"{where}, array {array.name!r}: {value.max()}, expected whole numbers below 2**63")
     return found
 
@@ -212,9 +210,7 @@ def _said(text: NDArray[Any] | None, where: str) -> dict[str, Any]:
         said = json.loads(str(text))
     except (ValueError, RecursionError):
         said = None
-    if not isinstance(said, dict) or not all(
-        name in SAID and type(value) is SAID[name] for name, value in said.items()
-    ):
+    if not isinstance(said, dict) or any(type(value) is not SAID.get(name) for name, value in said.items()):
         raise DataError(f"{where}, array 'said': expected JSON with some of {', '.join(SAID)}")
     counts = said.get("skipped", {}).values()
     if not all(type(count) is int for count in counts):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import reprlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...errors import DataError, MtpBenchError, nearest
 from ...files import open_regular, read_bounded
 from ...types import Bools, Floats, Ints
-from ..text import LIMIT, MOST_LETTERS
+from ..text import LIMIT, MOST_LETTERS, refuse
 from .columns import COLUMNS, Column
 
 MOST_BYTES = 1 << 30  # of a file
@@ -45,17 +45,15 @@ class Cells:
         """A cell, for messages."""
         return f"{self.path}, {self.unit} {self.place[at]}, column {column!r}"
 
-    def refuse(self, bad: Bools, column: str, what: str) -> None:
-        """Raise DataError for the first row where ``bad``."""
-        if bad.any():
-            raise DataError(f"{self.where(int(np.argmax(bad)), column)}: {what}")
+    def refuse(self, bad: Bools, column: str, what: str | Callable[[int], str]) -> None:
+        """Raise DataError for the first row where ``bad``; ``what`` is wrong may depend on the row."""
+        refuse(bad, lambda at: f"{self.where(at, column)}: {what if isinstance(what, str) else what(at)}")
 
     def whole(self, column: str) -> Ints:
         """A column of whole numbers."""
         value = self.number[column]
         bad = ~((np.abs(value) <= LIMIT) & (value == np.round(value)))
-        if bad.any():
-            self.refuse(bad, column, f"{value[int(np.argmax(bad))]:g}, expected a whole number")
+        self.refuse(bad, column, lambda at: f"{value[at]:g}, expected a whole number")
         return value.astype(np.int64)
 
     def flags(self, column: str, default: bool) -> Bools:
@@ -63,9 +61,7 @@ class Cells:
         if column not in self.number:
             return np.full(len(self), default)
         value = self.number[column]
-        bad = (value != 0) & (value != 1)
-        if bad.any():
-            self.refuse(bad, column, f"{value[int(np.argmax(bad))]:g}, expected 0 or 1")
+        self.refuse((value != 0) & (value != 1), column, lambda at: f"{value[at]:g}, expected 0 or 1")
         return np.asarray(value == 1)
 
 
@@ -108,10 +104,9 @@ def _add(cells: Cells, column: Column, values: Sequence[str]) -> None:
     """Add a column of texts to ``cells``."""
     if column.text:
         stripped = [value.strip() for value in values]
-        long = next((at for at, word in enumerate(stripped) if len(word) > MOST_LETTERS), None)
-        if long is not None:
-            got = f"a word of {len(stripped[long])} characters, expected at most {MOST_LETTERS}"
-            raise DataError(f"{cells.where(long, column.name)}: {got}")
+        long = np.array([len(word) > MOST_LETTERS for word in stripped], dtype=bool)
+        expected = f"expected at most {MOST_LETTERS}"
+        cells.refuse(long, column.name, lambda at: f"a word of {len(stripped[at])} characters, {expected}")
         words = np.array(stripped, dtype=np.str_)
         cells.refuse(words == "", column.name, "an empty cell, expected a word")
         cells.text[column.name] = words
@@ -145,9 +140,7 @@ def _add_numbers(cells: Cells, column: Column, numbers: Floats) -> None:
     bad = ~(np.abs(numbers) <= most)
     if column.gaps:
         bad &= ~np.isnan(numbers)
-    if bad.any():
-        got = numbers[int(np.argmax(bad))]
-        cells.refuse(bad, column.name, f"{got:g}, expected a finite number up to {most:g}")
+    cells.refuse(bad, column.name, lambda at: f"{numbers[at]:g}, expected a finite number up to {most:g}")
     cells.number[column.name] = numbers
 
 
@@ -160,10 +153,8 @@ def _read_parquet(path: Path, table: str) -> Cells:
     try:
         with open_regular(path) as stream:
             file = parquet.ParquetFile(stream)
-            rows, size = (
-                file.metadata.num_rows,
-                sum(file.metadata.row_group(i).total_byte_size for i in range(file.metadata.num_row_groups)),
-            )
+            rows, groups = file.metadata.num_rows, range(file.metadata.num_row_groups)
+            size = sum(file.metadata.row_group(i).total_byte_size for i in groups)
             names = list(file.schema_arrow.names)
             _check_names(path, names, table)
             size = max(size, 8 * rows * len(names))  # a column of one value is small until it is read
@@ -184,14 +175,11 @@ def _add_arrow(cells: Cells, column: Column, values: Any) -> None:
     """Add a column of Parquet to ``cells``."""
     from pyarrow import types
 
-    if column.text and types.is_nested(values.type):
-        raise DataError(f"{cells.path}, column {column.name!r}: {values.type}, expected words")
-    if column.text:
-        _add(cells, column, ["" if value is None else str(value) for value in values.to_pylist()])
-        return
     kind = values.type
-    if column.flag and (types.is_string(kind) or types.is_large_string(kind)):
-        _add(cells, column, ["" if value is None else value for value in values.to_pylist()])
+    if column.text and types.is_nested(kind):
+        raise DataError(f"{cells.path}, column {column.name!r}: {kind}, expected words")
+    if column.text or (column.flag and (types.is_string(kind) or types.is_large_string(kind))):
+        _add(cells, column, ["" if value is None else str(value) for value in values.to_pylist()])
         return
     if not (types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind)):
         raise DataError(f"{cells.path}, column {column.name!r}: {kind}, expected numbers")

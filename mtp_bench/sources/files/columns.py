@@ -32,7 +32,9 @@ _PLACE = (
     Column("h", "m, height, above 0"),
 )
 _CLASS = Column("class", "name of a class of the task; rows of other classes are left out, and counted", text=True)
-_IN_TRUTH = "backward differences, which hold nothing of the future"
+_BACKWARD = "backward differences, which hold nothing of the future"
+_SCORE = Column("score", "as the detector gives it", "1")
+_VELOCITY = tuple(Column(name, "m/s; empty: unknown", "unknown", gaps=True) for name in ("vx", "vy"))
 TABLES: dict[str, tuple[Column, ...]] = {
     "truth": (
         _FRAME,
@@ -40,8 +42,7 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("id", "the object: a number or a word, the same in all frames", text=True),
         _CLASS,
         *_PLACE,
-        Column("vx", "m/s; empty: unknown", _IN_TRUTH, gaps=True),
-        Column("vy", "m/s; empty: unknown", _IN_TRUTH, gaps=True),
+        *(replace(column, without=_BACKWARD) for column in _VELOCITY),
         Column("eligible", "1 or 0, true or false: may be a prediction target", "1", flag=True),
         Column(
             "neutral",
@@ -56,16 +57,13 @@ TABLES: dict[str, tuple[Column, ...]] = {
         _TIME,
         _CLASS,
         *_PLACE,
-        Column("score", "as the detector gives it", "1"),
-        Column("vx", "m/s; empty: unknown", "unknown", gaps=True),
-        Column("vy", "m/s; empty: unknown", "unknown", gaps=True),
+        _SCORE,
+        *_VELOCITY,
     ),
     "ego": (
         _FRAME,
         _TIME,
-        Column("x", "m, place of the sensors", "0"),
-        Column("y", "m, place of the sensors", "0"),
-        Column("z", "m, place of the sensors", "0"),
+        *(Column(name, "m, place of the sensors", "0") for name in "xyz"),
         Column("yaw", "rad, heading of the sensors", "0"),
     ),
 }
@@ -75,9 +73,8 @@ TRACKS = (  # of a table of stored tracks, which is a file of its own
     Column("id", "the track: a number or a word, the same in all frames", text=True),
     _KNOWN,
     *_PLACE,
-    Column("score", "as the tracker gives it", "1"),
-    Column("vx", "m/s; empty: unknown", "unknown", gaps=True),
-    Column("vy", "m/s; empty: unknown", "unknown", gaps=True),
+    replace(_SCORE, meaning="as the tracker gives it"),
+    *_VELOCITY,
 )
 COLUMNS = {**TABLES, "tracks": TRACKS}
 

@@ -15,7 +15,7 @@ from ...similar import similar_class
 from ...types import ID_LIMIT, Bools, Detections, Floats, ImageField, Ints, Scene, Truth, starts_of_sorted
 from ..base import class_ids, no_detections, section_of
 from ..motion import backward_velocity
-from ..text import LIMIT, RADIANS, TURN
+from ..text import LIMIT, RADIANS, TURN, refuse, repeated
 from .columns import BOX
 
 LEAST = 1e-6  # m, of the size of a box
@@ -37,9 +37,7 @@ class Rows:
 
     def refuse(self, bad: Bools, column: str, what: Callable[[int], str]) -> None:
         """Raise DataError for the first row where ``bad``; ``what`` says what is wrong with it."""
-        if bad.any():
-            at = int(np.argmax(bad))
-            raise DataError(f"{self.where(at, column)}: {what(at)}")
+        refuse(bad, lambda at: f"{self.where(at, column)}: {what(at)}")
 
     def of(self, row: Ints) -> Rows:
         """These rows alone, which no error is about any more."""
@@ -70,7 +68,8 @@ def scene_of(content: Content, card: Card) -> Scene:
     _check_time(content, card)
     skipped: dict[str, int] = dict(content.said.get("skipped", {}))
     truth = _usable(content.truth, "truth", content, card.task.classes, skipped)
-    _refuse_second_box(content.truth)
+    rows = content.truth
+    rows.refuse(repeated(rows.frame, rows.further["id"]), "id", lambda at: "a second box of this object in this frame")
     _refuse_second_class(content.truth, card.task.classes)
     scene = Scene(
         name=content.name,
@@ -206,14 +205,6 @@ def _too_far(value: float) -> str:
     )
 
 
-def _refuse_second_box(rows: Rows) -> None:
-    order = np.lexsort((rows.frame, rows.further["id"]))
-    frame, object_id = rows.frame[order], rows.further["id"][order]
-    twice = np.zeros(len(frame), dtype=bool)
-    twice[order[1:]] = (np.diff(frame) == 0) & (np.diff(object_id) == 0)
-    rows.refuse(twice, "id", lambda at: "a second box of this object in this frame")
-
-
 def _refuse_second_class(rows: Rows, classes: Sequence[str]) -> None:
     """An object is of one class; classes that the task does not have say nothing about it."""
     used = np.flatnonzero(np.isin(rows.kind, classes))
@@ -226,34 +217,26 @@ def _refuse_second_class(rows: Rows, classes: Sequence[str]) -> None:
 
 def _check_time(content: Content, card: Card) -> None:
     """Frames there are, with rising times, as far apart as the task says."""
-    time = content.time
+    time, where = content.time, content.where
     if not len(time):
-        raise DataError(f"{content.where}: no frames, expected at least one")
+        raise DataError(f"{where}: no frames, expected at least one")
     wrong = ~((np.abs(time) < np.inf) & (np.diff(time, prepend=-np.inf) > 0))
-    if wrong.any():
-        at = int(np.argmax(wrong))
-        raise DataError(
-            f"{content.where}: time {time[at]:g} of frame {at}, expected a number above that of the frame before"
-        )
+    above = "expected a number above that of the frame before"
+    refuse(wrong, lambda at: f"{where}: time {time[at]:g} of frame {at}, {above}")
     if not (np.abs(content.ego) <= LIMIT).all():
-        raise DataError(f"{content.where}: the ego has a place that is not finite")
+        raise DataError(f"{where}: the ego has a place that is not finite")
     place, yaw = content.ego[:, :3], content.ego[:, 3]
-    far = np.abs(place) > FAR
-    if far.any():
-        at, axis = (int(index) for index in np.argwhere(far)[0])
-        got = _too_far(content.ego[at, axis])
-        raise DataError(f"{content.where}: {'xyz'[axis]} of the ego in frame {at} is {got}")
     moved = np.abs(place - place[0])  # agents see places from the first one on
-    if (moved > FAR).any():
-        at, axis = (int(index) for index in np.argwhere(moved > FAR)[0])
-        raise DataError(
-            f"{content.where}: {'xyz'[axis]} of the ego in frame {at} is {moved[at, axis]:g} m from that of frame 0, "
-            f"expected at most {FAR:g} m; make several scenes of it"
-        )
-    if (np.abs(yaw) > TURN).any():
-        at = int(np.argmax(np.abs(yaw) > TURN))
-        raise DataError(f"{content.where}: yaw of the ego in frame {at} is {yaw[at]:g}, {RADIANS}")
-    require_period(time, card, content.where)
+    expected = f"expected at most {FAR:g} m; make several scenes of it"
+
+    def of_ego(at: int) -> str:
+        """A place among all of them."""
+        return f"{where}: {'xyz'[at % 3]} of the ego in frame {at // 3} is"
+
+    refuse((np.abs(place) > FAR).ravel(), lambda at: f"{of_ego(at)} {_too_far(float(place.flat[at]))}")
+    refuse((moved > FAR).ravel(), lambda at: f"{of_ego(at)} {moved.flat[at]:g} m from that of frame 0, {expected}")
+    refuse(np.abs(yaw) > TURN, lambda at: f"{where}: yaw of the ego in frame {at} is {yaw[at]:g}, {RADIANS}")
+    require_period(time, card, where)
 
 
 def require_period(time: Floats, card: Card, where: str) -> None:
@@ -269,13 +252,9 @@ def require_period(time: Floats, card: Card, where: str) -> None:
             f"{where}: frames are {found:g} s apart, but {card.id} has {card.task.rate:g} frames per second: "
             f"{_advice(found, period)}"
         )
-    step = np.diff(time)
-    if (step > GAP * period).any():
-        at = int(np.argmax(step > GAP * period))
-        raise DataError(
-            f"{where}: frame {at + 1} is {step[at]:g} s after the one before, expected at most {GAP * period:g} s; "
-            "make a scene of each side"
-        )
+    step, most = np.diff(time), GAP * period
+    expected = f"expected at most {most:g} s; make a scene of each side"
+    refuse(step > most, lambda at: f"{where}: frame {at + 1} is {step[at]:g} s after the one before, {expected}")
 
 
 def _advice(found: float, period: float) -> str:

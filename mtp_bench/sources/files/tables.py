@@ -35,8 +35,7 @@ class Frames:
         if self.number is None or not cells.has("frame"):
             return _nearest(self.time, cells)
         number = cells.whole("frame")
-        frame = np.searchsorted(self.number, number)
-        frame = np.minimum(frame, len(self.number) - 1)
+        frame = np.minimum(np.searchsorted(self.number, number), len(self.number) - 1)
         first, last = self.number[0], self.number[-1]
         cells.refuse(self.number[frame] != number, "frame", f"no frame of the scene, which has {first} to {last}")
         if cells.has("time"):
@@ -171,11 +170,8 @@ def _nearest(time: Floats, cells: Cells) -> Ints:
     if not cells.has("time"):
         raise DataError(f"{cells.path}: frames by number, but the ego table has times only; give it a column 'frame'")
     value = cells.number["time"]
-    after = (
-        np.clip(np.searchsorted(time, value), 1, len(time) - 1)
-        if len(time) > 1
-        else np.zeros(len(value), dtype=np.int64)
-    )
+    last = len(time) - 1
+    after = np.clip(np.searchsorted(time, value), min(1, last), last)
     frame = np.where((after > 0) & (value - time[after - 1] <= time[after] - value), after - 1, after)
     cells.refuse(np.abs(time[frame] - value) > CLOSE, "time", "no frame of the ego table has this time")
     return frame

@@ -14,7 +14,7 @@ from ...types import Bools, Floats, Ints, Lane
 LaneIndex = tuple[str, str, int]
 
 _STEP = 2.0  # m between two points of a polyline
-_JOINT = 0.5  # m, the end of a lane and the start of the one that continues it may be this far apart
+JOINT = 0.5  # m, the end of a lane and the start of the one that continues it may be this far apart
 
 
 class LaneGeometry:
@@ -104,7 +104,7 @@ def lane_map(geometry: LaneGeometry) -> tuple[Lane, ...]:
         following = tuple(
             j
             for j in range(len(lanes))
-            if index[j][0] == index[k][1] and np.linalg.norm(centers[j][0] - centers[k][-1]) < _JOINT
+            if index[j][0] == index[k][1] and np.linalg.norm(centers[j][0] - centers[k][-1]) < JOINT
         )
         result.append(Lane(centers[k], _polyline(lane, -half), _polyline(lane, half), following))
     return tuple(result)

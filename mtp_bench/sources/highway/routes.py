@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...types import Bools, Floats, Ints
-from .lane_geometry import LaneGeometry
+from .lane_geometry import JOINT, LaneGeometry
 
 REACH = 5  # lanes that a driver looks ahead, the present one included
 NOWHERE = -1
-_JOINT = 0.5  # m, the end of a lane and the start of its successor may be this far apart
 
 
 @dataclass(frozen=True)
@@ -63,7 +62,7 @@ def tabulate(routes: tuple[Route, ...], table: LaneGeometry) -> RouteTable:
 def _continuation(lane: int, road: tuple[int, ...], table: LaneGeometry) -> int:
     end = table.lanes[lane].position(table.length[lane], 0.0)
     for after in road:
-        if np.linalg.norm(table.lanes[after].position(0.0, 0.0) - end) < _JOINT:
+        if np.linalg.norm(table.lanes[after].position(0.0, 0.0) - end) < JOINT:
             return after
     return NOWHERE
 

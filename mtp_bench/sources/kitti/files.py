@@ -76,7 +76,7 @@ def read_labels(path: Path) -> Labels:
     table.refuse_degrees("rotation_y", boxed)
     frame, object_id = table.whole("frame"), table.whole("id")
     table.refuse_second_box(frame, object_id, np.flatnonzero(boxed))
-    box = sensor_boxes(value[:, 10:13], value[:, 13:16], value[:, 16])
+    box = sensor_boxes(value[:, 10:17])
     box[~boxed] = np.nan
     return Labels(table, frame, object_id, table.text, value[:, 6:10], box)
 
@@ -91,8 +91,7 @@ def read_detections(path: Path, kind: str, code: int) -> StoredDetections:
     value, found = table.value, table.whole("type")
     table.refuse(found != code, lambda at: f"type {found[at]}, expected {code} ({kind})")
     table.refuse_degrees("rotation_y")
-    box = sensor_boxes(value[:, 7:10], value[:, 10:13], value[:, 13])
-    return StoredDetections(table, table.whole("frame"), value[:, 6], box)
+    return StoredDetections(table, table.whole("frame"), value[:, 6], sensor_boxes(value[:, 7:14]))
 
 
 def read_results(path: Path, kind: str) -> StoredDetections:
@@ -105,9 +104,8 @@ def read_results(path: Path, kind: str) -> StoredDetections:
     table.refuse_degrees("rotation_y", table.text == kind)
     frame, row = table.whole("frame"), np.flatnonzero(table.text == kind)
     value = table.value[row]
-    box = sensor_boxes(value[:, 10:13], value[:, 13:16], value[:, 16])
     chosen = Table(table.path, table.columns, table.line[row], value, table.text[row])
-    return StoredDetections(chosen, frame[row], value[:, 17], box)
+    return StoredDetections(chosen, frame[row], value[:, 17], sensor_boxes(value[:, 10:17]))
 
 
 def require_kinds(table: Table) -> None:
@@ -135,7 +133,7 @@ def _read_motion(path: Path, names: tuple[str, ...], columns: int) -> Floats:
     """A matrix of `read_calibration` that is a rigid motion."""
     whole = read_calibration(path, names, columns)
     turn = whole[:3, :3]
-    if not (np.isfinite(whole).all() and np.allclose(turn @ turn.T, np.eye(3), atol=ROUNDING)):
+    if not np.allclose(turn @ turn.T, np.eye(3), atol=ROUNDING):
         raise DataError(f"{path}: line {names[0]!r} must hold a rotation in its first 3 columns, and finite numbers")
     return whole
 
@@ -203,14 +201,11 @@ def camera_fields(box: Floats) -> Floats:
     return np.column_stack([height, width, length, -y, height / 2 - z, x, rotation])
 
 
-def sensor_boxes(size: Floats, bottom: Floats, rotation_y: Floats) -> Floats:
-    """Boxes ``[R, 7]`` in the sensor frame from KITTI's camera-frame fields.
+def sensor_boxes(fields: Floats) -> Floats:
+    """Boxes [R, 7] in the sensor frame of KITTI's camera-frame fields [R, 7] height width length x y z rotation_y.
 
-    ``size`` is height, width, length; ``bottom`` the centre of the bottom face; the heading is
-    (cos ry, 0, -sin ry) in camera axes.
+    The place x y z is the centre of the bottom face; the heading is (cos ry, 0, -sin ry) in camera axes.
     """
-    height = size[:, 0]
+    height, width, length, x, y, z, rotation_y = fields.T
     yaw = wrap_angle(-rotation_y - np.pi / 2)
-    return np.column_stack(
-        [bottom[:, 2], -bottom[:, 0], -bottom[:, 1] + height / 2, yaw, size[:, 2], size[:, 1], height]
-    )
+    return np.column_stack([z, -x, -y + height / 2, yaw, length, width, height])

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...cards import Card, KittiSource
 from ...errors import DataError, UnknownNameError
-from ...types import Bools, Detections, Floats, ImageField, Ints, Scene, Truth, starts_of_sorted
+from ...types import Bools, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
 from ..base import no_detections, require_classes, require_rate, section_of
 from ..motion import central_velocity
 from .files import (
@@ -52,7 +52,7 @@ class KittiTracking:
         """Read one sequence; all its frames count, also those without labels or detections."""
         if name not in self.names:
             raise UnknownNameError("scene", name, self.names)
-        section, length = self.section, self._length(name)
+        section, length, classes = self.section, self._length(name), self.card.task.classes
         poses = self.poses(name)
         frames = Frames(length, section.stride, poses if section.ego_motion else None)
         kept = np.arange(0, length, section.stride)
@@ -61,29 +61,24 @@ class KittiTracking:
         detections, skipped, label = no_detections(len(kept)), dict[str, int](), ""
         if self._detections is not None:
             label = f"{section.detector}, stored detections"
-            detections, skipped = detections_of(self._detections, name, self.card.task.classes, frames)
+            detections, skipped = detections_of(self._detections, name, classes, frames)
+        calibration = self.root / f"training/calib/{name}.txt"
+        of_scene = Poses(poses.rotation[kept], poses.position[kept])
         return Scene(
             name=name,
             time=kept * FRAME_PERIOD,
             ego=poses.ego()[kept] if section.ego_motion else np.zeros((len(kept), 4)),
-            truth=truth_of(labels, self.card.task.classes, frames),
+            truth=truth_of(labels, classes, frames),
             detections=detections,
             detector=label,
             skipped=skipped,
-            image=self._image(name, labels, frames, Poses(poses.rotation[kept], poses.position[kept])),
+            image=image_field(calibration, of_scene, section.ego_motion, *frames.regions(labels), classes),
             world=None if section.ego_motion else poses.ego()[kept],
         )
 
     def poses(self, name: str) -> Poses:
         """Poses of all frames of a sequence, also those that the card leaves out."""
         return read_poses(self.root, name, self._length(name))
-
-    def _image(self, name: str, labels: Labels, frames: Frames, poses: Poses) -> ImageField:
-        """What the image can confirm; ``poses`` of the frames of the scene."""
-        row = frames.select(labels.frame, labels.type == "DontCare")
-        region, start = labels.image_box[row], frames.starts(labels.frame[row])
-        path = self.root / f"training/calib/{name}.txt"
-        return image_field(path, poses, self.section.ego_motion, region, start, self.card.task.classes)
 
     def _length(self, name: str) -> int:
         if name in self._lengths:
@@ -127,6 +122,11 @@ class Frames:
     def starts(self, frame: Ints) -> Ints:
         """First row of each frame of the scene, and the number of rows."""
         return starts_of_sorted(frame // self.stride, -(-self.length // self.stride))
+
+    def regions(self, labels: Labels) -> tuple[Floats, Ints]:
+        """Where labels do not care in the image: ``[G, 4]`` in frames of the scene, and the first of each frame."""
+        row = self.select(labels.frame, labels.type == "DontCare")
+        return labels.image_box[row], self.starts(labels.frame[row])
 
     def place(self, box: Floats, frame: Ints) -> Floats:
         """Boxes in the frame of reference of the scene."""

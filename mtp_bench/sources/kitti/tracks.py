@@ -39,11 +39,10 @@ def read_result(path: Path, scene: Scene, classes: Sequence[str], stride: int, p
     outside = used & ((frame < 0) | (frame > last))
     table.refuse(outside, lambda at: f"frame {frame[at]}, but the last one of sequence {scene.name} is {last}")
     table.refuse_degrees("rotation_y", used)
-    size, bottom = table.value[:, 10:13], table.value[:, 13:16]
-    table.refuse(used & (size <= 0).any(axis=1), "a box with a size that is not above 0")
+    table.refuse(used & (table.value[:, 10:13] <= 0).any(axis=1), "a box with a size that is not above 0")
     for index in range(len(classes)):
         table.refuse_second_box(frame, object_id, np.flatnonzero(used & (class_id == index)))
-    box = sensor_boxes(size, bottom, table.value[:, 16])[used]
+    box = sensor_boxes(table.value[used, 10:17])
     box = box if poses is None else poses.to_world(box, frame[used])
     return stored_tracks(
         scene.frames, frame[used] // stride, object_id[used], class_id[used], box, table.value[used, 17]

@@ -1,4 +1,4 @@
-"""Files of 3DMOT2015, read into arrays: the root, ``seqinfo.ini``, and the rows of ``gt.txt`` and ``det.txt``."""
+"""Files of 3DMOT2015, read into arrays: ``seqinfo.ini``, and the rows of ``gt.txt`` and ``det.txt``."""
 
 from __future__ import annotations
 
@@ -57,11 +57,6 @@ class Rows:
     object_id: Ints  # [R] -1 for detections
     confidence: Floats  # [R] detections: score; truth: 0 = not to be evaluated
     ground: Floats  # [R, 3] m, X Y Z of the foot point
-
-
-def find_root(data: str | Path | None, sequence: str) -> Path:
-    """The folder that holds ``train/<sequence>``; DataError names the sequences that are there instead."""
-    return DATASET.find(data, f"train/{sequence}", others=[f"train/{name}" for name in KNOWN])
 
 
 def read_sequence_info(path: Path) -> SequenceInfo:

@@ -14,10 +14,10 @@ from ..people import people_detections, people_truth
 from .files import (
     DATASET,
     DETECTIONS,
+    KNOWN,
     SEQINFO,
     TRUTH,
     Rows,
-    find_root,
     read_detections,
     read_sequence_info,
     read_truth,
@@ -45,7 +45,8 @@ class Mot3d:
         self.card = card
         self.section = section_of(card, Mot3dSource)
         require_classes(card, DATASET.name, ("pedestrian",))
-        self.folder = find_root(data, self.section.sequence) / "train" / self.section.sequence
+        folder = f"train/{self.section.sequence}"
+        self.folder = DATASET.find(data, folder, others=[f"train/{name}" for name in KNOWN]) / folder
         self._info = read_sequence_info(self.folder / SEQINFO)
         require_rate(card, self.section.sequence, self._info.rate, self.section.stride)
         for name in needed(card):

@@ -17,7 +17,7 @@ import numpy as np
 from ...errors import DataError
 from ...types import Floats
 from .fields import LIMIT
-from .json_stream import brief, read_records
+from .json_stream import brief, read_records, unwatched
 
 FUTURE = 12  # places of a mode
 MOST_MODES = 25
@@ -36,7 +36,7 @@ class Prediction:
 def read_predictions(path: Path) -> Iterator[Prediction]:
     """The predictions of a file, in its order; DataError names the file and the entry that is wrong."""
     seen: set[tuple[str, str]] = set()
-    for place, record in enumerate(read_records(path, lambda size: None)):
+    for place, record in enumerate(read_records(path, unwatched)):
         where = f"{path}, entry {place}"
         tokens = []
         for key in ("instance", "sample"):

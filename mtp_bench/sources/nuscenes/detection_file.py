@@ -96,6 +96,15 @@ def read_detections(path: Path, row: Mapping[str, int], read: Read, form: Form =
     )
 
 
+def no_match(path: Path, samples: int, example: str, version: str, what: str) -> str:
+    """What is wrong with a file of ``what`` whose ``samples`` are none of the tables of ``version``."""
+    such = f" (for example {example!r})" if example else ""
+    return (
+        f"{path}: none of its {samples} sample tokens{such} is in sample.json of {version}; expected {what} of these "
+        "scenes"
+    )
+
+
 class _Rows:
     """The boxes in the order of the file."""
 

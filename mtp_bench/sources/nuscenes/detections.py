@@ -15,7 +15,7 @@ from ..base import class_ids
 from ..cache import Arrays, read_arrays, write_arrays
 from . import folders
 from .classes import CLASSES
-from .detection_file import DetectedBoxes, read_detections
+from .detection_file import DetectedBoxes, no_match, read_detections
 from .splits import counted
 from .store import SAMPLES, TableStore
 from .work import Work, no_work
@@ -66,7 +66,11 @@ def open_detections(paths: Sequence[Path], tables: TableStore, work: Work) -> tu
     """
     stores = tuple(_open(path, tables, work) for path in paths)
     if stores and not any(store.frames for store in stores):
-        raise DataError("; ".join(_no_match(store) for store in stores))
+        said = [
+            no_match(store.path, store.index["samples"], store.index["example"], tables.tables.version, "detections")
+            for store in stores
+        ]
+        raise DataError("; ".join(said))
     return stores
 
 
@@ -149,14 +153,6 @@ def _fill(folder: Path, boxes: DetectedBoxes, names: Sequence[str], start: Ints)
         write_arrays(folder / f"{name}.npz", arrays)
         scenes[name] = (covered - own[0]).tolist()
     folders.write_index(folder, {"samples": boxes.samples, "example": boxes.example, "scenes": scenes})
-
-
-def _no_match(store: DetectionStore) -> str:
-    example = f" (for example {store.index['example']!r})" if store.index["example"] else ""
-    return (
-        f"{store.path}: none of its {store.index['samples']} sample tokens{example} is in sample.json of "
-        f"{store.tables.tables.version}; expected detections of these scenes"
-    )
 
 
 def _refuse_shared(stores: Sequence[DetectionStore], name: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,6 @@ LAST_TIME = 2.0**53  # microseconds; a float holds every whole number up to this
 LONGEST = 100.0  # m, side of a box
 NORM_TOLERANCE = 1e-2  # of a quaternion; smaller deviations are rounding and are normalised
 MOST_TILTED = 0.05  # share of boxes: a detector may be wrong about some
-IN_RANGE = f"finite numbers up to {LIMIT:g}"  # for messages
 _NUMBERS = frozenset((int, float))  # types; True and False are of neither
 
 
@@ -82,8 +81,7 @@ def ints(values: array[int]) -> Ints:
 
 def first_wrong(key: str, value: Floats) -> tuple[int, str] | None:
     """The first of the rows ``[R, n]`` of a field that cannot be, and what is wrong with it; None where all can."""
-    for wrong, expected in ((out_of_range, IN_RANGE), *_MORE.get(key, ())):
-        bad = wrong(value)
+    for bad, expected in _wrong(key, value):
         if bad.any():
             at = int(np.argmax(bad))
             return at, f"{key} is {shown(value[at])}, expected {expected}"
@@ -97,19 +95,14 @@ def check(path: Path, tokens: Sequence[str], fields: Mapping[str, Floats]) -> No
             raise DataError(f"{path}, record {tokens[found[0]]!r}: {found[1]}")
 
 
-def out_of_range(value: Floats) -> Bools:
-    """Which of the rows ``[R, ...]`` hold NaN or a number beyond `LIMIT` ``[R]``."""
-    return np.asarray(~(np.abs(value) <= LIMIT).all(axis=tuple(range(1, value.ndim))))
-
-
-def not_sized(size: Floats) -> Bools:
-    """Which of the sizes ``[R, 3]`` have a side that is not above 0, or longer than `LONGEST` ``[R]``."""
-    return np.asarray(~((size > 0) & (size <= LONGEST)).all(axis=1))
-
-
-def not_unit(rotation: Floats) -> Bools:
-    """Which of the quaternions ``[R, 4]`` have another norm than 1 ``[R]``."""
-    return np.asarray(np.abs(np.linalg.norm(rotation, axis=1) - 1.0) > NORM_TOLERANCE)
+def _wrong(key: str, value: Floats) -> Iterator[tuple[Bools, str]]:
+    """Which rows cannot be ``[R]``, and what is expected of them, one rule after the other."""
+    within = (np.abs(value) <= LIMIT).all(axis=tuple(range(1, value.ndim)))
+    yield np.asarray(~within), f"finite numbers up to {LIMIT:g}"
+    if key == "size":
+        yield np.asarray(~((value > 0) & (value <= LONGEST)).all(axis=1)), f"sizes above 0 and up to {LONGEST:g} m"
+    if key == "rotation":
+        yield np.abs(np.linalg.norm(value, axis=1) - 1.0) > NORM_TOLERANCE, "a unit quaternion"
 
 
 def first_tilted(rotation: Floats) -> tuple[int, str] | None:
@@ -121,12 +114,6 @@ def first_tilted(rotation: Floats) -> tuple[int, str] | None:
     at = int(np.argmax(tilted))
     what = f"expected w, x, y, z of a box that stands upright; {tilted.sum()} of {len(rotation)} do not"
     return at, f"rotation is {shown(rotation[at])}, {what}: is w written last?"
-
-
-_MORE = {
-    "size": ((not_sized, f"sizes above 0 and up to {LONGEST:g} m"),),
-    "rotation": ((not_unit, "a unit quaternion"),),
-}
 
 
 def yaw_of(rotation: Floats) -> Floats:

@@ -38,10 +38,7 @@ def brief(value: Any) -> str:
 
 def read_records(path: Path, read: Read) -> Iterator[Record]:
     """Records of a file that holds a list of objects; NaN are None. DataError names the file and what is wrong."""
-    for record in _parsed(path, read, b"[", lambda file: ijson.items(file, "item", use_float=True, buf_size=_CHUNK)):
-        if not isinstance(record, dict):
-            raise DataError(f"{path}: got {brief(record)!r}, expected a record")
-        yield record
+    return _records(path, read, b"[", "item", str(path))
 
 
 def read_entries(path: Path, key: str, read: Read) -> Iterator[tuple[str, Any]]:
@@ -55,11 +52,13 @@ def read_entries(path: Path, key: str, read: Read) -> Iterator[tuple[str, Any]]:
 
 def read_list(path: Path, key: str, read: Read) -> Iterator[Record]:
     """Records of the list that the object of a file has under ``key``; none without it. DataError as above."""
-    for record in _parsed(
-        path, read, b"{", lambda file: ijson.items(file, f"{key}.item", use_float=True, buf_size=_CHUNK)
-    ):
+    return _records(path, read, b"{", f"{key}.item", f"{path}, {key}")
+
+
+def _records(path: Path, read: Read, start: bytes, prefix: str, where: str) -> Iterator[Record]:
+    for record in _parsed(path, read, start, lambda file: ijson.items(file, prefix, use_float=True, buf_size=_CHUNK)):
         if not isinstance(record, dict):
-            raise DataError(f"{path}, {key}: got {brief(record)!r}, expected a record")
+            raise DataError(f"{where}: got {brief(record)!r}, expected a record")
         yield record
 
 

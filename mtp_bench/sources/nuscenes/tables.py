@@ -41,8 +41,8 @@ def read_keyframes(paths: Mapping[str, Path], read: Read) -> Keyframes:
     scene, start, token, time = _read_samples(paths, read)
     row = {name: at for at, name in enumerate(token)}
     pose = _read_lidar_poses(paths, row, read)
-    ego = _read_poses(paths["ego_pose"], paths["sample_data"], pose, read)
-    return Keyframes(scene, start, token, row, time, ego)
+    position, turn = read_poses(paths["ego_pose"], paths["sample_data"], pose, read)
+    return Keyframes(scene, start, token, row, time, np.column_stack([position, yaw_of(turn)]))
 
 
 def _read_samples(paths: Mapping[str, Path], read: Read) -> tuple[tuple[str, ...], Ints, list[str], Floats]:
@@ -124,12 +124,6 @@ def _read_lidar_poses(paths: Mapping[str, Path], row: Mapping[str, int], read: R
         if not pose[at]:
             raise DataError(f"{path} has no {LIDAR} keyframe of sample {token!r}")
     return pose
-
-
-def _read_poses(path: Path, referrer: Path, pose: list[str], read: Read) -> Floats:
-    """Ego x y z yaw [N, 4] by pose tokens [N]."""
-    position, turn = read_poses(path, referrer, pose, read)
-    return np.column_stack([position, yaw_of(turn)])
 
 
 def read_poses(path: Path, referrer: Path, pose: list[str], read: Read) -> tuple[Floats, Floats]:

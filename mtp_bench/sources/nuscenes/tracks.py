@@ -13,9 +13,10 @@ from ...cards import Card
 from ...errors import DataError
 from ...types import Floats, Scene, StoredTracks
 from ..base import DataRoot, ReadTracks, TrackForm, class_ids
+from ..text import refuse, repeated
 from ..tracks.building import FEWER, stored_tracks
 from .classes import CLASSES
-from .detection_file import TRACKING, DetectedBoxes, read_detections
+from .detection_file import TRACKING, DetectedBoxes, no_match, read_detections
 from .json_stream import unwatched
 from .source import NuScenes
 from .store import SAMPLES, TableStore
@@ -49,12 +50,12 @@ def scene_tracks(file: _File, path: Path, scene: Scene, first: int, classes: Seq
     found = stored_tracks(
         scene.frames, frame, boxes.identity[row], class_id, boxes.box[row], boxes.score[row], boxes.velocity[row]
     )
-    _, count = np.unique(np.stack([found.frame_of_rows, found.object_id]), axis=1, return_counts=True)
-    if (count > 1).any():
-        _, place = np.unique(np.stack([found.frame_of_rows, found.object_id]), axis=1, return_index=True)
-        twice = int(np.setdiff1d(np.arange(len(row)), place)[0])
-        token, name = file.samples[first + int(frame[twice])], boxes.identity[row[twice]]
-        raise DataError(f"{path}, sample {token!r}: a second box of tracking_id {str(name)!r}, expected one")
+
+    def what(at: int) -> str:
+        token, name = file.samples[first + int(frame[at])], str(boxes.identity[row[at]])
+        return f"{path}, sample {token!r}: a second box of tracking_id {name!r}, expected one"
+
+    refuse(repeated(found.frame_of_rows, found.object_id), what)
     return found
 
 
@@ -94,11 +95,7 @@ def _read(path: Path, tables: TableStore) -> _File:
         tokens = [str(token) for token in tables.arrays(SAMPLES)["token"]]
         boxes = read_detections(path, {token: at for at, token in enumerate(tokens)}, unwatched, TRACKING)
         if not len(boxes.covered):
-            example = f" (for example {boxes.example!r})" if boxes.example else ""
-            raise DataError(
-                f"{path}: none of its {boxes.samples} sample tokens{example} is in sample.json of "
-                f"{tables.tables.version}; expected tracks of these scenes"
-            )
+            raise DataError(no_match(path, boxes.samples, boxes.example, tables.tables.version, "tracks"))
         _kept.clear()
         _kept[key] = _File(boxes, tokens)
     return _kept[key]

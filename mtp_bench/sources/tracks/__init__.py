@@ -9,31 +9,12 @@ a folder of tables     every source: a ``.csv`` or ``.parquet`` for each scene, 
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 from ...cards import Card
 from ...errors import DataError
-from ...types import Scene
-from ..base import DataRoot, ReadTracks, SceneSource, SourcePackage, TrackForm
+from ..base import DataRoot, ReadTracks, SourcePackage, TrackForm
 from .table import TABLE
-
-
-class TrackedScenes:
-    """The scenes of another source, each with the stored tracks of it."""
-
-    def __init__(self, source: SceneSource, read: ReadTracks) -> None:
-        self._source, self._read = source, read
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the scenes, as in the source."""
-        return self._source.names
-
-    def load(self, name: str) -> Scene:
-        """Read one scene and its tracks; DataError where the file has none of it or is wrong."""
-        scene = self._source.load(name)
-        return replace(scene, tracks=self._read(scene))
 
 
 def find_tracks(package: SourcePackage, card: Card, data: DataRoot, path: str | Path) -> ReadTracks:

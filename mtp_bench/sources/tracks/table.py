@@ -19,6 +19,7 @@ from ..base import DataRoot, ReadTracks, TrackForm
 from ..files.columns import FORMS, TRACKS
 from ..files.content import Rows, check_rows, class_id_of
 from ..files.tables import find_table, read_tracks
+from ..text import repeated
 from .building import FEWER, stored_tracks
 
 COLUMNS = tuple(column.name for column in TRACKS)
@@ -54,9 +55,7 @@ def write_table_of_tracks(path: Path, rows: Iterable[Sequence[object]], columns:
 
 def _refuse_second_box(rows: Rows) -> None:
     """Raise DataError where a track has two boxes in a frame; the same id in another class is another track."""
-    _, kind = np.unique(rows.kind, return_inverse=True)
-    _, first = np.unique(np.stack([rows.frame, kind, rows.further["id"]]), axis=1, return_index=True)
-    twice = ~np.isin(np.arange(len(rows.frame)), first)
+    twice = repeated(rows.frame, rows.kind, rows.further["id"])
     rows.refuse(twice, "id", lambda at: f"a second box of this {rows.kind[at]} in frame {rows.frame[at]}")
 
 

@@ -8,16 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....types import Floats, Scene
-from ...fit.samples import FalsePositiveSamples
-from ...rows import Rows
+from ...fit.samples import FalsePositiveSamples, nearest_true
+from ...rows import Rows, joined
 from ...sight import Sensor, Sight, covered, sight
-from ...surroundings import Surroundings
+from ...surroundings import Surroundings, labels_of
 from ..draws import Draws, grid_of, neighbours_in
 from ..free import free_ghosts
 from ..near import BESIDE, classes_alike, near_ghosts
 from ..profile import ClassNoise, Profile
 from ..quality import Qualities, qualities
-from ..simulate import labels_in
 from .ghost_figures import NEAR, Seen, figures
 from .ghost_start import first_free, first_near, memory_of
 from .search import nearest, odds
@@ -31,11 +30,10 @@ _LEAST = 0.1  # chance to be seen: lower ones fit as well, but many that are nev
 
 @dataclass(frozen=True, eq=False)
 class _Stage:
-    """A scene in which false positives of a class are simulated."""
+    """A scene in which false positives are simulated."""
 
     around: Surroundings
     sight: Sight
-    own: Sequence[int]  # class ids that have the noise
 
 
 def fit_ghosts(
@@ -44,7 +42,8 @@ def fit_ghosts(
 ) -> ClassNoise:  # fmt: skip
     """The noise of class ``own`` of the profile with its false positives ``real``."""
     noise = profile.classes[own]
-    boxes = sum(_boxes_of(scene, classes, profile, own, sensor) for scene in scenes)
+    of_own = np.array([profile.noise_name(name) == own for name in classes])
+    boxes = sum(int((covered(scene.truth, scene.ego, sensor) & of_own[scene.truth.class_id]).sum()) for scene in scenes)
     frames = sum(scene.frames for scene in scenes)
     near = np.asarray(real.beside < NEAR)
     start = noise.model_copy(
@@ -56,11 +55,6 @@ def fit_ghosts(
     if len(real.score) < _FEW or start.near is None or start.free is None:
         return start
     return _Fit(scenes, classes, profile, own, real, sensor, start).best()
-
-
-def _boxes_of(scene: Scene, classes: Sequence[str], profile: Profile, own: str, sensor: Sensor) -> int:
-    ids = [i for i, name in enumerate(classes) if profile.noise_name(name) == own]
-    return int((covered(scene.truth, scene.ego, sensor) & np.isin(scene.truth.class_id, ids)).sum())
 
 
 class _Fit:
@@ -77,7 +71,7 @@ class _Fit:
     ) -> None:  # fmt: skip
         self.classes, self.profile, self.own, self.start = classes, profile, own, start
         self.frames = sum(scene.frames for scene in scenes)
-        self.stages = [_stage(scene, classes, profile, own, sensor) for scene in scenes]
+        self.stages = [_stage(scene, sensor) for scene in scenes]
         self.high = float(np.quantile(real.score, _HIGH))
         self.names_of_noise = [profile.noise_name(name) for name in classes]
         near = np.asarray(real.beside < NEAR)
@@ -124,8 +118,7 @@ class _Fit:
         profile = self.profile.model_copy(update={"classes": {**classes, self.own: noise}})
         made = []
         for seed in range(_SEEDS):
-            parts = [self._scene(profile, stage, i, seed) for i, stage in enumerate(self.stages)]
-            seen = Seen(*(np.concatenate([getattr(p, n) for p in parts]) for n in Seen.__dataclass_fields__))
+            seen = joined([self._scene(profile, stage, i, seed) for i, stage in enumerate(self.stages)])
             made.append(np.append(figures(seen, self.frames, self.high), seen.near.sum() / self.frames))
         return np.asarray(np.mean(made, axis=0))
 
@@ -142,30 +135,24 @@ class _Fit:
         alike = classes_alike(truth, self.names_of_noise)
         grid = grid_of(truth, [profile.noise(name) for name in self.classes], 1.0)
         rows = [near_ghosts(grid, stage.around, known, alike, 1000 * seed + number)]
-        labels = labels_in(truth, self.classes, profile, self.own)
+        noise = profile.classes[self.own]
+        assert noise.free is not None
+        labels = labels_of(truth, self.classes, self.names_of_noise, self.own, noise.free.size)
         if labels is not None:
-            rows.append(free_ghosts(profile.classes[self.own], labels, stage.around, 0, 1000 * seed + number))
-        found = Rows(*(np.concatenate([getattr(one, n) for one in rows]) for n in Rows.__dataclass_fields__))
+            rows.append(free_ghosts(noise, labels, stage.around, 0, 1000 * seed + number))
         score = np.where(known.reported, known.score, -np.inf)
-        return self._seen(found, stage, score, number)
+        return self._seen(joined(rows), stage, score, number)
 
     def _seen(self, found: Rows, stage: _Stage, score: Floats, number: int) -> Seen:
         truth = stage.around.truth
-        beside, parent = np.full(len(found.frame), np.inf), np.full(len(found.frame), -np.inf)
-        for t in np.unique(found.frame):
-            rows = truth.rows(int(t)).start + np.flatnonzero(np.isin(truth.class_id[truth.rows(int(t))], stage.own))
-            if not len(rows):
-                continue
-            here = np.flatnonzero(found.frame == t)
-            off = np.hypot(*(found.box[here, None, :2] - truth.box[None, rows, :2]).transpose(2, 0, 1))
-            beside[here] = off.min(axis=1)
-            parent[here] = score[rows[off.argmin(axis=1)]]
+        of_own = np.array(self.names_of_noise)[truth.class_id] == self.own
+        nearest, beside = nearest_true(truth, of_own, found.frame, found.box)
+        parent = np.append(score, -np.inf)[nearest]
         alone = (beside < BESIDE[1]) & ~(parent >= self.high)
         scene = np.full(len(found.frame), number)
         return Seen(scene, found.frame, found.box[:, :2], found.score, np.asarray(beside < NEAR), alone)
 
 
-def _stage(scene: Scene, classes: Sequence[str], profile: Profile, own: str, sensor: Sensor) -> _Stage:
-    ids = [i for i, name in enumerate(classes) if profile.noise_name(name) == own]
+def _stage(scene: Scene, sensor: Sensor) -> _Stage:
     around = Surroundings(scene.truth, scene.ego, sensor, 1.0, 1.0)
-    return _Stage(around, sight(scene.truth, scene.ego, sensor, scene.visible), ids)
+    return _Stage(around, sight(scene.truth, scene.ego, sensor, scene.visible))

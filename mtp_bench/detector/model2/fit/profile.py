@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -81,11 +82,8 @@ def _with_ghosts(
 
 
 def _of_classes(scene: Scene, ids: Sequence[int]) -> Scene:
-    """The scene with the true boxes of some classes, numbered anew."""
-    from dataclasses import replace
-
+    """The scene with the true boxes of some classes ``ids``, ascending, numbered anew."""
     kept = np.isin(scene.truth.class_id, ids)
     truth = scene.truth.those(kept)
-    number = {old: new for new, old in enumerate(ids)}
-    truth = replace(truth, class_id=np.array([number[int(one)] for one in truth.class_id], dtype=np.int64))
+    truth = replace(truth, class_id=np.searchsorted(ids, truth.class_id))
     return replace(scene, truth=truth, visible=None if scene.visible is None else scene.visible[kept])

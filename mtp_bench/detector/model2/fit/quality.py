@@ -36,7 +36,7 @@ def fit_quality(objects: ObjectSamples, floor: float) -> Quality:
     for lapses in _LAPSES:
         law = _margins(objects, floor, lapses)
         stage = Stage.of(objects, law)
-        real = stage.figures(stage.shown(objects.hit, objects.score))
+        real = stage.figures(objects.hit, objects.score)
         unknown = nearest(stage.made_of, real, np.full(len(real), _SCALE), _START, _ROUNDS)
         off = (stage.made_of(unknown) - real)[np.isfinite(real)] / _SCALE
         if float(off @ off) < least:
@@ -89,15 +89,6 @@ def random_part(objects: ObjectSamples, law: Quality) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
-    """What a detector shows of the objects of a stage."""
-
-    hit: Bools  # [R]
-    strong: Bools  # [R] reaches the second floor too
-    value: Floats  # [R] random part of the quality, where hit
-
-
-@dataclass(frozen=True, eq=False)
 class Stage:
     """True objects of a class over scenes, as one long scene in which a quality can be drawn."""
 
@@ -132,32 +123,28 @@ class Stage:
         )
 
     def made_of(self, unknown: Floats) -> Floats:
-        """Figures of the law with the memory that unknowns stand for."""
-        return self.made(_with(self.law, unknown))
-
-    def made(self, law: Quality) -> Floats:
-        """Figures of a simulated quality, mean over seeds."""
-        noise = (ClassNoise.model_construct(quality=law),)
-        grid = replace(self.grid, noise=noise)
+        """Figures of a simulated quality with the memory that unknowns stand for, mean over seeds."""
+        law = _with(self.law, unknown)
+        grid = replace(self.grid, noise=(ClassNoise.model_construct(quality=law),))
         made = []
         for seed in range(_SEEDS):
             quality = self.location + random_quality(grid, self.neighbours, Draws(seed))
             hit = quality >= law.latent[0]
-            made.append(self.figures(self.shown(hit, np.interp(quality, law.latent, law.score))))
+            made.append(self.figures(hit, np.interp(quality, law.latent, law.score)))
         return np.asarray(np.nan_to_num(made).mean(axis=0))
 
-    def shown(self, hit: Bools, score: Floats) -> Shown:
-        """What is seen of hits with scores."""
-        value = np.interp(np.nan_to_num(score), self.law.score, self.law.latent) - self.location
-        return Shown(hit, hit & (np.nan_to_num(score, nan=-np.inf) >= self.second), value)
+    def figures(self, hit: Bools, score: Floats) -> Floats:
+        """Correlations over frames and between neighbours: of qualities that are seen, and of misses.
 
-    def figures(self, shown: Shown) -> Floats:
-        """Correlations over frames and between neighbours: of qualities that are seen, and of misses."""
+        ``hit`` [R] and ``score`` [R], NaN where undetected: what a detector shows of the objects.
+        """
+        value = np.interp(np.nan_to_num(score), self.law.score, self.law.latent) - self.location
+        strong = hit & (np.nan_to_num(score, nan=-np.inf) >= self.second)  # reaches the second floor too
         found = []
-        weak, missed = self._surprise(~shown.strong), self._surprise(~shown.hit)
+        weak, missed = self._surprise(~strong), self._surprise(~hit)
         for one, other in (*self.pairs, *self.beside):
-            both = shown.hit[one] & shown.hit[other]
-            found.append(_correlation(shown.value, one[both], other[both]))
+            both = hit[one] & hit[other]
+            found.append(_correlation(value, one[both], other[both]))
             found += [_correlation(missed, one, other), _correlation(weak, one, other)]
         return np.array(found)
 
