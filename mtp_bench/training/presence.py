@@ -7,8 +7,8 @@ without a scene say of it.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from ..scoring.forecasts import match_objects
 from ..scoring.neutral import evaluated, neutral_places
 from ..tracking import HypothesisTracker
 from ..tracks import Tracks
-from ..types import Bools, Floats, Scene, Task
+from ..types import Bools, Floats, Scene, Task, joined, those
 from .motion_windows import observations
 from .presence_recipes import LIKE, RECIPES, Like, Recipe, scenes_of
 from .split import open_split
@@ -36,10 +36,9 @@ KNOT_BINS = 100  # of held-out rows, of equal size, that the isotonic regression
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class Rows(History):
     """Tracks of n frames and tracks in all, and whether an object was there."""
 
-    history: History  # [n] each
     class_name: Any  # [n] str
     present: Bools  # [n]
     scene: Any  # [n] str: rows of one scene are never on both sides of a split
@@ -50,20 +49,13 @@ def collect(scenes: Iterable[Scene], card: Card, task: Task) -> Rows:
 
     An object is there if the track is matched to it by the rule for forecasts: one to one, within the forecast gate.
     """
-    parts = [part for scene in scenes for part in _scene_rows(scene, card, task)]
-    if not parts:
+    parts = [_scene_rows(scene, card, task) for scene in scenes]
+    if not any(len(part.present) for part in parts):
         raise MtpBenchError(f"{card.id}: no track in any training scene, so there is nothing to fit")
     return joined(parts)
 
 
-def joined(parts: Sequence[Rows]) -> Rows:
-    """The rows of all parts."""
-    history = {f.name: np.concatenate([getattr(p.history, f.name) for p in parts]) for f in fields(History)}
-    rest = {f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Rows)[1:]}
-    return Rows(History(**history), **rest)
-
-
-def _scene_rows(scene: Scene, card: Card, task: Task) -> Iterator[Rows]:
+def _scene_rows(scene: Scene, card: Card, task: Task) -> Rows:
     tracker = HypothesisTracker()
     tracker.reset(task)
     said: list[tuple[Tracks, History]] = []
@@ -78,10 +70,9 @@ def _scene_rows(scene: Scene, card: Card, task: Task) -> Iterator[Rows]:
     row = found.object_of_truth[~truth.neutral]
     present[row[row >= 0]] = True
     kept = present | (found.unmatched & ~neutral_places(scene, frame, box[:, :2], class_id))
-    history = History(**{f.name: np.concatenate([getattr(h, f.name) for _, h in said])[kept] for f in fields(History)})
-    if kept.any():
-        names = np.array(task.classes)[class_id[kept]]
-        yield Rows(history, names, present[kept], np.full(int(kept.sum()), scene.name))
+    history, names = joined([one for _, one in said]), np.array(task.classes)[class_id]
+    rows = Rows(**vars(history), class_name=names, present=present, scene=np.full(len(frame), scene.name))
+    return those(rows, kept)
 
 
 def training_rows(recipe: Recipe, options: RunOptions = DEFAULTS) -> tuple[Rows, list[dict[str, Any]]]:
@@ -105,7 +96,7 @@ def fit(rows: Rows, recipe: Recipe) -> tuple[PresenceModel, Floats]:
     said = np.zeros(len(rows.present))
     parts = folds(rows)
     for away in parts:
-        said[away] = said_by(fit_logistic(_those(rows, ~away), recipe), _those(rows, away))
+        said[away] = said_by(fit_logistic(those(rows, ~away), recipe), those(rows, away))
     if not recipe.calibrated:
         return model, said
     checked = np.zeros(len(said))
@@ -128,7 +119,7 @@ def logistic_regression(rows: Rows, recipe: Recipe) -> tuple[Any, PresenceModel]
     """scikit-learn's estimator on `design`, and a model that standardises as it and has no coefficients yet."""
     from sklearn.linear_model import LogisticRegression
 
-    raw = np.stack([FEATURES[name](rows.history) for name in recipe.features], axis=1)
+    raw = np.stack([FEATURES[name](rows) for name in recipe.features], axis=1)
     low, high = _rounded(np.quantile(raw, [0.001, 0.999], axis=0))
     clipped = np.clip(raw, low, high)
     scale = clipped.std(axis=0)
@@ -143,9 +134,7 @@ def logistic_regression(rows: Rows, recipe: Recipe) -> tuple[Any, PresenceModel]
         np.array([[0.0, 1.0], [0.0, 1.0]]),
     )
     estimator = LogisticRegression(C=RIDGE, solver="newton-cholesky", tol=1e-9, max_iter=200)
-    return estimator.fit(
-        design(model.standardised(rows.history), rows.class_name, recipe.products), rows.present
-    ), model
+    return estimator.fit(design(model.standardised(rows), rows.class_name, recipe.products), rows.present), model
 
 
 def design(z: Floats, class_name: Any, products: bool) -> Floats:
@@ -216,7 +205,7 @@ class Quality:
 
 def raw_score(rows: Rows) -> Floats:
     """The mean score as a probability: as it is where scores lie in [0, 1], else as a logit."""
-    score = rows.history.mean_score
+    score = rows.mean_score
     return score if score.min() >= 0 and score.max() <= 1 else logistic(score)
 
 
@@ -290,19 +279,14 @@ def lines_of(content: dict[str, Any]) -> str:
 def said_by(model: PresenceModel, rows: Rows) -> Floats:
     """Probabilities [n] of rows."""
     names, class_id = np.unique(rows.class_name, return_inverse=True)
-    return model.probability(rows.history, class_id, names.tolist())
+    return model.probability(rows, class_id, names.tolist())
 
 
 def thinned(rows: Rows) -> Rows:
     """Every so manieth row, such that there are at most MOST_ROWS."""
     kept = np.zeros(len(rows.present), dtype=bool)
     kept[:: -(-len(kept) // MOST_ROWS)] = True
-    return _those(rows, kept)
-
-
-def _those(rows: Rows, kept: Bools) -> Rows:
-    history = History(**{f.name: getattr(rows.history, f.name)[kept] for f in fields(History)})
-    return Rows(history, rows.class_name[kept], rows.present[kept], rows.scene[kept])
+    return those(rows, kept)
 
 
 def _rounded(values: Floats) -> Floats:
