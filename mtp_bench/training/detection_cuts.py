@@ -7,7 +7,7 @@ By MOTA of the single-hypothesis tracker on training scenes, per class:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -75,8 +75,7 @@ def best_cuts(detector: str, options: RunOptions = DEFAULTS) -> dict[str, float]
 
 
 def _drive(wanted: Scenes, options: RunOptions) -> Drive:
-    split = open_split(wanted.env, wanted.options(options))
-    split = replace(split, names=tuple(name for name in split.names if name not in wanted.without))
+    split = open_split(wanted.env, wanted.options(options), away=wanted.without)
     scenes = list(split.scenes())
     if not all(scene.truth_complete for scene in scenes):
         raise MtpBenchError(f"{wanted.env}: the truth is not complete, so false positives cannot be told")

@@ -79,11 +79,10 @@ def training_rows(recipe: Recipe, options: RunOptions = DEFAULTS) -> tuple[Rows,
     """The rows of a recipe, and which scenes they are from."""
     parts, origin = [], []
     for wanted in recipe.scenes:
-        split = open_split(wanted.env, wanted.options(options))
-        names = [name for name in split.names if name not in wanted.without]
-        split = replace(split, names=tuple(names))
+        split = open_split(wanted.env, wanted.options(options), away=wanted.without)
         parts.append(collect(split.scenes(), split.card, MTPEnv(split.card, data=options.data).task))
-        origin.append({"env": wanted.env, "split": wanted.split, "detector": split.card.detector_name, "scenes": names})
+        said = {"env": wanted.env, "split": wanted.split, "detector": split.card.detector_name}
+        origin.append({**said, "scenes": list(split.names)})
     return joined(parts), origin
 
 
