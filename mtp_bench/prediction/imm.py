@@ -142,7 +142,7 @@ class ImmPredictor:
     def __init__(self, noise: ImmNoise | None = None, past: int | None = None) -> None:
         require_past(past)
         if noise is not None:
-            require_noise(noise, _AXES, positive=("measurement", "speed"))
+            require_noise(noise, _AXES)
             if not (noise.stay <= 1).all():
                 raise ShapeError(f"noise.stay holds {noise.stay.max()}, expected probabilities")
         self._given = noise

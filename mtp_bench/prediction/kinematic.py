@@ -28,7 +28,7 @@ class KinematicPredictor:
     def __init__(self, noise: NoiseTable | None = None, past: int | None = None) -> None:
         require_past(past)
         if noise is not None:
-            require_noise(noise, _AXES, positive=("measurement", "speed"))
+            require_noise(noise, _AXES)
         self._given = noise
         self._past = past
 
