@@ -148,6 +148,5 @@ def _count(scene: Scene, drive: Drive, tracker: HypothesisTracker) -> Ints:
 
 
 def _of_equal_rank(detector: str, cuts: dict[str, float]) -> dict[str, float]:
-    scores = read_model(file_of(detector))[1]
-    tables = {} if scores is None else scores.classes
+    _, tables = read_model(file_of(detector))
     return {name: float(np.interp(cut, *tables[name][::-1])) for name, cut in cuts.items() if name in tables}

@@ -177,29 +177,22 @@ def isotonic_knots(probability: Floats, present: Bools) -> Floats:
     return np.concatenate([[[0.0], [0.0]], _rounded(knots), [[1.0], [1.0]]], axis=1)
 
 
-@dataclass(frozen=True, eq=False)
-class Quality:
-    """How good probabilities are."""
+def quality(probability: Floats, present: Bools) -> dict[str, Any]:
+    """How good probabilities [n] are.
 
-    rows: int
-    brier: float
-    auc: float
-    reliability: list[list[float]]  # of ten equal bins of the probability: mean, share that is there, rows
+    Reliability is of ten equal bins of the probability: mean, share that is there, rows.
+    """
+    from sklearn.metrics import roc_auc_score
 
-    @classmethod
-    def of(cls, probability: Floats, present: Bools) -> Quality:
-        """Of probabilities [n]."""
-        from sklearn.metrics import roc_auc_score
-
-        place = np.minimum((probability * 10).astype(int), 9)
-        table = [
-            [round(float(probability[mine].mean()), 3), round(float(present[mine].mean()), 3), int(mine.sum())]
-            for mine in (place == b for b in range(10))
-            if mine.any()
-        ]
-        brier = float(np.mean((probability - present) ** 2))
-        auc = float(roc_auc_score(present, probability)) if 0 < present.mean() < 1 else 0.5
-        return cls(len(present), round(brier, 4), round(auc, 4), table)
+    place = np.minimum((probability * 10).astype(int), 9)
+    table = [
+        [round(float(probability[mine].mean()), 3), round(float(present[mine].mean()), 3), int(mine.sum())]
+        for mine in (place == b for b in range(10))
+        if mine.any()
+    ]
+    brier = float(np.mean((probability - present) ** 2))
+    auc = float(roc_auc_score(present, probability)) if 0 < present.mean() < 1 else 0.5
+    return {"rows": len(present), "brier": round(brier, 4), "auc": round(auc, 4), "reliability": table}
 
 
 def raw_score(rows: Rows) -> Floats:
@@ -216,11 +209,8 @@ def fit_detector(detector: str, options: RunOptions = DEFAULTS) -> str:
     rows, origin = training_rows(recipe, options)
     rows = thinned(rows)
     model, said = fit(rows, recipe)
-    quality = {
-        "score": vars(Quality.of(raw_score(rows), rows.present)),
-        "presence": vars(Quality.of(said, rows.present)),
-    }
-    return as_json(detector, recipe, model, origin, quality)
+    held_out = {"score": quality(raw_score(rows), rows.present), "presence": quality(said, rows.present)}
+    return as_json(detector, recipe, model, origin, held_out)
 
 
 def fit_scores(detector: str, like: Like, options: RunOptions = DEFAULTS) -> str:
@@ -256,7 +246,7 @@ def _scores(scenes: Sequence[Scene], classes: int) -> list[Floats]:
 
 
 def as_json(
-    detector: str, recipe: Recipe, model: PresenceModel, origin: list[dict[str, Any]], quality: dict[str, Any]
+    detector: str, recipe: Recipe, model: PresenceModel, origin: list[dict[str, Any]], held_out: dict[str, Any]
 ) -> str:
     """The text of a model's file."""
     content: dict[str, Any] = {"detector": detector}
@@ -265,7 +255,7 @@ def as_json(
     content |= {"fitted_on": origin, "features": list(model.features)}
     content |= {key: getattr(model, key).tolist() for key in ("low", "high", "center", "scale", "shared")}
     content["classes"] = {name: row.tolist() for name, row in model.classes.items()}
-    content |= {"knots": model.knots.tolist(), "held_out": quality}
+    content |= {"knots": model.knots.tolist(), "held_out": held_out}
     return lines_of(content)
 
 

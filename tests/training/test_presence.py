@@ -18,7 +18,7 @@ from mtp_bench.prediction.presence import FEATURES, MODELS, History, logistic, r
 from mtp_bench.running.options import RunOptions
 from mtp_bench.sources import load_scenes
 from mtp_bench.training import presence
-from mtp_bench.training.presence import Quality, Rows, design, isotonic_knots
+from mtp_bench.training.presence import Rows, design, isotonic_knots, quality
 from mtp_bench.training.presence_recipes import Recipe
 from mtp_bench.types import Floats
 from tests.support.command_line import CommandLine
@@ -78,7 +78,7 @@ def test_a_fit_finds_the_probability_that_made_the_rows() -> None:
     fresh, fresh_truth = made_up(5000, seed=1)
     assert np.abs(presence.said_by(model, fresh) - fresh_truth).mean() < 0.02
     assert np.abs(said - truth).mean() < 0.03
-    assert Quality.of(said, rows.present).brier < Quality.of(presence.raw_score(rows), rows.present).brier
+    assert quality(said, rows.present)["brier"] < quality(presence.raw_score(rows), rows.present)["brier"]
     assert len(np.unique(presence.said_by(model, fresh))) > 4900  # no ties
 
 
@@ -97,8 +97,7 @@ def test_the_same_rows_give_the_same_file() -> None:
     for _ in range(2):
         rows, _ = made_up()
         model, said = presence.fit(rows, FULL)
-        quality = {"presence": vars(Quality.of(said, rows.present))}
-        texts.append(presence.as_json("mine", FULL, model, [], quality))
+        texts.append(presence.as_json("mine", FULL, model, [], {"presence": quality(said, rows.present)}))
     assert texts[0] == texts[1]
     assert json.loads(texts[0])["terms"] == "of nobody"
 
@@ -109,7 +108,7 @@ def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:
     file = tmp_path / "mine.json"
     file.write_text(presence.as_json("mine", FULL, model, [], {}))
     stored, scores = read_model(file)
-    assert scores is None
+    assert scores == {}
     np.testing.assert_array_equal(presence.said_by(stored, rows), presence.said_by(model, rows))
 
 
@@ -142,10 +141,10 @@ def test_scores_of_equal_rank() -> None:
 
 
 def test_the_quality_of_probabilities() -> None:
-    got = Quality.of(np.array([0.05, 0.05, 0.95, 1.0]), np.array([False, True, True, True]))
-    assert (got.rows, got.auc) == (4, round(2.5 / 3, 4))
-    assert got.reliability == [[0.05, 0.5, 2], [0.975, 1.0, 2]]
-    assert Quality.of(np.array([0.5]), np.array([True])).auc == 0.5
+    got = quality(np.array([0.05, 0.05, 0.95, 1.0]), np.array([False, True, True, True]))
+    assert (got["rows"], got["auc"]) == (4, round(2.5 / 3, 4))
+    assert got["reliability"] == [[0.05, 0.5, 2], [0.975, 1.0, 2]]
+    assert quality(np.array([0.5]), np.array([True]))["auc"] == 0.5
 
 
 def test_wrong_usage(cli: CommandLine) -> None:
