@@ -135,7 +135,8 @@ class _Work:
 
     def trained(self, stage: Stage) -> list[torch.Tensor]:
         """The weights that a stage trains; only these ask for gradients."""
-        names = [name for name in sorted(self.weights) if is_trained(name) and name.startswith(stage.trains)]
+        statistics = (".mean", ".spread")  # of the data, which are not trained
+        names = [n for n in sorted(self.weights) if n.startswith(stage.trains) and not n.endswith(statistics)]
         for name, value in self.weights.items():
             value.requires_grad_(name in names)
         return [self.weights[name] for name in names]
@@ -165,11 +166,6 @@ def _fit_stage(work: _Work, state: State, kept: _Checkpoint, told: Told) -> None
         state.memory = _memory(optimizer)
         kept.write(state, work.weights)
         told(state.epoch, error)
-
-
-def is_trained(name: str) -> bool:
-    """Statistics of the data, ``*.mean`` and ``*.spread``, are not trained."""
-    return not name.endswith((".mean", ".spread"))
 
 
 def _over(state: State, plan: Plan, epochs: int) -> bool:
