@@ -95,9 +95,7 @@ class OnlineTracker:
             mine = np.ones(len(seen), dtype=bool) if group is None else seen.class_id == group
             said = read_rows(update(seen.those(mine)), int(mine.sum()), self._frame)
             told += self._resolve(said, seen.those(mine), np.flatnonzero(mine), group)
-        scores = np.zeros(len(np.asarray(observation["detection_valid"])))
-        scores[rows] = seen.score
-        return self._histories.after(_said(told, rows), scores)
+        return self._histories.after(_said(told, rows), observation["detection_score"])
 
     def _seen(self, observation: Observation, rows: Ints) -> OnlineDetections:
         box = np.asarray(observation["detection_box"], dtype=np.float64)[rows]
