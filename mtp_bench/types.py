@@ -102,7 +102,7 @@ def those(record: RecordT, rows: Ints | Bools) -> RecordT:
 def joined(records: Sequence[RecordT]) -> RecordT:
     """One record of several of the same class, at least one: their arrays end to end."""
     columns = {c.name: np.concatenate([getattr(record, c.name) for record in records]) for c in fields(records[0])}
-    return type(records[0])(**columns)
+    return replace(records[0], **columns)
 
 
 def starts_of_sorted(frame: Ints, frames: int) -> Ints:

@@ -74,7 +74,8 @@ def _frame(task: Task) -> str:
 def noise_of(kind: type[RecordT], rows: list[dict[str, Any]]) -> RecordT:
     """A `NoiseTable` or another ``kind`` of noise from one mapping of field to value(s) per class."""
     names = [field.name for field in fields(kind)]
-    return kind(**{name: np.array([row[name] for row in rows], dtype=np.float64) for name in names})
+    noise: RecordT = kind(**{name: np.array([row[name] for row in rows], dtype=np.float64) for name in names})
+    return noise
 
 
 @cache

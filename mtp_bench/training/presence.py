@@ -108,9 +108,9 @@ def fit_logistic(rows: Rows, recipe: Recipe) -> PresenceModel:
     """The model before calibration, its numbers as they are stored."""
     estimator, model = logistic_regression(rows, recipe)
     f, names = len(model.features), sorted(set(rows.class_name))
-    coefficient = estimator.coef_[0]
-    shared = _rounded(np.concatenate([estimator.intercept_, coefficient[: len(coefficient) - len(names) * (1 + f)]]))
-    own = _rounded(coefficient[len(coefficient) - len(names) * (1 + f) :]).reshape(len(names), 1 + f)
+    shared, own = np.split(estimator.coef_[0], [-len(names) * (1 + f)])
+    own = _rounded(own).reshape(len(names), 1 + f)
+    shared = _rounded(np.concatenate([estimator.intercept_, shared]))
     return replace(model, shared=shared, classes=dict(zip(names, own, strict=True)))
 
 
@@ -273,9 +273,8 @@ def said_by(model: PresenceModel, rows: Rows) -> Floats:
 
 def thinned(rows: Rows) -> Rows:
     """Every so manieth row, such that there are at most MOST_ROWS."""
-    kept = np.zeros(len(rows.present), dtype=bool)
-    kept[:: -(-len(kept) // MOST_ROWS)] = True
-    return those(rows, kept)
+    n = len(rows.present)
+    return those(rows, np.arange(0, n, -(-n // MOST_ROWS)))
 
 
 def _rounded(values: Floats) -> Floats:

@@ -89,4 +89,4 @@ def spread_of(value: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Root mean square [T, 1] of each step, over the rows of ``value`` [n, T, ...] that are ``known`` [n, T]."""
     steps = range(value.shape[1])
     spread = np.array([np.sqrt(np.mean(value[known[:, t], t] ** 2)) if known[:, t].any() else 0.0 for t in steps])
-    return np.maximum(spread, CAUTION)[:, None].astype(np.float32)
+    return np.asarray(np.maximum(spread, CAUTION)[:, None], dtype=np.float32)
