@@ -28,7 +28,7 @@ from mtp_bench.prediction.presence import file_of, read_model
 from mtp_bench.running.options import RunOptions
 from mtp_bench.training import Windows, windows
 from mtp_bench.training.predictors import HYPOTHESES, Request, learnable, taught, train_predictor
-from mtp_bench.training.presence import Quality, Rows, fit, said_by, training_rows
+from mtp_bench.training.presence import Rows, fit, quality, said_by, training_rows
 from mtp_bench.training.presence_recipes import RECIPES, Recipe
 
 PRESENCE = {"megvii": ("nuscenes_megvii_raw", "nuscenes_megvii"), "pointrcnn": ("kitti_pointrcnn_raw",)}
@@ -56,7 +56,7 @@ def presence(given: argparse.Namespace) -> None:
 
 def _auc(rows: Rows, said: np.ndarray, class_name: str | None) -> float:
     mine = np.ones(len(said), dtype=bool) if class_name is None else rows.class_name == class_name
-    return Quality.of(said[mine], rows.present[mine]).auc
+    return float(quality(said[mine], rows.present[mine])["auc"])
 
 
 def predictor(given: argparse.Namespace) -> None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ Ints = NDArray[np.integer[Any]]
 Bools = NDArray[np.bool_]
 Observation = dict[str, NDArray[Any]]  # what an agent is shown in a frame, by the names of the observation space
 Action = dict[str, NDArray[Any]]  # what it answers, by the names of the action space
+RecordT = TypeVar("RecordT", bound=Any)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +92,17 @@ def starts_of(count: Sequence[int] | Ints) -> Ints:
     """Where the rows of each frame start [F + 1], of ``count`` [F] rows per frame."""
     start: Ints = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
     return start
+
+
+def those(record: RecordT, rows: Ints | Bools) -> RecordT:
+    """The ``rows`` of a record, a dataclass of arrays of one length."""
+    return replace(record, **{column.name: getattr(record, column.name)[rows] for column in fields(record)})
+
+
+def joined(records: Sequence[RecordT]) -> RecordT:
+    """One record of several of the same class, at least one: their arrays end to end."""
+    columns = {c.name: np.concatenate([getattr(record, c.name) for record in records]) for c in fields(records[0])}
+    return replace(records[0], **columns)
 
 
 def starts_of_sorted(frame: Ints, frames: int) -> Ints:

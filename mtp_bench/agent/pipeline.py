@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import fields, replace
+from dataclasses import replace
 from time import perf_counter
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from ..env.action import FORECAST_LIMIT
 from ..env.building import answer
 from ..errors import ShapeError
 from ..tracks import Objects, Tracks, group
-from ..types import Action, Floats, Ints, Observation, Task
+from ..types import Action, Floats, Ints, Observation, Task, those
 from .pools import pool_of, reduced
 from .protocols import Forecasts, Frame, FramePredictor, Predictor, Presence, Sampler, SamplingPredictor, Tracker
 
@@ -192,5 +192,4 @@ def _without_silent(said: _Said) -> _Said:
     spoken = np.asarray(np.isfinite(said.log_weight).any(axis=1))
     if spoken.all():
         return said
-    kept = {f.name: getattr(said.objects, f.name)[spoken] for f in fields(said.objects)}
-    return _Said(Objects(**kept), *(part[spoken] for part in said[1:]))
+    return _Said(those(said.objects, spoken), *(part[spoken] for part in said[1:]))

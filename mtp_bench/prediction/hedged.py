@@ -42,8 +42,10 @@ class HedgedPredictor:
             raise ShapeError("HedgedPredictor got no predictors, expected at least one")
         for place, predictor in enumerate(self._predictors):
             if isinstance(predictor, type) or not callable(getattr(predictor, "sample", None)):
+                kind = type(predictor).__name__
+                got = f"the class {predictor.__name__}" if isinstance(predictor, type) else f"a {kind}"
                 raise SubmissionError(
-                    f"HedgedPredictor got {_kind(predictor)} as predictor {place}, expected one that draws samples, "
+                    f"HedgedPredictor got {got} as predictor {place}, expected one that draws samples, "
                     "with sample(tracks, leaf, draw, samples), such as KinematicPredictor(); one with predict(frame) "
                     "goes into a Pipeline by itself"
                 )
@@ -72,8 +74,3 @@ class HedgedPredictor:
         ]
         parts += [predictor.sample(tracks, leaf, draw, 1) for predictor in self._once[:single]]
         return np.concatenate(parts, axis=1)
-
-
-def _kind(predictor: object) -> str:
-    """What was given in place of a predictor."""
-    return f"the class {predictor.__name__}" if isinstance(predictor, type) else f"a {type(predictor).__name__}"

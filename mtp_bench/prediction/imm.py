@@ -142,11 +142,11 @@ class ImmPredictor:
     def __init__(self, noise: ImmNoise | None = None, past: int | None = None) -> None:
         require_past(past)
         if noise is not None:
-            require_noise(noise, _AXES, positive=("measurement", "speed"))
+            require_noise(noise, _AXES)
             if not (noise.stay <= 1).all():
                 raise ShapeError(f"noise.stay holds {noise.stay.max()}, expected probabilities")
         self._given = noise
-        self._past = past
+        self._past = past or 0  # 0: all
 
     def reset(self, task: Task) -> None:
         """Forget everything."""
@@ -160,9 +160,8 @@ class ImmPredictor:
     def begin(self, tracks: Tracks) -> None:
         """Filter the distinct tracks of the next frame, once for all their samples."""
         self._frame += 1
-        window = slice(-self._past if self._past else None, None)
-        position = heading_frame(tracks.past[:, window], tracks.box[:, 3])
-        valid = tracks.past_valid[:, window]
+        position = heading_frame(tracks.past[:, -self._past :], tracks.box[:, 3])
+        valid = tracks.past_valid[:, -self._past :]
         self._state = mixture(position, valid, tracks.class_id, self._noise, self._task.dt)
         # Rounding must not make a covariance indefinite: 1e-6 m is nothing.
         self._factor = np.linalg.cholesky(self._state.covariance + 1e-12 * np.eye(3))

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import tomllib
-from dataclasses import dataclass, fields
-from functools import cache
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from ..types import Floats, Task
-from .motion_noise import most_similar
+from .motion_noise import most_similar, noise_of, read_store
 
 MODELS = 3  # M: steady velocity, changing velocity, steady acceleration
 _STORE = Path(__file__).with_suffix(".toml")
@@ -32,15 +27,4 @@ class ImmNoise:
 
 def stored_imm_noise(task: Task) -> ImmNoise:
     """The noise for the task's condition, else of the most similar one, as `stored_noise` chooses it."""
-    return imm_noise(most_similar(_read_store(), task))
-
-
-def imm_noise(rows: list[dict[str, Any]]) -> ImmNoise:
-    """Noise from one mapping of field to value(s) per class."""
-    names = [field.name for field in fields(ImmNoise)]
-    return ImmNoise(**{name: np.array([row[name] for row in rows], dtype=np.float64) for name in names})
-
-
-@cache
-def _read_store() -> dict[str, dict[str, dict[str, Any]]]:
-    return tomllib.loads(_STORE.read_text(encoding="utf-8"))
+    return noise_of(ImmNoise, most_similar(read_store(_STORE), task))

@@ -28,9 +28,9 @@ class KinematicPredictor:
     def __init__(self, noise: NoiseTable | None = None, past: int | None = None) -> None:
         require_past(past)
         if noise is not None:
-            require_noise(noise, _AXES, positive=("measurement", "speed"))
+            require_noise(noise, _AXES)
         self._given = noise
-        self._past = past
+        self._past = past or 0  # 0: all
 
     def reset(self, task: Task) -> None:
         """Forget everything."""
@@ -44,9 +44,8 @@ class KinematicPredictor:
         """Filter the distinct tracks of the next frame, once for all their samples."""
         self._frame += 1
         self._normal = np.zeros((0, 0, _NUMBERS))
-        window = slice(-self._past if self._past else None, None)
-        position = heading_frame(tracks.past[:, window], tracks.box[:, 3])
-        state = filtered(position, tracks.past_valid[:, window], tracks.class_id, self._noise, self._task.dt)
+        position = heading_frame(tracks.past[:, -self._past :], tracks.box[:, 3])
+        state = filtered(position, tracks.past_valid[:, -self._past :], tracks.class_id, self._noise, self._task.dt)
         self._table = _table(tracks, state, self._noise)
 
     def sample(self, tracks: Tracks, leaf: Ints, draw: Ints, samples: int) -> Floats:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import fields
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -11,11 +12,10 @@ import numpy as np
 
 from ..errors import UnknownNameError
 from ..similar import similar_class
-from ..types import Task
+from ..types import RecordT, Task
 from .kalman import NoiseTable
 
 _STORE = Path(__file__).with_suffix(".toml")
-_FIELDS = ("measurement", "jerkiness", "speed", "acceleration")
 
 
 def condition(task: Task) -> str:
@@ -31,7 +31,7 @@ def stored_noise(task: Task) -> NoiseTable:
     detector decides. True boxes and detections, moving and still frames never stand in for each other. Raises
     UnknownNameError if nothing is left.
     """
-    return table(most_similar(_read_store(), task))
+    return noise_of(NoiseTable, most_similar(read_store(_STORE), task))
 
 
 def most_similar(store: dict[str, dict[str, dict[str, Any]]], task: Task) -> list[dict[str, Any]]:
@@ -71,11 +71,14 @@ def _frame(task: Task) -> str:
     return "world" if task.ego_motion else "ego"
 
 
-def table(rows: list[dict[str, Any]]) -> NoiseTable:
-    """A noise table from one mapping of field to value(s) per class."""
-    return NoiseTable(**{field: np.array([row[field] for row in rows], dtype=np.float64) for field in _FIELDS})
+def noise_of(kind: type[RecordT], rows: list[dict[str, Any]]) -> RecordT:
+    """A `NoiseTable` or another ``kind`` of noise from one mapping of field to value(s) per class."""
+    names = [field.name for field in fields(kind)]
+    noise: RecordT = kind(**{name: np.array([row[name] for row in rows], dtype=np.float64) for name in names})
+    return noise
 
 
 @cache
-def _read_store() -> dict[str, dict[str, dict[str, Any]]]:
-    return tomllib.loads(_STORE.read_text(encoding="utf-8"))
+def read_store(path: Path) -> dict[str, dict[str, dict[str, Any]]]:
+    """What is stored of each class under each condition."""
+    return tomllib.loads(path.read_text(encoding="utf-8"))

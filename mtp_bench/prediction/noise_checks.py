@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from ..errors import ShapeError
@@ -16,18 +16,17 @@ def require_past(past: int | None) -> None:
         raise ShapeError(f"past is {past}, expected 1 or more frames")
 
 
-def require_noise(noise: Any, axes: Mapping[str, tuple[int, ...]], positive: Collection[str]) -> None:
+def require_noise(noise: Any, axes: Mapping[str, tuple[int, ...]]) -> None:
     """Raise ShapeError unless the covariances of all states can be positive definite.
 
-    ``axes``: those of each field behind its axis of classes; ``positive``: the fields whose numbers are above 0, others
-    may be 0.
+    ``axes``: those of each field behind its axis of classes.
     """
     classes = len(noise.measurement)
     for name, behind in axes.items():
         values = getattr(noise, name)
         require_shape(f"noise.{name}", values, (classes, *behind))
         require_finite(f"noise.{name}", values)
-        above = name in positive
+        above = name in ("measurement", "speed")  # others may be 0
         if not (values > 0 if above else values >= 0).all():
             raise ShapeError(f"noise.{name} holds {values.min()}, expected numbers {'above 0' if above else '>= 0'}")
 

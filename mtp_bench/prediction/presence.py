@@ -7,7 +7,7 @@ puts its probabilities right; one small file per detector in ``presence_models/`
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import final
@@ -20,6 +20,8 @@ from ..types import Floats, Ints, Observation, Task
 from .presence_file import LikeFile, read_file
 
 MODELS = Path(__file__).with_name("presence_models")
+# Per class, scores [2, n] of a detector and those of another one that finds as many boxes above them, both increasing.
+ScoreTables = Mapping[str, Floats]
 DEFAULT = "default"  # of a detector without a file of its own: hits, misses and age
 
 
@@ -113,28 +115,18 @@ class PresenceModel:
 
     def probability(self, history: History, class_id: Ints, classes: Sequence[str]) -> Floats:
         """Calibrated probabilities [N] of N tracks."""
-        return self.calibrated(logistic(self.logits(self.standardised(history), class_id, classes)))
-
-    def calibrated(self, probability: Floats) -> Floats:
-        """Probabilities after calibration."""
-        before, after = self.knots
-        return np.asarray(np.interp(probability, before, after))
+        said = logistic(self.logits(self.standardised(history), class_id, classes))
+        return np.asarray(np.interp(said, *self.knots))
 
 
-@dataclass(frozen=True, eq=False)
-class ScoreMap:
-    """Scores of a detector as those of another one that finds as many boxes above them, per class."""
-
-    classes: Mapping[str, Floats]  # [2, n] scores here and there, both increasing
-
-    def mapped(self, score: Floats, class_id: Ints, classes: Sequence[str]) -> Floats:
-        """Scores [N]; those of a class without a table stay as they are."""
-        result = np.array(score, dtype=np.float64)
-        for number, name in enumerate(classes):
-            if name in self.classes:
-                mine = class_id == number
-                result[mine] = np.interp(result[mine], *self.classes[name])
-        return result
+def mapped(score: Floats, tables: ScoreTables, class_id: Ints, classes: Sequence[str]) -> Floats:
+    """Scores [N] in place of those of this detector; those of a class without a table stay as they are."""
+    result = np.array(score, dtype=np.float64)
+    for number, name in enumerate(classes):
+        if name in tables:
+            mine = class_id == number
+            result[mine] = np.interp(result[mine], *tables[name])
+    return result
 
 
 def logistic(logit: Floats) -> Floats:
@@ -163,15 +155,11 @@ class LearnedPresence:
 
     def probability(self, tracks: Tracks, observation: Observation) -> Floats:
         """Probability [N] that each track's object is there."""
-        classes = self._task.classes
+        class_id, classes = tracks.class_id, self._task.classes
         history = history_of(tracks, observation, self._task.dt)
-        if self._scores is not None:
-            last, mean = (
-                self._scores.mapped(score, tracks.class_id, classes)
-                for score in (history.last_score, history.mean_score)
-            )
-            history = History(**{**vars(history), "last_score": last, "mean_score": mean})
-        return self._model.probability(history, tracks.class_id, classes)
+        scores = history.last_score, history.mean_score
+        last, mean = (mapped(score, self._scores, class_id, classes) for score in scores)
+        return self._model.probability(replace(history, last_score=last, mean_score=mean), class_id, classes)
 
 
 def file_of(detector: str) -> Path:
@@ -191,8 +179,8 @@ def fitted_on(detector: str) -> tuple[str, ...]:
     return tuple(name for part in content.fitted_on for name in part.scenes)
 
 
-def read_model(path: Path) -> tuple[PresenceModel, ScoreMap | None]:
-    """The model of a file, and how scores are to be mapped before it.
+def read_model(path: Path) -> tuple[PresenceModel, ScoreTables]:
+    """The model of a file, and by which tables scores are mapped before it.
 
     Raises SubmissionError, naming the file and what is wrong, where it is no such file.
     """
@@ -200,26 +188,25 @@ def read_model(path: Path) -> tuple[PresenceModel, ScoreMap | None]:
 
 
 @cache
-def _model_of(path: Path, changed: int) -> tuple[PresenceModel, ScoreMap | None]:
+def _model_of(path: Path, changed: int) -> tuple[PresenceModel, ScoreTables]:
     """What the file holds that was changed last at this time, ns: it may be trained again meanwhile."""
     content = read_file(path)
     if isinstance(content, LikeFile):
         _require_known(path, "detector in like", content.like, [file.stem for file in MODELS.glob("*.json")])
-        table = {name: np.array(rows) for name, rows in content.score_map.items()}
         model, further = read_model(file_of(content.like))
-        if further is not None:
+        if further:
             raise SubmissionError(
                 f"{path}: like is {content.like!r}, which itself is like another detector; expected one that has a "
                 "model of its own"
             )
-        return model, ScoreMap(table)
+        return model, {name: np.array(rows) for name, rows in content.score_map.items()}
     for name in content.features:
         _require_known(path, "feature", name, FEATURES)
     return PresenceModel(
         features=tuple(content.features),
         **{key: np.array(getattr(content, key)) for key in ("low", "high", "center", "scale", "shared", "knots")},
         classes={name: np.array(row) for name, row in content.classes.items()},
-    ), None
+    ), {}
 
 
 def _require_known(path: Path, kind: str, got: str, known: Iterable[str]) -> None:

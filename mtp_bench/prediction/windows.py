@@ -81,7 +81,6 @@ def windows_of(frame: Frame, past: int) -> tuple[TrackWindows, Ints]:
     alive = np.maximum.accumulate(taken, axis=1) if tracks.past_detection is None else row != UNBORN
     score, velocity = _measured(tracks, first, row, frame.seen)
     mass = np.exp(tracks.log_weight) @ tracks.member
-    taken_hits = np.maximum(taken.sum(axis=1), 1) if tracks.hits is None else tracks.hits[first]
     windows = TrackWindows(
         box=tracks.past[first, -length:],
         taken=taken,
@@ -90,7 +89,7 @@ def windows_of(frame: Frame, past: int) -> tuple[TrackWindows, Ints]:
         score=score,
         velocity=velocity,
         class_id=tracks.class_id[first],
-        hits=taken_hits,
+        hits=np.maximum(taken.sum(axis=1), 1) if tracks.hits is None else tracks.hits[first],
         age=np.maximum(alive.sum(axis=1), 1) if tracks.age is None else tracks.age[first],
         mass=np.bincount(window, mass, minlength=len(first)).astype(np.float64),
         best=np.bincount(window, tracks.member[0], minlength=len(first)) > 0,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,10 +17,10 @@ class _Life:
     """One identity."""
 
     first: int  # frame in which it was first said
+    said: deque[tuple[int, int, Floats]]  # frame, row of the detection or -1, box; the last P
     hits: int = 0
     scores: float = 0.0  # sum over the detections that it took
     last_score: float = 0.0
-    said: deque[tuple[int, int, Floats]] = field(default_factory=deque)  # frame, row of the detection or -1, box
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,8 @@ class Histories:
     def after(self, said: Said, detection_score: Floats) -> Tracks:
         """Tracks of one hypothesis after the next frame; ``detection_score`` [D] of all rows of its observation."""
         self._frame += 1
-        lives = [self._lives.setdefault(i, _Life(self._frame)) for i in said.track_id.tolist()]
+        ids = said.track_id.tolist()
+        lives = [self._lives.setdefault(i, _Life(self._frame, deque(maxlen=self._past))) for i in ids]
         for at, life in enumerate(lives):
             self._tell(life, int(said.detection[at]), said.measured[at], float(said.score[at]), detection_score)
         past, taken = self._window(lives)
@@ -68,8 +69,6 @@ class Histories:
 
     def _tell(self, life: _Life, row: int, measured: Floats, score: float, detection_score: Floats) -> None:
         life.said.append((self._frame, row, measured))
-        if len(life.said) > self._past:
-            life.said.popleft()
         if row >= 0:
             life.hits += 1
             life.last_score = float(detection_score[row])

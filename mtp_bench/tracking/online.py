@@ -95,9 +95,7 @@ class OnlineTracker:
             mine = np.ones(len(seen), dtype=bool) if group is None else seen.class_id == group
             said = read_rows(update(seen.those(mine)), int(mine.sum()), self._frame)
             told += self._resolve(said, seen.those(mine), np.flatnonzero(mine), group)
-        scores = np.zeros(len(np.asarray(observation["detection_valid"])))
-        scores[rows] = seen.score
-        return self._histories.after(_said(told, rows), scores)
+        return self._histories.after(_said(told, rows), observation["detection_score"])
 
     def _seen(self, observation: Observation, rows: Ints) -> OnlineDetections:
         box = np.asarray(observation["detection_box"], dtype=np.float64)[rows]
@@ -121,17 +119,14 @@ class OnlineTracker:
                 box = row.box if len(row.box) == 7 else measured
             elif key in self._last:
                 class_id, last = self._last[key]
-                box = measured = row.box if len(row.box) == 7 else self._moved(last, row.box)
+                moved = np.concatenate([self._centre(row.box), last[2:]])
+                box = measured = row.box if len(row.box) == 7 else moved
             else:
                 continue  # it never took a detection: nobody knows of which class it is
             self._last[key] = class_id, box
             number = self._number.setdefault((key, class_id), len(self._number))
             told.append(_Told(number, box, class_id, row.score, -1 if at < 0 else int(place[at]), measured))
         return told
-
-    def _moved(self, box: Floats, rectangle: Floats) -> Floats:
-        """``box`` [7] in the middle of ``rectangle`` [4]."""
-        return np.concatenate([self._view.centres(rectangle), box[2:]])
 
     def _taken(self, said: list[Row], seen: OnlineDetections, group: int | None) -> Ints:
         """The detection that each row took, -1 for none: what it says, else the nearest that is free, one to one."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
+from reprlib import repr as _short
 from typing import Any
 
 import numpy as np
@@ -98,7 +98,3 @@ def _detection(value: Any, detections: int, where: str) -> int:
             f"{where} the detection is {_short(value)}, expected -1 or one of the {detections} rows of the detections"
         )
     return int(value)
-
-
-def _short(value: Any) -> str:
-    return reprlib.repr(value)

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections import deque
 from copy import deepcopy
-from dataclasses import dataclass, fields, replace
-from typing import Self
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..agent import Frame, FramePredictor, Observation, Predictor, SamplingPredictor, Tracker, Tracks
 from ..errors import ShapeError
-from ..types import Bools, Floats, Ints, Task
+from ..types import Bools, Floats, Ints, Task, joined, those
 from .joint import k_best
 from .repair import bridged, smoothed
 
@@ -40,15 +39,6 @@ class Memory:
     past: Floats  # [R, P', 7] as observed, neither bridged nor smoothed; P and the longest gap, so that it has an end
     past_valid: Bools  # [R, P']
     future: Floats  # [R, T, 2] m, forecast in the frame of the last detection
-
-    def take(self, rows: Ints) -> Self:
-        """The tracks ``rows`` [n]."""
-        return replace(self, **{column.name: getattr(self, column.name)[rows] for column in fields(self)})
-
-    def and_then(self, other: Memory) -> Memory:
-        """These tracks, then the other ones."""
-        columns = [column.name for column in fields(self)]
-        return Memory(**{name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in columns})
 
 
 class ReTracker:
@@ -95,7 +85,9 @@ class ReTracker:
         self._predictor.reset(task)
         self._past, self._frame = task.past, 0
         self._observed: deque[Observation] = deque(maxlen=task.past)
-        self._memory = _nothing(task, task.past + self._max_misses)
+        none = np.zeros(0, dtype=np.int64)
+        nobody = Tracks.of_one_hypothesis(none, np.zeros((0, 7)), none)
+        self._memory = _born(nobody, none, 0, 1, (task.past + self._max_misses, task.future))
         self._member = np.ones((1, 0), dtype=bool)  # [H, R]
         self._next_id = 0
 
@@ -111,9 +103,10 @@ class ReTracker:
         row, column, member = _matched(gain, self._member[parent], tracks.member[:, seen], tracks.detection[seen])
         memory = self._grown(row, column, tracks, seen, observation)
         alive = memory.misses <= self._max_misses
-        self._memory, self._member = memory.take(np.flatnonzero(alive)), member[:, alive]
+        self._memory, self._member = those(memory, alive), member[:, alive]
         self._look_ahead(tracks, parent)
-        return self._output(tracks, parent)
+        shown = (self._memory.streak >= self._min_hits) & (self._memory.misses <= self._coasting)
+        return self._as_tracks(np.flatnonzero(shown), tracks, parent)
 
     def _parents(self, tracks: Tracks) -> Ints:
         """The hypothesis of the frame before that each hypothesis descends from, [H]."""
@@ -147,11 +140,12 @@ class ReTracker:
         """
         score = np.asarray(observation["detection_score"], dtype=np.float64)
         born = seen[column[row < 0]]
-        new = _born(tracks, born, self._next_id, self._min_hits, self._memory)
+        lengths = self._memory.past.shape[1], self._memory.future.shape[1]
+        new = _born(tracks, born, self._next_id, self._min_hits, lengths)
         self._next_id += len(born)
-        old, column = self._memory.take(row[row >= 0]), column[row >= 0]
+        old, column = those(self._memory, row[row >= 0]), column[row >= 0]
         missed, found = _missed(old), np.flatnonzero(column >= 0)
-        return new.and_then(_found(missed, found, tracks, seen[column[found]], score))
+        return joined([new, _found(missed, found, tracks, seen[column[found]], score)])
 
     def _look_ahead(self, tracks: Tracks, parent: Ints) -> None:
         """Forecast what took a detection in this frame; the others keep their forecasts."""
@@ -160,13 +154,9 @@ class ReTracker:
         future[fresh] = self._forecast(self._as_tracks(fresh, tracks, parent), np.arange(len(fresh)))
         self._memory = replace(self._memory, future=future)
 
-    def _output(self, tracks: Tracks, parent: Ints) -> Tracks:
-        kept = (self._memory.streak >= self._min_hits) & (self._memory.misses <= self._coasting)
-        return self._as_tracks(np.flatnonzero(kept), tracks, parent)
-
     def _as_tracks(self, rows: Ints, tracks: Tracks, parent: Ints) -> Tracks:
         """The tracks ``rows`` [n] of the memory with mended pasts, in the hypotheses of the tracker."""
-        own = self._memory.take(rows)
+        own = those(self._memory, rows)
         whole, known = bridged(own.past, own.past_valid)
         past, past_valid = whole[:, -self._past :], known[:, -self._past :]
         return Tracks(
@@ -230,31 +220,15 @@ def _matched(gain: Floats, kept: Bools, seen: Bools, detection: Ints) -> tuple[I
     return rows[first], columns[first], member
 
 
-def _nothing(task: Task, past: int) -> Memory:
-    empty, none = np.zeros(0), np.zeros(0, dtype=np.int64)
-    return Memory(
-        track_id=none,
-        box=np.zeros((0, 7)),
-        class_id=none,
-        score=empty,
-        last_score=empty,
-        detection=none,
-        hits=none,
-        streak=none,
-        misses=none,
-        age=none,
-        past=np.zeros((0, past, 7)),
-        past_valid=np.zeros((0, past), dtype=bool),
-        future=np.zeros((0, task.future, 2)),
-    )
+def _born(tracks: Tracks, leaf: Ints, first_id: int, streak: int, lengths: tuple[int, int]) -> Memory:
+    """New tracks that go on from the tracks ``leaf`` [n], with their pasts; they are output at once.
 
-
-def _born(tracks: Tracks, leaf: Ints, first_id: int, streak: int, like: Memory) -> Memory:
-    """New tracks that go on from the tracks ``leaf`` [n], with their pasts; they are output at once."""
+    ``lengths``: frames of past and of future that are kept.
+    """
     hits = tracks.past_valid.sum(axis=1) if tracks.hits is None else tracks.hits
     age = tracks.past_valid.shape[1] - tracks.past_valid.argmax(axis=1) if tracks.age is None else tracks.age
     last = tracks.score if tracks.last_score is None else tracks.last_score
-    earlier = like.past.shape[1] - tracks.past.shape[1]
+    earlier = lengths[0] - tracks.past.shape[1]
     return Memory(
         track_id=first_id + np.arange(len(leaf)),
         box=tracks.box[leaf],
@@ -268,7 +242,7 @@ def _born(tracks: Tracks, leaf: Ints, first_id: int, streak: int, like: Memory) 
         age=age[leaf],
         past=np.pad(tracks.past[leaf], ((0, 0), (earlier, 0), (0, 0))),
         past_valid=np.pad(tracks.past_valid[leaf], ((0, 0), (earlier, 0))),
-        future=np.zeros((len(leaf), *like.future.shape[1:])),
+        future=np.zeros((len(leaf), lengths[1], 2)),
     )
 
 
@@ -290,7 +264,7 @@ def _missed(old: Memory) -> Memory:
 
 def _found(missed: Memory, rows: Ints, tracks: Tracks, leaf: Ints, score: Floats) -> Memory:
     """As ``missed``, but the tracks ``rows`` [n] took the detections of the tracks ``leaf`` [n]; ``score`` [D]."""
-    new = Memory(**{column.name: getattr(missed, column.name).copy() for column in fields(missed)})
+    new = deepcopy(missed)
     new.box[rows] = tracks.box[leaf]
     new.detection[rows] = tracks.detection[leaf]
     new.last_score[rows] = score[tracks.detection[leaf]]

@@ -7,7 +7,7 @@ share their tracks (`tree`). With one hypothesis this is the Hungarian tracker.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from numbers import Real
 from typing import get_args
 
@@ -185,16 +185,11 @@ def _greedy_where_asked(cost: Floats, class_id: Ints, parameters: tuple[ClassPar
     return column
 
 
-@dataclass(frozen=True, eq=False)
-class PairRules:
-    """The rules of all classes as arrays, for `kernels.affinity_kernels.sparse_pairs`."""
+def rules_of(parameters: Sequence[ClassParameters]) -> tuple[Ints, Floats]:
+    """Kinds of affinity [C] and gates [C] of the classes, as `sparse_gains` takes them.
 
-    kind: Ints  # [C]
-    gate: Floats  # [C]
-
-
-def rules_of(parameters: Sequence[ClassParameters]) -> PairRules:
-    """The rules of C classes; raises UnknownNameError for an unknown affinity, ShapeError for an unknown assignment."""
+    Raises UnknownNameError for an unknown affinity, ShapeError for an unknown assignment.
+    """
     for rule in parameters:
         if rule.assignment not in get_args(Assignment):
             allowed = " or ".join(map(repr, get_args(Assignment)))
@@ -202,16 +197,16 @@ def rules_of(parameters: Sequence[ClassParameters]) -> PairRules:
         if rule.affinity not in _KINDS:
             raise UnknownNameError("affinity", rule.affinity, _KINDS)
     kinds = np.array([_KINDS[rule.affinity] for rule in parameters], dtype=np.int64)
-    return PairRules(kinds, np.array([rule.gate for rule in parameters], dtype=np.float64))
+    return kinds, np.array([rule.gate for rule in parameters], dtype=np.float64)
 
 
 def sparse_gains(
-    tracks: Floats, track_class: Ints, detections: Floats, detection_class: Ints, rules: PairRules
+    tracks: Floats, track_class: Ints, detections: Floats, detection_class: Ints, rules: tuple[Ints, Floats]
 ) -> tuple[Ints, Ints, Floats]:
     """Allowed pairs of track boxes with detected boxes: ``indptr`` [N + 1], ``column`` and ``gain`` [E].
 
     ``tracks`` [N, 7] of ``track_class`` [N], ``detections`` [D, 7] of ``detection_class`` [D]; ``rules``: which pairs
-    are allowed and what they gain, per class.
+    are allowed and what they gain, per class, see `rules_of`.
     The pairs of track i are ``indptr[i]:indptr[i + 1]``, by ascending column; the classes [N] and [D] of both must be
     the same. Two boxes without any volume between them, whose GIoU is 0 / 0, may or may not match.
     """
@@ -220,6 +215,5 @@ def sparse_gains(
         np.require(track_class, np.int64, ["C", "W"]),
         np.require(detections, np.float64, "W"),
         np.require(detection_class, np.int64, ["C", "W"]),
-        rules.kind,
-        rules.gate,
+        *rules,
     )

@@ -7,7 +7,7 @@ By MOTA of the single-hypothesis tracker on training scenes, per class:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -49,9 +49,11 @@ def fit_detector(detector: str, options: RunOptions = DEFAULTS) -> str:
 
     A detector that takes another one's presence takes its cuts too, at scores of equal rank.
     """
-    if detector in LIKE:
-        return as_toml(detector, _of_equal_rank(detector, best_cuts(LIKE[detector].detector, options)))
-    return as_toml(detector, best_cuts(detector, options))
+    if detector not in LIKE:
+        return as_toml(detector, best_cuts(detector, options))
+    _, tables = read_model(file_of(detector))
+    cuts = {name: cut for name, cut in best_cuts(LIKE[detector].detector, options).items() if name in tables}
+    return as_toml(detector, {name: float(np.interp(cut, *tables[name][::-1])) for name, cut in cuts.items()})
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +77,7 @@ def best_cuts(detector: str, options: RunOptions = DEFAULTS) -> dict[str, float]
 
 
 def _drive(wanted: Scenes, options: RunOptions) -> Drive:
-    split = open_split(wanted.env, wanted.options(options))
-    split = replace(split, names=tuple(name for name in split.names if name not in wanted.without))
+    split = open_split(wanted.env, wanted.options(options), away=wanted.without)
     scenes = list(split.scenes())
     if not all(scene.truth_complete for scene in scenes):
         raise MtpBenchError(f"{wanted.env}: the truth is not complete, so false positives cannot be told")
@@ -146,9 +147,3 @@ def _count(scene: Scene, drive: Drive, tracker: HypothesisTracker) -> Ints:
     switches = np.bincount(kind[matched][order][1:][switched], minlength=len(drive.task.classes))
     counted = [np.bincount(ids, minlength=len(drive.task.classes)) for ids in (kind, class_id[false], kind[~matched])]
     return np.stack([*counted, switches], axis=1)
-
-
-def _of_equal_rank(detector: str, cuts: dict[str, float]) -> dict[str, float]:
-    scores = read_model(file_of(detector))[1]
-    tables = {} if scores is None else scores.classes
-    return {name: float(np.interp(cut, *tables[name][::-1])) for name, cut in cuts.items() if name in tables}

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -68,18 +67,6 @@ def device_of(name: str) -> torch.device:
     return torch.device(("cuda" if torch.cuda.is_available() else "cpu") if name == "auto" else name)
 
 
-def fit(
-    network: Network, sizes: Sizes, lesson: Lesson, plan: Plan, device: torch.device, told: Told, checkpoint: Path
-) -> State:
-    """Train a network by its recipe; the weights of the epoch with the best validation minADE count.
-
-    After each epoch ``checkpoint`` holds where it is; a training with the same plan, data and code goes on from there,
-    and ends with the same weights as one that was never interrupted.
-    """
-    with _one_thread():
-        return _fit(network, sizes, lesson, plan, device, told, checkpoint)
-
-
 @contextmanager
 def _one_thread() -> Iterator[None]:
     """One core: sums are made in the same order on every machine, and small batches gain nothing from more."""
@@ -94,9 +81,15 @@ def _one_thread() -> Iterator[None]:
         torch.set_num_threads(before)
 
 
-def _fit(
+@_one_thread()
+def fit(
     network: Network, sizes: Sizes, lesson: Lesson, plan: Plan, device: torch.device, told: Told, checkpoint: Path
 ) -> State:
+    """Train a network by its recipe; the weights of the epoch with the best validation minADE count.
+
+    After each epoch ``checkpoint`` holds where it is; a training with the same plan, data and code goes on from there,
+    and ends with the same weights as one that was never interrupted.
+    """
     work = _Work.of(network, sizes, lesson, plan, device)
     kept = _Checkpoint(checkpoint, _digest(network, sizes, lesson, plan, device))
     state = kept.read(work.weights)
@@ -142,7 +135,8 @@ class _Work:
 
     def trained(self, stage: Stage) -> list[torch.Tensor]:
         """The weights that a stage trains; only these ask for gradients."""
-        names = [name for name in sorted(self.weights) if is_trained(name) and name.startswith(stage.trains)]
+        statistics = (".mean", ".spread")  # of the data, which are not trained
+        names = [n for n in sorted(self.weights) if n.startswith(stage.trains) and not n.endswith(statistics)]
         for name, value in self.weights.items():
             value.requires_grad_(name in names)
         return [self.weights[name] for name in names]
@@ -150,7 +144,7 @@ class _Work:
 
 def _judge(work: _Work, state: State) -> float:
     """The validation error, m, at the end of an epoch; the weights are kept if none were better."""
-    error = validation_error(work.network, work.sizes, work.weights, work.data, work.held, work.moment)
+    error = _validation_error(work)
     if not math.isfinite(error):
         raise MtpBenchError(f"the training of {work.network.name} broke down in epoch {state.epoch + 1}")
     state.epoch += 1
@@ -164,7 +158,7 @@ def _judge(work: _Work, state: State) -> float:
 def _fit_stage(work: _Work, state: State, kept: _Checkpoint, told: Told) -> None:
     """Train the stage in which ``state`` is, to its end."""
     stage = work.recipe.stages[state.stage]
-    optimizer = work.recipe.optimizer(work.trained(stage), work.plan)
+    optimizer = torch.optim.AdamW(work.trained(stage), lr=work.plan.rate, weight_decay=work.plan.decay)
     _remember(optimizer, state.memory)
     while not _over(state, work.plan, stage.epochs(work.plan)):
         _epoch(work, stage, optimizer, state)
@@ -172,11 +166,6 @@ def _fit_stage(work: _Work, state: State, kept: _Checkpoint, told: Told) -> None
         state.memory = _memory(optimizer)
         kept.write(state, work.weights)
         told(state.epoch, error)
-
-
-def is_trained(name: str) -> bool:
-    """Statistics of the data, ``*.mean`` and ``*.spread``, are not trained."""
-    return not name.endswith((".mean", ".spread"))
 
 
 def _over(state: State, plan: Plan, epochs: int) -> bool:
@@ -208,14 +197,12 @@ def one_cycle(progress: float) -> float:
 
 
 @torch.no_grad()
-def validation_error(
-    network: Network, sizes: Sizes, weights: Tensors, data: Tensors, rows: torch.Tensor, moment: torch.Tensor | None
-) -> float:
-    """minADE, m, of the windows ``rows``, by their weight; ``moment``: see `batches.in_order`."""
+def _validation_error(work: _Work) -> float:
+    """minADE, m, of the windows that are held out, by their weight."""
     total, weight = 0.0, 0.0
-    for part in in_order(rows, moment, 8192 if moment is None else 1024):
-        batch = {name: value[part] for name, value in data.items()}
-        said = network.forward(weights, batch, sizes)
+    for part in in_order(work.held, work.moment, 8192 if work.moment is None else 1024):
+        batch = {name: value[part] for name, value in work.data.items()}
+        said = work.network.forward(work.weights, batch, work.sizes)
         least = mode_distance(said["modes"], batch["future"], batch["known"]).amin(dim=1)
         total += float((least * batch["weight"]).sum())
         weight += float(batch["weight"].sum())
@@ -286,9 +273,6 @@ class _Checkpoint:
         tensors = {f"now/{name}": value.detach().cpu().contiguous() for name, value in weights.items()}
         tensors |= {f"best/{name}": torch.from_numpy(value) for name, value in state.best.items()}
         tensors |= {f"memory/{name}": value for name, value in state.memory.items()}
-        said: dict[str, Any] = {name: getattr(state, name) for name in _STATED} | {"digest": self._digest}
+        said = {name: value for name, value in vars(state).items() if name not in ("best", "memory")}
         with whole_file(self._path) as part:
-            save_file(tensors, part, {"state": json.dumps(said)})
-
-
-_STATED = ("epoch", "stage", "first", "best_epoch", "curve")
+            save_file(tensors, part, {"state": json.dumps({**said, "digest": self._digest})})

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..prediction.imm import Mixture, mixture
-from ..prediction.imm_noise import MODELS, ImmNoise, imm_noise
+from ..prediction.imm_noise import MODELS, ImmNoise
+from ..prediction.motion_noise import noise_of
 from ..types import Bools, Floats
 
 _MOST = 2500  # windows of a class that are fitted to
@@ -30,7 +31,7 @@ def fit_imm_noise(position: Floats, valid: Bools, future: Floats, dt: float) -> 
     position, valid, future = position[rows], valid[rows], future[rows]
 
     def loss(x: Floats) -> float:
-        return imm_score(position, valid, future, imm_noise([_row(np.exp(x))]), dt)
+        return imm_score(position, valid, future, noise_of(ImmNoise, [_row(np.exp(x))]), dt)
 
     bounds = [tuple(np.log(limit)) for limit in _LIMITS]
     best = minimize(loss, np.log(_START), method="L-BFGS-B", bounds=bounds, options={"eps": 1e-3, "maxiter": 40})

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import torch
 
 from ..prediction.learned.network import Network, Sizes
@@ -67,21 +65,34 @@ def weighted(loss: torch.Tensor, batch: Tensors) -> torch.Tensor:
     return (loss * batch["weight"]).sum() / batch["weight"].sum().clip(1e-9)
 
 
+def mirrored_and_turned(
+    lot: torch.Tensor, generator: torch.Generator
+) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Signs [n] of half the windows, by their ``lot`` [n] in [0, 1), turns [n] rad, and both as matrices [n, 2, 2]."""
+    mirror = torch.where(lot < 0.5, -1.0, 1.0)
+    angle = TURN * torch.randn(len(lot), generator=generator)
+    turn = torch.stack([angle.cos(), -angle.sin(), angle.sin(), angle.cos()], -1).reshape(-1, 2, 2)
+    return mirror, angle, turn * torch.stack([torch.ones_like(mirror), mirror], -1)[:, None]
+
+
+def first_kept(n: int, past: int, generator: torch.Generator) -> torch.Tensor:
+    """The first frame [n] that is kept of ``past`` ones: of some windows it is a later one."""
+    cut = torch.rand(n, generator=generator) < CUT
+    return torch.where(cut, torch.randint(0, past, (n,), generator=generator), 0)
+
+
 def varied(batch: Tensors, generator: torch.Generator) -> Tensors:
     """The batch with half of the windows mirrored, some pasts cut short, and the heading `TURN` rad off.
 
     Windows of the same frame, where the batch tells it, are mirrored together.
     """
     n, past = batch["alive"].shape
-    made: Any = {"generator": generator}
-    lot = torch.rand(n, **made)
+    lot = torch.rand(n, generator=generator)
     if "moment" in batch:
         lot = lot[torch.unique(batch["moment"].cpu(), return_inverse=True)[1]]
-    mirror = torch.where(lot < 0.5, -1.0, 1.0)
-    angle = TURN * torch.randn(n, **made)
+    mirror, angle, turn = mirrored_and_turned(lot, generator)
     device = batch["position"].device
-    turn = torch.stack([angle.cos(), -angle.sin(), angle.sin(), angle.cos()], -1).reshape(n, 2, 2)
-    turn = (turn * torch.stack([torch.ones(n), mirror], -1)[:, None]).to(device)
+    turn = turn.to(device)
     out = dict(batch)
     for name in ("position", "velocity", "future"):
         out[name] = torch.einsum("nti,nji->ntj", batch[name], turn)
@@ -90,7 +101,7 @@ def varied(batch: Tensors, generator: torch.Generator) -> Tensors:
     if "place" in batch:
         there = torch.stack([torch.ones(n), mirror, mirror], -1).to(device) * batch["place"]
         out["place"] = torch.cat([there[:, :2], there[:, 2:] - angle.to(device)[:, None]], 1)
-    first = torch.where(torch.rand(n, **made) < CUT, torch.randint(0, past, (n,), **made), 0)
+    first = first_kept(n, past, generator)
     kept = (torch.arange(past)[None] >= first[:, None]).to(device)
     out["alive"], out["taken"] = batch["alive"] * kept, batch["taken"] * kept
     shorter = torch.log((past - first).to(torch.float32)).to(device)[:, None]

@@ -15,7 +15,7 @@ import numpy as np
 from ..env.environment import OBSERVE, MTPEnv
 from ..errors import MtpBenchError, UnknownNameError
 from ..prediction.kalman import NoiseTable, filtered
-from ..prediction.motion_noise import condition, table
+from ..prediction.motion_noise import condition, noise_of
 from ..running.folds import Fold
 from ..running.options import DEFAULTS, RunOptions
 from ..tracking import HypothesisTracker, TruthTracker
@@ -88,8 +88,7 @@ def fit_motion_noise(position: Floats, valid: Bools, future: Floats, dt: float) 
     bounds = [tuple(np.log(limit)) for limit in _LIMITS]
 
     def loss(x: Floats) -> float:
-        noise = table([_row(np.exp(x))])
-        return forecast_score(position, valid, future, noise, dt)
+        return forecast_score(position, valid, future, noise_of(NoiseTable, [_row(np.exp(x))]), dt)
 
     best = minimize(loss, start, method="L-BFGS-B", bounds=bounds, options={"eps": 1e-3, "maxiter": 60})
     return {field: np.round(value, 4).tolist() for field, value in _row(np.exp(best.x)).items()}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from ..agent import Observation, Tracker
 from ..env.observation import true_detections
 from ..prediction.kalman import heading_frame, rotation
 from ..tracks import Tracks
-from ..types import Bools, Floats, Ints, Scene, Task
+from ..types import Bools, Floats, Ints, Scene, Task, joined
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +31,7 @@ def collect(scenes: Iterable[Scene], task: Task, tracker: Tracker, gate: float =
     the tracker is fed true boxes.
     """
     parts = [_empty(task), *(part for scene in scenes for part in _scene_windows(scene, task, tracker, gate))]
-    names = (field.name for field in fields(MotionWindows))
-    return MotionWindows(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+    return joined(parts)
 
 
 def _scene_windows(scene: Scene, task: Task, tracker: Tracker, gate: float) -> Iterable[MotionWindows]:

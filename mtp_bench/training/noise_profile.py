@@ -81,24 +81,14 @@ def _section_text(profile: str, section: DetectorSection) -> str:
     return head + re.sub(r"^\[", "[detector.noise.", profile, flags=re.MULTILINE)  # headings start a line
 
 
-def _number(text: str) -> float | None:
-    """The finite number that ``text`` is, if it is one."""
-    try:
-        number = float(text)
-    except ValueError:
-        return None
-    return number if math.isfinite(number) else None
-
-
 def _alike(texts: Sequence[str], card: Card) -> dict[str, str]:
     """Class and fitted class of each ``--alike`` option."""
     alike: dict[str, str] = {}
     for text in texts:
         name, _, like = text.partition("=")
-        if name not in card.task.classes:
-            raise UnknownNameError("class of --alike", name, card.task.classes)
-        if like not in card.task.classes:
-            raise UnknownNameError("fitted class of --alike", like, card.task.classes)
+        for kind, one in (("class", name), ("fitted class", like)):
+            if one not in card.task.classes:
+                raise UnknownNameError(f"{kind} of --alike", one, card.task.classes)
         alike[name] = like
     return alike
 
@@ -110,8 +100,11 @@ def _floor(texts: Sequence[str], card: Card) -> dict[str, float] | None:
         name, _, value = text.rpartition("=")
         if name and name not in card.task.classes:
             raise UnknownNameError("class of --min-score", name, card.task.classes)
-        number = _number(value)
-        if number is None:
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if not math.isfinite(number):
             raise MtpBenchError(f"--min-score is {text!r}, expected a number or class=number")
         floor |= {name: number} if name else dict.fromkeys(card.task.classes, number)
     return floor or None

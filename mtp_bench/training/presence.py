@@ -7,8 +7,8 @@ without a scene say of it.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from ..scoring.forecasts import match_objects
 from ..scoring.neutral import evaluated, neutral_places
 from ..tracking import HypothesisTracker
 from ..tracks import Tracks
-from ..types import Bools, Floats, Scene, Task
+from ..types import Bools, Floats, Scene, Task, joined, those
 from .motion_windows import observations
 from .presence_recipes import LIKE, RECIPES, Like, Recipe, scenes_of
 from .split import open_split
@@ -36,10 +36,9 @@ KNOT_BINS = 100  # of held-out rows, of equal size, that the isotonic regression
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class Rows(History):
     """Tracks of n frames and tracks in all, and whether an object was there."""
 
-    history: History  # [n] each
     class_name: Any  # [n] str
     present: Bools  # [n]
     scene: Any  # [n] str: rows of one scene are never on both sides of a split
@@ -50,20 +49,13 @@ def collect(scenes: Iterable[Scene], card: Card, task: Task) -> Rows:
 
     An object is there if the track is matched to it by the rule for forecasts: one to one, within the forecast gate.
     """
-    parts = [part for scene in scenes for part in _scene_rows(scene, card, task)]
-    if not parts:
+    parts = [_scene_rows(scene, card, task) for scene in scenes]
+    if not any(len(part.present) for part in parts):
         raise MtpBenchError(f"{card.id}: no track in any training scene, so there is nothing to fit")
     return joined(parts)
 
 
-def joined(parts: Sequence[Rows]) -> Rows:
-    """The rows of all parts."""
-    history = {f.name: np.concatenate([getattr(p.history, f.name) for p in parts]) for f in fields(History)}
-    rest = {f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Rows)[1:]}
-    return Rows(History(**history), **rest)
-
-
-def _scene_rows(scene: Scene, card: Card, task: Task) -> Iterator[Rows]:
+def _scene_rows(scene: Scene, card: Card, task: Task) -> Rows:
     tracker = HypothesisTracker()
     tracker.reset(task)
     said: list[tuple[Tracks, History]] = []
@@ -78,21 +70,19 @@ def _scene_rows(scene: Scene, card: Card, task: Task) -> Iterator[Rows]:
     row = found.object_of_truth[~truth.neutral]
     present[row[row >= 0]] = True
     kept = present | (found.unmatched & ~neutral_places(scene, frame, box[:, :2], class_id))
-    history = History(**{f.name: np.concatenate([getattr(h, f.name) for _, h in said])[kept] for f in fields(History)})
-    if kept.any():
-        names = np.array(task.classes)[class_id[kept]]
-        yield Rows(history, names, present[kept], np.full(int(kept.sum()), scene.name))
+    history, names = joined([one for _, one in said]), np.array(task.classes)[class_id]
+    rows = Rows(**vars(history), class_name=names, present=present, scene=np.full(len(frame), scene.name))
+    return those(rows, kept)
 
 
 def training_rows(recipe: Recipe, options: RunOptions = DEFAULTS) -> tuple[Rows, list[dict[str, Any]]]:
     """The rows of a recipe, and which scenes they are from."""
     parts, origin = [], []
     for wanted in recipe.scenes:
-        split = open_split(wanted.env, wanted.options(options))
-        names = [name for name in split.names if name not in wanted.without]
-        split = replace(split, names=tuple(names))
+        split = open_split(wanted.env, wanted.options(options), away=wanted.without)
         parts.append(collect(split.scenes(), split.card, MTPEnv(split.card, data=options.data).task))
-        origin.append({"env": wanted.env, "split": wanted.split, "detector": split.card.detector_name, "scenes": names})
+        said = {"env": wanted.env, "split": wanted.split, "detector": split.card.detector_name}
+        origin.append({**said, "scenes": list(split.names)})
     return joined(parts), origin
 
 
@@ -105,7 +95,7 @@ def fit(rows: Rows, recipe: Recipe) -> tuple[PresenceModel, Floats]:
     said = np.zeros(len(rows.present))
     parts = folds(rows)
     for away in parts:
-        said[away] = said_by(fit_logistic(_those(rows, ~away), recipe), _those(rows, away))
+        said[away] = said_by(fit_logistic(those(rows, ~away), recipe), those(rows, away))
     if not recipe.calibrated:
         return model, said
     checked = np.zeros(len(said))
@@ -118,9 +108,9 @@ def fit_logistic(rows: Rows, recipe: Recipe) -> PresenceModel:
     """The model before calibration, its numbers as they are stored."""
     estimator, model = logistic_regression(rows, recipe)
     f, names = len(model.features), sorted(set(rows.class_name))
-    coefficient = estimator.coef_[0]
-    shared = _rounded(np.concatenate([estimator.intercept_, coefficient[: len(coefficient) - len(names) * (1 + f)]]))
-    own = _rounded(coefficient[len(coefficient) - len(names) * (1 + f) :]).reshape(len(names), 1 + f)
+    shared, own = np.split(estimator.coef_[0], [-len(names) * (1 + f)])
+    own = _rounded(own).reshape(len(names), 1 + f)
+    shared = _rounded(np.concatenate([estimator.intercept_, shared]))
     return replace(model, shared=shared, classes=dict(zip(names, own, strict=True)))
 
 
@@ -128,7 +118,7 @@ def logistic_regression(rows: Rows, recipe: Recipe) -> tuple[Any, PresenceModel]
     """scikit-learn's estimator on `design`, and a model that standardises as it and has no coefficients yet."""
     from sklearn.linear_model import LogisticRegression
 
-    raw = np.stack([FEATURES[name](rows.history) for name in recipe.features], axis=1)
+    raw = np.stack([FEATURES[name](rows) for name in recipe.features], axis=1)
     low, high = _rounded(np.quantile(raw, [0.001, 0.999], axis=0))
     clipped = np.clip(raw, low, high)
     scale = clipped.std(axis=0)
@@ -143,9 +133,7 @@ def logistic_regression(rows: Rows, recipe: Recipe) -> tuple[Any, PresenceModel]
         np.array([[0.0, 1.0], [0.0, 1.0]]),
     )
     estimator = LogisticRegression(C=RIDGE, solver="newton-cholesky", tol=1e-9, max_iter=200)
-    return estimator.fit(
-        design(model.standardised(rows.history), rows.class_name, recipe.products), rows.present
-    ), model
+    return estimator.fit(design(model.standardised(rows), rows.class_name, recipe.products), rows.present), model
 
 
 def design(z: Floats, class_name: Any, products: bool) -> Floats:
@@ -189,34 +177,27 @@ def isotonic_knots(probability: Floats, present: Bools) -> Floats:
     return np.concatenate([[[0.0], [0.0]], _rounded(knots), [[1.0], [1.0]]], axis=1)
 
 
-@dataclass(frozen=True, eq=False)
-class Quality:
-    """How good probabilities are."""
+def quality(probability: Floats, present: Bools) -> dict[str, Any]:
+    """How good probabilities [n] are.
 
-    rows: int
-    brier: float
-    auc: float
-    reliability: list[list[float]]  # of ten equal bins of the probability: mean, share that is there, rows
+    Reliability is of ten equal bins of the probability: mean, share that is there, rows.
+    """
+    from sklearn.metrics import roc_auc_score
 
-    @classmethod
-    def of(cls, probability: Floats, present: Bools) -> Quality:
-        """Of probabilities [n]."""
-        from sklearn.metrics import roc_auc_score
-
-        place = np.minimum((probability * 10).astype(int), 9)
-        table = [
-            [round(float(probability[mine].mean()), 3), round(float(present[mine].mean()), 3), int(mine.sum())]
-            for mine in (place == b for b in range(10))
-            if mine.any()
-        ]
-        brier = float(np.mean((probability - present) ** 2))
-        auc = float(roc_auc_score(present, probability)) if 0 < present.mean() < 1 else 0.5
-        return cls(len(present), round(brier, 4), round(auc, 4), table)
+    place = np.minimum((probability * 10).astype(int), 9)
+    table = [
+        [round(float(probability[mine].mean()), 3), round(float(present[mine].mean()), 3), int(mine.sum())]
+        for mine in (place == b for b in range(10))
+        if mine.any()
+    ]
+    brier = float(np.mean((probability - present) ** 2))
+    auc = float(roc_auc_score(present, probability)) if 0 < present.mean() < 1 else 0.5
+    return {"rows": len(present), "brier": round(brier, 4), "auc": round(auc, 4), "reliability": table}
 
 
 def raw_score(rows: Rows) -> Floats:
     """The mean score as a probability: as it is where scores lie in [0, 1], else as a logit."""
-    score = rows.history.mean_score
+    score = rows.mean_score
     return score if score.min() >= 0 and score.max() <= 1 else logistic(score)
 
 
@@ -228,11 +209,8 @@ def fit_detector(detector: str, options: RunOptions = DEFAULTS) -> str:
     rows, origin = training_rows(recipe, options)
     rows = thinned(rows)
     model, said = fit(rows, recipe)
-    quality = {
-        "score": vars(Quality.of(raw_score(rows), rows.present)),
-        "presence": vars(Quality.of(said, rows.present)),
-    }
-    return as_json(detector, recipe, model, origin, quality)
+    held_out = {"score": quality(raw_score(rows), rows.present), "presence": quality(said, rows.present)}
+    return as_json(detector, recipe, model, origin, held_out)
 
 
 def fit_scores(detector: str, like: Like, options: RunOptions = DEFAULTS) -> str:
@@ -268,7 +246,7 @@ def _scores(scenes: Sequence[Scene], classes: int) -> list[Floats]:
 
 
 def as_json(
-    detector: str, recipe: Recipe, model: PresenceModel, origin: list[dict[str, Any]], quality: dict[str, Any]
+    detector: str, recipe: Recipe, model: PresenceModel, origin: list[dict[str, Any]], held_out: dict[str, Any]
 ) -> str:
     """The text of a model's file."""
     content: dict[str, Any] = {"detector": detector}
@@ -277,7 +255,7 @@ def as_json(
     content |= {"fitted_on": origin, "features": list(model.features)}
     content |= {key: getattr(model, key).tolist() for key in ("low", "high", "center", "scale", "shared")}
     content["classes"] = {name: row.tolist() for name, row in model.classes.items()}
-    content |= {"knots": model.knots.tolist(), "held_out": quality}
+    content |= {"knots": model.knots.tolist(), "held_out": held_out}
     return lines_of(content)
 
 
@@ -290,19 +268,13 @@ def lines_of(content: dict[str, Any]) -> str:
 def said_by(model: PresenceModel, rows: Rows) -> Floats:
     """Probabilities [n] of rows."""
     names, class_id = np.unique(rows.class_name, return_inverse=True)
-    return model.probability(rows.history, class_id, names.tolist())
+    return model.probability(rows, class_id, names.tolist())
 
 
 def thinned(rows: Rows) -> Rows:
     """Every so manieth row, such that there are at most MOST_ROWS."""
-    kept = np.zeros(len(rows.present), dtype=bool)
-    kept[:: -(-len(kept) // MOST_ROWS)] = True
-    return _those(rows, kept)
-
-
-def _those(rows: Rows, kept: Bools) -> Rows:
-    history = History(**{f.name: getattr(rows.history, f.name)[kept] for f in fields(History)})
-    return Rows(history, rows.class_name[kept], rows.present[kept], rows.scene[kept])
+    n = len(rows.present)
+    return those(rows, np.arange(0, n, -(-n // MOST_ROWS)))
 
 
 def _rounded(values: Floats) -> Floats:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
@@ -50,11 +50,6 @@ class Stage:
         return max(1, round(self.share * plan.epochs))
 
 
-def adam_w(weights: Sequence[torch.Tensor], plan: Plan) -> torch.optim.Optimizer:
-    """AdamW with the rate and decay of a plan."""
-    return torch.optim.AdamW(weights, lr=plan.rate, weight_decay=plan.decay)
-
-
 @dataclass(frozen=True)
 class Recipe:
     """How a network is trained; without stages it is what it starts from."""
@@ -64,7 +59,6 @@ class Recipe:
     on: str = "truth"  # the pasts that its baselines learn from, unless others are asked for
     vary: Vary = varied
     by_frame: bool = False  # batches hold whole frames, for networks whose inputs tell the ``moment``
-    optimizer: Callable[[Sequence[torch.Tensor], Plan], torch.optim.Optimizer] = adam_w
 
 
 RECIPES = {

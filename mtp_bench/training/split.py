@@ -22,16 +22,12 @@ class Split:
     names: tuple[str, ...]
     options: RunOptions
 
-    def watched(self) -> Iterator[str]:
-        """The names; each counts as done when the next one is asked for."""
+    def scenes(self) -> Iterator[Scene]:
+        """The scenes, one after the other; each counts as done when the next one is asked for."""
         self.options.progress.started(len(self.names))
         for name in self.names:
-            yield name
+            yield self.source.load(name)
             self.options.progress.done(name)
-
-    def scenes(self) -> Iterator[Scene]:
-        """The scenes, one after the other."""
-        return map(self.source.load, self.watched())
 
 
 def open_split(env_id: str, options: RunOptions, without: Fold | None = None, away: Sequence[str] = ()) -> Split:

@@ -20,10 +20,10 @@ from mtp_bench.prediction.presence import (
     MODELS,
     History,
     PresenceModel,
-    ScoreMap,
     file_of,
     fitted_on,
     history_of,
+    mapped,
     read_model,
 )
 from mtp_bench.running.reference import frozen_reference
@@ -105,8 +105,8 @@ def test_a_model_by_hand() -> None:
 
 
 def test_scores_in_place_of_those_of_another_detector() -> None:
-    scores = ScoreMap({"car": np.array([[0.0, 0.4, 1.0], [0.0, 0.2, 1.0]])})
-    got = scores.mapped(np.array([0.2, 0.2, 0.7]), np.array([0, 1, 0]), ["car", "bus"])
+    tables = {"car": np.array([[0.0, 0.4, 1.0], [0.0, 0.2, 1.0]])}
+    got = mapped(np.array([0.2, 0.2, 0.7]), tables, np.array([0, 1, 0]), ["car", "bus"])
     np.testing.assert_allclose(got, [0.1, 0.2, 0.6])
 
 

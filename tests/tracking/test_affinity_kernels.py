@@ -184,7 +184,7 @@ def test_plain_python_gives_the_same() -> None:
     a, b = random_boxes(rng, 25), random_boxes(rng, 20)
     chosen: Any = (("giou_3d", -0.5), ("iou_3d", 0.05), ("center_distance", 2.0))
     rules = rules_of([replace(PARAMETERS[0], affinity=name, gate=gate) for name, gate in chosen])
-    given = (a, rng.integers(0, 3, 25), b, rng.integers(0, 3, 20), rules.kind, rules.gate)
+    given = (a, rng.integers(0, 3, 25), b, rng.integers(0, 3, 20), *rules)
     compiled, plain = sparse_pairs(*given), sparse_pairs.python(*given)
     for value, other in zip(compiled, plain, strict=True):
         np.testing.assert_allclose(value, other, rtol=0, atol=1e-13)

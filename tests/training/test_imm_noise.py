@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from mtp_bench.prediction.imm import mixture
-from mtp_bench.prediction.imm_noise import imm_noise
+from mtp_bench.prediction.imm_noise import ImmNoise
+from mtp_bench.prediction.motion_noise import noise_of
 from mtp_bench.training.imm_noise import _START, _row, fit_imm_noise, imm_score
 from mtp_bench.types import Bools, Floats
 
@@ -33,7 +34,7 @@ def windows(n: int, seed: int) -> tuple[Floats, Bools, Floats]:
 
 def test_the_score_is_that_of_samples() -> None:
     position, valid, future = windows(3, 0)
-    noise = imm_noise([ROW])
+    noise = noise_of(ImmNoise, [ROW])
     state = mixture(position, valid, np.zeros(3, dtype=np.int64), noise, DT)
     rng = np.random.default_rng(1)
     tau = DT * np.arange(1, 5)
@@ -52,6 +53,6 @@ def test_the_score_is_that_of_samples() -> None:
 def test_a_fit_betters_the_start_on_other_windows() -> None:
     found = fit_imm_noise(*windows(300, 2), DT)
     fresh = windows(1000, 3)
-    start = imm_noise([_row(np.array(_START))])
-    assert imm_score(*fresh, imm_noise([found]), DT) < 0.95 * imm_score(*fresh, start, DT)
+    start = noise_of(ImmNoise, [_row(np.array(_START))])
+    assert imm_score(*fresh, noise_of(ImmNoise, [found]), DT) < 0.95 * imm_score(*fresh, start, DT)
     assert found["measurement"] == pytest.approx(0.05, rel=0.3)

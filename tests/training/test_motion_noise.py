@@ -11,7 +11,7 @@ import pytest
 
 from mtp_bench.errors import UnknownNameError
 from mtp_bench.prediction import NoiseTable, motion_noise, stored_noise
-from mtp_bench.prediction.motion_noise import condition, table
+from mtp_bench.prediction.motion_noise import condition, noise_of
 from mtp_bench.tracking import HypothesisTracker, TruthTracker
 from mtp_bench.training.motion_noise import as_toml, fit_motion_noise, fit_scenes, forecast_score
 from mtp_bench.training.motion_windows import collect, observations
@@ -52,17 +52,17 @@ def test_a_fit_finds_the_noise_that_made_the_windows() -> None:
     for name in ("jerkiness", "acceleration"):
         np.testing.assert_allclose(found[name], TRUE[name], rtol=0.35)
     fresh = simulated(np.random.default_rng(1), 1500)
-    reached, best = (forecast_score(*fresh, table([row]), DT) for row in (found, TRUE))
+    reached, best = (forecast_score(*fresh, noise_of(NoiseTable, [row]), DT) for row in (found, TRUE))
     assert reached < 1.01 * best
 
 
 def test_the_score_is_least_at_the_true_noise() -> None:
     windows = simulated(np.random.default_rng(2), 3000)
-    best = forecast_score(*windows, table([TRUE]), DT)
+    best = forecast_score(*windows, noise_of(NoiseTable, [TRUE]), DT)
     for name in ("measurement", "jerkiness", "acceleration"):
         for factor in (0.3, 3.0):
             other = {**TRUE, name: (np.array(TRUE[name]) * factor).tolist()}
-            assert forecast_score(*windows, table([other]), DT) > 1.002 * best
+            assert forecast_score(*windows, noise_of(NoiseTable, [other]), DT) > 1.002 * best
 
 
 CONDITIONS: dict[str, dict[str, Any]] = {
@@ -113,13 +113,13 @@ LIKE: dict[str, tuple[dict[str, Any], float]] = {
 
 @pytest.mark.parametrize("name", LIKE)
 def test_the_most_similar_condition_stands_in(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(motion_noise, "_read_store", lambda: STORE)
+    monkeypatch.setattr(motion_noise, "read_store", lambda _: STORE)
     changes, measurement = LIKE[name]
     assert stored_noise(kitti_task(**{"classes": ("car",), **changes})).measurement[0] == measurement
 
 
 def test_a_moving_frame_has_no_substitute(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(motion_noise, "_read_store", lambda: STORE)
+    monkeypatch.setattr(motion_noise, "read_store", lambda _: STORE)
     with pytest.raises(UnknownNameError, match="motion noise 'test-pointrcnn-ego'"):
         stored_noise(kitti_task(classes=("car",), ego_motion=False))
 

@@ -43,7 +43,9 @@ class Codebook:
         whole = known.all(axis=1)
         off = (future - straight(inputs, sizes))[whole]
         group = group_of(inputs, sizes)[whole]
-        every = _codes(off, sizes, seed, _zeros(sizes))
+        straight_on = np.zeros((sizes.modes, sizes.future, 2), np.float32)
+        even = np.full(sizes.modes, -np.log(sizes.modes), np.float32)
+        every = _codes(off, sizes, seed, (straight_on, even))
         found = []
         for number in range(len(sizes.classes) * ALIKE):
             alike = _codes(off[group % ALIKE == number % ALIKE], sizes, seed, every)
@@ -54,9 +56,8 @@ class Codebook:
     def forward(self, weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> dict[str, Array]:
         """Modes, their log-weights and the present position: where the track says."""
         group = group_of(inputs, sizes)
-        modes = straight(inputs, sizes)[:, None] + weights["code.mean"][group]
         return {
-            "modes": modes,
+            "modes": straight(inputs, sizes)[:, None] + weights["code.mean"][group],
             "log_weight": weights["log_share.mean"][group],
             "present": inputs["position"][:, -1] * 0,
         }
@@ -86,9 +87,3 @@ def _codes(
     share = np.bincount(found.labels_, minlength=sizes.modes) + 1.0
     code = found.cluster_centers_.reshape(sizes.modes, sizes.future, 2).astype(np.float32)
     return code, np.log(share / share.sum()).astype(np.float32)
-
-
-def _zeros(sizes: Sizes) -> tuple[np.ndarray, np.ndarray]:
-    """Constant velocity alone: codes, log-shares."""
-    share = np.full(sizes.modes, -np.log(sizes.modes), dtype=np.float32)
-    return np.zeros((sizes.modes, sizes.future, 2), dtype=np.float32), share

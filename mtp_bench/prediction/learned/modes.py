@@ -39,11 +39,10 @@ class Modes:
         """Random layers; inputs are standardised, and outputs are in units of how wrong constant velocity is."""
         seen = encoded(inputs, sizes)
         error = np.linalg.norm(future - straight(inputs, sizes), axis=-1)
-        spread = root_mean_square(error, known)
         trained = {name: shape for name, shape in self.shapes(sizes).items() if name.startswith("net.")}
         weights = initial(trained, np.random.default_rng(seed))
         weights |= {"input.mean": seen.mean(axis=0), "input.spread": np.maximum(seen.std(axis=0), CAUTION)}
-        return {**weights, "output.spread": np.maximum(spread, CAUTION)[:, None].astype(np.float32)}
+        return {**weights, "output.spread": spread_of(error, known)}
 
     def forward(self, weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> dict[str, Array]:
         """Modes, their log-weights (not normalised) and the present position."""
@@ -83,11 +82,11 @@ def step_spread(correction: np.ndarray, known: np.ndarray) -> np.ndarray:
     """How far a step of corrections [n, T, 2] of constant velocity strays, per axis: [T, 1] m."""
     step = np.diff(correction, axis=1, prepend=0)
     both = known & np.concatenate([known[:, :1], known[:, :-1]], axis=1)
-    spread: np.ndarray = np.maximum(root_mean_square(step, both), CAUTION)
-    return spread[:, None].astype(np.float32)
+    return spread_of(step, both)
 
 
-def root_mean_square(value: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Of each step [T], over the rows of ``value`` [n, T, ...] that are ``known`` [n, T]; 0 where none is."""
+def spread_of(value: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Root mean square [T, 1] of each step, over the rows of ``value`` [n, T, ...] that are ``known`` [n, T]."""
     steps = range(value.shape[1])
-    return np.array([np.sqrt(np.mean(value[known[:, t], t] ** 2)) if known[:, t].any() else 0.0 for t in steps])
+    spread = np.array([np.sqrt(np.mean(value[known[:, t], t] ** 2)) if known[:, t].any() else 0.0 for t in steps])
+    return np.asarray(np.maximum(spread, CAUTION)[:, None], dtype=np.float32)

@@ -13,7 +13,7 @@ from ..windows import Surroundings, TrackWindows
 from .around import FINE, ages, around_inputs, fitted_velocity, shares
 from .layers import Array, Weights, initial, linear, linear_shapes, mlp, namespace, relu, sigmoid
 from .local import Arrays, one_hot
-from .modes import CAUTION, root_mean_square
+from .modes import CAUTION, spread_of
 from .network import Sizes
 
 HIDDEN = 48  # numbers per detection
@@ -46,11 +46,9 @@ class TrackingFree:
         """Random layers; detections are standardised, and outputs are in units of how wrong standing still is."""
         seen = described(inputs, sizes)[inputs["near"] > 0]
         seen = seen if len(seen) else np.zeros((1, PER_DETECTION), np.float32)
-        error = np.linalg.norm(future, axis=-1)
-        spread = root_mean_square(error, known)
         weights = initial(_trained(sizes), np.random.default_rng(seed))
         weights |= {"around.mean": seen.mean(axis=0), "around.spread": np.maximum(seen.std(axis=0), CAUTION)}
-        return {**weights, "output.spread": np.maximum(spread, CAUTION)[:, None].astype(np.float32)}
+        return {**weights, "output.spread": spread_of(np.linalg.norm(future, axis=-1), known)}
 
     def forward(self, weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> dict[str, Array]:
         """Modes, their log-weights (not normalised) and the present position."""

@@ -36,7 +36,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from types import FunctionType
 from typing import Any, Generic, ParamSpec, TypeVar, final, overload
@@ -61,8 +61,6 @@ class Kernel(Generic[P, R]):
         self.vectorize = vectorize
         self.__doc__ = function.__doc__
         self._run: Any = None
-        self._inner: Any = None
-        self._python: Any = None
 
     def __call__(self, *args: Any, **kwargs: Any) -> R:
         """What the function returns, from compiled code."""
@@ -70,13 +68,10 @@ class Kernel(Generic[P, R]):
         result: R = (self._run or self.compiled())(*args, **kwargs)
         return result
 
-    @property
+    @cached_property
     def python(self) -> Callable[P, R]:
         """The function and all kernels that it calls, in plain Python."""
-        if self._python is None:
-            self._python = self._bound({name: callee.python for name, callee in self._callees().items()})
-        twin: Callable[P, R] = self._python
-        return twin
+        return self._bound({name: callee.python for name, callee in self._callees().items()})
 
     def compiled(self) -> Any:
         """Numba's dispatcher, compiled already if the kernel has a signature; the Python twin if numba is off."""
@@ -91,10 +86,9 @@ class Kernel(Generic[P, R]):
         """Where the compiled kernel is kept, once it is."""
         return cache_folder() / f"kernels-{self._digest(importlib.import_module('numba').__version__)}"
 
-    def _as_callee(self, numba: Any) -> Any:
-        if self._inner is None:
-            self._inner = self._compile(numba, callee=True)
-        return self._inner
+    @cached_property
+    def _as_callee(self) -> Any:
+        return self._compile(importlib.import_module("numba"), callee=True)
 
     def _compile(self, numba: Any, callee: bool) -> Any:
         """Numba's dispatcher; that of a callee has no wrapper for calls from Python, which is long to compile.
@@ -116,7 +110,7 @@ class Kernel(Generic[P, R]):
             if known and signature:
                 with suppress(numba.TypingError):  # not in the cache after all: the file has another time stamp
                     return jit(self._bound({}))
-            return jit(self._bound({name: kernel._as_callee(numba) for name, kernel in self._callees().items()}))
+            return jit(self._bound({name: kernel._as_callee for name, kernel in self._callees().items()}))
 
     def _makes_arrays(self) -> bool:
         """Whether it or what it calls makes or returns arrays, by the names in its code and its annotations."""

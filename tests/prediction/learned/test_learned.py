@@ -17,7 +17,7 @@ from mtp_bench.networks import VARIABLE
 from mtp_bench.prediction import KMeansSampler, LearnedPredictor
 from mtp_bench.prediction.learned.layers import lstm, lstm_shapes
 from mtp_bench.prediction.learned.local import Arrays, local_future, local_inputs, mean_velocity, to_absolute
-from mtp_bench.prediction.learned.modes import Modes, root_mean_square
+from mtp_bench.prediction.learned.modes import CAUTION, Modes, spread_of
 from mtp_bench.prediction.learned.network import Network, Sizes
 from mtp_bench.prediction.learned.registry import NETWORKS, network_of
 from mtp_bench.prediction.learned.weights import FORMAT, Stored, find_weights, read_weights, write_weights
@@ -270,9 +270,9 @@ def test_nor_of_the_detections_around(as_truth: bool, file: Path, monkeypatch: p
     assert shown == [1.0 if as_truth else 7.5]
 
 
-def test_steps_that_no_window_knows_have_no_spread() -> None:
+def test_steps_that_no_window_knows_have_the_least_spread() -> None:
     value, known = np.full((3, 2), 2.0), np.array([[True, False]] * 3)
-    assert root_mean_square(value, known).tolist() == [2.0, 0.0]
+    assert spread_of(value, known).tolist() == [[2.0], [np.float32(CAUTION)]]
 
 
 def test_true_pasts_are_shown_as_they_are() -> None:
