@@ -13,8 +13,9 @@ import typer
 from .._bundle import baseline_names
 from ..errors import MtpBenchError, RecordError
 from ..parallel import QUIET, Progress
+from ..viz.terminal.output import counted
 from .options import JsonOption
-from .output import count, require_writable, write_json
+from .output import require_writable, write_json
 
 if TYPE_CHECKING:
     from ..records import Record, Trust
@@ -84,12 +85,12 @@ def board(
     if not entries:
         show("no record" + (f" of {env}" if env else "") + " yet; `mtp-bench submit` makes one")
     if history:
-        show(f"{count(len(history), 'result')} under earlier definitions: on the page (-o), never ranked")
+        show(f"{counted(len(history), 'result')} under earlier definitions: on the page (-o), never ranked")
     if output is not None:
-        show(f"{output}: {count(len(entries), 'record')}; open it in a browser")
+        show(f"{output}: {counted(len(entries), 'record')}; open it in a browser")
     show_lines(told)
     if strict and found.refused:
-        raise RecordError(f"{count(len(found.refused), 'record')} refused, the first: {found.refused[0]}")
+        raise RecordError(f"{counted(len(found.refused), 'record')} refused, the first: {found.refused[0]}")
 
 
 def read_board(
@@ -146,7 +147,7 @@ def _fill(pages: Sequence[Path], found: Board, leaderboard: Path, whole: bool) -
     if not whole:
         raise typer.BadParameter("needs all records and no others, leave --env and --with out", param_hint="--fill")
     if found.refused:
-        raise RecordError(f"no page is filled in: {count(len(found.refused), 'record')} refused, {found.refused[0]}")
+        raise RecordError(f"no page is filled in: {counted(len(found.refused), 'record')} refused, {found.refused[0]}")
     return fill(pages, known_of(found.entries), leaderboard)
 
 

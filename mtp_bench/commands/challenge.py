@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import DataError
+from ..viz.terminal.output import counted, number
 from .options import DataOption, JsonOption, ScenesOption, SplitOption
-from .output import count, number, prepare, require_writable, working, write_json
+from .output import prepare, require_writable, working, write_json
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -47,8 +48,8 @@ def challenge(
     show_numbers(_table(score))
     missing = score.targets - score.predicted
     show(
-        f"{score.predicted} of {count(score.targets, 'target')} predicted, {missing} missing; "
-        f"{count(score.elsewhere, 'prediction')} of none of them"
+        f"{score.predicted} of {counted(score.targets, 'target')} predicted, {missing} missing; "
+        f"{counted(score.elsewhere, 'prediction')} of none of them"
     )
     show(MEANING)
 

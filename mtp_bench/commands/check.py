@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import SubmissionError
+from ..viz.terminal.output import counted, number
 from .options import DataOption, JsonOption, ScenesOption, SubmissionArgument, TracksOption, absolute
-from .output import count, number, prepare, require_writable, working, write_json
+from .output import prepare, require_writable, working, write_json
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -51,7 +52,7 @@ def check(
     if checked.scores:
         show_numbers(_score_table(checked))
     if checked.errors:
-        said = count(checked.errors, "error")
+        said = counted(checked.errors, "error")
         raise SubmissionError(f"{checked.submission} does not pass: {said}; the table says what, where and what to do")
     show("with every forecast kept; what ranks is the error at budgets of false forecasts, which `compare` gives")
     given = [*(["--data", root] if root is not None else []), *(["--tracks", str(tracks)] if tracks else [])]

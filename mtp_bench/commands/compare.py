@@ -7,9 +7,10 @@ from typing import Annotated
 
 import typer
 
+from ..viz.terminal.output import counted
 from .completion import submissions
 from .options import SEEDS, EnvScenes, FullOption, JsonOption, WorkerChoice
-from .output import count, prepare, require_writable, show_report, working, write_json
+from .output import prepare, require_writable, show_report, working, write_json
 
 
 def compare(
@@ -52,7 +53,7 @@ def compare(
     ran = dict.fromkeys(setting.submission.name for setting in result.settings)
     show_lines(verdict(result.report, [name for name in ran if name in agents or name not in CONTROLS]), "- ")
     show("")
-    show_report(result.report, count(seeds, "seed"), result.skipped, full)
+    show_report(result.report, counted(seeds, "seed"), result.skipped, full)
     for rows in further.values():
         show("")
         show_numbers(sensitivity_table(rows))

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
+from ..viz.terminal.output import counted
 from .completion import words
 from .options import DataOption, FolderArgument, RunCardOption, one_of
-from .output import count
 
 WHAT = ("tracks", "prediction")
 
@@ -37,9 +37,9 @@ def export(
     opened = open_run(folder, root, env)
     with progress_bar("export") as told:
         if what == "tracks":
-            said = count(export_tracks(opened, output, table, Progress(*told)), "tracked position")
+            said = counted(export_tracks(opened, output, table, Progress(*told)), "tracked position")
         else:
             done = export_predictions(opened, output, Progress(*told))
-            targets = count(done.targets, "official target")
+            targets = counted(done.targets, "official target")
             said = f"predictions of {done.predicted} of {targets}; the others have no forecast in this run"
     show(f"{output}: {said}")

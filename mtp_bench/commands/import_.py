@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..viz.terminal.output import counted
 from .completion import words
 from .options import DataOption, ScenesOption, SplitOption, one_of
-from .output import count, prepare
+from .output import prepare
 
 if TYPE_CHECKING:
     from ..cards import Card
@@ -109,7 +110,7 @@ def tracks(
     with progress_bar("import") as (started, done):
         started(len(names))
         number, boxes = import_tracks(source, names, card, output, done)
-    show(f"{count(boxes, 'tracked position')} of {count(number, 'scene')} in {output}; next:")
+    show(f"{counted(boxes, 'tracked position')} of {counted(number, 'scene')} in {output}; next:")
     part = ["--data", root] if root is not None else []
     part += [*(["--scenes", str(scenes)] if scenes else []), *(["--split", split] if split else [])]
     given = shlex.join(["--env", env, *part, "--tracks", str(output)])
@@ -123,6 +124,6 @@ def _write(scenes: Iterator[Scene], card: Card, output: Path, posed: bool, form:
 
     with progress_bar("import") as (_, done):
         number, path = import_scenes(scenes, card, output, posed, form, done)  # type: ignore[arg-type]  # one of FORMS
-    show(f"{count(number, 'scene')} and their card {path.name} in {output}; next:")
+    show(f"{counted(number, 'scene')} and their card {path.name} in {output}; next:")
     given = shlex.join(["--env", str(path), *(["--detector", detector] if detector else [])])
     show_command(f"mtp-bench run stp {given} -o runs/{path.stem}")

@@ -168,13 +168,3 @@ def some_of(texts: Sequence[str]) -> str:
     """Several failures in one line: the first of them, and how many more there are."""
     more = len(texts) - _FAILURES
     return "; ".join([*texts[:_FAILURES], *([f"and {more} more"] if more > 0 else [])])
-
-
-def count(number: int, noun: str) -> str:
-    """``1 scene``, ``2 scenes``."""
-    return f"{number} {noun}" + ("" if number == 1 else "s")
-
-
-def number(value: float | None) -> str:
-    """A number of a table with three decimals; a dash where it is not defined."""
-    return "–" if value is None else f"{value:.3f}"

@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
+from ..viz.terminal.output import counted
 from .options import EnvScenes, SubmissionArgument, WorkerChoice
-from .output import count, prepare, working
+from .output import prepare, working
 
 
 def run(
@@ -38,4 +39,4 @@ def run(
     if stored.rejected:
         show(rejected_line(agent, stored.rejected))
     score = shlex.join(["mtp-bench", "score", str(output), *(["--data", on.data] if on.data is not None else [])])
-    show(f"{count(stored.scenes, 'scene')} of {on.env} by {agent} in {output}; score with `{score}`")
+    show(f"{counted(stored.scenes, 'scene')} of {on.env} by {agent} in {output}; score with `{score}`")

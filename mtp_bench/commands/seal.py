@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from .output import count
+from ..viz.terminal.output import counted
 
 
 def seal(
@@ -43,11 +43,11 @@ def _draw(env: str, scenes: int, output: Path) -> None:
 
     promise = draw(env, scenes, output)
     show(
-        f"{commitment_path(output)}: publish this commitment to {count(scenes, 'hidden scene')} of {promise.env} in "
+        f"{commitment_path(output)}: publish this commitment to {counted(scenes, 'hidden scene')} of {promise.env} in "
         f"leaderboard/seals, sha256 {promise.commitment}"
     )
     if scenes < LEAST_HIDDEN:
-        show(f"for trials alone: {count(scenes, 'scene')} rank nobody, ranks need {LEAST_HIDDEN}")
+        show(f"for trials alone: {counted(scenes, 'scene')} rank nobody, ranks need {LEAST_HIDDEN}")
     show(f"{output}: keep this secret; `mtp-bench verify RECORD --rerun --hidden {shlex.quote(str(output))}` runs them")
 
 

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import MtpBenchError, RecordError
+from ..viz.terminal.output import counted, number
 from .completion import env_ids, submissions, words
 from .options import SEEDS, DataOption, TracksOption, WorkerChoice, absolute, one_of
-from .output import count, number, prepare, said_of, say, some_of, working
+from .output import prepare, said_of, say, some_of, working
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -242,5 +243,5 @@ def _sentence(record: Record) -> str:
         if frames:
             parts.append(f"{frames} {what}")
     if lost.crashed_scenes:
-        parts.append(f"{count(lost.crashed_scenes, 'scene')} cut short ({next(iter(lost.reasons.values()), '')})")
+        parts.append(f"{counted(lost.crashed_scenes, 'scene')} cut short ({next(iter(lost.reasons.values()), '')})")
     return "; ".join(parts)

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import MtpBenchError, RecordError
+from ..viz.terminal.output import counted, number
 from .options import DataOption, JobsOption, JsonOption, TracksOption, WorkerChoice, absolute
-from .output import count, number, require_writable, said_of, some_of, working, write_json
+from .output import require_writable, said_of, some_of, working, write_json
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -203,7 +204,7 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Line:
         show(f"{path}: written with the digest {confirm(checked).digest[:12]}")
     if work.key is not None and checked.holds:
         show(f"{attest(checked, work.key, work.signer, work.trust)}: {checked.level}, signed by {work.signer}")
-    differ = f"{path}: {count(len(checked.differences), 'difference')} to what was found here"
+    differ = f"{path}: {counted(len(checked.differences), 'difference')} to what was found here"
     return _Line(path, _as_json(checked), "" if checked.holds or written else differ)
 
 
@@ -305,5 +306,5 @@ def _verdict(checked: Verification) -> str:
     said = [f"{who}: holds, {checked.level}" if checked.holds else f"{who}: does not hold"]
     if hidden is not None:
         few = "" if hidden.scenes >= LEAST_HIDDEN else f", which ranks nobody: ranks need {LEAST_HIDDEN}"
-        said.append(f"error {number(hidden.row.error)} m on {count(hidden.scenes, 'hidden scene')}{few}")
+        said.append(f"error {number(hidden.row.error)} m on {counted(hidden.scenes, 'hidden scene')}{few}")
     return ". ".join([*said, *checked.notes])
