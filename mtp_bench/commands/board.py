@@ -13,7 +13,7 @@ import typer
 from .._bundle import baseline_names
 from ..errors import MtpBenchError, RecordError
 from ..parallel import QUIET, Progress
-from ..viz.terminal.output import counted
+from ..viz.terminal.output import counted, progress_bar, show, show_lines, show_numbers
 from .options import JsonOption
 from .output import require_writable, write_json
 
@@ -57,7 +57,6 @@ def board(
     from ..records import read_history, trusted
     from ..records.packed import shipped_records
     from ..viz.board import board_files, board_json, board_notes, board_tables, parts_folder, require_parts, write_board
-    from ..viz.terminal.output import progress_bar, show, show_lines, show_numbers
 
     require_writable(json_file, output)
     if output is not None:
@@ -67,8 +66,8 @@ def board(
     folder = records or shipped_records()
     if clips:
         _draw_clips(folder, env)
-    with progress_bar("records") as (started, done):
-        found = read_board(records, further or (), env, output, trusted(base), Progress(started, done))
+    with progress_bar("records") as progress:
+        found = read_board(records, further or (), env, output, trusted(base), progress)
     entries = found.entries
     history = [old for old in read_history(folder.parent / "history") if env in (None, old.env)]
     told = _fill(pages, found, folder.parent, whole=not (env or further)) if pages else []
@@ -204,11 +203,10 @@ def _draw_clips(folder: Path, env: str | None) -> None:
     """Write a clip beside each record that can have one and has not; a record that is broken has none."""
     from ..records import load_record, record_paths
     from ..viz.board.clips import can_have_clip, clip_path, write_clip
-    from ..viz.terminal.output import progress_bar, show
 
     paths = record_paths(folder)
-    with progress_bar("clips") as (started, done):
-        started(len(paths))
+    with progress_bar("clips") as progress:
+        progress.started(len(paths))
         for path in paths:
             try:
                 record = load_record(path)
@@ -218,7 +216,7 @@ def _draw_clips(folder: Path, env: str | None) -> None:
                     show(str(written))
             except MtpBenchError as error:
                 show(f"no clip: {error}")
-            done(path.stem)
+            progress.done(path.stem)
 
 
 def _code_of(record: Record, start: _Start) -> str | None:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import SubmissionError
-from ..viz.terminal.output import counted, number
+from ..parallel import Workers, cores
+from ..viz.terminal.output import NOTHING, counted, new_table, number, show, show_numbers
 from .options import DataOption, JsonOption, ScenesOption, SubmissionArgument, TracksOption, absolute
 from .output import prepare, require_writable, working, write_json
 
@@ -31,11 +32,9 @@ def check(
     json_file: JsonOption = None,
 ) -> None:
     """Check that a submission keeps the contract, and score up to three scenes beside STP. Status 1 for errors."""
-    from ..parallel import Workers, cores
     from ..records.checking import SCENES, check_submission
     from ..running.options import RunOptions
     from ..submission.loader import load_submission
-    from ..viz.terminal.output import show, show_numbers
 
     require_writable(json_file)
     if scenes is not None and scenes > SCENES:
@@ -83,7 +82,6 @@ def _score_table(checked: Checked) -> Table:
     from rich.markup import escape
 
     from ..records.checking import BESIDE
-    from ..viz.terminal.output import NOTHING, new_table
 
     own = escape(checked.submission)
     headings = ("scene", "targets", own, BESIDE, "covered", f"false, {own}", f"false, {BESIDE}")

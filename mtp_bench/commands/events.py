@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from ..viz.terminal.output import progress_bar, show, show_command, show_lines, show_numbers
 from .completion import words
 from .options import DataOption, FolderArgument, JsonOption, RunCardOption, one_of
 from .output import require_writable, write_json
@@ -49,7 +50,6 @@ def events(
         longest_only,
         tally_line,
     )
-    from ..viz.terminal.output import progress_bar, show, show_command, show_lines, show_numbers
 
     for name in kind or ():
         one_of(name, KINDS, "--kind")
@@ -57,15 +57,15 @@ def events(
     require_writable(json_file)
     shown, tally = Shown(str(folder), root, env), Tally()
     rows: list[EventRow] = []
-    with progress_bar("events") as (started, done):
+    with progress_bar("events") as progress:
         opened = open_run(folder, root, env)
         rollouts = opened.rollouts(scene)
-        started(len(rollouts))
+        progress.started(len(rollouts))
         for rollout in rollouts:
             played = replay(opened.scene(rollout.scene), rollout, opened.card, opened.run.info.agent)
             tally.add(played)
             rows += event_rows(played, kind or KINDS, shown)
-            done(rollout.scene)
+            progress.done(rollout.scene)
     rows = in_order(rows, sort)[:top]
     write_json(json_file, events_json(rows, tally, opened.card.id, opened.run.info.agent))
     listed = rows if kind or top else longest_only(rows)

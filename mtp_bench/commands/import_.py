@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..viz.terminal.output import counted
+from ..viz.terminal.output import counted, progress_bar, show, show_command
 from .completion import words
 from .options import DataOption, ScenesOption, SplitOption, one_of
 from .output import prepare
@@ -100,16 +100,15 @@ def tracks(
     from ..running.options import RunOptions
     from ..sources import open_source, with_tracks
     from ..sources.importing import import_tracks
-    from ..viz.terminal.output import progress_bar, show, show_command
 
     options = RunOptions(root, scenes, split=split)
     prepare(env, options)
     card = options.card(env)
     source = with_tracks(open_source(card, root), card, root, file)
     names = options.chosen(source.names)
-    with progress_bar("import") as (started, done):
-        started(len(names))
-        number, boxes = import_tracks(source, names, card, output, done)
+    with progress_bar("import") as progress:
+        progress.started(len(names))
+        number, boxes = import_tracks(source, names, card, output, progress.done)
     show(f"{counted(boxes, 'tracked position')} of {counted(number, 'scene')} in {output}; next:")
     part = ["--data", root] if root is not None else []
     part += [*(["--scenes", str(scenes)] if scenes else []), *(["--split", split] if split else [])]
@@ -120,10 +119,9 @@ def tracks(
 def _write(scenes: Iterator[Scene], card: Card, output: Path, posed: bool, form: str, detector: str = "") -> None:
     """Write the scenes and say how to run them; ``detector``: the profile that they need, where they have none."""
     from ..sources.importing import import_scenes
-    from ..viz.terminal.output import progress_bar, show, show_command
 
-    with progress_bar("import") as (_, done):
-        number, path = import_scenes(scenes, card, output, posed, form, done)  # type: ignore[arg-type]  # one of FORMS
+    with progress_bar("import") as progress:
+        number, path = import_scenes(scenes, card, output, posed, form, progress.done)  # type: ignore[arg-type]  # one of FORMS
     show(f"{counted(number, 'scene')} and their card {path.name} in {output}; next:")
     given = shlex.join(["--env", str(path), *(["--detector", detector] if detector else [])])
     show_command(f"mtp-bench run stp {given} -o runs/{path.stem}")

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any, TextIO
 import typer
 
 from ..errors import MtpBenchError
+from ..files import clean_text, reason_of, require_file, write_text
+from ..viz.terminal.output import progress_bar, show, show_lines, show_numbers
 
 if TYPE_CHECKING:
     from ..running.options import RunOptions
@@ -28,11 +30,8 @@ _FAILURES = 10  # that one line tells
 @contextmanager
 def working(label: str, options: RunOptions) -> Iterator[RunOptions]:
     """The options with a progress bar on the error stream."""
-    from ..parallel import Progress
-    from ..viz.terminal.output import progress_bar
-
-    with progress_bar(label) as (started, done):
-        yield replace(options, progress=Progress(started, done))
+    with progress_bar(label) as progress:
+        yield replace(options, progress=progress)
 
 
 def prepare(env: str, options: RunOptions, agents: Iterable[str] = ()) -> None:
@@ -55,8 +54,6 @@ def said_of(error: MtpBenchError | OSError) -> str:
     """What an error says to people: of the system's own (a full disk, no permission) the file, and what to do."""
     if isinstance(error, MtpBenchError):
         return str(error)
-    from ..files import reason_of
-
     named = error.filename or error.filename2
     reason = reason_of(error, Path(named or tempfile.gettempdir()))
     return f"{named}: {reason}" if named else reason
@@ -75,8 +72,6 @@ def say(text: str) -> None:
     """Print one line on the error stream."""
     from rich.console import Console
 
-    from ..files import clean_text
-
     line = " ".join(part.strip() for part in text.splitlines())
     line = clean_text(line, len(line) + 1)  # it may name files of a stranger
     Console(stderr=True, soft_wrap=True, markup=False, highlight=False).print(line)
@@ -85,7 +80,6 @@ def say(text: str) -> None:
 def show_report(report: Report, of: str, skipped: Mapping[str, int], full: bool) -> None:
     """Print the table of a report ``of`` something, what its numbers hold for, and with ``full`` all other tables."""
     from ..running.reading import skipped_line
-    from ..viz.terminal.output import show, show_lines, show_numbers
     from ..viz.terminal.tables import full_tables, main_table, notes
 
     condition = report.condition
@@ -102,8 +96,6 @@ def show_report(report: Report, of: str, skipped: Mapping[str, int], full: bool)
 
 def require_writable(*paths: Path | None) -> None:
     """Refuse files that cannot be written before the work, not after it."""
-    from ..files import require_file
-
     for path in paths:
         if path is not None and path != STANDARD_OUTPUT:
             require_file(path)
@@ -145,8 +137,6 @@ def _standard_output_apart() -> Iterator[TextIO]:
 
 def write_json(path: Path | None, content: dict[str, Any]) -> None:
     """Write what a table shows, where a file or standard output is named."""
-    from ..files import write_text
-
     text = json.dumps(content, indent=1, allow_nan=False) + "\n"
     if path == STANDARD_OUTPUT:
         print(text, end="", file=sys.stdout.output if isinstance(sys.stdout, _Muted) else sys.stdout, flush=True)
@@ -156,8 +146,6 @@ def write_json(path: Path | None, content: dict[str, Any]) -> None:
 
 def print_or_write(path: Path | None, text: str) -> None:
     """Print a text as it is, or write it to the file that is named."""
-    from ..files import write_text
-
     if path is None:
         sys.stdout.write(text)
     else:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ..viz.terminal.output import counted
+from ..viz.terminal.output import counted, show
 from .options import EnvScenes, SubmissionArgument, WorkerChoice
 from .output import prepare, working
 
@@ -25,7 +25,6 @@ def run(
     from ..running.reading import skipped_line
     from ..running.stored import require_free
     from ..running.stored import run as run_agent
-    from ..viz.terminal.output import show
     from ..viz.terminal.tables import rejected_line
 
     options = on.options(workers, [seed])

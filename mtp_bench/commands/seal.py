@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ..viz.terminal.output import counted
+from ..viz.terminal.output import counted, show
 
 
 def seal(
@@ -39,7 +39,6 @@ def _draw(env: str, scenes: int, output: Path) -> None:
     from ..records import seal as draw
     from ..records.eligibility import LEAST_HIDDEN
     from ..records.seal import commitment_path
-    from ..viz.terminal.output import show
 
     promise = draw(env, scenes, output)
     show(
@@ -54,6 +53,5 @@ def _draw(env: str, scenes: int, output: Path) -> None:
 def _retire(secret: Path, folder: Path | None) -> None:
     from ..records import retire
     from ..records.seal import SEALS
-    from ..viz.terminal.output import show
 
     show(f"{retire(secret, folder or SEALS)}: the secret is public from now on; draw another seal for the next round")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from ..errors import DataError, MtpBenchError
-from ..viz.terminal.output import counted
+from ..viz.terminal.output import counted, new_table
 from .output import said_of, say
 
 if TYPE_CHECKING:
@@ -88,8 +88,6 @@ def _sentence(line: Line) -> str:
 
 def summary_table(lines: Sequence[Line]) -> Table:
     """One line per environment: how many records were made, and how long that took."""
-    from ..viz.terminal.output import new_table
-
     headings = ("environment", "made", "kept", "not here", "failed", "left", "minutes", "MiB")
     table = new_table("Records with their rollouts", headings, left=("environment",))
     for env_id in dict.fromkeys(line.piece.env for line in lines):

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from ..viz.terminal.output import progress_bar, show
 from .options import DataOption, FolderArgument, RunCardOption
 from .output import require_writable, say
 
@@ -29,19 +30,18 @@ def video(
     from ..running.opened import open_run
     from ..viz.drawing.video import KINDS, frames_around, pictures, require_encoder, write_video
     from ..viz.replay import replay
-    from ..viz.terminal.output import progress_bar, show
 
     suffix = output.suffix.lower()
     if suffix not in KINDS:
         raise typer.BadParameter(f"{output}: expected a name that ends in {' or '.join(KINDS)}", param_hint="--output")
     require_writable(output)
     require_encoder(suffix)
-    with progress_bar("video") as (started, done):
+    with progress_bar("video") as progress:
         opened = open_run(folder, root, env)
         rollout = opened.first(scene)
         played = replay(opened.drawn(rollout.scene, say), rollout, opened.card, opened.run.info.agent)
         frames = frames_around(played, at)
-        started(len(frames))
+        progress.started(len(frames))
         rate = fps or opened.card.task.rate
-        write_video(output, pictures(played, frames, at), rate, lambda: done(rollout.scene))
+        write_video(output, pictures(played, frames, at), rate, lambda: progress.done(rollout.scene))
     show(f"{output}: scene {rollout.scene}, frames {frames.start} to {frames.stop - 1}, {rate:g} per second")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import MtpBenchError
+from ..viz.terminal.output import show
 from .completion import words
 from .options import DataOption, RunCardOption, one_of
 from .output import require_writable, say
@@ -58,7 +59,6 @@ def view(
         return
     from ..viz.rerun.log import save_recording
     from ..viz.rerun.viewer import require_display, serve_recording, show_recording
-    from ..viz.terminal.output import show
 
     runs = _opened(folders, root, env)
     if save is None and not web:
@@ -82,7 +82,6 @@ def _write_picture(
     """Write the picture of an event, and below it of what the other runs do there."""
     from ..viz.drawing.report import save_report
     from ..viz.focus import Focus
-    from ..viz.terminal.output import show
 
     if png.suffix.lower() != ".png":
         raise typer.BadParameter(f"{png}: expected a name that ends in .png", param_hint="--png")
