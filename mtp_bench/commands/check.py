@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import shlex
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ..errors import SubmissionError
 from ..parallel import Workers, cores
-from ..viz.terminal.output import NOTHING, counted, new_table, number, show, show_numbers
+from ..viz.terminal.output import NOTHING, command_line, counted, new_table, number, show, show_numbers
 from .options import DataOption, JsonOption, ScenesOption, SubmissionArgument, TracksOption, absolute
 from .output import prepare, require_writable, working, write_json
 
@@ -54,8 +53,7 @@ def check(
         said = counted(checked.errors, "error")
         raise SubmissionError(f"{checked.submission} does not pass: {said}; the table says what, where and what to do")
     show("with every forecast kept; what ranks is the error at budgets of false forecasts, which `compare` gives")
-    given = [*(["--data", root] if root is not None else []), *(["--tracks", str(tracks)] if tracks else [])]
-    compare = shlex.join(["mtp-bench", "compare", path, "--env", checked.env, *given])
+    compare = command_line("compare", path, env=checked.env, data=root, tracks=tracks)
     show(f"{checked.submission} passes; next: `{compare}`")
 
 

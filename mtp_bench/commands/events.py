@@ -41,7 +41,6 @@ def events(
         LOOK,
         ORDERS,
         EventRow,
-        Shown,
         Tally,
         event_rows,
         event_table,
@@ -55,7 +54,7 @@ def events(
         one_of(name, KINDS, "--kind")
     one_of(sort, ORDERS, "--sort")
     require_writable(json_file)
-    shown, tally = Shown(str(folder), root, env), Tally()
+    tally = Tally()
     rows: list[EventRow] = []
     with progress_bar("events") as progress:
         opened = open_run(folder, root, env)
@@ -64,7 +63,7 @@ def events(
         for rollout in rollouts:
             played = replay(opened.scene(rollout.scene), rollout, opened.card, opened.run.info.agent)
             tally.add(played)
-            rows += event_rows(played, kind or KINDS, shown)
+            rows += event_rows(played, kind or KINDS, str(folder), root, env)
             progress.done(rollout.scene)
     rows = in_order(rows, sort)[:top]
     write_json(json_file, events_json(rows, tally, opened.card.id, opened.run.info.agent))

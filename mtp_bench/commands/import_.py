@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..viz.terminal.output import counted, progress_bar, show, show_command
+from ..viz.terminal.output import command_line, counted, progress_bar, show, show_command
 from .completion import words
 from .options import DataOption, ScenesOption, SplitOption, one_of
 from .output import prepare
@@ -110,10 +109,8 @@ def tracks(
         progress.started(len(names))
         number, boxes = import_tracks(source, names, card, output, progress.done)
     show(f"{counted(boxes, 'tracked position')} of {counted(number, 'scene')} in {output}; next:")
-    part = ["--data", root] if root is not None else []
-    part += [*(["--scenes", str(scenes)] if scenes else []), *(["--split", split] if split else [])]
-    given = shlex.join(["--env", env, *part, "--tracks", str(output)])
-    show_command(f"mtp-bench run given_tracks {given} -o runs/given_tracks")
+    run = command_line("run", "given_tracks", env=env, data=root, scenes=scenes, split=split, tracks=output)
+    show_command(f"{run} -o runs/given_tracks")
 
 
 def _write(scenes: Iterator[Scene], card: Card, output: Path, posed: bool, form: str, detector: str = "") -> None:
@@ -123,5 +120,4 @@ def _write(scenes: Iterator[Scene], card: Card, output: Path, posed: bool, form:
     with progress_bar("import") as progress:
         number, path = import_scenes(scenes, card, output, posed, form, progress.done)  # type: ignore[arg-type]  # one of FORMS
     show(f"{counted(number, 'scene')} and their card {path.name} in {output}; next:")
-    given = shlex.join(["--env", str(path), *(["--detector", detector] if detector else [])])
-    show_command(f"mtp-bench run stp {given} -o runs/{path.stem}")
+    show_command(f"{command_line('run', 'stp', env=path, detector=detector or None)} -o runs/{path.stem}")

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from ..viz.terminal.output import counted, show
+from ..viz.terminal.output import command_line, counted, show
 from .options import EnvScenes, SubmissionArgument, WorkerChoice
 from .output import prepare, working
 
@@ -37,5 +36,5 @@ def run(
         show(line)
     if stored.rejected:
         show(rejected_line(agent, stored.rejected))
-    score = shlex.join(["mtp-bench", "score", str(output), *(["--data", on.data] if on.data is not None else [])])
+    score = command_line("score", str(output), data=on.data)
     show(f"{counted(stored.scenes, 'scene')} of {on.env} by {agent} in {output}; score with `{score}`")

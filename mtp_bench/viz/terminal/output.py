@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 import textwrap
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -87,6 +88,12 @@ def show_lines(texts: Iterable[str], sign: str = "") -> None:
     for text in texts:
         lines = textwrap.wrap(text, TEXT_WIDTH, initial_indent=sign, subsequent_indent=" " * len(sign))
         show("\n".join(lines))
+
+
+def command_line(*words: str, **options: object) -> str:
+    """The command ``mtp-bench`` of these words and of the options that are not None; it can be pasted into a shell."""
+    given = [part for name, value in options.items() if value is not None for part in (f"--{name}", str(value))]
+    return shlex.join(["mtp-bench", *words, *given])
 
 
 def show_command(words: str) -> None:
