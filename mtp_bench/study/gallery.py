@@ -80,7 +80,7 @@ def picture_of(moment: Moment, name: str) -> Figure:
     incident = moment.incident
     center, half = _window(moment)
 
-    def paint(axes: list[Axes]) -> None:
+    def paint(*axes: Axes) -> None:
         for axis, said in zip(axes, moment.said, strict=True):
             _panel(axis, moment, said, center, half)
         axes[0].set_ylabel("y from the object, m")
@@ -94,6 +94,7 @@ def picture_of(moment: Moment, name: str) -> Figure:
         paint,
         panels=len(moment.said),
         size=(3.1 * len(moment.said), 3.5),
+        grid="",
     )
 
 

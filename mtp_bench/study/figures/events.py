@@ -9,7 +9,7 @@ import numpy as np
 from ..findings import Findings
 from ..table import Tables
 from .common import pick, where
-from .style import HATCHES, Figure, beside, color, draw, grid
+from .style import HATCHES, Figure, beside, color, draw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,9 +28,7 @@ def distance_figure(found: Findings, tables: Tables) -> Figure:
     """How far from the ego identities err."""
     table = tables["distance"]
 
-    def paint(axes: list[Axes]) -> None:
-        axis = axes[0]
-        grid(axis)
+    def paint(axis: Axes) -> None:
         for i, (kind, name) in enumerate(KINDS):
             rows = where(table.rows, kind=kind)
             place = np.arange(len(rows)) + 0.38 * (i - 0.5)
@@ -55,9 +53,7 @@ def shared_figure(found: Findings, tables: Tables) -> Figure:
     table = tables["shared"]
     rows = where(table.rows, agent=found.subject.name)
 
-    def paint(axes: list[Axes]) -> None:
-        axis = axes[0]
-        grid(axis)
+    def paint(axis: Axes) -> None:
         for kind, name, marker in (("ids", "vermillion", "v"), ("lost", "orange", "D"), ("reacquired", "sky", "P")):
             mine = where(rows, kind=kind)
             if mine and mine[0].events_single:
@@ -88,11 +84,10 @@ def frames_figure(found: Findings, tables: Tables) -> Figure:
     table = tables["frames"]
     most = found.subject.most.hypotheses
 
-    def paint(axes: list[Axes]) -> None:
+    def paint(*axes: Axes) -> None:
         for axis, field, title in zip(
             axes, ("events_single", "events_in_all"), ("one hypothesis", f"in all {most} hypotheses"), strict=True
         ):
-            grid(axis)
             base = None
             for i, (kind, name) in enumerate(KINDS):
                 rows = where(table.rows, kind=kind)

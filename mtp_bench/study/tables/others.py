@@ -29,20 +29,12 @@ class SpeedRow:
 def speed_table(found: Findings) -> Table:
     """Table IV of the paper: speed by stage over H."""
     papers = paper_facts(found.bench.of_paper, "speed")
-    rows = [
-        SpeedRow(
-            speed.hypotheses,
-            speed.tracking,
-            speed.prediction,
-            speed.whole,
-            1e3 / speed.tracking if speed.tracking else None,
-            1e3 / speed.prediction if speed.prediction else None,
-            speed.frames,
-            papers.get("tracking", {}).get(str(speed.hypotheses)),
-            papers.get("prediction", {}).get(str(speed.hypotheses)),
-        )
-        for speed in found.speed
-    ]
+    rows = []
+    for speed in found.speed:
+        stages = speed.tracking, speed.prediction
+        tracked, predicted = (1e3 / milliseconds if milliseconds else None for milliseconds in stages)
+        theirs = [papers.get(stage, {}).get(str(speed.hypotheses)) for stage in ("tracking", "prediction")]
+        rows.append(SpeedRow(speed.hypotheses, *stages, speed.whole, tracked, predicted, speed.frames, *theirs))
     return Table(
         "speed",
         "Speed by stage",
