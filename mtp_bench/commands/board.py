@@ -56,7 +56,7 @@ def board(
     """Show the leaderboard: a table per environment, and a page to open in a browser."""
     from ..records import read_history, trusted
     from ..records.packed import shipped_records
-    from ..viz.board import board_files, board_json, board_notes, board_tables, parts_folder, require_parts, write_board
+    from ..viz.board import board_files, board_json, board_tables, parts_folder, require_parts, write_board
 
     require_writable(json_file, output)
     if output is not None:
@@ -74,9 +74,10 @@ def board(
     write_json(json_file, board_json(entries))
     if output is not None:
         old_results = [(old, relative_address(old.path, output)) for old in history]
-        guide = _existing(folder.parent / "SUBMITTING.md", output)
+        submitting = folder.parent / "SUBMITTING.md"
+        guide = relative_address(submitting, output) if submitting.exists() else None
         write_board(output, board_files(entries, old_results, parts_folder(output).name, guide))
-    for table, notes in zip(board_tables(entries), board_notes(entries), strict=True):
+    for table, notes in board_tables(entries):
         show_numbers(table)
         show("")
         show_lines(notes)
@@ -159,11 +160,6 @@ def relative_address(path: Path, page: Path) -> str | None:
     return Path(relative).as_posix()
 
 
-def _existing(path: Path, page: Path) -> str | None:
-    """Way from the folder of ``page`` to a file or folder; None where there is none."""
-    return relative_address(path, page) if path.exists() else None
-
-
 @dataclass(frozen=True)
 class _Start:
     """Where records are read for."""
@@ -171,6 +167,10 @@ class _Start:
     page: Path | None  # the file that links start from; None: there are none
     trust: Trust
     baselines: Path  # beside the leaderboard
+
+    def link(self, path: Path) -> str | None:
+        """Way from the page to a file or folder; None without a page, and where there is none."""
+        return relative_address(path, self.page) if self.page is not None and path.exists() else None
 
 
 def _sound(paths: Sequence[Path], start: _Start, refused: list[str], progress: Progress) -> Iterator[Found]:
@@ -185,18 +185,13 @@ def _sound(paths: Sequence[Path], start: _Start, refused: list[str], progress: P
 
 def _read(path: Path, start: _Start, added: bool) -> Found:
     from ..records import load_record, read_level
+    from ..viz.board.clips import clip_path
     from ..viz.board.entries import Found
 
     record = load_record(path)
     signed, note = read_level(path, record, start.trust)
-    link = None if start.page is None else relative_address(path, start.page)
-    return Found(record, signed, link, added, note, _code_of(record, start), _clip_of(path, record, start))
-
-
-def _clip_of(path: Path, record: Record, start: _Start) -> str | None:
-    from ..viz.board.clips import clip_path
-
-    return None if start.page is None else _existing(clip_path(path, record), start.page)
+    code, clip = _code_of(record, start), start.link(clip_path(path, record))
+    return Found(record, signed, start.link(path), added, note, code, clip)
 
 
 def _draw_clips(folder: Path, env: str | None) -> None:
@@ -226,4 +221,4 @@ def _code_of(record: Record, start: _Start) -> str | None:
     name = record.submission.name
     if start.page is None or name not in baseline_names() or why_not_genuine(record):
         return None
-    return _existing(start.baselines / name, start.page)
+    return start.link(start.baselines / name)

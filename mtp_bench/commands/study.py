@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from ..viz.terminal.output import show, show_lines
+from ..viz.terminal.output import command_line, show, show_lines
 from .completion import submissions
 from .options import SEEDS, EnvScenes, WorkerChoice
 from .output import prepare, working
@@ -50,12 +49,7 @@ def study(
     options = quick_options(options) if quick else options
     prepare(on.env, options, agent or ())
     with working("study", options) as watched:
-        made = run_study(agent or ["mtp"], on.env, output, watched, quick, _command())
+        made = run_study(agent or ["mtp"], on.env, output, watched, quick, command_line(*sys.argv[1:]))
     show_lines(summary(made.findings), "- ")
     show("")
     show(f"{len(made.tables)} tables and {made.figures} figures: {made.page}")
-
-
-def _command() -> str:
-    """This command, as it is typed."""
-    return shlex.join(["mtp-bench", *sys.argv[1:]])

@@ -225,12 +225,11 @@ def _intake(given: Sequence[Path], trust: Trust, owner: str | None, json_file: P
     from ..records.intake import take_in
 
     taken = [take_in(path, trust, owner) for path in given]
-    write_json(json_file, {"accepted": [str(p) for each in taken for p in each.accepted],
-                           "refused": [text for each in taken for text in each.refused]})  # fmt: skip
+    refused = [text for each in taken for text in each.refused]
+    write_json(json_file, {"accepted": [str(p) for each in taken for p in each.accepted], "refused": refused})
     for each in taken:
         for text in (*(f"{path}: can be taken in" for path in each.accepted), *each.notes):
             show(text)
-    refused = [text for each in taken for text in each.refused]
     if refused:
         raise RecordError(some_of(refused))
     if not any(each.accepted for each in taken):

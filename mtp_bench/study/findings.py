@@ -100,8 +100,7 @@ class Findings:
         """Mean of ``value`` [n] over targets by their ``weight`` [n]."""
         share = np.asarray(weight, dtype=np.float64)
         top, whole = table.per_unit(np.asarray(value, dtype=np.float64), share), table.unit_weight(share)
-        interval = bootstrap_interval(top, whole)
-        low, high = interval or (None, None)
+        low, high = bootstrap_interval(top, whole) or (None, None)
         some = share > 0
         return Mean(ratio(top.sum(), whole.sum()), low, high, int(some.sum()), len(np.unique(table.person[some])))
 

@@ -59,7 +59,7 @@ class Table:
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow([column.heading for column in self.columns])
-        writer.writerows([["" if value is None else value for value in row] for row in self.cells()])
+        writer.writerows(self.cells())
         return text.getvalue()
 
     def to_json(self) -> str:

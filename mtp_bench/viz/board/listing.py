@@ -18,14 +18,12 @@ _SURE = "*"  # after a difference to STP that is significant
 _SIGNIFICANT = f"{_SURE} p<{SIGNIFICANT:g}".replace("0.", ".")
 
 
-def board_tables(entries: Sequence[Entry]) -> list[Table]:
-    """A table per environment, the best first."""
-    return [_table(env_id, listed) for env_id, listed in by_env(entries).items()]
+def board_tables(entries: Sequence[Entry]) -> list[tuple[Table, list[str]]]:
+    """A table per environment, the best first, and what is said below it.
 
-
-def board_notes(entries: Sequence[Entry]) -> list[list[str]]:
-    """Per environment a sentence for each reason for which some are not ranked, with their names, and for each seal."""
-    return [_notes(listed) for listed in by_env(entries).values()]
+    That is a sentence for each reason for which some are not ranked, with their names, and for each seal.
+    """
+    return [(_table(env_id, listed), _notes(listed)) for env_id, listed in by_env(entries).items()]
 
 
 def _notes(entries: Sequence[Entry]) -> list[str]:

@@ -89,6 +89,6 @@ def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
 
 def _cell(value: Any) -> Any:
     if not isinstance(value, str):
-        return "" if value is None else value
+        return value
     text = " ".join(value.split())
     return f"'{text}" if text.startswith(_FORMULA) else text

@@ -99,9 +99,13 @@ def _cost(row: EventRow) -> tuple[float, float, float]:
 
 def longest_only(rows: Sequence[EventRow]) -> list[EventRow]:
     """The rows without all but the LONGEST longest runs of false forecasts of each scene."""
-    runs = sorted((row for row in rows if row.incident.kind == "spurious"), key=_length, reverse=True)
+    runs = sorted(
+        (row for row in rows if row.incident.kind == "spurious"),
+        key=lambda row: row.incident.until - row.incident.frame,
+        reverse=True,
+    )
     kept: dict[str, list[int]] = {}
-    for row in runs:
+    for row in sorted(runs, key=lambda row: row.incident.until - row.incident.frame, reverse=True):
         of_scene = kept.setdefault(row.scene, [])
         if len(of_scene) < LONGEST:
             of_scene.append(id(row))
@@ -150,10 +154,6 @@ def events_json(rows: Sequence[EventRow], tally: Tally, env_id: str, agent: str)
         "truth_complete": tally.complete,
         "events": [_record(row) for row in rows],
     }
-
-
-def _length(row: EventRow) -> int:
-    return row.incident.until - row.incident.frame
 
 
 def _cells(row: EventRow) -> tuple[str, ...]:
