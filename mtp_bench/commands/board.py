@@ -12,7 +12,7 @@ import typer
 
 from .._bundle import baseline_names
 from ..errors import MtpBenchError, RecordError
-from ..parallel import QUIET, Progress
+from ..parallel import Progress
 from ..viz.terminal.output import counted, progress_bar, show, show_lines, show_numbers
 from .options import JsonOption
 from .output import require_writable, write_json
@@ -99,7 +99,7 @@ def read_board(
     env_id: str | None,
     page: Path | None,
     trust: Trust,
-    progress: Progress = QUIET,
+    progress: Progress,
 ) -> Board:
     """Entries in the order of the leaderboard; those of ``further`` that are not in the folder are marked as added.
 

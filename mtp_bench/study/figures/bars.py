@@ -12,7 +12,7 @@ from ..findings import Findings
 from ..table import Tables
 from ..tables.where import CAUSE_NAMES
 from .common import called, n_of, pick, where
-from .style import HATCHES, Figure, beside, caps, color, draw
+from .style import HATCHES, Figure, beside, caps, color, diamonds, draw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,10 +35,8 @@ def pasts_figure(found: Findings, tables: Tables) -> Figure:
             caps(axis, at, pick(mine, "minADE"), pick(mine, "minADE_low"), pick(mine, "minADE_high"))
             papers = [(x, row.paper_minADE) for x, row in zip(at, mine, strict=True) if row.paper_minADE is not None]
             if papers:
-                axis.plot(
-                    *zip(*papers, strict=True), "D", markerfacecolor="none", color=color("ink"), markersize=6,
-                    label="the paper's" if i else None,
-                )  # fmt: skip
+                x, y = zip(*papers, strict=True)
+                diamonds(axis, x, y, "the paper's" if i else None, markersize=6)
         counts = {row.targets_of: row.targets for row in rows}
         axis.set_xticks(range(len(names)), [f"{n}\nn = {counts[n]}" for n in names])
         axis.set_ylabel("minADE, m")
@@ -149,10 +147,7 @@ def gaps_figure(found: Findings, tables: Tables) -> Figure | None:
             for row in where(rows, targets_of=subset):
                 if row.paper_closed is not None:
                     at_paper = labels.index(called(row.agent, row.H))
-                    axis.plot(
-                        100 * row.paper_closed, at_paper, "D", markerfacecolor="none", color=color("ink"),
-                        label="the paper's, by minADE",
-                    )  # fmt: skip
+                    diamonds(axis, 100 * row.paper_closed, at_paper, "the paper's, by minADE")
             axis.axvline(0, color=color("soft"), linewidth=0.8)
             axis.axvline(100, color=color("green"), linewidth=0.8)
             axis.set_xlim(*_limits(rows))
@@ -195,7 +190,8 @@ def people_figure(found: Findings, tables: Tables) -> Figure:
         axis.bar(place, pick(rows, "minADE"), 0.55, color=color("blue"), edgecolor="white", label="minADE")
         papers = [(x, row.paper_minADE) for x, row in zip(place, rows, strict=True) if row.paper_minADE is not None]
         if papers:
-            axis.plot(*zip(*papers, strict=True), "D", markerfacecolor="none", color=color("ink"), label="the paper's")
+            x, y = zip(*papers, strict=True)
+            diamonds(axis, x, y, "the paper's")
         names = [f"H = {row.H}\nre-tracking: {row.retracking}" for row in rows]
         axis.set_xticks(place, names)
         axis.set_ylabel("minADE, m")

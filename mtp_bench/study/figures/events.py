@@ -9,7 +9,7 @@ import numpy as np
 from ..findings import Findings
 from ..table import Tables
 from .common import pick, where
-from .style import HATCHES, Figure, beside, color, draw
+from .style import HATCHES, Figure, beside, color, diamonds, draw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,16 +60,9 @@ def shared_figure(found: Findings, tables: Tables) -> Figure:
                 at = [1, *pick(mine, "H")]
                 left = [100.0, *(100 * row.events_in_all / row.events_single for row in mine)]
                 axis.plot(at, left, marker=marker, color=color(name), label=f"{kind} (n = {mine[0].events_single})")
-        papers = [row for row in rows if row.paper_fewer is not None and row.kind == "ids"]
-        for row in papers:
-            axis.plot(
-                row.H,
-                100 * (1 - row.paper_fewer),
-                "D",
-                markerfacecolor="none",
-                color=color("ink"),
-                label="the paper's ids",
-            )
+        for row in where(rows, kind="ids"):
+            if row.paper_fewer is not None:
+                diamonds(axis, row.H, 100 * (1 - row.paper_fewer), "the paper's ids")
         axis.set_xticks([1, *sorted({row.H for row in rows})])
         axis.set_xlabel("hypotheses H")
         axis.set_ylabel("events in every hypothesis,\n% of those with one")

@@ -141,14 +141,8 @@ def budgets_figure(found: Findings, tables: Tables) -> Figure:
     def paint(axis: Axes) -> None:
         for agent, count in agents(table.rows):
             rows = where(table.rows, agent=agent, H=count)
-            line(
-                axis,
-                pick(rows, "allowed"),
-                pick(rows, "error"),
-                told.get(agent, "grey"),
-                called(agent, count),
-                markersize=3,
-            )
+            name = told.get(agent, "grey")
+            line(axis, pick(rows, "allowed"), pick(rows, "error"), name, called(agent, count), markersize=3)
         axis.set_xlabel("false forecasts allowed per target" if known else "forecasts allowed per live frame")
         axis.set_ylabel("error, m")
         axis.set_ylim(bottom=0)

@@ -227,6 +227,11 @@ def line(axes: Axes, x: Any, y: Any, name: str, label: str, low: Any = None, hig
         axes.fill_between(x, least, most, color=color(name), alpha=0.14, linewidth=0)
 
 
+def diamonds(axes: Axes, x: Any, y: Any, label: str | None, **more: Any) -> None:
+    """Figures of the paper."""
+    axes.plot(x, y, "D", markerfacecolor="none", color=color("ink"), label=label, **more)
+
+
 def beside(axes: Axes, **more: Any) -> None:
     """The legend of the axes, above all panels."""
     handles, labels = axes.get_legend_handles_labels()

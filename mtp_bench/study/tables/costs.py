@@ -11,7 +11,7 @@ from ...scoring.knee import knee
 from ...scoring.statistics import ratio
 from ...viz.terminal.paper import paper_gap
 from ..findings import Findings
-from ..plan import Subject
+from ..plan import SAME_BUDGET, Subject
 from ..table import Count, Metres, Milliseconds, Number, Share, Table, Text
 from .paper import settings_told, subset_name
 
@@ -162,7 +162,7 @@ def shown(found: Findings) -> list[Setting]:
     """The settings that figures of all agents show: true pasts, one hypothesis, the control, the most hypotheses."""
     picked = []
     for subject in found.plan.subjects:
-        controls = [s for s in found.plan.controls if s.label == "stp_same_budget"]
+        controls = [s for s in found.plan.controls if s.label == SAME_BUDGET]
         picked += [subject.truth, subject.single, *controls, subject.most]
     return [s for i, s in enumerate(picked) if s not in picked[:i]]
 

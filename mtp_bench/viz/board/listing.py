@@ -47,7 +47,7 @@ def _table(env_id: str, entries: Sequence[Entry]) -> Table:
     headings = ("submission", "rank", "error\n↓", "95 %\ninterval", to_stp, *numbers, "verified")
     table = slim_table(f"{env_id}: error (m) at the budgets{said}", headings, left=("verified",))
     for entry in entries:
-        bounds = entry.interval
+        bounds = entry.row.interval
         style = "bold green" if entry.added else "" if entry.compared else "dim"
         table.add_row(
             escape(printable(entry.name)) + (" (added)" if entry.added else ""),

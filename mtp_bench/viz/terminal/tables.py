@@ -60,18 +60,17 @@ def notes(report: Report) -> list[str]:
     rows = next(iter(_by_setting(report)), {})
     lines = [about]
     names: dict[Subset, str] = {"all": "all", "paper_ids": "IDS", "paper_frag": "FRAG", "ids": "ids"}
-    for subset, name in names.items():
-        row = rows.get(subset)
-        if row is not None:
-            few = "" if subset != "ids" else f" ({row.effective_targets:.1f} and {row.effective_objects:.1f} effective)"
-            on = f"{counted(row.targets, 'target')} on {counted(row.objects, 'object')}{few}"
-            lines.append(f"{name}: {on} in {counted(row.scenes, 'scene')}")
-    if "all" in rows and not rows["all"].targets:
-        lines.append("! nothing is measured: no object that may be a target is there for all past and future frames")
+    for subset, name in names.items() if rows else ():
+        row = rows[subset]
+        few = "" if subset != "ids" else f" ({row.effective_targets:.1f} and {row.effective_objects:.1f} effective)"
+        on = f"{counted(row.targets, 'target')} on {counted(row.objects, 'object')}{few}"
+        lines.append(f"{name}: {on} in {counted(row.scenes, 'scene')}")
     honest = [row for row in report.rows if row.subset == "all" and row.unranked_because != SAW_TRUTH]
     seen = [detail for detail in report.details if detail.agent in {row.agent for row in honest}]
-    blind = bool(rows["all"].targets) and not any(row.coverage for row in honest) if "all" in rows else False
-    if blind and any(detail.forecasts_per_frame for detail in seen):
+    blind = not any(row.coverage for row in honest) and any(detail.forecasts_per_frame for detail in seen)
+    if rows and not rows["all"].targets:
+        lines.append("! nothing is measured: no object that may be a target is there for all past and future frames")
+    elif rows and blind:
         lines.append("! no forecast is near a target: are detections and truth in one frame of reference, in metres?")
     unfair = dict.fromkeys(row.agent for row in report.rows if row.unranked_because == NOT_CAUSAL)
     lines += [f"{agent}: never ranked, {NOT_CAUSAL}" for agent in unfair]
