@@ -13,7 +13,6 @@ import typer
 from .._bundle import baseline_names
 from ..errors import MtpBenchError, RecordError
 from ..parallel import Progress
-from ..viz.terminal.output import counted, progress_bar, show, show_lines, show_numbers
 from .options import JsonOption
 from .output import require_writable, write_json
 
@@ -57,6 +56,7 @@ def board(
     from ..records import read_history, trusted
     from ..records.packed import shipped_records
     from ..viz.board import board_files, board_json, board_tables, parts_folder, require_parts, write_board
+    from ..viz.terminal.output import counted, progress_bar, show, show_lines, show_numbers
 
     require_writable(json_file, output)
     if output is not None:
@@ -143,6 +143,7 @@ def _place(record: Record) -> tuple[str, ...]:
 def _fill(pages: Sequence[Path], found: Board, leaderboard: Path, whole: bool) -> list[str]:
     """Fill in pages from all records: of a part of them a page would lose what it says of others. Lines to show."""
     from ..viz.results import fill, known_of
+    from ..viz.terminal.output import counted
 
     if not whole:
         raise typer.BadParameter("needs all records and no others, leave --env and --with out", param_hint="--fill")
@@ -198,6 +199,7 @@ def _draw_clips(folder: Path, env: str | None) -> None:
     """Write a clip beside each record that can have one and has not; a record that is broken has none."""
     from ..records import load_record, record_paths
     from ..viz.board.clips import can_have_clip, clip_path, write_clip
+    from ..viz.terminal.output import progress_bar, show
 
     paths = record_paths(folder)
     with progress_bar("clips") as progress:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import DataError
-from ..viz.terminal.output import counted, new_table, number, show, show_numbers
 from .options import DataOption, JsonOption, ScenesOption, SplitOption
 from .output import prepare, require_writable, working, write_json
 
@@ -34,6 +33,7 @@ def challenge(
     """Score a submission to the nuScenes prediction challenge by the challenge's own metrics."""
     from ..running.challenge import require_challenge, score_predictions
     from ..running.options import RunOptions
+    from ..viz.terminal.output import counted, show, show_numbers
 
     require_writable(json_file)
     if not file.is_file():
@@ -54,6 +54,8 @@ def challenge(
 
 
 def _table(score: ChallengeScore) -> Table:
+    from ..viz.terminal.output import new_table, number
+
     table = new_table("nuScenes prediction challenge", ("metric", *(f"k = {k}" for k in score.ks)), left=("metric",))
     for name, values in score.metrics.items():
         table.add_row(name, *(number(value) for value in values))

@@ -8,7 +8,6 @@ import typer
 
 from ..errors import SubmissionError
 from ..parallel import Workers, cores
-from ..viz.terminal.output import NOTHING, command_line, counted, new_table, number, show, show_numbers
 from .options import DataOption, JsonOption, ScenesOption, SubmissionArgument, TracksOption, absolute
 from .output import prepare, require_writable, working, write_json
 
@@ -34,6 +33,7 @@ def check(
     from ..records.checking import SCENES, check_submission
     from ..running.options import RunOptions
     from ..submission.loader import load_submission
+    from ..viz.terminal.output import command_line, counted, show, show_numbers
 
     require_writable(json_file)
     if scenes is not None and scenes > SCENES:
@@ -80,6 +80,7 @@ def _score_table(checked: Checked) -> Table:
     from rich.markup import escape
 
     from ..records.checking import BESIDE
+    from ..viz.terminal.output import NOTHING, new_table, number
 
     own = escape(checked.submission)
     headings = ("scene", "targets", own, BESIDE, "covered", f"false, {own}", f"false, {BESIDE}")

@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from ..viz.terminal.output import counted, show, show_lines, show_numbers
 from .completion import submissions
 from .options import SEEDS, EnvScenes, FullOption, JsonOption, WorkerChoice
 from .output import prepare, require_writable, show_report, working, write_json
@@ -33,6 +32,7 @@ def compare(
     from ..running.compare import CONTROLS
     from ..running.compare import compare as run_comparison
     from ..running.sensitivity import sensitivity
+    from ..viz.terminal.output import counted, show, show_lines, show_numbers
     from ..viz.terminal.tables import sensitivity_table
     from ..viz.terminal.verdict import verdict
 

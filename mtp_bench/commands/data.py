@@ -8,7 +8,6 @@ import typer
 
 from .._bundle import card_ids
 from ..errors import MtpBenchError
-from ..viz.terminal.output import progress_bar, show
 from .completion import env_ids
 from .options import DataOption, JsonOption, SplitOption
 from .output import require_writable, write_json
@@ -27,6 +26,7 @@ def data(
     from ..cards import changed_card, load_card
     from ..running.reading import read_status
     from ..viz.terminal.listings import data_report, status_json
+    from ..viz.terminal.output import progress_bar, show
 
     require_writable(json_file)
     if split is not None and env is None:

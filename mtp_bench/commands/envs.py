@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from .._bundle import card_ids
-from ..viz.terminal.output import show_numbers
 from .options import JsonOption
 from .output import write_json
 
@@ -12,6 +11,7 @@ def envs(json_file: JsonOption = None) -> None:
     """List the environments."""
     from ..cards import load_card
     from ..viz.terminal.listings import env_table
+    from ..viz.terminal.output import show_numbers
 
     cards = [load_card(env_id) for env_id in card_ids()]
     write_json(json_file, {card.id: {**card.model_dump(mode="json"), "digest": card.digest} for card in cards})

@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from ..viz.terminal.output import progress_bar, show, show_command, show_lines, show_numbers
 from .completion import words
 from .options import DataOption, FolderArgument, JsonOption, RunCardOption, one_of
 from .output import require_writable, write_json
@@ -49,6 +48,7 @@ def events(
         longest_only,
         tally_line,
     )
+    from ..viz.terminal.output import progress_bar, show, show_command, show_lines, show_numbers
 
     for name in kind or ():
         one_of(name, KINDS, "--kind")

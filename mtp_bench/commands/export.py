@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from ..viz.terminal.output import counted, progress_bar, show
 from .completion import words
 from .options import DataOption, FolderArgument, RunCardOption, one_of
 
@@ -26,6 +25,7 @@ def export(
     from ..running.challenge import export_predictions
     from ..running.opened import open_run
     from ..running.track_export import export_tracks
+    from ..viz.terminal.output import counted, progress_bar, show
 
     one_of(what, WHAT, "WHAT")
     if table and what != "tracks":

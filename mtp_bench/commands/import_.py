@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..viz.terminal.output import command_line, counted, progress_bar, show, show_command
 from .completion import words
 from .options import DataOption, ScenesOption, SplitOption, one_of
 from .output import prepare
@@ -99,6 +98,7 @@ def tracks(
     from ..running.options import RunOptions
     from ..sources import open_source, with_tracks
     from ..sources.importing import import_tracks
+    from ..viz.terminal.output import command_line, counted, progress_bar, show, show_command
 
     options = RunOptions(root, scenes, split=split)
     prepare(env, options)
@@ -116,6 +116,7 @@ def tracks(
 def _write(scenes: Iterator[Scene], card: Card, output: Path, posed: bool, form: str, detector: str = "") -> None:
     """Write the scenes and say how to run them; ``detector``: the profile that they need, where they have none."""
     from ..sources.importing import import_scenes
+    from ..viz.terminal.output import command_line, counted, progress_bar, show, show_command
 
     with progress_bar("import") as progress:
         number, path = import_scenes(scenes, card, output, posed, form, progress.done)  # type: ignore[arg-type]  # one of FORMS

@@ -8,8 +8,6 @@ from typing import Annotated
 
 import typer
 
-from ..viz.terminal.output import show
-
 
 def new(
     name: Annotated[str, typer.Argument(help="Name of the submission: lower case.")],
@@ -17,6 +15,7 @@ def new(
 ) -> None:
     """Begin a submission: a folder with an agent that works."""
     from ..submission.starting import new_submission
+    from ..viz.terminal.output import show
 
     made = new_submission(name, folder)
     shown = shlex.quote(str(made))

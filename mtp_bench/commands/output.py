@@ -17,7 +17,6 @@ import typer
 
 from ..errors import MtpBenchError
 from ..files import clean_text, reason_of, require_file, write_text
-from ..viz.terminal.output import progress_bar, show, show_lines, show_numbers
 
 if TYPE_CHECKING:
     from ..running.options import RunOptions
@@ -30,6 +29,8 @@ _FAILURES = 10  # that one line tells
 @contextmanager
 def working(label: str, options: RunOptions) -> Iterator[RunOptions]:
     """The options with a progress bar on the error stream."""
+    from ..viz.terminal.output import progress_bar
+
     with progress_bar(label) as progress:
         yield replace(options, progress=progress)
 
@@ -80,6 +81,7 @@ def say(text: str) -> None:
 def show_report(report: Report, of: str, skipped: Mapping[str, int], full: bool) -> None:
     """Print the table of a report ``of`` something, what its numbers hold for, and with ``full`` all other tables."""
     from ..running.reading import skipped_line
+    from ..viz.terminal.output import show, show_lines, show_numbers
     from ..viz.terminal.tables import full_tables, main_table, notes
 
     condition = report.condition

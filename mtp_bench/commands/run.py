@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from ..viz.terminal.output import command_line, counted, show
 from .options import EnvScenes, SubmissionArgument, WorkerChoice
 from .output import prepare, working
 
@@ -24,6 +23,7 @@ def run(
     from ..running.reading import skipped_line
     from ..running.stored import require_free
     from ..running.stored import run as run_agent
+    from ..viz.terminal.output import command_line, counted, show
     from ..viz.terminal.tables import rejected_line
 
     options = on.options(workers, [seed])

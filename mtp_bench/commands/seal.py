@@ -8,8 +8,6 @@ from typing import Annotated
 
 import typer
 
-from ..viz.terminal.output import counted, show
-
 
 def seal(
     env: Annotated[str | None, typer.Option(help="Environment id, or path of a card.")] = None,
@@ -39,6 +37,7 @@ def _draw(env: str, scenes: int, output: Path) -> None:
     from ..records import seal as draw
     from ..records.eligibility import LEAST_HIDDEN
     from ..records.seal import commitment_path
+    from ..viz.terminal.output import counted, show
 
     promise = draw(env, scenes, output)
     show(
@@ -53,5 +52,6 @@ def _draw(env: str, scenes: int, output: Path) -> None:
 def _retire(secret: Path, folder: Path | None) -> None:
     from ..records import retire
     from ..records.seal import SEALS
+    from ..viz.terminal.output import show
 
     show(f"{retire(secret, folder or SEALS)}: the secret is public from now on; draw another seal for the next round")

@@ -8,7 +8,6 @@ from typing import Annotated
 
 import typer
 
-from ..viz.terminal.output import command_line, show, show_lines
 from .completion import submissions
 from .options import SEEDS, EnvScenes, WorkerChoice
 from .output import prepare, working
@@ -39,6 +38,7 @@ def study(
     from ..study.conduct import QUICK_SCENES, quick_options
     from ..study.story import summary
     from ..study.write import require_study_folder
+    from ..viz.terminal.output import command_line, show, show_lines
 
     require_study_folder(output.absolute())
     options = on.options(workers, range(1 if quick else seeds or SEEDS))

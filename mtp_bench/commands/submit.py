@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import MtpBenchError, RecordError
-from ..viz.terminal.output import counted, new_table, number, show, show_numbers
 from .completion import env_ids, submissions, words
 from .options import SEEDS, DataOption, TracksOption, WorkerChoice, absolute, one_of
 from .output import prepare, said_of, say, some_of, working
@@ -151,6 +150,7 @@ def _submit_all(
 ) -> None:
     """Every baseline, or the one named, on every environment, or those named."""
     from ..records.inventory import Piece, inventory
+    from ..viz.terminal.output import show, show_numbers
     from .submit_all import last_line, make_all, summary_table
 
     def make(piece: Piece) -> Record:
@@ -177,6 +177,7 @@ def _submit_one(
     from ..records.parts import require_new
     from ..records.submitting import record_path, require_kept, require_writable
     from ..submission.loader import load_submission
+    from ..viz.terminal.output import show, show_numbers
 
     submission = load_submission(path)
     targets = {env_id: record_path(submission, load_card(env_id), output, options.split) for env_id in env_ids}
@@ -217,6 +218,8 @@ def _one(
 
 def _record_table(record: Record) -> Table:
     """One line per subset."""
+    from ..viz.terminal.output import new_table, number
+
     title = f"{record.submission.name} on {record.env.id}: error at the false-forecast budgets (m, less is better)"
     names = ("subset", "error", "interval", "plain", "minADE", "minFDE", "coverage", "targets", "objects", "scenes")
     table = new_table(title, names, left=("subset",))
@@ -230,6 +233,8 @@ def _record_table(record: Record) -> Table:
 
 def _sentence(record: Record) -> str:
     """Status, cost and what went wrong, for people."""
+    from ..viz.terminal.output import counted
+
     latency, lost = record.measured.latency, record.missed
     parts = [f"{record.status}{f' ({record.status_reason})' if record.status_reason else ''}"]
     if latency.p50_ms is not None and latency.p95_ms is not None:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from ..errors import DataError, MtpBenchError
-from ..viz.terminal.output import counted, new_table
 from .output import said_of, say
 
 if TYPE_CHECKING:
@@ -88,6 +87,8 @@ def _sentence(line: Line) -> str:
 
 def summary_table(lines: Sequence[Line]) -> Table:
     """One line per environment: how many records were made, and how long that took."""
+    from ..viz.terminal.output import new_table
+
     headings = ("environment", "made", "kept", "not here", "failed", "left", "minutes", "MiB")
     table = new_table("Records with their rollouts", headings, left=("environment",))
     for env_id in dict.fromkeys(line.piece.env for line in lines):
@@ -101,6 +102,8 @@ def summary_table(lines: Sequence[Line]) -> Table:
 
 def last_line(lines: Sequence[Line]) -> str:
     """All of it in one sentence."""
+    from ..viz.terminal.output import counted
+
     outcomes = [line.outcome for line in lines]
     minutes, size = sum(line.seconds for line in lines) / 60, sum(line.piece.size for line in lines) / MIB
     made = f"{counted(outcomes.count('made'), 'record')} made in {minutes:.1f} minutes, {outcomes.count('kept')} kept"

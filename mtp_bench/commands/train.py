@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import MtpBenchError
-from ..viz.terminal.output import progress_bar
 from .completion import words
 from .options import (
     DataOption,
@@ -111,6 +110,7 @@ def predictor(
     from ..training.fitting import device_of
     from ..training.predictors import ON, Request, learnable, train_predictor
     from ..training.recipes import recipe_of
+    from ..viz.terminal.output import progress_bar
 
     one_of(network, tuple(NETWORKS), "NAME")
     recipe = recipe_of(network)

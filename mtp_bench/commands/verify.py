@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import MtpBenchError, RecordError
-from ..viz.terminal.output import counted, new_table, number, show, show_numbers
 from .options import DataOption, JobsOption, JsonOption, TracksOption, WorkerChoice, absolute
 from .output import require_writable, said_of, some_of, working, write_json
 
@@ -149,6 +148,7 @@ def _check_all(given: Sequence[Path], work: _Work, json_file: Path | None) -> No
     from ..records import record_paths
     from ..records.seal import require_listed
     from ..records.signing import require_signer
+    from ..viz.terminal.output import show_numbers
 
     paths = list(dict.fromkeys(path for each in given for path in (record_paths(each) if each.is_dir() else [each])))
     if not paths:
@@ -182,6 +182,7 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Line:
     from ..records import load_record
     from ..records import verify as check_record
     from ..records.verifying import attest, confirm
+    from ..viz.terminal.output import counted, show, show_numbers
 
     asked = work.asked
     record = load_record(path)
@@ -223,6 +224,7 @@ def _seals(hidden: Path | None, commitment: Path | None, trust: Trust) -> Mappin
 
 def _intake(given: Sequence[Path], trust: Trust, owner: str | None, json_file: Path | None) -> None:
     from ..records.intake import take_in
+    from ..viz.terminal.output import show
 
     taken = [take_in(path, trust, owner) for path in given]
     refused = [text for each in taken for text in each.refused]
@@ -272,6 +274,8 @@ def _round_table(lines: Sequence[_Line]) -> Table:
     """What came of every record."""
     from rich.markup import escape
 
+    from ..viz.terminal.output import new_table, number
+
     table = new_table(
         "records", ("record", "level", "hidden error", "minutes", "note"), left=("record", "level", "note")
     )
@@ -294,6 +298,7 @@ def _as_json(checked: Verification) -> dict[str, Any]:
 
 def _verdict(checked: Verification) -> str:
     from ..records.eligibility import LEAST_HIDDEN
+    from ..viz.terminal.output import counted, number
 
     record, hidden = checked.record, checked.hidden
     who = f"{checked.path}: {record.submission.name} on {record.env.id}"

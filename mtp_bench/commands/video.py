@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from ..viz.terminal.output import progress_bar, show
 from .options import DataOption, FolderArgument, RunCardOption
 from .output import require_writable, say
 
@@ -30,6 +29,7 @@ def video(
     from ..running.opened import open_run
     from ..viz.drawing.video import KINDS, frames_around, pictures, require_encoder, write_video
     from ..viz.replay import replay
+    from ..viz.terminal.output import progress_bar, show
 
     suffix = output.suffix.lower()
     if suffix not in KINDS:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import MtpBenchError
-from ..viz.terminal.output import show
 from .completion import words
 from .options import DataOption, RunCardOption, one_of
 from .output import require_writable, say
@@ -47,6 +46,7 @@ def view(
 ) -> None:
     """Look at tracks, hypotheses, forecasts and events of stored rollouts in rerun."""
     from ..viz.rerun.arrays import LEVELS
+    from ..viz.terminal.output import show
 
     one_of(level, LEVELS, "--level")
     if (save is not None) + web + (png is not None) > 1:
@@ -82,6 +82,7 @@ def _write_picture(
     """Write the picture of an event, and below it of what the other runs do there."""
     from ..viz.drawing.report import save_report
     from ..viz.focus import Focus
+    from ..viz.terminal.output import show
 
     if png.suffix.lower() != ".png":
         raise typer.BadParameter(f"{png}: expected a name that ends in .png", param_hint="--png")
