@@ -12,9 +12,9 @@ import typer
 
 from .._bundle import baseline_names
 from ..errors import MtpBenchError, RecordError
-from ..parallel import QUIET, Progress
+from ..parallel import Progress
 from .options import JsonOption
-from .output import count, require_writable, write_json
+from .output import require_writable, write_json
 
 if TYPE_CHECKING:
     from ..records import Record, Trust
@@ -55,8 +55,8 @@ def board(
     """Show the leaderboard: a table per environment, and a page to open in a browser."""
     from ..records import read_history, trusted
     from ..records.packed import shipped_records
-    from ..viz.board import board_files, board_json, board_notes, board_tables, parts_folder, require_parts, write_board
-    from ..viz.terminal.output import progress_bar, show, show_lines, show_numbers
+    from ..viz.board import board_files, board_json, board_tables, parts_folder, require_parts, write_board
+    from ..viz.terminal.output import counted, progress_bar, show, show_lines, show_numbers
 
     require_writable(json_file, output)
     if output is not None:
@@ -66,17 +66,18 @@ def board(
     folder = records or shipped_records()
     if clips:
         _draw_clips(folder, env)
-    with progress_bar("records") as (started, done):
-        found = read_board(records, further or (), env, output, trusted(base), Progress(started, done))
+    with progress_bar("records") as progress:
+        found = read_board(records, further or (), env, output, trusted(base), progress)
     entries = found.entries
     history = [old for old in read_history(folder.parent / "history") if env in (None, old.env)]
     told = _fill(pages, found, folder.parent, whole=not (env or further)) if pages else []
     write_json(json_file, board_json(entries))
     if output is not None:
         old_results = [(old, relative_address(old.path, output)) for old in history]
-        guide = _existing(folder.parent / "SUBMITTING.md", output)
+        submitting = folder.parent / "SUBMITTING.md"
+        guide = relative_address(submitting, output) if submitting.exists() else None
         write_board(output, board_files(entries, old_results, parts_folder(output).name, guide))
-    for table, notes in zip(board_tables(entries), board_notes(entries), strict=True):
+    for table, notes in board_tables(entries):
         show_numbers(table)
         show("")
         show_lines(notes)
@@ -84,12 +85,12 @@ def board(
     if not entries:
         show("no record" + (f" of {env}" if env else "") + " yet; `mtp-bench submit` makes one")
     if history:
-        show(f"{count(len(history), 'result')} under earlier definitions: on the page (-o), never ranked")
+        show(f"{counted(len(history), 'result')} under earlier definitions: on the page (-o), never ranked")
     if output is not None:
-        show(f"{output}: {count(len(entries), 'record')}; open it in a browser")
+        show(f"{output}: {counted(len(entries), 'record')}; open it in a browser")
     show_lines(told)
     if strict and found.refused:
-        raise RecordError(f"{count(len(found.refused), 'record')} refused, the first: {found.refused[0]}")
+        raise RecordError(f"{counted(len(found.refused), 'record')} refused, the first: {found.refused[0]}")
 
 
 def read_board(
@@ -98,7 +99,7 @@ def read_board(
     env_id: str | None,
     page: Path | None,
     trust: Trust,
-    progress: Progress = QUIET,
+    progress: Progress,
 ) -> Board:
     """Entries in the order of the leaderboard; those of ``further`` that are not in the folder are marked as added.
 
@@ -142,11 +143,12 @@ def _place(record: Record) -> tuple[str, ...]:
 def _fill(pages: Sequence[Path], found: Board, leaderboard: Path, whole: bool) -> list[str]:
     """Fill in pages from all records: of a part of them a page would lose what it says of others. Lines to show."""
     from ..viz.results import fill, known_of
+    from ..viz.terminal.output import counted
 
     if not whole:
         raise typer.BadParameter("needs all records and no others, leave --env and --with out", param_hint="--fill")
     if found.refused:
-        raise RecordError(f"no page is filled in: {count(len(found.refused), 'record')} refused, {found.refused[0]}")
+        raise RecordError(f"no page is filled in: {counted(len(found.refused), 'record')} refused, {found.refused[0]}")
     return fill(pages, known_of(found.entries), leaderboard)
 
 
@@ -159,11 +161,6 @@ def relative_address(path: Path, page: Path) -> str | None:
     return Path(relative).as_posix()
 
 
-def _existing(path: Path, page: Path) -> str | None:
-    """Way from the folder of ``page`` to a file or folder; None where there is none."""
-    return relative_address(path, page) if path.exists() else None
-
-
 @dataclass(frozen=True)
 class _Start:
     """Where records are read for."""
@@ -171,6 +168,10 @@ class _Start:
     page: Path | None  # the file that links start from; None: there are none
     trust: Trust
     baselines: Path  # beside the leaderboard
+
+    def link(self, path: Path) -> str | None:
+        """Way from the page to a file or folder; None without a page, and where there is none."""
+        return relative_address(path, self.page) if self.page is not None and path.exists() else None
 
 
 def _sound(paths: Sequence[Path], start: _Start, refused: list[str], progress: Progress) -> Iterator[Found]:
@@ -185,18 +186,13 @@ def _sound(paths: Sequence[Path], start: _Start, refused: list[str], progress: P
 
 def _read(path: Path, start: _Start, added: bool) -> Found:
     from ..records import load_record, read_level
+    from ..viz.board.clips import clip_path
     from ..viz.board.entries import Found
 
     record = load_record(path)
     signed, note = read_level(path, record, start.trust)
-    link = None if start.page is None else relative_address(path, start.page)
-    return Found(record, signed, link, added, note, _code_of(record, start), _clip_of(path, record, start))
-
-
-def _clip_of(path: Path, record: Record, start: _Start) -> str | None:
-    from ..viz.board.clips import clip_path
-
-    return None if start.page is None else _existing(clip_path(path, record), start.page)
+    code, clip = _code_of(record, start), start.link(clip_path(path, record))
+    return Found(record, signed, start.link(path), added, note, code, clip)
 
 
 def _draw_clips(folder: Path, env: str | None) -> None:
@@ -206,8 +202,8 @@ def _draw_clips(folder: Path, env: str | None) -> None:
     from ..viz.terminal.output import progress_bar, show
 
     paths = record_paths(folder)
-    with progress_bar("clips") as (started, done):
-        started(len(paths))
+    with progress_bar("clips") as progress:
+        progress.started(len(paths))
         for path in paths:
             try:
                 record = load_record(path)
@@ -217,7 +213,7 @@ def _draw_clips(folder: Path, env: str | None) -> None:
                     show(str(written))
             except MtpBenchError as error:
                 show(f"no clip: {error}")
-            done(path.stem)
+            progress.done(path.stem)
 
 
 def _code_of(record: Record, start: _Start) -> str | None:
@@ -227,4 +223,4 @@ def _code_of(record: Record, start: _Start) -> str | None:
     name = record.submission.name
     if start.page is None or name not in baseline_names() or why_not_genuine(record):
         return None
-    return _existing(start.baselines / name, start.page)
+    return start.link(start.baselines / name)

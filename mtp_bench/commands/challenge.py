@@ -9,7 +9,7 @@ import typer
 
 from ..errors import DataError
 from .options import DataOption, JsonOption, ScenesOption, SplitOption
-from .output import count, number, prepare, require_writable, working, write_json
+from .output import prepare, require_writable, working, write_json
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -33,7 +33,7 @@ def challenge(
     """Score a submission to the nuScenes prediction challenge by the challenge's own metrics."""
     from ..running.challenge import require_challenge, score_predictions
     from ..running.options import RunOptions
-    from ..viz.terminal.output import show, show_numbers
+    from ..viz.terminal.output import counted, show, show_numbers
 
     require_writable(json_file)
     if not file.is_file():
@@ -47,14 +47,14 @@ def challenge(
     show_numbers(_table(score))
     missing = score.targets - score.predicted
     show(
-        f"{score.predicted} of {count(score.targets, 'target')} predicted, {missing} missing; "
-        f"{count(score.elsewhere, 'prediction')} of none of them"
+        f"{score.predicted} of {counted(score.targets, 'target')} predicted, {missing} missing; "
+        f"{counted(score.elsewhere, 'prediction')} of none of them"
     )
     show(MEANING)
 
 
 def _table(score: ChallengeScore) -> Table:
-    from ..viz.terminal.output import new_table
+    from ..viz.terminal.output import new_table, number
 
     table = new_table("nuScenes prediction challenge", ("metric", *(f"k = {k}" for k in score.ks)), left=("metric",))
     for name, values in score.metrics.items():

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import shlex
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ..errors import SubmissionError
+from ..parallel import Workers, cores
 from .options import DataOption, JsonOption, ScenesOption, SubmissionArgument, TracksOption, absolute
-from .output import count, number, prepare, require_writable, working, write_json
+from .output import prepare, require_writable, working, write_json
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -30,11 +30,10 @@ def check(
     json_file: JsonOption = None,
 ) -> None:
     """Check that a submission keeps the contract, and score up to three scenes beside STP. Status 1 for errors."""
-    from ..parallel import Workers, cores
     from ..records.checking import SCENES, check_submission
     from ..running.options import RunOptions
     from ..submission.loader import load_submission
-    from ..viz.terminal.output import show, show_numbers
+    from ..viz.terminal.output import command_line, counted, show, show_numbers
 
     require_writable(json_file)
     if scenes is not None and scenes > SCENES:
@@ -51,11 +50,10 @@ def check(
     if checked.scores:
         show_numbers(_score_table(checked))
     if checked.errors:
-        said = count(checked.errors, "error")
+        said = counted(checked.errors, "error")
         raise SubmissionError(f"{checked.submission} does not pass: {said}; the table says what, where and what to do")
     show("with every forecast kept; what ranks is the error at budgets of false forecasts, which `compare` gives")
-    given = [*(["--data", root] if root is not None else []), *(["--tracks", str(tracks)] if tracks else [])]
-    compare = shlex.join(["mtp-bench", "compare", path, "--env", checked.env, *given])
+    compare = command_line("compare", path, env=checked.env, data=root, tracks=tracks)
     show(f"{checked.submission} passes; next: `{compare}`")
 
 
@@ -82,7 +80,7 @@ def _score_table(checked: Checked) -> Table:
     from rich.markup import escape
 
     from ..records.checking import BESIDE
-    from ..viz.terminal.output import NOTHING, new_table
+    from ..viz.terminal.output import NOTHING, new_table, number
 
     own = escape(checked.submission)
     headings = ("scene", "targets", own, BESIDE, "covered", f"false, {own}", f"false, {BESIDE}")

@@ -9,7 +9,7 @@ import typer
 
 from .completion import submissions
 from .options import SEEDS, EnvScenes, FullOption, JsonOption, WorkerChoice
-from .output import count, prepare, require_writable, show_report, working, write_json
+from .output import prepare, require_writable, show_report, working, write_json
 
 
 def compare(
@@ -32,7 +32,7 @@ def compare(
     from ..running.compare import CONTROLS
     from ..running.compare import compare as run_comparison
     from ..running.sensitivity import sensitivity
-    from ..viz.terminal.output import show, show_lines, show_numbers
+    from ..viz.terminal.output import counted, show, show_lines, show_numbers
     from ..viz.terminal.tables import sensitivity_table
     from ..viz.terminal.verdict import verdict
 
@@ -42,18 +42,18 @@ def compare(
     prepare(on.env, options, agents)
     with working("compare", options) as watched:
         result = run_comparison(agents, on.env, watched)
-    further = {}
+    content = result.report.to_json("condition", "paired", "details") | {"skipped": result.skipped}
+    rows = None
     if at is not None:
         with working("cuts", options) as watched:
-            further["sensitivity"] = sensitivity(on.env, result.reference, watched, at)
-    content = result.report.to_json("condition", "paired", "details") | {"skipped": result.skipped}
-    parts = {name: [row.model_dump(mode="json") for row in rows] for name, rows in further.items()}
-    write_json(json_file, content | parts)
+            rows = sensitivity(on.env, result.reference, watched, at)
+        content["sensitivity"] = [row.model_dump(mode="json") for row in rows]
+    write_json(json_file, content)
     ran = dict.fromkeys(setting.submission.name for setting in result.settings)
     show_lines(verdict(result.report, [name for name in ran if name in agents or name not in CONTROLS]), "- ")
     show("")
-    show_report(result.report, count(seeds, "seed"), result.skipped, full)
-    for rows in further.values():
+    show_report(result.report, counted(seeds, "seed"), result.skipped, full)
+    if rows is not None:
         show("")
         show_numbers(sensitivity_table(rows))
 

@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from .._bundle import baseline_names, card_ids
+
 
 def env_ids(incomplete: str) -> list[str]:
     """Ids of the shipped environments, and cards of one's own."""
-    from .._bundle import card_ids
-
     return _offered([*card_ids(), *_beside(incomplete, "*.toml")], incomplete)
 
 
 def submissions(incomplete: str) -> list[str]:
     """Names of the baselines, and folders of submissions."""
-    from .._bundle import baseline_names
-
     own = [path.removesuffix("/submission.toml") for path in _beside(incomplete, "*/submission.toml")]
     return _offered([*baseline_names(), *own], incomplete)
 

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from .._bundle import card_ids
 from ..errors import MtpBenchError
 from .completion import env_ids
 from .options import DataOption, JsonOption, SplitOption
@@ -22,7 +23,6 @@ def data(
 
     Status 1 for broken files; with --env also for data that is not there.
     """
-    from .._bundle import card_ids
     from ..cards import changed_card, load_card
     from ..running.reading import read_status
     from ..viz.terminal.listings import data_report, status_json
@@ -33,11 +33,11 @@ def data(
         raise typer.BadParameter("the splits of environments differ: name one with --env", param_hint="--split")
     cards = [changed_card(load_card(env_id), split) for env_id in ([env] if env else card_ids())]
     statuses = {}
-    with progress_bar("look at") as (started, done):
-        started(len(cards))
+    with progress_bar("look at") as progress:
+        progress.started(len(cards))
         for card in cards:
             statuses[card.id] = read_status(card, root)
-            done(card.id)
+            progress.done(card.id)
     write_json(json_file, {env_id: status_json(status) for env_id, status in statuses.items()})
     show(data_report(statuses))
     lacking = [env_id for env_id, status in statuses.items() if status.problems or (env and not status.usable)]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from .._bundle import card_ids
 from .options import JsonOption
 from .output import write_json
 
 
 def envs(json_file: JsonOption = None) -> None:
     """List the environments."""
-    from .._bundle import card_ids
     from ..cards import load_card
     from ..viz.terminal.listings import env_table
     from ..viz.terminal.output import show_numbers

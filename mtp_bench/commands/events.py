@@ -40,7 +40,6 @@ def events(
         LOOK,
         ORDERS,
         EventRow,
-        Shown,
         Tally,
         event_rows,
         event_table,
@@ -55,17 +54,17 @@ def events(
         one_of(name, KINDS, "--kind")
     one_of(sort, ORDERS, "--sort")
     require_writable(json_file)
-    shown, tally = Shown(str(folder), root, env), Tally()
+    tally = Tally()
     rows: list[EventRow] = []
-    with progress_bar("events") as (started, done):
+    with progress_bar("events") as progress:
         opened = open_run(folder, root, env)
         rollouts = opened.rollouts(scene)
-        started(len(rollouts))
+        progress.started(len(rollouts))
         for rollout in rollouts:
             played = replay(opened.scene(rollout.scene), rollout, opened.card, opened.run.info.agent)
             tally.add(played)
-            rows += event_rows(played, kind or KINDS, shown)
-            done(rollout.scene)
+            rows += event_rows(played, kind or KINDS, str(folder), root, env)
+            progress.done(rollout.scene)
     rows = in_order(rows, sort)[:top]
     write_json(json_file, events_json(rows, tally, opened.card.id, opened.run.info.agent))
     listed = rows if kind or top else longest_only(rows)

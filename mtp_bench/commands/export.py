@@ -9,7 +9,6 @@ import typer
 
 from .completion import words
 from .options import DataOption, FolderArgument, RunCardOption, one_of
-from .output import count
 
 WHAT = ("tracks", "prediction")
 
@@ -23,11 +22,10 @@ def export(
     env: RunCardOption = None,
 ) -> None:
     """Write a stored run as others read it: tracks, or forecasts as the nuScenes prediction challenge takes them."""
-    from ..parallel import Progress
     from ..running.challenge import export_predictions
     from ..running.opened import open_run
     from ..running.track_export import export_tracks
-    from ..viz.terminal.output import progress_bar, show
+    from ..viz.terminal.output import counted, progress_bar, show
 
     one_of(what, WHAT, "WHAT")
     if table and what != "tracks":
@@ -35,11 +33,11 @@ def export(
     if what == "prediction" and output.suffix != ".json":
         raise typer.BadParameter(f"{output}: expected a name that ends in .json", param_hint="--output")
     opened = open_run(folder, root, env)
-    with progress_bar("export") as told:
+    with progress_bar("export") as progress:
         if what == "tracks":
-            said = count(export_tracks(opened, output, table, Progress(*told)), "tracked position")
+            said = counted(export_tracks(opened, output, table, progress), "tracked position")
         else:
-            done = export_predictions(opened, output, Progress(*told))
-            targets = count(done.targets, "official target")
+            done = export_predictions(opened, output, progress)
+            targets = counted(done.targets, "official target")
             said = f"predictions of {done.predicted} of {targets}; the others have no forecast in this run"
     show(f"{output}: {said}")

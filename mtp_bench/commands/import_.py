@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,7 +10,7 @@ import typer
 
 from .completion import words
 from .options import DataOption, ScenesOption, SplitOption, one_of
-from .output import count, prepare
+from .output import prepare
 
 if TYPE_CHECKING:
     from ..cards import Card
@@ -99,30 +98,27 @@ def tracks(
     from ..running.options import RunOptions
     from ..sources import open_source, with_tracks
     from ..sources.importing import import_tracks
-    from ..viz.terminal.output import progress_bar, show, show_command
+    from ..viz.terminal.output import command_line, counted, progress_bar, show, show_command
 
     options = RunOptions(root, scenes, split=split)
     prepare(env, options)
     card = options.card(env)
     source = with_tracks(open_source(card, root), card, root, file)
     names = options.chosen(source.names)
-    with progress_bar("import") as (started, done):
-        started(len(names))
-        number, boxes = import_tracks(source, names, card, output, done)
-    show(f"{count(boxes, 'tracked position')} of {count(number, 'scene')} in {output}; next:")
-    part = ["--data", root] if root is not None else []
-    part += [*(["--scenes", str(scenes)] if scenes else []), *(["--split", split] if split else [])]
-    given = shlex.join(["--env", env, *part, "--tracks", str(output)])
-    show_command(f"mtp-bench run given_tracks {given} -o runs/given_tracks")
+    with progress_bar("import") as progress:
+        progress.started(len(names))
+        number, boxes = import_tracks(source, names, card, output, progress.done)
+    show(f"{counted(boxes, 'tracked position')} of {counted(number, 'scene')} in {output}; next:")
+    run = command_line("run", "given_tracks", env=env, data=root, scenes=scenes, split=split, tracks=output)
+    show_command(f"{run} -o runs/given_tracks")
 
 
 def _write(scenes: Iterator[Scene], card: Card, output: Path, posed: bool, form: str, detector: str = "") -> None:
     """Write the scenes and say how to run them; ``detector``: the profile that they need, where they have none."""
     from ..sources.importing import import_scenes
-    from ..viz.terminal.output import progress_bar, show, show_command
+    from ..viz.terminal.output import command_line, counted, progress_bar, show, show_command
 
-    with progress_bar("import") as (_, done):
-        number, path = import_scenes(scenes, card, output, posed, form, done)  # type: ignore[arg-type]  # one of FORMS
-    show(f"{count(number, 'scene')} and their card {path.name} in {output}; next:")
-    given = shlex.join(["--env", str(path), *(["--detector", detector] if detector else [])])
-    show_command(f"mtp-bench run stp {given} -o runs/{path.stem}")
+    with progress_bar("import") as progress:
+        number, path = import_scenes(scenes, card, output, posed, form, progress.done)  # type: ignore[arg-type]  # one of FORMS
+    show(f"{counted(number, 'scene')} and their card {path.name} in {output}; next:")
+    show_command(f"{command_line('run', 'stp', env=path, detector=detector or None)} -o runs/{path.stem}")

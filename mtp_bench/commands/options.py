@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from ..errors import MtpBenchError
+from ..errors import MtpBenchError, closest
+from ..parallel import Workers, cores
 from .completion import detectors, env_ids, submissions
 from .output import json_alone
 
 if TYPE_CHECKING:
-    from ..parallel import Workers
     from ..running.options import RunOptions
 
 ALONE = {"--cuts": ".1,.2,.3"}  # option -> its value where none follows
@@ -114,8 +114,6 @@ class WorkerChoice:
 
     def workers(self) -> Workers:
         """The workers of this choice; wrong usage for a backend that cannot work, before anything is prepared."""
-        from ..parallel import Workers, cores
-
         try:
             return Workers(self.jobs or cores(), self.backend, self.scheduler)
         except MtpBenchError as error:
@@ -179,8 +177,6 @@ def absolute(path: Path | None) -> str | None:
 def one_of(value: str, known: Sequence[str], option: str) -> None:
     """Wrong usage unless ``value`` is one of ``known``."""
     if value not in known:
-        from ..errors import closest
-
         close = closest(value, known)
         meant = f"; did you mean {close!r}?" if close else ""
         raise typer.BadParameter(f"{value!r}, expected one of: {', '.join(known)}{meant}", param_hint=option)

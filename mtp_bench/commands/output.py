@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import typer
 
 from ..errors import MtpBenchError
+from ..files import clean_text, reason_of, require_file, write_text
 
 if TYPE_CHECKING:
     from ..running.options import RunOptions
@@ -28,11 +29,10 @@ _FAILURES = 10  # that one line tells
 @contextmanager
 def working(label: str, options: RunOptions) -> Iterator[RunOptions]:
     """The options with a progress bar on the error stream."""
-    from ..parallel import Progress
     from ..viz.terminal.output import progress_bar
 
-    with progress_bar(label) as (started, done):
-        yield replace(options, progress=Progress(started, done))
+    with progress_bar(label) as progress:
+        yield replace(options, progress=progress)
 
 
 def prepare(env: str, options: RunOptions, agents: Iterable[str] = ()) -> None:
@@ -55,8 +55,6 @@ def said_of(error: MtpBenchError | OSError) -> str:
     """What an error says to people: of the system's own (a full disk, no permission) the file, and what to do."""
     if isinstance(error, MtpBenchError):
         return str(error)
-    from ..files import reason_of
-
     named = error.filename or error.filename2
     reason = reason_of(error, Path(named or tempfile.gettempdir()))
     return f"{named}: {reason}" if named else reason
@@ -74,8 +72,6 @@ def fail(text: str) -> None:
 def say(text: str) -> None:
     """Print one line on the error stream."""
     from rich.console import Console
-
-    from ..files import clean_text
 
     line = " ".join(part.strip() for part in text.splitlines())
     line = clean_text(line, len(line) + 1)  # it may name files of a stranger
@@ -102,8 +98,6 @@ def show_report(report: Report, of: str, skipped: Mapping[str, int], full: bool)
 
 def require_writable(*paths: Path | None) -> None:
     """Refuse files that cannot be written before the work, not after it."""
-    from ..files import require_file
-
     for path in paths:
         if path is not None and path != STANDARD_OUTPUT:
             require_file(path)
@@ -145,8 +139,6 @@ def _standard_output_apart() -> Iterator[TextIO]:
 
 def write_json(path: Path | None, content: dict[str, Any]) -> None:
     """Write what a table shows, where a file or standard output is named."""
-    from ..files import write_text
-
     text = json.dumps(content, indent=1, allow_nan=False) + "\n"
     if path == STANDARD_OUTPUT:
         print(text, end="", file=sys.stdout.output if isinstance(sys.stdout, _Muted) else sys.stdout, flush=True)
@@ -156,8 +148,6 @@ def write_json(path: Path | None, content: dict[str, Any]) -> None:
 
 def print_or_write(path: Path | None, text: str) -> None:
     """Print a text as it is, or write it to the file that is named."""
-    from ..files import write_text
-
     if path is None:
         sys.stdout.write(text)
     else:
@@ -168,13 +158,3 @@ def some_of(texts: Sequence[str]) -> str:
     """Several failures in one line: the first of them, and how many more there are."""
     more = len(texts) - _FAILURES
     return "; ".join([*texts[:_FAILURES], *([f"and {more} more"] if more > 0 else [])])
-
-
-def count(number: int, noun: str) -> str:
-    """``1 scene``, ``2 scenes``."""
-    return f"{number} {noun}" + ("" if number == 1 else "s")
-
-
-def number(value: float | None) -> str:
-    """A number of a table with three decimals; a dash where it is not defined."""
-    return "–" if value is None else f"{value:.3f}"

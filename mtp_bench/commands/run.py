@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from .options import EnvScenes, SubmissionArgument, WorkerChoice
-from .output import count, prepare, working
+from .output import prepare, working
 
 
 def run(
@@ -24,7 +23,7 @@ def run(
     from ..running.reading import skipped_line
     from ..running.stored import require_free
     from ..running.stored import run as run_agent
-    from ..viz.terminal.output import show
+    from ..viz.terminal.output import command_line, counted, show
     from ..viz.terminal.tables import rejected_line
 
     options = on.options(workers, [seed])
@@ -37,5 +36,5 @@ def run(
         show(line)
     if stored.rejected:
         show(rejected_line(agent, stored.rejected))
-    score = shlex.join(["mtp-bench", "score", str(output), *(["--data", on.data] if on.data is not None else [])])
-    show(f"{count(stored.scenes, 'scene')} of {on.env} by {agent} in {output}; score with `{score}`")
+    score = command_line("score", str(output), data=on.data)
+    show(f"{counted(stored.scenes, 'scene')} of {on.env} by {agent} in {output}; score with `{score}`")

@@ -8,8 +8,6 @@ from typing import Annotated
 
 import typer
 
-from .output import count
-
 
 def seal(
     env: Annotated[str | None, typer.Option(help="Environment id, or path of a card.")] = None,
@@ -39,15 +37,15 @@ def _draw(env: str, scenes: int, output: Path) -> None:
     from ..records import seal as draw
     from ..records.eligibility import LEAST_HIDDEN
     from ..records.seal import commitment_path
-    from ..viz.terminal.output import show
+    from ..viz.terminal.output import counted, show
 
     promise = draw(env, scenes, output)
     show(
-        f"{commitment_path(output)}: publish this commitment to {count(scenes, 'hidden scene')} of {promise.env} in "
+        f"{commitment_path(output)}: publish this commitment to {counted(scenes, 'hidden scene')} of {promise.env} in "
         f"leaderboard/seals, sha256 {promise.commitment}"
     )
     if scenes < LEAST_HIDDEN:
-        show(f"for trials alone: {count(scenes, 'scene')} rank nobody, ranks need {LEAST_HIDDEN}")
+        show(f"for trials alone: {counted(scenes, 'scene')} rank nobody, ranks need {LEAST_HIDDEN}")
     show(f"{output}: keep this secret; `mtp-bench verify RECORD --rerun --hidden {shlex.quote(str(output))}` runs them")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -39,7 +38,7 @@ def study(
     from ..study.conduct import QUICK_SCENES, quick_options
     from ..study.story import summary
     from ..study.write import require_study_folder
-    from ..viz.terminal.output import show, show_lines
+    from ..viz.terminal.output import command_line, show, show_lines
 
     require_study_folder(output.absolute())
     options = on.options(workers, range(1 if quick else seeds or SEEDS))
@@ -50,12 +49,7 @@ def study(
     options = quick_options(options) if quick else options
     prepare(on.env, options, agent or ())
     with working("study", options) as watched:
-        made = run_study(agent or ["mtp"], on.env, output, watched, quick, _command())
+        made = run_study(agent or ["mtp"], on.env, output, watched, quick, command_line(*sys.argv[1:]))
     show_lines(summary(made.findings), "- ")
     show("")
     show(f"{len(made.tables)} tables and {made.figures} figures: {made.page}")
-
-
-def _command() -> str:
-    """This command, as it is typed."""
-    return shlex.join(["mtp-bench", *sys.argv[1:]])

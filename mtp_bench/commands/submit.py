@@ -13,7 +13,7 @@ import typer
 from ..errors import MtpBenchError, RecordError
 from .completion import env_ids, submissions, words
 from .options import SEEDS, DataOption, TracksOption, WorkerChoice, absolute, one_of
-from .output import count, number, prepare, said_of, say, some_of, working
+from .output import prepare, said_of, say, some_of, working
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -218,7 +218,7 @@ def _one(
 
 def _record_table(record: Record) -> Table:
     """One line per subset."""
-    from ..viz.terminal.output import new_table
+    from ..viz.terminal.output import new_table, number
 
     title = f"{record.submission.name} on {record.env.id}: error at the false-forecast budgets (m, less is better)"
     names = ("subset", "error", "interval", "plain", "minADE", "minFDE", "coverage", "targets", "objects", "scenes")
@@ -233,6 +233,8 @@ def _record_table(record: Record) -> Table:
 
 def _sentence(record: Record) -> str:
     """Status, cost and what went wrong, for people."""
+    from ..viz.terminal.output import counted
+
     latency, lost = record.measured.latency, record.missed
     parts = [f"{record.status}{f' ({record.status_reason})' if record.status_reason else ''}"]
     if latency.p50_ms is not None and latency.p95_ms is not None:
@@ -242,5 +244,5 @@ def _sentence(record: Record) -> str:
         if frames:
             parts.append(f"{frames} {what}")
     if lost.crashed_scenes:
-        parts.append(f"{count(lost.crashed_scenes, 'scene')} cut short ({next(iter(lost.reasons.values()), '')})")
+        parts.append(f"{counted(lost.crashed_scenes, 'scene')} cut short ({next(iter(lost.reasons.values()), '')})")
     return "; ".join(parts)

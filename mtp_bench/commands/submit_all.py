@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from ..errors import DataError, MtpBenchError
-from .output import count, said_of, say
+from .output import said_of, say
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -102,8 +102,10 @@ def summary_table(lines: Sequence[Line]) -> Table:
 
 def last_line(lines: Sequence[Line]) -> str:
     """All of it in one sentence."""
+    from ..viz.terminal.output import counted
+
     outcomes = [line.outcome for line in lines]
     minutes, size = sum(line.seconds for line in lines) / 60, sum(line.piece.size for line in lines) / MIB
-    made = f"{count(outcomes.count('made'), 'record')} made in {minutes:.1f} minutes, {outcomes.count('kept')} kept"
+    made = f"{counted(outcomes.count('made'), 'record')} made in {minutes:.1f} minutes, {outcomes.count('kept')} kept"
     left = outcomes.count("left")
     return f"{made}, {size:.0f} MiB with rollouts" + (f"; {left} left: the same command goes on" if left else "")

@@ -130,19 +130,19 @@ def predictor(
         prepare(env, options)
     with working("read", options) as watched:
         found = learnable(request, watched)
-    with progress_bar(f"train {network}") as (started, done):
-        started(plan.epochs)
-        path, card = train_predictor(found, request, output, lambda epoch, error: done(f"minADE {error:.3f} m"))
+    with progress_bar(f"train {network}") as progress:
+        progress.started(plan.epochs)
+        path, card = train_predictor(
+            found, request, output, lambda epoch, error: progress.done(f"minADE {error:.3f} m")
+        )
     away = "" if card["fold"] is None else f", without the scenes of fold {card['fold']}"
     print(f"{path}: validation minADE {card['validation_minADE']} m, epoch {card['best_epoch']} of {plan.epochs}{away}")
 
 
 def _require_place(output: Path | None, options: RunOptions) -> None:
     """Refuse weights of other data than the env's training split where every run of the env would take them."""
-    other = "--files" if options.files is not None else f"--split {options.split}"
-    for option in ("detector", "detection_file"):
-        if getattr(options, option) is not None:
-            other = "--detector" if option == "detector" else "--detections"
+    changes = {"--detections": options.detection_file, "--detector": options.detector, "--files": options.files}
+    other = next((name for name, given in changes.items() if given is not None), f"--split {options.split}")
     if output is None and other != "--split train":
         raise MtpBenchError(
             f"{other}: without -o the weights would be those of every run of this env, expected a file of their own; "

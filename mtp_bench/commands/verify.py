@@ -12,7 +12,7 @@ import typer
 
 from ..errors import MtpBenchError, RecordError
 from .options import DataOption, JobsOption, JsonOption, TracksOption, WorkerChoice, absolute
-from .output import count, number, require_writable, said_of, some_of, working, write_json
+from .output import require_writable, said_of, some_of, working, write_json
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -182,7 +182,7 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Line:
     from ..records import load_record
     from ..records import verify as check_record
     from ..records.verifying import attest, confirm
-    from ..viz.terminal.output import show, show_numbers
+    from ..viz.terminal.output import counted, show, show_numbers
 
     asked = work.asked
     record = load_record(path)
@@ -203,7 +203,7 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Line:
         show(f"{path}: written with the digest {confirm(checked).digest[:12]}")
     if work.key is not None and checked.holds:
         show(f"{attest(checked, work.key, work.signer, work.trust)}: {checked.level}, signed by {work.signer}")
-    differ = f"{path}: {count(len(checked.differences), 'difference')} to what was found here"
+    differ = f"{path}: {counted(len(checked.differences), 'difference')} to what was found here"
     return _Line(path, _as_json(checked), "" if checked.holds or written else differ)
 
 
@@ -227,12 +227,11 @@ def _intake(given: Sequence[Path], trust: Trust, owner: str | None, json_file: P
     from ..viz.terminal.output import show
 
     taken = [take_in(path, trust, owner) for path in given]
-    write_json(json_file, {"accepted": [str(p) for each in taken for p in each.accepted],
-                           "refused": [text for each in taken for text in each.refused]})  # fmt: skip
+    refused = [text for each in taken for text in each.refused]
+    write_json(json_file, {"accepted": [str(p) for each in taken for p in each.accepted], "refused": refused})
     for each in taken:
         for text in (*(f"{path}: can be taken in" for path in each.accepted), *each.notes):
             show(text)
-    refused = [text for each in taken for text in each.refused]
     if refused:
         raise RecordError(some_of(refused))
     if not any(each.accepted for each in taken):
@@ -275,7 +274,7 @@ def _round_table(lines: Sequence[_Line]) -> Table:
     """What came of every record."""
     from rich.markup import escape
 
-    from ..viz.terminal.output import new_table
+    from ..viz.terminal.output import new_table, number
 
     table = new_table(
         "records", ("record", "level", "hidden error", "minutes", "note"), left=("record", "level", "note")
@@ -299,11 +298,12 @@ def _as_json(checked: Verification) -> dict[str, Any]:
 
 def _verdict(checked: Verification) -> str:
     from ..records.eligibility import LEAST_HIDDEN
+    from ..viz.terminal.output import counted, number
 
     record, hidden = checked.record, checked.hidden
     who = f"{checked.path}: {record.submission.name} on {record.env.id}"
     said = [f"{who}: holds, {checked.level}" if checked.holds else f"{who}: does not hold"]
     if hidden is not None:
         few = "" if hidden.scenes >= LEAST_HIDDEN else f", which ranks nobody: ranks need {LEAST_HIDDEN}"
-        said.append(f"error {number(hidden.row.error)} m on {count(hidden.scenes, 'hidden scene')}{few}")
+        said.append(f"error {number(hidden.row.error)} m on {counted(hidden.scenes, 'hidden scene')}{few}")
     return ". ".join([*said, *checked.notes])

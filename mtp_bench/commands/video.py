@@ -36,12 +36,12 @@ def video(
         raise typer.BadParameter(f"{output}: expected a name that ends in {' or '.join(KINDS)}", param_hint="--output")
     require_writable(output)
     require_encoder(suffix)
-    with progress_bar("video") as (started, done):
+    with progress_bar("video") as progress:
         opened = open_run(folder, root, env)
         rollout = opened.first(scene)
         played = replay(opened.drawn(rollout.scene, say), rollout, opened.card, opened.run.info.agent)
         frames = frames_around(played, at)
-        started(len(frames))
+        progress.started(len(frames))
         rate = fps or opened.card.task.rate
-        write_video(output, pictures(played, frames, at), rate, lambda: done(rollout.scene))
+        write_video(output, pictures(played, frames, at), rate, lambda: progress.done(rollout.scene))
     show(f"{output}: scene {rollout.scene}, frames {frames.start} to {frames.stop - 1}, {rate:g} per second")

@@ -46,6 +46,7 @@ def view(
 ) -> None:
     """Look at tracks, hypotheses, forecasts and events of stored rollouts in rerun."""
     from ..viz.rerun.arrays import LEVELS
+    from ..viz.terminal.output import show
 
     one_of(level, LEVELS, "--level")
     if (save is not None) + web + (png is not None) > 1:
@@ -58,7 +59,6 @@ def view(
         return
     from ..viz.rerun.log import save_recording
     from ..viz.rerun.viewer import require_display, serve_recording, show_recording
-    from ..viz.terminal.output import show
 
     runs = _opened(folders, root, env)
     if save is None and not web:

@@ -61,17 +61,16 @@ def study(
 
     Raises MtpBenchError for whatever the user can mend.
     """
+    from .write import PAGE, require_study_folder, write_study
+
     folder = Path(folder).absolute()
-    from .write import require_study_folder, write_study
-
     require_study_folder(folder)
-
     found = find(names, env_id, folder, quick_options(options) if quick else options, quick)
     options.progress.started(4)  # drawing takes a while, too
     tables = make_tables(found)
     options.progress.done("tables")
-    written = write_study(folder, found, tables, command, options.progress.done)
-    return Study(folder, found, tables, written.page, written.figures)
+    figures = write_study(folder, found, tables, command, options.progress.done)
+    return Study(folder, found, tables, folder / PAGE, figures)
 
 
 def quick_options(options: RunOptions) -> RunOptions:

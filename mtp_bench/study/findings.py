@@ -12,7 +12,7 @@ from ..running.scored import scores_of
 from ..running.sensitivity import AtCut
 from ..running.settings import Setting
 from ..scoring import AgentScores, Ends, Reference, Report, summarise
-from ..scoring.causes import CAUSES, causes
+from ..scoring.causes import causes
 from ..scoring.report import paired_row
 from ..scoring.rows import Details, PairedRow, Row
 from ..scoring.statistics import bootstrap_interval, ratio
@@ -100,8 +100,7 @@ class Findings:
         """Mean of ``value`` [n] over targets by their ``weight`` [n]."""
         share = np.asarray(weight, dtype=np.float64)
         top, whole = table.per_unit(np.asarray(value, dtype=np.float64), share), table.unit_weight(share)
-        interval = bootstrap_interval(top, whole)
-        low, high = interval or (None, None)
+        low, high = bootstrap_interval(top, whole) or (None, None)
         some = share > 0
         return Mean(ratio(top.sum(), whole.sum()), low, high, int(some.sum()), len(np.unique(table.person[some])))
 
@@ -115,9 +114,7 @@ class Findings:
         table, measured = self.table(setting), self.of(setting)
         from_truth = self.table(subject.truth).capped
         switched = table.weight["ids"] > 0
-        parts = causes(measured.scores, measured.around, table.budgets, from_truth, switched, subset != "all")
-        assert len(parts) == len(CAUSES)
-        return parts
+        return causes(measured.scores, measured.around, table.budgets, from_truth, switched, subset != "all")
 
     def since(self, kind: str) -> Ints:
         """Frames since the last event of this kind of the subject with one hypothesis (first seed) [n]; -1 none yet."""

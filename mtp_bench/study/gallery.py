@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shlex
 from base64 import b64encode
 from dataclasses import dataclass
 from io import BytesIO
@@ -17,6 +16,7 @@ from ..types import Floats
 from ..viz.drawing.report import report
 from ..viz.focus import Focus
 from ..viz.replay import replay
+from ..viz.terminal.output import command_line
 from .figures.style import Figure, beside, color, draw
 from .findings import Findings
 from .moments import Moment, Said, worst_moments
@@ -71,10 +71,8 @@ def command_of(found: Findings, moment: Moment) -> str:
     """The command that opens a moment, with one hypothesis and with the most side by side."""
     subject, bench = found.subject, found.bench
     settings = dict.fromkeys(found.of(setting).folders[0] for setting in (subject.single, subject.most))
-    words = ["mtp-bench", "view", *(os.path.relpath(folder) for folder in settings)]
-    words += ["--scene", moment.scene, "--at", moment.incident.name]
-    words += [] if bench.options.data is None else ["--data", bench.options.data]
-    return shlex.join(words)
+    folders = map(os.path.relpath, settings)
+    return command_line("view", *folders, scene=moment.scene, at=moment.incident.name, data=bench.options.data)
 
 
 def picture_of(moment: Moment, name: str) -> Figure:
@@ -82,7 +80,7 @@ def picture_of(moment: Moment, name: str) -> Figure:
     incident = moment.incident
     center, half = _window(moment)
 
-    def paint(axes: list[Axes]) -> None:
+    def paint(*axes: Axes) -> None:
         for axis, said in zip(axes, moment.said, strict=True):
             _panel(axis, moment, said, center, half)
         axes[0].set_ylabel("y from the object, m")
@@ -96,6 +94,7 @@ def picture_of(moment: Moment, name: str) -> Figure:
         paint,
         panels=len(moment.said),
         size=(3.1 * len(moment.said), 3.5),
+        grid="",
     )
 
 

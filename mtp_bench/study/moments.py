@@ -10,7 +10,6 @@ import numpy as np
 from ..cards import Card
 from ..parallel import parallel_map
 from ..running.rollout_files import load_run
-from ..running.settings import Setting
 from ..sources import open_source
 from ..types import Floats, Rollout
 from ..viz.case import Case, Forecast
@@ -52,9 +51,10 @@ def worst_moments(found: Findings) -> list[Moment]:
     """The events of each kind of the subject with one hypothesis that cost most, of different objects."""
     subject, bench = found.subject, found.bench
     settings = [subject.truth, subject.single, *([subject.most] if subject.most != subject.single else [])]
+    labels = ("true past", "one hypothesis", f"{subject.most.hypotheses or 1} hypotheses")[: len(settings)]
     runs = [load_run(found.of(setting).folders[0]).rollouts for setting in settings]
     calls = [
-        (bench.card, bench.options.data, name, tuple(run[i] for run in runs), _labels(settings))
+        (bench.card, bench.options.data, name, tuple(run[i] for run in runs), labels)
         for i, name in enumerate(bench.scenes)
     ]
     every: list[Moment] = [m for each in parallel_map(_of_scene, calls, bench.options.workers) for m in each]
@@ -67,11 +67,6 @@ def worst_moments(found: Findings) -> list[Moment]:
                 seen.add(who)
                 chosen.append(moment)
     return chosen
-
-
-def _labels(settings: Sequence[Setting]) -> tuple[str, ...]:
-    names = ("true past", "one hypothesis", f"{settings[-1].hypotheses or 1} hypotheses")
-    return names[: len(settings)]
 
 
 def _of_scene(

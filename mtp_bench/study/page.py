@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..viz.pages import templates_of, text_of
+from ..viz.pages import source_of, templates_of, text_of
+from ..viz.terminal.output import NOTHING
 from .figures import Figure
-from .figures.style import COLORS
+from .figures.style import DARK, LIGHT
 from .findings import Findings
 from .gallery import Picture
 from .story import chapters, facts, summary
@@ -31,40 +30,21 @@ def study_page(
 
     ``command``: that makes it again. Equal findings give equal bytes: no date and no random id is added.
     """
-    style = f"{_colors()}\n{text_of(_HERE, 'page.css')}"
+    colors = f":root{{{LIGHT}}}@media(prefers-color-scheme:dark){{:root{{{DARK}}}}}"
+    style = f"{colors}\n{text_of(_HERE, 'page.css')}"
     relations = tables["relations"].rows if "relations" in tables else ()
-    content = (
-        _templates()
-        .get_template("page.html")
-        .render(
-            env=found.bench.card.id,
-            subject=found.subject.name,
-            summary=summary(found),
-            facts=facts(found),
-            relations=relations,
-            chapters=chapters(found, tables),
-            figures=figures,
-            tables=tables,
-            pictures=pictures,
-            command=command,
-            style=style,
-            policy=_policy(style),
-        )
-    )
+    content = _templates().get_template("page.html").render(
+        env=found.bench.card.id, subject=found.subject.name, summary=summary(found), facts=facts(found),
+        relations=relations, chapters=chapters(found, tables), figures=figures, tables=tables, pictures=pictures,
+        command=command, style=style, policy=_policy(style),
+    )  # fmt: skip
     return f"{content}\n"
-
-
-def _colors() -> str:
-    """The colours of figures as variables of the page."""
-    light, dark = (";".join(f"--{key}:{pair[i]}" for key, pair in COLORS.items()) for i in (0, 1))
-    return f":root{{{light}}}@media(prefers-color-scheme:dark){{:root{{{dark}}}}}"
 
 
 def _policy(style: str) -> str:
     """A content security policy: nothing from anywhere; figures set styles of their own parts."""
-    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
     return (
-        f"default-src 'none'; style-src-elem 'sha256-{digest}'; style-src-attr 'unsafe-inline'; img-src data:; "
+        f"default-src 'none'; style-src-elem {source_of(style)}; style-src-attr 'unsafe-inline'; img-src data:; "
         "base-uri 'none'; form-action 'none'"
     )
 
@@ -126,8 +106,6 @@ def _cell(row: Any, column: Column, ends: tuple[Column, Column] | None) -> str:
 
 def shown(value: Value, unit: str = "") -> str:
     """A value as the page has it."""
-    from ..viz.terminal.output import NOTHING
-
     if value is None:
         return NOTHING
     if isinstance(value, float):

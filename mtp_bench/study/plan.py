@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -55,12 +55,12 @@ class Plan:
         every = [*self.controls, *self.retracking]
         for subject in self.subjects:
             every += [subject.single, subject.end, subject.truth, *subject.equal.values()]
-        return list(unique(every))
+        return unique(every)
 
     @property
     def free(self) -> list[Setting]:
         """Every setting with more samples."""
-        return list(unique([setting for subject in self.subjects for setting in subject.free.values()]))
+        return unique(setting for subject in self.subjects for setting in subject.free.values())
 
     @property
     def cut(self) -> list[Setting]:
@@ -79,13 +79,12 @@ def key_of(setting: Setting) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def unique(settings: Sequence[Setting]) -> Iterator[Setting]:
-    """The settings in their order, without those that are the same run."""
-    seen: set[str] = set()
+def unique(settings: Iterable[Setting]) -> list[Setting]:
+    """The settings in their order, without those that are the same run as one before."""
+    first: dict[str, Setting] = {}
     for setting in settings:
-        if (key := key_of(setting)) not in seen:
-            seen.add(key)
-            yield setting
+        first.setdefault(key_of(setting), setting)
+    return list(first.values())
 
 
 def make_plan(

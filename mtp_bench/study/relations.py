@@ -170,13 +170,16 @@ def _frequency(found: Findings) -> Iterator[Relation]:
 def _shared(found: Findings) -> Iterator[Relation]:
     count = found.subject.most.hypotheses
     papers = paper_facts(found.bench.of_paper, "shared").get("ids") if count == PAPER_HYPOTHESES else None
+    told = ""
+    if papers is not None:
+        told = f"{papers['one']} to {papers['all']}, {1 - papers['all'] / papers['one']:.1%} fewer"
     one, every = (found.of(setting).around[0] for setting in (found.subject.single, found.subject.most))
     first = np.array([len(scene.own["ids"].frame) for scene in one], dtype=float)
     left = np.array([len(scene.shared["ids"].frame) for scene in every], dtype=float)
     low, high = share_interval(first - left, first) or (None, None)
     yield Relation(
         relation="Most switches are absent from at least one hypothesis",
-        paper="" if papers is None else f"{papers['one']} to {papers['all']}, {_fewer(papers):.1%} fewer",
+        paper=told,
         measured=f"{first.sum():.0f} ids with one hypothesis, {left.sum():.0f} in all {count}",
         value=ratio((first - left).sum(), first.sum()),
         low=low,
@@ -184,10 +187,6 @@ def _shared(found: Findings) -> Iterator[Relation]:
         unit="share",
         verdict=verdict(low, high, 0.5, +1, first),
     )
-
-
-def _fewer(papers: dict[str, int]) -> float:
-    return 1 - papers["all"] / papers["one"]
 
 
 def _speed(found: Findings) -> Iterator[Relation]:

@@ -6,7 +6,7 @@ import csv
 import io
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import asdict, astuple, dataclass, fields
 from typing import Annotated, Any, get_args, get_type_hints
 
 Text = str
@@ -50,27 +50,22 @@ class Table:
         hints = get_type_hints(kind, include_extras=True)
         return [Column(field.name, _unit(hints[field.name])) for field in fields(kind)]
 
-    def cells(self) -> list[list[Value]]:
-        """The values, row by row."""
-        return [[getattr(row, column.name) for column in self.columns] for row in self.rows]
-
     def to_csv(self) -> str:
         """CSV with units in its headings; an empty cell where a number is not defined."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow([column.heading for column in self.columns])
-        writer.writerows([["" if value is None else value for value in row] for row in self.cells()])
+        writer.writerows(astuple(row) for row in self.rows)
         return text.getvalue()
 
     def to_json(self) -> str:
         """JSON with title, sentence, columns and rows; null where a number is not defined."""
-        names = [column.name for column in self.columns]
         content = {
             "name": self.name,
             "title": self.title,
             "sentence": self.sentence,
-            "columns": [{"name": column.name, "unit": column.unit} for column in self.columns],
-            "rows": [dict(zip(names, row, strict=True)) for row in self.cells()],
+            "columns": [asdict(column) for column in self.columns],
+            "rows": [asdict(row) for row in self.rows],
         }
         return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
-from typing import NamedTuple
 
 from ..errors import MtpBenchError
 from ..files import make_folder, require_folder, write_bytes, write_text
@@ -30,15 +29,8 @@ def require_study_folder(folder: Path) -> None:
         raise MtpBenchError(f"{folder} holds {other[0]!r}, which is of no study: choose another folder with -o")
 
 
-class Written(NamedTuple):
-    """What was written."""
-
-    page: Path
-    figures: int
-
-
-def write_study(folder: Path, found: Findings, tables: dict[str, Table], command: str, done: Done) -> Written:
-    """Write everything. ``command``: that makes the study again. ``done`` is told what is written."""
+def write_study(folder: Path, found: Findings, tables: dict[str, Table], command: str, done: Done) -> int:
+    """Write everything; how many figures. ``command``: that makes the study again. ``done`` is told what is written."""
     (folder / _MARK).touch()
     for name in (TABLES, FIGURES, EVENTS):  # of an earlier study, which may have had others
         shutil.rmtree(folder / name, ignore_errors=True)
@@ -62,4 +54,4 @@ def write_study(folder: Path, found: Findings, tables: dict[str, Table], command
     done("pictures of events")
     write_text(folder / PAGE, study_page(found, tables, figures, pictures, command))
     done("page")
-    return Written(folder / PAGE, len(figures))
+    return len(figures)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,6 +22,11 @@ def text_of(folder: Path, name: str) -> str:
         return path.read_text(encoding="utf-8")
     except OSError as error:
         raise MtpBenchError(f"cannot read {path}, a part of mtp-bench: {error.strerror}; install it again") from None
+
+
+def source_of(text: str) -> str:
+    """What a content security policy calls a style or a script of the page."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
 def templates_of(folder: Path) -> Environment:

@@ -11,6 +11,7 @@ from ..geometry import wrap_angle
 from ..types import Floats
 from .case import Case, Forecast
 from .replay import NO_EVENT
+from .terminal.output import counted
 
 STILL = 1.0  # m, within the horizon: what moves less stands still
 SHORT, LONG = 0.75, 1.33  # of the true way: what goes less or more has another speed
@@ -43,7 +44,7 @@ def _taker(case: Case) -> str:
         return f"the new track {at.new_id}"
     found = case.last_followed(at.new_id, at.frame)
     if found is None:
-        return f"track {at.new_id} ({_frames(before)} old, of no object before)"
+        return f"track {at.new_id} ({counted(before, 'frame')} old, of no object before)"
     ago, row = found
     did = f"followed {case.named(row)} before" if ago == 1 else f"followed {case.named(row)} until {ago} frames before"
     return f"track {at.new_id}, which {did}"
@@ -87,7 +88,7 @@ def _found(case: Case) -> str:
     while at.frame - away > 0 and case.follower(at.frame - away - 1) < 0:
         away += 1
     by = f"its old track {at.new_id}" if at.new_id == at.old_id else _taker(case)
-    return f"{_who(case)} is found again after {_frames(away)} by {by}"
+    return f"{_who(case)} is found again after {counted(away, 'frame')} by {by}"
 
 
 def _spurious(case: Case) -> str:
@@ -163,7 +164,3 @@ def went(forecast: Forecast, future: Floats) -> str:
 def _away(case: Case, row: int) -> float:
     """Metres from a track to the object."""
     return float(np.hypot(*(case.replay.rollout.track_box[row, :2] - case.place(case.at.frame))))
-
-
-def _frames(count: int) -> str:
-    return "1 frame" if count == 1 else f"{count} frames"

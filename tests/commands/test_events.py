@@ -18,8 +18,8 @@ from mtp_bench.running import stored
 from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring.score import KINDS as OWN_EVENTS
 from mtp_bench.viz.replay import Incident
-from mtp_bench.viz.terminal.event_table import LONGEST, EventRow, Shown, event_table, in_order
-from mtp_bench.viz.terminal.output import show_numbers
+from mtp_bench.viz.terminal.event_table import LONGEST, EventRow, event_table, in_order
+from mtp_bench.viz.terminal.output import command_line, show_numbers
 from tests.support.command_line import CommandLine, on_terminal, read_json
 from tests.support.stored_runs import write_ghosts
 
@@ -109,9 +109,8 @@ def test_the_command_of_an_event_can_be_pasted(cli: CommandLine, events_run: Pat
 
 
 def test_names_with_spaces_are_quoted() -> None:
-    text = Shown("my runs/stp", "/data root").view("scene 1", "ids-0")
+    text = command_line("view", "my runs/stp", scene="scene 1", at="ids-0", data="/data root", env=None)
     assert text == "mtp-bench view 'my runs/stp' --scene 'scene 1' --at ids-0 --data '/data root'"
-    assert Shown("run").view("0001", "lost-2") == "mtp-bench view run --scene 0001 --at lost-2"
 
 
 def test_only_a_scene_or_a_kind(cli: CommandLine, events_run: Path, known: list[str]) -> None:

@@ -65,14 +65,14 @@ def test_words_are_read_on_their_ground(page: int) -> None:
         assert contrast(COLORS[name][page], COLORS["paper"][page]) > 4.5
 
 
-def painted(axes: list[Axes]) -> None:
-    line(axes[0], [1, 2, 3], [3.0, None, 1.0], "blue", "one & other", [2.0, None, 0.5], [4.0, None, 1.5])
-    axes[0].set_xlabel("hypotheses H")
-    axes[0].set_ylabel("error, m")
+def painted(axis: Axes) -> None:
+    line(axis, [1, 2, 3], [3.0, None, 1.0], "blue", "one & other", [2.0, None, 0.5], [4.0, None, 1.5])
+    axis.set_xlabel("hypotheses H")
+    axis.set_ylabel("error, m")
 
 
 def test_a_name_with_dollars_is_no_formula() -> None:
-    draw("x", "", "", "", lambda axes: axes[0].set_xticks([0], ["$\\foo$"]))
+    draw("x", "", "", "", lambda axis: axis.set_xticks([0], ["$\\foo$"]))
 
 
 def test_a_figure_says_what_it_is_and_of_how_many() -> None:

@@ -23,7 +23,6 @@ from mtp_bench.viz.board import (
     Found,
     board_files,
     board_json,
-    board_notes,
     board_tables,
     entries_of,
     parts_folder,
@@ -181,7 +180,8 @@ def test_hidden_scenes_rank_and_the_public_error_stands_beside(tmp_path: Path) -
     assert [(entry.name, entry.rank) for entry in entries] == [("honest", 1), ("knows", 2)]
     assert [entry.error for entry in entries] == pytest.approx([0.8, 1.2])
     assert [entry.public_error for entry in entries] == pytest.approx([0.6, 0.5])
-    assert board_notes(entries) == [["hidden scenes of seal first of 2030-01-01, retired 2030-03-03"]]
+    ((_, notes),) = board_tables(entries)
+    assert notes == ["hidden scenes of seal first of 2030-01-01, retired 2030-03-03"]
     files = board_files(entries)
     (first, second) = Page(files.page).entries
     assert (first["level"], first["public"], second["public"]) == ("hidden by tester", "0.600", "0.500")
@@ -579,23 +579,23 @@ def test_what_saying_nothing_scores_stands_above_the_table() -> None:
     known, unknown = made_up("one", 1.0, silence=2.0), made_up("two", 2.0)
     outside = made_up("one", 1.0, silence=2.0, division="open")
     assert "saying nothing scores <b>2.000</b>" in board_files(board_of(known)).page
-    assert "saying nothing scores 2.000" in str(board_tables(board_of(known))[0].title)
+    assert "saying nothing scores 2.000" in str(board_tables(board_of(known))[0][0].title)
     for entries in (board_of(unknown), board_of(outside)):
         assert "saying nothing" not in board_files(entries).page
-        assert "saying nothing" not in str(board_tables(entries)[0].title)
+        assert "saying nothing" not in str(board_tables(entries)[0][0].title)
 
 
 def test_tables_of_the_terminal(entries: list[Entry]) -> None:
-    second, first = board_tables(entries)
+    (second, _), (first, said) = board_tables(entries)
     assert first.row_count == 10
     assert second.row_count == 3
     assert list(first.columns[0].cells)[3] == "late_decider (added)"
     assert next(iter(first.columns[4].cells)) == "−0.326*"
-    assert [note for note in board_notes(entries)[1] if "truth" in note] == ["not ranked (saw the truth): truth_past"]
+    assert [note for note in said if "truth" in note] == ["not ranked (saw the truth): truth_past"]
 
 
 def test_markup_and_escapes_do_not_reach_the_terminal() -> None:
-    (notes,) = board_notes(board_of(made_up("a", None, status="partial", status_reason="[red]a\x1b[2J")))
+    ((_, notes),) = board_tables(board_of(made_up("a", None, status="partial", status_reason="[red]a\x1b[2J")))
     assert notes == ["not ranked (partial: [red]a�[2J): a"]
 
 

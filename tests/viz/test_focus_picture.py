@@ -25,7 +25,7 @@ from mtp_bench.viz.drawing.report import COLUMN, ROW, SIZE, picture, report, sav
 from mtp_bench.viz.focus import MOST_BRIGHT, ROLES, Focus
 from mtp_bench.viz.frame_view import replay_view
 from mtp_bench.viz.replay import Replay, replay
-from mtp_bench.viz.terminal.event_table import Shown, event_rows, in_order
+from mtp_bench.viz.terminal.event_table import event_rows, in_order
 from tests.support.command_line import CommandLine, plain_environment
 from tests.support.focus_scenes import EVENT, crowd
 
@@ -69,7 +69,7 @@ def assert_ringed_in_the_middle(panel: Picture) -> None:
 
 def focus_of(run: Replay, kind: str = "ids") -> Focus:
     """The costliest event of a kind, as `mtp-bench events --sort cost --kind` lists it first."""
-    rows = in_order(event_rows(run, [kind], Shown("run")), "cost")
+    rows = in_order(event_rows(run, [kind], "run"), "cost")
     return Focus.of(run, rows[0].incident)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..findings import Findings
-from ..table import Table, Tables
+from ..table import Tables
 from .bars import causes_figure, frequency_figure, gaps_figure, pasts_figure, people_figure
 from .bins import age_figure, bins_figure, since_figure
 from .events import distance_figure, frames_figure, shared_figure
@@ -47,10 +47,5 @@ DRAWN: tuple[tuple[str, Draw], ...] = (  # the table that a figure needs, and wh
 
 def make_figures(found: Findings, tables: Tables) -> dict[str, Figure]:
     """Every figure of which something is known, by name."""
-    figures = [make(found, tables) for name, make in DRAWN if name in tables and _has_values(tables[name])]
+    figures = [make(found, tables) for name, make in DRAWN if name in tables]
     return {figure.name: figure for figure in figures if figure is not None}
-
-
-def _has_values(table: Table) -> bool:
-    """Of the gaps: whether any is known."""
-    return table.name != "gaps" or any(row.closed is not None for row in table.rows)

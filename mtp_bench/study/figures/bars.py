@@ -12,7 +12,7 @@ from ..findings import Findings
 from ..table import Tables
 from ..tables.where import CAUSE_NAMES
 from .common import called, n_of, pick, where
-from .style import HATCHES, Figure, beside, caps, color, draw, grid
+from .style import HATCHES, Figure, beside, caps, color, diamonds, draw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,9 +26,7 @@ def pasts_figure(found: Findings, tables: Tables) -> Figure:
     rows = [row for row in rows if row.minADE is not None]
     names = list(dict.fromkeys(pick(rows, "targets_of")))
 
-    def paint(axes: list[Axes]) -> None:
-        axis = axes[0]
-        grid(axis)
+    def paint(axis: Axes) -> None:
         for i, (past, name) in enumerate((("true pasts", "green"), ("tracklets", "blue"))):
             here = {row.targets_of: row for row in where(rows, past=past)}
             at = np.array([j for j, n in enumerate(names) if n in here]) + 0.38 * (i - 0.5)
@@ -37,10 +35,8 @@ def pasts_figure(found: Findings, tables: Tables) -> Figure:
             caps(axis, at, pick(mine, "minADE"), pick(mine, "minADE_low"), pick(mine, "minADE_high"))
             papers = [(x, row.paper_minADE) for x, row in zip(at, mine, strict=True) if row.paper_minADE is not None]
             if papers:
-                axis.plot(
-                    *zip(*papers, strict=True), "D", markerfacecolor="none", color=color("ink"), markersize=6,
-                    label="the paper's" if i else None,
-                )  # fmt: skip
+                x, y = zip(*papers, strict=True)
+                diamonds(axis, x, y, "the paper's" if i else None, markersize=6)
         counts = {row.targets_of: row.targets for row in rows}
         axis.set_xticks(range(len(names)), [f"{n}\nn = {counts[n]}" for n in names])
         axis.set_ylabel("minADE, m")
@@ -67,9 +63,8 @@ def frequency_figure(found: Findings, tables: Tables) -> Figure:
     """Events per trajectory and per frame."""
     rows = tables["frequency"].rows
 
-    def paint(axes: list[Axes]) -> None:
+    def paint(*axes: Axes) -> None:
         for axis, field, unit in zip(axes, ("per_trajectory", "per_frame"), ("trajectory", "frame"), strict=True):
-            grid(axis)
             values = pick(rows, field)
             names = ("vermillion", "orange", "sky", "blue")
             bars = axis.bar(range(len(rows)), values, 0.6, color=[color(n) for n in names], edgecolor="white")
@@ -101,9 +96,7 @@ def causes_figure(found: Findings, tables: Tables) -> Figure:
     rows = where(tables["causes"].rows, targets_of="all")
     rows = [row for row in rows if row.H in (1, max(pick(rows, "H")))][::-1]
 
-    def paint(axes: list[Axes]) -> None:
-        axis = axes[0]
-        grid(axis, across=True)
+    def paint(axis: Axes) -> None:
         place = np.arange(len(rows))
         up, down = np.zeros(len(rows)), np.zeros(len(rows))
         for cause, name, hatch in zip(CAUSES, CAUSE_COLORS, HATCHES, strict=True):
@@ -128,19 +121,22 @@ def causes_figure(found: Findings, tables: Tables) -> Figure:
         n_of(found),
         paint,
         size=(8.1, 1.3 + 0.36 * len(rows)),
+        grid="x",
     )
 
 
-def gaps_figure(found: Findings, tables: Tables) -> Figure:
-    """What share of the gap is closed, with intervals."""
-    rows = [row for row in tables["gaps"].rows if row.H in (1, max(pick(tables["gaps"].rows, "H")))]
+def gaps_figure(found: Findings, tables: Tables) -> Figure | None:
+    """What share of the gap is closed, with intervals; None where no share is known."""
+    rows = tables["gaps"].rows
+    if all(row.closed is None for row in rows):
+        return None
+    rows = [row for row in rows if row.H in (1, max(pick(rows, "H")))]
     rows = [row for row in rows if row.closed is not None or row.closed_own_predictor is not None]
     subsets = list(dict.fromkeys(pick(rows, "targets_of")))
     labels = list(dict.fromkeys(called(row.agent, row.H) for row in rows))[::-1]
 
-    def paint(axes: list[Axes]) -> None:
+    def paint(*axes: Axes) -> None:
         for axis, subset in zip(axes, subsets, strict=True):
-            grid(axis, across=True)
             for shift, (field, low, high, name, marker, label) in enumerate(_GAPS):
                 mine = [row for row in where(rows, targets_of=subset) if getattr(row, field) is not None]
                 at = [labels.index(called(row.agent, row.H)) + 0.16 - 0.32 * shift for row in mine]
@@ -151,10 +147,7 @@ def gaps_figure(found: Findings, tables: Tables) -> Figure:
             for row in where(rows, targets_of=subset):
                 if row.paper_closed is not None:
                     at_paper = labels.index(called(row.agent, row.H))
-                    axis.plot(
-                        100 * row.paper_closed, at_paper, "D", markerfacecolor="none", color=color("ink"),
-                        label="the paper's, by minADE",
-                    )  # fmt: skip
+                    diamonds(axis, 100 * row.paper_closed, at_paper, "the paper's, by minADE")
             axis.axvline(0, color=color("soft"), linewidth=0.8)
             axis.axvline(100, color=color("green"), linewidth=0.8)
             axis.set_xlim(*_limits(rows))
@@ -172,6 +165,7 @@ def gaps_figure(found: Findings, tables: Tables) -> Figure:
         paint,
         panels=len(subsets),
         size=(8.1, 1.5 + 0.42 * len(labels)),
+        grid="x",
     )
 
 
@@ -191,13 +185,13 @@ def people_figure(found: Findings, tables: Tables) -> Figure:
     """Table V as bars."""
     rows = tables["people"].rows
 
-    def paint(axes: list[Axes]) -> None:
-        axis, place = axes[0], np.arange(len(rows))
-        grid(axis)
+    def paint(axis: Axes) -> None:
+        place = np.arange(len(rows))
         axis.bar(place, pick(rows, "minADE"), 0.55, color=color("blue"), edgecolor="white", label="minADE")
         papers = [(x, row.paper_minADE) for x, row in zip(place, rows, strict=True) if row.paper_minADE is not None]
         if papers:
-            axis.plot(*zip(*papers, strict=True), "D", markerfacecolor="none", color=color("ink"), label="the paper's")
+            x, y = zip(*papers, strict=True)
+            diamonds(axis, x, y, "the paper's")
         names = [f"H = {row.H}\nre-tracking: {row.retracking}" for row in rows]
         axis.set_xticks(place, names)
         axis.set_ylabel("minADE, m")

@@ -9,7 +9,7 @@ import numpy as np
 from ..findings import Findings
 from ..table import Tables
 from .common import agents, called, colors_of, n_of, pick, where
-from .style import MARKERS, Figure, beside, caps, color, draw, grid
+from .style import MARKERS, Figure, beside, caps, color, draw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,7 +22,6 @@ def _by_bins(
     axis: Axes, rows: list[Any], names: list[str], told: dict[str, str], of: tuple[str, str, str, str] = PLAIN
 ) -> None:
     """One number of each agent in each bin, with its interval, and how many targets the bin has."""
-    grid(axis)
     value, low, high, label = of
     rows = [row for row in rows if getattr(row, value) is not None]
     for shift, (agent, count) in enumerate(agents(rows)):
@@ -53,7 +52,7 @@ def since_figure(found: Findings, tables: Tables) -> Figure:
     told = colors_of(found)
     kinds = [kind for kind in ("ids", "reacquired") if where(table.rows, by=kind)]
 
-    def paint(axes: list[Axes]) -> None:
+    def paint(*axes: Axes) -> None:
         for axis, kind in zip(axes, kinds, strict=True):
             rows = where(table.rows, by=kind)
             names = list(dict.fromkeys(pick(rows, "bin")))
@@ -70,10 +69,10 @@ def age_figure(found: Findings, tables: Tables) -> Figure:
     """The error over the age of the track."""
     table = tables["age"]
 
-    def paint(axes: list[Axes]) -> None:
-        _by_bins(axes[0], list(table.rows), list(dict.fromkeys(pick(table.rows, "bin"))), colors_of(found))
-        axes[0].set_xlabel("age of the track, frames; below: targets")
-        beside(axes[0], ncols=2)
+    def paint(axis: Axes) -> None:
+        _by_bins(axis, list(table.rows), list(dict.fromkeys(pick(table.rows, "bin"))), colors_of(found))
+        axis.set_xlabel("age of the track, frames; below: targets")
+        beside(axis, ncols=2)
 
     return draw("age", table.title, table.sentence, n_of(found), paint, size=(6.8, 3.6))
 
@@ -84,7 +83,7 @@ def bins_figure(found: Findings, tables: Tables) -> Figure:
     kinds = [by for by in ("distance", "class", "motion") if where(table.rows, by=by)]
     labels = {"distance": "distance to the ego, m", "class": "class", "motion": "motion, and weighted for planning"}
 
-    def paint(axes: list[Axes]) -> None:
+    def paint(*axes: Axes) -> None:
         for axis, by in zip(axes, kinds, strict=True):
             rows = where(table.rows, by=by) + (where(table.rows, by="planning") if by == "motion" else [])
             _by_bins(axis, rows, list(dict.fromkeys(pick(rows, "bin"))), colors_of(found))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from ...viz.terminal.output import counted
 from ..findings import Findings
 from ..plan import HEDGED, SAME_BUDGET
 from .style import SERIES
@@ -15,7 +16,7 @@ def n_of(found: Findings, seeds: int | None = None) -> str:
     row = found.row(found.subject.single, "all")
     runs = row.seeds if seeds is None else seeds
     parts = ((row.targets, "target"), (row.objects, "object"), (row.scenes, "scene"), (runs, "seed"))
-    return ", ".join(f"{count} {noun}{'' if count == 1 else 's'}" for count, noun in parts)
+    return ", ".join(counted(*part) for part in parts)
 
 
 def colors_of(found: Findings) -> dict[str, str]:

@@ -9,7 +9,7 @@ import numpy as np
 from ..findings import Findings
 from ..table import Tables
 from .common import pick, where
-from .style import HATCHES, Figure, beside, color, draw, grid
+from .style import HATCHES, Figure, beside, color, diamonds, draw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,9 +28,7 @@ def distance_figure(found: Findings, tables: Tables) -> Figure:
     """How far from the ego identities err."""
     table = tables["distance"]
 
-    def paint(axes: list[Axes]) -> None:
-        axis = axes[0]
-        grid(axis)
+    def paint(axis: Axes) -> None:
         for i, (kind, name) in enumerate(KINDS):
             rows = where(table.rows, kind=kind)
             place = np.arange(len(rows)) + 0.38 * (i - 0.5)
@@ -55,25 +53,16 @@ def shared_figure(found: Findings, tables: Tables) -> Figure:
     table = tables["shared"]
     rows = where(table.rows, agent=found.subject.name)
 
-    def paint(axes: list[Axes]) -> None:
-        axis = axes[0]
-        grid(axis)
+    def paint(axis: Axes) -> None:
         for kind, name, marker in (("ids", "vermillion", "v"), ("lost", "orange", "D"), ("reacquired", "sky", "P")):
             mine = where(rows, kind=kind)
             if mine and mine[0].events_single:
                 at = [1, *pick(mine, "H")]
                 left = [100.0, *(100 * row.events_in_all / row.events_single for row in mine)]
                 axis.plot(at, left, marker=marker, color=color(name), label=f"{kind} (n = {mine[0].events_single})")
-        papers = [row for row in rows if row.paper_fewer is not None and row.kind == "ids"]
-        for row in papers:
-            axis.plot(
-                row.H,
-                100 * (1 - row.paper_fewer),
-                "D",
-                markerfacecolor="none",
-                color=color("ink"),
-                label="the paper's ids",
-            )
+        for row in where(rows, kind="ids"):
+            if row.paper_fewer is not None:
+                diamonds(axis, row.H, 100 * (1 - row.paper_fewer), "the paper's ids")
         axis.set_xticks([1, *sorted({row.H for row in rows})])
         axis.set_xlabel("hypotheses H")
         axis.set_ylabel("events in every hypothesis,\n% of those with one")
@@ -88,11 +77,10 @@ def frames_figure(found: Findings, tables: Tables) -> Figure:
     table = tables["frames"]
     most = found.subject.most.hypotheses
 
-    def paint(axes: list[Axes]) -> None:
+    def paint(*axes: Axes) -> None:
         for axis, field, title in zip(
             axes, ("events_single", "events_in_all"), ("one hypothesis", f"in all {most} hypotheses"), strict=True
         ):
-            grid(axis)
             base = None
             for i, (kind, name) in enumerate(KINDS):
                 rows = where(table.rows, kind=kind)

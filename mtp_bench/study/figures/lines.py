@@ -8,7 +8,7 @@ from ..findings import Findings
 from ..plan import SAME_BUDGET
 from ..table import Tables
 from .common import agents, called, colors_of, n_of, pick, where
-from .style import MARKERS, Figure, beside, color, draw, grid, line
+from .style import MARKERS, Figure, beside, color, draw, line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,9 +22,8 @@ def gain_figure(found: Findings, tables: Tables) -> Figure | None:
     if not panels:
         return None
 
-    def paint(axes: list[Axes]) -> None:
+    def paint(*axes: Axes) -> None:
         for axis, (table, subset) in zip(axes, panels, strict=True):
-            grid(axis)
             rows = where(tables[table].rows, targets_of=subset)
             single = where(rows, agent=subject.single.label, H=subject.single.hypotheses or 1)
             for sampling, name, label in (("k of all", "vermillion", "k samples"), ("none", "sky", "H·k samples")):
@@ -62,9 +61,8 @@ def ranked_figure(found: Findings, tables: Tables) -> Figure:
     subject = found.subject
     rows = [*tables["global"].rows, *tables["targeted"].rows]
 
-    def paint(axes: list[Axes]) -> None:
+    def paint(*axes: Axes) -> None:
         for axis, subset in zip(axes, ("all", "ids", "reacquired"), strict=True):
-            grid(axis)
             here = where(rows, targets_of=subset)
             mine = [r for r in where(here, agent=subject.name, sampling="k of all") if r.to_single is not None]
             line(
@@ -97,9 +95,7 @@ def speed_figure(found: Findings, tables: Tables) -> Figure:
     table = tables["speed"]
     rows = sorted(table.rows, key=lambda row: row.H)
 
-    def paint(axes: list[Axes]) -> None:
-        axis = axes[0]
-        grid(axis)
+    def paint(axis: Axes) -> None:
         at = pick(rows, "H")
         for field, name, label in (("tracking", "blue", "tracking"), ("prediction", "vermillion", "prediction")):
             line(axis, at, pick(rows, field), name, label)
@@ -118,9 +114,7 @@ def k_figure(found: Findings, tables: Tables) -> Figure:
     table = tables["k_curve"]
     told = colors_of(found)
 
-    def paint(axes: list[Axes]) -> None:
-        axis = axes[0]
-        grid(axis)
+    def paint(axis: Axes) -> None:
         most = max(row.H for row in table.rows)
         for agent, count in agents(table.rows):
             if count in (1, most):
@@ -144,19 +138,11 @@ def budgets_figure(found: Findings, tables: Tables) -> Figure:
     known = found.table(found.subject.single).budgets.false_known
     told = colors_of(found)
 
-    def paint(axes: list[Axes]) -> None:
-        axis = axes[0]
-        grid(axis)
+    def paint(axis: Axes) -> None:
         for agent, count in agents(table.rows):
             rows = where(table.rows, agent=agent, H=count)
-            line(
-                axis,
-                pick(rows, "allowed"),
-                pick(rows, "error"),
-                told.get(agent, "grey"),
-                called(agent, count),
-                markersize=3,
-            )
+            name = told.get(agent, "grey")
+            line(axis, pick(rows, "allowed"), pick(rows, "error"), name, called(agent, count), markersize=3)
         axis.set_xlabel("false forecasts allowed per target" if known else "forecasts allowed per live frame")
         axis.set_ylabel("error, m")
         axis.set_ylim(bottom=0)
@@ -170,9 +156,7 @@ def calibration_figure(found: Findings, tables: Tables) -> Figure:
     table = tables["calibration"]
     told = colors_of(found)
 
-    def paint(axes: list[Axes]) -> None:
-        axis = axes[0]
-        grid(axis)
+    def paint(axis: Axes) -> None:
         axis.plot([0, 1], [0, 1], color=color("soft"), linestyle=":", label="a probability")
         for agent, count in agents(table.rows):
             rows = where(table.rows, agent=agent, H=count)
@@ -195,9 +179,8 @@ def cuts_figure(found: Findings, tables: Tables) -> Figure:
     table = tables["cuts"]
     names = {"stp": "blue", "mtp": "vermillion", "stp_same_budget": "orange"}
 
-    def paint(axes: list[Axes]) -> None:
+    def paint(*axes: Axes) -> None:
         for axis, (field, subset) in zip(axes, (("error", "all"), ("error_ids", "ids")), strict=True):
-            grid(axis)
             for agent, name in names.items():
                 rows = where(table.rows, agent=agent)
                 line(axis, [100 * r.true_detections_below for r in rows], pick(rows, field), name, agent)

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,6 +48,7 @@ def color(name: str) -> str:
 
 
 INK, SOFT, GRID, PAPER = (color(name) for name in ("ink", "soft", "grid", "paper"))
+LIGHT, DARK = (";".join(f"--{name}:{pair[i]}" for name, pair in COLORS.items()) for i in (0, 1))  # variables of CSS
 
 
 @dataclass(frozen=True)
@@ -69,14 +70,15 @@ def draw(
     title: str,
     sentence: str,
     n: str,
-    paint: Callable[[list[Axes]], object],
+    paint: Callable[..., object],
     panels: int = 1,
     size: tuple[float, float] | None = None,
     rows: int = 1,
+    grid: Literal["x", "y", ""] = "y",
 ) -> Figure:
-    """A figure of some ``panels`` beside each other, in ``rows``, which ``paint`` fills.
+    """A figure of some ``panels`` beside each other, in ``rows``; ``paint`` gets the axes of each panel to fill.
 
-    ``size``: inches, width and height.
+    ``size``: inches, width and height. ``grid``: fine lines to read values by, across this axis.
     """
     with _settings(name):
         from matplotlib.figure import Figure as Canvas
@@ -85,9 +87,12 @@ def draw(
         width, height = size or (WIDTH if across == 1 else WIDTH * 1.45, HEIGHT * rows)
         canvas = Canvas(figsize=(width, height), layout="constrained")
         axes: list[Any] = list(canvas.subplots(rows, across, squeeze=False).ravel()[:panels])
-        paint(axes)
+        for each in axes if grid else ():
+            each.grid(axis=grid, color=GRID, linewidth=0.8)
+        paint(*axes)
         for each in axes:
-            _tidy(each)
+            each.spines[["top", "right"]].set_visible(False)
+            each.set_axisbelow(True)
         canvas.draw_without_rendering()  # panels of equal scales find their places only then
         svg = _svg(canvas, name, f"{title}. {sentence}")
         foot = textwrap.fill(f"{sentence} n: {n}.", int(width * _LETTERS))
@@ -158,12 +163,6 @@ def _settings(name: str) -> Iterator[None]:
         yield
 
 
-def _tidy(axes: Axes) -> None:
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    axes.set_axisbelow(True)
-
-
 _FONTS = "font-family: system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif"
 
 
@@ -188,9 +187,8 @@ def _svg(canvas: Any, name: str, label: str) -> str:
 
 def _alone(svg: str, title: str, foot: str) -> str:
     """The element as a file that needs no page: with both sets of colours, the title above and the sentence below."""
-    light, dark = (";".join(f"--{key}:{pair[i]}" for key, pair in COLORS.items()) for i in (0, 1))
     style = (
-        f"<style>svg{{{light};background:var(--paper)}}@media(prefers-color-scheme:dark){{svg{{{dark}}}}}"
+        f"<style>svg{{{LIGHT};background:var(--paper)}}@media(prefers-color-scheme:dark){{svg{{{DARK}}}}}"
         f"*{{stroke-linejoin:round;stroke-linecap:butt}}text{{{_FONTS}}}</style>"
     )
     lines = [line.replace("&", "&amp;").replace("<", "&lt;") for line in (title, *foot.split("\n"))]
@@ -209,34 +207,29 @@ def _alone(svg: str, title: str, foot: str) -> str:
     return f'<?xml version="1.0" encoding="utf-8"?>\n{svg[:first]}{head}{top}{said}{svg[first:]}'
 
 
-def grid(axes: Axes, across: bool = False) -> None:
-    """Fine lines to read values by: horizontal ones, or vertical ones where bars lie ``across``."""
-    axes.grid(axis="x" if across else "y", color=GRID, linewidth=0.8)
-
-
 def caps(axes: Axes, at: Any, value: Any, low: Any, high: Any, across: bool = False, name: str = "ink") -> None:
     """Intervals, where they are known."""
-    import numpy as np
-
-    known = [i for i, (a, b, c) in enumerate(zip(value, low, high, strict=True)) if None not in (a, b, c)]
-    if not known:
-        return
-    place = np.asarray(at, dtype=float)[known]
-    ends = [np.asarray([each[i] for i in known], dtype=float) for each in (low, high)]
-    lines = axes.hlines if across else axes.vlines
-    lines(place, ends[0], ends[1], color=color(name), linewidth=1.2)
+    known = [each for each in zip(at, value, low, high, strict=True) if None not in each]
+    if known:
+        place, _, least, most = zip(*known, strict=True)
+        lines = axes.hlines if across else axes.vlines
+        lines(place, least, most, color=color(name), linewidth=1.2)
 
 
 def line(axes: Axes, x: Any, y: Any, name: str, label: str, low: Any = None, high: Any = None, **more: Any) -> None:
     """A series with its own colour, marker and kind of line; a band where its interval is known."""
     import numpy as np
 
-    values = np.array([np.nan if v is None else v for v in y], dtype=float)
     style = {"marker": MARKERS.get(name, "o"), "linestyle": LINES.get(name, "-"), "markersize": 4.5, "linewidth": 1.7}
-    axes.plot(x, values, color=color(name), label=label, **{**style, **more})
+    axes.plot(x, np.array(y, dtype=float), color=color(name), label=label, **{**style, **more})
     if low is not None and high is not None:
-        ends = [np.array([np.nan if v is None else v for v in each], dtype=float) for each in (low, high)]
-        axes.fill_between(x, ends[0], ends[1], color=color(name), alpha=0.14, linewidth=0)
+        least, most = (np.array(each, dtype=float) for each in (low, high))
+        axes.fill_between(x, least, most, color=color(name), alpha=0.14, linewidth=0)
+
+
+def diamonds(axes: Axes, x: Any, y: Any, label: str | None, **more: Any) -> None:
+    """Figures of the paper."""
+    axes.plot(x, y, "D", markerfacecolor="none", color=color("ink"), label=label, **more)
 
 
 def beside(axes: Axes, **more: Any) -> None:

@@ -24,7 +24,7 @@ def surface_figure(found: Findings, tables: Tables) -> Figure | None:
     if not fields:
         return None
 
-    def paint(axes: list[Axes]) -> None:
+    def paint(*axes: Axes) -> None:
         for axis, (field, subset) in zip(axes, fields, strict=True):
             _map(axis, rows, field)
             axis.set_title(f"minADE on {subset}, m", loc="left")
@@ -34,7 +34,7 @@ def surface_figure(found: Findings, tables: Tables) -> Figure | None:
     said = " ".join(f"Knee over {row.of}: {row.knee:g}." for row in knees) or "No knee: the error does not bend."
     sentence = f"Expected minADE, m, of k random samples out of those of H hypotheses. {said}"
     size = (9.2, 3.2) if len(fields) > 1 else None
-    return draw("surface", table.title, sentence, n_of(found), paint, panels=len(fields), size=size)
+    return draw("surface", table.title, sentence, n_of(found), paint, panels=len(fields), size=size, grid="")
 
 
 def _map(axis: Axes, rows: list[Any], field: str) -> None:

@@ -11,7 +11,7 @@ from ...scoring.knee import knee
 from ...scoring.statistics import ratio
 from ...viz.terminal.paper import paper_gap
 from ..findings import Findings
-from ..plan import Subject
+from ..plan import SAME_BUDGET, Subject
 from ..table import Count, Metres, Milliseconds, Number, Share, Table, Text
 from .paper import settings_told, subset_name
 
@@ -35,19 +35,11 @@ def surface_table(found: Findings) -> Table:
     for subject in found.plan.subjects:
         for count, setting in {1: subject.single, **subject.free}.items():
             table = found.table(setting)
-            ks = setting_ks(found, setting)
-            for place, k in enumerate(ks):
-                ids = table.weight["ids"]
-                rows.append(
-                    SurfaceRow(
-                        subject.name,
-                        count,
-                        k,
-                        ratio(table.curve[:, place].sum(), table.covered.sum()),
-                        ratio(float((table.curve[:, place] * ids).sum()), float((table.covered * ids).sum())),
-                        cost.get(count) if subject is found.subject else None,
-                    )
-                )
+            ids, spent = table.weight["ids"], cost.get(count) if subject is found.subject else None
+            for k, curve in zip(found.of(setting).scores[0][0].ks, table.curve.T, strict=True):
+                every = ratio(curve.sum(), table.covered.sum())
+                on_ids = ratio(float((curve * ids).sum()), float((table.covered * ids).sum()))
+                rows.append(SurfaceRow(subject.name, count, k, every, on_ids, spent))
     return Table(
         "surface",
         "How many hypotheses, how many samples",
@@ -56,11 +48,6 @@ def surface_table(found: Findings) -> Table:
         "those that a sampler chooses: the k-curve has no noise of sampling.",
         rows if len(found.subject.free) > 0 else [],
     )
-
-
-def setting_ks(found: Findings, setting: Setting) -> tuple[int, ...]:
-    """Numbers of samples that are known of a setting."""
-    return found.of(setting).scores[0][0].ks
 
 
 @dataclass(frozen=True)
@@ -112,15 +99,13 @@ def knee_table(found: Findings) -> Table:
         counts = sorted(subject.equal)
         for subset in ("all", "ids"):
             errors = [found.row(subject.equal[count], subset).error for count in counts]
-            rows += _knee_of(
-                subject, f"H, error on {subset_name(subset)}", counts, errors, [cost[c] for c in counts], cost
-            )
+            what = f"H, error on {subset_name(subset)}"
+            rows += _knee_of(subject, what, counts, errors, [cost[c] for c in counts], cost)
     if subject.free:
-        free = subject.free[max(subject.free)]
-        detail = found.details(free)
-        ks = [int(k) for k in detail.k_curve]
-        errors = list(detail.k_curve.values())
-        rows += _knee_of(subject, f"k, minADE with H = {max(subject.free)}", ks, errors, [np.log2(k) for k in ks], {})
+        most = max(subject.free)
+        curve = found.details(subject.free[most]).k_curve
+        ks = [int(k) for k in curve]
+        rows += _knee_of(subject, f"k, minADE with H = {most}", ks, list(curve.values()), [np.log2(k) for k in ks], {})
     return Table(
         "knee",
         "Where more stops to pay",
@@ -177,7 +162,7 @@ def shown(found: Findings) -> list[Setting]:
     """The settings that figures of all agents show: true pasts, one hypothesis, the control, the most hypotheses."""
     picked = []
     for subject in found.plan.subjects:
-        controls = [s for s in found.plan.controls if s.label == "stp_same_budget"]
+        controls = [s for s in found.plan.controls if s.label == SAME_BUDGET]
         picked += [subject.truth, subject.single, *controls, subject.most]
     return [s for i, s in enumerate(picked) if s not in picked[:i]]
 
@@ -204,7 +189,7 @@ def gap_table(found: Findings) -> Table:
     rows = []
     for subset in ("all", "ids", "reacquired"):
         for subject, setting in settings_told(found):
-            if setting.budget != "equal" or setting in (subject.truth,):
+            if setting.budget != "equal" or setting == subject.truth:
                 continue
             row = found.row(setting, subset)
             low, high = row.gap_interval or (None, None)
@@ -216,14 +201,13 @@ def gap_table(found: Findings) -> Table:
                     paper_gap(found.bench.of_paper, row) if subset == "ids" else None,
                 )
             )  # fmt: skip
-    unique_rows = [row for i, row in enumerate(rows) if row not in rows[:i]]
     return Table(
         "gaps",
         "How much of the gap is closed",
         "0 is one hypothesis, 1 is prediction from true pasts. The first ends are stp and truth_past, the second have "
         "the agent's own predictor; nothing is said where the gap is not significantly above 0. The energy score is "
         "proper: unlike minADE it does not fall with junk samples.",
-        unique_rows,
+        list(dict.fromkeys(rows)),  # a control stands beside every subject
     )
 
 
@@ -246,16 +230,10 @@ def cut_table(found: Findings) -> Table:
     """The baselines with weak detections left out."""
     rows = []
     for cut in found.cuts:
-        low, high = cut.interval.get("ids") or (None, None)
-        for agent in cut.all:
-            mine = agent == "mtp"
-            rows.append(
-                CutRow(
-                    cut.cut, agent, cut.all[agent], cut.ids.get(agent), cut.switches,
-                    cut.beyond_control.get("ids") if mine else None, low if mine else None, high if mine else None,
-                    cut.p.get("ids") if mine else None,
-                )
-            )  # fmt: skip
+        beyond = cut.beyond_control.get("ids"), *(cut.interval.get("ids") or (None, None)), cut.p.get("ids")
+        for agent, error in cut.all.items():
+            control = beyond if agent == "mtp" else (None,) * 4
+            rows.append(CutRow(cut.cut, agent, error, cut.ids.get(agent), cut.switches, *control))
     return Table(
         "cuts",
         "How much the cut of the input decides",

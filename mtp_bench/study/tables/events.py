@@ -44,17 +44,8 @@ def frequency_table(found: Findings) -> Table:
     rows = []
     for kind in KINDS:
         events = sum(len(scene.own[kind].frame) for scene in near)
-        per = FrequencyRow(
-            kind=kind,
-            events=events,
-            per_trajectory=events / max(1, objects),
-            per_frame=events / max(1, frames),
-            per_1000_boxes=1000 * events / max(1, boxes),
-            trajectories=objects,
-            frames=frames,
-            boxes=boxes,
-        )
-        rows.append(per)
+        rates = events / max(1, objects), events / max(1, frames), 1000 * events / max(1, boxes)
+        rows.append(FrequencyRow(kind, events, *rates, objects, frames, boxes))
     return Table(
         "frequency",
         "How often identities err",
@@ -80,23 +71,12 @@ def distance_table(found: Findings) -> Table:
     """The paper's figure on distance: how far from the ego identities err."""
     rows = []
     papers = paper_facts(found.bench.of_paper, "near")
-    if found.bench.card.has_ego:
-        for kind in ("ids", "frag"):
-            near = [scene.own[kind].distance for scene in _around(found, found.subject.single)]
-            distance = np.concatenate(near)
-            for low, high in pairwise(DISTANCE_BINS):
-                count = int(((distance >= low) & (distance < high)).sum())
-                limit = None if np.isinf(high) else high
-                rows.append(
-                    DistanceRow(
-                        kind,
-                        low,
-                        limit,
-                        count,
-                        int((distance < high).sum()),
-                        papers.get(f"{high:g}") if limit else None,
-                    )
-                )
+    for kind in ("ids", "frag") if found.bench.card.has_ego else ():
+        distance = np.concatenate([scene.own[kind].distance for scene in _around(found, found.subject.single)])
+        for low, high in pairwise(DISTANCE_BINS):
+            count, up_to = int(((distance >= low) & (distance < high)).sum()), int((distance < high).sum())
+            limit, theirs = (None, None) if np.isinf(high) else (high, papers.get(f"{high:g}"))
+            rows.append(DistanceRow(kind, low, limit, count, up_to, theirs))
     return Table(
         "distance",
         "How far from the ego identities err",
@@ -127,25 +107,13 @@ def shared_table(found: Findings) -> Table:
     papers = paper_facts(found.bench.of_paper, "shared")
     for subject in found.plan.subjects:
         for count, setting in subject.equal.items():
-            if count == 1:
-                continue
-            for kind in KINDS:
+            for kind in KINDS if count > 1 else ():
                 one = sum(len(scene.own[kind].frame) for scene in _around(found, subject.single))
                 every = sum(len(scene.shared[kind].frame) for scene in _around(found, setting))
+                fewer = 1 - every / one if one else None
                 paper = papers.get(kind) if count == PAPER_HYPOTHESES else None
-                rows.append(
-                    SharedRow(
-                        kind,
-                        subject.name,
-                        count,
-                        one,
-                        every,
-                        1 - every / one if one else None,
-                        paper["one"] if paper else None,
-                        paper["all"] if paper else None,
-                        1 - paper["all"] / paper["one"] if paper else None,
-                    )
-                )
+                theirs = (paper["one"], paper["all"], 1 - paper["all"] / paper["one"]) if paper else (None,) * 3
+                rows.append(SharedRow(kind, subject.name, count, one, every, fewer, *theirs))
     return Table(
         "shared",
         "Events that every hypothesis shares",

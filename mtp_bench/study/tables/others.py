@@ -8,7 +8,6 @@ from ...viz.terminal.paper import paper_facts
 from ..findings import Findings
 from ..retracking import AGAIN, PLAIN, is_of_people
 from ..table import Count, Metres, Milliseconds, Number, PerSecond, Share, Table, Text
-from .paper import ends_of
 
 
 @dataclass(frozen=True)
@@ -29,20 +28,12 @@ class SpeedRow:
 def speed_table(found: Findings) -> Table:
     """Table IV of the paper: speed by stage over H."""
     papers = paper_facts(found.bench.of_paper, "speed")
-    rows = [
-        SpeedRow(
-            speed.hypotheses,
-            speed.tracking,
-            speed.prediction,
-            speed.whole,
-            1e3 / speed.tracking if speed.tracking else None,
-            1e3 / speed.prediction if speed.prediction else None,
-            speed.frames,
-            papers.get("tracking", {}).get(str(speed.hypotheses)),
-            papers.get("prediction", {}).get(str(speed.hypotheses)),
-        )
-        for speed in found.speed
-    ]
+    rows = []
+    for speed in found.speed:
+        stages = speed.tracking, speed.prediction
+        tracked, predicted = (1e3 / milliseconds if milliseconds else None for milliseconds in stages)
+        theirs = [papers.get(stage, {}).get(str(speed.hypotheses)) for stage in ("tracking", "prediction")]
+        rows.append(SpeedRow(speed.hypotheses, *stages, speed.whole, tracked, predicted, speed.frames, *theirs))
     return Table(
         "speed",
         "Speed by stage",
@@ -82,6 +73,8 @@ def people_table(found: Findings) -> Table:
     for name, setting in zip(names, found.plan.retracking, strict=False):
         row = found.row(setting, "all")
         paired = None if name == "plain" else found.difference(setting, found.plan.retracking[0], "all")
+        low, high = row.interval or (None, None)
+        pair_low, pair_high = (paired and paired.interval) or (None, None)
         figures = papers.get(name, [None, None])
         rows.append(
             PeopleRow(
@@ -91,11 +84,11 @@ def people_table(found: Findings) -> Table:
                 minADE=row.minADE,
                 minFDE=row.minFDE,
                 error=row.error,
-                error_low=ends_of(row.interval)[0],
-                error_high=ends_of(row.interval)[1],
+                error_low=low,
+                error_high=high,
                 to_plain=paired.error if paired else None,
-                to_plain_low=ends_of(paired.interval if paired else None)[0],
-                to_plain_high=ends_of(paired.interval if paired else None)[1],
+                to_plain_low=pair_low,
+                to_plain_high=pair_high,
                 p=paired.p if paired else None,
                 coverage=row.coverage,
                 targets=row.targets,

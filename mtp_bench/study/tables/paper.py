@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 from ...running.settings import Setting
 from ...scoring.subsets import Subset
-from ...viz.terminal.paper import figures_of, paper_facts
+from ...viz.terminal.paper import PAPER_SUBSETS, figures_of, paper_facts
 from ..findings import Findings
 from ..plan import HEDGED, SAME_BUDGET, Subject
 from ..table import Count, Metres, Number, Share, Table, Text
 
-PAPERS: dict[Subset, str] = {"paper_ids": "ids", "paper_frag": "frag"}  # our subset -> the paper's
 EVENTS: tuple[Subset, ...] = ("paper_ids", "paper_frag", "ids", "reacquired")
 
 
@@ -61,7 +60,7 @@ def _past_row(found: Findings, subject: Subject, subset: Subset, past: str, sett
     row, table = found.row(setting, subset), found.table(setting)
     plain = found.mean(table, table.capped, table.weight[subset])
     ade = found.covered_mean(table, table.min_ade, table.weight[subset])
-    key = PAPERS.get(subset, "all" if subset == "all" else "")
+    key = PAPER_SUBSETS.get(subset, "")
     who = "truth_past" if past == "true pasts" else "stp"
     papers = figures_of(found.bench.of_paper, who, "equal", 1).get(key, [None, None])
     return PastRow(
@@ -158,8 +157,8 @@ def _gain_row(found: Findings, subject: Subject, setting: Setting, subset: Subse
     paired = None
     if setting.budget == "equal" and setting is not subject.single:
         paired = found.difference(setting, subject.single, subset)
-    low, high = ends_of(row.interval)
-    pair_low, pair_high = ends_of(paired.interval if paired else None)
+    low, high = row.interval or (None, None)
+    pair_low, pair_high = (paired and paired.interval) or (None, None)
     papers = paper_numbers(found, subject, setting, subset)
     return GainRow(
         targets_of=subset_name(subset),
@@ -189,15 +188,10 @@ def paper_numbers(
     found: Findings, subject: Subject, setting: Setting, subset: Subset
 ) -> tuple[float | None, float | None]:
     """The paper's minADE and minFDE for what a setting stands for."""
-    key = PAPERS.get(subset, "all" if subset == "all" else "")
+    key = PAPER_SUBSETS.get(subset, "")
     role = "truth_past" if setting == subject.truth else "stp" if setting == subject.single else "mtp"
     if setting in found.plan.controls and role == "mtp":
         return None, None
     hypotheses = setting.hypotheses or 1
     figures = figures_of(found.bench.of_paper, role, setting.budget, hypotheses).get(key)
     return (None, None) if figures is None else (figures[0], figures[1])
-
-
-def ends_of(interval: tuple[float, float] | None) -> tuple[float | None, float | None]:
-    """Both ends of an interval, where it is known."""
-    return (None, None) if interval is None else interval

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -94,27 +95,27 @@ class BinRow:
     objects: Count
 
 
-def _bin_row(found: Findings, setting: Setting, by: str, name: str, weight: Floats | Bools) -> BinRow | None:
-    """The row of some targets; None where there is none."""
+def _bin_rows(found: Findings, setting: Setting, by: str, bins: Mapping[str, Floats | Bools]) -> Iterator[BinRow]:
+    """A row for the targets of each of the ``bins``, which are weights [n] by name, in which there is any."""
     table = found.table(setting)
-    mean = found.mean(table, table.capped, weight)
-    if not mean.targets:
-        return None
-    ade = found.covered_mean(table, table.min_ade, weight)
-    covered = float((table.covered * weight).sum() / len(table.setting.seeds) / np.sum(weight))
-    return BinRow(by, name, setting.label, table.setting.hypotheses, *mean[:3], *ade[:3], covered, *mean[3:])
+    for name, weight in bins.items():
+        mean = found.mean(table, table.capped, weight)
+        if mean.targets:
+            ade = found.covered_mean(table, table.min_ade, weight)
+            covered = float((table.covered * weight).sum() / len(table.setting.seeds) / np.sum(weight))
+            yield BinRow(by, name, setting.label, table.setting.hypotheses, *mean[:3], *ade[:3], covered, *mean[3:])
 
 
 def since_table(found: Findings) -> Table:
     """How long an event hurts."""
     steps = 2 * found.bench.card.task.past
-    rows = []
+    rows: list[BinRow] = []
     for kind in ("ids", "lost", "reacquired"):
         since = found.since(kind)
-        bins = [(str(step), since == step) for step in range(steps + 1)]
-        bins += [(f"over {steps}", since > steps), ("never so far", since < 0)]
+        bins = {str(step): since == step for step in range(steps + 1)}
+        bins |= {f"over {steps}": since > steps, "never so far": since < 0}
         for setting in shown(found):
-            rows += [row for name, mask in bins if (row := _bin_row(found, setting, kind, name, mask))]
+            rows += _bin_rows(found, setting, kind, bins)
     return Table(
         "since",
         "How long an event hurts",
@@ -131,16 +132,11 @@ def age_table(found: Findings) -> Table:
     edges = sorted({0, 1, 2, 3, past, 2 * past, 4 * past, 8 * past})
     near = found.of(found.subject.single).around[0]
     age = np.concatenate([scene.age for scene in near])
-    bins = [("no track", age < 0)]
-    for low, high in zip(edges, [*edges[1:], None], strict=True):
-        name = f"{low} or more" if high is None else str(low) if high == low + 1 else f"{low} to {high - 1}"
-        bins.append((name, (age >= low) & (age < high if high is not None else np.ones_like(age, dtype=bool))))
-    rows = [
-        row
-        for setting in shown(found)
-        for name, mask in bins
-        if (row := _bin_row(found, setting, "age of the track, frames", name, mask))
-    ]
+    bins = {"no track": age < 0}
+    for low, high in pairwise(edges):
+        bins[str(low) if high == low + 1 else f"{low} to {high - 1}"] = (age >= low) & (age < high)
+    bins[f"{edges[-1]} or more"] = age >= edges[-1]
+    rows = [row for each in shown(found) for row in _bin_rows(found, each, "age of the track, frames", bins)]
     return Table(
         "age",
         "The error over the age of the track",
@@ -152,17 +148,16 @@ def age_table(found: Findings) -> Table:
 
 def bin_table(found: Findings) -> Table:
     """The error by distance, class and motion."""
-    rows = []
+    rows: list[BinRow] = []
     for setting in shown(found):
         table = found.table(setting)
-        masks = {"motion": {"moving": table.moving, "static": ~table.moving}}
-        classes = enumerate(found.bench.card.task.classes)
-        masks["class"] = {name: table.class_id == c for c, name in classes}
-        masks["distance"] = _distance_masks(table.distance) if found.bench.card.has_ego else {}
-        for by, of in masks.items():
-            rows += [row for name, mask in of.items() if (row := _bin_row(found, setting, by, name, mask))]
-        planning = _planning(found, setting)
-        rows += [planning] if planning else []
+        bins: dict[str, dict[str, Floats | Bools]] = {"motion": {"moving": table.moving, "static": ~table.moving}}
+        bins["class"] = {name: table.class_id == c for c, name in enumerate(found.bench.card.task.classes)}
+        if found.bench.card.has_ego:
+            bins["distance"] = _distance_masks(table.distance)
+            bins["planning"] = {"weighted": np.exp(-(table.approach**2) / (2.0 * PLANNING_SIGMA**2))}
+        for by, of in bins.items():
+            rows += _bin_rows(found, setting, by, of)
     return Table(
         "bins",
         "The error by distance, class and motion",
@@ -173,19 +168,11 @@ def bin_table(found: Findings) -> Table:
     )
 
 
-def _distance_masks(distance: Floats) -> dict[str, Bools]:
+def _distance_masks(distance: Floats) -> dict[str, Floats | Bools]:
     return {
         f"{low:g}-{high:g} m" if np.isfinite(high) else f"beyond {low:g} m": (distance >= low) & (distance < high)
         for low, high in pairwise(DISTANCE_BINS)
     }
-
-
-def _planning(found: Findings, setting: Setting) -> BinRow | None:
-    """All targets, weighted by how near they come to the ego."""
-    if not found.bench.card.has_ego:
-        return None
-    weight = np.exp(-(found.table(setting).approach ** 2) / (2.0 * PLANNING_SIGMA**2))
-    return _bin_row(found, setting, "planning", "weighted", weight)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from .entries import Entry as Entry
 from .entries import Found as Found
 from .entries import entries_of as entries_of
-from .listing import board_notes as board_notes
 from .listing import board_tables as board_tables
 from .page import BoardFiles as BoardFiles
 from .page import board_files as board_files

@@ -100,19 +100,9 @@ class Entry(Found):
         return self.row.error
 
     @property
-    def silence(self) -> float | None:
-        """What an agent that says nothing scores, metres."""
-        return self.sums.silence
-
-    @property
     def public_error(self) -> float | None:
         """The error on the scenes that everybody knows, metres, where hidden ones rank."""
         return self.record.row.error if self.on_hidden else None
-
-    @property
-    def interval(self) -> tuple[float, float] | None:
-        """The 95 % interval of the error, metres."""
-        return self.row.interval
 
     def difference(self, subset: Subset = "all") -> PairedDifference | None:
         """Its error minus that of STP beside it, metres; None for STP itself and without a record of STP."""
@@ -141,7 +131,7 @@ def entries_of(found: Sequence[Found]) -> list[Entry]:
 
 def silence_of(entries: Sequence[Entry]) -> float | None:
     """What an agent that says nothing scores in one environment, metres; None where it is not known."""
-    return next((entry.silence for entry in entries if entry.compared), None)
+    return next((entry.sums.silence for entry in entries if entry.compared), None)
 
 
 def by_env(entries: Sequence[Entry]) -> dict[str, list[Entry]]:

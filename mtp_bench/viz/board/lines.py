@@ -7,11 +7,14 @@ from itertools import groupby
 from typing import Any
 from urllib.parse import quote
 
+from ..._bundle import card_ids
+from ...cards import load_card
 from ...files import clean_text
 from ...records.attestation import LEVELS
 from ...records.ranking import STP
 from ...scoring.definitions import DEFINITIONS
 from ...scoring.subsets import SUBSETS
+from ...sources import about
 from .columns import COLUMNS, best_texts, columns_of, shown, signed
 from .curves import Frame, curve_chart, curve_of, small_frame
 from .entries import Entry, silence_of
@@ -138,10 +141,6 @@ def _links(entry: Entry) -> list[tuple[str, str]]:
 
 def _about(env_id: str) -> dict[str, str] | None:
     """What a card that ships says of its environment; None for another."""
-    from ..._bundle import card_ids
-    from ...cards import load_card
-    from ...sources import about
-
     if env_id not in card_ids():
         return None
     card = load_card(env_id)

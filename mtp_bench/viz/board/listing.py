@@ -18,14 +18,12 @@ _SURE = "*"  # after a difference to STP that is significant
 _SIGNIFICANT = f"{_SURE} p<{SIGNIFICANT:g}".replace("0.", ".")
 
 
-def board_tables(entries: Sequence[Entry]) -> list[Table]:
-    """A table per environment, the best first."""
-    return [_table(env_id, listed) for env_id, listed in by_env(entries).items()]
+def board_tables(entries: Sequence[Entry]) -> list[tuple[Table, list[str]]]:
+    """A table per environment, the best first, and what is said below it.
 
-
-def board_notes(entries: Sequence[Entry]) -> list[list[str]]:
-    """Per environment a sentence for each reason for which some are not ranked, with their names, and for each seal."""
-    return [_notes(listed) for listed in by_env(entries).values()]
+    That is a sentence for each reason for which some are not ranked, with their names, and for each seal.
+    """
+    return [(_table(env_id, listed), _notes(listed)) for env_id, listed in by_env(entries).items()]
 
 
 def _notes(entries: Sequence[Entry]) -> list[str]:
@@ -49,7 +47,7 @@ def _table(env_id: str, entries: Sequence[Entry]) -> Table:
     headings = ("submission", "rank", "error\n↓", "95 %\ninterval", to_stp, *numbers, "verified")
     table = slim_table(f"{env_id}: error (m) at the budgets{said}", headings, left=("verified",))
     for entry in entries:
-        bounds = entry.interval
+        bounds = entry.row.interval
         style = "bold green" if entry.added else "" if entry.compared else "dim"
         table.add_row(
             escape(printable(entry.name)) + (" (added)" if entry.added else ""),

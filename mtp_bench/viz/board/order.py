@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from functools import cache
 
+from ..._bundle import card_ids
+from ...cards import load_card
+
 PAPER = (
     "MTP-nuScenes-v0",
     "MTP-nuScenes-CenterPoint-v0",
@@ -27,9 +30,6 @@ def env_place(env_id: str) -> tuple[int, str]:
 @cache
 def simulated(env_id: str) -> bool:
     """Whether an environment that ships makes its scenes itself; False for one that does not ship."""
-    from ..._bundle import card_ids
-    from ...cards import load_card
-
     return env_id in card_ids() and load_card(env_id).simulated
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import json
 from collections import Counter
 from collections.abc import Sequence
@@ -16,7 +14,7 @@ from urllib.parse import quote
 from ...records.attestation import LEVELS
 from ...records.history import OldResult
 from ...scoring.definitions import DEFINITIONS, RANKED_OBJECTS, RANKED_UNITS
-from ..pages import templates_of, text_of
+from ..pages import source_of, templates_of, text_of
 from ..terminal.output import NOTHING, number
 from .columns import COLUMNS, percent, signed
 from .entries import LEVEL_TEXT, Entry, by_env
@@ -151,9 +149,8 @@ def _ids(entries: Sequence[Entry]) -> Ids:
 
 def _policy(style: str, script: str) -> str:
     """A content security policy: this style, this script and what it loads itself, pictures beside the page."""
-    digests = [base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in (style, script)]
     return (
-        f"default-src 'none'; style-src 'sha256-{digests[0]}'; script-src 'sha256-{digests[1]}' 'strict-dynamic'; "
+        f"default-src 'none'; style-src {source_of(style)}; script-src {source_of(script)} 'strict-dynamic'; "
         "img-src 'self' data:; base-uri 'none'; form-action 'none'"
     )
 

@@ -50,7 +50,7 @@ def row_of(entry: Entry) -> dict[str, Any]:
         "submission": entry.name,
         "not_ranked_because": entry.why or None,
         "added": entry.added,
-        "interval": list(entry.interval) if entry.interval else None,
+        "interval": list(entry.row.interval) if entry.row.interval else None,
         "difference_interval": list(difference.interval) if difference and difference.interval else None,
         "p": difference.p if difference else None,
         **{column.key: column.value(entry) for column in COLUMNS},
@@ -89,6 +89,6 @@ def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
 
 def _cell(value: Any) -> Any:
     if not isinstance(value, str):
-        return "" if value is None else value
+        return value
     text = " ".join(value.split())
     return f"'{text}" if text.startswith(_FORMULA) else text

@@ -23,6 +23,9 @@ from ..palette import BLACK, DETECTION, EGO, EVENT, FALSE, OTHER_TRACK, TRACK, T
 if TYPE_CHECKING:
     Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
 
+PAPER: Color = (247, 247, 247)  # of what stands beside a picture
+GRAY: Color = (90, 90, 90)
+EDGE: Color = (200, 200, 200)
 FINER = 2  # everything but text is drawn this much larger and then made smaller
 DASH = 4.0  # pixels
 FAR = 20.0  # pixels that a heading may stand out of the picture

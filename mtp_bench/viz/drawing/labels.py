@@ -21,8 +21,8 @@ SIDES = (-60, 60, -120, 120, -30, 30, -90, 90, 180, 0)
 Spot = tuple[float, float, float, float]  # left, top, right, bottom
 
 
-def label(canvas: Canvas, ink: ImageDraw.ImageDraw, xy: Floats, text: str, color: Color, reach: float) -> bool:
-    """Write ``text`` beside a thing at ``xy`` [2] that reaches ``reach`` metres; False where there is no room.
+def label(canvas: Canvas, ink: ImageDraw.ImageDraw, xy: Floats, text: str, color: Color, reach: float) -> None:
+    """Write ``text`` beside a thing at ``xy`` [2] that reaches ``reach`` metres, where there is room.
 
     ``canvas`` knows the places that are taken, ``ink`` draws in ``color``.
     """
@@ -34,17 +34,16 @@ def label(canvas: Canvas, ink: ImageDraw.ImageDraw, xy: Floats, text: str, color
         top = y + dy * far - (high if dy < 0 else 0.0)
         if _take(canvas, (left, top, left + wide, top + high)):
             ink.text((round(left), round(top)), text, fill=color, font=font(SMALL), stroke_width=1, stroke_fill=PAPER)
-            return True
-    return False
+            return
 
 
-def sign(canvas: Canvas, ink: ImageDraw.ImageDraw, xy: Floats, text: str, radius: float) -> bool:
+def sign(canvas: Canvas, ink: ImageDraw.ImageDraw, xy: Floats, text: str, radius: float) -> None:
     """A sign that names an event by ``text``, beside its ring of ``radius`` pixels around ``xy`` [2].
 
-    ``canvas`` knows the places that are taken, ``ink`` draws. False where there is no room.
+    ``canvas`` knows the places that are taken, ``ink`` draws. Where there is no room, nothing is drawn.
     """
     if not canvas.inside(xy):
-        return False
+        return
     x, y = (float(value) for value in canvas.pixels(xy))
     wide, high = text_size(text, SMALL)
     wide, high = wide + 8, high + 4
@@ -54,8 +53,7 @@ def sign(canvas: Canvas, ink: ImageDraw.ImageDraw, xy: Floats, text: str, radius
         spot = (left, top, left + wide, top + high)
         if _take(canvas, spot):
             _board(ink, spot, (x + side * 0.7 * radius, y + up * 0.7 * radius), text)
-            return True
-    return False
+            return
 
 
 def callout(

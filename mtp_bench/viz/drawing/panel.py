@@ -11,9 +11,12 @@ from ..frame_view import FrameView, event_text
 from ..palette import BLACK, FALSE, FORECAST, TRACK, Color
 from .canvas import (
     DETECTED,
+    EDGE,
     FALSE_DETECTION,
     FALSE_TRACK,
+    GRAY,
     OTHER,
+    PAPER,
     TRACK_BOX,
     TRACKED,
     UNTRACKED,
@@ -27,8 +30,6 @@ from .canvas import (
 from .labels import MIDDLE, SMALL
 
 LARGE = 16
-PAPER: Color = (247, 247, 247)
-GRAY: Color = (90, 90, 90)
 LINE = 21  # pixels between two entries
 Mark = Callable[[Canvas, float], None]  # draws a mark at this height
 Text = tuple[str, int, Color]  # one line: text, size, colour
@@ -58,7 +59,7 @@ def panel(picture: Image.Image, view: FrameView, wide: int) -> Image.Image:
     whole = Image.new("RGB", (picture.width + wide, picture.height), PAPER)
     whole.paste(picture, (0, 0))
     whole.paste(image, (picture.width, 0))
-    ImageDraw.Draw(whole).line([picture.width, 0, picture.width, picture.height], fill=(200, 200, 200))
+    ImageDraw.Draw(whole).line([picture.width, 0, picture.width, picture.height], fill=EDGE)
     return whole
 
 

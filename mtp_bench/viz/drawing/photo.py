@@ -7,16 +7,14 @@ from PIL import Image, ImageDraw
 
 from ...types import Floats
 from ..focus import ROLES, Focus
-from ..palette import BLACK, Color
+from ..palette import BLACK
 from ..photo import Photo
-from .canvas import FINER, font
+from .canvas import EDGE, FINER, PAPER, font
 
 HEIGHT = 300  # pixels of the row
 CAPTION, TEXT = 26, 15
 AROUND = 2.5  # times the object that a small image shows
 LEAST = 90.0  # pixels of the image that it shows at least
-PAPER: Color = (247, 247, 247)
-EDGE: Color = (200, 200, 200)
 
 
 def photo_row(focus: Focus, photos: dict[int, Photo | None], wide: int) -> Image.Image:

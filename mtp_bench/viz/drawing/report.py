@@ -14,7 +14,7 @@ from ...files import whole_file
 from ..focus import ROLES, Focus, Key, Window
 from ..palette import BLACK, Color
 from ..photo import photos_around
-from .canvas import Canvas, Outline, Viewport, font, text_size
+from .canvas import EDGE, GRAY, PAPER, Canvas, Outline, Viewport, font, text_size
 from .focus import DETECTED, DIM_TRUTH, OBJECT, OTHER_OBJECT, draw_focus
 from .photo import HEIGHT as PHOTOS
 from .photo import photo_row
@@ -24,9 +24,6 @@ COLUMN, CAPTION = 300, 26
 ROW = 256  # pixels of the height for the small pictures, with their captions
 LARGE, TEXT, SMALL = 19, 15, 14  # pixels of letters
 LINE = 25  # pixels between two lines of the key
-PAPER: Color = (247, 247, 247)
-GRAY: Color = (90, 90, 90)
-EDGE: Color = (200, 200, 200)
 
 
 def report(focus: Focus) -> Image.Image:

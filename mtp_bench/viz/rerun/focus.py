@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from ..focus import Focus, FocusFrame
 from ..palette import NOW, SKY, TRUTH, Color
 from .arrays import Boxes, Strips
 from .colors import SWITCH, Colors, packed
-from .entities import Log, frame_times
+from .entities import TRACK_FILL, Log, frame_times
 from .sdk import rr
 
 ROOT = "world/focus"
@@ -53,13 +53,24 @@ def log_focus(recording: rr.RecordingStream, focus: Focus, root: str = "", alone
     frames = frames_around(focus)
     shown = [focus.frame(t) if shown_in(focus, t) else None for t in frames.tolist()]
     log = Log(recording, frame_times(focus.replay.scene, frames), root)
-    log.boxes(f"{ROOT}/truth", _boxes(shown, _truth_boxes), radius=BOLD)
-    log.boxes(f"{ROOT}/detection", _boxes(shown, _detected), radius=THIN)
-    log.boxes(f"{ROOT}/track", _boxes(shown, _track_boxes), "transparentfillmajorwireframe", EDGE)
-    log.strips(f"{ROOT}/way", _strips(shown, _ways, focus.height), BOLD)
-    log.strips(f"{ROOT}/samples", _strips(shown, lambda f: _samples(focus, f), focus.height), THIN)
-    log.strips(f"{ROOT}/forecast", _strips(shown, lambda f: _nearest(focus, f), focus.height), BOLD)
-    _log_labels(log, focus, shown)
+
+    def boxes(things: Callable[[FocusFrame], Things]) -> Boxes:
+        return _boxes([[] if frame is None else things(frame) for frame in shown])
+
+    def strips(things: Callable[[FocusFrame], Things]) -> Strips:
+        return _strips([[] if frame is None else things(frame) for frame in shown], focus.height)
+
+    truth = boxes(lambda frame: [("truth", box) for box in (*frame.object_box, *frame.others)])
+    log.boxes(f"{ROOT}/truth", truth, radius=BOLD)
+    detected = boxes(lambda frame: [("detection", box) for box in frame.detection_box])
+    log.boxes(f"{ROOT}/detection", detected, radius=THIN)
+    tracks = boxes(lambda frame: [(track.role, track.box) for track in frame.tracks])
+    log.boxes(f"{ROOT}/track", tracks, TRACK_FILL, EDGE)
+    ways = strips(lambda frame: [("truth", frame.future)] if len(frame.future) > 1 else [])
+    log.strips(f"{ROOT}/way", ways, BOLD)
+    log.strips(f"{ROOT}/samples", strips(lambda frame: _samples(focus, frame)), THIN)
+    log.strips(f"{ROOT}/forecast", strips(lambda frame: _nearest(focus, frame)), BOLD)
+    _log_labels(log, focus, [[] if frame is None else _names(focus, frame) for frame in shown])
     recording.log(f"{root}focus/pictures", rr.Image(np.asarray(strip(focus))), static=True)
     recording.log(f"{root}focus/text", rr.TextDocument(text(focus, alone), media_type="text/markdown"), static=True)
 
@@ -77,22 +88,7 @@ def text(focus: Focus, large: bool = True) -> str:
 
 
 Things = Sequence[tuple[str, Floats]]  # a role, and boxes [7] or a path [n, 2]
-
-
-def _truth_boxes(frame: FocusFrame) -> Things:
-    return [("truth", box) for box in (*frame.object_box, *frame.others)]
-
-
-def _detected(frame: FocusFrame) -> Things:
-    return [("detection", box) for box in frame.detection_box]
-
-
-def _track_boxes(frame: FocusFrame) -> Things:
-    return [(track.role, track.box) for track in frame.tracks]
-
-
-def _ways(frame: FocusFrame) -> Things:
-    return [("truth", frame.future)] if len(frame.future) > 1 else []
+Name = tuple[str, Floats, str]  # role, place [2] and text
 
 
 def _nearest(focus: Focus, frame: FocusFrame) -> Things:
@@ -110,16 +106,14 @@ def _samples(focus: Focus, frame: FocusFrame) -> Things:
     return [*trails, *paths]
 
 
-def _boxes(shown: Sequence[FocusFrame | None], things: Any) -> Boxes:
+def _boxes(rows: Sequence[Things]) -> Boxes:
     """Boxes over the frames, in the colours of their roles."""
-    rows = [things(frame) if frame is not None else [] for frame in shown]
     box = np.array([box for row in rows for _, box in row], dtype=np.float32).reshape(-1, 7)
     return Boxes(starts_of([len(row) for row in rows]), box, _colors(rows), [])
 
 
-def _strips(shown: Sequence[FocusFrame | None], things: Any, height: float) -> Strips:
+def _strips(rows: Sequence[Things], height: float) -> Strips:
     """Polylines over the frames; a shorter one repeats its last point."""
-    rows = [things(frame) if frame is not None else [] for frame in shown]
     paths = [path for row in rows for _, path in row]
     longest = max((len(path) for path in paths), default=2)
     point = np.full((len(paths), longest, 3), height + LIFT, dtype=np.float32)
@@ -132,9 +126,8 @@ def _colors(rows: Sequence[Sequence[tuple[Any, ...]]]) -> Colors:
     return np.array([COLORS[thing[0]] for row in rows for thing in row], dtype=np.uint8).reshape(-1, 3)
 
 
-def _log_labels(log: Log, focus: Focus, shown: Sequence[FocusFrame | None]) -> None:
+def _log_labels(log: Log, focus: Focus, rows: Sequence[Sequence[Name]]) -> None:
     """Names beside the boxes, each on a side of its own, so that none hides another."""
-    rows = [_names(focus, frame) if frame is not None else [] for frame in shown]
     flat = [name for row in rows for name in row]
     height = np.full(len(flat), focus.height + LIFT)
     columns = rr.Points3D.columns(
@@ -146,8 +139,8 @@ def _log_labels(log: Log, focus: Focus, shown: Sequence[FocusFrame | None]) -> N
     log.columns(f"{ROOT}/name", style, columns.partition([len(row) for row in rows]))
 
 
-def _names(focus: Focus, frame: FocusFrame) -> list[tuple[str, Floats, str]]:
-    """Role, place [2] and text of the names of a frame: of the boxes beside the object, of paths where they end."""
+def _names(focus: Focus, frame: FocusFrame) -> list[Name]:
+    """The names of a frame: of the boxes beside the object, of paths where they end."""
     window, place = focus.window(), focus.case.place(frame.frame)
     away = 0.5 * focus.length + 0.1 * max(window.high, window.wide / 2)
 

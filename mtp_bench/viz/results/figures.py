@@ -17,11 +17,9 @@ from ...scoring.rank import why_not_on
 from ...scoring.statistics import gap_closed, kendall_tau, order_agreement, paired_difference, share_interval
 from ...types import Floats
 from ..board.entries import LEVEL_TEXT
-from ..terminal.paper import figures_of
+from ..terminal.paper import PAPER_SUBSETS, figures_of
 from .figure import Figure, Kind
 from .known import Known, Scored, subset_of
-
-_PAPER_SUBSETS = {"all": "all", "paper_ids": "ids", "paper_frag": "frag"}  # ours -> the paper's
 
 
 class Figures:
@@ -200,7 +198,7 @@ class Figures:
 
     def paper(self, agent: str, env: str, subset: str = "all", hypotheses: int = 20) -> Figure:
         """The paper's minADE of "truth_past", "stp" or "mtp" at equal k, metres; RecordError where it has none."""
-        name = _PAPER_SUBSETS.get(subset_of(subset), "")
+        name = PAPER_SUBSETS.get(subset_of(subset), "")
         found = figures_of(env, agent, "equal", hypotheses if agent == "mtp" else 1).get(name)
         what = _named("the paper's minADE", agent, env, subset)
         if found is None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -39,8 +38,5 @@ def _text(page: Path, functions: Mapping[str, Any], leaderboard: Path) -> str:
     if template.is_file():
         return render(template, functions)
     content = read_bounded(page, _MOST_BYTES, MtpBenchError)
-    return filled(content, str(page), partial(_block, functions, leaderboard))
-
-
-def _block(functions: Mapping[str, Any], leaderboard: Path, name: str) -> str:
-    return render(leaderboard / BLOCKS / f"{name}.md{SUFFIX}", functions)
+    blocks = leaderboard / BLOCKS
+    return filled(content, str(page), lambda name: render(blocks / f"{name}.md{SUFFIX}", functions))

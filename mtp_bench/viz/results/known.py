@@ -102,7 +102,8 @@ class Known:
 
     def has(self, agents: str | Sequence[str], env_id: str) -> bool:
         """Whether there are records of an agent, or of all of several; UnknownNameError for a misspelt name."""
-        return all(self._get(agent, env_id) is not None for agent in _names(agents))
+        names = [agents] if isinstance(agents, str) else agents
+        return all(self._get(name, env_id) is not None for name in names)
 
     def present(self, agents: Sequence[str], env_id: str) -> list[str]:
         """Those of the agents that have a record."""
@@ -167,10 +168,6 @@ def subset_of(name: str) -> Subset:
     if found is None:
         raise UnknownNameError("subset", name, SUBSETS)
     return found
-
-
-def _names(agents: str | Sequence[str]) -> Sequence[str]:
-    return [agents] if isinstance(agents, str) else agents
 
 
 def _why_not_taken(each: Checked, ships: Ships) -> str | None:

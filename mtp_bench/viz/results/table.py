@@ -80,10 +80,9 @@ class Tables:
             [label(agent), *(self._cell(Column("error", subset_of(subset)), agent, env, digits) for _, env in envs)]
             for agent in agents
         ]
-        firsts = [self._known.beside(env, *agents)[0].row(subset) for _, env in envs]
-        return markdown(
-            ["agent", *(heading for heading, _ in envs)], [*rows, [_COUNTS[1][0], *map(_effective, firsts)]]
-        )
+        what, effective = _COUNTS[1]
+        counts = [effective(self._known.beside(env, *agents)[0].row(subset)) for _, env in envs]
+        return markdown(["agent", *(heading for heading, _ in envs)], [*rows, [what, *counts]])
 
     def _cell(self, column: Column, agent: str, env: str, digits: int) -> str:
         scored = self._known.of(agent, env)
@@ -140,17 +139,10 @@ def _column(text: str) -> Column:
     return Column(measure, subset_of(subset or "all"))
 
 
-def _targets(row: Row) -> str:
-    return f"{row.targets}, {row.objects}, {row.scenes}"
-
-
-def _effective(row: Row) -> str:
-    return f"{row.effective_objects:.0f}, {row.effective_units:.1f}"
-
-
 _COUNTS: tuple[tuple[str, Callable[[Row], str]], ...] = (
-    ("targets, objects, scenes", _targets), ("effective objects, units", _effective),
-)  # fmt: skip
+    ("targets, objects, scenes", lambda row: f"{row.targets}, {row.objects}, {row.scenes}"),
+    ("effective objects, units", lambda row: f"{row.effective_objects:.0f}, {row.effective_units:.1f}"),
+)
 
 
 def _counts(scored: Scored, columns: Sequence[Column], heading: str, text: Callable[[Row], str]) -> list[str]:

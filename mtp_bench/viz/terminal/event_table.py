@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ..replay import KINDS, Incident, Replay
-from .output import NOTHING, counted, number, slim_table
+from .output import NOTHING, command_line, counted, number, slim_table
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -40,22 +39,6 @@ class EventRow:
     view: str  # the command that shows it
 
 
-@dataclass(frozen=True)
-class Shown:
-    """How the run was named on the command line, to name it again."""
-
-    folder: str
-    data: str | None = None
-    env: str | None = None
-
-    def view(self, scene: str, event: str) -> str:
-        """The command that shows an event; it can be pasted into a shell."""
-        words = ["mtp-bench", "view", self.folder, "--scene", scene, "--at", event]
-        words += ["--data", self.data] if self.data is not None else []
-        words += ["--env", self.env] if self.env is not None else []
-        return shlex.join(words)
-
-
 @dataclass
 class Tally:
     """What was counted over scenes, listed or not."""
@@ -76,16 +59,21 @@ class Tally:
             self.wrong += incident.wrong
 
 
-def event_rows(replay: Replay, kinds: Sequence[str], shown: Shown) -> list[EventRow]:
-    """The events of a scene of these kinds, in the order of frames."""
-    time, classes = replay.scene.time, replay.card.task.classes
+def event_rows(
+    replay: Replay, kinds: Sequence[str], folder: str, data: str | None = None, env: str | None = None
+) -> list[EventRow]:
+    """The events of a scene of these kinds, in the order of frames.
+
+    ``folder``, ``data`` and ``env``: how the run was named on the command line, to name it again.
+    """
+    scene, time, classes = replay.scene.name, replay.scene.time, replay.card.task.classes
     return [
         EventRow(
-            scene=replay.scene.name,
+            scene=scene,
             seconds=float(time[incident.frame] - time[0]),
             class_name=classes[incident.class_id],
             incident=incident,
-            view=shown.view(replay.scene.name, incident.name),
+            view=command_line("view", folder, scene=scene, at=incident.name, data=data, env=env),
         )
         for incident in replay.incidents
         if incident.kind in kinds
@@ -111,9 +99,13 @@ def _cost(row: EventRow) -> tuple[float, float, float]:
 
 def longest_only(rows: Sequence[EventRow]) -> list[EventRow]:
     """The rows without all but the LONGEST longest runs of false forecasts of each scene."""
-    runs = sorted((row for row in rows if row.incident.kind == "spurious"), key=_length, reverse=True)
+    runs = sorted(
+        (row for row in rows if row.incident.kind == "spurious"),
+        key=lambda row: row.incident.until - row.incident.frame,
+        reverse=True,
+    )
     kept: dict[str, list[int]] = {}
-    for row in runs:
+    for row in sorted(runs, key=lambda row: row.incident.until - row.incident.frame, reverse=True):
         of_scene = kept.setdefault(row.scene, [])
         if len(of_scene) < LONGEST:
             of_scene.append(id(row))
@@ -162,10 +154,6 @@ def events_json(rows: Sequence[EventRow], tally: Tally, env_id: str, agent: str)
         "truth_complete": tally.complete,
         "events": [_record(row) for row in rows],
     }
-
-
-def _length(row: EventRow) -> int:
-    return row.incident.until - row.incident.frame
 
 
 def _cells(row: EventRow) -> tuple[str, ...]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 import textwrap
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
+
+from ...parallel import Progress
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -87,6 +90,12 @@ def show_lines(texts: Iterable[str], sign: str = "") -> None:
         show("\n".join(lines))
 
 
+def command_line(*words: str, **options: object) -> str:
+    """The command ``mtp-bench`` of these words and of the options that are not None; it can be pasted into a shell."""
+    given = [part for name, value in options.items() if value is not None for part in (f"--{name}", str(value))]
+    return shlex.join(["mtp-bench", *words, *given])
+
+
 def show_command(words: str) -> None:
     """Print a command as one line that can be pasted, however long it is."""
     _console().print(words, highlight=False, markup=False, crop=False, soft_wrap=True)
@@ -129,31 +138,19 @@ def _needed(table: Table, console: Console) -> int:
 
 
 @contextmanager
-def progress_bar(label: str) -> Iterator[tuple[Callable[[int], None], Callable[[str], None]]]:
-    """A progress bar: ``started(total)`` and ``done(scene)`` drive it; it shows on the error stream, on a terminal."""
+def progress_bar(label: str) -> Iterator[Progress]:
+    """Who drives a progress bar, which shows on the error stream, on a terminal."""
+    from rich import progress as bars
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
 
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
+    text = bars.TextColumn("{task.description}", markup=False)
+    columns = text, bars.BarColumn(), bars.MofNCompleteColumn(), bars.TimeElapsedColumn(), bars.TimeRemainingColumn()
     console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task(label, total=None)
-        yield (
-            lambda total: progress.reset(task, total=total),  # a new count of work, and of time left
-            lambda scene: progress.update(task, advance=1, description=f"{label} {scene}"),
+    with bars.Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(label, total=None)
+        yield Progress(
+            lambda total: bar.reset(task, total=total),  # a new count of work, and of time left
+            lambda scene: bar.update(task, advance=1, description=f"{label} {scene}"),
         )
 
 

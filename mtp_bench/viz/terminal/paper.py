@@ -11,8 +11,10 @@ from ..._bundle import card_ids
 from ...cards import load_card
 from ...scoring import Report
 from ...scoring.rows import Row
+from ...scoring.subsets import Subset
 
 Figures = dict[str, list[float]]  # subset -> minADE, minFDE in metres
+PAPER_SUBSETS: dict[Subset, str] = {"all": "all", "paper_ids": "ids", "paper_frag": "frag"}  # ours -> the paper's
 
 
 def paper_figures(env_id: str, row: Row) -> Figures:

@@ -13,15 +13,14 @@ from ...scoring.rank import NOT_CAUSAL
 from ...scoring.rows import Details, Interval, PairedRow, Row
 from ...scoring.subsets import SUBSETS, Subset
 from ...scoring.weights import EVENTS
-from .output import NOTHING, counted, short, slim_table
-from .paper import paper_figures, shipped_env
+from .output import NOTHING, counted, number, short, slim_table
+from .paper import PAPER_SUBSETS, paper_figures, shipped_env
 from .verdict import SAW_TRUTH
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 _EVENTS: tuple[Subset, ...] = ("ids", "reacquired", "lost", "frag")  # the first two may rank
-_PAPER: dict[Subset, str] = {"all": "all", "paper_ids": "ids", "paper_frag": "frag"}  # subset -> its name in the paper
 _POINTS = 9  # of a curve that are shown
 
 
@@ -36,7 +35,7 @@ def main_table(report: Report) -> Table:
     for rows in [block for block in blocks if block["all"].budget == "equal"] or blocks:
         first, paper = rows["all"], paper_figures(env, rows["all"])
         cells = []
-        for subset, name in _PAPER.items():
+        for subset, name in PAPER_SUBSETS.items():
             theirs = f"\n[dim]{short(paper[name][0])}/{short(paper[name][1])}[/dim]" if name in paper else ""
             cells.append(f"{short(rows[subset].minADE)}/{short(rows[subset].minFDE)}{theirs}")
         ranked = [cell for row in (first, rows["ids"]) for cell in (short(row.error), _count(row.rank))]
@@ -61,18 +60,17 @@ def notes(report: Report) -> list[str]:
     rows = next(iter(_by_setting(report)), {})
     lines = [about]
     names: dict[Subset, str] = {"all": "all", "paper_ids": "IDS", "paper_frag": "FRAG", "ids": "ids"}
-    for subset, name in names.items():
-        row = rows.get(subset)
-        if row is not None:
-            few = "" if subset != "ids" else f" ({row.effective_targets:.1f} and {row.effective_objects:.1f} effective)"
-            on = f"{counted(row.targets, 'target')} on {counted(row.objects, 'object')}{few}"
-            lines.append(f"{name}: {on} in {counted(row.scenes, 'scene')}")
-    if "all" in rows and not rows["all"].targets:
-        lines.append("! nothing is measured: no object that may be a target is there for all past and future frames")
+    for subset, name in names.items() if rows else ():
+        row = rows[subset]
+        few = "" if subset != "ids" else f" ({row.effective_targets:.1f} and {row.effective_objects:.1f} effective)"
+        on = f"{counted(row.targets, 'target')} on {counted(row.objects, 'object')}{few}"
+        lines.append(f"{name}: {on} in {counted(row.scenes, 'scene')}")
     honest = [row for row in report.rows if row.subset == "all" and row.unranked_because != SAW_TRUTH]
     seen = [detail for detail in report.details if detail.agent in {row.agent for row in honest}]
-    blind = bool(rows["all"].targets) and not any(row.coverage for row in honest) if "all" in rows else False
-    if blind and any(detail.forecasts_per_frame for detail in seen):
+    blind = not any(row.coverage for row in honest) and any(detail.forecasts_per_frame for detail in seen)
+    if rows and not rows["all"].targets:
+        lines.append("! nothing is measured: no object that may be a target is there for all past and future frames")
+    elif rows and blind:
         lines.append("! no forecast is near a target: are detections and truth in one frame of reference, in metres?")
     unfair = dict.fromkeys(row.agent for row in report.rows if row.unranked_because == NOT_CAUSAL)
     lines += [f"{agent}: never ranked, {NOT_CAUSAL}" for agent in unfair]
@@ -132,10 +130,11 @@ def _subset_table(report: Report) -> Table:
     headings = ("subset", "events", "targets", "effective", "objects", "effective", "scenes", "units")
     table = slim_table("Subsets (units: effective number of blocks of at most 20 s)", headings)
     for row in next(iter(_by_setting(report)), {}).values():
-        events = NOTHING if row.events is None else f"{row.events:.1f}"
-        effective = f"{row.effective_targets:.1f}", f"{row.effective_objects:.1f}", f"{row.effective_units:.1f}"
-        objects = str(row.objects), effective[1], str(row.scenes), effective[2]
-        table.add_row(row.subset, events, str(row.targets), effective[0], *objects)
+        targets = str(row.targets), number(row.effective_targets, 1)
+        objects = str(row.objects), number(row.effective_objects, 1)
+        table.add_row(
+            row.subset, number(row.events, 1), *targets, *objects, str(row.scenes), number(row.effective_units, 1)
+        )
     return table
 
 
@@ -168,8 +167,7 @@ def _paired_table(report: Report) -> Table:
     shown = ("all", *RANKED_SUBSETS)
     known = [row for row in report.paired if row.error is not None and row.subset in shown]
     for row in sorted(known, key=lambda row: (row.other, SUBSETS.index(row.subset))):
-        p = NOTHING if row.p is None else f"{row.p:.3f}"
-        numbers = _signed(row.error), _between(row.interval), p, _signed(row.minADE)
+        numbers = _signed(row.error), _between(row.interval), number(row.p), _signed(row.minADE)
         table.add_row(_agent(row), str(row.hypotheses), row.other, row.subset, *numbers)
     return table
 
@@ -199,8 +197,8 @@ _OTHERS: dict[str, Cell] = {
     "MR": lambda _, detail: short(detail.miss_rate),
     "PI-ADE": lambda _, detail: short(detail.PI_ADE),
     "fore-\ncasts": lambda _, detail: f"{detail.forecasts_per_frame:.1f}",
-    "\nfalse": lambda _, detail: NOTHING if detail.false_per_frame is None else f"{detail.false_per_frame:.1f}",
-    "ms per\nframe": lambda row, _: NOTHING if row.ms_per_frame is None else f"{row.ms_per_frame:.1f}",
+    "\nfalse": lambda _, detail: number(detail.false_per_frame, 1),
+    "ms per\nframe": lambda row, _: number(row.ms_per_frame, 1),
 }
 _TRACKING: dict[str, Cell] = {
     "MOTA": lambda _, detail: short(detail.tracking.all.MOTA),

@@ -4,31 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from ...running.compare import STP, TRUTH
 from ...scoring import Report
 from ...scoring.definitions import FORECASTS_PER_FRAME, RANKED_SUBSETS, SIGNIFICANT
 from ...scoring.rows import Interval, Row
 from .paper import paper_gap, shipped_env
 
 SAW_TRUTH = "saw the truth"  # of `why_unranked`
-CONTROL_DRAWS = 20  # times k samples that stp_same_budget draws from its one hypothesis
+CONTROL = "stp_same_budget"  # draws as many samples from one hypothesis as 20 hypotheses do
+CONTROL_DRAWS = 20  # times k samples
 _NO_OWN_GAP = "no share is given between its own ends: none are stated, or they do not differ significantly"
 WHERE = {"all": "over all targets", "ids": "on ids", "reacquired": "on reacquired"}
 
 
-def verdict(
-    report: Report, names: Sequence[str], stp: str = "stp", truth: str = "truth_past", control: str = "stp_same_budget"
-) -> list[str]:
+def verdict(report: Report, names: Sequence[str]) -> list[str]:
     """Sentences about a report that speak of the submissions ``names``; those whose numbers are missing are left out.
 
-    A submission with several settings is spoken of in the one with the most hypotheses, at equal k. The other arguments
-    name the ends of the gap, and the control with as many samples from one hypothesis as 20 hypotheses draw.
+    A submission with several settings is spoken of in the one with the most hypotheses, at equal k.
     """
-    speakers = [row for name in names if name not in (stp, truth) and (row := _setting(report, name)) is not None]
-    sentences = [_cost(report, stp, truth)]
+    speakers = [row for name in names if name not in (STP, TRUTH) and (row := _setting(report, name)) is not None]
+    sentences = [_cost(report)]
     for row in speakers:
-        sentences += [_against_stp(report, row, stp), _against_control(report, row, stp, control)]
-        sentences += [_gap(report, row, stp, truth)]
-    sentences += [_ranks(report), _unknown(report, stp)]
+        sentences += [_against_stp(report, row), _against_control(report, row), _gap(report, row)]
+    sentences += [_ranks(report), _unknown(report)]
     return [sentence for sentence in sentences if sentence]
 
 
@@ -46,32 +44,32 @@ def _beside(report: Report, row: Row | None, subset: str) -> Row | None:
     return next((r for r in report.rows if (r.agent, r.hypotheses, r.samples, r.budget, r.subset) == key), None)
 
 
-def _cost(report: Report, stp: str, truth: str) -> str | None:
-    real, ideal = _setting(report, stp), _setting(report, truth)
+def _cost(report: Report) -> str | None:
+    real, ideal = _setting(report, STP), _setting(report, TRUTH)
     if real is None or ideal is None or ideal.difference_to_stp is None:
         return None
     return (
-        f"From true pasts the error {WHERE['all']} is {_metres(ideal.error)}, from the tracks of {stp} "
+        f"From true pasts the error {WHERE['all']} is {_metres(ideal.error)}, from the tracks of {STP} "
         f"{_metres(real.error)} "
         f"({_difference(ideal.difference_to_stp, ideal.difference_interval, ideal.p)}): that is what tracking errors "
         f"cost. With every forecast kept (plain error): {_metres(ideal.plain_error)} and {_metres(real.plain_error)}."
     )
 
 
-def _against_stp(report: Report, row: Row, stp: str) -> str | None:
-    other = _setting(report, stp)
+def _against_stp(report: Report, row: Row) -> str | None:
+    other = _setting(report, STP)
     if row.difference_to_stp is None or other is None:
         return None
     return (
-        f"{_who(row)} against {stp} {WHERE['all']}: {_metres(row.error)} instead of {_metres(other.error)} "
+        f"{_who(row)} against {STP} {WHERE['all']}: {_metres(row.error)} instead of {_metres(other.error)} "
         f"({_difference(row.difference_to_stp, row.difference_interval, row.p)})."
     )
 
 
-def _against_control(report: Report, row: Row, stp: str, control: str) -> str | None:
+def _against_control(report: Report, row: Row) -> str | None:
     parts = []
     for subset in ("all", "ids"):
-        key = (row.agent, row.hypotheses, row.samples, row.budget, control, subset)
+        key = (row.agent, row.hypotheses, row.samples, row.budget, CONTROL, subset)
         for r in report.paired:
             if (r.agent, r.hypotheses, r.samples, r.budget, r.other, r.subset) == key and r.error is not None:
                 parts.append(f"{WHERE[subset]} {_difference(r.error, r.interval, r.p)}")
@@ -81,14 +79,14 @@ def _against_control(report: Report, row: Row, stp: str, control: str) -> str | 
     drawn = "as many samples from one hypothesis" if as_many else f"one hypothesis with {CONTROL_DRAWS} times k samples"
     # with another predictor or another number of samples than the control's the difference is not of hypotheses alone
     alike = as_many and row.gap_closed is not None and row.gap_closed == row.gap_closed_same_predictor
-    gain = f". This difference, not the one to {stp}, is the gain of hypotheses" if alike else ""
-    return f"{_who(row)} against {control}, {drawn}: {'; '.join(parts)}{gain}."
+    gain = f". This difference, not the one to {STP}, is the gain of hypotheses" if alike else ""
+    return f"{_who(row)} against {CONTROL}, {drawn}: {'; '.join(parts)}{gain}."
 
 
-def _gap(report: Report, row: Row, stp: str, truth: str) -> str | None:
+def _gap(report: Report, row: Row) -> str | None:
     """The share of the gap that is closed: between both kinds of ends, by the plain error, in the paper."""
     rows = [row, _beside(report, row, "ids")]
-    low, high = (_setting(report, name) for name in (stp, truth))
+    low, high = (_setting(report, name) for name in (STP, TRUTH))
     if low is None or high is None:
         return None
 
@@ -105,8 +103,8 @@ def _gap(report: Report, row: Row, stp: str, truth: str) -> str | None:
 
     closed = said(lambda r: r.gap_closed, lambda r: r.gap_interval)
     if not closed:
-        return f"{_who(row)}: no share of the gap is given, for {stp} is not significantly worse than true pasts."
-    parts = [f"{_who(row)} closes {closed} of the gap between {stp} and true pasts"]
+        return f"{_who(row)}: no share of the gap is given, for {STP} is not significantly worse than true pasts."
+    parts = [f"{_who(row)} closes {closed} of the gap between {STP} and true pasts"]
     own = said(lambda r: r.gap_closed_same_predictor, lambda r: r.gap_same_predictor_interval)
     parts.append(f"between ends with its own predictor and presence {own}" if own else _NO_OWN_GAP)
     parts.append(f"by the plain error {said(plain) or 'unknown'}")
@@ -135,14 +133,14 @@ def _ranks(report: Report) -> str | None:
     return ". ".join(parts) + "." if parts else None
 
 
-def _unknown(report: Report, stp: str) -> str | None:
+def _unknown(report: Report) -> str | None:
     if report.condition.get("truth", "complete") == "complete":
         return None
-    own = next((f" ({d.forecasts_per_frame:.1f})" for d in report.details if d.agent == stp), "")
+    own = next((f" ({d.forecasts_per_frame:.1f})" for d in report.details if d.agent == STP), "")
     few = ", ".join(f"{budget:g}" for budget in FORECASTS_PER_FRAME)
     return (
         "The truth holds prediction targets only, so false forecasts cannot be known: the error is taken at budgets of "
-        f"forecasts per live frame, {few} and the number of {stp}{own}, on ids and reacquired at the last alone."
+        f"forecasts per live frame, {few} and the number of {STP}{own}, on ids and reacquired at the last alone."
     )
 
 
