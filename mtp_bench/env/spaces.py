@@ -24,7 +24,6 @@ from .action import (
     LOG_WEIGHT,
     MASK,
     OFFSET,
-    PARENT,
     SIZE_LIMIT,
     Field,
 )
@@ -93,9 +92,8 @@ def _space_of(field: Field, task: Task) -> spaces.Space[Any]:
         return Box(-FORECAST_REACH, FORECAST_REACH, shape, np.float32)
     if content is CONFIDENCE:
         return Box(0.0, 1.0, shape, np.float32)
-    least = content.least
-    end = task.hypotheses if content is PARENT else len(task.classes)
-    return spaces.MultiDiscrete(np.full(shape, end - least), start=np.full(shape, least))
+    known = field.values_in(task)
+    return spaces.MultiDiscrete(np.full(shape, len(known)), start=np.full(shape, known.start))
 
 
 def _pose_bounds() -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -11,9 +11,8 @@ import pytest
 
 from mtp_bench import MtpBenchError, MTPEnv, ShapeError, Tracks, answer
 from mtp_bench.env.action import FIELDS
-from mtp_bench.env.decoding import decode
 from mtp_bench.env.spaces import action_space
-from tests.support.small_scenes import task
+from tests.support.small_scenes import decode, task
 
 TASK = task()  # N 5, O 4, H 3, K 4, T 3
 BOX = np.array([[1.0, 2, 0, 0.5, 4, 2, 1.5], [5, 6, 0, 0, 1, 1, 2]])
