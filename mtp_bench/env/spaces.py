@@ -59,15 +59,6 @@ def observation_space(task: Task) -> spaces.Dict:
     return spaces.Dict(fields)
 
 
-def action_space(task: Task) -> spaces.Dict:
-    """Space of the answer to one frame, in the frame of the observations.
-
-    A log-weight of -inf or below -1e30 means absent; ``track_class`` -1 means not stated. Every drawn row is sound,
-    unless an id occurs twice in a hypothesis or all samples of an object are absent.
-    """
-    return ActionSpace(task)
-
-
 def action_numbers(task: Task) -> int:
     """How many numbers an answer has, counted before anything of that size is made."""
     return sum(math.prod(field.shape_in(task)) for field in FIELDS)
@@ -109,11 +100,12 @@ def _boxes(rows: int, smallest: float) -> spaces.Box:
 
 
 class ActionSpace(spaces.Dict):
-    """The actions that a strict env takes under ``task``: `contains` asks the same checks.
+    """The answers to one frame that a strict env takes under ``task``: `contains` asks the same checks.
 
-    It holds more than what its fields draw: any content of rows that are not there, missing optional fields, any finite
-    angle and log-weight, boxes of any size above 0, and forecasts up to 327 m in length, of which the field is the
-    inscribed square.
+    A log-weight of -inf or below -1e30 means absent; ``track_class`` -1 means not stated. Every drawn row is sound,
+    unless an id occurs twice in a hypothesis or all samples of an object are absent. The space holds more than what its
+    fields draw: any content of rows that are not there, missing optional fields, any finite angle and log-weight, boxes
+    of any size above 0, and forecasts up to 327 m in length, of which the field is the inscribed square.
     """
 
     def __init__(self, task: Task) -> None:

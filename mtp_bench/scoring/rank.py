@@ -91,6 +91,6 @@ def ranks_by_test(sums: ArrayLike) -> list[int]:
 def ranks_among(sums: Sequence[ArrayLike], why: Sequence[str | None]) -> list[int | None]:
     """Ranks as of `ranks_by_test` among the agents that nothing keeps from one, see ``why``; None for the others."""
     ranked = [i for i, reason in enumerate(why) if reason is None]
-    ranks = ranks_by_test([sums[i] for i in ranked]) if ranked else []
+    ranks = ranks_by_test(np.asarray([sums[i] for i in ranked])) if ranked else []
     rank = dict(zip(ranked, ranks, strict=True))
     return [rank.get(i) for i in range(len(why))]

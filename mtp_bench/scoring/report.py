@@ -29,9 +29,7 @@ class Report:
     rows: list[Row]  # the keys of design.md, "compare --json"
     paired: list[PairedRow]  # differences to the controls
     details: list[Details]  # per agent
-    condition: dict[str, str] = field(
-        default_factory=dict
-    )  # source, split, detector, card digest, detections, truth, weights
+    condition: dict[str, str] = field(default_factory=dict)  # source, split, detector, card, detections, truth, weights
     tables: Sequence[AgentTable] = ()  # what the rows are made of, per agent
 
     def to_json(self, *further: str) -> dict[str, Any]:
@@ -213,15 +211,11 @@ def _effective_objects(table: AgentTable, subset: Subset) -> float:
 
 def _gap(table: AgentTable, subset: Subset, ends: _EndTables | None) -> Gap | None:
     """What an agent closes of the gap; None at another k than the ends have, or without them."""
-    if (
-        ends is None
-        or ends.stp is None
-        or ends.truth is None
-        or len({t.setting.samples for t in (table, ends.stp, ends.truth)}) > 1
-    ):
+    stp, truth = ends or (None, None)
+    if stp is None or truth is None or len({each.setting.samples for each in (table, stp, truth)}) > 1:
         return None
-    error, stp, truth = (each.errors(subset) for each in (table, ends.stp, ends.truth))
-    return gap_closed(error, stp, truth, table.unit_weight(table.weight[subset]))
+    error, high, low = (each.errors(subset) for each in (table, stp, truth))
+    return gap_closed(error, high, low, table.unit_weight(table.weight[subset]))
 
 
 def _with_ranks(
