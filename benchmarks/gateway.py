@@ -20,7 +20,7 @@ from typing import Any
 
 from mtp_bench import load_card, load_submission
 from mtp_bench.env.environment import MTPEnv, _task
-from mtp_bench.env.spaces import action_space, observation_space
+from mtp_bench.env.spaces import ActionSpace, observation_space
 from mtp_bench.gateway import Limits, run_isolated
 from mtp_bench.gateway.exchange import Exchange, answer_bytes
 from mtp_bench.gateway.image import image_of
@@ -54,7 +54,7 @@ def measured(env_id: str, frames: int) -> dict[str, float]:
     card = load_card(env_id)
     sizes = {"samples": card.task.samples, **sizes_of(card)}
     task = _task(card, "detections", sizes)
-    space, observation = action_space(task), observation_space(task).sample()
+    space, observation = ActionSpace(task), observation_space(task).sample()
     shapes = {name: (part.shape, str(part.dtype)) for name, part in space.spaces.items()}
     limits = Limits()
     with tempfile.TemporaryDirectory() as name:

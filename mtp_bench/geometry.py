@@ -28,11 +28,8 @@ def wrap_angle(angle: ArrayLike) -> Floats:
 
 def bev_corners(box: Floats) -> Floats:
     """Corners of boxes ``[..., 7]`` in BEV ``[..., 4, 2]``: front left, rear left, rear right, front right."""
-    cos, sin = np.cos(box[..., 3, None]), np.sin(box[..., 3, None])
-    along, across = box[..., 4, None] * _ALONG, box[..., 5, None] * _ACROSS
-    x = box[..., 0, None] + cos * along - sin * across
-    y = box[..., 1, None] + sin * along + cos * across
-    return np.stack([x, y], axis=-1)
+    cos, sin = np.cos(box[..., 3]), np.sin(box[..., 3])
+    return np.stack(_corners_at(box[..., 0], box[..., 1], cos, sin, box[..., 4], box[..., 5]), axis=-1)
 
 
 def rotate(vector: Floats, yaw: Floats | float) -> Floats:

@@ -6,20 +6,10 @@ import difflib
 from collections.abc import Iterable
 
 _VEHICLES = "car van truck bus trailer construction_vehicle tram vehicle forklift tractor cart minibus box_truck"
+_TWO_WHEELS = "bicycle cyclist motorcycle scooter rider bike motorbike tricycle bicyclist motorcyclist"
 _ALIKE = (  # the first of a row that is known stands for the others
     (*_VEHICLES.split(), "large_vehicle", "emergency_vehicle"),
-    (
-        "bicycle",
-        "cyclist",
-        "motorcycle",
-        "scooter",
-        "rider",
-        "bike",
-        "motorbike",
-        "tricycle",
-        "bicyclist",
-        "motorcyclist",
-    ),
+    _TWO_WHEELS.split(),
     ("pedestrian", "person", "worker", "child", "adult", "people"),
 )
 

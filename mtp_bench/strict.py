@@ -154,14 +154,15 @@ def require_part(model: type[Section], content: dict[str, Any], where: str, erro
 def _explain(errors: Sequence[ErrorDetails], model: type[BaseModel]) -> str:
     # A misspelt required key is both missing and unknown: the unknown one tells what to do.
     first = min(errors, key=lambda detail: detail["type"] != "extra_forbidden")
-    where, _ = _follow(model, first["loc"])
+    where, annotation = _follow(model, first["loc"])
     if first["type"] == "extra_forbidden":
-        known = _follow(model, first["loc"][:-1])[1]
+        section = _only_section(_follow(model, first["loc"][:-1])[1])
+        known = section.model_fields if _is_section(section) else ()
         return f"unknown key {where!r}{nearest(str(first['loc'][-1]), known)}"
     if first["type"] == "missing":
         return f"key {where!r} is missing"
     if first["type"].startswith("union_tag"):
-        tags = [tag for member in get_args(_annotation(model, first["loc"])) for tag in _tags(member)[:-1]]
+        tags = [tag for member in get_args(annotation) for tag in _tags(member)[:-1]]
         return f"{where}.name: got {_tag(first['input'])!r}, expected one of {', '.join(map(repr, tags))}"
     expected = (
         "expected a table"
@@ -171,8 +172,8 @@ def _explain(errors: Sequence[ErrorDetails], model: type[BaseModel]) -> str:
     return f"{where}: got {_short(first['input'])}: {expected.removeprefix('Value error, ')}"
 
 
-def _follow(model: type[BaseModel], loc: tuple[int | str, ...]) -> tuple[str, list[str]]:
-    """``loc`` as the user wrote it, without the tags of unions; and the keys that the section there knows."""
+def _follow(model: type[BaseModel], loc: tuple[int | str, ...]) -> tuple[str, Any]:
+    """``loc`` as the user wrote it, without the tags of unions; and the annotation of what belongs there."""
     path: list[str] = []
     at: Any = model
     for part in loc:
@@ -186,14 +187,7 @@ def _follow(model: type[BaseModel], loc: tuple[int | str, ...]) -> tuple[str, li
             at = None if field is None else field.annotation
         elif get_origin(at) is dict:
             at = get_args(at)[1]
-    at = _only_section(at)
-    return clean_text(".".join(path), _MOST_SHOWN), list(at.model_fields) if _is_section(at) else []
-
-
-def _annotation(model: type[BaseModel], loc: tuple[int | str, ...]) -> Any:
-    for part in loc[:-1]:
-        model = _only_section(model.model_fields[str(part)].annotation)
-    return model.model_fields[str(loc[-1])].annotation
+    return clean_text(".".join(path), _MOST_SHOWN), at
 
 
 def _only_section(annotation: Any) -> Any:

@@ -40,9 +40,7 @@ class Tracks:
     last_score: Floats | None = None  # [N] of the last detection that the track took
     hits: Ints | None = None  # [N] detections that the track took
     age: Ints | None = None  # [N] frames since its first detection, this one included
-    past_detection: Ints | None = (
-        None  # [N, P] row of the detection taken, in the observation of that frame; -1: none, UNBORN
-    )
+    past_detection: Ints | None = None  # [N, P] detection taken, its row in that frame's observation; -1: none, UNBORN
     covariance: Floats | None = None  # [N, 2, 2] of position (m) and velocity (m/frame), per axis, as the filter says
     affinity: Affinity | None = None
 

@@ -72,6 +72,10 @@ class Field:
         kinds = dict.fromkeys(_KIND_NAMES[kind] for kind in self.content.kinds)
         return f"an array of shape {self.shape_in(task)} and {' or '.join(kinds)} dtype"
 
+    def values_in(self, task: Task) -> range:
+        """The values under ``task`` of a field of classes or of parents."""
+        return range(self.content.least, task.hypotheses if self.content is PARENT else len(task.classes))
+
     def expected_in(self, task: Task) -> str:
         """In words, which entries are expected under ``task``."""
         expected = self.content.expected.replace("C - 1", str(len(task.classes) - 1))

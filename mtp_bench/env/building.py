@@ -78,32 +78,21 @@ def answer(
         if tracks is not None:
             raise ShapeError("ids and tracks are both given, expected one of them: tracks has ids of its own")
         tracks = Tracks.of_one_hypothesis(_array("ids", ids, "iu", (objects,)), box, class_id)
-    values = _object_fields(task, box, class_id, sure, future, weight)
+    stated = {
+        "object_box": box,
+        "object_class": class_id,
+        "object_valid": np.ones(objects),
+        "object_confidence": sure,
+        "forecast": future,
+        "forecast_log_weight": weight,
+    }
+    values = {name: array[: task.objects] for name, array in stated.items()}
     if tracks is not None:
         values |= _track_fields(task, tracks)
     action = {name: field.filled(task, values.get(name)) for name, field in FIELD.items()}
     if checked:
         _check(action, task)
     return action
-
-
-def _object_fields(
-    task: Task,
-    box: NDArray[Any],
-    class_id: NDArray[Any],
-    confidence: NDArray[Any],
-    future: NDArray[Any],
-    weight: NDArray[Any],
-) -> dict[str, NDArray[Any]]:
-    fit = min(len(box), task.objects)
-    return {
-        "object_box": box[:fit],
-        "object_class": class_id[:fit],
-        "object_valid": np.ones(fit),
-        "object_confidence": confidence[:fit],
-        "forecast": future[:fit],
-        "forecast_log_weight": weight[:fit],
-    }
 
 
 def _track_fields(task: Task, tracks: Tracks) -> dict[str, NDArray[Any]]:

@@ -14,17 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import closest
 from ..types import ABSENT_BELOW, ID_LIMIT, Bools, Floats, Ints, Task
-from .action import (
-    COORDINATE_LIMIT,
-    FIELD,
-    FIELDS,
-    FORECAST_LIMIT,
-    MASK,
-    ROWS,
-    SIZE_LIMIT,
-    Field,
-    Rows,
-)
+from .action import COORDINATE_LIMIT, FIELD, FIELDS, FORECAST_LIMIT, MASK, ROWS, SIZE_LIMIT, Field, Rows
 from .problems import Problem, rows_problem
 
 Arrays = dict[str, NDArray[Any]]
@@ -152,12 +142,9 @@ def _no_id(values: Arrays, name: str, task: Task) -> Bools:
     return np.asarray((values[name] < 0) | (values[name] > ID_LIMIT))
 
 
-def _no_class(values: Arrays, name: str, task: Task) -> Bools:
-    return np.asarray((values[name] < FIELD[name].content.least) | (values[name] >= len(task.classes)))
-
-
-def _no_parent(values: Arrays, name: str, task: Task) -> Bools:
-    return np.asarray((values[name] < FIELD[name].content.least) | (values[name] >= task.hypotheses))
+def _unknown(values: Arrays, name: str, task: Task) -> Bools:
+    known = FIELD[name].values_in(task)
+    return np.asarray((values[name] < known.start) | (values[name] >= known.stop))
 
 
 def _no_probability(values: Arrays, name: str, task: Task) -> Bools:
@@ -198,12 +185,12 @@ _CHECKS = (
     _Check("track_box", "not finite", _not_finite),
     _Check("track_box", "out of range", _out_of_range),
     _Check("track_id", "out of range", _no_id),
-    _Check("track_class", "unknown", _no_class),
+    _Check("track_class", "unknown", _unknown),
     _Check("hypothesis_log_weight", "NaN or +inf", _no_log_weight),
-    _Check("hypothesis_parent", "unknown", _no_parent, "-1 where it is not known"),
+    _Check("hypothesis_parent", "unknown", _unknown, "-1 where it is not known"),
     _Check("object_box", "not finite", _not_finite),
     _Check("object_box", "out of range", _out_of_range, _PADDING),
-    _Check("object_class", "unknown", _no_class, _PADDING),
+    _Check("object_class", "unknown", _unknown, _PADDING),
     _Check(
         "object_confidence", "no probability", _no_probability,
         "state how likely it is that the object is there, not the detector's score as it is",

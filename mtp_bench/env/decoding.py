@@ -12,7 +12,7 @@ import numpy as np
 from ..geometry import rotate
 from ..types import Bools, Floats, Ints, Task, to_centimetres
 from .action import ROWS
-from .checks import Examined, examine, present
+from .checks import Examined, present
 from .observation import LocalFrame
 
 FAINTEST = -1000.0  # a normalised log-weight; exp of it is 0 already
@@ -40,18 +40,13 @@ class Answer:
     malformed: Ints  # [C + 1] objects taken out by class, see `_malformed`
 
 
-def decode(action: object, task: Task, frame: LocalFrame | None = None, detected: Ints | None = None) -> Answer:
-    """The sound part of ``action`` in the scene's frame of reference, with the number of rows that were taken out.
+def answer_of(examined: Examined, task: Task, frame: LocalFrame | None = None, detected: Ints | None = None) -> Answer:
+    """The sound part of an action in the scene's frame of reference, with the number of rows that were taken out.
 
     ``frame`` is that of the observations; without one, coordinates stay as they are. ``detected`` [C]: detections of
     each class in the frame that is answered. Never raises. All arrays are copies: an agent may go on writing into its
     own.
     """
-    return answer_of(examine(action, task), task, frame, detected)
-
-
-def answer_of(examined: Examined, task: Task, frame: LocalFrame | None = None, detected: Ints | None = None) -> Answer:
-    """The sound part of an action that was examined; see `decode`."""
     arrays, sound = examined.arrays, examined.sound
     member = (arrays["hypothesis_member"] != 0) & sound["hypotheses"][:, None] & sound["tracks"]
     used, there = member.any(axis=0), sound["objects"]

@@ -29,7 +29,7 @@ from .decoding import Answer, answer_of
 from .live import LiveEpisode, live_episode
 from .observation import Feed, LocalFrame, make_feed
 from .rollouts import assemble
-from .spaces import action_numbers, action_space, observation_numbers, observation_space
+from .spaces import ActionSpace, action_numbers, observation_numbers, observation_space
 from .teaching import Teacher
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             self._source = with_tracks(self._source, self.card, data, given["track_file"])
         self.scene_names = choose(tuple(self._source.names), given["scenes"] if own is None else None)
         self.observation_space = cast("gymnasium.Space[Observation]", observation_space(self.task))
-        self.action_space = cast("gymnasium.Space[Action]", action_space(self.task))
+        self.action_space = cast("gymnasium.Space[Action]", ActionSpace(self.task))
         self._episode: _Episode | None = None
         self.metadata = {**type(self).metadata, "render_fps": max(1, round(self.card.task.rate))}
         self._live: LiveEpisode | None = None

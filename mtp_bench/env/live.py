@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..cards import Card
-from ..types import Detections, Ints, Rollout, Scene, Truth
+from ..types import Detections, Ints, Rollout, Scene
 from .decoding import Answer
 from .observation import Feed, LocalFrame
 from .rollouts import assemble
@@ -52,10 +52,6 @@ def live_episode(
     )
     shown = replace(scene, detections=seen)
     if evaluation:
-        shown = replace(shown, truth=_no_truth(scene.frames), visible=None)
+        nobody = np.zeros(len(scene.truth.box), dtype=bool)
+        shown = replace(shown, truth=scene.truth.those(nobody), visible=None)
     return LiveEpisode(card, shown, not evaluation, answers, feed.dropped)
-
-
-def _no_truth(frames: int) -> Truth:
-    none, nobody = np.zeros(0, dtype=bool), np.zeros(0, dtype=np.int64)
-    return Truth(np.zeros(frames + 1, dtype=np.int64), np.zeros((0, 7)), np.zeros((0, 2)), nobody, nobody, none, none)

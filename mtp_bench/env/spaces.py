@@ -24,7 +24,6 @@ from .action import (
     LOG_WEIGHT,
     MASK,
     OFFSET,
-    PARENT,
     SIZE_LIMIT,
     Field,
 )
@@ -60,15 +59,6 @@ def observation_space(task: Task) -> spaces.Dict:
     return spaces.Dict(fields)
 
 
-def action_space(task: Task) -> spaces.Dict:
-    """Space of the answer to one frame, in the frame of the observations.
-
-    A log-weight of -inf or below -1e30 means absent; ``track_class`` -1 means not stated. Every drawn row is sound,
-    unless an id occurs twice in a hypothesis or all samples of an object are absent.
-    """
-    return ActionSpace(task)
-
-
 def action_numbers(task: Task) -> int:
     """How many numbers an answer has, counted before anything of that size is made."""
     return sum(math.prod(field.shape_in(task)) for field in FIELDS)
@@ -93,9 +83,8 @@ def _space_of(field: Field, task: Task) -> spaces.Space[Any]:
         return Box(-FORECAST_REACH, FORECAST_REACH, shape, np.float32)
     if content is CONFIDENCE:
         return Box(0.0, 1.0, shape, np.float32)
-    least = content.least
-    end = task.hypotheses if content is PARENT else len(task.classes)
-    return spaces.MultiDiscrete(np.full(shape, end - least), start=np.full(shape, least))
+    known = field.values_in(task)
+    return spaces.MultiDiscrete(np.full(shape, len(known)), start=np.full(shape, known.start))
 
 
 def _pose_bounds() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -111,11 +100,12 @@ def _boxes(rows: int, smallest: float) -> spaces.Box:
 
 
 class ActionSpace(spaces.Dict):
-    """The actions that a strict env takes under ``task``: `contains` asks the same checks.
+    """The answers to one frame that a strict env takes under ``task``: `contains` asks the same checks.
 
-    It holds more than what its fields draw: any content of rows that are not there, missing optional fields, any finite
-    angle and log-weight, boxes of any size above 0, and forecasts up to 327 m in length, of which the field is the
-    inscribed square.
+    A log-weight of -inf or below -1e30 means absent; ``track_class`` -1 means not stated. Every drawn row is sound,
+    unless an id occurs twice in a hypothesis or all samples of an object are absent. The space holds more than what its
+    fields draw: any content of rows that are not there, missing optional fields, any finite angle and log-weight, boxes
+    of any size above 0, and forecasts up to 327 m in length, of which the field is the inscribed square.
     """
 
     def __init__(self, task: Task) -> None:

@@ -35,11 +35,11 @@ class Group:
 
     def exceeded(self) -> bool:
         """Whether the system ended a process because all together held too much memory."""
-        for name, key in (("memory.events", "oom_kill"), ("memory.oom_control", "oom_kill")):
+        for name in ("memory.events", "memory.oom_control"):
             for folder in self.folders:
                 with suppress(OSError, ValueError, StopIteration):
                     lines = (folder / name).read_text().splitlines()
-                    if int(next(line.split()[1] for line in lines if line.split()[:1] == [key])):
+                    if int(next(line.split()[1] for line in lines if line.split()[:1] == ["oom_kill"])):
                         return True
         return False
 

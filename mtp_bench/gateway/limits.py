@@ -7,6 +7,7 @@ from typing import Literal
 
 from ..types import Rollout
 
+Mechanism = Literal["bubblewrap", "namespaces", "none"]
 PATIENCE = 10  # late answers in a row after which an agent counts as hung
 
 
@@ -29,7 +30,7 @@ class Limits:
 class Isolation:
     """What held an agent: see ``SECURITY.md``."""
 
-    mechanism: Literal["bubblewrap", "namespaces", "none"] = "none"  # who shut it in
+    mechanism: Mechanism = "none"  # who shut it in
     memory: Literal["cgroup", "watch"] = "watch"  # who bounds the memory of all its processes together
 
     @property

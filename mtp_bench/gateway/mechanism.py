@@ -12,13 +12,12 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Literal
 
 from ..errors import SubmissionError
 from .filter import system_call_filter
 from .layout import TEMPORARY, Layout, bare_layout, environment, python
+from .limits import Mechanism
 
-Mechanism = Literal["bubblewrap", "namespaces", "none"]
 _UID = 1000  # of the agent, inside
 _TRY = 30.0  # s
 

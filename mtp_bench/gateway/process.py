@@ -22,8 +22,8 @@ from .family import children, descendants, end, files_below, hide_memory, mapped
 from .filter import system_call_filter
 from .image import Image
 from .layout import KERNELS, SUBMISSION, TEMPORARY, Layout, environment, library, packages, python
-from .limits import Isolation, Limits
-from .mechanism import Mechanism, command
+from .limits import Isolation, Limits, Mechanism
+from .mechanism import command
 from .stems import Stem, StemError, give_up, stem_of, uproot
 from .wire import Arrays, header_of
 
@@ -52,10 +52,10 @@ class Cell:
 class AgentProcess:
     """A process that holds one agent. Use it in a ``with`` statement: at the end nothing of it is left."""
 
-    def __init__(self, limits: Limits, cell: Cell, most: int | None = None) -> None:
+    def __init__(self, limits: Limits, cell: Cell, most: int) -> None:
         self._peak = 0
         self._limits, self._cell = limits, cell
-        self._most = limits.answer if most is None else most  # bytes of the body of a message
+        self._most = most  # bytes of the body of a message
         self._watched = time.monotonic()
         self._answered = False  # once it has, it runs in its own root
         self._process: subprocess.Popen[bytes] | None = None  # that was started for it; None: it is a fork of a stem

@@ -22,8 +22,8 @@ from ..submission.loader import load_submission
 from .exchange import Exchange, answer_bytes
 from .image import image_of
 from .layout import compile_kernels, layout_for
-from .limits import Limits, SceneRun
-from .mechanism import Mechanism, mechanism
+from .limits import Limits, Mechanism, SceneRun
+from .mechanism import mechanism
 from .process import AgentProcess, Cell
 
 

@@ -137,11 +137,9 @@ def _close_all_but(*kept: int) -> None:
 
 
 def _forget_the_ended() -> None:
-    try:
+    with suppress(ChildProcessError):
         while os.waitpid(-1, os.WNOHANG)[0]:
             pass
-    except ChildProcessError:
-        return
 
 
 def _part(name: str) -> Any:

@@ -6,6 +6,7 @@ Per thread, since what bubblewrap made ends with the thread that started it, and
 from __future__ import annotations
 
 import atexit
+import base64
 import json
 import os
 import signal
@@ -79,7 +80,8 @@ class Stem:
         control groups. ``space``: bytes of its temporary folder. It reads the first order before it does anything for
         the agent. Raises StemError.
         """
-        order = {"private": {TEMPORARY: space}, "masked": self._layout.masked, "work": TEMPORARY, "filter": _rules()}
+        rules = base64.b64encode(system_call_filter() or b"").decode()
+        order = {"private": {TEMPORARY: space}, "masked": self._layout.masked, "work": TEMPORARY, "filter": rules}
         try:
             socket.send_fds(self._door, [json.dumps(order).encode()], list(descriptors))
         except OSError as error:
@@ -129,7 +131,7 @@ def stem_of(layout: Layout) -> Stem | None:
 def can_stem(layout: Layout) -> bool:
     """Whether forks can have a temporary folder of their own: what is shown must not lie below it."""
     below = any(there.startswith(f"{TEMPORARY}/") for _, there in layout.shown)
-    return layout not in _refused and not below and _rules() != ""
+    return layout not in _refused and not below and system_call_filter() is not None
 
 
 def uproot() -> None:
@@ -157,9 +159,3 @@ def _forget_the_dead() -> None:
 def _uproot_all() -> None:
     for stem in list(_planted.values()):
         stem.close()
-
-
-def _rules() -> str:
-    import base64
-
-    return base64.b64encode(system_call_filter() or b"").decode()

@@ -7,7 +7,6 @@ and digests of all that was run. A statement of another record, or of an earlier
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
@@ -16,13 +15,11 @@ from pydantic import Field
 
 from ..errors import MtpBenchError, RecordError
 from ..files import write_text
-from ..scoring.rows import Count, Row
-from ..scoring.subsets import Subset
 from ..strict import Section, validate
-from .bounds import out_of_bounds
+from .bounds import out_of_bounds, refuse
 from .canonical import Date, Sha256, canonical
 from .consistency import sums_that_do_not_fit
-from .record import MOST_NAME, Difference, Mechanism, Record, UnitSums, unequal
+from .record import MOST_NAME, HiddenPart, Mechanism, Record, unequal
 from .signing import MOST_SIGNATURE, SIGNER_PATTERN, sign, why_not_signed
 from .storage import LEVEL_SUFFIX, read_table
 from .trust import ListedSeal, Trust
@@ -32,35 +29,6 @@ LEVELS: tuple[Level, ...] = get_args(Level)  # from the weakest on, each include
 UNTRUSTED = "not signed by a trusted key"
 _Reached = Literal["re-scored", "re-run", "hidden"]
 _Text = Annotated[str, Field(max_length=MOST_NAME)]
-
-
-class HiddenPart(Section):
-    """What was scored on scenes of secret seeds, without their names: a name tells the seed."""
-
-    commitment: Sha256  # of the secret
-    weights: Sha256  # hash of their event weights, which are made once per seal
-    scenes: Count
-    rows: list[Row]  # one per subset
-    silence: float | None  # m, what an agent that says nothing scores there
-    weight: UnitSums  # [units] of the targets, over all scenes, in an order that the salt of the seal draws
-    error: UnitSums  # [units] m, weighted, at the budgets of all hidden scenes, mean over seeds
-
-    @property
-    def row(self) -> Row:
-        """The row of the subset "all"."""
-        return self.row_of("all")
-
-    def row_of(self, subset: Subset) -> Row:
-        """The row of one subset."""
-        return next(row for row in self.rows if row.subset == subset)
-
-    def unit_weight(self, subset: Subset) -> list[float]:
-        """Weight of the targets of each unit."""
-        return self.weight.get(subset, [])
-
-    def unit_error(self, subset: Subset) -> list[float]:
-        """What ranks, times the weight, summed over the targets of each unit, m."""
-        return self.error.get(subset, [])
 
 
 class Statement(Section):
@@ -193,24 +161,18 @@ def _checked(file: Path, record: Record, trust: Trust) -> SignedLevel:
     if file.is_symlink() or not file.is_file():
         raise RecordError(f"{file.name}: {UNTRUSTED}: it is no file of its own")
     content = read_table(file, "no such level")
-    problem = next(out_of_bounds(content), None)
-    if problem is not None:
-        raise RecordError(f"{file.name}: {problem}")
+    refuse(out_of_bounds(content), file.name)
     signed = validate(Attestation, content, file.name, RecordError)
     why = why_not_signed(canonical(content["statement"]), signed.signature, signed.signer, trust)
     if why:
         raise RecordError(f"{file.name}: {UNTRUSTED}: {why}")
-    other = next(_other_record(signed.statement, record), None)
+    known = bound_to(record)
+    other = next(unequal("", signed.statement.model_dump(mode="json", include=set(known)), known), None)
     if other is not None:
         raise RecordError(
             f"{file.name}: of another record: {other.what} is {other.recorded!r}, the record has {other.found!r}"
         )
     return SignedLevel(signed.statement, signed.signer, _seal_of(file, signed.statement, trust))
-
-
-def _other_record(statement: Statement, record: Record) -> Iterator[Difference]:
-    known = bound_to(record)
-    return unequal("", statement.model_dump(mode="json", include=set(known)), known)
 
 
 def _seal_of(file: Path, statement: Statement, trust: Trust) -> ListedSeal | None:
@@ -228,7 +190,5 @@ def _seal_of(file: Path, statement: Statement, trust: Trust) -> ListedSeal | Non
             f"{file.name}: has {hidden.scenes} hidden scenes of {statement.env} with card {statement.card}; its seal "
             f"{listed.name!r} is of {listed.count} of {listed.env} with card {listed.card_digest}"
         )
-    problem = next(sums_that_do_not_fit(hidden, float("inf")), None)
-    if problem is not None:
-        raise RecordError(f"{file.name}: hidden scenes: {problem}")
+    refuse(sums_that_do_not_fit(hidden, float("inf")), f"{file.name}: hidden scenes")
     return listed

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from ..errors import RecordError
 from ..files import unseen
 from .record import MOST_TEXT
 
@@ -34,6 +35,12 @@ def out_of_bounds(content: Any, where: str = "", depth: int = 0) -> Iterator[str
         yield f"{where} is {content}, expected a finite number"
     elif isinstance(content, int) and abs(content) > _LARGEST:
         yield f"{where} is a number of {len(str(abs(content)))} digits, expected at most {_LARGEST}"
+
+
+def refuse(problems: Iterator[str], where: str) -> None:
+    """Raise RecordError for the first problem of what was read ``where``; nothing happens where there is none."""
+    for problem in problems:
+        raise RecordError(f"{where}: {problem}")
 
 
 def _text(text: str, where: str) -> Iterator[str]:

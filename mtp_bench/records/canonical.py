@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import hashlib
 import json
 from typing import Annotated, Any
@@ -21,3 +22,8 @@ def canonical(content: Any) -> bytes:
 def digest_of(content: Any) -> str:
     """Hex sha256 of the canonical JSON. Raises ValueError for what JSON has not."""
     return hashlib.sha256(canonical(content)).hexdigest()
+
+
+def today() -> str:
+    """The date, UTC."""
+    return datetime.datetime.now(datetime.UTC).date().isoformat()

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Protocol
 
 from ..scoring.rows import Row
 from ..scoring.statistics import bootstrap_interval, effective_number, ratio
-from ..scoring.subsets import SUBSETS, Subset
+from ..scoring.subsets import SUBSETS
 from .bounds import MOST_DETAILS, MOST_UNITS
 from .canonical import canonical
 from .evaluation import status_of
-from .record import Record, ScenePart, key_of
+from .record import HiddenPart, Record, ScenePart, key_of
 from .shipped import shipped
 
 _CLOSE = 1e-6  # share of a number by which one that follows may differ: other machines sum in another order
@@ -22,27 +21,6 @@ _BESIDE_OTHERS = (  # known only beside other agents, or measured
 )  # fmt: skip
 _ERRORS = ("error", "localisation", "missed", "error_by_score", "plain_error")  # m, none above a miss
 _LENGTHS = (*_ERRORS, "minADE", "minFDE", "fixed_error")
-
-
-class Sums(Protocol):
-    """Rows, and the sums per unit that they follow from: those of a record, or of hidden scenes."""
-
-    @property
-    def rows(self) -> list[Row]:
-        """One per subset."""
-        ...
-
-    def row_of(self, subset: Subset) -> Row:
-        """The row of one subset."""
-        ...
-
-    def unit_weight(self, subset: Subset) -> list[float]:
-        """Weight of the targets of each unit."""
-        ...
-
-    def unit_error(self, subset: Subset) -> list[float]:
-        """What ranks, times the weight, summed over the targets of each unit, m."""
-        ...
 
 
 def inconsistencies(record: Record) -> Iterator[str]:
@@ -64,7 +42,7 @@ def inconsistencies(record: Record) -> Iterator[str]:
         yield f"details take {len(canonical(record.details))} bytes, expected at most {MOST_DETAILS}"
 
 
-def sums_that_do_not_fit(sums: Sums, most: float) -> Iterator[str]:
+def sums_that_do_not_fit(sums: Record | HiddenPart, most: float) -> Iterator[str]:
     """What in rows does not follow from the sums of their units, and sums that no agent can have."""
     subsets = [row.subset for row in sums.rows]
     if subsets != list(SUBSETS):
@@ -123,10 +101,11 @@ def _of_setting(row: Row, record: Record) -> Iterator[str]:
 
 def _of_row(row: Row, weight: Sequence[float], error: Sequence[float], targets: int, most: float) -> Iterator[str]:
     where, total = f"row {row.subset!r}", sum(weight)
+    interval = bootstrap_interval(error, weight) or (None, None)
     for name, said, found in (
         ("error", row.error, ratio(sum(error), total)),
         ("effective_units", row.effective_units, effective_number(weight)),
-        *zip(("interval from", "interval to"), row.interval or (None, None), _interval(weight, error), strict=True),
+        *zip(("interval from", "interval to"), row.interval or (None, None), interval, strict=True),
         ("localisation + missed", row.error, _plus(row.localisation, row.missed)),
     ):
         if not _close(said, found):
@@ -150,10 +129,6 @@ def _of_row(row: Row, weight: Sequence[float], error: Sequence[float], targets: 
     known = [name for name in _BESIDE_OTHERS if getattr(row, name) is not None]
     if known:
         yield f"{where}: {known[0]} is {getattr(row, known[0])}, expected null: no record can know it alone"
-
-
-def _interval(weight: Sequence[float], error: Sequence[float]) -> tuple[float | None, float | None]:
-    return bootstrap_interval(error, weight) or (None, None)
 
 
 def _plus(one: float | None, other: float | None) -> float | None:

@@ -14,8 +14,7 @@ from ..gateway import Limits
 from ..parallel import Progress
 from ..scoring.subsets import SUBSETS
 from ..sources import discard, keep_private, open_source
-from .attestation import HiddenPart
-from .record import Record
+from .record import HiddenPart, Record
 from .rerun import require_whole, run_again, why_not_isolated
 from .running import Plan, evaluate_plan, isolation
 from .seal import Sealed
@@ -42,7 +41,7 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed, limits: Limits, ends:
     names, options = sealed.shuffled(open_source(hidden).names), replace(plan.options, data=None, progress=progress)
     there = replace(plan, env=hidden, card=hidden, scenes=names, scenes_of_split=len(names), options=options)
     runs = run_again(there, list(sealed.run_seeds(record.seeds).values()), limits)
-    why = why_not_isolated(record, [isolation(runs)])
+    why = why_not_isolated(record, isolation(runs))
     if why:
         raise RecordError(f"hidden scenes would not stay hidden: {why}; run it on Linux with user namespaces")
     require_whole(runs, plan.submission.name, "of hidden scenes")

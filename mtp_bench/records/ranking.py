@@ -10,12 +10,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from .._bundle import baseline_names
-from ..scoring.rank import guard, ranks_by_test, why_not_on
+from ..scoring.rank import guard, ranks_among, why_not_on
 from ..scoring.statistics import PairedDifference, gap_closed, paired_difference
 from ..scoring.subsets import SUBSETS, Subset
-from .attestation import LEVELS, Checked, HiddenPart, SignedLevel
+from .attestation import LEVELS, Checked, SignedLevel
 from .eligibility import Ships, taken_names, why_not_comparable, why_not_genuine, why_unranked
-from .record import Record, SubmissionPart
+from .record import HiddenPart, Record, SubmissionPart
 from .shipped import baseline_networks, shipped
 
 STP, TRUTH = "stp", "truth_past"
@@ -97,9 +97,7 @@ def _of_env(records: Sequence[Record], levels: Mapping[str, SignedLevel], ships:
             groups.setdefault((entrant.record.division, conditions(entrant.sums)), []).append(entrant)
     closed = [entrant for entrant in entrants if entrant.why is None and entrant.record.division == "closed"]
     anchored = {conditions(entrant.sums) for entrant in closed if entrant.named == STP}
-    leading = [
-        entrant for entrant in closed if conditions(entrant.sums) in anchored
-    ] or closed  # a seal that STP is not on yet
+    leading = [each for each in closed if conditions(each.sums) in anchored] or closed  # a seal that STP is not on yet
     main = None if not leading else conditions(max(leading, key=_anchors).sums)
     beside = [each for each in entrants if each.apart is None and main is not None and conditions(each.sums) == main]
     places = {entrant.record.digest: _nowhere(entrant.why or "") for entrant in entrants}
@@ -154,11 +152,9 @@ def _places(group: Sequence[_Entrant], beside: Sequence[_Entrant]) -> list[dict[
             nobody or (None if subset == "all" else _guarded(each.row.error, *limit))
             for each, limit in zip(sums, limits, strict=True)
         ]
-        ranked = [i for i, reason in enumerate(why) if reason is None]
-        ranks = ranks_by_test([sums[i].unit_error(subset) for i in ranked]) if ranked else []
-        rank = dict(zip(ranked, ranks, strict=True))
-        for i, reason in enumerate(why):
-            places[i][subset] = Place(rank.get(i), reason or "")
+        ranks = ranks_among([each.unit_error(subset) for each in sums], why)
+        for place, rank, reason in zip(places, ranks, why, strict=True):
+            place[subset] = Place(rank, reason or "")
     return places
 
 

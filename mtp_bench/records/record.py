@@ -1,4 +1,4 @@
-"""The schema of a record, and in what two contents of it differ."""
+"""The schema of a record and of what hidden scenes add to it, and in what two contents of them differ."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..scoring.statistics import ratio
 from ..scoring.subsets import Subset
 from ..strict import Section
 from ..submission.manifest import NAME_PATTERN
-from .canonical import Sha256
+from .canonical import Date, Sha256
 
 Division = Literal["closed", "open"]
 Mechanism = Literal["bubblewrap", "namespaces", "none"]
@@ -104,7 +104,7 @@ class MeasuredPart(Section):
     latency: LatencyPart
     ms_per_frame: _NotNegative | None  # mean
     peak_memory_mib: _NotNegative
-    made: Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\d$")]  # UTC
+    made: Date  # UTC
     digest: _Unmade = ""
 
 
@@ -229,6 +229,35 @@ class Record(Section):
     def unit_error(self, subset: Subset) -> list[float]:
         """What ranks, times the weight, summed over the targets of each unit, m."""
         return [value for scene in self.per_scene for value in scene.error[subset]]
+
+
+class HiddenPart(Section):
+    """What was scored on scenes of secret seeds, without their names: a name tells the seed."""
+
+    commitment: Sha256  # of the secret
+    weights: Sha256  # hash of their event weights, which are made once per seal
+    scenes: Count
+    rows: list[Row]  # one per subset
+    silence: float | None  # m, what an agent that says nothing scores there
+    weight: UnitSums  # [units] of the targets, over all scenes, in an order that the salt of the seal draws
+    error: UnitSums  # [units] m, weighted, at the budgets of all hidden scenes, mean over seeds
+
+    @property
+    def row(self) -> Row:
+        """The row of the subset "all"."""
+        return self.row_of("all")
+
+    def row_of(self, subset: Subset) -> Row:
+        """The row of one subset."""
+        return next(row for row in self.rows if row.subset == subset)
+
+    def unit_weight(self, subset: Subset) -> list[float]:
+        """Weight of the targets of each unit."""
+        return self.weight.get(subset, [])
+
+    def unit_error(self, subset: Subset) -> list[float]:
+        """What ranks, times the weight, summed over the targets of each unit, m."""
+        return self.error.get(subset, [])
 
 
 def key_of(scene: str, seed: int) -> str:

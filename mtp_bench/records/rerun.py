@@ -9,7 +9,7 @@ to the first pose of the ego works under any motion: that nobody has one of reco
 from __future__ import annotations
 
 import secrets
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from ..errors import RecordError
@@ -78,9 +78,9 @@ def worse_when_moved(record: Record, rows: Sequence[Row]) -> Difference | None:
     return None
 
 
-def why_not_isolated(record: Record, held: Iterable[IsolationPart]) -> str:
+def why_not_isolated(record: Record, held: IsolationPart) -> str:
     """Why a run again proves nothing, in a few words: what held the agent then, and now; empty where it proves."""
-    for when, part in (("when the record was made", record.isolation), *(("in this run", each) for each in held)):
+    for when, part in (("when the record was made", record.isolation), ("in this run", held)):
         if not part.holds:
             return f"nothing held the agent {when} (isolation {part.mechanism!r})"
     return ""

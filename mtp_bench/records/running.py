@@ -27,8 +27,7 @@ from ..types import Rollout
 from .canonical import digest_of
 from .evaluation import Evaluation, evaluate
 from .parts import Parts
-from .record import HashesPart, IsolationPart, LatencyPart, MissedPart
-from .storage import key_of
+from .record import HashesPart, IsolationPart, LatencyPart, MissedPart, key_of
 
 MOST_REASON = 1000  # characters of why a scene was cut short
 

@@ -7,7 +7,6 @@ that was promised, and it ranks nobody any more who was not scored before.
 
 from __future__ import annotations
 
-import datetime
 import hashlib
 import json
 import secrets
@@ -22,10 +21,10 @@ from ..files import require_file, whole_file, write_text
 from ..running.options import RunOptions
 from ..running.reference import make_reference
 from ..scoring import Reference, read_reference, write_reference
-from ..strict import Section, validate
-from .canonical import canonical
+from ..strict import Section
+from .canonical import canonical, today
 from .promise import FIRST, LAST, MOST_SCENES, RETIRED, Commitment, Retired, SecretSeeds, commitment_of
-from .storage import read_table
+from .storage import read_as
 from .trust import Trust
 
 SEALS = Path("leaderboard", "seals")  # relative to the working folder: the checkout
@@ -112,9 +111,9 @@ def open_seal(path: str | Path, commitment: str | Path | None = None, trust: Tru
     """
     path = Path(path)
     public = commitment_path(path) if commitment is None else Path(commitment)
-    seeds = _secret(path)
+    seeds = read_as(SecretSeeds, path, _ABSENT)
     found = commitment_of(seeds)
-    promise = validate(Commitment, read_table(public, _ABSENT), str(public), RecordError)
+    promise = read_as(Commitment, public, _ABSENT)
     if (promise.commitment, promise.env, promise.count) != (found, seeds.env, seeds.count):
         raise RecordError(f"{path}: has the sha256 {found[:12]}, {public} promises {promise.commitment[:12]}")
     listed = None if trust is None else trust.listed.get(found)
@@ -165,9 +164,8 @@ def retire(path: str | Path, folder: str | Path = SEALS) -> Path:
     Raises RecordError where the secret does not fit its commitment, MtpBenchError where a file cannot be written.
     """
     path, folder = Path(path), Path(folder)
-    seeds, weights = _secret(path), weights_path(path)
-    public = read_table(commitment_path(path), _ABSENT)
-    promise = validate(Commitment, public, str(commitment_path(path)), RecordError)
+    seeds, weights = read_as(SecretSeeds, path, _ABSENT), weights_path(path)
+    promise = read_as(Commitment, commitment_path(path), _ABSENT)
     if promise.commitment != commitment_of(seeds):
         raise RecordError(f"{path}: is not the secret that {commitment_path(path)} promises")
     hashed = read_reference(weights).digest if weights.is_file() else None
@@ -195,15 +193,6 @@ def retired_path(path: Path) -> Path:
 def weights_path(path: Path) -> Path:
     """Where the event weights of the scenes of the secret at ``path`` are."""
     return path.with_name(f"{path.stem}.weights.json")
-
-
-def today() -> str:
-    """The date, UTC."""
-    return datetime.datetime.now(datetime.UTC).date().isoformat()
-
-
-def _secret(path: Path) -> SecretSeeds:
-    return validate(SecretSeeds, read_table(path, _ABSENT), str(path), RecordError)
 
 
 def _publish(path: Path, content: Section) -> None:

@@ -8,14 +8,13 @@ from typing import Any
 
 from ..errors import MtpBenchError, RecordError
 from ..files import require_folder, write_text
-from ..strict import read_json, validate
+from ..strict import SectionT, read_json, validate
 from ..submission.manifest import PARTS as PARTS
 from ..submission.manifest import ROLLOUTS as ROLLOUTS
-from .bounds import MOST_BYTES, out_of_bounds
+from .bounds import MOST_BYTES, out_of_bounds, refuse
 from .canonical import digest_of
 from .consistency import inconsistencies
 from .record import Record
-from .record import key_of as key_of
 
 OUTSIDE = ("digest", "measured")  # no part of the digest
 LEVEL_SUFFIX = ".level.json"  # of the file beside a record that says how far it was checked
@@ -82,9 +81,7 @@ def load_record(path: str | Path) -> Record:
 
 def checked(content: dict[str, Any], path: str) -> Record:
     """The record that is ``content``, as JSON was read from ``path``. Raises RecordError as `load_record`."""
-    problem = next(out_of_bounds(content), None)
-    if problem is not None:
-        raise RecordError(f"{path}: {problem}")
+    refuse(out_of_bounds(content), path)
     if content.get("format") != 2:
         raise RecordError(
             f"{path}: format {content.get('format')!r}, expected 2: those of definitions 1.0 rank no more; make it "
@@ -103,9 +100,7 @@ def checked(content: dict[str, Any], path: str) -> Record:
                 f"{path}: {what} has the digest {found[:12]}, the file says {said[:12] or 'none'}: it was changed "
                 "after it was made; make it again with `mtp-bench submit`"
             )
-    problem = next(inconsistencies(record), None)
-    if problem is not None:
-        raise RecordError(f"{path}: {problem}")
+    refuse(inconsistencies(record), path)
     return record
 
 
@@ -143,3 +138,8 @@ def _plain(record: Record) -> dict[str, Any]:
 def read_table(path: Path, absent: str) -> dict[str, Any]:
     """A table from a JSON file; raises RecordError where there is none, with ``absent`` where there is no file."""
     return read_json(path, RecordError, absent, MOST_BYTES)
+
+
+def read_as(model: type[SectionT], path: Path, absent: str = "no such file") -> SectionT:
+    """A JSON file as ``model``; raises RecordError as `read_table`, and where it is none."""
+    return validate(model, read_table(path, absent), str(path), RecordError)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -21,7 +20,8 @@ from ..scoring import DEFINITIONS
 from ..strict import parse_json, require_part, validate
 from ..submission.loader import Submission, load_submission
 from ..submission.manifest import MANIFEST
-from .bounds import out_of_bounds
+from .bounds import out_of_bounds, refuse
+from .canonical import today
 from .eligibility import SEEDS
 from .evaluation import Evaluation, status_of
 from .parts import Start, open_parts
@@ -187,9 +187,7 @@ def _require_recordable(plan: Plan, limits: Limits, division: str, training_data
         "per_scene": [{"scene": name} for name in plan.scenes],
     }
     require_part(Record, content, where, RecordError)
-    problem = next(out_of_bounds(content), None)
-    if problem is not None:
-        raise RecordError(f"{where}: {problem}")
+    refuse(out_of_bounds(content), where)
 
 
 def declared_data(submission: Submission, env_id: str, more: Sequence[str] = ()) -> list[str]:
@@ -286,7 +284,7 @@ def _record(
             latency=latency(every),
             ms_per_frame=found.ms_per_frame,
             peak_memory_mib=peak_memory(runs),
-            made=datetime.datetime.now(datetime.UTC).date().isoformat(),
+            made=today(),
         ),
         **judged(found, lost, len(every), plan.scenes_of_split, plan.keywords),
     )

@@ -14,21 +14,16 @@ from .._bundle import bundled
 from ..errors import RecordError
 from ..strict import Section, read_toml, validate
 from .promise import RETIRED, Commitment, Retired, commitment_of
-from .storage import read_table
+from .storage import read_as
 
 _PROMISE = ".commitment.json"
 
 
-@dataclass(frozen=True)
-class ListedSeal:
+class ListedSeal(Commitment):
     """A seal of the leaderboard: what was promised, and whether its secret was published."""
 
     name: str
-    env: str
-    card_digest: str
-    count: int
-    made: str  # date
-    retired: str = ""  # date; empty: it may still be used
+    retired: str  # date; empty: it may still be used
 
 
 class _Owners(Section):
@@ -61,12 +56,10 @@ class Trust:
         """The seals by their commitment. Raises RecordError where a file is broken or does not fit its promise."""
         found = {}
         for path in sorted(self.seals.glob(f"*{_PROMISE}")):
-            promise = validate(Commitment, read_table(path, "no such file"), str(path), RecordError)
+            promise = read_as(Commitment, path)
             name = path.name.removesuffix(_PROMISE)
             retired = _retired(path.with_name(name + RETIRED), promise)
-            found[promise.commitment] = ListedSeal(
-                name, promise.env, promise.card_digest, promise.count, promise.made, retired
-            )
+            found[promise.commitment] = ListedSeal(**promise.model_dump(), name=name, retired=retired)
         return found
 
     @cached_property
@@ -93,7 +86,7 @@ def _retired(path: Path, promise: Commitment) -> str:
     """When the seal was retired; RecordError where what was published is not what was promised."""
     if not path.is_file():
         return ""
-    published = validate(Retired, read_table(path, "no such file"), str(path), RecordError)
+    published = read_as(Retired, path)
     if commitment_of(published.secret) != promise.commitment:
         raise RecordError(f"{path}: its secret is not the one that {promise.commitment[:12]} promised")
     return published.retired

@@ -17,15 +17,16 @@ from ..scoring import DEFINITIONS, Reference
 from ..sources import open_source
 from ..submission.loader import load_submission
 from ..types import Rollout
-from .attestation import LEVELS, HiddenPart, Level, Statement, bound_to, read_level, write_level
+from .attestation import LEVELS, Level, Statement, bound_to, read_level, write_level
+from .canonical import today
 from .eligibility import SEEDS
 from .evaluation import Evaluation, evaluate
 from .hidden import run_hidden
 from .provenance import scorer_digest
-from .record import Difference, IsolationPart, LimitsPart, MeasuredPart, Record, unequal
+from .record import Difference, HiddenPart, IsolationPart, LimitsPart, MeasuredPart, Record, unequal
 from .rerun import Runs, rows_when_moved, run_again, why_not_isolated, worse_when_moved
 from .running import Plan, hashes, isolation, latency, plan_run, rollouts_hash, rollouts_of, unanswered
-from .seal import Sealed, today
+from .seal import Sealed
 from .shipped import baseline_digest
 from .storage import load_record, save_record
 from .stored import stored_rollouts
@@ -186,7 +187,7 @@ def _run_again(
     checked = replace(checked, held=held)
     if not checked.holds:
         return checked
-    why = why_not_isolated(record, [held])
+    why = why_not_isolated(record, held)
     if why:
         return replace(checked, notes=(*checked.notes, f"no more than re-scored: {why}"))
     moved = worse_when_moved(record, rows_when_moved(plan, reference, limits))
@@ -234,9 +235,8 @@ def _limits(path: Path, record: Record, stated: bool) -> Limits:
 def _said_otherwise(record: Record, plan: Plan, again: Runs, limits: Limits) -> Iterator[Difference]:
     """In what a run again differs from what the record says of its own."""
     yield from unequal("hashes", record.hashes.model_dump(), hashes(again).model_dump())
-    yield from unequal(
-        "submission", record.submission.model_dump(), said_of(plan, record.submission.commit).model_dump()
-    )
+    said = said_of(plan, record.submission.commit)
+    yield from unequal("submission", record.submission.model_dump(), said.model_dump())
     yield from unequal("env.observe", record.env.observe, plan.submission.compare.observe)
     yield from unequal("env.keywords", record.env.keywords, plan.stated_keywords)
     yield from unequal("limits", record.limits.model_dump(), LimitsPart(**asdict(limits)).model_dump())

@@ -13,9 +13,8 @@ from ..env.observation import shown_boxes
 from ..errors import RolloutError, UnknownNameError
 from ..sources import CameraImage, SceneSource, camera_images, open_source, with_map, with_tracks
 from ..types import Rollout, Scene
+from .options import CHANGES
 from .rollout_files import Run, RunInfo, load_run
-
-CHANGES = ("split", "detector", "detection_file", "files")  # of the card, as `changed_card` takes them
 
 
 @dataclass(frozen=True, eq=False)

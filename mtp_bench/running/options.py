@@ -13,6 +13,7 @@ from ..submission.loader import Submission
 from .folds import Fold, held_out
 
 MOST_SEED = 2**31 - 1
+CHANGES = ("split", "detector", "detection_file", "files")  # of the card, as `changed_card` takes them
 
 
 def require_seed(seed: int) -> None:
@@ -68,10 +69,7 @@ class RunOptions:
     @property
     def changes(self) -> dict[str, Any]:
         """Keywords of `MTPEnv` and `changed_card` for what is not as in the card; a stored run keeps them."""
-        named = {
-            "split": self.split, "detector": self.detector, "detection_file": self.detection_file, "files": self.files
-        }  # fmt: skip
-        return {name: value for name, value in named.items() if value is not None}
+        return {name: value for name in CHANGES if (value := getattr(self, name)) is not None}
 
     @property
     def env_keywords(self) -> dict[str, Any]:

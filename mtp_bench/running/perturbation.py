@@ -81,10 +81,7 @@ def fit_perturbation(parts: Sequence[MatchedDetections], classes: int) -> Pertur
 
     A class that was never matched has those of all classes together.
     """
-    class_id, score, distance, turn = (
-        np.concatenate([np.zeros(0), *(getattr(part, name) for part in parts)])
-        for name in ("class_id", "score", "distance", "turn")
-    )
+    class_id, score, distance, turn = _columns(parts, "class_id", "score", "distance", "turn")
     own = [class_id == c for c in range(classes)]
     return Perturbation(
         sigma_xy=_rounded(_quantiles(distance, own, 0.5) / _MEDIAN_OF_RAYLEIGH),
@@ -95,9 +92,7 @@ def fit_perturbation(parts: Sequence[MatchedDetections], classes: int) -> Pertur
 
 def score_cuts(parts: Sequence[MatchedDetections], classes: int, share: float) -> tuple[float, ...]:
     """The score per class below which this share of the detections of true objects lies."""
-    class_id, score = (
-        np.concatenate([np.zeros(0), *(getattr(p, name) for p in parts)]) for name in ("class_id", "score")
-    )
+    class_id, score = _columns(parts, "class_id", "score")
     return _rounded(_quantiles(score, [class_id == c for c in range(classes)], share))
 
 
@@ -120,6 +115,10 @@ def perturbed(scene: Scene, perturbation: Perturbation, run: int) -> Scene:
     box[:, 3] += noise[:, 2] * np.asarray(perturbation.sigma_yaw)[seen.class_id]
     box[:, 4:7] *= np.exp(LOG_SIZE * noise[:, 3:])
     return replace(scene, detections=replace(seen, box=box).those(kept))
+
+
+def _columns(parts: Sequence[MatchedDetections], *names: str) -> list[NDArray[np.float64]]:
+    return [np.concatenate([np.zeros(0), *(getattr(part, name) for part in parts)]) for name in names]
 
 
 def _quantiles(values: Floats, of_class: Sequence[Bools], share: float) -> NDArray[np.float64]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from ..agent import Agent
 from ..cards import Card, load_card
 from ..env.environment import MTPEnv
 from ..env.observation import LocalFrame, make_feed
+from ..env.rollouts import ARRAYS
 from ..errors import CardError, DataError, UnknownNameError
 from ..files import require_file
 from ..parallel import parallel_map
@@ -187,30 +187,25 @@ def track(agent: Agent, scene: Scene, task: Task) -> Rollout:
         box = frame.to_scene(action["track_box"][rows]).astype(np.float32)
         said.append((action["track_id"][rows], box, action["track_class"][rows]))
     track_id, box, class_id = (np.concatenate(column) for column in zip(*said, strict=True))
-    return Rollout(
-        scene=scene.name,
+    return replace(
+        _silence(scene, task),
         track_start=starts_of([len(rows) for rows, *_ in said]),
         track_id=track_id.astype(np.int64),
         track_box=box,
         track_class=class_id.astype(np.int64),
         member=np.ones((len(track_id), 1), dtype=bool),
-        hypothesis_log_weight=np.zeros((scene.frames, 1), dtype=np.float32),
         hypothesis_parent=np.full((scene.frames, 1), -1),
-        **_nothing_forecast(scene.frames, task),
     )
 
 
-def _nothing_forecast(frames: int, task: Task) -> dict[str, NDArray[Any]]:
-    """The rest of a rollout without forecasts."""
-    return {
-        "object_start": np.zeros(frames + 1, dtype=np.int64),
-        "object_box": np.zeros((0, 7), dtype=np.float32),
-        "object_class": np.zeros(0, dtype=np.int64),
-        "object_confidence": np.zeros(0, dtype=np.float32),
-        "forecast": np.zeros((0, task.samples, task.future, 2), dtype=np.int16),
-        "forecast_log_weight": np.zeros((0, task.samples), dtype=np.float32),
-        "invalid": np.zeros((frames, 3), dtype=np.int64),
-        "malformed": np.zeros((frames, len(task.classes) + 1), dtype=np.int64),
-        "dropped": np.zeros(frames, dtype=np.int64),
-        "seconds": np.zeros(frames),
+def _silence(scene: Scene, task: Task) -> Rollout:
+    """A rollout of ``scene`` with one hypothesis, in which nothing is said."""
+    frames, classes = scene.frames, len(task.classes)
+    size = {
+        "F": frames, "F1": frames + 1, "R": 0, "H": 1, "S": 0, "K": task.samples, "T": task.future, "C1": classes + 1,
+    }  # fmt: skip
+    arrays = {
+        name: np.zeros([size[n] if isinstance(n, str) else n for n in shape], dtype)
+        for name, (dtype, shape) in ARRAYS.items()
     }
+    return Rollout(scene.name, **arrays)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from pydantic import Field
 
 from ..env.environment import MTPEnv
 from ..scoring import AgentScores, Reference, Report, summarise
@@ -29,8 +28,8 @@ class AtCut(Section):
     cut: float
     switches: Count  # of stp, on evaluated true boxes
     switches_on_targets: Count
-    ids: dict[str, float | None] = Field(default_factory=dict)  # agent -> error, m
-    all: dict[str, float | None] = Field(default_factory=dict)
+    ids: dict[str, float | None]  # agent -> error, m
+    all: dict[str, float | None]
     beyond_control: dict[str, float | None]  # subset -> mtp minus control, m
     interval: dict[str, Interval | None]
     p: dict[str, float | None]

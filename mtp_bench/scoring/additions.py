@@ -87,9 +87,7 @@ def _whole_costs(cost: Floats, confidence: Floats, tie: Floats) -> list[int]:
     main = np.rint(cost * _MICRO).astype(np.int64).tolist()
     sure = np.rint(confidence.astype(np.float64) * _SURE).astype(np.int64).tolist()
     far = np.rint(np.minimum(np.where(np.isfinite(tie), tie, 1e3), 1e3) * _MICRO).astype(np.int64).tolist()
-    return [
-        (((m << _CONFIDENCE_BITS) - s) << _TIE_BITS) - f for m, s, f in zip(main, sure, far, strict=True)
-    ]  # fmt: skip
+    return [(((m << _CONFIDENCE_BITS) - s) << _TIE_BITS) - f for m, s, f in zip(main, sure, far, strict=True)]
 
 
 def _grow(

@@ -20,24 +20,23 @@ TOLERANCE = 2.0  # m: a mode misses if it is so far off, or farther, in any fram
 
 @dataclass(frozen=True, eq=False)
 class ChallengeErrors:
-    """Errors of n predictions, each over its k most probable modes, or over all if it has fewer."""
+    """Errors of n predictions, each over its k most probable modes, or over all if it has fewer, for each k of KS."""
 
-    min_ade: Floats  # [n, len(ks)] m
-    min_fde: Floats  # [n, len(ks)] m
-    miss: Floats  # [n, len(ks)] 1 where all of these modes miss by 2 m or more in some frame, else 0
-    ks: tuple[int, ...] = KS
+    min_ade: Floats  # [n, len(KS)] m
+    min_fde: Floats  # [n, len(KS)] m
+    miss: Floats  # [n, len(KS)] 1 where all of these modes miss by 2 m or more in some frame, else 0
 
     def means(self) -> dict[str, list[float | None]]:
         """Means over the predictions by the challenge's names; None without any."""
         named = {"MinADEK": self.min_ade, "MinFDEK": self.min_fde, "MissRateTopK_2": self.miss}
         return {
-            name: [float(value) for value in table.mean(axis=0)] if len(table) else [None] * len(self.ks)
+            name: [float(value) for value in table.mean(axis=0)] if len(table) else [None] * len(KS)
             for name, table in named.items()
         }
 
 
 def challenge_errors(
-    modes: Sequence[Floats], truth: Sequence[Floats], probability: Sequence[Floats], ks: tuple[int, ...] = KS
+    modes: Sequence[Floats], truth: Sequence[Floats], probability: Sequence[Floats]
 ) -> ChallengeErrors:
     """Errors of n predictions.
 
@@ -45,7 +44,7 @@ def challenge_errors(
     later mode counts as the more probable (the devkit leaves it to the sort). Raises ShapeError for shapes that do not
     fit.
     """
-    table = np.zeros((3, len(modes), len(ks)))
+    table = np.zeros((3, len(modes), len(KS)))
     for at, (guess, true, chance) in enumerate(zip(modes, truth, probability, strict=True)):
         if np.shape(guess)[1:] != np.shape(true) or np.shape(chance) != np.shape(guess)[:1] or not len(guess):
             raise ShapeError(
@@ -55,5 +54,5 @@ def challenge_errors(
         distance = np.linalg.norm(np.asarray(guess) - true, axis=-1)[np.argsort(chance, kind="stable")[::-1]]
         each = np.stack([distance.mean(axis=1), distance[:, -1], distance.max(axis=1) >= TOLERANCE])
         best = np.minimum.accumulate(each, axis=1)
-        table[:, at] = best[:, [min(k, len(guess)) - 1 for k in ks]]
-    return ChallengeErrors(table[0], table[1], table[2], ks)
+        table[:, at] = best[:, [min(k, len(guess)) - 1 for k in KS]]
+    return ChallengeErrors(*table)

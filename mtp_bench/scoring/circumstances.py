@@ -14,10 +14,9 @@ from ..cards import Card
 from ..types import Bools, Floats, Ints, Rollout, Scene, Truth
 from .cuts import Cuts
 from .events import object_history
-from .forecasts import Forecasts, candidates, centred, cuts, grow
-from .lineage import Hypotheses, LineageEvents, hypotheses, lineage_events, match_hypotheses
+from .forecasts import Forecasts, candidates, centred, cuts, grow, near_truth
+from .lineage import hypotheses, in_all, lineage_events, match_hypotheses
 from .neutral import evaluated
-from .pairs import box_pairs
 from .targets import find_targets, live_frames
 
 KINDS = ("ids", "lost", "reacquired", "frag")  # the last: lost or reacquired
@@ -68,7 +67,7 @@ def circumstances(scene: Scene, rollout: Rollout, card: Card) -> Circumstances:
         age=_ages(rollout, track)[targets.row],
         since={kind: _since(truth, rows)[targets.row] for kind, rows in own.items()},
         own={kind: _event_rows(scene, rows) for kind, rows in own.items()},
-        shared={kind: _event_rows(scene, _in_all(truth, lineage, events, kind)) for kind in KINDS},
+        shared={kind: _event_rows(scene, in_all(truth, lineage, events, kind)) for kind in KINDS},
         objects=len(np.unique(truth.object_id[~truth.neutral])),
         boxes=int((~truth.neutral).sum()),
         frames=scene.frames,
@@ -77,11 +76,9 @@ def circumstances(scene: Scene, rollout: Rollout, card: Card) -> Circumstances:
 
 def _seen(scene: Scene, card: Card) -> Bools:
     """Which true boxes [R] have a detection of their class inside the forecast gate."""
-    truth, found = scene.truth, scene.detections
-    at = truth.frame_of_rows, truth.box, truth.class_id
-    boxes = found.frame_of_rows, found.box, found.class_id
-    pairs = box_pairs(*at, *boxes, "center_distance", card.per_class(card.task.forecast_gate))
-    return np.bincount(pairs.row, minlength=len(truth.box)) > 0
+    found = scene.detections
+    pairs = near_truth(scene.truth, found.frame_of_rows, found.box, found.class_id, card)
+    return np.bincount(pairs.row, minlength=len(scene.truth.box)) > 0
 
 
 def _ages(rollout: Rollout, track: Ints) -> NDArray[np.int64]:
@@ -102,12 +99,6 @@ def _since(truth: Truth, happened: Bools) -> NDArray[np.int64]:
     known = last >= begin
     since[past.order[known]] = past.frame[known] - past.frame[last[known]]
     return since
-
-
-def _in_all(truth: Truth, lineage: Hypotheses, events: LineageEvents, kind: str) -> Bools:
-    """Rows [R] that have the event in every hypothesis that exists."""
-    absent = ~lineage.alive[truth.frame_of_rows]
-    return np.asarray((getattr(events, kind) | absent).all(axis=1))
 
 
 def _event_rows(scene: Scene, happened: Bools) -> EventRows:

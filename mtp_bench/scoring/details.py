@@ -81,11 +81,10 @@ def _calibration(table: AgentTable) -> tuple[float | None, list[Reliability]]:
     """Brier score of the confidences against "of a true object", and the reliability curve; over all seeds."""
     if not table.complete:
         return None, []
-    counted = [score.outcome != EXCUSED for score in table.scores]
-    sure = np.concatenate([s.cuts.confidence[keep] for s, keep in zip(table.scores, counted, strict=True)]).astype(
-        float
-    )
-    there = np.concatenate([s.outcome[keep] > EXCUSED for s, keep in zip(table.scores, counted, strict=True)])
+    outcome = np.concatenate([score.outcome for score in table.scores])
+    counted = outcome != EXCUSED
+    sure = np.concatenate([score.cuts.confidence for score in table.scores])[counted].astype(float)
+    there = outcome[counted] > EXCUSED
     if not len(sure):
         return None, []
     place = np.minimum((sure * _RANGES).astype(int), _RANGES - 1)

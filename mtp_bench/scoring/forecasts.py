@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..cards import Card
 from ..types import ABSENT_BELOW, Bools, Floats, Ints, Rollout, Scene, Truth, to_metres
 from .additions import NEVER, Additions, add_in_order, final_match
-from .cuts import Cuts, cuts_of
+from .cuts import Cuts
 from .definitions import CURVE_KS
 from .displacement import displacement, floored, k_curve, sample_errors
 from .matching import Matched, columns_to_rows, match
@@ -97,10 +97,8 @@ class Candidates:
 
 def candidates(scene: Scene, targets: Targets, forecasts: Forecasts, live: Bools, card: Card) -> Candidates:
     """The candidates among ``forecasts``; ``live`` [F]: which frames of the ``scene`` are live."""
-    truth, gates = scene.truth, card.per_class(card.task.forecast_gate)
-    boxes = forecasts.frame, forecasts.box, forecasts.class_id
-    pairs = box_pairs(truth.frame_of_rows, truth.box, truth.class_id, *boxes, "center_distance", gates)
-    place = np.full(len(truth.box), -1, dtype=np.intp)
+    pairs = near_truth(scene.truth, forecasts.frame, forecasts.box, forecasts.class_id, card)
+    place = np.full(len(scene.truth.box), -1, dtype=np.intp)
     place[targets.row] = np.arange(len(targets))
     found = Candidates(scene, targets, forecasts, live[forecasts.frame], pairs, place, np.zeros(len(pairs)))
     return replace(found, error=_pair_errors(found, np.zeros((len(pairs), 2))))
@@ -160,17 +158,22 @@ def grow(found: Candidates, confidence: Floats) -> Grown:
 
 def cuts(found: Candidates, grown: Grown, confidence: Floats, miss_error: Floats) -> Cuts:
     """The cuts of the forecasts in the order of ``confidence`` [S]; ``miss_error`` [n] of the targets."""
-    additions = grown.additions
-    return cuts_of(
-        additions,
-        grown.false_step,
-        grown.order,
-        confidence,
-        found.forecasts.frame,
-        found.forecasts.class_id,
-        found.target_of_row,
-        _errors_of(found, additions),
-        miss_error,
+    additions, order = grown.additions, grown.order
+    target = found.target_of_row[additions.row]
+    of_target = target >= 0
+    target, error = target[of_target], _errors_of(found, additions)[of_target]
+    false = np.zeros(len(order), dtype=bool)
+    false[grown.false_step] = True
+    return Cuts(
+        confidence=confidence[order],
+        frame=found.forecasts.frame[order],
+        class_id=found.forecasts.class_id[order],
+        false=false,
+        step=additions.step[of_target],
+        target=target,
+        error=np.minimum(error, miss_error[target]),
+        covered=np.isfinite(error),
+        miss_error=miss_error,
     )
 
 
@@ -210,10 +213,13 @@ def match_objects(truth: Truth, frame: Ints, box: Floats, class_id: Ints, card: 
     ``frame`` [n], ``box`` [n, 7] and ``class_id`` [n] of the boxes, sorted by frame. All evaluated true boxes take
     part; boxes left over are then offered to the neutral ones.
     """
-    gates = card.per_class(card.task.forecast_gate)
+    return match_neutral_last(near_truth(truth, frame, box, class_id, card), truth.neutral, len(frame))
+
+
+def near_truth(truth: Truth, frame: Ints, box: Floats, class_id: Ints, card: Card) -> Pairs:
+    """Pairs of true boxes and other boxes inside the forecast gate; arguments as of `match_objects`."""
     at = truth.frame_of_rows, truth.box, truth.class_id
-    pairs = box_pairs(*at, frame, box, class_id, "center_distance", gates)
-    return match_neutral_last(pairs, truth.neutral, len(frame))
+    return box_pairs(*at, frame, box, class_id, "center_distance", card.per_class(card.task.forecast_gate))
 
 
 def match_neutral_last(pairs: Pairs, neutral: Bools, objects: int) -> ObjectMatch:

@@ -129,16 +129,9 @@ def gated_pairs(truth: Truth, start: Ints, box: Floats, class_id: Ints, card: Ca
     ``box`` [n, 7] and ``class_id`` [n] of the others; ``start`` [F + 1]: where the rows of each frame start.
     """
     gate = card.task.event_gate
-    return box_pairs(
-        truth.frame_of_rows,
-        truth.box,
-        truth.class_id,
-        Ragged(start).frame_of_rows,
-        box,
-        class_id,
-        gate.measure,
-        card.per_class(gate.threshold),
-    )
+    at = truth.frame_of_rows, truth.box, truth.class_id
+    others = Ragged(start).frame_of_rows, box, class_id
+    return box_pairs(*at, *others, gate.measure, card.per_class(gate.threshold))
 
 
 def lineage_events(truth: Truth, rollout: Rollout, lineage: Hypotheses, matched: NDArray[np.intp]) -> LineageEvents:
@@ -171,6 +164,12 @@ def lineage_events(truth: Truth, rollout: Rollout, lineage: Hypotheses, matched:
         before[who], last[who] = now, matches
     alive = lineage.alive[truth.frame_of_rows]
     return LineageEvents(ids, lost & alive, wrong & alive, reacquired, earlier)  # an absent hypothesis has lost nothing
+
+
+def in_all(truth: Truth, lineage: Hypotheses, events: LineageEvents, kind: str) -> Bools:
+    """True boxes [R] that have the event, a field of `LineageEvents`, in every hypothesis that exists."""
+    absent = ~lineage.alive[truth.frame_of_rows]
+    return np.asarray((getattr(events, kind) | absent).all(axis=1))
 
 
 def _still_output(rollout: Rollout, member: Bools, t: int, old_id: Ints) -> Bools:

@@ -7,6 +7,7 @@ among solutions of equal cost the one with the lower row, then the lower column 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -50,20 +51,7 @@ class _Contested:
 
 def match(pairs: Pairs, rows: int) -> Matched:
     """Column matched to each row [rows], -1 for none; ``frame`` mode, without memory."""
-    matched = np.full(rows, -1, dtype=np.intp)
-    rest = _settle_single(pairs, matched)
-    if len(rest):
-        contested = _components(rest)
-        star = np.minimum(contested.rows, contested.columns) == 1
-        square = (contested.rows == 2) & (contested.columns == 2)
-        _settle_star(contested.keep(star), matched)
-        _settle_square(contested.keep(square), matched)
-        large = contested.keep(~(star | square))
-        row, column, cost = large.pairs.row, large.pairs.column, large.pairs.cost
-        for low, high in large.parts():
-            chosen = low + _assign(large.local_row[low:high], large.local_column[low:high], cost[low:high])
-            matched[row[chosen]] = column[chosen]
-    return matched
+    return _match(pairs, rows, _assign, squares=True)
 
 
 def match_best(pairs: Pairs, rows: int) -> Matched:
@@ -71,18 +59,25 @@ def match_best(pairs: Pairs, rows: int) -> Matched:
 
     All costs are below 0, so no pair is left out that could be added.
     """
+    return _match(pairs, rows, _cheapest_below_zero, squares=False)
+
+
+def _match(pairs: Pairs, rows: int, assign: Callable[[Rows, Rows, Floats], Rows], squares: bool) -> Matched:
+    """Column matched to each row [rows]; ``assign`` settles large components, ``squares``: 2 x 2 is none of these."""
     matched = np.full(rows, -1, dtype=np.intp)
     rest = _settle_single(pairs, matched)
     if len(rest):
         contested = _components(rest)
-        star = np.minimum(contested.rows, contested.columns) == 1
-        _settle_star(contested.keep(star), matched)
-        large = contested.keep(~star)
+        small = np.minimum(contested.rows, contested.columns) == 1
+        _settle_star(contested.keep(small), matched)
+        if squares:
+            square = (contested.rows == 2) & (contested.columns == 2)
+            _settle_square(contested.keep(square), matched)
+            small |= square
+        large = contested.keep(~small)
         row, column, cost = large.pairs.row, large.pairs.column, large.pairs.cost
         for low, high in large.parts():
-            part = large.local_row[low:high], large.local_column[low:high], cost[low:high]
-            cells = (int(part[0].max()) + 1) * (int(part[1].max()) + 1)
-            chosen = low + (_cheapest(*part) if cells <= _MOST_CELLS else _cheapest_sparse(*part))
+            chosen = low + assign(large.local_row[low:high], large.local_column[low:high], cost[low:high])
             matched[row[chosen]] = column[chosen]
     return matched
 
@@ -213,8 +208,14 @@ def _cheapest(row: Rows, column: Rows, cost: Floats, absent: float = 0.0) -> Row
     return np.asarray(chosen[chosen >= 0])
 
 
+def _cheapest_below_zero(row: Rows, column: Rows, cost: Floats) -> Rows:
+    """Places of the pairs of the cheapest assignment of costs below 0."""
+    cells = (int(row.max()) + 1) * (int(column.max()) + 1)
+    return (_cheapest if cells <= _MOST_CELLS else _cheapest_sparse)(row, column, cost)
+
+
 def _cheapest_sparse(row: Rows, column: Rows, cost: Floats) -> Rows:
-    """Places of the pairs of the cheapest assignment of costs below 0, in memory of the pairs alone."""
+    """The same in memory of the pairs alone."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,3 +86,11 @@ def ranks_by_test(sums: ArrayLike) -> list[int]:
             if sign_flip_test(difference) < SIGNIFICANT:
                 ranks[a if difference.sum() > 0 else b] += 1
     return ranks
+
+
+def ranks_among(sums: Sequence[ArrayLike], why: Sequence[str | None]) -> list[int | None]:
+    """Ranks as of `ranks_by_test` among the agents that nothing keeps from one, see ``why``; None for the others."""
+    ranked = [i for i, reason in enumerate(why) if reason is None]
+    ranks = ranks_by_test(np.asarray([sums[i] for i in ranked])) if ranked else []
+    rank = dict(zip(ranked, ranks, strict=True))
+    return [rank.get(i) for i in range(len(why))]

@@ -12,7 +12,7 @@ import numpy as np
 from ..cards import Card
 from .definitions import DEFINITIONS
 from .details import details
-from .rank import ALONE, Entrant, guard, ranks_by_test, why_not_on, why_unranked
+from .rank import ALONE, Entrant, guard, ranks_among, why_not_on, why_unranked
 from .rows import Details, PairedRow, Row
 from .statistics import Gap, bootstrap_interval, effective_number, gap_closed, paired_difference, ratio
 from .subsets import SUBSETS, Subset
@@ -29,9 +29,7 @@ class Report:
     rows: list[Row]  # the keys of design.md, "compare --json"
     paired: list[PairedRow]  # differences to the controls
     details: list[Details]  # per agent
-    condition: dict[str, str] = field(
-        default_factory=dict
-    )  # source, split, detector, card digest, detections, truth, weights
+    condition: dict[str, str] = field(default_factory=dict)  # source, split, detector, card, detections, truth, weights
     tables: Sequence[AgentTable] = ()  # what the rows are made of, per agent
 
     def to_json(self, *further: str) -> dict[str, Any]:
@@ -213,15 +211,11 @@ def _effective_objects(table: AgentTable, subset: Subset) -> float:
 
 def _gap(table: AgentTable, subset: Subset, ends: _EndTables | None) -> Gap | None:
     """What an agent closes of the gap; None at another k than the ends have, or without them."""
-    if (
-        ends is None
-        or ends.stp is None
-        or ends.truth is None
-        or len({t.setting.samples for t in (table, ends.stp, ends.truth)}) > 1
-    ):
+    stp, truth = ends or (None, None)
+    if stp is None or truth is None or len({each.setting.samples for each in (table, stp, truth)}) > 1:
         return None
-    error, stp, truth = (each.errors(subset) for each in (table, ends.stp, ends.truth))
-    return gap_closed(error, stp, truth, table.unit_weight(table.weight[subset]))
+    error, high, low = (each.errors(subset) for each in (table, stp, truth))
+    return gap_closed(error, high, low, table.unit_weight(table.weight[subset]))
 
 
 def _with_ranks(
@@ -229,7 +223,7 @@ def _with_ranks(
 ) -> list[Row]:
     """The rows, by agent and then by subset, with their ranks or the reason for none."""
     total = [_mean_error(table) for table in tables]
-    done = []
+    done = list(rows)
     for place, subset in enumerate(SUBSETS):
         why: list[str | None] = []
         for table, of_all in zip(tables, total, strict=True):
@@ -243,18 +237,11 @@ def _with_ranks(
                 reason = guard(of_all, *(None if limit is None else _mean_error(limit) for limit in limits))
             # beside nobody even silence would be the first
             why.append(ALONE if reason is None and len(tables) == 1 else reason)
-        ranked = [i for i, reason in enumerate(why) if reason is None]
-        ranks = ranks_by_test([tables[i].errors(subset) for i in ranked]) if ranked else []
-        rank = dict(zip(ranked, ranks, strict=True))
-        done += [
-            (
-                i,
-                place,
-                rows[i * len(SUBSETS) + place].model_copy(update={"rank": rank.get(i), "unranked_because": why[i]}),
-            )
-            for i in range(len(tables))
-        ]
-    return [row for _, _, row in sorted(done, key=lambda item: item[:2])]
+        ranks = ranks_among([table.errors(subset) for table in tables], why)
+        for i, (rank, because) in enumerate(zip(ranks, why, strict=True)):
+            at = i * len(SUBSETS) + place
+            done[at] = rows[at].model_copy(update={"rank": rank, "unranked_because": because})
+    return done
 
 
 def _mean_error(table: AgentTable) -> float | None:

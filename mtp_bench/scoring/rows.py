@@ -24,12 +24,12 @@ class Setting(Section):
     agent: str
     hypotheses: Count
     samples: Count  # per object
+    budget: Budget
 
 
 class Row(Setting):
     """Numbers of one subset of the targets."""
 
-    budget: Budget
     subset: Subset
     minADE: float | None  # noqa: N815  (m, over covered targets; a fixed name of the files)
     minFDE: float | None  # noqa: N815
@@ -65,7 +65,6 @@ class Row(Setting):
 class PairedRow(Setting):
     """Differences of an agent to a control on one subset."""
 
-    budget: Budget
     other: str  # the control
     subset: Subset
     error: float | None
@@ -145,7 +144,6 @@ class Reliability(Section):
 class Details(Setting):
     """What lies behind the rows of an agent, over all targets."""
 
-    budget: Budget
     seeds: Count
     silence: float | None  # m, what an agent that says nothing scores
     miss_rate: float | None  # over all targets, uncovered ones missed

@@ -12,7 +12,7 @@ from ..types import Bools, Floats, Ints, Rollout, Scene
 from .cuts import Cuts
 from .error import capped_error, fixed_error
 from .forecasts import Candidates, ForecastErrors, Forecasts, Grown, candidates, cuts, final_errors, grow
-from .lineage import hypotheses, lineage_events, match_hypotheses
+from .lineage import hypotheses, in_all, lineage_events, match_hypotheses
 from .matching import Matched
 from .neutral import evaluated
 from .stream import StreamCounts, stream_counts
@@ -101,11 +101,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     score = nearest_score(scene, forecasts)
     lineage = hypotheses(rollout, card)
     events = lineage_events(truth, rollout, lineage, match_hypotheses(truth, rollout, lineage.member, card))
-    frame = truth.frame_of_rows
-    of_best = events.of(lineage.best[frame])
-    absent = ~lineage.alive[frame]
-    every_ids = np.asarray((events.ids | absent).all(axis=1))
-    every_frag = np.asarray((events.frag | absent).all(axis=1))
+    of_best = events.of(lineage.best[truth.frame_of_rows])
     unit = units(scene)
     outcome, final_error = _outcomes(found, grown, object_of_truth, errors)
     return SceneScore(
@@ -132,8 +128,8 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         own_ids=of_best.ids[targets.row, 0],
         own_lost=of_best.lost[targets.row, 0],
         own_reacquired=of_best.reacquired[targets.row, 0],
-        all_h_ids=every_ids[targets.row],
-        all_h_frag=every_frag[targets.row],
+        all_h_ids=in_all(truth, lineage, events, "ids")[targets.row],
+        all_h_frag=in_all(truth, lineage, events, "frag")[targets.row],
         own_events={kind: int(getattr(of_best, kind).sum()) for kind in KINDS},
         guessed_parents=lineage.guessed,
         cuts=by_confidence,

@@ -172,15 +172,13 @@ def _resamples(units: int) -> Floats:
     return _kept(units) if units <= _KEPT else _drawn(units)
 
 
-@lru_cache(maxsize=64)
-def _kept(units: int) -> Floats:
-    return _drawn(units)
-
-
 def _drawn(units: int) -> Floats:
     rng = np.random.default_rng([_SEED, units])
     counts = rng.multinomial(units, np.full(units, 1.0 / units), size=RESAMPLES)
     return counts.astype(np.float64)
+
+
+_kept = lru_cache(maxsize=64)(_drawn)
 
 
 class Gap(NamedTuple):

@@ -126,6 +126,10 @@ def agent_table(setting: AgentScores, reference: Reference | None) -> AgentTable
     units_before = np.concatenate([[0], np.cumsum([score.units for score in first])])
     budgets = run_budgets(first, reference)
     of_all, of_subsets = _ranked(setting.seeds, budgets)
+    columns: dict[str, Any] = {
+        **{name: _join(first, name) for name in ("class_id", "distance", "approach", "moving", "miss_error")},
+        **{name: _over_seeds(setting, name) for name in ("covered", "min_ade", "min_fde", "energy_score", "curve")},
+    }
     return AgentTable(
         setting=setting,
         budgets=budgets,
@@ -133,18 +137,9 @@ def agent_table(setting: AgentScores, reference: Reference | None) -> AgentTable
         unit=_join(first, "unit") + units_before[scene],
         units=int(units_before[-1]),
         person=_people(first, scene),
-        class_id=_join(first, "class_id"),
-        distance=_join(first, "distance"),
-        approach=_join(first, "approach"),
-        moving=_join(first, "moving"),
-        covered=_over_seeds(setting, "covered"),
-        min_ade=_over_seeds(setting, "min_ade"),
-        min_fde=_over_seeds(setting, "min_fde"),
-        energy_score=_over_seeds(setting, "energy_score"),
-        curve=_over_seeds(setting, "curve"),
+        **columns,
         hit=np.asarray(np.sum([~_join(run, "miss") for run in setting.seeds], axis=0), dtype=np.float64),
         capped=np.mean([_join(run, "capped") for run in setting.seeds], axis=0),
-        miss_error=_join(first, "miss_error"),
         of_all=of_all,
         of_subsets=of_subsets,
         weight=_weights(first, reference),

@@ -134,9 +134,8 @@ def _unpacked(content: dict[str, Any], key: str, shape: tuple[int, int], where: 
         raise DataError(f"{where.path}: targets of all scenes are {shape[0]}, expected at most {_MOST_TARGETS}")
     try:
         packed = base64.b64decode(where.has(content, key, str), validate=True)
-        found = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=MOST_BYTES).decompress(
-            packed, size + 1
-        )  # never more than is needed
+        reader = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=MOST_BYTES)
+        found = reader.decompress(packed, size + 1)  # never more than is needed
     except (ValueError, lzma.LZMAError, EOFError) as error:
         raise DataError(f"{where.path}: {key} cannot be read: {error}: {_AGAIN}") from None
     if len(found) != size:

@@ -76,11 +76,8 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
         for name, value in given.items():
             require_positive(name, value, "AssociationOnly", whole=name != "near")
         if choices > _STANDING:
-            raise MtpBenchError(
-                sentence(
-                    f"choices is {choices}", f"at most {_STANDING}, as many tracks as there may be", "AssociationOnly"
-                )
-            )
+            most = f"at most {_STANDING}, as many tracks as there may be"
+            raise MtpBenchError(sentence(f"choices is {choices}", most, "AssociationOnly"))
         RecordConstructorArgs.__init__(self, predictor=predictor, presence=presence, **given)
         untyped: Any = env  # Gymnasium types the inner env like the outer one
         gymnasium.Wrapper.__init__(self, untyped)

@@ -10,18 +10,7 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-from ..env.action import (
-    BOX,
-    CONFIDENCE,
-    COORDINATE_LIMIT,
-    FIELDS,
-    FORECAST_REACH,
-    LOG_WEIGHT,
-    MASK,
-    OFFSET,
-    PARENT,
-    Field,
-)
+from ..env.action import BOX, CONFIDENCE, COORDINATE_LIMIT, FIELDS, FORECAST_REACH, LOG_WEIGHT, MASK, OFFSET, Field
 from ..errors import ActionError, MtpBenchError, sentence
 from ..types import Action, Floats, Observation, Task
 from .wrapped import require_own_space, require_positive, task_of
@@ -111,8 +100,8 @@ class FlattenAction(gymnasium.ActionWrapper[Observation, NDArray[np.float32], Ac
             return unit
         if content is LOG_WEIGHT:
             return FAINTEST * (1 - unit)
-        values = (task.hypotheses if content is PARENT else len(task.classes)) - content.least
-        return content.least + np.minimum((unit * values).astype(np.int64), values - 1)
+        known = field.values_in(task)
+        return known.start + np.minimum((unit * len(known)).astype(np.int64), len(known) - 1)
 
 
 def _times(task: Task) -> Floats:

@@ -28,9 +28,9 @@ from mtp_bench.records import (
     verify,
     why_unranked,
 )
-from mtp_bench.records.attestation import HiddenPart, Level, SignedLevel, Statement, bound_to, level_path, write_level
+from mtp_bench.records.attestation import Level, SignedLevel, Statement, bound_to, level_path, write_level
 from mtp_bench.records.promise import Commitment, SecretSeeds, commitment_of
-from mtp_bench.records.record import IsolationPart
+from mtp_bench.records.record import HiddenPart, IsolationPart
 from mtp_bench.records.rerun import why_not_isolated
 from mtp_bench.records.shipped import baseline_digest, shipped
 from mtp_bench.records.storage import content_digest, measured_digest
@@ -224,8 +224,8 @@ def test_a_stranger_is_not_run_where_nothing_holds_it(
 
 def test_a_run_that_nothing_held_proves_no_record() -> None:
     record, held = write_record(1.0), IsolationPart(mechanism="namespaces", memory="watch")
-    assert why_not_isolated(record, [held]) == ""
-    assert "in this run" in why_not_isolated(record, [held, held.model_copy(update={"mechanism": "none"})])
+    assert why_not_isolated(record, held) == ""
+    assert "in this run" in why_not_isolated(record, held.model_copy(update={"mechanism": "none"}))
 
 
 # --- Medium: what ranked and must not

@@ -13,8 +13,8 @@ from hypothesis.extra import numpy as st_np
 
 from mtp_bench.env.action import ROWS
 from mtp_bench.env.checks import examine
-from mtp_bench.env.decoding import FAINTEST, answer_of, decode, log_softmax
-from tests.support.small_scenes import Action, empty_action, full_action, task
+from mtp_bench.env.decoding import FAINTEST, answer_of, log_softmax
+from tests.support.small_scenes import Action, decode, empty_action, full_action, task
 
 TASK = task()
 Break = Callable[[Action], Any]

@@ -11,9 +11,8 @@ import pytest
 
 from mtp_bench import MtpBenchError, MTPEnv, ShapeError, Tracks, answer
 from mtp_bench.env.action import FIELDS
-from mtp_bench.env.decoding import decode
-from mtp_bench.env.spaces import action_space
-from tests.support.small_scenes import task
+from mtp_bench.env.spaces import ActionSpace
+from tests.support.small_scenes import decode, task
 
 TASK = task()  # N 5, O 4, H 3, K 4, T 3
 BOX = np.array([[1.0, 2, 0, 0.5, 4, 2, 1.5], [5, 6, 0, 0, 1, 1, 2]])
@@ -42,7 +41,7 @@ def test_the_table_is_in_the_documentation(repository: Path) -> None:
 
 def test_every_action_lies_in_the_space() -> None:
     action = answer(TASK, BOX, CLASS, FUTURE, ids=[3, 4])
-    space: Any = action_space(TASK)
+    space: Any = ActionSpace(TASK)
     assert action in space
     assert {name: array for name, array in action.items() if name != "forecast"} not in space
     assert list(action) == [field.name for field in FIELDS]

@@ -16,8 +16,9 @@ from mtp_bench.cards import load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import MtpBenchError, RecordError
 from mtp_bench.records import open_seal, read_level, retire, seal, submit, trusted, verify, why_unranked
+from mtp_bench.records.canonical import today
 from mtp_bench.records.rerun import Runs, run_again
-from mtp_bench.records.seal import open_seals, today
+from mtp_bench.records.seal import open_seals
 from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring import read_reference
 from mtp_bench.sources.highway.source import HighwayTraffic

@@ -16,7 +16,7 @@ from mtp_bench.running.challenge import export_predictions, score_predictions
 from mtp_bench.running.opened import open_run
 from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring import find_targets
-from mtp_bench.scoring.challenge import challenge_errors
+from mtp_bench.scoring.challenge import KS, challenge_errors
 from mtp_bench.sources.nuscenes.challenge import Prediction, read_predictions, write_predictions
 from mtp_bench.sources.nuscenes.source import NuScenes
 from tests.support.command_line import CommandLine
@@ -61,7 +61,7 @@ def test_agrees_with_an_independent_implementation(seed: int) -> None:
     modes = [true + rng.normal(0, rng.uniform(0.1, 1.5), (n, 12, 2)) for n, true in zip(counts, truth, strict=True)]
     chance = [np.round(rng.dirichlet(np.ones(n)), 1) for n in counts]  # many are equal
     found = challenge_errors(modes, truth, chance)
-    for column, k in enumerate(found.ks):
+    for column, k in enumerate(KS):
         wanted = [by_loops(*one, k) for one in zip(modes, truth, chance, strict=True)]
         table = np.stack([found.min_ade, found.min_fde, found.miss])[:, :, column].T
         np.testing.assert_allclose(table, wanted, atol=1e-12)

@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.env.decoding import decode
 from mtp_bench.env.rollouts import ARRAYS, assemble, digest
 from mtp_bench.errors import RolloutError
 from mtp_bench.running.packing import packed, unpacked
 from mtp_bench.running.rollout_files import RunInfo, load_run, require_run_folder, require_storable, save_run
 from mtp_bench.types import Rollout
 from tests.support.broken_files import cut_head, flips
-from tests.support.small_scenes import empty_action, full_action, task
+from tests.support.small_scenes import decode, empty_action, full_action, task
 
 INFO = RunInfo(
     env_id="MTP-Small-v0",

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtp_bench._bundle import bundled
+from mtp_bench.env.checks import examine
+from mtp_bench.env.decoding import Answer, answer_of
 from mtp_bench.types import Action as Action
-from mtp_bench.types import Detections, Floats, Scene, Task, Truth
+from mtp_bench.types import Detections, Floats, Ints, Scene, Task, Truth
 
 CARD_ID = "MTP-Small-v0"
 CARD = """
@@ -139,6 +141,11 @@ def empty_action(rules: Task) -> Action:
         "forecast": np.zeros((o, k, rules.future, 2), dtype=np.float32),
         "forecast_log_weight": np.full((o, k), -np.inf, dtype=np.float32),
     }
+
+
+def decode(action: object, rules: Task, detected: Ints | None = None) -> Answer:
+    """What the env keeps of an action."""
+    return answer_of(examine(action, rules), rules, detected=detected)
 
 
 def full_action(rules: Task) -> Action:

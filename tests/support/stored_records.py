@@ -8,11 +8,11 @@ from dataclasses import asdict
 from typing import Any
 
 from mtp_bench.gateway import Limits
-from mtp_bench.records.attestation import HiddenPart, Level, SignedLevel, Statement, bound_to
+from mtp_bench.records.attestation import Level, SignedLevel, Statement, bound_to
 from mtp_bench.records.eligibility import Ships
 from mtp_bench.records.evaluation import status_of
 from mtp_bench.records.provenance import scorer_digest
-from mtp_bench.records.record import Record, ScenePart
+from mtp_bench.records.record import HiddenPart, Record, ScenePart
 from mtp_bench.records.shipped import Shipped, baseline_digest
 from mtp_bench.records.storage import sealed
 from mtp_bench.records.trust import ListedSeal
@@ -172,6 +172,8 @@ def signed_level(
     statement = Statement.model_validate(
         {"level": level, "isolation": "bubblewrap", "date": "2030-02-02", "hidden": hidden, **bound_to(record)}
     )
-    env, count = record.env, 0 if hidden is None else hidden.scenes
-    seal = None if hidden is None else ListedSeal("first", env.id, env.card_digest, count, made, retired)
+    seal = hidden and ListedSeal(
+        env=record.env.id, card_digest=record.env.card_digest, count=hidden.scenes, commitment=hidden.commitment,
+        made=made, name="first", retired=retired,
+    )  # fmt: skip
     return SignedLevel(statement, "tester", seal)
