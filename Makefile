@@ -28,16 +28,16 @@ HELD := .pytest_cache/held.log
 demo: .venv/installed
 	@$(BIN)/mtp-bench compare truth_past stp stp_same_budget mtp --env MTP-Intersection-v0 --scenes 10 --seeds 1
 
+# the checks work on a core each while the tests, which often wait, begin
 test: .venv/installed-dev
-	@$(MAKE) --no-print-directory --jobs 3 kernels $(CHECKS)
-	@$(MAKE) --no-print-directory --jobs 2 pytest $(BESIDE)
+	@$(MAKE) --no-print-directory --jobs 4 kernels $(CHECKS) pytest $(BESIDE)
 
-pytest:
+pytest: kernels
 	@echo '== pytest'
 	@$(BIN)/python -m $(PYTEST)
 
 # What holds agents does so for an ordinary user too, whom root plays here; its tests mostly wait, so others run beside.
-held:
+held: kernels
 	@mkdir -p $(dir $(HELD))
 	@bwrap --unshare-user --uid 1000 --gid 1000 --cap-drop ALL --dev-bind / / $(BIN)/python -m $(PYTEST) \
 		tests/gateway tests/adversarial/test_escapes.py tests/adversarial/test_oracle.py > $(HELD) 2>&1 \

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import TypeVar
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..types import Detections, Floats, Ints, starts_of
-
-RecordT = TypeVar("RecordT")
+from ..types import Detections, Floats, Ints, joined, starts_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,12 +25,6 @@ class Rows:
         """No rows."""
         no_ints = np.zeros(0, dtype=np.int64)
         return cls(no_ints, np.zeros((0, 7)), np.zeros((0, 2)), no_ints, np.zeros(0))
-
-
-def joined(parts: Sequence[RecordT]) -> RecordT:
-    """One record of several of the same class, at least one: their arrays end to end."""
-    columns = {one.name: np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(parts[0])}  # type: ignore[arg-type]
-    return type(parts[0])(**columns)
 
 
 def in_order(parts: Sequence[Rows], frames: int) -> Detections:

@@ -19,7 +19,8 @@ import pytest
 from mtp_bench.env.rollouts import digest
 from mtp_bench.gateway import SceneRun, run, run_isolated
 from mtp_bench.gateway.filter import system_call_filter
-from mtp_bench.gateway.mechanism import Mechanism, _works
+from mtp_bench.gateway.limits import Mechanism
+from mtp_bench.gateway.mechanism import _works
 from tests.support.hostile import HONEST, QUICK, SCENE, Court, submission
 from tests.support.runs import PATIENT, move_home
 

@@ -18,6 +18,7 @@ from mtp_bench.gateway import filter, mechanism, run_isolated
 from mtp_bench.gateway.cgroup import Group, _places, make_group
 from mtp_bench.gateway.image import image_of
 from mtp_bench.gateway.layout import LIBRARY, LOADED, environment, layout_for, library, python
+from mtp_bench.gateway.limits import Mechanism
 from mtp_bench.networks import VARIABLE, file_name
 from mtp_bench.running.run import agent_task
 from mtp_bench.submission import load_submission
@@ -233,7 +234,7 @@ def test_the_order_of_a_set_is_the_same_in_every_judge() -> None:
 
 def test_a_busy_machine_is_no_system_without_isolation(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mechanism, "_TRY", 1e-4)
-    way: mechanism.Mechanism = "bubblewrap" if shutil.which("bwrap") else "namespaces"
+    way: Mechanism = "bubblewrap" if shutil.which("bwrap") else "namespaces"
     with pytest.raises(SubmissionError, match="try again when the machine is less busy"):
         mechanism._works(way)
 

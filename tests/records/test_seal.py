@@ -174,7 +174,7 @@ def test_nothing_is_run_for_a_level_that_nobody_would_be_shown(
 
 def test_hidden_scenes_stay_until_a_round_ends(short: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The next record of the round finds the scenes that the one before it made; late answers there show nothing."""
-    seal(short, SCENES, tmp_path / "s.json")
+    seal(short, 2, tmp_path / "s.json")
     sealed, path = open_seal(tmp_path / "s.json"), tmp_path / "stp" / f"{ENV}.json"
     if not submit("stp", short, RunOptions(seeds=(0,)), path.parent).isolation.holds:
         pytest.skip("this system cannot hide files and network from an agent")

@@ -172,7 +172,7 @@ def test_wrong_usage_is_one_error(
 
 
 def test_records_are_of_the_open_division_and_never_ranked(card: str, kitti: str, tracks: str, tmp_path: Path) -> None:
-    options = RunOptions(kitti, seeds=(0, 1), track_file=tracks)
+    options = RunOptions(kitti, seeds=(0,), track_file=tracks)
     with pytest.raises(MtpBenchError, match=r"given_tracks observes stored tracks, .*: choose the open division"):
         submit("given_tracks", card, options, tmp_path)
     with pytest.raises(MtpBenchError, match="given_tracks observes stored tracks: name their file"):

@@ -172,7 +172,7 @@ def signed_level(
     statement = Statement.model_validate(
         {"level": level, "isolation": "bubblewrap", "date": "2030-02-02", "hidden": hidden, **bound_to(record)}
     )
-    seal = hidden and ListedSeal(
+    seal = None if hidden is None else ListedSeal(
         env=record.env.id, card_digest=record.env.card_digest, count=hidden.scenes, commitment=hidden.commitment,
         made=made, name="first", retired=retired,
     )  # fmt: skip

@@ -9,8 +9,7 @@ import numpy as np
 
 from ...errors import DataError
 from ...geometry import center_distance, wrap_angle
-from ...types import Bools, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
-from ..rows import joined
+from ...types import Bools, Detections, Floats, Ints, Scene, Truth, joined, starts_of_sorted
 from ..sight import Sensor, covered, polar, sight, within
 from ..sight import features as features_of
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....types import Floats, Scene
+from ....types import Floats, Scene, joined
 from ...fit.samples import FalsePositiveSamples, nearest_true
-from ...rows import Rows, joined
+from ...rows import Rows
 from ...sight import Sensor, Sight, covered, sight
 from ...surroundings import Surroundings, labels_of
 from ..draws import Draws, grid_of, neighbours_in
