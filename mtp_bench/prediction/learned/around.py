@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...geometry import wrap_angle
-from ...types import Floats, Ints
+from ...types import Floats, Ints, starts_of
 from ..kalman import rotation
 from ..windows import Surroundings, TrackWindows
 from .layers import Array, namespace
@@ -68,6 +68,19 @@ def nearest(windows: TrackWindows, moment: Ints, seen: Surroundings, back: int, 
     among = place < NEAREST
     found[owner[among], place[among]] = row[among]
     return found
+
+
+def taken_alone(windows: TrackWindows, moment: Ints, seen: Surroundings) -> tuple[Surroundings, Ints]:
+    """The detections that tracks took, each track alone in a scene of its P frames, and the last frame of each scene.
+
+    So a network that looks at what is around sees what the tracker says that the object is, and nothing else.
+    """
+    back = np.arange(windows.detection.shape[1])[::-1]
+    there = (windows.detection >= 0) & (back <= seen.before[moment][:, None])
+    row = (seen.start[np.maximum(moment[:, None] - back, 0)] + windows.detection)[there]
+    start, before = starts_of(there.ravel().astype(np.int64)), np.tile(back[::-1], len(windows))
+    alone = Surroundings(start, seen.box[row], seen.velocity[row], seen.class_id[row], seen.score[row], before)
+    return alone, np.arange(1, len(windows) + 1) * len(back) - 1
 
 
 def _distance(windows: TrackWindows, seen: Surroundings, owner: Ints, row: Ints, age: float) -> Floats:

@@ -13,6 +13,7 @@ from .tracking_free import TrackingFree
 
 _ALL: tuple[Network, ...] = (Modes(), Ptp(), SocialLstm(), TrackingFree(), Affinity(), Codebook())
 NETWORKS: dict[str, Network] = {network.name: network for network in _ALL}
+AROUND = ("affinity", "tracking_free")  # those that see the detections around an object in place of its track
 
 
 def network_of(name: str) -> Network:

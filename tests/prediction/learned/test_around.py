@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
+from mtp_bench import Pipeline, SubmissionError
+from mtp_bench.prediction import GreedySampler, LearnedPredictor
 from mtp_bench.prediction.learned.affinity import Affinity, soft_past
-from mtp_bench.prediction.learned.around import around_inputs, fitted_velocity, nearest, shares
+from mtp_bench.prediction.learned.around import around_inputs, fitted_velocity, nearest, shares, taken_alone
 from mtp_bench.prediction.learned.local import Arrays
 from mtp_bench.prediction.learned.network import Network, Sizes
 from mtp_bench.prediction.learned.tracking_free import TrackingFree, support
+from mtp_bench.prediction.learned.weights import Stored, write_weights
 from mtp_bench.prediction.windows import Surroundings, TrackWindows
+from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.training.around import varied_around
 from mtp_bench.training.losses import winner_takes_all
 from mtp_bench.types import Floats, Ints, starts_of
+from tests.support.tracking_scenes import at_once, frame, kitti_task, observation
 
 SIZES = Sizes(("car", "pedestrian"), past=4, future=3, modes=5, dt=0.5)
 OBJECTS, SCENES = 6, 2
@@ -188,6 +194,63 @@ def test_the_nearest_detections_are_kept_and_the_reach_grows_with_age() -> None:
     seen_from = around_inputs(windows, np.array([0]), seen, SIZES)
     np.testing.assert_allclose(seen_from["position"][0, -1, :3], [[1, 0], [2, 0], [0, 0]], atol=1e-6)
     np.testing.assert_allclose(seen_from["ratio"][0, -1, 0], [np.log(1 / 4), np.log(1 / 2)], rtol=1e-6)
+
+
+def test_of_a_track_alone_only_what_it_took_is_seen() -> None:
+    windows, moment, seen = crowd()
+    detection = np.tile(np.arange(OBJECTS)[:, None], (SCENES, SIZES.past))
+    detection[2, 1] = -1  # coasts
+    windows = replace(windows, detection=detection)
+    alone, last = taken_alone(windows, moment, seen)
+    inputs = around_inputs(windows, last, alone, SIZES)
+    near = inputs["near"]
+    assert near[..., 0].all(axis=0).tolist() == [True, False, True, True]
+    assert not near[2, 1].any()
+    assert not near[..., 1:].any()
+    score = seen.score.reshape(SCENES, SIZES.past, OBJECTS).swapaxes(1, 2).reshape(-1, SIZES.past)
+    np.testing.assert_array_equal(inputs["score"][..., 0], (score * (detection >= 0)).astype(np.float32))
+    crowded = around_inputs(windows, moment, seen, SIZES)
+    np.testing.assert_array_equal(inputs["position"][:, -1, 0], crowded["position"][:, -1, 0])
+
+
+def test_of_a_track_alone_frames_before_its_scene_are_empty() -> None:
+    windows, _, seen = crowd()
+    windows = replace(windows, detection=np.zeros((12, SIZES.past), dtype=int))
+    alone, last = taken_alone(windows, np.full(12, 4), seen)  # the first frame of the second scene
+    assert alone.counts.reshape(12, -1).sum(axis=0).tolist() == [0, 0, 0, 12]
+    assert last.tolist() == list(range(3, 48, 4))
+
+
+@NETWORKS
+def test_an_agent_whose_tracker_associates(network: Network, tmp_path: Path) -> None:
+    """Beside a track, detections of another class that it does not take change nothing, as they do for a network."""
+    task = kitti_task(k=5, samples=5)
+    sizes = Sizes.of(task)
+    windows, moment, seen = crowd()
+    known = np.ones((12, sizes.future), dtype=bool)
+    windows = replace(windows, box=np.repeat(windows.box, 3, axis=1)[:, : sizes.past])
+    inputs = network.inputs(windows, moment, seen, sizes)
+    weights = network.start(inputs, np.ones((12, sizes.future, 2), np.float32), known, sizes, 1)
+    file = tmp_path / "weights.safetensors"
+    write_weights(file, Stored(weights, network.name, sizes, {"on": "tracklets"}))
+    changed = []
+    for association in ("network", "track"):
+        told = []
+        for beside in ((), ((1.0, 0.5, 1),)):
+            predictor = LearnedPredictor(network.name, weights=file, association=association)
+            agent = Pipeline(HypothesisTracker(1, at_once()), predictor, GreedySampler())
+            agent.reset(task)
+            frames = [frame((0.8 * step, 0.0, 0), *beside) for step in range(5)]
+            told.append([agent.act(observation(boxes))["forecast"][0] for boxes in frames][-1])
+        changed.append(not np.allclose(*told, rtol=0, atol=1e-4))
+    assert changed == [True, False]
+
+
+def test_who_associates_is_checked() -> None:
+    with pytest.raises(SubmissionError, match="association is 'none', expected one of: network, track"):
+        LearnedPredictor("affinity", association="none")
+    with pytest.raises(SubmissionError, match="'modes', which sees tracks anyway; it is for: affinity, tracking_free"):
+        LearnedPredictor("modes", association="track")
 
 
 def test_the_velocity_of_places_on_a_line_is_exact_but_for_the_prior() -> None:
