@@ -52,6 +52,10 @@ class RunningAgain:
         bool,
         typer.Option("--unheld", help="Also where this system can hold no agent: it then runs with your rights."),
     ] = False
+    only_hidden: Annotated[
+        bool,
+        typer.Option("--only-hidden", help="With --hidden: do not repeat what a signed level shows to be run again."),
+    ] = False
 
 
 @dataclass(frozen=True)
@@ -101,6 +105,7 @@ def verify(
         ("--commitment", again.commitment, "--hidden", again.hidden),
         ("--stated-limits", again.stated_limits or None, "--rerun", again.rerun),
         ("--unheld", again.unheld or None, "--rerun", again.rerun),
+        ("--only-hidden", again.only_hidden or None, "--hidden", again.hidden),
         ("--sign", signing.sign, "--signer", signing.signer),
         ("--signer", signing.signer, "--sign", signing.sign),
         ("--owner", taking.owner, "--intake", taking.intake),
@@ -116,7 +121,8 @@ def verify(
         _intake(record, trust, taking.owner, json_file)
         return
     seals = _seals(again.hidden, again.commitment, trust)
-    asked = Round(again.rerun, seals, again.submissions, again.submission, again.stated_limits, again.unheld)
+    how = (again.stated_limits, again.unheld, again.only_hidden)
+    asked = Round(again.rerun, seals, again.submissions, again.submission, *how)
     options = RunOptions(root, track_file=absolute(tracks), workers=WorkerChoice(jobs).workers())
     _check_all(record, _Work(asked, trust, options, env, write, signing.sign, signing.signer or ""), json_file)
 
@@ -194,7 +200,7 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Line:
         return _Line(path, {**known, "holds": True})
     with working(f"verify {record.submission.name} on {record.env.id}", work.options) as watched:
         again = (asked.folder(record), asked.rerun, asked.sealed(record), ends, asked.stated_limits, asked.unheld)
-        checked = check_record(path, watched, work.env, *again)
+        checked = check_record(path, watched, work.env, *again, asked.shown(path, record, work.trust))
     if checked.differences:
         show_numbers(_difference_table(checked))
     show(_verdict(checked))

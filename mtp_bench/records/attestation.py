@@ -51,6 +51,7 @@ class Statement(Section):
     weights: Sha256
     isolation: Mechanism  # what held the agent when it was run again; of stored rollouts what the record says
     date: Date
+    ran_again: Date | None = None  # when it was, where an earlier level showed that; None: for this level
     hidden: HiddenPart | None = None
 
 

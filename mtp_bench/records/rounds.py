@@ -23,6 +23,7 @@ class Round:
     submission: Path | None = None  # the one to run, whatever its name
     stated_limits: bool = False  # run again under the limits that a record states
     unheld: bool = False  # run again also where nothing holds an agent
+    only_hidden: bool = False  # what a signed level shows to have been run again is run on hidden scenes alone
 
     def sealed(self, record: Record) -> Sealed | None:
         """The hidden scenes that a record is run on; None: none."""
@@ -40,6 +41,11 @@ class Round:
         if not self.rerun:
             return "re-scored"
         return "re-run" if self.sealed(record) is None else "hidden"
+
+    def shown(self, path: Path, record: Record, trust: Trust) -> SignedLevel | None:
+        """The signed level that saves running a record again; None: there is none, or it is not to count."""
+        signed, _ = read_level(path, record, trust) if self.only_hidden else (None, "")
+        return signed if signed is not None and LEVELS.index(signed.level) >= LEVELS.index("re-run") else None
 
     def done(self, path: Path, record: Record, trust: Trust) -> SignedLevel | None:
         """The signed level of a record that has what is aimed at, on the same seal; None: it is still to be done."""

@@ -17,7 +17,7 @@ from ..scoring import DEFINITIONS, Reference
 from ..sources import open_source
 from ..submission.loader import load_submission
 from ..types import Rollout
-from .attestation import LEVELS, Level, Statement, bound_to, read_level, write_level
+from .attestation import LEVELS, Level, SignedLevel, Statement, bound_to, read_level, write_level
 from .canonical import today
 from .eligibility import SEEDS
 from .evaluation import Evaluation, evaluate
@@ -50,6 +50,7 @@ class Verification:
     updated: Record | None = None  # with the numbers of today's scorer and weights, where these changed
     hidden: HiddenPart | None = None  # what it scored on hidden scenes
     held: IsolationPart | None = None  # what held the agent when it was run again
+    ran_again: str | None = None  # when that was, where an earlier level shows it
 
     @property
     def holds(self) -> bool:
@@ -67,6 +68,7 @@ def verify(
     ends: ExitStack | None = None,
     stated_limits: bool = False,
     unheld: bool = False,
+    shown: SignedLevel | None = None,
 ) -> Verification:
     """Check a record by its stored rollouts: scored again they must give its numbers ("re-scored").
 
@@ -83,6 +85,8 @@ def verify(
         stated_limits: Run it again with all seeds and under the limits that it states, also where these are more than
             those of records that rank; graphics cards are one.
         unheld: Run it again also where this system can hold no agent: it then has the rights of whoever runs it.
+        shown: A signed level of this record that ran it again. Where the scorer and the event weights are still those
+            of the record, that is not repeated: it runs on the hidden scenes of ``sealed`` alone.
 
     Raises RecordError where the record is missing, was changed or has no stored rollouts, states more
     than was allowed, or is of a stranger whom nothing would hold; DataError where data is missing.
@@ -101,11 +105,16 @@ def verify(
     plan = _plan(path, record, env_id, submission, options) if again else None
     stored = {} if again else stored_rollouts(path, record)
     reference = reference_for(card, [scene.scene for scene in record.per_scene], options)
-    options.progress.started(_work(record, plan, sealed))
+    if shown is not None and (sealed is None or _notes(record, reference)):
+        shown = None
+    options.progress.started(_work(record, plan, sealed, shown))
     if plan is None:
         return _scored_again(path, record, card, stored, reference, options)
     with ExitStack() as own:
-        return _run_again(path, record, plan, reference, sealed, own if ends is None else ends, limits)
+        ends = own if ends is None else ends
+        if sealed is not None and shown is not None:
+            return _hidden_alone(path, record, plan, sealed, ends, limits, shown)
+        return _run_again(path, record, plan, reference, sealed, ends, limits)
 
 
 def attest(checked: Verification, key: Path, signer: str, trust: Trust | None = None) -> Path:
@@ -123,7 +132,14 @@ def attest(checked: Verification, key: Path, signer: str, trust: Trust | None = 
     if checked.level == "scored" or not checked.holds:
         raise RecordError(f"{checked.path}: does not hold, so there is no level to sign")
     held = (checked.held or record.isolation).mechanism
-    statement = Statement(level=checked.level, isolation=held, date=today(), hidden=checked.hidden, **bound_to(record))
+    statement = Statement(
+        level=checked.level,
+        isolation=held,
+        date=today(),
+        ran_again=checked.ran_again,
+        hidden=checked.hidden,
+        **bound_to(record),
+    )
     return write_level(checked.path, statement, key, signer)
 
 
@@ -198,6 +214,17 @@ def _run_again(
     return replace(checked, level="hidden", hidden=run_hidden(plan, record, sealed, limits, ends))
 
 
+def _hidden_alone(
+    path: Path, record: Record, plan: Plan, sealed: Sealed, ends: ExitStack, limits: Limits, shown: SignedLevel
+) -> Verification:
+    """The check on hidden scenes of a record that was run again before, as a signed level shows."""
+    ran = shown.statement.ran_again or shown.statement.date
+    held = record.isolation.model_copy(update={"mechanism": shown.statement.isolation})
+    hidden = run_hidden(plan, record, sealed, limits, ends)
+    note = f"run again on {ran}, as {shown.signer} signed, and on hidden scenes now"
+    return Verification(path, record, "hidden", (), (note,), hidden=hidden, held=held, ran_again=ran)
+
+
 def _require_held(path: Path, record: Record, options: RunOptions) -> None:
     """Raise RecordError before a stranger's code is run where nothing would hold it."""
     known = baseline_digest(record.submission.name, record.submission.networks) == record.submission.digest
@@ -250,11 +277,11 @@ def _said_otherwise(record: Record, plan: Plan, again: Runs, limits: Limits) -> 
     yield from unequal("missed", *missed)
 
 
-def _work(record: Record, plan: Plan | None, sealed: Sealed | None) -> int:
+def _work(record: Record, plan: Plan | None, sealed: Sealed | None, shown: SignedLevel | None) -> int:
     """Runs and scenes to score, for a progress bar."""
     runs = 0 if plan is None else len(record.seeds) + 1
     hidden = 0 if sealed is None else sealed.seeds.count * len(sealed.run_seeds(record.seeds))
-    return len(record.per_scene) * (1 + runs) + hidden
+    return hidden + (len(record.per_scene) * (1 + runs) if shown is None else 0)
 
 
 def _plan(path: Path, record: Record, env_id: str | None, folder: str | Path | None, options: RunOptions) -> Plan:

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import errno
 import shutil
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from mtp_bench.gateway import Limits
-from mtp_bench.records import load_record, save_record, submit, verify
+from mtp_bench.records import load_record, save_record, submit, trusted, verify
 from mtp_bench.records.attestation import level_path
 from mtp_bench.records.record import LimitsPart
 from mtp_bench.records.rerun import run_again
+from mtp_bench.records.rounds import Round
 from mtp_bench.records.running import plan_run, rollouts_hash, rollouts_of
-from mtp_bench.records.verifying import Verification
+from mtp_bench.records.verifying import Verification, attest
 from mtp_bench.running.options import RunOptions
 from mtp_bench.submission.loader import load_submission
 from tests.support.command_line import CommandLine, read_json, write_submission
@@ -66,6 +67,23 @@ def test_a_round_goes_through_all_records_and_goes_on_when_started_again(
     shutil.rmtree(records / "moved")
     assert "re-run, signed by" in " ".join(cli.ok(*arguments).split())
     assert signed.is_file()
+
+
+def test_what_is_not_repeated_for_hidden_scenes(
+    made: Path, card: str, kitti: str, tmp_path: Path, leaderboard: Path, key: Path
+) -> None:
+    """A level that ran the record again saves it, where that is asked; one of stored rollouts does not."""
+    shutil.copytree(made / "records" / "stp", tmp_path / "stp")
+    path, trust = tmp_path / "stp" / f"{CARD_ID}.json", trusted(leaderboard)
+    record, asked = load_record(path), Round(rerun=True, only_hidden=True)
+    assert asked.shown(path, record, trust) is None
+    checked = verify(path, RunOptions(kitti), card)
+    for level, saves in (("re-scored", False), ("re-run", True)):
+        attest(replace(checked, level=level), key, SIGNER, trust)  # type: ignore[arg-type]
+        assert (asked.shown(path, record, trust) is not None) == saves
+        assert Round(rerun=True).shown(path, record, trust) is None
+    changed = record.model_copy(update={"seeds": [5]})
+    assert asked.shown(path, changed, trust) is None
 
 
 def test_a_disk_that_fails_once_stops_no_round(

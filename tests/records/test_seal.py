@@ -16,9 +16,11 @@ from mtp_bench.cards import load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import MtpBenchError, RecordError
 from mtp_bench.records import open_seal, read_level, retire, seal, submit, trusted, verify, why_unranked
+from mtp_bench.records.attestation import SignedLevel
 from mtp_bench.records.canonical import today
 from mtp_bench.records.rerun import Runs, run_again
-from mtp_bench.records.seal import open_seals
+from mtp_bench.records.running import Plan
+from mtp_bench.records.seal import Sealed, open_seals
 from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring import read_reference
 from mtp_bench.sources.highway.source import HighwayTraffic
@@ -146,6 +148,7 @@ def test_a_submission_on_hidden_scenes(
     said = cli.ok(*arguments, "--sign", key, "--signer", "tester")
     assert f"hidden since {signed.statement.date}, signed by tester" in said
     cli.ok("verify", path, "--env", short, "--jobs", 1)  # the times are still those of its own rollouts
+    scenes_stay_until_a_round_ends(path, short, sealed, signed)
     said = cli.ok("seal", "--retire", secret, "-o", leaderboard / "seals")
     assert "the secret is public from now on" in said
     signed, _ = read_level(path, made, trusted(leaderboard))
@@ -172,19 +175,28 @@ def test_nothing_is_run_for_a_level_that_nobody_would_be_shown(
     assert "no such record" in cli(*arguments, *signing).error
 
 
-def test_hidden_scenes_stay_until_a_round_ends(short: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The next record of the round finds the scenes that the one before it made; late answers there show nothing."""
-    seal(short, 2, tmp_path / "s.json")
-    sealed, path = open_seal(tmp_path / "s.json"), tmp_path / "stp" / f"{ENV}.json"
-    if not submit("stp", short, RunOptions(seeds=(0,)), path.parent).isolation.holds:
-        pytest.skip("this system cannot hide files and network from an agent")
+def scenes_stay_until_a_round_ends(path: Path, short: str, sealed: Sealed, signed: SignedLevel) -> None:
+    """The next record of a round finds the scenes that the one before it made; late answers there show nothing.
+
+    What is signed to have been run again is not: in a new round a record runs on the hidden scenes alone.
+    """
     scene = HighwayTraffic(load_card(short)).store.path(sealed.seeds.first)
-    with ExitStack() as ends:
-        verify(path, RunOptions(), short, rerun=True, sealed=sealed, ends=ends)
+    ran: list[str] = []
+
+    def spied(plan: Plan, *given: Any) -> Runs:
+        ran.extend(plan.scenes)
+        return run_again(plan, *given)
+
+    with ExitStack() as ends, pytest.MonkeyPatch.context() as patch:
+        patch.setattr("mtp_bench.records.hidden.run_again", spied)
+        checked = verify(path, RunOptions(), short, rerun=True, sealed=sealed, ends=ends, shown=signed)
         assert scene.exists()
-        monkeypatch.setattr("mtp_bench.records.hidden.run_again", lambda *given: _late(run_again(*given)))
+        assert sorted(ran) == [f"merge-{sealed.seeds.first + i}" for i in range(SCENES)]
+        assert (checked.level, checked.ran_again, checked.differences) == ("hidden", signed.statement.date, ())
+        assert checked.hidden == signed.hidden
+        patch.setattr("mtp_bench.records.hidden.run_again", lambda *given: _late(run_again(*given)))
         with pytest.raises(RecordError, match="stp: answers of hidden scenes came late: 1, so nothing is shown"):
-            verify(path, RunOptions(), short, rerun=True, sealed=sealed, ends=ends)
+            verify(path, RunOptions(), short, rerun=True, sealed=sealed, ends=ends, shown=signed)
     assert not scene.exists()
 
 
