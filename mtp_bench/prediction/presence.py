@@ -193,13 +193,13 @@ def _model_of(path: Path, changed: int) -> tuple[PresenceModel, ScoreTables]:
     content = read_file(path)
     if isinstance(content, LikeFile):
         _require_known(path, "detector in like", content.like, [file.stem for file in MODELS.glob("*.json")])
-        model, further = read_model(file_of(content.like))
-        if further:
+        other = file_of(content.like)
+        if isinstance(read_file(other), LikeFile):
             raise SubmissionError(
                 f"{path}: like is {content.like!r}, which itself is like another detector; expected one that has a "
                 "model of its own"
             )
-        return model, {name: np.array(rows) for name, rows in content.score_map.items()}
+        return read_model(other)[0], {name: np.array(rows) for name, rows in content.score_map.items()}
     for name in content.features:
         _require_known(path, "feature", name, FEATURES)
     return PresenceModel(

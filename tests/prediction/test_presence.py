@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -198,6 +199,16 @@ def test_a_file_that_is_no_model_is_one_clear_error(name: str, tmp_path: Path) -
     file.write_text(json.dumps(content))
     with pytest.raises(SubmissionError, match=f"mine.json: {message}"):
         LearnedPresence(file).reset(kitti_task())
+
+
+def test_one_like_another_without_a_map_is_like_it_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mtp_bench.prediction.presence.MODELS", tmp_path)
+    shutil.copy(MODELS / "megvii.json", tmp_path)
+    (tmp_path / "same.json").write_text(json.dumps({"like": "megvii", "score_map": {}}))
+    LearnedPresence(tmp_path / "same.json").reset(kitti_task())
+    (tmp_path / "mine.json").write_text(json.dumps({**LIKE, "like": "same"}))
+    with pytest.raises(SubmissionError, match="like is 'same', which itself is like another detector"):
+        LearnedPresence(tmp_path / "mine.json").reset(kitti_task())
 
 
 def test_a_file_that_cannot_be_read_is_one_clear_error(tmp_path: Path) -> None:

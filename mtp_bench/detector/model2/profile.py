@@ -106,7 +106,7 @@ class NearGhosts(Ghosts):
     offset: Ascending  # m from the centre of the true box: at 0, 10, ..., 100 %
     same: Annotated[tuple[Share, Share, Share], Field(strict=False)]
     # share with the class of the object, where within .75 m, within 1.5 m, beyond
-    duplicates: Quantiles | None = None  # scores of those of its class within .75 m; None: the same as of all
+    duplicates: Ascending | None = None  # scores of those of its class within .75 m; None: the same as of all
     parent: Correlation = 0.0  # correlation of their quality with that of the object
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.detector import Profile, load_profile
+from mtp_bench.detector.model2.profile import ClassNoise
 from mtp_bench.detector.profile import profile_text
 from mtp_bench.detector.variants import with_variant
 from mtp_bench.errors import CardError
@@ -28,16 +29,26 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
 }
 
 
+def require_refused(car: ClassNoise, text: str, folder: Path) -> None:
+    path = folder / "wrong.toml"
+    path.write_text(profile_text(full().model_copy(update={"classes": {"car": car}})), encoding="utf-8")
+    with pytest.raises(CardError, match=text):
+        load_profile(str(path))
+
+
 @pytest.mark.parametrize("name", WRONG)
 def test_wrong_figures_are_one_clear_error(name: str, tmp_path: Path) -> None:
     change, text = WRONG[name]
     car = full().classes["car"]
     quality = car.quality.model_copy(update=change)
-    wrong = full().model_copy(update={"classes": {"car": car.model_copy(update={"quality": quality})}})
-    path = tmp_path / "wrong.toml"
-    path.write_text(profile_text(wrong), encoding="utf-8")
-    with pytest.raises(CardError, match=text):
-        load_profile(str(path))
+    require_refused(car.model_copy(update={"quality": quality}), text, tmp_path)
+
+
+def test_scores_of_duplicates_ascend(tmp_path: Path) -> None:
+    car = full().classes["car"]
+    assert car.near is not None
+    sinking = car.near.model_copy(update={"duplicates": tuple(reversed(car.near.score))})
+    require_refused(car.model_copy(update={"near": sinking}), "expected ascending numbers", tmp_path)
 
 
 def test_iid_keeps_recall_and_scores_but_nothing_lasts() -> None:
