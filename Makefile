@@ -38,10 +38,11 @@ pytest: kernels
 	@echo '== pytest'
 	@$(BIN)/python -m $(PYTEST)
 
-# What holds agents does so for an ordinary user too, whom root plays here; its tests mostly wait, so others run beside.
+# What holds agents does so for an ordinary user too, whom root plays here; its tests mostly wait, so one process is enough
+# and others run beside.
 held: kernels
 	@mkdir -p $(dir $(HELD))
-	@bwrap --unshare-user --uid 1000 --gid 1000 --cap-drop ALL --dev-bind / / $(BIN)/python -m $(PYTEST) \
+	@bwrap --unshare-user --uid 1000 --gid 1000 --cap-drop ALL --dev-bind / / $(BIN)/python -m pytest -q \
 		tests/gateway tests/adversarial/test_escapes.py tests/adversarial/test_oracle.py > $(HELD) 2>&1 \
 		|| { cat $(HELD); exit 1; }
 	@echo '== pytest: the gateway, as an ordinary user'; tail -n 1 $(HELD)
