@@ -38,7 +38,12 @@ def bootstrap_interval(numerator: ArrayLike, denominator: ArrayLike) -> tuple[fl
     require_shape("numerator", top, bottom.shape)
     if (bottom < 0).any():
         raise ShapeError(f"denominator reaches down to {bottom.min()}, expected weights of 0 or more")
-    top, bottom = top[bottom > 0], bottom[bottom > 0]
+    return _interval(top[bottom > 0].tobytes(), bottom[bottom > 0].tobytes())
+
+
+@lru_cache(maxsize=1024)  # a leaderboard asks for the difference of the same two ends with every agent
+def _interval(numerator: bytes, denominator: bytes) -> tuple[float, float] | None:
+    top, bottom = np.frombuffer(numerator), np.frombuffer(denominator)
     if len(bottom) < LEAST_UNITS:
         return None
     mean, error = _mean_and_error(np.ones((1, len(bottom))), top, bottom)
@@ -147,8 +152,7 @@ def sign_flip_test(difference: ArrayLike) -> float:
     # a sum of the same terms in another order is as extreme
     limit = abs(float(gap.sum())) - 1e-12 * float(np.abs(gap).sum())
     if count <= EXACT_UNITS:
-        bits = (np.arange(1 << count)[:, None] >> np.arange(count)) & 1
-        return float((np.abs((1.0 - 2.0 * bits) @ gap) >= limit).mean())
+        return float((np.abs(_all_signs(count) @ gap) >= limit).mean())
     extreme = int((np.abs(_signs(count) @ gap) >= limit).sum())
     return (1 + extreme) / (1 + FLIPS)
 
@@ -159,6 +163,12 @@ def as_sums(name: str, values: ArrayLike) -> Floats:
     require_shape(name, array, (None,))
     require_finite(name, array)
     return array
+
+
+@lru_cache(maxsize=EXACT_UNITS)
+def _all_signs(units: int) -> Floats:
+    """All signs [2^U, U]."""
+    return 1.0 - 2.0 * ((np.arange(1 << units)[:, None] >> np.arange(units)) & 1)
 
 
 @lru_cache(maxsize=64)  # a comparison of many agents asks for the same ones again and again
