@@ -448,7 +448,8 @@ HEADERS = {
 
 
 @pytest.mark.parametrize("entries", HEADERS.values(), ids=HEADERS)
-def test_a_header_costs_its_scene_and_never_the_run(held: str, court: Court, entries: object) -> None:
+def test_a_header_costs_its_scene_and_never_the_run(court: Court, entries: object) -> None:
+    """It is read outside of the cell, whoever made that."""
     code = f"""
 import json
 header = dict(sys._getframe(1).f_locals["header"])

@@ -8,15 +8,17 @@ from pathlib import Path
 import pytest
 
 from mtp_bench.cards import changed_card, load_card
-from mtp_bench.records import Record, load_record, read_history, record_paths
+from mtp_bench.records import Record, read_history, record_paths
 from mtp_bench.records.shipped import baseline_digest
+from mtp_bench.records.storage import read_as
 from mtp_bench.scoring import DEFINITIONS
 from tests.support.command_line import CommandLine
 
 
 @pytest.fixture(scope="module")
 def records(repository: Path) -> dict[Path, Record]:
-    return {path: load_record(path) for path in record_paths(repository / "leaderboard" / "records")}
+    """As they are read: whether they hold together is asked where the pages are made of them."""
+    return {path: read_as(Record, path) for path in record_paths(repository / "leaderboard" / "records")}
 
 
 def test_records_fit_their_environments(records: dict[Path, Record]) -> None:

@@ -117,7 +117,10 @@ def test_a_submission_loses_nothing_with_a_worker(cluster: Any, card: str, kitti
     assert spread.hashes == here.hashes
 
 
-def test_an_agent_that_kills_every_worker_is_given_up(cluster: Any, card: str, kitti: str) -> None:
+def test_an_agent_that_kills_every_worker_is_given_up(
+    cluster: Any, card: str, kitti: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster.scheduler, "allowed_failures", 1)  # instead of 3: every worker takes long to start
     text = f"several workers of {cluster.scheduler_address} died in the same call"
     with pytest.raises(MtpBenchError, match=text):
         run_jobs(jobs(card, kitti, make_deadly)[:1], on(cluster))

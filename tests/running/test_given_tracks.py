@@ -28,9 +28,17 @@ from mtp_bench.running.track_export import TrackRows, export_tracks, write_track
 from mtp_bench.scoring import SceneScore, score_scene
 from mtp_bench.tracking import GivenTracker, HypothesisTracker, ab3dmot_parameters
 from tests.support.command_line import CommandLine
+from tests.support.runs import remembered_reference
 from tests.support.small_scenes import CARD_ID
 
 NOT_CAUSAL = "not causal: stored tracks, which may have seen the future"
+
+
+@pytest.fixture(autouse=True)
+def _weights(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Event weights are made once."""
+    for module in ("running.stored", "running.compare", "records.submitting", "records.verifying"):
+        monkeypatch.setattr(f"mtp_bench.{module}.reference_for", remembered_reference)
 
 
 @pytest.fixture(scope="module")
@@ -257,10 +265,9 @@ SCENES = [("MTP-nuScenes-mini-v0", "scene-0103"), ("MTP-KITTI-v0", "0006"), ("MT
 
 
 @pytest.mark.data
-@pytest.mark.parametrize("table", [False, True])
 @pytest.mark.parametrize(("env_id", "scene"), SCENES)
 def test_stored_detections_of_tracks_give_the_same_numbers(
-    env_id: str, scene: str, table: bool, data_root: Path, tmp_path: Path
+    env_id: str, scene: str, data_root: Path, tmp_path: Path
 ) -> None:
     """Nothing that counts is lost in the file: events are equal, errors too but for its decimals."""
     env = MTPEnv(env_id, str(data_root), evaluation=True)
@@ -275,18 +282,19 @@ def test_stored_detections_of_tracks_give_the_same_numbers(
         box=frame.to_scene(np.concatenate([box for box, _ in tracker.taken])),
         score=np.concatenate([score for _, score in tracker.taken]),
     )
-    path = tmp_path / ("tracks.json" if "nuScenes" in env_id and not table else "tracks")
-    write_tracks([(env.scene, rows)], env.card, str(data_root), path, table)
-    given = MTPEnv(env_id, str(data_root), observe="tracks", track_file=str(path), evaluation=True)
-    found = scored(given, scene, load_submission("given_tracks").build(agent_task(given, 0)))
-    assert events_of(found) == events_of(direct)
-    np.testing.assert_array_equal(found.covered, direct.covered)
-    covered = direct.covered
-    np.testing.assert_allclose(
-        found.min_ade[covered], direct.min_ade[covered], atol=0.02
-    )  # forecasts: whole centimetres
-    assert found.capped.mean() == pytest.approx(direct.capped.mean(), abs=1e-4)
-    assert found.fixed_error == pytest.approx(direct.fixed_error, rel=1e-3)
+    results = tmp_path / ("tracks.json" if "nuScenes" in env_id else "tracks")
+    for path, table in ((results, False), (tmp_path / "tables", True)):
+        write_tracks([(env.scene, rows)], env.card, str(data_root), path, table)
+        given = MTPEnv(env_id, str(data_root), observe="tracks", track_file=str(path), evaluation=True)
+        found = scored(given, scene, load_submission("given_tracks").build(agent_task(given, 0)))
+        assert events_of(found) == events_of(direct)
+        np.testing.assert_array_equal(found.covered, direct.covered)
+        covered = direct.covered
+        np.testing.assert_allclose(
+            found.min_ade[covered], direct.min_ade[covered], atol=0.02
+        )  # forecasts: whole centimetres
+        assert found.capped.mean() == pytest.approx(direct.capped.mean(), abs=1e-4)
+        assert found.fixed_error == pytest.approx(direct.fixed_error, rel=1e-3)
 
 
 @pytest.mark.data

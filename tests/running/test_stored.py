@@ -26,7 +26,16 @@ from mtp_bench.scoring import SUBSETS
 from mtp_bench.submission.loader import load_submission
 from tests.running.test_rollout_files import edit_json
 from tests.support.command_line import CommandLine, plain_environment, read_json, write_submission
+from tests.support.runs import remembered_reference
 from tests.support.small_scenes import CARD, write_card, write_kitti
+
+
+@pytest.fixture(autouse=True)
+def _weights(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Event weights are made once, but of a card that ships: there they may be frozen."""
+    if "shipped" not in request.fixturenames:
+        for module in ("stored", "compare"):
+            monkeypatch.setattr(f"mtp_bench.running.{module}.reference_for", remembered_reference)
 
 
 @pytest.fixture(scope="module")
@@ -95,8 +104,7 @@ def test_a_stored_run_says_what_was_trained_on_its_scenes(tmp_path: Path, card: 
     assert report.condition["trained"] == "presence trained on scored scenes: stp"
 
 
-@pytest.mark.parametrize("seed", [0, 3])
-@pytest.mark.parametrize("agent", ["stp", "stp_same_budget", "mtp", "truth_past"])
+@pytest.mark.parametrize(("agent", "seed"), [("stp", 0), ("stp_same_budget", 3), ("mtp", 3), ("truth_past", 0)])
 def test_a_stored_run_scores_as_in_a_comparison(
     agent: str, seed: int, cli: CommandLine, tmp_path: Path, shipped: str, kitti: str
 ) -> None:
@@ -132,19 +140,13 @@ def test_another_seed_is_another_draw(tmp_path: Path, card: str, kitti: str) -> 
 
 
 def test_answers_are_the_same_in_every_process(tmp_path: Path, card: str, kitti: str) -> None:
-    for jobs, hash_seed in ((1, "1"), (2, "2")):
-        command = [sys.executable, "-m", "mtp_bench.commands.app", "run", "mtp", "--env", card, "--data", kitti]
-        command += ["-o", str(tmp_path / hash_seed), "--jobs", str(jobs)]
-        done = subprocess.run(
-            command,
-            env=plain_environment() | {"PYTHONHASHSEED": hash_seed},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert (done.returncode, done.stderr) == (0, "")
+    command = [sys.executable, "-m", "mtp_bench.commands.app", "run", "mtp", "--env", card, "--data", kitti]
+    command += ["-o", str(tmp_path / "there"), "--jobs", "2"]
+    other = plain_environment() | {"PYTHONHASHSEED": "2" if os.environ.get("PYTHONHASHSEED") == "1" else "1"}
+    done = subprocess.run(command, env=other, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
     stored.run("mtp", card, tmp_path / "here", RunOptions(kitti))
-    assert digests(tmp_path / "1") == digests(tmp_path / "2") == digests(tmp_path / "here")
+    assert digests(tmp_path / "there") == digests(tmp_path / "here")
     assert len(set(digests(tmp_path / "here").values())) == 3
 
 
@@ -198,7 +200,6 @@ def test_a_changed_run_is_one_clear_error(
     change: Callable[[Path], Any], message: str, cli: CommandLine, folder: Path, tmp_path: Path, card: str, kitti: str
 ) -> None:
     file = tmp_path / "a.json"
-    cli.ok("score", folder, "--data", kitti, "--env", card)
     change(folder)
     assert re.search(message, cli("score", folder, "--data", kitti, "--env", card, "--json", file).error)
     assert not file.exists()
@@ -278,8 +279,7 @@ def test_an_earlier_run_is_replaced_only_when_asked(
     assert load_run(folder).info.agent == "stp"
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-@pytest.mark.parametrize("body", ["1 / 0", "import nothing_at_all"])
+@pytest.mark.parametrize(("body", "jobs"), [("1 / 0", 1), ("import nothing_at_all", 2)])
 def test_a_failing_agent_leaves_the_earlier_run(
     body: str, jobs: int, cli: CommandLine, folder: Path, tmp_path: Path, card: str, kitti: str
 ) -> None:

@@ -35,6 +35,7 @@ from tests.support.scoring_scenes import (
 CARD = make_card()
 STP = 4.0  # false forecasts of the reference
 steady = settings(derandomize=True, deadline=None, max_examples=40)
+at_every_cut = settings(steady, max_examples=15)  # each scores a scene some twenty times
 seeds = st.integers(0, 10_000)
 
 
@@ -199,7 +200,7 @@ def test_forecasts_in_frames_without_targets_do_not_matter(seed: int) -> None:
 # ---- cuts
 
 
-@steady
+@at_every_cut
 @given(seeds)
 def test_a_cut_is_as_if_nothing_else_had_been_said(seed: int) -> None:
     scene, rollout = random_case(seed)
@@ -319,7 +320,7 @@ def test_silence_costs_the_miss_error_at_every_budget(seed: int) -> None:
     assert (at_budgets(honest) <= at_budgets(got)).all()
 
 
-@steady
+@at_every_cut
 @given(seeds)
 def test_the_error_falls_and_false_forecasts_rise_with_what_is_allowed(seed: int) -> None:
     """The error does so where objects are far apart: in a crowd a nearer forecast may take a target and be worse."""
