@@ -69,6 +69,6 @@ def mtp_bench_command(*words):
 
 
 mtp_bench_command("check", str(FOLDER))
-record = ["--scenes", "2", "--seeds", "1", "-o", str(FOLDER.with_suffix(".record"))]  # without these: the whole record
+record = ["--scenes", "1", "--seeds", "1", "-o", str(FOLDER.with_suffix(".record"))]  # without these: the whole record
 mtp_bench_command("submit", str(FOLDER), "--env", ENV, *record)
 # --8<-- [end:record]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -54,8 +54,7 @@ def test_a_file_of_detections_is_run_and_scored(
     cli: CommandLine, tmp_path: Path, data_root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The same detections under another name: the same scores, another digest."""
-    stored = json.loads((data_root / "nuscenes/detections/megvii_mini.json").read_text())
-    (tmp_path / "mine.json").write_text(json.dumps(stored))
+    shutil.copy(data_root / "nuscenes/detections/megvii_mini.json", tmp_path / "mine.json")
     common = ("--env", "MTP-nuScenes-mini-v0", "--split", "mini_val", "--scenes", 1)
     for name, further in (("by_name", ()), ("by_file", ("--detections", "mine.json"))):
         monkeypatch.chdir(tmp_path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -56,10 +57,29 @@ def written(cli: CommandLine, file: Path, card: str, kitti: str, *arguments: obj
     return read_json(file)
 
 
-def test_the_file_has_the_keys_that_others_script_against(
-    cli: CommandLine, tmp_path: Path, card: str, kitti: str
-) -> None:
-    content = written(cli, tmp_path / "a.json", card, kitti, "stp", "mtp", "--jobs", 1)
+Once = Callable[..., Any]
+
+
+@pytest.fixture(scope="module")
+def kept() -> dict[tuple[str, ...], Any]:
+    """What was compared once: tests must not change it."""
+    return {}
+
+
+@pytest.fixture
+def once(kept: dict[tuple[str, ...], Any], cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> Once:
+    """The content of a comparison with one process, run for the first test that asks for it."""
+
+    def content(*agents: str) -> Any:
+        if agents not in kept:
+            kept[agents] = written(cli, tmp_path / "once.json", card, kitti, *agents, "--jobs", 1)
+        return kept[agents]
+
+    return content
+
+
+def test_the_file_has_the_keys_that_others_script_against(once: Once) -> None:
+    content = once("stp", "mtp")
     assert list(content) == ["env", "definitions", "rows", "condition", "paired", "details", "skipped"]
     assert (content["condition"]["split"], content["condition"]["detector"]) == ("val", "pointrcnn")
     assert (content["env"], content["definitions"], content["skipped"]) == ("MTP-Small-v0", DEFINITIONS, {})
@@ -74,8 +94,8 @@ def test_the_file_has_the_keys_that_others_script_against(
     assert everything["ms_per_frame"] > 0
 
 
-def test_what_is_undefined_is_null(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
-    rows = written(cli, tmp_path / "a.json", card, kitti, "stp", "--jobs", 1)["rows"]
+def test_what_is_undefined_is_null(once: Once) -> None:
+    rows = once("stp")["rows"]
     stp = {row["subset"]: row for row in rows if row["agent"] == "stp"}
     nothing = ["minADE", "minFDE", "error", "interval", "plain_error", "energy_score", "coverage", "gap_closed", "rank"]
     assert {key: stp["paper_ids"][key] for key in nothing} == dict.fromkeys(nothing)
@@ -89,18 +109,17 @@ def test_what_is_undefined_is_null(cli: CommandLine, tmp_path: Path, card: str, 
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_second_run_writes_the_same_but_for_the_time(
-    jobs: int, cli: CommandLine, tmp_path: Path, card: str, kitti: str
+    jobs: int, once: Once, cli: CommandLine, tmp_path: Path, card: str, kitti: str
 ) -> None:
-    first = written(cli, tmp_path / "first.json", card, kitti, "stp", "mtp", "--jobs", 1)
     again = written(cli, tmp_path / "again.json", card, kitti, "stp", "mtp", "--jobs", jobs)
-    assert without_times(again) == without_times(first)
+    assert without_times(again) == without_times(once("stp", "mtp"))
 
 
 def test_a_folder_stands_beside_the_baselines_and_does_not_change_them(
-    cli: CommandLine, tmp_path: Path, card: str, kitti: str
+    once: Once, cli: CommandLine, tmp_path: Path, card: str, kitti: str
 ) -> None:
     folder = write_submission(tmp_path / "mine")
-    alone = written(cli, tmp_path / "alone.json", card, kitti, "stp", "--jobs", 1)["rows"]
+    alone = once("stp")["rows"]
     beside = written(cli, tmp_path / "beside.json", card, kitti, folder, "stp", folder, "--jobs", 1)["rows"]
     assert settings_of(alone) == CONTROLS
     assert settings_of(beside) == [*CONTROLS, ("echo", 2, 4, "equal")]  # it declares none and states two

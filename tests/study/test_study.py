@@ -26,7 +26,7 @@ from mtp_bench.scoring.causes import CAUSES
 from mtp_bench.study import Study, study
 from mtp_bench.study.conduct import find
 from mtp_bench.study.figures import make_figures
-from mtp_bench.study.gallery import command_of
+from mtp_bench.study.gallery import command_of, picture_of
 from mtp_bench.study.moments import worst_moments
 from mtp_bench.study.page import headings
 from mtp_bench.study.plan import make_plan, subject_of
@@ -40,15 +40,25 @@ from mtp_bench.submission import load_submission
 from tests.support.browser import CHROMIUM, DRIVER, MISSING, chromium
 from tests.support.command_line import CommandLine, write_submission
 from tests.support.small_scenes import CARD, CARD_ID
+from tests.test_readme import blocks
 
 PAPERS = ("pasts", "targeted", "global", "speed", "frequency", "shared", "frames")
 OURS = ("surface", "k_curve", "causes", "gaps", "since", "age", "bins", "budgets", "calibration", "cuts", "relations")
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> Study:
-    """A study of mtp; tests must not change its folder."""
-    return study(["mtp"], card, tmp_path_factory.mktemp("study"), RunOptions(kitti), command="mtp-bench study --env X")
+def made(tmp_path_factory: pytest.TempPathFactory, repository: Path, card: str, kitti: str) -> Study:
+    """The study of docs/seeing/study.md, of the small card; tests must not change its folder."""
+    (block,) = blocks(repository / "docs" / "seeing" / "study.md", "python")
+    folder = tmp_path_factory.mktemp("study")
+    here = {'"MTP-Intersection-v0"': repr(card), '"study"': repr(str(folder)), "RunOptions(": f"RunOptions({kitti!r}, "}
+    for shown, ours in here.items():
+        assert block.count(shown) == 1, "the page names the env, the folder and the options once"
+        block = block.replace(shown, ours)
+    page: dict[str, Any] = {}
+    exec(compile(block, "study.md", "exec"), page)
+    result: Study = page["made"]
+    return result
 
 
 def rows_of(study: Study, name: str) -> list[dict[str, Any]]:
@@ -124,7 +134,6 @@ def test_nothing_on_the_page_asks_anybody(made: Study) -> None:
     assert not re.findall(r"""(?:src|href)=["'](?!data:|#)""", text)
     assert "<script" not in text
     assert not re.search(r"url\((?![\"']?#)", text)
-    assert "mtp-bench study --env X" in text
 
 
 def test_the_page_tells_the_whole_story(made: Study) -> None:
@@ -187,10 +196,24 @@ def test_the_command_on_an_agent_of_ones_own(cli: CommandLine, tmp_path: Path, c
     given = "--env", card, "--data", kitti, "--agent", mine, "-o", folder, "--quick", "--jobs", 1
     said = cli.ok("study", *given)
     assert f"{folder / 'index.html'}" in said.replace("\n", "")
+    assert f"mtp-bench study --env {card}" in html.unescape((folder / "index.html").read_text())
     told = json.loads((folder / "tables" / "global.json").read_text())["rows"]
     assert "mine" in {row["agent"] for row in told}
     assert "mtp" not in {row["agent"] for row in told}
     assert "mine" in {row["agent"] for row in json.loads((folder / "tables" / "pasts.json").read_text())["rows"]}
+
+
+def test_simulated_traffic_is_studied_with_the_weights_that_ship(tmp_path: Path) -> None:
+    found = find(["stp"], "MTP-Intersection-v0", tmp_path, RunOptions(scenes=1), quick=True)
+    assert found.reference.frozen
+    tables = make_tables(found)
+    assert {"truth_past", "stp"} <= {row.agent for row in tables["causes"].rows}
+    for row in tables["causes"].rows:
+        assert sum(getattr(row, cause) for cause in CAUSES) == pytest.approx(row.error, abs=1e-9), row.agent
+    moment = worst_moments(found)[0]
+    assert moment.scene in found.bench.scenes
+    assert picture_of(moment, "worst").png.startswith(b"\x89PNG")
+    assert f"--scene {moment.scene}" in command_of(found, moment)
 
 
 @pytest.mark.parametrize("more", [("--seeds", 2), ("--scenes", 7)])

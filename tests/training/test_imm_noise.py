@@ -51,7 +51,7 @@ def test_the_score_is_that_of_samples() -> None:
 
 
 def test_a_fit_betters_the_start_on_other_windows() -> None:
-    found = fit_imm_noise(*windows(300, 2), DT)
+    found = fit_imm_noise(*windows(150, 2), DT)
     fresh = windows(1000, 3)
     start = noise_of(ImmNoise, [_row(np.array(_START))])
     assert imm_score(*fresh, noise_of(ImmNoise, [found]), DT) < 0.95 * imm_score(*fresh, start, DT)
