@@ -242,7 +242,7 @@ def test_an_agent_whose_tracker_associates(network: Network, tmp_path: Path) -> 
             agent.reset(task)
             frames = [frame((0.8 * step, 0.0, 0), *beside) for step in range(5)]
             told.append([agent.act(observation(boxes))["forecast"][0] for boxes in frames][-1])
-        changed.append(not np.allclose(*told, rtol=0, atol=1e-4))
+        changed.append(not np.allclose(told[0], told[1], rtol=0, atol=1e-4))
     assert changed == [True, False]
 
 
