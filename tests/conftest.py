@@ -7,6 +7,7 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # small matrices: threads would only stand in each other's way
 
 import shutil
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -47,6 +48,8 @@ def pytest_report_header(config: pytest.Config) -> str:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if os.environ.get("PYTEST_XDIST_WORKER"):
+        take_packages_in_turn(items)
     if os.environ.get(VARIABLE):
         return
     marked = [item for item in items if item.get_closest_marker("data")]
@@ -54,6 +57,20 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         config.hook.pytest_deselected(items=marked)
         items[:] = [item for item in items if not item.get_closest_marker("data")]
     config.stash[_deselected] = len(marked)
+
+
+def take_packages_in_turn(items: list[pytest.Item]) -> None:
+    """One file of each package, then the next of each: files that mostly wait lie in a few packages.
+
+    Side by side they would leave the cores idle.
+    """
+    files = dict.fromkeys(item.path for item in items)
+    taken: Counter[Path] = Counter()
+    turn = {}
+    for file in files:
+        turn[file] = taken[file.parent]
+        taken[file.parent] += 1
+    items.sort(key=lambda item: turn[item.path])
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
