@@ -5,7 +5,17 @@ from mtp_bench.prediction import GreedySampler, LearnedPredictor, LearnedPresenc
 from mtp_bench.tracking import HypothesisTracker, TruthTracker
 
 
-def build(task: Task, network: str = "affinity", on: str = "tracklets", weights: str | None = None) -> Agent:
-    """``network`` and what it was trained ``on``; ``weights``: a file of your own in place of the env's."""
+def build(
+    task: Task,
+    network: str = "affinity",
+    on: str = "tracklets",
+    weights: str | None = None,
+    association: str = "network",
+) -> Agent:
+    """``network`` and what it was trained ``on``; ``weights``: a file of your own in place of the env's.
+
+    ``association``: "network" sees all detections around an object, "track" only those that its track took.
+    """
     tracker = TruthTracker() if task.observe == "truth" else HypothesisTracker(1)
-    return Pipeline(tracker, LearnedPredictor(network, on, weights), GreedySampler(), presence=LearnedPresence())
+    predictor = LearnedPredictor(network, on, weights, association=association)
+    return Pipeline(tracker, predictor, GreedySampler(), presence=LearnedPresence())

@@ -321,6 +321,10 @@ def test_every_baseline_is_a_submission(name: str) -> None:
         agent.reset(task)
     except SubmissionError as error:
         assert "mtp-bench train predictor" in str(error)  # noqa: PT017  (a network is not trained for a made-up env)
+    ends = submission.compare.ends
+    if submission.networks and submission.compare.observe == "detections":
+        assert isinstance(ends, dict), "its gap is between ends with its own predictor"
+        submission.require_parameters(**ends)
 
 
 @pytest.mark.parametrize(
