@@ -26,6 +26,8 @@ from tests.support.runs import PATIENT, move_home
 
 WAYS: tuple[Mechanism, ...] = ("bubblewrap", "namespaces")
 
+pytestmark = pytest.mark.usefixtures("light_stems")
+
 
 @pytest.fixture
 def court(card: str, kitti: str, tmp_path: Path) -> Court:

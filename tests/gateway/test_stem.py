@@ -24,7 +24,10 @@ from mtp_bench.gateway.stems import StemError, can_stem, stem_of, uproot
 from mtp_bench.submission import load_submission
 from tests.support.hostile import HONEST, QUICK, Court, submission
 
-pytestmark = pytest.mark.skipif(mechanism.mechanism() != "bubblewrap", reason="a stem needs bubblewrap")
+pytestmark = [
+    pytest.mark.skipif(mechanism.mechanism() != "bubblewrap", reason="a stem needs bubblewrap"),
+    pytest.mark.usefixtures("light_stems"),
+]
 
 ASKS = """
 def is_open(number):
