@@ -80,7 +80,7 @@ class Pipeline:
     def act(self, observation: Observation) -> Action:
         """Answer one frame."""
         self._frame += 1
-        self._seen.append(observation)
+        self._seen.append({name: np.copy(value) for name, value in observation.items()})  # its arrays may be used again
         started = perf_counter()
         tracks = self._tracker.step(observation)
         tracked = perf_counter()

@@ -189,3 +189,16 @@ def test_only_pools_that_are_too_large_are_reduced() -> None:
     np.testing.assert_array_equal(table, np.concatenate([samples[1], samples[3]])[None])
     np.testing.assert_allclose(np.exp(log_weight), [[0.36, 0.04, 0.54, 0.06]])
     np.testing.assert_allclose(np.exp(weight).sum(axis=1), 1.0)
+
+
+def test_what_was_seen_earlier_stays_as_it_was() -> None:
+    """Also where whoever calls fills the same arrays anew for every frame."""
+    still = Still()
+    agent = Pipeline(HypothesisTracker(1, at_once()), still, KMeansSampler())
+    agent.reset(TASK)
+    first = observation(frame((0.0, 0.0, 0)))
+    agent.act(first)
+    seen = first["detection_box"].copy()
+    first["detection_box"][:] = 9.0
+    agent.act(observation(frame((0.5, 0.0, 0))))
+    np.testing.assert_array_equal(still.frames[-1].seen[0]["detection_box"], seen)
