@@ -50,10 +50,15 @@ def largest_error(card: Card) -> float:
 
 def baseline_digest(name: str, networks: Mapping[str, str] | None = None) -> str | None:
     """Digest of the baseline of that name as it ships, with weights that were trained for it; None for other names."""
+    return _digest(name, tuple(sorted((networks or {}).items())))
+
+
+@cache  # a leaderboard asks again for every subset
+def _digest(name: str, networks: tuple[tuple[str, str], ...]) -> str | None:
     if name not in baseline_names():
         return None
     folder = load_submission(name).path
-    return digest_of(folder, files_of(folder), networks)
+    return digest_of(folder, files_of(folder), dict(networks))
 
 
 @cache

@@ -41,7 +41,7 @@ def bootstrap_interval(numerator: ArrayLike, denominator: ArrayLike) -> tuple[fl
     return _interval(top[bottom > 0].tobytes(), bottom[bottom > 0].tobytes())
 
 
-@lru_cache(maxsize=1024)  # a leaderboard asks for the difference of the same two ends with every agent
+@lru_cache(maxsize=8192)  # a leaderboard asks for the difference of the same two ends with every agent
 def _interval(numerator: bytes, denominator: bytes) -> tuple[float, float] | None:
     top, bottom = np.frombuffer(numerator), np.frombuffer(denominator)
     if len(bottom) < LEAST_UNITS:
@@ -145,7 +145,12 @@ def sign_flip_test(difference: ArrayLike) -> float:
     not matter. 1.0 without any.
     """
     gap = as_sums("difference", difference)
-    gap = gap[gap != 0]
+    return _p(gap[gap != 0].tobytes())
+
+
+@lru_cache(maxsize=8192)  # a leaderboard asks for two agents where it ranks them, and where it shows how they differ
+def _p(difference: bytes) -> float:
+    gap = np.frombuffer(difference)
     count = len(gap)
     if count == 0:
         return 1.0

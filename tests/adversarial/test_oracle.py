@@ -21,6 +21,7 @@ from tests.support.command_line import write_submission
 from tests.support.runs import PATIENT, move_home
 from tests.support.small_scenes import write_short_card
 
+pytestmark = pytest.mark.usefixtures("light_stems")
 ENV = "MTP-Merge-v0"
 ORACLE = '''
 """Finds a seal and knows the future by it."""

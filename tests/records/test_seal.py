@@ -117,7 +117,7 @@ def test_a_submission_on_hidden_scenes(
     assert f"publish this commitment to {SCENES} hidden scenes of MTP-Merge-v0 in leaderboard/seals, sha256 " in said
     assert f"for trials alone: {SCENES} scenes rank nobody, ranks need 50" in said
     shutil.copy(tmp_path / "s.commitment.json", leaderboard / "seals")
-    made = submit("stp", short, RunOptions(seeds=(0, 1)), tmp_path / "stp")
+    made = submit("stp", short, RunOptions(seeds=(0,)), tmp_path / "stp")
     if not made.isolation.holds:
         pytest.skip("this system cannot hide files and network from an agent")
     path = tmp_path / "stp" / f"{ENV}.json"

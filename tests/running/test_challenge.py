@@ -142,7 +142,7 @@ def test_only_envs_with_official_targets(cli: CommandLine, known: list[str], eve
 @pytest.mark.data
 def test_a_run_as_a_submission_scores_as_the_run_does(cli: CommandLine, data_root: Path, tmp_path: Path) -> None:
     """With k = 10 its errors are those of the scorer where there is a forecast: the same targets, the same pairs."""
-    options = RunOptions(str(data_root), scenes=4, split=SPLIT)
+    options = RunOptions(str(data_root), scenes=2, split=SPLIT)
     stored.run("stp", ENV, tmp_path / "run", options)
     opened = open_run(tmp_path / "run", str(data_root))
     done = export_predictions(opened, tmp_path / "p.json")
@@ -152,7 +152,7 @@ def test_a_run_as_a_submission_scores_as_the_run_does(cli: CommandLine, data_roo
     assert done.predicted == found.predicted == pytest.approx(row["coverage"] * row["targets"])
     assert found.metrics["MinADEK"][2] == pytest.approx(row["minADE"], abs=1e-6)
     assert found.metrics["MinFDEK"][2] == pytest.approx(row["minFDE"], abs=1e-6)
-    said = cli.ok("challenge", tmp_path / "p.json", "--data", data_root, "--split", SPLIT, "--scenes", 4, "--json", "-")
+    said = cli.ok("challenge", tmp_path / "p.json", "--data", data_root, "--split", SPLIT, "--scenes", 2, "--json", "-")
     assert json.loads(said)["metrics"] == found.metrics
     (tmp_path / "p.json").write_text(json.dumps([entry()]))
     with pytest.raises(

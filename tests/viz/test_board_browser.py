@@ -229,10 +229,10 @@ def test_filters_are_kept_in_the_address(opened: Browser, page: Path) -> None:
     assert "signal 9" in detail(opened)  # a place is shown whatever the filters say
 
 
-@pytest.mark.parametrize("place", ["../../x", "%", "MTP-Nowhere-v0/a", "_text", f"{MAIN}/%22%3E", "constructor"])
-def test_an_odd_address_does_nothing(opened: Browser, page: Path, place: str) -> None:
-    at(opened, page, place)
-    assert names(opened) == RANKED + UNRANKED
+def test_an_odd_address_does_nothing(opened: Browser, page: Path) -> None:
+    for place in ("../../x", "%", "MTP-Nowhere-v0/a", "_text", f"{MAIN}/%22%3E", "constructor"):
+        at(opened, page, place)
+        assert names(opened) == RANKED + UNRANKED, place
 
 
 @pytest.mark.parametrize("how", ["pointer", "keyboard"])
@@ -301,11 +301,12 @@ def test_a_thousand_entries_load_on_demand(browser: Browser, tmp_path: Path) -> 
         assert browser.script("return document.activeElement.closest('.matrix') !== null")
 
 
-@pytest.mark.parametrize("width", [360, 390, 768, 1120, 1366, 1700])
-def test_no_width_makes_the_page_scroll_sideways(opened: Browser, width: int) -> None:
-    opened.resize(width, 900)
+def test_no_width_makes_the_page_scroll_sideways(opened: Browser) -> None:
     opened.click(f"{FIRST} tbody.entry .open")
-    assert opened.script("return document.documentElement.scrollWidth") <= width
+    assert detail(opened)
+    for width in (360, 390, 768, 1120, 1366, 1700):
+        opened.resize(width, 900)
+        assert opened.script("return document.documentElement.scrollWidth") <= width
 
 
 def test_a_large_screen_shows_who_signed(browser: Browser, repository: Path) -> None:
