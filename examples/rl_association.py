@@ -27,6 +27,7 @@ ENV = "MTP-Roundabout-v0"  # a roadside sensor that sees about 15 vehicles
 DETECTIONS = 16
 CHOICES = 1  # ignore a detection, begin a track with it, or continue the nearest track
 TRAINING, SEARCH, HELD_OUT = slice(10), slice(2), slice(5, 10)  # scenes: of "train", of "train", of "val"
+AT_RANDOM = 40  # constant policies
 Policy = Callable[[NDArray[np.float32]], NDArray[Any]]
 
 
@@ -51,14 +52,14 @@ def reward_per_step(env: AssociationOnly, policy: Policy) -> float:
 def best_constant(env: AssociationOnly) -> Policy:
     """The best of the policies that do the same in every frame: one choice for the surest detections, one for the rest.
 
-    And of as many at random.
+    And of some at random.
     """
     values = range(IGNORE, IGNORE + 2 + CHOICES)
     place = np.arange(DETECTIONS)
     constants = [np.where(place < surest, a, b) for a in values for b in values for surest in (4, 8, 12) if a != b]
     constants += [np.full(DETECTIONS, a) for a in values]
     rng = np.random.default_rng(0)
-    constants += list(rng.integers(len(values), size=(40, DETECTIONS)))
+    constants += list(rng.integers(len(values), size=(AT_RANDOM, DETECTIONS)))
     found = [reward_per_step(env, lambda _, action=action: action) for action in constants]  # type: ignore[misc]
     best = constants[int(np.argmax(found))]
     return lambda observation: best
