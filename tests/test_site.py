@@ -200,7 +200,8 @@ def test_it_fits_and_asks_for_nothing(site: Path, browser: Browser, name: str, s
     assert browser.wait_for(f"return ({white}) === {json.dumps(scheme == 'light')}")  # scripts of the page set it
     for width in (1600, 390):
         browser.resize(width, 900)
-        assert browser.script("return document.documentElement.scrollWidth") <= width
+        fits = f"return document.documentElement.scrollWidth <= {width}"
+        assert browser.wait_for(fits), width  # what was beside the page slides to its place
     assert browser.console() == []
     assert [url for url in browser.requests() if urlsplit(url).scheme in ("http", "https", "ws", "wss")] == []
 

@@ -21,14 +21,14 @@ from mtp_bench import parallel as _cluster
 from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import MtpBenchError, SubmissionError
 from mtp_bench.parallel import Done, Progress, Workers, _cluster_map, _require_backend
-from mtp_bench.records import submit
+from mtp_bench.records import submit, submitting
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run
 from mtp_bench.running.run import Job, run_jobs
 from mtp_bench.types import Task
 from tests.running.test_runner import make_failing
 from tests.support.command_line import CommandLine, read_json, write_submission
-from tests.support.runs import PATIENT
+from tests.support.runs import PATIENT, remembered_reference
 from tests.support.small_scenes import Action, EchoAgent, make_noisy
 
 NAMES = ["0006", "0001", "0008"]
@@ -97,7 +97,10 @@ def test_a_killed_worker_loses_nothing(cluster: Any, card: str, kitti: str) -> N
     assert [digest(rollout) for rollout in run_jobs(given)] == [digest(rollout) for rollout in spread]
 
 
-def test_a_submission_loses_nothing_with_a_worker(cluster: Any, card: str, kitti: str, tmp_path: Path) -> None:
+def test_a_submission_loses_nothing_with_a_worker(
+    cluster: Any, card: str, kitti: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(submitting, "reference_for", remembered_reference)  # event weights of both are the same
     folder = write_submission(tmp_path / "echo", body="__import__('time').sleep(0.02)")
     with distributed_untyped.Client(cluster, set_as_default=False) as client:
         client.wait_for_workers(2)
