@@ -12,9 +12,10 @@ export MTP_BENCH_DATA := $(DATA)
 endif
 BIN := .venv/bin
 PYTHON ?= python3.11
-# uv installs in a third of the time that pip takes; where it cannot, pip does. It is told of pip's own folders of wheels.
+# uv installs in a third of the time that pip takes; where it cannot, pip does. It is told of pip's own index and folders of wheels.
 OPTIONS := --quiet --constraint constraints.txt --editable
-UV := UV_FIND_LINKS="$(PIP_FIND_LINKS)" $(BIN)/uv pip install --python $(BIN)/python $(OPTIONS)
+UV := UV_FIND_LINKS="$(PIP_FIND_LINKS)" $(BIN)/uv pip install --python $(BIN)/python \
+	$(addprefix --default-index ,$(PIP_INDEX_URL)) $(OPTIONS)
 PIP := $(BIN)/python -m pip install $(OPTIONS)
 install = { $(BIN)/python -m pip install --quiet uv && $(UV) $(1); } || $(PIP) $(1)
 unexport PYTHONDONTWRITEBYTECODE
