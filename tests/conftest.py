@@ -6,6 +6,7 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # small matrices: threads would only stand in each other's way
 
+import gc
 import shutil
 from collections import Counter
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ from hypothesis import HealthCheck, settings
 
 from mtp_bench.parallel import cores
 from tests.support.command_line import CommandLine
+from tests.support.event_weights import Remembered
 from tests.support.leaderboards import listed, make_key, make_leaderboard
 from tests.support.small_scenes import write_card, write_kitti
 from tests.support.stored_runs import write_events_run
@@ -57,6 +59,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         config.hook.pytest_deselected(items=marked)
         items[:] = [item for item in items if not item.get_closest_marker("data")]
     config.stash[_deselected] = len(marked)
+
+
+def pytest_collection_finish() -> None:
+    """What was read stays until the end: the collector need not look at it again and again."""
+    gc.freeze()
 
 
 def take_packages_in_turn(items: list[pytest.Item]) -> None:
@@ -118,6 +125,15 @@ def events_run(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) 
 
 
 @pytest.fixture(scope="session", autouse=True)
+def in_one_process() -> Iterator[None]:
+    """Commands do their work in this process, as tests run beside each other already; with ``--jobs`` in several."""
+    with pytest.MonkeyPatch.context() as patch:
+        for command in ("options", "check"):
+            patch.setattr(f"mtp_bench.commands.{command}.cores", lambda: 1)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """What is made once lies apart from the user's, in one folder for all processes of this session."""
     base = tmp_path_factory.getbasetemp()
@@ -125,6 +141,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder.mkdir(exist_ok=True)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MTP_BENCH_CACHE", str(folder))
+        patch.setattr("mtp_bench.running.reference._perturbed_runs", Remembered(folder))
         yield folder
 
 
