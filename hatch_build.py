@@ -24,13 +24,15 @@ class LeaderboardHook(BuildHookInterface[Any]):
     """Adds the leaderboard to what a wheel holds."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Name every file with its place in the wheel."""
+        """Name every file with its place in the wheel; an editable installation reads those of the checkout."""
+        self._made = tempfile.TemporaryDirectory(prefix="mtp_bench-wheel-")
+        if version == "editable":
+            return
         root = Path(self.root) / "leaderboard"
         for path in sorted(root.rglob("*")):
             place = path.relative_to(root)
             if path.is_file() and any(place.match(pattern) for pattern in PUBLIC):
                 build_data["force_include"][str(path)] = f"{BUNDLE}/{place.as_posix()}"
-        self._made = tempfile.TemporaryDirectory(prefix="mtp_bench-wheel-")
         packed = Path(self._made.name) / PACKED
         pack(root, packed)
         build_data["force_include"][str(packed)] = f"{BUNDLE}/{PACKED}"

@@ -80,7 +80,7 @@ def layout_for(image: Image, data: str | None, cuda: bool = False, own: Sequence
     _add(shown, (os.fspath(interpreter()), *_standard_library(), *packages()))
     package = library() / "mtp_bench"
     covered = [str(package)] if _inside(package, shown) else []
-    shown += [(str(path), str(path)) for path in (package / part for part in LIBRARY) if path.exists()]
+    shown += [(str(path), str(path)) for part in LIBRARY for path in _with_bytecode(package / part) if path.exists()]
     shown += [(str(folder), f"{KERNELS}/{folder.name}") for folder in compiled_kernels()]
     shown += [(str(image.submission), SUBMISSION), (str(image.networks), NETWORKS)]
     _require_apart([*(here for here, _ in shown), str(image.source)], data, own)
@@ -89,6 +89,11 @@ def layout_for(image: Image, data: str | None, cuda: bool = False, own: Sequence
         devices += _graphics_cards()
         shown.append(("/sys", "/sys"))
     return Layout(tuple(shown), tuple(links), tuple(covered), devices)
+
+
+def _with_bytecode(path: Path) -> tuple[Path, ...]:
+    """A folder; or a module and what the interpreter made of it, which every process would make anew."""
+    return (path, Path(importlib.util.cache_from_source(path))) if path.suffix == ".py" else (path,)
 
 
 def bare_layout() -> Layout:

@@ -39,6 +39,7 @@ def main() -> None:
     resource.setrlimit(resource.RLIMIT_NOFILE, (MOST_FILES, MOST_FILES))
     door = socket.socket(fileno=os.dup(given))  # below the limit, so that forks close it, as the judge's may not be
     os.close(given)
+    gc.disable()  # until all is there
     system, child = _part("namespaces"), _part("child")
     child.prepare(plan)
     for name, kernels in plan["modules"].items():
@@ -47,6 +48,7 @@ def main() -> None:
             getattr(module, kernel).compiled()
     _require_nothing_shared()
     gc.freeze()  # what is there now is shared by all forks: collecting would copy it
+    gc.enable()
     door.send(READY)
     while True:
         text, descriptors, _, _ = socket.recv_fds(door, MOST, 8)
