@@ -190,8 +190,9 @@ SHOWN = ("index", "definitions/index", "environment/index", "environment/MTP-KIT
          "agents/own_model", "leaderboard/results")  # fmt: skip
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("name", SHOWN)
+@pytest.mark.parametrize(
+    ("name", "scheme"), [*((name, "light") for name in SHOWN), ("index", "dark"), (SHOWN[-1], "dark")]
+)
 def test_it_fits_and_asks_for_nothing(site: Path, browser: Browser, name: str, scheme: str) -> None:
     browser.prefer(scheme)
     browser.forget()

@@ -109,7 +109,7 @@ def most_choices(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize("style", ["ties", "gated", "huge"])
 def test_equals_enumeration(style: str, most_choices: int) -> None:
     rng = np.random.default_rng([len(style), most_choices])
-    for i in range(5000):
+    for i in range(2500):
         problem = random_problem(rng, 4 if i % 10 else 6, 5, style)
         found, expected = solved(problem), enumerated(problem)
         assert len(found[0]) == len(expected), i
