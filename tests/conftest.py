@@ -17,7 +17,6 @@ from hypothesis import HealthCheck, settings
 
 from mtp_bench.parallel import cores
 from tests.support.command_line import CommandLine
-from tests.support.event_weights import Remembered
 from tests.support.leaderboards import listed, make_key, make_leaderboard
 from tests.support.small_scenes import write_card, write_kitti
 from tests.support.stored_runs import write_events_run
@@ -141,7 +140,6 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder.mkdir(exist_ok=True)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MTP_BENCH_CACHE", str(folder))
-        patch.setattr("mtp_bench.running.reference._perturbed_runs", Remembered(folder))
         yield folder
 
 
