@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+from importlib.util import cache_from_source, source_from_cache
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +60,14 @@ def test_nothing_of_the_judge_is_shown(tmp_path: Path) -> None:
         assert not any(part.is_relative_to(place) for place in places), part
     for part in (library() / "envs", library() / "leaderboard", Path.home(), Path("/etc/passwd"), Path("/run")):
         assert not any(part.is_relative_to(place) for place in places), part
+
+
+def test_bytecode_is_that_of_shown_modules_alone(tmp_path: Path) -> None:
+    layout = layout_for(image_of(load_submission(submission(tmp_path / "mine")), "MTP-X-v0"), None)
+    places = {here for here, _ in layout.shown}
+    compiled = [here for here in places if here.endswith(".pyc")]
+    assert cache_from_source(str(library() / "mtp_bench" / "files.py")) in compiled
+    assert {source_from_cache(here) for here in compiled} <= places
 
 
 @pytest.mark.parametrize("name", ["ab3dmot", "mtp", "mtp_modes", "mtp_ptp", "affinity", "tracking_free"])
