@@ -93,8 +93,7 @@ def _sample(route: Route, number: int, routes: RouteTable, geometry: LaneGeometr
 
 
 def _zones(a: _Way, b: _Way) -> tuple[Zone, ...]:
-    dx, dy = (np.subtract.outer(a.xy[:, axis], b.xy[:, axis]) for axis in (0, 1))
-    distance = np.sqrt(dx * dx + dy * dy)
+    distance = np.linalg.norm(a.xy[:, None] - b.xy, axis=2)
     close = distance < a.half[:, None] + b.half
     return tuple(_zone(a, b, distance, close, run) for run in _runs(close.any(axis=1)))
 
