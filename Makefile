@@ -59,9 +59,10 @@ ruff:
 	@$(BIN)/ruff check --quiet .
 	@$(BIN)/ruff format --quiet --check . || { $(BIN)/ruff format --check .; exit 1; }
 
+# gets what the tests, which sometimes wait, leave of the cores
 mypy:
 	@echo '== mypy'
-	@$(BIN)/mypy --no-error-summary
+	@nice -n 15 $(BIN)/mypy --no-error-summary
 
 pyright:
 	@echo '== pyright'

@@ -40,8 +40,8 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """Twice as many as cores: for a third of their time tests wait for processes that they started."""
-    return 2 * cores()
+    """As many as cores: each process makes for itself what its tests share, and more would crowd the caches."""
+    return cores()
 
 
 def pytest_report_header(config: pytest.Config) -> str:

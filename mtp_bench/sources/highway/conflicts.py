@@ -93,9 +93,11 @@ def _sample(route: Route, number: int, routes: RouteTable, geometry: LaneGeometr
 
 
 def _zones(a: _Way, b: _Way) -> tuple[Zone, ...]:
-    distance = np.linalg.norm(a.xy[:, None] - b.xy, axis=2)
-    close = distance < a.half[:, None] + b.half
-    return tuple(_zone(a, b, distance, close, run) for run in _runs(close.any(axis=1)))
+    dx: Floats = a.xy[:, 0, None] - b.xy[:, 0]
+    dy: Floats = a.xy[:, 1, None] - b.xy[:, 1]
+    distance: Floats = np.sqrt(dx * dx + dy * dy)  # in half the time of a norm along a short axis
+    close: Bools = distance < a.half[:, None] + b.half
+    return tuple(_zone(a, b, distance, close, run) for run in _runs(np.any(close, axis=1)))
 
 
 def _runs(flags: Bools) -> list[Ints]:
