@@ -95,7 +95,7 @@ def _sample(route: Route, number: int, routes: RouteTable, geometry: LaneGeometr
 def _zones(a: _Way, b: _Way) -> tuple[Zone, ...]:
     dx: Floats = a.xy[:, 0, None] - b.xy[:, 0]
     dy: Floats = a.xy[:, 1, None] - b.xy[:, 1]
-    distance: Floats = np.sqrt(dx * dx + dy * dy)  # in half the time of a norm along a short axis
+    distance: Floats = np.sqrt(dx * dx + dy * dy)  # a norm along a short axis takes several times as long
     close: Bools = distance < a.half[:, None] + b.half
     return tuple(_zone(a, b, distance, close, run) for run in _runs(np.any(close, axis=1)))
 
