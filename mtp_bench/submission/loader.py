@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from ..agent import Agent
     from ..types import Task
 
+ON_SCORED = "trained on scored scenes"  # how a note on what was ends
+
 
 @dataclass(frozen=True)
 class Submission:
@@ -51,7 +53,7 @@ class Submission:
     def note_on(self, env_id: str) -> str | None:
         """What tables and records say beside scores in an env: what was trained on the scenes that it scores."""
         what = self.trained_on_scored.get(env_id)
-        return None if what is None else f"{what} trained on scored scenes"
+        return None if what is None else f"{what} {ON_SCORED}"
 
     def build(self, task: Task, **overrides: Any) -> Agent:
         """A new agent for ``task``; ``overrides`` win over the parameters of the manifest.

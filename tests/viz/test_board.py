@@ -17,6 +17,7 @@ from mtp_bench.errors import MtpBenchError
 from mtp_bench.records import OldResult, Record, save_record
 from mtp_bench.scoring import SUBSETS
 from mtp_bench.scoring.statistics import PairedDifference, paired_difference
+from mtp_bench.submission.loader import ON_SCORED
 from mtp_bench.viz.board import (
     BoardFiles,
     Entry,
@@ -310,16 +311,40 @@ def test_the_interval_in_the_head_is_of_what_is_said(mean: float, interval: tupl
     entry = replace(entry, standing=replace(entry.standing, differences={"all": PairedDifference(mean, interval, 0.4)}))
     told = leader_of([entry], {entry: "id"})
     assert told is not None
-    assert f"{told['difference']}|{told['interval']}" == said
+    assert f"{told['less_stp']['by']}|{told['less_stp']['interval']}" == said
+    assert told["next"] is None
 
 
 def test_the_head_says_who_is_best_by_how_much_and_how_sure() -> None:
     head = re.sub(r"<[^>]+>", "", board_files(board_of(*made_up_board()[:10])).page.split("<main")[0])
-    assert "Best on WILDTRACK k10 braided_paths, forest_of_maybe" in " ".join(head.split())
+    said = " ".join(head.split())
+    assert "Best on WILDTRACK k10 braided_paths, forest_of_maybe" in said
     assert "They share rank 1" in head
-    assert "0.326 m lower than the single-hypothesis pipeline stp (95 % interval 0." in " ".join(head.split())
+    assert "0.326 m lower than the single-hypothesis pipeline stp (95 % interval 0." in said
+    assert re.search(r"and 0\.\d+ m lower than the next, [a-z_]+ \(0\.\d+ to 0\.\d+, p (&lt;|=) \.\d+\)", said)
     assert "mtp-bench submit" in head
     assert "Best on" not in board_files(board_of(*made_up_board()[10:])).page  # nobody is ranked there
+
+
+def test_the_lead_over_the_next_is_that_over_the_best_of_those_behind() -> None:
+    entries = board_of(made_up("stp", 3.0), made_up("good", 1.0), made_up("near", 1.5), made_up("far", 2.0))
+    told = leader_of(entries, {entry: entry.name for entry in entries})
+    assert told is not None
+    assert (told["next"][1], told["less_next"]["by"]) == ("near", "0.500 m lower")
+    assert told["less_stp"]["by"] == "2.000 m lower"
+
+
+def test_what_was_trained_on_scored_scenes_is_said_where_ranks_are_shown() -> None:
+    """In the row, by a mark in the overview, and in the files; nowhere else."""
+    note = f"predictor {ON_SCORED}"
+    knows = made_up("knows", 0.5, training_data=["nuScenes: split train", note])
+    files = board_files(board_of(made_up("stp", 1.0), knows))
+    assert re.findall(r'<span class="why"><bdi>(.*?)</bdi>', files.page) == [note]
+    assert files.page.count("0.50†") == 1
+    assert files.page.count("†") == 2  # the cell, and what the mark means
+    rows = json.loads(files.parts[f"tables/{MAIN}.json"])["rows"]
+    assert {row["submission"]: row["trained_on_scored"] for row in rows} == {"knows": note, "stp": None}
+    assert "†" not in board_files(board_of(made_up("stp", 1.0))).page
 
 
 def test_the_overview_has_the_papers_environments_first_and_marks_simulated_ones() -> None:

@@ -72,7 +72,10 @@ def _paper(subset: Subset, name: str, where: str) -> tuple[Column, Column]:
     )  # fmt: skip
 
 
-_ERROR = "Error over all targets, averaged over how many false forecasts one allows, metres. This ranks."
+_ERROR = (
+    "Error over all targets, averaged over how many false forecasts one allows; where it cannot be known which are "
+    "false, as on nuScenes, over how many forecasts per frame. Metres. This ranks."
+)
 _DIFFERENCE = (
     "Error minus that of the single-hypothesis pipeline (stp) on the same targets, metres, with the 95 % interval of "
     "the paired difference over units of at most 20 s. Left of the line: better than stp."

@@ -12,6 +12,7 @@ from ...scoring.definitions import SIGNIFICANT
 from ...scoring.rows import Row
 from ...scoring.statistics import PairedDifference
 from ...scoring.subsets import Subset
+from ...submission.loader import ON_SCORED
 from .order import env_place
 
 LEVEL_TEXT: dict[Level, str] = {
@@ -71,6 +72,11 @@ class Entry(Found):
         if seal is None:
             return ""
         return f"{seal.name} of {seal.made}" + (f", retired {seal.retired}" if seal.retired else "")
+
+    @property
+    def trained_on_scored(self) -> str:
+        """What of it was trained on the scenes that are scored, as it declares; empty where nothing was."""
+        return next((said for said in self.record.training_data if said.endswith(ON_SCORED)), "")
 
     @property
     def checked(self) -> str:

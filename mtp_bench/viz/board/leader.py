@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ...scoring.statistics import PairedDifference, paired_difference
 from .entries import Entry, by_env
 from .lines import p_value
 from .order import short_name
@@ -15,27 +16,41 @@ _NAMED = 3
 def leader_of(entries: Sequence[Entry], ids: Mapping[Entry, str]) -> dict[str, Any] | None:
     """What the head of the page says; None where the first environment ranks nobody."""
     first = next(iter(by_env(entries).values()), [])
-    best = [entry for entry in first if entry.rank == 1]
+    ranked = [entry for entry in first if entry.rank is not None]
+    best = [entry for entry in ranked if entry.rank == 1]
     if not best:
         return None
-    leader = best[0]
-    difference, row = leader.difference(), leader.row
-    said = {"difference": "", "interval": "", "p": ""}
-    if difference is not None and difference.interval is not None:
-        sign = -1 if difference.mean < 0 else 1  # of how much lower, or how much higher
-        low, high = sorted(sign * end for end in difference.interval)
-        said = {
-            "difference": f"{abs(difference.mean):.3f} m {'lower' if difference.mean < 0 else 'higher'}",
-            "interval": f"{low:.3f} to {high:.3f}".replace("-", "−"),
-            "p": f"p {p_value(difference.p)}",
-        }
-    return said | {
+    leader, row = best[0], best[0].row
+    following = ranked[len(best)] if len(ranked) > len(best) else None
+    return {
         "env": leader.env,
         "name": short_name(leader.env),
         "first": [(entry, ids[entry]) for entry in best[:_NAMED]],
         "more": len(best[_NAMED:]),
         "error": f"{leader.error:.3f}",
-        "ranked": sum(entry.rank is not None for entry in first),
+        "less_stp": _said(leader.difference()),
+        "next": None if following is None else (following, ids[following]),
+        "less_next": None if following is None else _said(_less(leader, following)),
+        "ranked": len(ranked),
         "targets": f"{row.targets:,}".replace(",", " "),
         "scenes": row.scenes,
+    }
+
+
+def _less(entry: Entry, other: Entry) -> PairedDifference | None:
+    """The error of an entry less that of one that is ranked beside it."""
+    errors = entry.sums.unit_error("all"), other.sums.unit_error("all")
+    return paired_difference(*errors, entry.sums.unit_weight("all"))
+
+
+def _said(difference: PairedDifference | None) -> dict[str, str] | None:
+    """How much lower, or how much higher, and how sure that is; None where nobody knows."""
+    if difference is None or difference.interval is None:
+        return None
+    sign = -1 if difference.mean < 0 else 1
+    low, high = sorted(sign * end for end in difference.interval)
+    return {
+        "by": f"{abs(difference.mean):.3f} m {'lower' if difference.mean < 0 else 'higher'}",
+        "interval": f"{low:.3f} to {high:.3f}".replace("-", "−"),
+        "p": f"p {p_value(difference.p)}",
     }

@@ -27,6 +27,11 @@ class Overview:
     rows: list[tuple[str, list[Entry | None]]]  # name of an agent, its entry per environment
 
     @property
+    def marked(self) -> bool:
+        """Whether something in an agent was trained on scenes that are scored."""
+        return any(entry is not None and entry.trained_on_scored for _, row in self.rows for entry in row)
+
+    @property
     def groups(self) -> list[tuple[str, int]]:
         """Headings above the columns, with their number."""
         made = sum(head.simulated for head in self.heads)

@@ -49,6 +49,7 @@ def row_of(entry: Entry) -> dict[str, Any]:
         "rank": entry.rank,
         "submission": entry.name,
         "not_ranked_because": entry.why or None,
+        "trained_on_scored": entry.trained_on_scored or None,
         "added": entry.added,
         "interval": list(entry.row.interval) if entry.row.interval else None,
         "difference_interval": list(difference.interval) if difference and difference.interval else None,
