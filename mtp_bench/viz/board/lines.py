@@ -118,6 +118,7 @@ def _line(
         "authors": clean_text(authors, _SHORT),
         "all_authors": clean_text(authors, len(authors)) if len(authors) > _SHORT else "",  # for the search
         "links": [(label, address) for label, address in _links(entry) if len(address) <= _SHORT],
+        "trained": clean_text(entry.trained_on_scored, _SHORT),
         "why": "" if entry.compared else clean_text(entry.why.removeprefix(f"{record.status}: "), _SHORT),
         "shared": entry.rank in shared,
         "cells": cells,
