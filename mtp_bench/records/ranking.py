@@ -88,6 +88,11 @@ def conditions(sums: Record | HiddenPart) -> tuple[object, ...]:
     return (*of, rows, tuple(tuple(round(w, 6) for w in sums.unit_weight(subset)) for subset in SUBSETS))
 
 
+def difference_of(one: Checked, other: Checked, subset: Subset) -> PairedDifference | None:
+    """The error of ``one`` less that of ``other``, metres, paired unit by unit; they have the same `conditions`."""
+    return paired_difference(one.sums.unit_error(subset), other.sums.unit_error(subset), one.sums.unit_weight(subset))
+
+
 def _of_env(records: Sequence[Record], levels: Mapping[str, SignedLevel], ships: Ships) -> dict[str, Standing]:
     taken = taken_names(records, levels)
     entrants = [_entrant(record, levels.get(record.digest), taken.get(record.digest), ships) for record in records]
@@ -207,10 +212,9 @@ def _differences(entrant: _Entrant, stp: _Entrant | None) -> dict[Subset, Paired
         return {}
     found: dict[Subset, PairedDifference] = {}
     for subset in SUBSETS if entrant.record.status == "finished" else ():
-        errors = entrant.sums.unit_error(subset), stp.sums.unit_error(subset)
-        difference = paired_difference(*errors, stp.sums.unit_weight(subset))
-        if difference is not None:
-            found[subset] = difference
+        less = difference_of(entrant, stp, subset)
+        if less is not None:
+            found[subset] = less
     return found
 
 

@@ -335,15 +335,17 @@ def test_the_lead_over_the_next_is_that_over_the_best_of_those_behind() -> None:
 
 
 def test_what_was_trained_on_scored_scenes_is_said_where_ranks_are_shown() -> None:
-    """In the row, by a mark in the overview, and in the files; nowhere else."""
+    """In the row, by a mark in the overview, in the files, and in the terminal; nowhere else."""
     note = f"predictor {ON_SCORED}"
     knows = made_up("knows", 0.5, training_data=["nuScenes: split train", note])
-    files = board_files(board_of(made_up("stp", 1.0), knows))
+    entries = board_of(made_up("stp", 1.0), knows)
+    files = board_files(entries)
     assert re.findall(r'<span class="why"><bdi>(.*?)</bdi>', files.page) == [note]
     assert files.page.count("0.50†") == 1
     assert files.page.count("†") == 2  # the cell, and what the mark means
     rows = json.loads(files.parts[f"tables/{MAIN}.json"])["rows"]
     assert {row["submission"]: row["trained_on_scored"] for row in rows} == {"knows": note, "stp": None}
+    assert f"{note}: knows" in board_tables(entries)[0][1]
     assert "†" not in board_files(board_of(made_up("stp", 1.0))).page
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ...scoring.statistics import PairedDifference, paired_difference
+from ...records.ranking import difference_of
+from ...scoring.statistics import PairedDifference
 from .entries import Entry, by_env
 from .lines import p_value
 from .order import short_name
@@ -30,27 +31,21 @@ def leader_of(entries: Sequence[Entry], ids: Mapping[Entry, str]) -> dict[str, A
         "error": f"{leader.error:.3f}",
         "less_stp": _said(leader.difference()),
         "next": None if following is None else (following, ids[following]),
-        "less_next": None if following is None else _said(_less(leader, following)),
+        "less_next": None if following is None else _said(difference_of(leader, following, "all")),
         "ranked": len(ranked),
         "targets": f"{row.targets:,}".replace(",", " "),
         "scenes": row.scenes,
     }
 
 
-def _less(entry: Entry, other: Entry) -> PairedDifference | None:
-    """The error of an entry less that of one that is ranked beside it."""
-    errors = entry.sums.unit_error("all"), other.sums.unit_error("all")
-    return paired_difference(*errors, entry.sums.unit_weight("all"))
-
-
-def _said(difference: PairedDifference | None) -> dict[str, str] | None:
+def _said(less: PairedDifference | None) -> dict[str, str] | None:
     """How much lower, or how much higher, and how sure that is; None where nobody knows."""
-    if difference is None or difference.interval is None:
+    if less is None or less.interval is None:
         return None
-    sign = -1 if difference.mean < 0 else 1
-    low, high = sorted(sign * end for end in difference.interval)
+    sign = -1 if less.mean < 0 else 1
+    low, high = sorted(sign * end for end in less.interval)
     return {
-        "by": f"{abs(difference.mean):.3f} m {'lower' if difference.mean < 0 else 'higher'}",
+        "by": f"{abs(less.mean):.3f} m {'lower' if less.mean < 0 else 'higher'}",
         "interval": f"{low:.3f} to {high:.3f}".replace("-", "−"),
-        "p": f"p {p_value(difference.p)}",
+        "p": f"p {p_value(less.p)}",
     }

@@ -21,7 +21,8 @@ _SIGNIFICANT = f"{_SURE} p<{SIGNIFICANT:g}".replace("0.", ".")
 def board_tables(entries: Sequence[Entry]) -> list[tuple[Table, list[str]]]:
     """A table per environment, the best first, and what is said below it.
 
-    That is a sentence for each reason for which some are not ranked, with their names, and for each seal.
+    That is a sentence for each reason for which some are not ranked and for what was trained on scored scenes, with
+    their names, and for each seal.
     """
     return [(_table(env_id, listed), _notes(listed)) for env_id, listed in by_env(entries).items()]
 
@@ -30,8 +31,11 @@ def _notes(entries: Sequence[Entry]) -> list[str]:
     names: dict[str, list[str]] = {}
     for entry in entries:
         if entry.rank is None:
-            names.setdefault(printable(entry.why), []).append(printable(entry.name))
-    notes = [f"not ranked ({reason}): {', '.join(dict.fromkeys(listed))}" for reason, listed in names.items()]
+            names.setdefault(f"not ranked ({printable(entry.why)})", []).append(printable(entry.name))
+    for entry in entries:
+        if entry.trained_on_scored:
+            names.setdefault(printable(entry.trained_on_scored), []).append(printable(entry.name))
+    notes = [f"{said}: {', '.join(dict.fromkeys(listed))}" for said, listed in names.items()]
     seals = sorted({entry.seal for entry in entries if entry.seal})
     return [*notes, *(f"hidden scenes of seal {seal}" for seal in seals)]
 

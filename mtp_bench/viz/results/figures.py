@@ -12,9 +12,9 @@ import numpy as np
 
 from ...errors import RecordError
 from ...records.attestation import LEVELS
-from ...records.ranking import STP, TRUTH, own_ends
+from ...records.ranking import STP, TRUTH, difference_of, own_ends
 from ...scoring.rank import why_not_on
-from ...scoring.statistics import gap_closed, kendall_tau, order_agreement, paired_difference, share_interval
+from ...scoring.statistics import gap_closed, kendall_tau, order_agreement, share_interval
 from ...types import Floats
 from ..board.entries import LEVEL_TEXT
 from ..terminal.paper import PAPER_SUBSETS, figures_of
@@ -82,8 +82,7 @@ class Figures:
         """Error of ``agent`` less that of ``other``, metres, with its interval and p; below 0 ``agent`` is better."""
         one, second = self._known.beside(env, agent, other)
         on = subset_of(subset)
-        errors = one.sums.unit_error(on), second.sums.unit_error(on)
-        found = paired_difference(*errors, one.sums.unit_weight(on))
+        found = difference_of(one, second, on)
         value, interval, p = found or (None, None, None)
         return self._of("error", f"{agent} less {other}", env, subset, value, interval=interval, p=p)
 
