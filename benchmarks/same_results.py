@@ -3,8 +3,9 @@
     python benchmarks/same_results.py -o before.json --checkout ../old   # a checkout of the older commit
     python benchmarks/same_results.py -o after.json --against before.json
 
-Six baselines play a few scenes of six environments; the rollouts' arrays are read field by field, not by the digest,
-which a change of a record's form may change. Needs MTP_BENCH_DATA or --data. Exit status 1: something differs.
+Eight baselines or more play a few scenes of each environment, with learned ones where weights ship; the arrays of
+rollouts are read field by field, not by the digest, which a change of a record's form may change. Needs
+MTP_BENCH_DATA or --data. --quick: few agents on few environments, in two minutes. Exit status 1: something differs.
 """
 
 from __future__ import annotations
@@ -23,14 +24,27 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
 SCENES = {
-    "MTP-KITTI-v0": 3,
-    "MTP-nuScenes-mini-v0": 3,
+    "MTP-Intersection-v0": 3,
+    "MTP-KITTI-v0": 2,
+    "MTP-nuScenes-mini-v0": 2,
     "MTP-WILDTRACK-v0": None,
     "MTP-PETS-v0": None,
-    "MTP-Intersection-v0": 5,
-    "MTP-Roundabout-v0": 5,
+    "MTP-Highway-v0": 2,
+    "MTP-Merge-v0": 2,
+    "MTP-Roundabout-v0": 2,
+    "MTP-IntersectionRaw-v0": 2,
+    "MTP-KITTI-5Hz-v0": 2,
+    "MTP-KITTI-noego-v0": 2,
+    "MTP-WILDTRACK-k10-v0": None,
+    "MTP-nuScenes-v0": 2,
+    "MTP-nuScenes-CenterPoint-v0": 2,
 }
-AGENTS = ("truth_past", "stp", "stp_same_budget", "stp_hedged", "mtp", "ab3dmot")
+AGENTS = (
+    "truth_past", "stp", "stp_same_budget", "stp_hedged", "mtp", "ab3dmot", "stp_cut", "mtp_cut",
+)  # fmt: skip
+LEARNED = ("mtp_modes", "stp_modes_tracklets", "truth_modes", "mtp_ptp", "affinity", "tracking_free")
+WEIGHTS = {"MTP-Intersection-v0": LEARNED, "MTP-Highway-v0": LEARNED[:4]}  # what ships with the package
+QUICK = ("MTP-Intersection-v0", "MTP-KITTI-v0", "MTP-nuScenes-mini-v0", "MTP-WILDTRACK-v0")
 NOT_RESULTS = ("seconds", "scene")  # of a stored rollout
 TIMES = ("ms_per_frame",)  # of a row
 START = """
@@ -69,7 +83,7 @@ def rows(path: Path) -> list[dict[str, Any]]:
     return [{key: value for key, value in row.items() if key not in TIMES} for row in found]
 
 
-def results(checkout: Path, data: str, scenes: dict[str, int | None]) -> dict[str, Any]:
+def results(checkout: Path, data: str, scenes: dict[str, int | None], quick: bool = False) -> dict[str, Any]:
     """What every baseline says and is worth on every environment, from `run` and `compare` of a checkout."""
     made: dict[str, Any] = {}
     for env, count in scenes.items():
@@ -77,14 +91,15 @@ def results(checkout: Path, data: str, scenes: dict[str, int | None]) -> dict[st
         common = ["--env", env, "--data", data, *some]
         with tempfile.TemporaryDirectory() as folder:
             said = {}
-            for agent in AGENTS:
+            agents = (*(AGENTS[:5] if quick else AGENTS), *WEIGHTS.get(env, ())[: 2 if quick else None])
+            for agent in agents:
                 print(f"{env}: {agent}", file=sys.stderr, flush=True)
                 output = Path(folder, agent)
                 command(checkout, "run", agent, "-o", str(output), *common)
                 said[agent] = rollouts(output)
             print(f"{env}: compare", file=sys.stderr, flush=True)
             table = Path(folder, "compare.json")
-            command(checkout, "compare", *AGENTS, "--json", str(table), *common)
+            command(checkout, "compare", *agents, "--json", str(table), *common)
             made[env] = {"rollouts": said, "rows": rows(table)}
     return made
 
@@ -108,11 +123,13 @@ def main() -> None:
     parser.add_argument("--data", default=os.environ.get("MTP_BENCH_DATA"), help="data root; else MTP_BENCH_DATA")
     parser.add_argument("--against", type=Path, help="results of another version")
     parser.add_argument("--env", choices=SCENES, action="append", help="only this environment")
+    parser.add_argument("--quick", action="store_true", help="few agents on few environments")
     options = parser.parse_args()
     if options.data is None:
         parser.error("no data root: give --data or set MTP_BENCH_DATA")
-    chosen = {env: count for env, count in SCENES.items() if not options.env or env in options.env}
-    made = results(options.checkout.resolve(), str(Path(options.data).resolve()), chosen)
+    wanted = options.env or (QUICK if options.quick else SCENES)
+    chosen = {env: 1 if options.quick else count for env, count in SCENES.items() if env in wanted}
+    made = results(options.checkout.resolve(), str(Path(options.data).resolve()), chosen, options.quick)
     options.output.write_text(json.dumps(made, indent=1, sort_keys=True), encoding="utf-8")
     if options.against is None:
         return
