@@ -1,4 +1,4 @@
-"""Files that appear complete or not at all, are refused before the work rather than after it, and read in bounds."""
+"""Atomic writes, early write checks, and size-limited reads."""
 
 from __future__ import annotations
 
@@ -16,61 +16,55 @@ import tokenize
 import unicodedata
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from lzma import LZMAError
 from pathlib import Path
 from typing import BinaryIO
 from urllib.parse import quote
 
 from .errors import MtpBenchError
 
-try:
-    from lzma import LZMAError as _LzmaError
-except ImportError:  # a Python that was built without it, which reads no such file at all
-    _LzmaError = zlib.error  # type: ignore[assignment, misc]
-
 ABSENT = "cannot be read: no such file"
-ELSEWHERE = "choose another folder"  # what to do where nothing can be written
-BROKEN_ARCHIVE = (  # what reading an NPZ file raises where bytes of it are other ones, or lacking
+BROKEN_ARCHIVE = (  # errors of NumPy for an NPZ file with changed or missing bytes
     OSError, TypeError, ValueError, LookupError, ArithmeticError, EOFError, MemoryError, RuntimeError, SyntaxError,
-    struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error, _LzmaError,
+    struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error, LZMAError,
 )  # fmt: skip
-_PART = 1 << 20  # bytes that are hashed at once
-_EARLIER = ".earlier"  # suffix of a folder that another one takes the place of just now
-_FULL = (errno.ENOSPC, errno.EDQUOT)
-_UNSEEN = ("Cc", "Cf", "Cs")  # categories of letters: controls, marks of format, halves of characters
-_JOINERS = "\u200c\u200d"  # some scripts are written with them
-_KINDS = {  # what stands where a file is expected
+_CHUNK = 1 << 20  # bytes hashed at once
+_EARLIER = ".earlier"  # suffix of a folder while its replacement is moved into place
+_FULL_DISK = (errno.ENOSPC, errno.EDQUOT)
+_INVISIBLE = ("Cc", "Cf", "Cs")  # Unicode categories: controls, format marks, surrogates
+_JOINERS = "\u200c\u200d"  # invisible, but several scripts need them
+_FILE_KINDS = {
     stat.S_IFDIR: "folder", stat.S_IFIFO: "FIFO", stat.S_IFSOCK: "socket", stat.S_IFCHR: "device",
     stat.S_IFBLK: "device",
 }  # fmt: skip
 
 
 class WriteError(MtpBenchError, OSError):
-    """A file or a folder could not be written; also an OSError, for those who can do without it.
+    """A failure to write a file or folder; also an OSError, so that optional writes can be skipped.
 
-    Made as ``WriteError(errno, strerror, filename)``, where ``filename`` is what the user asked for.
+    Constructed as ``WriteError(errno, strerror, filename)`` with the name that the user asked for.
     """
 
     def __str__(self) -> str:
-        return _unwritten(self, Path(self.filename))
+        reason = describe_write_error(self, Path(self.filename))
+        advice = "" if self.errno in _FULL_DISK else "; choose another folder"
+        return f"cannot write {self.filename}: {reason}{advice}"
 
 
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """A path beside ``path`` to write to; it takes the place of ``path`` when the block ends without an error.
+    """Yield a temporary path to write to, with the suffix of ``path``; it replaces ``path`` if the block succeeds.
 
-    It has the suffix of ``path``. After an error, or an interruption, ``path`` is as it was and nothing else is left.
-    Raises WriteError, which names ``path``, where writing fails.
+    After an error or an interruption ``path`` is unchanged and no temporary file is left. Raises WriteError naming
+    ``path`` if writing fails.
     """
-    part = _beside(path)
+    part = _temporary(path)
     try:
-        _require_ordinary(path)
-        yield part
-        part.replace(path)
-    except OSError as error:
-        if not _is_of(error, part, path):
-            raise
-        raise _write_error(error, path) from error
+        with _naming(path, part):
+            _require_ordinary(path)
+            yield part
+            part.replace(path)
     finally:
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)
@@ -78,132 +72,112 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """A new folder beside ``path`` to fill; it takes the place of the folder ``path`` when the block ends well.
+    """Yield a new folder to fill; it replaces the folder ``path`` if the block succeeds.
 
-    A link stays, and the folder that it leads to is the one that is replaced. After an error, or an interruption, the
-    earlier folder is as it was. Raises WriteError, which names ``path``, where writing fails.
+    A symbolic link is followed and kept. After an error or an interruption the earlier folder is unchanged. Raises
+    WriteError naming ``path`` if writing fails, and MtpBenchError if the folder cannot be replaced.
     """
-    path = _target(path)
-    part = _beside(path)
+    path = _resolved(path)
+    require_replaceable(path)
+    part = _temporary(path)
     try:
-        part.mkdir(parents=True)
-        yield part
-        _put_in_place(part, path)
-    except OSError as error:
-        if not _is_of(error, part, path):
-            raise
-        raise _write_error(error, path) from error
+        with _naming(path, part):
+            part.mkdir(parents=True)
+            yield part
+            _replace_folder(part, path)
     finally:
         shutil.rmtree(part, ignore_errors=True)
 
 
 @contextlib.contextmanager
-def new_folder(folder: Path) -> Iterator[Path]:
-    """A folder to fill, which becomes the new or empty ``folder`` when the block ends well; see `whole_folder`.
-
-    Raises MtpBenchError where ``folder`` is a file, holds anything or cannot be replaced.
-    """
-    if folder.exists() and not folder.is_dir():
-        raise MtpBenchError(f"{folder} is no folder: choose another name")
-    if folder.exists() and any(folder.iterdir()):
-        raise MtpBenchError(f"{folder} is not empty: choose another folder")
-    if why := why_not_replaced(folder):
-        raise MtpBenchError(why)
-    require_folder(folder)
-    with whole_folder(folder) as part:
+def new_folder(path: Path) -> Iterator[Path]:
+    """Yield a folder to fill, as `whole_folder`; raises MtpBenchError if ``path`` is a file or a folder in use."""
+    if path.exists() and not path.is_dir():
+        raise MtpBenchError(f"{path} is not a folder: choose another name")
+    if path.exists() and any(path.iterdir()):
+        raise MtpBenchError(f"{path} is not empty: choose another folder")
+    require_folder(path)
+    with whole_folder(path) as part:
         yield part
 
 
-def why_not_replaced(folder: Path) -> str:
-    """Why no other folder can take the place of ``folder``, in a sentence; empty where one can."""
+def require_replaceable(folder: Path) -> None:
+    """Raise MtpBenchError if ``folder`` is a mount point or the working directory, which cannot be replaced."""
     if not folder.exists():
-        return ""
+        return
     if os.path.ismount(folder.resolve()):
-        return f"{folder} is the root of a disk, which cannot be replaced: choose a folder on it"
+        raise MtpBenchError(f"{folder} is the root of a disk, which cannot be replaced: choose a folder on it")
     if Path.cwd().is_relative_to(folder.resolve()):
-        return f"{folder} is the folder that you work in, which cannot be replaced: choose one in it"
-    return ""
+        raise MtpBenchError(f"{folder} is the working folder, which cannot be replaced: choose a folder inside it")
 
 
 def remove_leftovers(*paths: Path) -> None:
-    """Remove what writers of ``paths`` that were killed left beside them; nobody else may be writing them now.
+    """Remove temporary files that killed writers of ``paths`` left; no other process may be writing them.
 
-    Where the earlier folder was already moved away and the new one was not there yet, the earlier one comes back.
+    A folder that was moved aside, and whose replacement never arrived, is moved back.
     """
     for path in paths:
-        target = _target(path)
-        for left in {*_left_beside(path), *_left_beside(target)}:  # a file takes the place of a link, a folder does not
-            if left.name.endswith(_EARLIER) and not target.exists():
-                left.rename(target)
-            elif left.is_dir() and not left.is_symlink():
-                shutil.rmtree(left, ignore_errors=True)
+        target = _resolved(path)
+        for leftover in {*_temporaries(path), *_temporaries(target)}:  # files replace a link, folders its target
+            if leftover.name.endswith(_EARLIER) and not target.exists():
+                leftover.rename(target)
+            elif leftover.is_dir() and not leftover.is_symlink():
+                shutil.rmtree(leftover, ignore_errors=True)
             else:
-                left.unlink(missing_ok=True)
+                leftover.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager
-def locked(path: Path, what: str) -> Iterator[None]:
-    """Be the only process that writes ``what`` on this machine, by a lock on the file ``path``, which is made.
+def locked(path: Path, content: str) -> Iterator[None]:
+    """Hold the lock file ``path``; raises MtpBenchError naming ``content`` if another process is writing it.
 
-    The lock ends with its process, however that ends. Raises MtpBenchError, naming the process that holds it.
+    The lock ends with the process, even when it is killed.
     """
-    import fcntl  # not on Windows
+    from filelock import FileLock, Timeout
 
-    while True:
-        with path.open("a+", encoding="ascii", errors="replace") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                file.seek(0)
-                raise MtpBenchError(
-                    f"{what} is being written by another process ({file.read(20).strip() or 'unknown'}): wait for it, "
-                    "or end it"
-                ) from None
-            if not _is_at(path, file.fileno()):  # its holder removed it, just before this process got it
-                continue
-            file.truncate(0)
-            file.write(f"{os.getpid()}\n")
-            file.flush()
-            yield
-            return
+    lock = FileLock(path)
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        raise MtpBenchError(f"{content} is being written by another process: wait for it, or end it") from None
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text as a whole. Raises MtpBenchError where that fails."""
-    require_file(path)
-    with whole_file(path) as part:
-        part.write_text(text, encoding="utf-8")
+    """Write a UTF-8 file atomically; raises MtpBenchError if that fails."""
+    write_bytes(path, text.encode("utf-8"))
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file as a whole. Raises MtpBenchError where that fails."""
+    """Write a file atomically; raises MtpBenchError if that fails."""
     require_file(path)
     with whole_file(path) as part:
         part.write_bytes(content)
 
 
-def make_folder(folder: Path, advice: str = ELSEWHERE) -> None:
-    """Make a folder and those above it, unless it is there. Raises MtpBenchError, with ``advice``, where that fails."""
-    try:
+def make_folder(folder: Path) -> None:
+    """Create a folder and its parents unless it exists; raises WriteError if that fails."""
+    with _naming(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise MtpBenchError(_unwritten(error, folder, advice)) from None
 
 
-def reason_of(error: OSError, path: Path) -> str:
-    """Why ``path`` could not be written, in words; of a full disk also how much is free, and what to do."""
-    if error.errno not in _FULL:
+def describe_write_error(error: OSError, path: Path) -> str:
+    """The reason why ``path`` could not be written; for a full disk with the free space and what to do."""
+    if error.errno not in _FULL_DISK:
         return error.strerror or str(error)
-    nearest = _nearest(path)
+    nearest = _nearest_folder(path)
     free = f", {shutil.disk_usage(nearest).free / 2**20:.1f} MiB are free at {nearest}" if nearest.exists() else ""
     return f"{error.strerror}{free}: make room there, or choose another folder, and try again"
 
 
 def read_bounded(path: Path, most: int, error: type[MtpBenchError], absent: str = ABSENT) -> str:
-    """The text of a small file in UTF-8.
+    """The text of a small UTF-8 file.
 
-    Raises ``error``, naming the file, where there is none (``absent`` says so), where it is a FIFO, a device or
-    another thing that could never end, where it has more than ``most`` bytes, and where it is no text.
+    Raises ``error`` naming the file if it is missing (described by ``absent``), is not a regular file, has more than
+    ``most`` bytes or is not valid UTF-8.
     """
     try:
         with open_regular(path) as stream:
@@ -213,26 +187,27 @@ def read_bounded(path: Path, most: int, error: type[MtpBenchError], absent: str 
     except OSError as cause:
         raise error(f"{path}: cannot be read: {cause.strerror or cause}") from None
     if len(content) > most:
-        raise error(f"{path}: larger than {most >> 10} KiB, which is the most that is read of such a file")
+        raise error(f"{path}: larger than {most >> 10} KiB, the limit for such a file")
     try:
         return content.decode("utf-8")
     except UnicodeDecodeError as cause:
-        raise error(f"{path}: no text in UTF-8: {cause.reason} at byte {cause.start}; save it as UTF-8") from None
+        raise error(f"{path}: not valid UTF-8: {cause.reason} at byte {cause.start}; save it as UTF-8") from None
 
 
-def why_no_archive(error: Exception) -> str:
-    """Why NumPy could not read a file, without its advice to trust what is in it."""
-    said = str(error)
-    return "it holds Python objects, which are never read" if "pickle" in said else said
+def describe_read_error(error: Exception) -> str:
+    """The reason why NumPy could not read an archive, without its advice to allow pickles."""
+    text = str(error)
+    return "it holds Python objects, which are never read" if "pickle" in text else text
 
 
 def open_regular(path: Path, links: bool = True) -> BinaryIO:
-    """A regular file, to be read; anything else is never opened, for that could wait for ever. Raises OSError.
+    """Open a regular file for reading; raises OSError for a FIFO, a device and others whose reading may never end.
 
-    ``links``: a link to such a file is followed.
+    ``links``: follow a symbolic link to a regular file.
     """
+    follow = 0 if links else getattr(os, "O_NOFOLLOW", 0)
     _require_regular(path.stat() if links else path.lstat(), path)
-    stream = open(path, "rb", opener=_without_waiting if links else _without_links)  # noqa: SIM115  (a path has no opener)
+    stream = open(path, "rb", opener=_opener(follow | getattr(os, "O_NONBLOCK", 0)))  # noqa: SIM115  (pathlib has no opener)
     try:
         _require_regular(os.fstat(stream.fileno()), path)  # it may have been replaced meanwhile
     except OSError:
@@ -241,46 +216,43 @@ def open_regular(path: Path, links: bool = True) -> BinaryIO:
     return stream
 
 
-def kind_of(mode: int) -> str:
-    """What a file is that is no regular one, of the ``st_mode`` of its state; "" for a regular file."""
-    return "" if stat.S_ISREG(mode) else _KINDS.get(stat.S_IFMT(mode), "link")
+def file_kind(mode: int) -> str:
+    """The kind of a file that is not a regular one, from ``st_mode``: "folder", "FIFO", ...; "" for a regular file."""
+    return "" if stat.S_ISREG(mode) else _FILE_KINDS.get(stat.S_IFMT(mode), "link")
 
 
 def file_digest(path: Path, most: int | None = None) -> str:
-    """Hex sha256 of the content of a regular file, which is read in parts.
-
-    Raises OSError, also where it has more than ``most`` bytes: it may grow while it is read.
-    """
+    """Hex sha256 of a regular file; raises OSError, also for more than ``most`` bytes."""
     digest, size = hashlib.sha256(), 0
     with open_regular(path) as stream:
-        while part := stream.read(_PART):
-            digest.update(part)
-            size += len(part)
+        while chunk := stream.read(_CHUNK):
+            digest.update(chunk)
+            size += len(chunk)
             if most is not None and size > most:
                 raise OSError(errno.EFBIG, f"it has more than {most} bytes, and may be growing")
     return digest.hexdigest()
 
 
-def file_stem(name: str) -> str:
-    """A scene's name, which may have a slash, as that of a file; one that begins with a dot would not be seen."""
-    stem = quote(name, safe="")
-    return f"%2E{stem[1:]}" if stem.startswith(".") else stem
-
-
 def content_digest(path: Path) -> str:
-    """Hex sha256 of a file, or of the names and contents of the files that lie in a folder; raises OSError."""
+    """Hex sha256 of a file, or of the names and contents of the files directly in a folder; raises OSError."""
     if path.is_file():
         return file_digest(path)
     digest = hashlib.sha256()
     for file in sorted(each for each in path.iterdir() if each.is_file()):
-        digest.update(os.fsencode(f"{file.name}|{file_digest(file)}\n"))  # a name may be no text
+        digest.update(os.fsencode(f"{file.name}|{file_digest(file)}\n"))  # a name need not be valid UTF-8
     return digest.hexdigest()
 
 
-def clean_text(text: str, most: int) -> str:
-    """``text`` in one line that can be stored and shown: at most ``most`` characters, none of them invisible.
+def file_stem(name: str) -> str:
+    """The name of a scene, which may contain a slash, as a file name; never a hidden one."""
+    stem = quote(name, safe="")
+    return f"%2E{stem[1:]}" if stem.startswith(".") else stem
 
-    Controls, escapes, marks that turn the direction of writing and lone surrogates become U+FFFD, line ends blanks.
+
+def clean_text(text: str, most: int) -> str:
+    """``text`` as one line of at most ``most`` characters that is safe to print.
+
+    Controls, escapes, direction marks and lone surrogates become U+FFFD, line ends become blanks.
     """
     line = " ".join(text[: 4 * most].splitlines())
     clean = "".join("\ufffd" if unseen(letter) else letter for letter in line)
@@ -288,8 +260,8 @@ def clean_text(text: str, most: int) -> str:
 
 
 def unseen(letter: str) -> bool:
-    """Whether a character is invisible: a control, an escape, a mark of direction, half of a character."""
-    return unicodedata.category(letter) in _UNSEEN and letter not in _JOINERS
+    """True for an invisible character: a control, an escape, a direction mark, a lone surrogate."""
+    return unicodedata.category(letter) in _INVISIBLE and letter not in _JOINERS
 
 
 def require_file(path: Path) -> None:
@@ -303,82 +275,71 @@ def require_file(path: Path) -> None:
 
 
 def require_folder(path: Path) -> None:
-    """Raise MtpBenchError unless the folder ``path`` can be made or replaced."""
-    nearest = _nearest(_target(path))
+    """Raise MtpBenchError unless the folder ``path`` can be created or replaced."""
+    nearest = _nearest_folder(_resolved(path))
     if not nearest.is_dir():
         raise MtpBenchError(f"cannot write {path}: {nearest} is a file, expected a folder")
     _require_access(path, nearest)
 
 
-def _require_ordinary(path: Path) -> None:
-    """Raise MtpBenchError for a device, a pipe or a socket: a file in its place would take it from everybody."""
-    if path.exists() and not (path.is_file() or path.is_dir()):
-        raise MtpBenchError(f"cannot write {path}: it is no ordinary file; choose another name")
-
-
-def _nearest(path: Path) -> Path:
-    """The nearest folder above ``path`` that is there."""
-    nearest = path.absolute().parent
-    while not nearest.exists():
-        nearest = nearest.parent
-    return nearest
-
-
-def _unwritten(error: OSError, path: Path, advice: str = ELSEWHERE) -> str:
-    """What is said where ``path`` could not be written, with ``advice`` unless the reason has its own."""
-    said = f"cannot write {path}: {reason_of(error, path)}"
-    return said if error.errno in _FULL else f"{said}; {advice}"
-
-
-def _write_error(error: OSError, path: Path) -> WriteError:
-    """The same error, said of ``path``: nobody knows the temporary name that it is written under."""
-    return WriteError(error.errno, error.strerror or str(error) or type(error).__name__, str(path))
-
-
-def _is_of(error: OSError, part: Path, path: Path) -> bool:
-    """Whether an error is of writing ``path``, under the name ``part``; one that knows a descriptor alone is."""
-    if not isinstance(error.filename, str | bytes | os.PathLike):
-        return True
-    named = Path(os.fsdecode(error.filename))
-    return not {part, path}.isdisjoint([named, *named.parents])
-
-
-def _is_at(path: Path, descriptor: int) -> bool:
+@contextlib.contextmanager
+def _naming(path: Path, part: Path | None = None) -> Iterator[None]:
+    """Turn an OSError about ``path`` or its temporary ``part`` into a WriteError that names ``path``."""
     try:
-        return os.path.samestat(path.stat(), os.fstat(descriptor))
-    except FileNotFoundError:
-        return False
+        yield
+    except OSError as error:
+        named = error.filename
+        if isinstance(named, str | bytes | os.PathLike):  # an error about a descriptor has no name
+            file = Path(os.fsdecode(named))
+            if part is not None and {part, path}.isdisjoint([file, *file.parents]):
+                raise
+        raise WriteError(error.errno, error.strerror or str(error) or type(error).__name__, str(path)) from error
+
+
+def _require_ordinary(path: Path) -> None:
+    """Raise MtpBenchError for an existing device, pipe or socket, which a file must not replace."""
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise MtpBenchError(f"cannot write {path}: it is not an ordinary file; choose another name")
+
+
+def _require_access(path: Path, folder: Path) -> None:
+    """Raise MtpBenchError unless files can be created in ``folder``."""
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise MtpBenchError(f"cannot write {path}: no permission to write in {folder}")
+    with _naming(path):  # os.access alone is not reliable, for root and on network file systems
+        tempfile.TemporaryFile(dir=folder).close()
 
 
 def _require_regular(state: os.stat_result, path: Path) -> None:
-    if kind := kind_of(state.st_mode):
+    if kind := file_kind(state.st_mode):
         raise OSError(errno.EINVAL, f"it is a {kind}, expected a file", str(path))
 
 
-def _without_links(path: str, flags: int) -> int:
-    return _without_waiting(path, flags | getattr(os, "O_NOFOLLOW", 0))
+def _opener(flags: int) -> Callable[[str, int], int]:
+    return lambda path, mode: os.open(path, mode | flags)
 
 
-def _without_waiting(path: str, flags: int) -> int:
-    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+def _nearest_folder(path: Path) -> Path:
+    """The nearest existing folder above ``path``."""
+    return next(parent for parent in path.absolute().parents if parent.exists())
 
 
-def _beside(path: Path) -> Path:
+def _temporary(path: Path) -> Path:
     return path.with_name(f".{path.stem}.{os.getpid()}.{secrets.token_hex(4)}.part{path.suffix}")
 
 
-def _left_beside(path: Path) -> Iterator[Path]:
-    """What writers of ``path`` that were killed left, see `_beside` and `_put_in_place`."""
+def _temporaries(path: Path) -> Iterator[Path]:
+    """Files and folders that killed writers of ``path`` left beside it."""
     return path.parent.glob(f".{glob.escape(path.stem)}.*.part{glob.escape(path.suffix)}*")
 
 
-def _target(path: Path) -> Path:
-    """Where a path leads that may be a link."""
+def _resolved(path: Path) -> Path:
+    """The target of a symbolic link, else ``path``."""
     return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
-def _put_in_place(part: Path, folder: Path) -> None:
-    """Replace a folder; the earlier one comes back if that fails."""
+def _replace_folder(part: Path, folder: Path) -> None:
+    """Move ``part`` to ``folder``; an earlier folder is moved back if that fails."""
     if not folder.exists():
         part.rename(folder)
         return
@@ -390,13 +351,3 @@ def _put_in_place(part: Path, folder: Path) -> None:
         earlier.rename(folder)
         raise
     shutil.rmtree(earlier, ignore_errors=True)
-
-
-def _require_access(path: Path, folder: Path) -> None:
-    """Raise MtpBenchError unless ``path`` can be made in ``folder``: some refuse a file although they permit it."""
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise MtpBenchError(f"cannot write {path}: no permission to write in {folder}")
-    try:
-        tempfile.TemporaryFile(dir=folder).close()
-    except OSError as error:
-        raise MtpBenchError(_unwritten(error, path)) from None

@@ -188,7 +188,7 @@ def in_whole(path: Path, text: str) -> None:
 def test_a_device_or_a_pipe_is_never_replaced(tmp_path: Path, write: Callable[[Path, str], None]) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    with pytest.raises(MtpBenchError, match=r"cannot write .*pipe: it is no ordinary file; choose another name"):
+    with pytest.raises(MtpBenchError, match=r"cannot write .*pipe: it is not an ordinary file; choose another name"):
         write(pipe, "text")
     assert pipe.is_fifo()
     assert [path.name for path in tmp_path.iterdir()] == ["pipe"]

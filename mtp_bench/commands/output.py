@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import typer
 
 from ..errors import MtpBenchError
-from ..files import clean_text, reason_of, require_file, write_text
+from ..files import clean_text, describe_write_error, require_file, write_text
 
 if TYPE_CHECKING:
     from ..running.options import RunOptions
@@ -56,7 +56,7 @@ def said_of(error: MtpBenchError | OSError) -> str:
     if isinstance(error, MtpBenchError):
         return str(error)
     named = error.filename or error.filename2
-    reason = reason_of(error, Path(named or tempfile.gettempdir()))
+    reason = describe_write_error(error, Path(named or tempfile.gettempdir()))
     return f"{named}: {reason}" if named else reason
 
 

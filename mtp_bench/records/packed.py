@@ -6,7 +6,7 @@ from pathlib import Path
 
 from .._bundle import bundled
 from ..errors import MtpBenchError
-from ..files import file_digest, reason_of, whole_folder
+from ..files import describe_write_error, file_digest, whole_folder
 from ..sources.cache import cache_root
 
 PACKED = "records.tar.xz"  # made by hatch_build.py
@@ -34,6 +34,6 @@ def unpacked(packed: Path) -> Path:
                     archive.extraction_filter = tarfile.data_filter
                 archive.extractall(part)
     except (OSError, tarfile.TarError, EOFError) as error:
-        why = reason_of(error, place) if isinstance(error, OSError) else str(error)
+        why = describe_write_error(error, place) if isinstance(error, OSError) else str(error)
         raise MtpBenchError(f"{packed}: its records cannot be unpacked to {place}: {why}") from None
     return place / "records"

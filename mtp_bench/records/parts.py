@@ -18,7 +18,7 @@ import numpy as np
 
 from ..env.rollouts import ARRAYS
 from ..errors import MtpBenchError, RecordError
-from ..files import clean_text, file_stem, locked, make_folder, reason_of, remove_leftovers, write_text
+from ..files import clean_text, describe_write_error, file_stem, locked, make_folder, remove_leftovers, write_text
 from ..gateway import Isolation, SceneRun
 from ..sources.cache import read_arrays, write_arrays
 from ..strict import read_json
@@ -58,7 +58,7 @@ class Parts:
             write_arrays(path, {**arrays, _SAID: np.array(json.dumps(said))}, brief=True)
         except OSError as error:
             raise MtpBenchError(
-                f"cannot write {path}: {reason_of(error, path)}; what was finished before is kept: --resume goes on"
+                f"cannot write {path}: {describe_write_error(error, path)}; finished scenes stay: --resume continues"
             ) from None
 
     def _path(self, seed: int, scene: str) -> Path:

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..cards import Card, load_card
 from ..errors import DataError, MtpBenchError, RecordError, SubmissionError
-from ..files import reason_of, require_file, require_folder, whole_file, whole_folder
+from ..files import describe_write_error, require_file, require_folder, whole_file, whole_folder
 from ..gateway import Limits, SceneRun, image_of
 from ..parallel import parallel_map
 from ..running.options import DEFAULTS, RunOptions
@@ -133,7 +133,7 @@ def _save(target: Path, plan: Plan, runs: Mapping[int, Sequence[SceneRun]], reco
                 for seed, rollouts in rollouts_of(runs).items():
                     save_run(seed_folder(folder, seed), info_of(plan, seed), rollouts)
     except OSError as error:
-        raise MtpBenchError(f"cannot write {target}: {reason_of(error, target)}") from None
+        raise MtpBenchError(f"cannot write {target}: {describe_write_error(error, target)}") from None
     return record
 
 

@@ -19,12 +19,12 @@ from ..errors import RolloutError
 from ..files import (
     BROKEN_ARCHIVE,
     clean_text,
+    describe_read_error,
+    describe_write_error,
     file_stem,
     open_regular,
-    reason_of,
+    require_replaceable,
     whole_folder,
-    why_no_archive,
-    why_not_replaced,
 )
 from ..parallel import cores
 from ..strict import Section, read_json, validate
@@ -89,7 +89,7 @@ def save_run(folder: str | Path, info: RunInfo, rollouts: Iterable[Rollout]) -> 
         with whole_folder(folder) as part:
             _write(part, info, rollouts)
     except OSError as error:
-        raise RolloutError(f"{folder}: the run cannot be written: {reason_of(error, folder)}") from error
+        raise RolloutError(f"{folder}: the run cannot be written: {describe_write_error(error, folder)}") from error
 
 
 def load_run(folder: str | Path) -> Run:
@@ -119,8 +119,7 @@ def require_run_folder(folder: Path) -> None:
     """Raise RolloutError if writing a run to ``folder`` would delete something that is not a run."""
     if not folder.exists():
         return
-    if why := why_not_replaced(folder):
-        raise RolloutError(why)
+    require_replaceable(folder)
     if not folder.is_dir():
         raise RolloutError(f"{folder} is a file, expected a new folder or that of an earlier run")
     names = {path.name for path in folder.iterdir()}
@@ -197,7 +196,7 @@ def _read_scene(folder: Path, entry: _Entry) -> Rollout:
         raise RolloutError(f"{path}: {error.args[0]}; run the agent again") from None
     except BROKEN_ARCHIVE as error:
         raise RolloutError(
-            f"{path}: truncated or not a rollout ({why_no_archive(error)}); run the agent again"
+            f"{path}: truncated or not a rollout ({describe_read_error(error)}); run the agent again"
         ) from None
     _check_arrays(path, arrays, entry.frames)
     rollout = Rollout(scene=entry.scene, **arrays)

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from ..errors import SubmissionError
-from ..files import file_digest, kind_of
+from ..files import file_digest, file_kind
 
 FOLDERS = ("__pycache__", ".git")  # what tools leave behind: no part of a submission
 MOST_BYTES = 2 << 30  # of all files together
@@ -80,7 +80,7 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
     except UnicodeEncodeError:
         shown = ascii(entry.path.encode(errors="surrogateescape"))[1:]
         raise SubmissionError(f"{shown}: its name is not UTF-8, expected one that is: rename it") from None
-    kind = kind_of(entry.stat(follow_symlinks=False).st_mode)
+    kind = file_kind(entry.stat(follow_symlinks=False).st_mode)
     if kind == "link":
         to = "folder" if Path(entry.path).is_dir() else "file"
         raise SubmissionError(

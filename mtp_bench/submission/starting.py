@@ -7,7 +7,7 @@ from pathlib import Path
 
 from .._bundle import baseline_names
 from ..errors import SubmissionError
-from ..files import reason_of, require_folder, whole_folder
+from ..files import describe_write_error, require_folder, whole_folder
 from .manifest import BESIDE_RECORDS, MANIFEST, MOST_NAME, NAME_PATTERN
 
 TEMPLATE = Path(__file__).parent / "template"
@@ -38,5 +38,5 @@ def new_submission(name: str, parent: Path) -> Path:
                 text = (TEMPLATE / file).read_text(encoding="utf-8")
                 (part / file).write_text(re.sub(r"\bNAME\b", name, text), encoding="utf-8")
     except OSError as error:
-        raise SubmissionError(f"cannot write {folder}: {reason_of(error, folder)}") from None
+        raise SubmissionError(f"cannot write {folder}: {describe_write_error(error, folder)}") from None
     return folder

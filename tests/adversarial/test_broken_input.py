@@ -97,8 +97,8 @@ ANY_TEXT: dict[str, tuple[Change, str]] = {  # of JSON and TOML alike -> what is
     "a folder": (Path.mkdir, "it is a folder, expected a file"),
     "a socket": (bind, "it is a socket, expected a file"),
     "a link to itself": (lambda path: path.symlink_to(path), "Too many levels of symbolic links"),
-    "UTF-16": (raw('{"a": 1}'.encode("utf-16")), "no text in UTF-8: invalid start byte at byte 0; save it as UTF-8"),
-    "half a letter": (raw(b'name = "\xc3"'), "no text in UTF-8"),
+    "UTF-16": (raw('{"a": 1}'.encode("utf-16")), "not valid UTF-8: invalid start byte at byte 0; save it as UTF-8"),
+    "half a letter": (raw(b'name = "\xc3"'), "not valid UTF-8"),
     "20 GB of zeros": (sparse(20 << 30), "larger than "),
     "a device without end": (lambda path: path.symlink_to("/dev/zero"), "it is a device, expected a file"),
 }

@@ -260,7 +260,7 @@ def test_two_at_once(cli: CommandLine, command: list[str], undisturbed: str, tmp
     while not (target.with_suffix(".part") / "plan.json").exists():
         time.sleep(0.01)
     said = cli(*command, "--resume").error
-    assert said.startswith(f"{target} is being written by another process ({first.pid}): wait for it")
+    assert said.startswith(f"{target} is being written by another process: wait for it")
     wait_for_parts(first, target, 1)
     kill(first)
     cli.ok(*command, "--resume")

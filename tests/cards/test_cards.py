@@ -248,7 +248,7 @@ def test_unknown_env_id_names_the_nearest_or_all() -> None:
 
 @pytest.mark.parametrize(
     ("raw", "what"),
-    [(b"id = ", "not valid TOML"), (b"\xff\xfe", "no text in UTF-8")],
+    [(b"id = ", "not valid TOML"), (b"\xff\xfe", "not valid UTF-8")],
     ids=["truncated", "not utf-8"],
 )
 def test_a_file_that_is_no_toml(tmp_path: Path, raw: bytes, what: str) -> None:

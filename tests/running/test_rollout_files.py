@@ -218,7 +218,7 @@ SPOILED: dict[str, tuple[Callable[[Path], Any], str]] = {
     "no scene": (lambda folder: (folder / "one.npz").unlink(), r"one\.npz is missing"),
     "run.json cut": (cut("run.json"), r"run\.json: not valid JSON"),
     "run.json is a list": (lambda folder: (folder / "run.json").write_text("[]"), "holds list, expected a table"),
-    "run.json not text": (lambda folder: (folder / "run.json").write_bytes(b"\xff\xfe"), "no text in UTF-8"),
+    "run.json not text": (lambda folder: (folder / "run.json").write_bytes(b"\xff\xfe"), "not valid UTF-8"),
     "unknown key": (edit_json(lambda content: content.update(scene=1)), "unknown key 'scene': did you mean 'scenes'"),
     "key missing": (edit_json(lambda content: content["info"].pop("seed")), r"key 'info\.seed' is missing"),
     "earlier format": (
@@ -282,7 +282,7 @@ def test_the_root_of_a_disk_is_refused(tmp_path: Path) -> None:
 def test_the_folder_one_works_in_is_refused(folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "inner").mkdir()
     monkeypatch.chdir(tmp_path / "inner")
-    with pytest.raises(RolloutError, match="is the folder that you work in, which cannot be replaced: choose one in"):
+    with pytest.raises(RolloutError, match="is the working folder, which cannot be replaced: choose a folder in"):
         require_run_folder(Path(folder))
 
 

@@ -146,7 +146,7 @@ def test_no_file_of_a_user_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         save_scene(replace(scene, name="two"), tmp_path, CLASSES, "csv")
     assert (tmp_path / "two").read_text() == "mine"
     monkeypatch.chdir(folder)
-    with pytest.raises(MtpBenchError, match="is the folder that you work in"):
+    with pytest.raises(MtpBenchError, match="is the working folder"):
         save_scene(scene, tmp_path, CLASSES, "csv")
 
 
@@ -495,7 +495,7 @@ def test_files_that_are_none(tmp_path: Path, base: Card) -> None:
     write_tables(tmp_path)
     table = tmp_path / "one" / "truth.csv"
     table.write_bytes(b"\xff\xfe")
-    with pytest.raises(DataError, match=r"truth\.csv: no text in UTF-8"):
+    with pytest.raises(DataError, match=r"truth\.csv: not valid UTF-8"):
         only(base, tmp_path)
     table.unlink()
     (tmp_path / "one" / "truth.parquet").write_bytes(b"PAR1 and more")

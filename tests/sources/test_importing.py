@@ -151,7 +151,7 @@ def test_a_full_disk_is_told_of_the_folder_that_was_named(
 
 def test_a_file_is_no_new_folder(text: KittiText, tmp_path: Path) -> None:
     (tmp_path / "own").write_text("mine")
-    with pytest.raises(MtpBenchError, match="own is no folder: choose another name"):
+    with pytest.raises(MtpBenchError, match="own is not a folder: choose another name"):
         import_scenes(kitti_scenes(text, CLASSES), load_card("MTP-KITTI-v0"), tmp_path / "own")
     assert (tmp_path / "own").read_text() == "mine"
 
@@ -216,7 +216,7 @@ def test_nobody_is_left_in_a_folder_that_is_gone(
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
     error = cli("import", "kitti", "--labels", text.labels, "-o", ".").error
-    assert error.endswith("here is the folder that you work in, which cannot be replaced: choose one in it")
+    assert error.endswith("here is the working folder, which cannot be replaced: choose a folder inside it")
 
 
 def test_angles_in_degrees_are_told(text: KittiText) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import DataError, nearest
-from ...files import BROKEN_ARCHIVE, open_regular, why_no_archive
+from ...files import BROKEN_ARCHIVE, describe_read_error, open_regular
 from ...types import ID_LIMIT, Detections, Scene, Truth
 from .columns import ARRAYS, BOX, Array
 from .content import Content, Rows
@@ -128,7 +128,7 @@ def read_archive(path: Path) -> Content:
     except FileNotFoundError:
         raise DataError(f"no file {path}") from None
     except BROKEN_ARCHIVE as error:
-        raise DataError(f"{path}: no NPZ file, or a broken one: {why_no_archive(error)}") from None
+        raise DataError(f"{path}: no NPZ file, or a broken one: {describe_read_error(error)}") from None
     return content_of(arrays, unquote(path.stem), str(path))
 
 

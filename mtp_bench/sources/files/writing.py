@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import DataError, MtpBenchError, UnknownNameError
-from ...files import file_stem, make_folder, whole_file, whole_folder, why_not_replaced
+from ...files import file_stem, make_folder, require_replaceable, whole_file, whole_folder
 from ...types import Scene
 from .archive import arrays_of
 from .columns import BOX, FORMS, TABLES
@@ -95,8 +95,7 @@ def _require_plain(scene: Scene) -> None:
 
 def _require_tables_alone(folder: Path) -> None:
     """Raise MtpBenchError unless ``folder`` is new, or holds tables of a scene and nothing else: it is replaced."""
-    if why := why_not_replaced(folder):
-        raise MtpBenchError(why)
+    require_replaceable(folder)
     if folder.exists() and not folder.is_dir():
         raise MtpBenchError(f"{folder} is a file, which would be lost: choose another folder, or move it away")
     tables = {".DS_Store", *(f"{table}.{form}" for table in TABLES for form in FORMS)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ...errors import MtpBenchError
-from ...files import reason_of, require_folder, whole_folder, write_text
+from ...files import describe_write_error, require_folder, whole_folder, write_text
 from .page import BoardFiles
 
 SUFFIX = ".parts"  # of the folder beside a page
@@ -40,5 +40,5 @@ def write_board(page: Path, files: BoardFiles) -> None:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise MtpBenchError(f"cannot write {folder}: {reason_of(error, folder)}") from None
+        raise MtpBenchError(f"cannot write {folder}: {describe_write_error(error, folder)}") from None
     write_text(page, files.page)
