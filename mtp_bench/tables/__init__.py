@@ -1,0 +1,26 @@
+"""Tables: columns that are declared once, rows, and writers of CSV, JSON, Markdown and LaTeX.
+
+The fields of a row declare the columns:
+
+    @dataclass(frozen=True)
+    class Cost:
+        agent: Annotated[str, Column()]
+        error: Annotated[float | None, Column("error", "m", better="lower")]
+        interval: Annotated[tuple[float, float] | None, Column(interval=True)] = None
+
+    to_csv(Table("costs", "Costs", "What an agent costs.", rows))
+"""
+
+from .column import BLANK as BLANK
+from .column import Better as Better
+from .column import Column as Column
+from .column import Value as Value
+from .column import columns_of as columns_of
+from .column import short as short
+from .table import Table as Table
+from .writers import SUFFIXES as SUFFIXES
+from .writers import tables_text as tables_text
+from .writers import to_csv as to_csv
+from .writers import to_json as to_json
+from .writers import to_latex as to_latex
+from .writers import to_markdown as to_markdown
