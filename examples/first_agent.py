@@ -22,7 +22,7 @@ class Standing:
         box, kind = observation["detection_box"][seen], observation["detection_class"][seen]
         steps = np.arange(1, self.task.future + 1)  # T frames ahead
         forecast = self.velocity(box, kind)[:, None, :] * steps[None, :, None]  # [objects, T, 2] m from the box
-        return mtp_bench.answer(self.task, box, kind, forecast)
+        return mtp_bench.make_action(self.task, box, kind, forecast)
 
     def velocity(self, box, kind):
         """Metres per frame [objects, 2]."""

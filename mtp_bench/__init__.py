@@ -22,7 +22,7 @@ from .agent import Pipeline as Pipeline
 from .agent import Predictor as Predictor
 from .agent import Sampler as Sampler
 from .agent import Tracker as Tracker
-from .env.building import answer as answer
+from .env.building import make_action as make_action
 from .errors import ActionError as ActionError
 from .errors import CardError as CardError
 from .errors import DataError as DataError

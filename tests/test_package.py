@@ -28,7 +28,8 @@ from mtp_bench.running.options import RunOptions
 PUBLIC = {
     "Action", "ActionError", "Agent", "CardError", "DataError", "Detections", "MtpBenchError", "Objects", "Observation",
     "Forecasts", "Frame", "Pipeline", "Predictor", "RecordError", "Rollout", "RolloutError", "Sampler", "Scene",
-    "ShapeError", "SubmissionError", "Task", "Tracker", "Tracks", "Truth", "UnknownNameError", "answer", "card_ids",
+    "ShapeError", "SubmissionError", "Task", "Tracker", "Tracks", "Truth", "UnknownNameError", "card_ids",
+    "make_action",
 }  # fmt: skip
 LAZY_NAMES = {
     "Card",

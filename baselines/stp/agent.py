@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mtp_bench import Action, Agent, Observation, Pipeline, Task, answer
+from mtp_bench import Action, Agent, Observation, Pipeline, Task, make_action
 from mtp_bench.prediction import KinematicPredictor, KMeansSampler, LearnedPresence
 from mtp_bench.tracking import HypothesisTracker
 
@@ -42,4 +42,4 @@ class TracksAlone:
     def act(self, observation: Observation) -> Action:
         """Answer one frame."""
         tracks, nothing = self._tracker.step(observation), np.zeros((0, self._task.future, 2))
-        return answer(self._task, np.zeros((0, 7)), np.zeros(0, dtype=int), nothing, tracks=tracks, checked=False)
+        return make_action(self._task, np.zeros((0, 7)), np.zeros(0, dtype=int), nothing, tracks=tracks, checked=False)

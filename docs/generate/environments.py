@@ -69,7 +69,7 @@ def page(card: Card) -> str:
         "What an agent sees of one frame; rows beyond what is there are padding, and `detection_valid` says which.",
         _observations(rules(card)),
         "## Action",
-        "What it answers. [`mtp_bench.answer`](../reference/environment.md) makes it from arrays without padding.",
+        "What it answers. [`mtp_bench.make_action`](../reference/environment.md) makes it from arrays without padding.",
         _actions(rules(card)),
         "## Reward",
         _reward(card.task),

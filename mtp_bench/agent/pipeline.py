@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..env.action import FORECAST_LIMIT
-from ..env.building import answer
+from ..env.building import make_action
 from ..errors import ShapeError
 from ..tracks import Objects, Tracks, group
 from ..types import Action, Floats, Ints, Observation, Task, those
@@ -91,7 +91,7 @@ class Pipeline:
         else:
             said = self._drawn(self._predictor, tracks, objects, rng)
         objects = said.objects
-        action = answer(
+        action = make_action(
             self._task,
             objects.box,
             objects.class_id,

@@ -1,6 +1,6 @@
 """What an agent may answer: the one table of the action's fields.
 
-The action space, the decoding and its checks, the conformance suite, `mtp_bench.answer` and the table of
+The action space, the decoding and its checks, the conformance suite, `mtp_bench.make_action` and the table of
 ``envs/README.md`` come from it. Shapes are in the letters of `mtp_bench.types`.
 """
 

@@ -1,4 +1,4 @@
-"""`answer`: an action made of plain arrays."""
+"""`make_action`: an action made of plain arrays."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _ARGUMENT = {  # what fills a field
 }
 
 
-def answer(
+def make_action(
     task: Task,
     boxes: ArrayLike,
     classes: ArrayLike,

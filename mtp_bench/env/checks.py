@@ -21,7 +21,7 @@ Arrays = dict[str, NDArray[Any]]
 _IN_ONE = "every valid track in a hypothesis whose log-weight is present"
 _LEAVE_OUT = "leave such rows out"
 _PADDING = "leave out the padding of the observation, where detection_valid is 0"
-_BUILDER = "mtp_bench.answer makes whole actions of plain arrays"
+_BUILDER = "mtp_bench.make_action makes whole actions of plain arrays"
 
 
 @dataclass(frozen=True, eq=False)

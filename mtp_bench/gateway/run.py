@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..cards import Card
-from ..env.building import answer
+from ..env.building import make_action
 from ..env.environment import MTPEnv
 from ..errors import SubmissionError
 from ..parallel import ALONE, QUIET, Progress, Workers, unordered_map
@@ -70,7 +70,9 @@ def run_isolated(
         setup = process.setup(loaded.parameters if parameters is None else parameters)
         exchange = Exchange(process, limits, env.action_space, seal_start(env.card.digest, scene, seed))
         exchange.open(setup, asdict(agent_task(env, seed)))
-        silence = answer(env.task, np.zeros((0, 7)), np.zeros(0, int), np.zeros((0, env.task.future, 2)), checked=False)
+        silence = make_action(
+            env.task, np.zeros((0, 7)), np.zeros(0, int), np.zeros((0, env.task.future, 2)), checked=False
+        )
         seconds: list[float] = []
         truncated = False
         while not truncated:

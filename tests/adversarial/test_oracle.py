@@ -35,9 +35,9 @@ WHERE = json.loads(Path(__file__).with_name("where.json").read_text())
 
 def nothing(task):
     """An answer without anything."""
-    from mtp_bench import answer
+    from mtp_bench import make_action
 
-    return answer(task, np.zeros((0, 7)), np.zeros(0, int), np.zeros((0, task.samples, task.future, 2)))
+    return make_action(task, np.zeros((0, 7)), np.zeros(0, int), np.zeros((0, task.samples, task.future, 2)))
 
 
 def frames():

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench import MtpBenchError, MTPEnv, ShapeError, Tracks, answer
+from mtp_bench import MtpBenchError, MTPEnv, ShapeError, Tracks, make_action
 from mtp_bench.env.action import FIELDS
 from mtp_bench.env.spaces import ActionSpace
 from tests.support.small_scenes import decode, task
@@ -40,7 +40,7 @@ def test_the_table_is_in_the_documentation(repository: Path) -> None:
 
 
 def test_every_action_lies_in_the_space() -> None:
-    action = answer(TASK, BOX, CLASS, FUTURE, ids=[3, 4])
+    action = make_action(TASK, BOX, CLASS, FUTURE, ids=[3, 4])
     space: Any = ActionSpace(TASK)
     assert action in space
     assert {name: array for name, array in action.items() if name != "forecast"} not in space
@@ -51,7 +51,7 @@ def test_every_action_lies_in_the_space() -> None:
 
 
 def test_objects_alone_say_nothing_of_tracks() -> None:
-    got = decode(answer(TASK, BOX, CLASS, FUTURE), TASK)
+    got = decode(make_action(TASK, BOX, CLASS, FUTURE), TASK)
     np.testing.assert_array_equal(got.object_box, BOX)
     assert got.object_class.tolist() == [0, 1]
     np.testing.assert_array_equal(got.forecast[:, 0], 100 * FUTURE)
@@ -59,12 +59,12 @@ def test_objects_alone_say_nothing_of_tracks() -> None:
     assert len(got.track_id) == 0
     assert np.isneginf(got.hypothesis_log_weight).all()
     assert not got.invalid.any()
-    empty = decode(answer(TASK, np.zeros((0, 7)), [], np.zeros((0, 3, 2)), ids=[]), TASK)
+    empty = decode(make_action(TASK, np.zeros((0, 7)), [], np.zeros((0, 3, 2)), ids=[]), TASK)
     assert len(empty.track_id) == len(empty.object_box) == empty.invalid.sum() == 0
 
 
 def test_ids_make_them_the_tracks_of_one_hypothesis() -> None:
-    got = decode(answer(TASK, BOX, CLASS, FUTURE, ids=[8, 9]), TASK)
+    got = decode(make_action(TASK, BOX, CLASS, FUTURE, ids=[8, 9]), TASK)
     assert (got.track_id.tolist(), got.track_class.tolist()) == ([8, 9], [0, 1])
     np.testing.assert_array_equal(got.track_box, BOX)
     assert got.hypothesis_log_weight.tolist() == [0, -np.inf, -np.inf]
@@ -73,7 +73,7 @@ def test_ids_make_them_the_tracks_of_one_hypothesis() -> None:
 
 def test_samples_and_their_weights() -> None:
     samples = np.stack([FUTURE, 2 * FUTURE], axis=1)
-    got = decode(answer(TASK, BOX, CLASS, samples, [[0.0, 0.0], [1.0, -np.inf]]), TASK)
+    got = decode(make_action(TASK, BOX, CLASS, samples, [[0.0, 0.0], [1.0, -np.inf]]), TASK)
     np.testing.assert_array_equal(got.forecast[0, :2], 100 * samples[0])
     np.testing.assert_allclose(np.exp(got.forecast_log_weight), [[0.5, 0.5, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]])
 
@@ -92,7 +92,7 @@ def test_what_does_not_fit_is_left_out_the_least_likely_first() -> None:
         log_weight=np.log([0.5, 0.3, 0.2]),
     )
     small = task(tracks=3, hypotheses=2, objects=1)
-    action = answer(small, BOX, CLASS, FUTURE, tracks=tracks)
+    action = make_action(small, BOX, CLASS, FUTURE, tracks=tracks)
     assert action["track_id"].tolist() == [10, 12, 13]
     assert action["track_class"].tolist() == [0, 1, 0]
     assert action["hypothesis_member"].tolist() == [[1, 0, 1], [0, 1, 1]]
@@ -149,17 +149,17 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
 def test_a_wrong_argument_is_one_clear_error(case: str) -> None:
     changes, text = WRONG[case]
     with pytest.raises(ShapeError) as caught:
-        answer(TASK, **said(**changes))
+        make_action(TASK, **said(**changes))
     assert text in str(caught.value)
 
 
 def test_an_env_in_place_of_its_task_is_told() -> None:
     with pytest.raises(MtpBenchError, match=r"task is of type MTPEnv, expected a Task: env.unwrapped.task"):
-        answer(object.__new__(MTPEnv), **said())  # type: ignore[arg-type]
+        make_action(object.__new__(MTPEnv), **said())  # type: ignore[arg-type]
 
 
 def test_numbers_can_be_left_to_the_env() -> None:
-    got = decode(answer(TASK, BOX, CLASS, FUTURE + 400, checked=False), TASK)
+    got = decode(make_action(TASK, BOX, CLASS, FUTURE + 400, checked=False), TASK)
     assert got.invalid.tolist() == [0, 0, 2]
 
 
@@ -169,10 +169,10 @@ def test_a_track_that_no_hypothesis_holds_is_left_out_first() -> None:
     box = np.array([[x, 0, 0, 0, 4, 2, 1.5] for x in (1.0, 2.0, 3.0)])
     one = Tracks.of_one_hypothesis(np.arange(3), box, np.zeros(3, dtype=int))
     tracks = replace(one, member=member, log_weight=np.array([0.0, -1.0]))
-    action = answer(task, BOX, CLASS, FUTURE, tracks=tracks)
+    action = make_action(task, BOX, CLASS, FUTURE, tracks=tracks)
     assert action["track_id"].tolist() == [1, 2]
 
 
 def test_empty_lists_are_no_objects() -> None:
-    got = decode(answer(TASK, [], [], [], confidence=[], ids=[]), TASK)
+    got = decode(make_action(TASK, [], [], [], confidence=[], ids=[]), TASK)
     assert (len(got.object_box), len(got.track_id), got.invalid.sum()) == (0, 0, 0)

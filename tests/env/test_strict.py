@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from mtp_bench import Action, ActionError, Observation, answer, load_submission
+from mtp_bench import Action, ActionError, Observation, load_submission, make_action
 from mtp_bench.env import MTPEnv
 from mtp_bench.env.checks import examine
 from mtp_bench.running.run import agent_task
@@ -23,7 +23,7 @@ from tests.env.test_env import play
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import empty_action, make_scene
 
-BUILDER = "; mtp_bench.answer makes whole actions of plain arrays"
+BUILDER = "; mtp_bench.make_action makes whole actions of plain arrays"
 PADDING = "; leave out the padding of the observation, where detection_valid is 0"
 ORIGIN = "metres from the object's own centre"
 
@@ -37,7 +37,9 @@ def right(env: MTPEnv) -> Callable[[Observation], Action]:
         ahead = np.stack([np.cos(boxes[:, 3]), np.sin(boxes[:, 3])], axis=-1)
         speed = np.array([0.5, 0.8])[:, None] * np.arange(1, env.task.future + 1)  # m, [2, T]
         forecasts = speed[None, :, :, None] * ahead[:, None, None]
-        return answer(env.task, boxes, classes, forecasts, confidence=np.ones(len(boxes)), ids=np.arange(len(boxes)))
+        return make_action(
+            env.task, boxes, classes, forecasts, confidence=np.ones(len(boxes)), ids=np.arange(len(boxes))
+        )
 
     return act
 

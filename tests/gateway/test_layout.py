@@ -36,7 +36,7 @@ for name in ("agent", "tracking", "prediction", "submission"):
     for found in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
         if ".template" not in found.name:
             importlib.import_module(found.name)
-mtp_bench.answer, mtp_bench.load_submission
+mtp_bench.make_action, mtp_bench.load_submission
 print(*(m.__file__ for n, m in sys.modules.items() if n.startswith("mtp_bench") and m.__file__), sep="\\n")
 """
 
