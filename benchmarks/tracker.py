@@ -29,7 +29,6 @@ from benchmarks.tracking.hypotheses import (
     against_objects,
     alive,
     growth,
-    joint_and_clusters,
     whole_agent,
 )
 from benchmarks.tracking.memory import memory, memory_here
@@ -50,8 +49,6 @@ def on_recordings(data: str | None, repeats: int, quick: bool) -> dict[str, Any]
     show(f"Tracker against H: {where}", results["kitti"])
     results["stages"] = [{"H": h, **stages(tracker(h), TRACKER_STAGES, task, scenes, repeats)} for h in HYPOTHESES]
     show(f"Stages, us per frame: {where}", results["stages"])
-    results["clusters"] = joint_and_clusters(task, scenes, repeats)
-    show(f"Joint and per-cluster hypotheses: {where}", results["clusters"])
     results["memory"] = memory(data, scenes, (1, 20) if quick else (1, 20, 100))
     show("Memory on the KITTI sequence with the most detections per frame", results["memory"])
     agents = whole_agent("KITTI val", task, scenes, 1 if quick else 2)

@@ -12,15 +12,11 @@ def build(
     hypotheses: int = 20,
     weighting: str = "posterior",
     temperature: float = 1.0,
-    per_cluster: bool = False,
     min_detection_score: float | Mapping[str, float] | None = None,
 ) -> Agent:
     """``weighting``: "posterior" or "uniform" (the paper's); ``temperature``: of the hypothesis weights.
 
-    ``per_cluster``: alternatives for all clusters of tracks at once, in place of the cheapest hypotheses overall.
     ``min_detection_score``: weaker detections are not tracked, a number or one per class.
     """
-    tracker = HypothesisTracker(
-        hypotheses, temperature=temperature, per_cluster=per_cluster, min_detection_score=min_detection_score
-    )
+    tracker = HypothesisTracker(hypotheses, temperature=temperature, min_detection_score=min_detection_score)
     return Pipeline(tracker, KinematicPredictor(), KMeansSampler(), presence=LearnedPresence(), weighting=weighting)

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
-import mtp_bench.tracking.tracker as tracker_module
 from mtp_bench.agent import Tracks
 from mtp_bench.tracking import HypothesisTracker
-from mtp_bench.tracking.joint import per_cluster
 from mtp_bench.tracks import group
 from mtp_bench.types import Ints, Task
 from tests.support.plain_tracker import PlainTracker
 
-from .scenes import Row, Scenes, agent, crowd, frames_of, run_scene, tracker
-from .timing import AGENT_STAGES, cpu_seconds, stages, wrapped
+from .scenes import Row, Scenes, agent, crowd, frames_of, tracker
+from .timing import AGENT_STAGES, cpu_seconds, stages
 
 PAPER = {1: 207.0, 5: 65.0, 10: 25.0, 20: 8.1}  # frames/s
 
@@ -66,59 +64,6 @@ def against_hypotheses(task: Task, scenes: Scenes, sizes: Iterable[int], repeats
             **alive(h, task, scenes),
         }
         for h, seconds in ours.items()
-    ]
-
-
-def best_of(tracks: Tracks) -> bytes:
-    """The detections of the last P frames in the best hypothesis, whatever the ids and order of its tracks."""
-    rows = np.where(tracks.past_valid[:, :, None], tracks.past, 0.0)[tracks.member[0]]
-    table = rows.reshape(len(rows), -1) if len(rows) else np.zeros((0, 1))
-    return bytes(table[np.lexsort(table.T)].tobytes())
-
-
-def same_best(hypotheses: int, task: Task, scenes: Scenes) -> list[Row]:
-    """Shares of frames in which joint and per-cluster hypotheses have a best like that of others.
-
-    In whole runs, that of joint hypotheses and that of H = 1; and in one step from the parents of the joint ones.
-    """
-    of_parents: list[bool] = []
-
-    def both(joint: Callable[..., Any], _: str) -> Callable[..., Any]:
-        def solve(*problem: Any) -> Any:
-            found, other = joint(*problem), per_cluster(*problem)
-            equal = np.array_equal(found[1][0], other[1][0]) and found[2][0] == other[2][0]
-            of_parents.append(bool(equal or np.isclose(found[0][0], other[0][0], 0, 1e-9)))
-            return found
-
-        return solve
-
-    runs: list[list[bytes]] = []  # of joint ones, clusters, one
-    for observations in scenes.values():
-        steps = [tracker(hypotheses)(task), tracker(hypotheses, per_cluster=True)(task), tracker(1)(task)]
-        runs += [[best_of(step(seen)) for step in steps] for seen in observations]
-    with wrapped(((tracker_module, "joint_k_best", ""),), both):
-        for observations in scenes.values():
-            run_scene(tracker(hypotheses), task, observations)
-    shares = [[100 * float(np.mean([run[i] == run[j] for run in runs])) for j in (0, 2)] for i in (0, 1)]
-    names = "best of runs as joint, %", "as H=1, %", "as joint of the same parents, %"
-    return [dict(zip(names, (*share, 100 * float(np.mean(of_parents))), strict=True)) for share in shares]
-
-
-def joint_and_clusters(task: Task, scenes: Scenes, repeats: int) -> list[Row]:
-    kinds = [(h, clusters) for h in (5, 20) for clusters in (False, True)]
-    starts = {kind: tracker(kind[0], per_cluster=kind[1]) for kind in kinds}
-    seconds = cpu_seconds(starts, task, scenes, repeats)
-    best = {h: same_best(h, task, scenes) for h in (5, 20)}
-    return [
-        {
-            "H": h,
-            "hypotheses": "per cluster" if clusters else "joint",
-            "frames/s": frames_of(scenes) / seconds[h, clusters],
-            "x joint": seconds[h, clusters] / seconds[h, False],
-            **alive(h, task, scenes, per_cluster=clusters),
-            **best[h][clusters],
-        }
-        for h, clusters in kinds
     ]
 
 

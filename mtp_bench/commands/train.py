@@ -26,7 +26,6 @@ from .output import prepare, print_or_write, require_writable, working
 if TYPE_CHECKING:
     from ..running.folds import Fold
     from ..running.options import RunOptions
-    from ..training.motion_noise import Fit
 
 
 ObserveOption = Annotated[str, typer.Option(help="Pasts from detections, tracked, or from truth.")]
@@ -39,31 +38,13 @@ def motion_noise(
 
     The scenes of ``--fold`` are left out before ``--scenes`` takes the first ones.
     """
-    from ..training.motion_noise import fit_motion_noise
-
-    _noise(on, observe, jobs, output, fit_motion_noise)
-
-
-def imm_noise(
-    on: EnvScenes, observe: ObserveOption = "detections", jobs: JobsOption = 0, output: TextOption = None
-) -> None:
-    """Fit the noise of the three motion models of the IMM predictor, on the training split or another.
-
-    The scenes of ``--fold`` are left out before ``--scenes`` takes the first ones.
-    """
-    from ..training.imm_noise import fit_imm_noise
-
-    _noise(on, observe, jobs, output, fit_imm_noise)
-
-
-def _noise(on: EnvScenes, observe: str, jobs: int, output: Path | None, fit: Fit) -> None:
     from ..training.motion_noise import fit_env
 
     require_writable(output)
     options, without = _learnt_from(on, jobs)
     prepare(on.env, options)
     with working("read", options) as watched:
-        text = fit_env(on.env, watched, observe, fit, without)
+        text = fit_env(on.env, watched, observe, without)
     print_or_write(output, text)
 
 
@@ -75,9 +56,7 @@ def _learnt_from(on: EnvScenes, jobs: int) -> tuple[RunOptions, Fold | None]:
 
 
 def predictor(
-    network: Annotated[
-        str, typer.Argument(metavar="NAME", help="modes, ptp, social_lstm, tracking_free, affinity or codebook.")
-    ],
+    network: Annotated[str, typer.Argument(metavar="NAME", help="modes, ptp, social_lstm, tracking_free or affinity.")],
     on: EnvScenes,
     pasts: Annotated[
         str | None,
@@ -183,7 +162,6 @@ def _of_detector(detector: str, data: str | None, output: Path | None, fit: Call
 
 train = typer.Typer(help="Fit the parameters of a baseline on training splits.", no_args_is_help=True)
 train.command("motion-noise")(opened(motion_noise))
-train.command("imm-noise")(opened(imm_noise))
 train.command("predictor")(opened(predictor))
 train.command("presence")(opened(presence))
 train.command("cut")(opened(cut))

@@ -17,7 +17,7 @@ from ..agent import Observation, Tracks
 from ..errors import ShapeError, UnknownNameError
 from ..tracks import Affinity
 from ..types import Floats, Ints, Task
-from .joint import joint_k_best, k_best, per_cluster
+from .joint import joint_k_best, k_best
 from .kernels.affinity_kernels import CENTER_DISTANCE, GIOU_3D, IOU_3D, sparse_pairs
 from .parameters import Assignment, ClassParameters, ab3dmot_parameters
 from .tree import HypothesisTree, Seen
@@ -33,7 +33,6 @@ class HypothesisTracker:
     into weights, exp(-cost / temperature). Greedy assignment, as AB3DMOT's for some classes, is honoured only with
     ``assignment="as_parameters"`` and a single hypothesis: the best hypothesis of many is the Hungarian one.
     ``assignment="greedy"`` is greedy for every class.
-    ``per_cluster``: the alternatives of all clusters of tracks side by side, not the cheapest overall.
     ``min_detection_score``: weaker detections are ignored, a number or one per class name; None: none is.
     """
 
@@ -43,7 +42,6 @@ class HypothesisTracker:
         parameters: tuple[ClassParameters, ...] | None = None,
         temperature: float = 1.0,
         assignment: str = "hungarian",
-        per_cluster: bool = False,
         min_detection_score: float | Mapping[str, float] | None = None,
     ) -> None:
         if not isinstance(hypotheses, (int, np.integer)) or hypotheses < 1:
@@ -58,7 +56,6 @@ class HypothesisTracker:
         self._hypotheses = hypotheses
         self._given = parameters
         self._temperature = temperature
-        self._per_cluster = per_cluster
         self._assignment = assignment
         self._min_detection_score = min_detection_score
 
@@ -100,8 +97,7 @@ class HypothesisTracker:
             cost[np.repeat(np.arange(len(cost)), np.diff(indptr)), column] = -gain
             chosen = _greedy_where_asked(cost, tree.class_id, self._parameters)
             return np.zeros(1), chosen[None], np.zeros(1, dtype=np.int64)
-        solve = per_cluster if self._per_cluster else joint_k_best
-        return solve(indptr, column, -gain, len(seen.box), tree.member, self._cost, self._hypotheses)
+        return joint_k_best(indptr, column, -gain, len(seen.box), tree.member, self._cost, self._hypotheses)
 
     def _output(self, parent: Ints, rows: Ints) -> Tracks:
         tree = self._tree

@@ -93,8 +93,6 @@ def fit(
     work = _Work.of(network, sizes, lesson, plan, device)
     kept = _Checkpoint(checkpoint, _digest(network, sizes, lesson, plan, device))
     state = kept.read(work.weights)
-    if not work.recipe.stages:
-        _judge(work, state)
     while state.stage < len(work.recipe.stages):
         _fit_stage(work, state, kept, told)
         with torch.no_grad():

@@ -7,7 +7,7 @@ proper, needs no sampling, and a few broken tracks do not rule it as they would 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -23,27 +23,23 @@ from ..types import Bools, Floats, Scene, Task
 from .motion_windows import collect
 from .split import open_split
 
-Fit = Callable[[Floats, Bools, Floats, float], dict[str, Any]]  # position, valid, future and dt: the noise of a class
-
 
 def fit_env(
     env_id: str,
     options: RunOptions = DEFAULTS,
     observe: str = "detections",
-    fit: Fit | None = None,
     without: Fold | None = None,
 ) -> str:
     """TOML of the motion noise fitted on the training split of an env, as ``mtp_bench.prediction`` stores it.
 
-    ``options`` may name another split. ``observe``: "truth" for true pasts. ``fit``: of one class, `fit_motion_noise`
-    unless told otherwise. ``without``: a fold whose scenes are left out, see `open_split`. Raises MtpBenchError for
-    whatever the user can mend, an empty split among it.
+    ``options`` may name another split. ``observe``: "truth" for true pasts. ``without``: a fold whose scenes are left
+    out, see `open_split`. Raises MtpBenchError for whatever the user can mend, an empty split among it.
     """
     if observe not in OBSERVE:
         raise UnknownNameError("value of observe", observe, OBSERVE)
     split = open_split(env_id, options.on_split("train"), without)
     task = MTPEnv(split.card, data=options.data, observe=observe).task
-    rows = fit_scenes(list(split.scenes()), task, fit)
+    rows = fit_scenes(list(split.scenes()), task)
     if not rows:
         raise MtpBenchError(
             f"{env_id}: no track of the {len(split.names)} training scenes follows an object with {task.future} "
@@ -52,7 +48,7 @@ def fit_env(
     return as_toml(condition(task), rows)
 
 
-def fit_scenes(scenes: Sequence[Scene], task: Task, fit: Fit | None = None) -> dict[str, dict[str, Any]]:
+def fit_scenes(scenes: Sequence[Scene], task: Task) -> dict[str, dict[str, Any]]:
     """Noise of every class of ``task`` from scenes of a training split, as stored under ``condition(task)``.
 
     The past is what the single-hypothesis tracker makes of the detections, or the true past if the task observes it.
@@ -60,12 +56,11 @@ def fit_scenes(scenes: Sequence[Scene], task: Task, fit: Fit | None = None) -> d
     """
     tracker = TruthTracker() if task.observe == "truth" else HypothesisTracker()
     windows = collect(scenes, task, tracker)
-    fit = fit or fit_motion_noise
     rows = {}
     for class_id, name in enumerate(task.classes):
         mine = windows.class_id == class_id
         if mine.any():
-            rows[name] = fit(windows.position[mine], windows.valid[mine], windows.future[mine], task.dt)
+            rows[name] = fit_motion_noise(windows.position[mine], windows.valid[mine], windows.future[mine], task.dt)
     return rows
 
 

@@ -52,7 +52,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a network is trained; without stages it is what it starts from."""
+    """How a network is trained."""
 
     stages: tuple[Stage, ...]
     plan: Plan = Plan()  # unless another one is asked for
@@ -69,7 +69,6 @@ RECIPES = {
     ),
     "tracking_free": Recipe((Stage(winner_takes_all),), Plan(epochs=40), "tracklets", varied_around),
     "affinity": Recipe((Stage(winner_takes_all),), on="tracklets", vary=varied_around),
-    "codebook": Recipe(()),  # its weights are statistics
     "social_lstm": Recipe((Stage(gaussian_path),), Plan(epochs=40, batch=128), by_frame=True),
 }
 

@@ -423,7 +423,7 @@ def test_a_home_that_cannot_be_written(card: str, kitti: str, tmp_path: Path) ->
         assert "Read-only file system; MTP_BENCH_CACHE names another folder" in error
         environment["MTP_BENCH_CACHE"] = str(tmp_path / "cache")
         training = write_training(tmp_path / "training", "0001", ["0000"])
-        status, error = said("train", "predictor", "codebook", "--env", card, "--data", training)
+        status, error = said("train", "predictor", "modes", "--epochs", "1", "--env", card, "--data", training)
         assert (status, error.count("\n")) == (1, 1)
         assert "Read-only file system; name another file, or another folder of weights with MTP_BENCH_WEIGHTS" in error
 

@@ -376,12 +376,6 @@ def test_train_fits_the_training_split(cli: CommandLine, tmp_path: Path, card: s
     assert list(tomllib.loads(cli.ok(*common, "--observe", "truth"))) == ["MTP-Small-v0-truth-world"]
 
 
-def test_train_fits_the_noise_of_three_models(cli: CommandLine, card: str, training: str) -> None:
-    fitted = tomllib.loads(cli.ok("train", "imm-noise", "--env", card, "--data", training))
-    fields = {"measurement", "speed", "jerkiness", "acceleration", "stay"}
-    assert set(fitted["MTP-Small-v0-pointrcnn-world"]["car"]) == fields
-
-
 def test_train_without_anything_to_fit(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
     assert "has no scene in its split 'train'" in cli("train", "motion-noise", "--env", card, "--data", kitti).error
     root = write_kitti(tmp_path)

@@ -1,4 +1,4 @@
-"""The compiled tracker against the one in plain NumPy, and the options that only the compiled one has."""
+"""The compiled tracker against the one in plain NumPy."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from mtp_bench.env import MTPEnv
-from mtp_bench.tracking import ClassParameters, HypothesisTracker
-from mtp_bench.tracking.joint import joint_k_best, per_cluster
+from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.tracks import Tracks
 from tests.support.plain_tracker import PlainTracker
-from tests.support.tracking_scenes import CAR, frame, kitti_task, observation, random_frames, run
+from tests.support.tracking_scenes import kitti_task, observation, random_frames, run
 
 FIELDS = ("track_id", "class_id", "detection", "past_valid", "member", "box", "score", "past", "log_weight")
 
@@ -68,56 +67,3 @@ def test_they_agree_on_recordings(env_id: str, scene: str | None, frames: int, d
     for _ in range(frames):
         assert_same(ours.step(observation), plain.step(observation))
         observation = env.step(action)[0]
-
-
-def two_pairs(gap: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Two tracks and two detections, far from two others: CSR of two ambiguous clusters of two rows each."""
-    column = np.array([0, 1, 0, 1, 2, 3, 2, 3])
-    cost = np.array([-3.0, -2.0, -2.0, -3.0, -3.0, -3.0 + gap, -3.0 + gap, -3.0])
-    return np.arange(0, 9, 2), column, cost
-
-
-def test_every_cluster_gets_its_alternatives_at_once() -> None:
-    problem = (*two_pairs(0.25), 4, np.ones((1, 4), dtype=bool), np.zeros(1))
-    costs, column, parent = per_cluster(*problem, k=2)
-    best = joint_k_best(*problem, 2)
-    np.testing.assert_array_equal(column[0], best[1][0])
-    assert costs[0] == pytest.approx(best[0][0])
-    assert (column[1] != column[0]).all(), "the second hypothesis takes the second choice of both clusters"
-    assert (best[1][1] != best[1][0]).sum() == 2, "the second of all changes one cluster only"
-    assert costs[1] == pytest.approx(-12.0 + 2.0 + 0.5)
-    assert parent.tolist() == [0, 0]
-
-
-def test_without_a_cluster_there_is_one_child_per_parent() -> None:
-    none = np.zeros(0, dtype=np.int64)
-    member, base = np.array([[True, False], [True, True]]), np.array([1.0, 0.5])
-    costs, column, parent = per_cluster(np.zeros(3, dtype=np.int64), none, np.zeros(0), 2, member, base, 5)
-    assert (costs.tolist(), parent.tolist(), column.tolist()) == ([0.5, 1.0], [1, 0], [[-1, -1], [-1, -1]])
-
-
-def histories(tracker: HypothesisTracker, frames: list[tuple[np.ndarray, np.ndarray]]) -> float:
-    """Distinct pasts per identity, mean over frames."""
-    counts = []
-    for tracks in run(tracker, frames):
-        pasts = {(int(i), past.tobytes()) for i, past in zip(tracks.track_id, tracks.past, strict=True)}
-        counts.append(len(pasts) / max(len(np.unique(tracks.track_id)), 1))
-    return float(np.mean(counts))
-
-
-def test_clusters_keep_more_histories() -> None:
-    """Six pairs of cars that drive side by side, 30 m apart from each other: every pair may have been swapped."""
-    rng = np.random.default_rng(2)
-    frames = []
-    for t in range(15):
-        y = [30.0 * pair + side + rng.normal(0, 0.3) for pair in range(6) for side in (0.0, 1.5)]
-        frames.append(frame(*((1.0 * t, value, CAR) for value in y)))
-    near = (ClassParameters("hungarian", "center_distance", 4.0, 1, 3),) * 3
-    joint, clusters = (histories(HypothesisTracker(6, near, per_cluster=on), frames) for on in (False, True))
-    assert clusters > joint + 0.1
-
-
-def test_one_hypothesis_needs_no_clusters() -> None:
-    frames = random_frames(np.random.default_rng(3), 20)
-    for ours, plain in zip(*(run(HypothesisTracker(1, per_cluster=on), frames) for on in (False, True)), strict=True):
-        assert_same(ours, plain)

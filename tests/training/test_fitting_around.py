@@ -1,4 +1,4 @@
-"""The training of networks that see the detections around an object, and of one of which nothing is trained."""
+"""The training of networks that see the detections around an object."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from mtp_bench.prediction.learned.affinity import Affinity
-from mtp_bench.prediction.learned.codebook import Codebook
+from mtp_bench.prediction.learned.modes import Modes
 from mtp_bench.prediction.learned.network import Network
 from mtp_bench.prediction.learned.tracking_free import TrackingFree
 from mtp_bench.prediction.windows import Surroundings
@@ -31,7 +31,7 @@ def lesson_around(network: Network) -> Lesson:
     start = starts_of(np.full(FRAMES * SIZES.past, TRACKS))
     seen = Surroundings(start, box, np.zeros((len(box), 2)), class_id, np.ones(len(box)), before)
     inputs = network.inputs(windows, moment * SIZES.past + SIZES.past - 1, seen, SIZES)
-    return replace(random_lesson(Codebook(), FRAMES), inputs=inputs)
+    return replace(random_lesson(Modes(), FRAMES), inputs=inputs)
 
 
 def trained(network: Network, lesson: Lesson, folder: Path, epochs: int) -> State:
@@ -42,14 +42,3 @@ def trained(network: Network, lesson: Lesson, folder: Path, epochs: int) -> Stat
 def test_it_learns(network: Network, tmp_path: Path) -> None:
     curve = trained(network, lesson_around(network), tmp_path, 20).curve
     assert min(curve) < 0.7 * curve[0]
-
-
-def test_a_network_without_stages_is_what_it_starts_as(tmp_path: Path) -> None:
-    network, lesson = Codebook(), random_lesson(Codebook(), frames=60)
-    learnt = ~lesson.validation
-    inputs = {name: value[learnt] for name, value in lesson.inputs.items()}
-    start = network.start(inputs, lesson.future[learnt], lesson.known[learnt], SIZES, 0)
-    state = trained(network, lesson, tmp_path, 5)
-    assert {name: value.tolist() for name, value in state.best.items()} == {n: v.tolist() for n, v in start.items()}
-    assert len(state.curve) == 1
-    assert np.isfinite(state.curve[0])

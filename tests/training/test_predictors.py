@@ -161,7 +161,7 @@ TOO_SHORT = {
 
 
 @pytest.mark.parametrize("name", TOO_SHORT)
-@pytest.mark.parametrize("network", ["modes", "tracking_free", "codebook"])
+@pytest.mark.parametrize("network", ["modes", "tracking_free"])
 def test_scenes_too_short_to_validate_on_are_one_clear_error(network: str, name: str, tmp_path: Path) -> None:
     names, frames, counts = TOO_SHORT[name]
     request, out = Request(network, "small", plan=QUICK), tmp_path / "new" / "w.safetensors"
@@ -265,7 +265,7 @@ def test_an_env_may_teach_some_of_the_classes() -> None:
 
 @pytest.mark.parametrize("also", [("MTP-Merge-v0", "MTP-Merge-v0"), ("MTP-Merge-v0", "MTP-Highway-v0")])
 def test_an_env_that_is_named_twice_is_one_clear_error(also: tuple[str, ...]) -> None:
-    request = Request("codebook", "MTP-Highway-v0", also=also)
+    request = Request("modes", "MTP-Highway-v0", also=also)
     with pytest.raises(MtpBenchError, match=f"{also[1]} is named twice among the envs .* expected each once"):
         learnable(request, RunOptions(scenes=1))
 
@@ -305,7 +305,9 @@ def test_weights_lie_where_agents_look_whatever_the_card_is_called(
 ) -> None:
     """A card may be given as a path; agents know the id of its env."""
     monkeypatch.setenv("MTP_BENCH_WEIGHTS", str(tmp_path / "weights"))
-    path, card = train_predictor(found, Request("codebook", str(tmp_path / "MTP-Small-v0.toml")))
-    assert path == tmp_path / "weights" / "codebook-truth-MTP-Small-v0.safetensors"
+    path, card = train_predictor(
+        found, Request("modes", str(tmp_path / "MTP-Small-v0.toml"), plan=replace(QUICK, epochs=1))
+    )
+    assert path == tmp_path / "weights" / "modes-truth-MTP-Small-v0.safetensors"
     assert card["env"] == "MTP-Small-v0"
-    assert find_weights("codebook", "truth", found.task) == path
+    assert find_weights("modes", "truth", found.task) == path

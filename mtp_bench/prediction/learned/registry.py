@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from ...errors import UnknownNameError
 from .affinity import Affinity
-from .codebook import Codebook
 from .modes import Modes
 from .network import Network
 from .ptp import Ptp
 from .social_lstm import SocialLstm
 from .tracking_free import TrackingFree
 
-_ALL: tuple[Network, ...] = (Modes(), Ptp(), SocialLstm(), TrackingFree(), Affinity(), Codebook())
+_ALL: tuple[Network, ...] = (Modes(), Ptp(), SocialLstm(), TrackingFree(), Affinity())
 NETWORKS: dict[str, Network] = {network.name: network for network in _ALL}
 AROUND = ("affinity", "tracking_free")  # those that see the detections around an object in place of its track
 
