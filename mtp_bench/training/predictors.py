@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import MtpBenchError, UnknownNameError
-from ..files import make_folder
+from ..files import WriteError, make_folder
+from ..networks import VARIABLE as WEIGHTS_VARIABLE
 from ..networks import file_name, weights_folder
 from ..prediction.learned.local import local_future
 from ..prediction.learned.network import Network, Sizes
@@ -163,7 +164,10 @@ def train_predictor(
     lesson = lesson_of(network, found, sizes)
     _require_both_parts(network, found, lesson)
     path = output or weights_folder() / file_name(request.network, request.on, found.task.env_id)
-    make_folder(path.parent)
+    try:
+        make_folder(path.parent)
+    except WriteError as error:
+        raise MtpBenchError(f"{error} for weights with {WEIGHTS_VARIABLE}") from None
     checkpoint = path.with_name(f"{path.name}.checkpoint")  # longer than the name of the weights: never the same file
     state = fit(network, sizes, lesson, request.chosen_plan, device_of(request.device), told, checkpoint)
     card = model_card(request, found, lesson, state)

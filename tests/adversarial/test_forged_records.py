@@ -335,7 +335,7 @@ IMPOSSIBLE: dict[str, tuple[Change, str]] = {
     "giant details": (lambda c: c.update(details={str(i): "x" * 1999 for i in range(600)}), "details take 12"),
     "a long reason": (lambda c: c["details"].update(why="x" * 3000), "details.why has 3000 characters"),
     "a key that steers the terminal": (lambda c: c["details"].update({"\x1b[2J": 1}), r"has the character U\+001B"),
-    "half a character": (lambda c: c["submission"]["parameters"].update(a=["\ud800"]), r"U\+D800|half of a character"),
+    "half a character": (lambda c: c["submission"]["parameters"].update(a=["\ud800"]), r"U\+D800|lone surrogate"),
     "nested a thousand times": (lambda c: c["details"].update(a=nested(60)), "deeper than 32 levels"),
     "a number of a thousand digits": (lambda c: c["details"].update(a=10**1000), "1001 digits"),
 }

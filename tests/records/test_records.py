@@ -94,7 +94,7 @@ def test_a_changed_record_is_refused(change: Callable[[dict[str, Any]], None], t
         ("{", "not valid JSON"),
         ("[]", "holds list, expected a table"),
         ('{"format": 1}', r"format 1, expected 2: those of definitions 1\.0 rank no more"),
-        ('{"format": 2, "seeds": [NaN]}', "NaN is no number of JSON"),
+        ('{"format": 2, "seeds": [NaN]}', "NaN is not allowed in JSON"),
         ('{"format": 2, "seedz": []}', r"unknown key 'seedz': did you mean 'seeds'\?"),
         ('{"format": 2}', "key 'submission' is missing"),
         ("[" * 100_000, "not valid JSON"),
