@@ -1,3 +1,3 @@
 """The version of the package; read by the build, by ``mtp_bench.__version__`` and by stored records."""
 
-__version__ = "0.1.0"
+__version__ = "0.3.0"

@@ -33,11 +33,17 @@ def why_unranked(record: Record, level: SignedLevel | None = None, ships: Ships 
 
 def why_not_comparable(record: Record, level: SignedLevel | None = None, ships: Ships = shipped) -> str | None:
     """Why the numbers of a record say nothing beside those of others, in a few words; None where they do."""
-    return why_not_genuine(record) or next(_other_conditions(record, ships), None) or _not_hidden(record, level, ships)
+    if record.earlier_version:
+        unsigned = f"version {record.earlier_version}, without a signed level" if level is None else None
+        return unsigned or next(_other_runs(record), None) or _not_hidden(record, level, ships)
+    other = next(_other_definitions(record, ships), None) or next(_other_runs(record), None)
+    return why_not_genuine(record) or other or _not_hidden(record, level, ships)
 
 
 def why_not_genuine(record: Record) -> str | None:
     """Why a record that names a baseline is not of it; None for the baseline itself and for any other name."""
+    if record.earlier_version:
+        return None  # another digest than today's, and its level is signed, see `why_not_comparable`
     known = baseline_digest(record.submission.name, record.submission.networks)
     if known is None or known == record.submission.digest:
         return None
@@ -65,7 +71,8 @@ def taken_names(records: Sequence[Record], levels: Mapping[str, SignedLevel]) ->
     return found
 
 
-def _other_conditions(record: Record, ships: Ships) -> Iterator[str]:
+def _other_definitions(record: Record, ships: Ships) -> Iterator[str]:
+    """Differences from the scorer, card and event weights that ship."""
     env, known = record.env, ships(record.env.id)
     if record.scorer.definitions != DEFINITIONS:
         yield f"scored by definitions {record.scorer.definitions}, today's are {DEFINITIONS}"
@@ -76,17 +83,26 @@ def _other_conditions(record: Record, ships: Ships) -> Iterator[str]:
         return
     if env.card_digest != known.card:
         yield f"card {env.card_digest}, the one that ships is {known.card}"
-    if record.reference.hash != known.weights or not record.reference.frozen:
+    if record.reference.hash != known.weights:
+        yield "other event weights than the frozen ones"
+    if env.scenes != len(known.sums):
+        yield f"{env.scenes} of {len(known.sums)} scenes"
+    other = next((scene for scene in record.per_scene if not _has_sums_of(known, env.id, scene)), None)
+    if other is not None:
+        yield f"scene {other.scene!r} has other targets than its frozen event weights"
+
+
+def _other_runs(record: Record) -> Iterator[str]:
+    """Differences from the runs that ranks need, whatever version made them."""
+    env = record.env
+    if not record.reference.frozen:
         yield "other event weights than the frozen ones"
     if record.missed.late:
         yield "answers came late, which no other run repeats: make it again"
     if record.seeds != list(SEEDS):
         yield f"seeds {', '.join(map(str, record.seeds))}, ranks need {', '.join(map(str, SEEDS))}"
-    if not (env.scenes == env.scenes_of_split == len(known.sums)):
-        yield f"{env.scenes} of {len(known.sums)} scenes"
-    other = next((scene for scene in record.per_scene if not _has_sums_of(known, env.id, scene)), None)
-    if other is not None:
-        yield f"scene {other.scene!r} has other targets than its frozen event weights"
+    if env.scenes != env.scenes_of_split:
+        yield f"{env.scenes} of {env.scenes_of_split} scenes"
     if record.division == "closed" and record.limits != LimitsPart(**asdict(Limits())):
         yield "other limits than those of the closed division"
 

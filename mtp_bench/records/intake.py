@@ -178,6 +178,8 @@ def _take(path: Path, name: Path, names: Mapping[str, str], trust: Trust, owner:
     said, ships = record.submission.name, shipped(record.env.id)
     if name.parts[1:] != (said, f"{record.env.id}.json"):
         raise RecordError(f"{name}: holds {said!r} on {record.env.id}, expected it at {said}/{record.env.id}.json")
+    if record.earlier_version:
+        raise RecordError(f"{name}: made by version {record.earlier_version}: make it again with `mtp-bench submit`")
     if ships is None or ships.card != record.env.card_digest:
         raise RecordError(f"{name}: {record.env.id} with card {record.env.card_digest} does not ship")
     if said in baseline_names():

@@ -69,12 +69,16 @@ def standings(
     Only records of what ships, of one data, the same units and division are ranked against each other; on simulated
     envs those of one seal. The main ranking of an env is that of the newest seal that STP is on, and of the record
     that was checked best, STP's before others: never that of most records. A better record moves others down; apart
-    from that, what a record holds changes no group, guard or gap but its own.
+    from that, what a record holds changes no group, guard or gap but its own. Records of an earlier version stand
+    apart, among themselves: they are not checked against what ships, and only those with a signed level are ranked.
     """
     found: dict[str, Standing] = {}
     levels = levels or {}
-    for env_id in dict.fromkeys(record.env.id for record in records):
-        found |= _of_env([record for record in records if record.env.id == env_id], levels, ships)
+    groups: dict[tuple[str, str], list[Record]] = {}
+    for record in records:
+        groups.setdefault((record.env.id, record.earlier_version), []).append(record)
+    for group in groups.values():
+        found |= _of_env(group, levels, ships)
     return found
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field
 
+from .._version import __version__
 from ..running.options import MOST_SEED
 from ..scoring.rows import Count, Row
 from ..scoring.statistics import ratio
@@ -19,6 +20,7 @@ from .canonical import Date, Sha256
 Division = Literal["closed", "open"]
 Mechanism = Literal["bubblewrap", "namespaces", "none"]
 Status = Literal["finished", "partial", "crashed", "rejected"]
+EARLIER, EARLIER_VERSIONS = "0.2", ("0.1.", "0.2.")  # label of what these versions of the package made
 TOLERANCE = 1e-9  # of a number that is scored again, absolute and relative
 MOST_NAME, MOST_TEXT = 100, 2000  # characters of a name, and of a description or a reason
 MOST_NAMES, MOST_SCENES = 50, 10_000  # in a list; of a record
@@ -208,6 +210,12 @@ class Record(Section):
     def row_of(self, subset: Subset) -> Row:
         """The row of one subset."""
         return next(row for row in self.rows if row.subset == subset)
+
+    @property
+    def earlier_version(self) -> str:
+        """Version that made the record where its digests are not comparable with today's, "0.2"; else empty."""
+        made_by = self.versions.get("mtp-bench", __version__)
+        return EARLIER if made_by.startswith(EARLIER_VERSIONS) else ""
 
     @property
     def runs(self) -> int:

@@ -14,7 +14,7 @@ from mtp_bench.scoring import SUBSETS, AgentScores, Reference, SceneScore, score
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.scoring.weights import SceneWeights, scene_key
 from tests.support.scoring_scenes import make_card, random_case, take_objects
-from tests.support.stored_records import make_record, make_row, scene_part, ships_of, write_record
+from tests.support.stored_records import make_record, make_row, scene_part, ships_of, signed_level, write_record
 
 CARD = make_card(samples=4)
 NAMES = [f"s{i}" for i in range(9)]
@@ -93,6 +93,22 @@ def test_worse_than_stp_with_its_own_network_is_not_ranked_on_events() -> None:
     assert places[0].rank is not None
     assert places[1].rank == 1
     assert places[2].why == "over all targets its error is above that of stp with its own predictor"
+
+
+def test_records_of_an_earlier_version_stand_apart() -> None:
+    """They are ranked among themselves, whatever ships today, and only where a trusted key signed what they are."""
+    old, names = {"versions": {"mtp-bench": "0.1.0"}}, ("stp", "good", "bad", "unsigned")
+    errors = (2.0, 1.0, 3.0, 0.1)
+    today = [write_record(*(e + 0.1 * (i % 3) for i in range(8)), name=n) for n, e in zip(names, errors, strict=True)]
+    earlier = [
+        write_record(*(e + 0.1 * (i % 3) for i in range(8)), name=n, env={"card_digest": "ab" * 8}, **old)
+        for n, e in zip(names, errors, strict=True)
+    ]
+    levels = {record.digest: signed_level(record) for record in earlier[:3]}
+    found = standings([*today, *earlier], levels, ships_of(*today))
+    assert [found[record.digest].places["all"].rank for record in (*today, *earlier)] == [3, 2, 4, 1, 2, 1, 3, None]
+    assert found[earlier[3].digest].places["all"].why == "version 0.2, without a signed level"
+    assert [record.earlier_version for record in (today[0], earlier[0])] == ["", "0.2"]
 
 
 def test_records_rank_as_the_comparison_of_the_same_runs_does() -> None:
