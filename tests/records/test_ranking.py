@@ -97,12 +97,12 @@ def test_worse_than_stp_with_its_own_network_is_not_ranked_on_events() -> None:
 
 def test_records_of_an_earlier_version_stand_apart() -> None:
     """They are ranked among themselves, whatever ships today, and only where a trusted key signed what they are."""
-    old, names = {"versions": {"mtp-bench": "0.1.0"}}, ("stp", "good", "bad", "unsigned")
+    names = ("stp", "good", "bad", "unsigned")
+    old: dict[str, Any] = {"env": {"card_digest": "ab" * 8}, "versions": {"mtp-bench": "0.1.0"}}
     errors = (2.0, 1.0, 3.0, 0.1)
     today = [write_record(*(e + 0.1 * (i % 3) for i in range(8)), name=n) for n, e in zip(names, errors, strict=True)]
     earlier = [
-        write_record(*(e + 0.1 * (i % 3) for i in range(8)), name=n, env={"card_digest": "ab" * 8}, **old)
-        for n, e in zip(names, errors, strict=True)
+        write_record(*(e + 0.1 * (i % 3) for i in range(8)), name=n, **old) for n, e in zip(names, errors, strict=True)
     ]
     levels = {record.digest: signed_level(record) for record in earlier[:3]}
     found = standings([*today, *earlier], levels, ships_of(*today))
