@@ -18,10 +18,11 @@ from typing import Any
 
 import numpy as np
 
-from mtp_bench.cards import HighwaySource, load_card
+from mtp_bench.cards import load_card
 from mtp_bench.sources.base import section_of
 from mtp_bench.sources.highway import plans
 from mtp_bench.sources.highway.networks import build
+from mtp_bench.sources.highway.section import HighwaySource
 from mtp_bench.sources.highway.simulate import simulate_world
 from mtp_bench.sources.highway.source import traffic_of
 from mtp_bench.sources.highway.world import RATE, Traffic

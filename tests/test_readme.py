@@ -8,19 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import BaseModel
 
 from mtp_bench import card_ids, load_card, load_submission
 from mtp_bench._bundle import baseline_names
-from mtp_bench.cards import (
-    DetectorSection,
-    FilesSource,
-    HighwaySource,
-    KittiSource,
-    Mot3dSource,
-    NuScenesSource,
-    TaskSection,
-    WildtrackSource,
-)
+from mtp_bench.cards import DetectorSection, TaskSection
+from mtp_bench.cards.source import SOURCES, source_class
 from tests.conftest import REPOSITORY
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import task
@@ -154,7 +147,7 @@ def test_the_table_of_baselines_is_complete(repository: Path) -> None:
 def test_the_table_of_card_keys_is_complete(repository: Path) -> None:
     documented = (repository / "envs/README.md").read_text()
     keys = ["id", "summary", "reference", "detector", *(f"task.{key}" for key in TaskSection.model_fields)]
-    sections = (KittiSource, NuScenesSource, WildtrackSource, Mot3dSource, HighwaySource, FilesSource, DetectorSection)
+    sections: list[type[BaseModel]] = [*map(source_class, SOURCES), DetectorSection]
     unwritten = ("seeds", "detections_sha256", "detections_file", "scenes")  # of --detections, and of `with_scenes`
     keys += [key for section in sections for key in section.model_fields if key not in unwritten]
     keys += [f"seeds.{split}" for split in ("train", "val", "test")]

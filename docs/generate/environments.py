@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from mtp_bench import Card, Task, card_ids, load_card
-from mtp_bench.cards import HighwaySource, TaskSection
+from mtp_bench.cards import TaskSection
 from mtp_bench.env.action import FIELDS
 from mtp_bench.env.spaces import action_numbers, observation_space
 from mtp_bench.scoring import DEFINITIONS
 from mtp_bench.sources import describe
+from mtp_bench.sources.highway.section import HighwaySource
 
 from . import recordings
 

@@ -11,9 +11,4 @@ from .changes import instead_of_stored as instead_of_stored
 from .changes import profile_of_stored as profile_of_stored
 from .sections import DetectorSection as DetectorSection
 from .sections import FilesSource as FilesSource
-from .sections import HighwaySource as HighwaySource
-from .sections import KittiSource as KittiSource
-from .sections import Mot3dSource as Mot3dSource
-from .sections import NuScenesSource as NuScenesSource
-from .sections import Source as Source
-from .sections import WildtrackSource as WildtrackSource
+from .source import SourceSection as SourceSection

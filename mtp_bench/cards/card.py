@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, SerializeAsAny
 
 from .._bundle import bundled, card_ids
 from ..detector.profile import toml_table, toml_values
@@ -20,7 +20,8 @@ from ..errors import CardError, MtpBenchError, UnknownNameError, nearest
 from ..strict import Section, read_toml, validate
 from ..types import Scene
 from . import changes, own
-from .sections import DetectorSection, FilesSource, Source
+from .sections import DetectorSection, FilesSource
+from .source import SourceSection, read_source
 
 MOST_METRES = 1e4  # of a gate or an error
 PerClass = dict[str, float]  # a single number in the TOML stands for every class
@@ -62,7 +63,7 @@ class Card(Section):
     summary: str
     reference: str = "stp"  # baseline whose runs make the event weights
     motion_noise: str | None = None  # where objects move like here, a hint for agents; no part of the digest
-    source: Source
+    source: SerializeAsAny[SourceSection]
     detector: DetectorSection | None = None
     task: TaskSection
     size: SizeSection
@@ -186,6 +187,7 @@ def load_card(name: str | Path) -> Card:
 
 def parse_card(content: dict[str, Any], where: str = "card", stem: str | None = None) -> Card:
     """Validate the content of a card; ``stem`` is the id that its file name promises."""
+    content = {**content, "source": read_source(content.get("source"), where)}
     card = validate(Card, _spread_scalars(content), where, CardError)
     if stem is not None and card.id != stem:
         raise CardError(f"{where}: id is {card.id!r}, expected the file's stem {stem!r}")

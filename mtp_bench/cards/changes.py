@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING
 
 from ..detector import load_profile, profile_names
 from ..errors import CardError, DataError, MtpBenchError, UnknownNameError
 from ..strict import read_toml, validate
 from . import own
-from .sections import STORED_DETECTOR, DetectorSection, FilesSource, Source
+from .sections import DetectorSection, FilesSource
+from .source import STORED_DETECTOR, SourceSection
 
 if TYPE_CHECKING:
     from .card import Card
@@ -22,9 +23,9 @@ SIMULATED = {  # profile that simulates a stored detector, or the one that is mo
 }  # fmt: skip
 
 
-def with_split(card: Card, split: str) -> Source:
+def with_split(card: Card, split: str) -> SourceSection:
     """The card's source on another split; see `Card.with_split`."""
-    known = get_args(type(card.source).model_fields["split"].annotation)
+    known = card.source.splits
     if split not in known:
         raise UnknownNameError(f"split of {card.id}", split, known)
     if isinstance(card.source, FilesSource) and card.source.scenes is not None and split != "all":
@@ -32,14 +33,14 @@ def with_split(card: Card, split: str) -> Source:
             f"{card.id}: its scenes are objects in memory, which have no split {split!r}, expected 'all'; give the "
             "scenes of that split alone"
         )
-    changed: Source = card.source.model_copy(update={"split": split})
+    changed = card.source.model_copy(update={"split": split})
     if isinstance(changed, FilesSource) and changed.folder is not None:
         folder = own.split_folder(Path(changed.folder), split)
         return changed.model_copy(update={"sha256": own.folder_digest(folder)})
     return changed
 
 
-def with_detector(card: Card, name: str) -> tuple[Source, DetectorSection | None]:
+def with_detector(card: Card, name: str) -> tuple[SourceSection, DetectorSection | None]:
     """The card's source and the simulated detector that ``name`` means; see `Card.with_detector`."""
     own = card.detector or DetectorSection(field_of_view=card.source.traits.view)
     if name in VARIANTS:
@@ -91,7 +92,7 @@ def profile_of_stored(card: Card) -> str:
     return profile
 
 
-def with_detections(card: Card, file: str | Path) -> Source:
+def with_detections(card: Card, file: str | Path) -> SourceSection:
     """The card's source with detections of one's own; see `Card.with_detections`."""
     expected = card.source.traits.detection_file
     if not expected or card.detector is not None:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from ..cards.sections import SECRET_SEEDS
+from ..sources.highway.section import SECRET_SEEDS
 from ..strict import Section
 from .canonical import Date, Sha256, digest_of
 

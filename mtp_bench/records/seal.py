@@ -15,12 +15,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..cards import Card, HighwaySource, load_card
+from ..cards import Card, load_card
 from ..errors import MtpBenchError, RecordError
 from ..files import require_file, whole_file, write_text
 from ..running.options import RunOptions
 from ..running.reference import make_reference
 from ..scoring import Reference, read_reference, write_reference
+from ..sources.highway.section import HighwaySource
 from ..strict import Section
 from .canonical import canonical, today
 from .promise import FIRST, LAST, MOST_SCENES, RETIRED, Commitment, Retired, SecretSeeds, commitment_of

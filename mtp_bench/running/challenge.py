@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..cards import Card, NuScenesSource
+from ..cards import Card
 from ..errors import CardError, DataError
 from ..files import require_file, whole_file
 from ..parallel import QUIET, Progress
@@ -18,6 +18,7 @@ from ..scoring.additions import final_match
 from ..scoring.challenge import KS, challenge_errors
 from ..scoring.forecasts import Forecasts, candidates, grow
 from ..sources.nuscenes.challenge import FUTURE, Prediction, read_predictions, write_predictions
+from ..sources.nuscenes.section import NuScenesSource
 from ..sources.nuscenes.source import NuScenes
 from ..types import Floats, Rollout
 from .opened import OpenedRun

@@ -9,12 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ..cards import Card, KittiSource, NuScenesSource
+from ..cards import Card
 from ..errors import CardError
 from ..files import new_folder, whole_file
 from ..parallel import QUIET, Progress
 from ..sources.kitti.layout import TYPES
+from ..sources.kitti.section import KittiSource
 from ..sources.kitti.tracks import poses_of, result_lines
+from ..sources.nuscenes.section import NuScenesSource
 from ..sources.nuscenes.source import NuScenes
 from ..sources.nuscenes.tracks import submission_box
 from ..sources.tracks.table import SCORED, table_path, write_table_of_tracks

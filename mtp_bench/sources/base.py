@@ -9,14 +9,14 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from ..cards import Card, FilesSource, HighwaySource, KittiSource, Mot3dSource, NuScenesSource, WildtrackSource
+from ..cards import Card, SourceSection
 from ..errors import CardError, nearest
 from ..types import Detections, Ints, Lane, Scene, StoredTracks
 from .dataset import Dataset, DataStatus
 from .images import CameraImage
 
 DataRoot = str | Path | None  # None: from MTP_BENCH_DATA, else the user data folder
-SectionT = TypeVar("SectionT", FilesSource, HighwaySource, KittiSource, Mot3dSource, NuScenesSource, WildtrackSource)
+SectionT = TypeVar("SectionT", bound=SourceSection)
 
 
 class SceneSource(Protocol):

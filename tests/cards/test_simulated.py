@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from mtp_bench._bundle import bundled
-from mtp_bench.cards import HighwaySource, changed_card, load_card, parse_card
-from mtp_bench.cards.sections import GENERATOR
+from mtp_bench.cards import changed_card, load_card, parse_card
 from mtp_bench.detector import load_profile
 from mtp_bench.detector.profile import profile_text
 from mtp_bench.errors import CardError, MtpBenchError, UnknownNameError
+from mtp_bench.sources.highway.section import GENERATOR, HighwaySource
 from tests.cards.test_cards import Content, put
 
 PROTOCOL = {
@@ -79,7 +79,7 @@ def test_the_digest_changes_with_the_scenario() -> None:
 
 
 def test_pedestrians_only_where_they_cross() -> None:
-    with pytest.raises(CardError, match=r"source\.pedestrians: got 3: expected 0: only the intersection has crossings"):
+    with pytest.raises(CardError, match=r"pedestrians: got 3: expected 0: only the intersection has crossings"):
         parse_card(put(content("MTP-Merge-v0"), "source.pedestrians", 3))
 
 
@@ -92,21 +92,21 @@ def test_the_digest_covers_the_noise_behind_a_name() -> None:
 
 
 WRONG: dict[str, tuple[str, object, str]] = {
-    "no such scenario": ("source.scenario", "intersektion", "source.scenario: got 'intersektion'"),
-    "misspelt key": ("source.vehicle", 3, "unknown key 'source.vehicle': did you mean 'vehicles'?"),
+    "no such scenario": ("source.scenario", "intersektion", "scenario: got 'intersektion'"),
+    "misspelt key": ("source.vehicle", 3, "unknown key 'vehicle': did you mean 'vehicles'?"),
     "misspelt key of the detector": ("detector.profil", "x", "unknown key 'detector.profil': did you mean 'profile'?"),
     "no such profile": ("detector.profile", "megvii", "card.toml: unknown detector profile 'megvii'"),
     "a file as profile": ("detector.profile", "mine.toml", "belongs into [detector.noise]"),
-    "an older generator": ("source.generator", 1, "source.generator: got 1: this version of the library makes"),
+    "an older generator": ("source.generator", 1, "generator: got 1: this version of the library makes"),
     "splits that overlap": (
         "source.seeds.test",
         [0, 10],
-        "source.seeds: got a table: expected splits without a",
+        "seeds: got a table: expected splits without a",
     ),
     "too short": ("source.seconds", 5.0, "scenes of 5 s at 2 Hz have 10 frames, expected at least 16"),
     "two kinds of noise": ("detector.noise", load_profile("clean").model_dump(exclude_none=True), "both or none"),
-    "an empty split": ("source.seeds.val", [5, 5], "source.seeds.val: got [5, 5]"),
-    "a negative seed": ("source.seeds.val", [-5, 5], "source.seeds.val: got [-5, 5]"),
+    "an empty split": ("source.seeds.val", [5, 5], "seeds.val: got [5, 5]"),
+    "a negative seed": ("source.seeds.val", [-5, 5], "seeds.val: got [-5, 5]"),
 }
 
 

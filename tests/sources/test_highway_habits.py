@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.cards import HighwaySource, load_card, parse_card
+from mtp_bench.cards import load_card, parse_card
 from mtp_bench.errors import CardError
 from mtp_bench.geometry import bev_corners
 from mtp_bench.sources.highway import plans
@@ -20,6 +20,7 @@ from mtp_bench.sources.highway.networks import build
 from mtp_bench.sources.highway.parking import parked_boxes
 from mtp_bench.sources.highway.population import Driver, Gate, draw_profile
 from mtp_bench.sources.highway.routes import tabulate
+from mtp_bench.sources.highway.section import HighwaySource
 from mtp_bench.sources.highway.simulate import overlapping, simulate_world
 from mtp_bench.sources.highway.source import traffic_of
 from mtp_bench.sources.highway.state import State, observe

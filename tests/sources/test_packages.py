@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from importlib import import_module
 from pathlib import Path
-from typing import get_args
 
 import pytest
 
 from mtp_bench._bundle import card_ids
-from mtp_bench.cards import Source, load_card
+from mtp_bench.cards import load_card
+from mtp_bench.cards.source import SOURCES
 from mtp_bench.sources import about, describe
 from mtp_bench.sources.base import SourcePackage
 
-NAMES = [get_args(section.model_fields["name"].annotation)[0] for section in get_args(get_args(Source)[0])]
 
-
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", SOURCES)
 def test_a_section_has_a_package(name: str) -> None:
     assert isinstance(import_module(f"mtp_bench.sources.{name}").PACKAGE, SourcePackage)
 

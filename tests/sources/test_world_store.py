@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtp_bench.cards import Card, HighwaySource
-from mtp_bench.cards.sections import SECRET_SEEDS
+from mtp_bench.cards import Card
 from mtp_bench.errors import CardError, DataError, UnknownNameError
 from mtp_bench.sources import describe, open_source, prepare
 from mtp_bench.sources.base import section_of
 from mtp_bench.sources.cache import VARIABLE, cache_root, content_hash
+from mtp_bench.sources.highway.section import SECRET_SEEDS, HighwaySource
 from mtp_bench.sources.highway.source import ever_seen, traffic_of
 from mtp_bench.sources.highway.store import WorldStore, pack, unpack
 from mtp_bench.sources.highway.world import CLASSES, Traffic, World

@@ -1,6 +1,6 @@
 """What the simulated content makes of a place: sizes in metres, limits in m/s, and who takes which way.
 
-A change of any of these changes the worlds: then the generator (``mtp_bench/cards/sections.py``) gets its next number.
+A change of any of these changes the worlds: then ``GENERATOR`` in ``section.py`` gets its next number.
 """
 
 from __future__ import annotations

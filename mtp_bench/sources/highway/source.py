@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...cards import Card, HighwaySource
+from ...cards import Card
 from ...errors import CardError, UnknownNameError
 from ...types import Bools, Floats, Scene, Truth, starts_of
 from ..base import Preparation, class_ids, no_detections, require_classes, section_of
+from .section import HighwaySource
 from .store import WorldStore
 from .world import CLASSES, RATE, Traffic, World
 

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...cards.sections import GENERATOR, SECRET_SEEDS
 from ...errors import DataError
 from ...parallel import Workers, unordered_map
 from ...types import Floats, Ints, Lane, Truth
 from ..cache import VARIABLE, Arrays, cache_root, read_arrays, write_arrays
+from .section import GENERATOR, SECRET_SEEDS
 from .world import Traffic, World
 
 _TRUTH = tuple(field.name for field in fields(Truth))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...cards import Card, KittiSource
+from ...cards import Card
 from ...types import Floats, Scene
 from ..base import DataRoot, section_of
 from ..images import CameraImage
 from .files import SENSOR_FROM_CAMERA, read_calibration
 from .layout import DATASET, IMAGES, LABELS
+from .section import KittiSource
 
 CAMERA = "image_02"
 

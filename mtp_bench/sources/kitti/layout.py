@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ...cards import Card, KittiSource, instead_of_stored
+from ...cards import Card, instead_of_stored
 from ...cards.own import TEXTS, folder_digest
 from ...errors import DataError
 from ..base import section_of
 from ..dataset import Dataset
 from .files import read_sequence_map
+from .section import KittiSource
 
 FOLDER = "kitti_tracking"
 SEQUENCE_MAP = "evaluate_tracking.seqmap.val"

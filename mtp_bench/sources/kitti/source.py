@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...cards import Card, KittiSource
+from ...cards import Card
 from ...errors import DataError, UnknownNameError
 from ...types import Bools, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
 from ..base import no_detections, require_classes, require_rate, section_of
@@ -25,6 +25,7 @@ from .files import (
 from .image import image_field
 from .layout import DATASET, LABELS, TYPES, require_detector, split_names, validation_lengths
 from .poses import FRAME_PERIOD, Poses, integrated_poses, odometry_poses
+from .section import KittiSource
 
 # Types that KITTI's own evaluation neither rewards nor punishes: their annotation overlaps with the class.
 NEIGHBOURS = {"car": ("Van",), "pedestrian": ("Person", "Person_sitting"), "cyclist": ()}

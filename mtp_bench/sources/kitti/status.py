@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ...cards import Card, KittiSource, instead_of_stored
+from ...cards import Card, instead_of_stored
 from ...types import Ints
 from ..base import section_of
 from ..dataset import DataStatus
 from .files import Labels, read_labels, read_oxts, read_sequence_map
 from .layout import DATASET, IMAGES, LABELS, SEQUENCE_MAP, TYPES, VALIDATION
+from .section import KittiSource
 
 SEQUENCES = tuple(f"{i:04d}" for i in range(21))
 # Known totals: all training sequences, then the validation split (boxes and tracks of each type).

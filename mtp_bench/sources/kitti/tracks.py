@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...cards import Card, KittiSource
+from ...cards import Card
 from ...errors import DataError
 from ...types import Floats, Ints, Scene, StoredTracks
 from ..base import DataRoot, ReadTracks, TrackForm, section_of
@@ -20,6 +20,7 @@ from ..tracks.building import FEWER, stored_tracks
 from .files import RESULT, camera_fields, require_kinds, sensor_boxes
 from .layout import TYPES
 from .poses import Poses
+from .section import KittiSource
 from .source import KittiTracking
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...cards import Card, Mot3dSource, instead_of_stored
+from ...cards import Card, instead_of_stored
 from ...errors import CardError, DataError, UnknownNameError
 from ...types import Floats, Ints, Scene
 from ..base import no_detections, require_classes, require_rate, section_of
@@ -22,6 +22,7 @@ from .files import (
     read_sequence_info,
     read_truth,
 )
+from .section import Mot3dSource
 
 
 class Mot3d:

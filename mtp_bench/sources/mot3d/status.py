@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ...cards import Card, Mot3dSource, instead_of_stored
+from ...cards import Card, instead_of_stored
 from ..base import section_of
 from ..dataset import Dataset, DataStatus
 from .files import DATASET, DETECTIONS, KNOWN, SEQINFO, TRUTH, Rows, read_detections, read_sequence_info, read_truth
+from .section import Mot3dSource
 from .source import needed
 
 RECORDINGS = {

@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from ...cards import Card, NuScenesSource
+from ...cards import Card
 from ...errors import DataError
 from ...types import Floats, Scene
 from ..base import DataRoot, section_of
@@ -22,6 +22,7 @@ from . import folders
 from .fields import add_numbers, check, extended, floats, ints, named, text, whole
 from .json_stream import Read, Record, brief, read_records, unwatched
 from .layout import CAMERAS, DATASET, VERSIONS
+from .section import NuScenesSource
 from .store import SAMPLES, TableStore, find_tables
 from .tables import by_token, known, read_poses
 from .work import no_work, working

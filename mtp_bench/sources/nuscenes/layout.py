@@ -5,10 +5,11 @@ from __future__ import annotations
 import glob
 from pathlib import Path
 
-from ...cards import Card, NuScenesSource, instead_of_stored
+from ...cards import Card, instead_of_stored
 from ...errors import DataError
 from ..base import section_of
 from ..dataset import Dataset
+from .section import NuScenesSource
 
 FOLDER = "nuscenes"
 TABLES = (

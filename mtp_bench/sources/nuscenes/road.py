@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...cards import Card, NuScenesSource
+from ...cards import Card
 from ...errors import DataError
 from ...types import Floats, Lane, Scene, starts_of
 from ..base import DataRoot, section_of
@@ -17,6 +17,7 @@ from . import folders
 from .json_stream import Read, read_records, unwatched
 from .layout import DATASET, EXPANSION, VERSIONS
 from .map_file import PASSES, read_lanes
+from .section import NuScenesSource
 from .tables import known
 from .work import working
 

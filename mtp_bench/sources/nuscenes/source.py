@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...cards import Card, NuScenesSource
+from ...cards import Card
 from ...errors import DataError, UnknownNameError
 from ...types import Floats, Ragged, Scene, Truth, starts_of_sorted
 from ..base import Preparation, class_ids, no_detections, require_classes, require_rate, section_of
@@ -16,6 +16,7 @@ from ..motion import backward_velocity
 from .classes import CLASSES
 from .detections import DetectionStore, bytes_left, open_detections, require_covered, scene_detections
 from .layout import DATASET, VERSIONS, detection_paths, require_prediction
+from .section import NuScenesSource
 from .splits import counted, splits_of
 from .store import TableStore, find_tables
 from .tables import SECOND

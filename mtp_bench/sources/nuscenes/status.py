@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ...cards import Card, NuScenesSource, instead_of_stored
+from ...cards import Card, instead_of_stored
 from ...errors import DataError
 from ..base import section_of
 from ..dataset import DataCheck, DataStatus
@@ -20,6 +20,7 @@ from .layout import (
     prediction_path,
     versions,
 )
+from .section import NuScenesSource
 from .source import NuScenes, available_splits
 from .splits import SPLITS, counted
 from .store import TableStore, find_tables

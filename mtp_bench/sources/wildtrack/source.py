@@ -6,13 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ...cards import Card, WildtrackSource, instead_of_stored
+from ...cards import Card, instead_of_stored
 from ...errors import DataError, UnknownNameError
 from ...types import Detections, Ints, Ragged, Scene, Truth
 from ..base import no_detections, require_classes, require_rate, section_of
 from ..dataset import Dataset
 from ..people import people_detections, people_truth
 from .files import CELL, CORNER, GRID, read_annotations, read_detections
+from .section import WildtrackSource
 
 ANNOTATIONS = "annotations_positions"
 DETECTIONS = "detections/mvdet_test.txt"

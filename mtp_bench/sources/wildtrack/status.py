@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ...cards import Card, WildtrackSource, instead_of_stored
+from ...cards import Card, instead_of_stored
 from ..base import section_of
 from ..dataset import DataStatus
 from .files import read_annotations, read_detections
+from .section import WildtrackSource
 from .source import ANNOTATIONS, DATASET, DETECTIONS, FRAMES, SCENE_FRAMES, SCENES, SPLITS, STEP, needs_detections
 
 TOTALS = {"frames": FRAMES, "annotations": 9518, "people": 313, "detections": 966}

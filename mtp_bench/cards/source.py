@@ -1,0 +1,86 @@
+"""Table ``[source]`` of a card: the class of the section of each source, and what a source can do.
+
+A source is a package ``mtp_bench.sources.<name>``. Its ``section.py`` holds a subclass of `SourceSection`, which is
+registered here by one line of `SOURCES`; it is imported when a card names it, so cards depend on no source.
+"""
+
+from __future__ import annotations
+
+import pkgutil
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+from pydantic import Field, field_validator
+
+from ..errors import CardError
+from ..strict import Section, validate
+
+SOURCES = {
+    "kitti": "mtp_bench.sources.kitti.section:KittiSource",
+    "nuscenes": "mtp_bench.sources.nuscenes.section:NuScenesSource",
+    "wildtrack": "mtp_bench.sources.wildtrack.section:WildtrackSource",
+    "mot3d": "mtp_bench.sources.mot3d.section:Mot3dSource",
+    "highway": "mtp_bench.sources.highway.section:HighwaySource",
+    "files": "mtp_bench.cards.sections:FilesSource",
+}
+
+STORED_DETECTOR = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"  # begins the names of files
+LocalPath = Annotated[str | None, Field(exclude=True)]  # the digest of a card has the content of the files instead
+
+
+@dataclass(frozen=True)
+class Traits:
+    """What a source can do; no keys of a card and no part of its digest."""
+
+    simulated: bool = False  # there is a scene for any seed
+    stored_detector: str = ""  # name of the detector with stored detections; empty without one
+    without_detections: str = ""  # the part without stored detections, so that the card needs a [detector]
+    mixed_detections: bool = False  # some scenes have stored detections, the others simulated ones
+    other_detections: bool = False  # other stored detections can be named
+    detection_file: str = ""  # form of a file of a user's own detections; empty if none can be given
+    measured_velocity: bool = False  # stored detections carry a velocity
+    velocity_ahead: bool = False  # true velocities use the next frame too: agents must not see them
+    places_only: bool = False  # sizes and headings are nominal, those of detections too
+    bounded_by_truth: bool = False  # the camera shows the area of the true boxes and no more
+    common_frame: bool = True  # all frames of a scene share one frame of reference; else each has its sensor's own
+    has_ego: bool = True  # a vehicle carries the sensors; else the ego pose is a fixed place
+    truth_complete: bool = True  # every object is known; else a simulated detector would miss the others
+    view: float = 360.0  # degrees that a simulated detector sees unless the card says otherwise
+    scene_seconds: float | None = None  # length of every scene, if the card decides it
+
+
+class SourceSection(Section):
+    """Keys of a card's table ``[source]``; every source adds its own."""
+
+    splits: ClassVar[tuple[str, ...]]
+
+    name: str
+    split: str = "val"
+
+    @property
+    def traits(self) -> Traits:
+        """What the source can do."""
+        return Traits()
+
+    @field_validator("split")
+    @classmethod
+    def _require_known_split(cls, split: str) -> str:
+        if split not in cls.splits:
+            raise ValueError(f"expected one of {', '.join(map(repr, cls.splits))}")
+        return split
+
+
+def source_class(name: str) -> type[SourceSection]:
+    """Class of the section of a registered source."""
+    section: type[SourceSection] = pkgutil.resolve_name(SOURCES[name])
+    return section
+
+
+def read_source(content: Any, where: str) -> SourceSection:
+    """Section of the table ``content``; raises CardError naming ``where``, the key, what was got and expected."""
+    if not isinstance(content, dict):
+        raise CardError(f"{where}: expected a table [source]")
+    name = content.get("name")
+    if not isinstance(name, str) or name not in SOURCES:
+        raise CardError(f"{where}: source.name: got {name!r}, expected one of {', '.join(map(repr, SOURCES))}")
+    return validate(source_class(name), content, f"{where}, [source]", CardError)
