@@ -10,10 +10,10 @@ import numpy as np
 
 from ..errors import MtpBenchError, UnknownNameError
 from ..types import Scene
+from .renderers import RENDERERS
 
 MOST_BYTES = 64 << 20  # of one answer, and of one observation: what is sent between an agent and its judge
 OBSERVE = ("detections", "truth", "tracks")
-RENDER_MODES = ("rgb_array", "rerun")  # each has its renderer in viz/drawing/live.py
 
 
 class EnvKeywords(TypedDict, total=False):
@@ -35,7 +35,7 @@ class EnvKeywords(TypedDict, total=False):
     track_file: str | None  # file or folder of stored tracks (`sources.tracks`), for ``observe="tracks"``
     files: str | None  # a folder of scenes of one's own (`Card.with_files`)
     fresh_noise: bool  # the noise of a simulated detector is drawn anew in every episode, for training
-    render_mode: str | None  # what `render` does, of RENDER_MODES
+    render_mode: str | None  # what `render` does, of RENDERERS
 
 
 def checked(data: object, keywords: Mapping[str, Any]) -> dict[str, Any]:
@@ -63,8 +63,8 @@ def checked(data: object, keywords: Mapping[str, Any]) -> dict[str, Any]:
             f"observe is {whole['observe']!r} and track_file is {whole['track_file']!r}, expected observe='tracks' and "
             "a file or folder of stored tracks, or neither"
         )
-    if whole["render_mode"] not in (None, *RENDER_MODES):
-        raise UnknownNameError("render mode", str(whole["render_mode"]), RENDER_MODES)
+    if whole["render_mode"] not in (None, *RENDERERS):
+        raise UnknownNameError("render mode", str(whole["render_mode"]), tuple(RENDERERS))
     return whole
 
 

@@ -23,19 +23,18 @@ from ..scoring.targets import Targets, find_targets
 from ..sources import detected, open_source, with_tracks
 from ..types import Action, Observation, Rollout, Scene, Task
 from .arguments import OBSERVE as OBSERVE
-from .arguments import RENDER_MODES, EnvKeywords, checked, choose, own_scenes, require_room, size, wanted
+from .arguments import EnvKeywords, checked, choose, own_scenes, require_room, size, wanted
 from .checks import examine
 from .decoding import Answer, answer_of
 from .live import LiveEpisode, live_episode
 from .observation import Feed, LocalFrame, make_feed
+from .renderers import RENDERERS, Renderer, open_renderer
 from .rollouts import assemble
 from .spaces import ActionSpace, action_numbers, observation_numbers, observation_space
 from .teaching import Teacher
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-    from ..viz.drawing.live import Renderer
 
 
 @dataclass
@@ -68,7 +67,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
     """
 
     metadata = {  # noqa: RUF012  (declared so by gymnasium.Env)
-        "render_modes": list(RENDER_MODES),
+        "render_modes": list(RENDERERS),
         "render_fps": 10,
         "definitions": DEFINITIONS,  # version of the scorer's, which the reward is of
     }
@@ -159,15 +158,13 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         (`rerun.init`) or a viewer that opens; returns None, as without a render mode.
         """
         if self.render_mode is None:
-            logger.warn(f"render() without a render mode: make the env with one of {', '.join(RENDER_MODES)}")
+            logger.warn(f"render() without a render mode: make the env with one of {', '.join(RENDERERS)}")
             return None
         episode = self._started()
         if self._live is None:
             parts = (self.card, episode.scene, episode.frame, episode.feed, episode.answers)
             self._live = live_episode(*parts, self._evaluation)
         if self._renderer is None:
-            from ..viz.drawing.live import open_renderer
-
             self._renderer = open_renderer(self.render_mode)
         return self._renderer.render(self._live)
 

@@ -1,8 +1,6 @@
-"""Showing an episode while it is played: one renderer per render mode of the env."""
+"""Bird's-eye pictures of an episode while it is played."""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,20 +10,6 @@ from ..answers import Answers
 from ..frame_view import TRAIL_SECONDS, FrameView, said_at
 from .birds_eye import draw_frame
 from .camera import Camera, camera
-
-if TYPE_CHECKING:
-    from ..rerun.live import LiveRecording
-
-    Renderer: TypeAlias = "LiveRecording | Pictures"  # what the env calls; it is kept over its episodes
-
-
-def open_renderer(mode: str) -> Renderer:
-    """The renderer of a render mode of the env, "rgb_array" or "rerun"."""
-    if mode == "rgb_array":
-        return Pictures()
-    from ..rerun.live import LiveRecording
-
-    return LiveRecording()
 
 
 class Pictures:
