@@ -26,7 +26,7 @@ import numpy as np
 from benchmarks.tracking.report import show
 from benchmarks.tracking.scenes import KITTI, NUSCENES, Row
 from benchmarks.traffic_motion import HORIZONS, PERIOD, motion, samples
-from mtp_bench.cards import Card, load_card
+from mtp_bench.cards import Card, load_card, with_split
 from mtp_bench.sources import open_source
 from mtp_bench.sources.highway.source import HighwayTraffic, scene_name
 from mtp_bench.types import Floats, Scene
@@ -96,13 +96,13 @@ def figures(scenes: Iterable[Scene], card: Card) -> Figures:
 
 
 def recorded(env_id: str, data: str | None, split: str | None = None) -> Figures:
-    card = load_card(env_id) if split is None else load_card(env_id).with_split(split)
+    card = load_card(env_id) if split is None else with_split(load_card(env_id), split)
     source = open_source(card, data)
     return figures((source.load(name) for name in source.names), card)
 
 
 def simulated(name: str, seeds: range) -> Figures:
-    card = load_card(f"MTP-{name}-v0").with_split("train")
+    card = with_split(load_card(f"MTP-{name}-v0"), "train")
     source = HighwayTraffic(card)
     return figures((source.load(scene_name(source.section.scenario, seed)) for seed in seeds), card)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mtp_bench.cards import load_card
+from mtp_bench.cards import load_card, with_detector, with_split
 from mtp_bench.detector import Profile, Profile1, load_profile
 from mtp_bench.detector.model2.fit import fit_profile
 from mtp_bench.detector.profile import profile_text
@@ -50,9 +50,9 @@ class Recordings:
         """Classes, and the scenes with what is visible in them."""
         card, scenes = load_card(self.env), []
         if self.detector is not None:
-            card = card.with_detector(self.detector)
+            card = with_detector(card, self.detector)
         for split in self.splits:
-            source = open_source(card.with_split(split), data)
+            source = open_source(with_split(card, split), data)
             scenes += [source.load(name) for name in source.names]
         known = [replace(one, visible=visible_fractions(one.truth, one.ego)) for one in scenes]
         return card.task.classes, known

@@ -1,14 +1,19 @@
-"""Cards: what an environment replays, its task and its sizes, as strict TOML."""
+"""Cards: the source, task and sizes of an environment, as strict TOML."""
 
 from .card import Card as Card
 from .card import TaskSection as TaskSection
-from .card import card_text as card_text
-from .card import changed_card as changed_card
-from .card import load_card as load_card
-from .card import parse_card as parse_card
 from .changes import VARIANTS as VARIANTS
+from .changes import changed_card as changed_card
 from .changes import instead_of_stored as instead_of_stored
 from .changes import profile_of_stored as profile_of_stored
+from .changes import with_detections as with_detections
+from .changes import with_detector as with_detector
+from .changes import with_files as with_files
+from .changes import with_scenes as with_scenes
+from .changes import with_split as with_split
+from .loading import card_text as card_text
+from .loading import load_card as load_card
+from .loading import parse_card as parse_card
 from .sections import DetectorSection as DetectorSection
 from .sections import FilesSource as FilesSource
 from .source import SourceSection as SourceSection

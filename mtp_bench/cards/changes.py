@@ -1,20 +1,19 @@
-"""Changes of a card: another split, another detector, or the detections of a file."""
+"""Changed copies of a card: another split or detector, other detections, other scenes."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..detector import load_profile, profile_names
 from ..errors import CardError, DataError, MtpBenchError, UnknownNameError
 from ..strict import read_toml, validate
-from . import own
+from ..types import Scene
+from .card import Card, check_detector
+from .own import TEXTS, folder_digest, known_digest, plain_name, scenes_digest, split_folder
 from .sections import DetectorSection, FilesSource
-from .source import STORED_DETECTOR, SourceSection
-
-if TYPE_CHECKING:
-    from .card import Card
+from .source import STORED_DETECTOR
 
 VARIANTS = ("iid", "hard")  # of a card's own simulated detector
 SIMULATED = {  # profile that simulates a stored detector, or the one that is most like it
@@ -23,58 +22,128 @@ SIMULATED = {  # profile that simulates a stored detector, or the one that is mo
 }  # fmt: skip
 
 
-def with_split(card: Card, split: str) -> SourceSection:
-    """The card's source on another split; see `Card.with_split`."""
-    known = card.source.splits
-    if split not in known:
-        raise UnknownNameError(f"split of {card.id}", split, known)
-    if isinstance(card.source, FilesSource) and card.source.scenes is not None and split != "all":
-        raise CardError(
-            f"{card.id}: its scenes are objects in memory, which have no split {split!r}, expected 'all'; give the "
-            "scenes of that split alone"
-        )
-    changed = card.source.model_copy(update={"split": split})
-    if isinstance(changed, FilesSource) and changed.folder is not None:
-        folder = own.split_folder(Path(changed.folder), split)
-        return changed.model_copy(update={"sha256": own.folder_digest(folder)})
-    return changed
+def changed_card(
+    card: Card,
+    split: str | None = None,
+    detector: str | None = None,
+    detection_file: str | None = None,
+    files: str | None = None,
+) -> Card:
+    """``card`` with all changes that are given. Own scenes (``files``) come first: split and detector are of them."""
+    if files is not None:
+        card = with_files(card, files)
+    if split is not None:
+        card = with_split(card, split)
+    if detector is not None:
+        card = with_detector(card, detector)
+    return card if detection_file is None else with_detections(card, detection_file)
 
 
-def with_detector(card: Card, name: str) -> tuple[SourceSection, DetectorSection | None]:
-    """The card's source and the simulated detector that ``name`` means; see `Card.with_detector`."""
-    own = card.detector or DetectorSection(field_of_view=card.source.traits.view)
+def with_split(card: Card, split: str) -> Card:
+    """The card on another split of its source; raises UnknownNameError for a split that the source does not have."""
+    source = card.source
+    if split not in source.splits:
+        raise UnknownNameError(f"split of {card.id}", split, source.splits)
+    update = {"split": split}
+    if isinstance(source, FilesSource):
+        if source.scenes is not None and split != "all":
+            raise CardError(
+                f"{card.id}: its scenes are objects in memory, which have no split {split!r}, expected 'all'; give the "
+                "scenes of that split alone"
+            )
+        if source.folder is not None:
+            update["sha256"] = folder_digest(split_folder(Path(source.folder), split))
+    return card.model_copy(update={"source": source.model_copy(update=update)})
+
+
+def with_detector(card: Card, name: str) -> Card:
+    """The card with another simulated detector, of the same reach; on nuScenes also with other stored detections.
+
+    ``name``: a shipped profile, the path of a profile (.toml), or "iid" or "hard" for that variant of the card's own
+    profile; on nuScenes any other name stands for ``detections/<name>*.json``. Raises UnknownNameError or CardError.
+    """
+    source = card.source
+    update: dict[str, object]
     if name in VARIANTS:
         if card.detector is None:
             raise CardError(f"detector {name!r} is a variant of a simulated detector, and {card.id} has none")
-        update: dict[str, object] = {"variant": name}
+        update = {"variant": name}
     elif name.endswith(".toml"):
         update = {"variant": "as_fitted", **_section_of(Path(name)), "profile": None, "noise": load_profile(name)}
     elif name in (*profile_names(), *profile_names(1)):
         update = {"profile": name, "noise": None, "variant": "as_fitted"}
-    elif card.source.traits.other_detections and card.detector is None:
+    elif source.traits.other_detections and card.detector is None:
         if not re.fullmatch(STORED_DETECTOR, name):
             raise CardError(f"detector is {name!r}, expected the first part of the names of its files")
-        return card.source.model_copy(update={"detector": name}), None
+        return card.model_copy(update={"source": source.model_copy(update={"detector": name})})
     else:
-        known = [*profile_names(), *VARIANTS]
-        raise UnknownNameError("detector profile", name, known, "or give the path of a .toml file")
-    source = card.source
+        raise UnknownNameError(
+            "detector profile", name, [*profile_names(), *VARIANTS], "or give the path of a .toml file"
+        )
     if source.traits.mixed_detections:  # else its stored detections would stay
         source = source.model_copy(update={"detector": None})
-    return source, own.model_copy(update=update)
+    section = card.detector or DetectorSection(field_of_view=source.traits.view)
+    changed = card.model_copy(update={"source": source, "detector": section.model_copy(update=update)})
+    check_detector(changed, card.id)
+    return changed
 
 
-def _section_of(path: Path) -> dict[str, object]:
-    """What the section [detector] of a file says, as ``fit-noise`` writes it; nothing of a profile alone."""
-    content = read_toml(path, CardError).get("detector")
-    if not isinstance(content, dict):
-        return {}
-    section = validate(DetectorSection, content, f"{path.name}, [detector]", CardError)
-    return {name: getattr(section, name) for name in section.model_fields_set}
+def with_detections(card: Card, file: str | Path) -> Card:
+    """The card with stored detections of one's own.
+
+    On nuScenes ``file`` is a file in the official submission form, on KITTI a folder of text files, one per sequence.
+    It stands in for the card's detector, by whose name agents choose their settings: "megvii" becomes
+    "megvii-<file>". The digest covers the content of the file, not its path. Raises CardError if the card's source has
+    no such files, and DataError if the file cannot be read.
+    """
+    traits = card.source.traits
+    if not traits.detection_file or card.detector is not None:
+        simulated = bool(traits.detection_file)
+        why = "its detector is simulated" if simulated else "only those of KITTI and nuScenes can be replaced"
+        raise CardError(f"{card.id} takes no file of detections: {why}")
+    path = Path(file).expanduser().absolute()
+    try:
+        digest = folder_digest(path, TEXTS) if path.is_dir() else known_digest(path)
+    except OSError as error:
+        raise DataError(f"detections {path}: {error.strerror}; expected {traits.detection_file}") from None
+    update = {
+        "detector": plain_name(f"{traits.stored_detector}-{path.stem}"),
+        "detections_sha256": digest,
+        "detections_file": str(path),
+    }
+    return card.model_copy(update={"source": card.source.model_copy(update=update)})
+
+
+def with_files(card: Card, folder: str | Path) -> Card:
+    """The card with the scenes of a folder of one's own (``docs/data/own.md``).
+
+    Task, sizes, the name by which agents choose their settings and a simulated detector stay. With a simulated
+    detector its detections take the place of those in the files. The digest covers the content of the files, not their
+    path. Raises DataError if the folder is missing.
+    """
+    path = Path(folder).expanduser().absolute()
+    if not path.is_dir():
+        raise DataError(f"no folder {path}, expected one with scenes: NPZ files, or sub-folders with tables")
+    return _with_own(card, folder=str(path), sha256=folder_digest(path))
+
+
+def with_scenes(card: Card, scenes: Sequence[Scene]) -> Card:
+    """The card with `Scene` objects, whose ``class_id`` index ``task.classes``; the rest stays as in `with_files`.
+
+    Raises CardError for an object that is not a scene, and for two scenes of one name.
+    """
+    names: set[str] = set()
+    for scene in scenes:
+        if not isinstance(scene, Scene):
+            raise CardError(f"scenes holds {type(scene).__name__}, expected Scene objects only, or names only")
+        if scene.name in names:
+            raise CardError(f"two scenes are called {scene.name!r}, expected a name of its own for each")
+        names.add(scene.name)
+    return _with_own(card, scenes=tuple(scenes), sha256=scenes_digest(scenes))
 
 
 def instead_of_stored(card: Card) -> str:
-    """What to do where a card's stored detections are not there: the end of an error text."""
+    """The end of an error message: what to do without the card's stored detections; empty if no profile stands in."""
     profile = profile_of_stored(card)
     if not profile:
         return ""
@@ -82,27 +151,37 @@ def instead_of_stored(card: Card) -> str:
 
 
 def profile_of_stored(card: Card) -> str:
-    """The profile that stands in for a card's stored detections; empty where none can."""
+    """The detector profile that stands in for a card's stored detections; empty if none can."""
     family = card.detector_name.split("-", maxsplit=1)[0]
     profile = family if family in profile_names() else SIMULATED.get(family, "")
     try:
-        card.with_detector(profile)
+        with_detector(card, profile)
     except MtpBenchError:  # its truth is not complete, or no profile has its classes
         return ""
     return profile
 
 
-def with_detections(card: Card, file: str | Path) -> SourceSection:
-    """The card's source with detections of one's own; see `Card.with_detections`."""
-    expected = card.source.traits.detection_file
-    if not expected or card.detector is not None:
-        why = "its detector is simulated" if expected else "only those of KITTI and nuScenes can be replaced"
-        raise CardError(f"{card.id} takes no file of detections: {why}")
-    path = Path(file).expanduser().absolute()
-    try:
-        digest = own.folder_digest(path, own.TEXTS) if path.is_dir() else own.known_digest(path)
-    except OSError as error:
-        raise DataError(f"detections {path}: {error.strerror}; expected {expected}") from None
-    name = own.plain_name(f"{card.source.traits.stored_detector}-{path.stem}")
-    changed = {"detector": name, "detections_sha256": digest, "detections_file": str(path)}
-    return card.source.model_copy(update=changed)
+def _with_own(card: Card, **scenes: object) -> Card:
+    """The card with a section ``files`` that keeps the traits of its source."""
+    traits = card.source.traits
+    section = FilesSource(
+        name="files",
+        detector=plain_name(card.detector_name),
+        velocity=card.velocity,
+        ego_motion=traits.common_frame,
+        ego=traits.has_ego,
+        view=traits.view,
+        velocity_ahead=traits.velocity_ahead or None,
+        places_only=traits.places_only or None,
+        bounded_by_truth=traits.bounded_by_truth or None,
+    )
+    return card.model_copy(update={"source": section.model_copy(update=scenes)})
+
+
+def _section_of(path: Path) -> dict[str, object]:
+    """Keys of the section [detector] of a file, as ``fit-noise`` writes it; empty for a profile without a section."""
+    content = read_toml(path, CardError).get("detector")
+    if not isinstance(content, dict):
+        return {}
+    section = validate(DetectorSection, content, f"{path.name}, [detector]", CardError)
+    return {name: getattr(section, name) for name in section.model_fields_set}

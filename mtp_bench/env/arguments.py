@@ -25,15 +25,15 @@ class EnvKeywords(TypedDict, total=False):
     objects: int | None  # O
     hypotheses: int | None  # H
     detections: int | None  # D
-    scenes: Sequence[str] | Sequence[Scene] | None  # names to choose from, or scenes of one's own (`Card.with_scenes`)
+    scenes: Sequence[str] | Sequence[Scene] | None  # names to choose from, or scenes of one's own (`cards.with_scenes`)
     evaluation: bool  # the reward is 0 and nothing that is returned derives from the truth
     strict: bool | None  # an action outside the action space is an ActionError; None: unless ``evaluation``
     rigid_motion: bool  # the local frame of every episode is turned and shifted at random
     split: str | None  # another split of the card's source
-    detector: str | None  # another detector, simulated on the true boxes or stored (`Card.with_detector`)
-    detection_file: str | None  # stored detections of one's own (`Card.with_detections`)
+    detector: str | None  # another detector, simulated on the true boxes or stored (`cards.with_detector`)
+    detection_file: str | None  # stored detections of one's own (`cards.with_detections`)
     track_file: str | None  # file or folder of stored tracks (`sources.tracks`), for ``observe="tracks"``
-    files: str | None  # a folder of scenes of one's own (`Card.with_files`)
+    files: str | None  # a folder of scenes of one's own (`cards.with_files`)
     fresh_noise: bool  # the noise of a simulated detector is drawn anew in every episode, for training
     render_mode: str | None  # what `render` does, of RENDERERS
 

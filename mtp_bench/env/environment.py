@@ -14,7 +14,7 @@ import numpy as np
 from gymnasium import logger
 from gymnasium.error import ResetNeeded
 
-from ..cards import Card, changed_card, load_card
+from ..cards import Card, changed_card, load_card, with_scenes
 from ..errors import DataError, MtpBenchError, RolloutError
 from ..scoring.definitions import DEFINITIONS
 from ..scoring.error import frame_error
@@ -77,7 +77,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         self.render_mode = given["render_mode"]
         card = card if isinstance(card, Card) else load_card(card)
         own = own_scenes(given)
-        card = card if own is None else card.with_scenes(own)
+        card = card if own is None else with_scenes(card, own)
         self.card = changed_card(card, given["split"], given["detector"], given["detection_file"], given["files"])
         sizes = {"samples": self.card.task.samples, **self.card.size.model_dump()}
         sizes = {name: size(name, given[name], default) for name, default in sizes.items()}

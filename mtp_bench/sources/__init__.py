@@ -45,7 +45,7 @@ def load_scenes(
 ) -> Iterator[Scene]:
     """The scenes of an env, truth included, read one after the other as they are asked for.
 
-    ``card``: an env id, the path of a card, or a card (`Card.with_split` chooses another split). ``data``: the data
+    ``card``: an env id, the path of a card, or a card (`cards.with_split` chooses another split). ``data``: the data
     root, else that of MTP_BENCH_DATA. ``names``: those scenes alone. Raises UnknownNameError or DataError.
     """
     source = open_source(card if isinstance(card, Card) else load_card(card), data)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..cards import Card, FilesSource, card_text
+from ..cards import Card, FilesSource, card_text, with_files
 from ..errors import DataError, MtpBenchError
 from ..files import new_folder, write_text
 from ..types import ImageField, Scene
@@ -81,23 +81,26 @@ def import_scenes(
 ) -> tuple[int, Path]:
     """Write scenes of the classes of ``card`` into ``folder``, beside a card for them; their number and its path.
 
-    ``card``: its task, sizes and detector are those of the new card. ``posed``: the frames of a scene share one frame
+    ``card``: its task, sizes and detector are those of the new card; a simulated detector is left out if
+    the scenes have detections. ``posed``: the frames of a scene share one frame
     of reference. Raises MtpBenchError, also where the folder holds anything, and where frames are not as far apart as
     the card says; nothing is written then.
     """
     folder = folder.expanduser().absolute()
     name = re.sub(r"[^A-Za-z0-9_.-]", "-", folder.name) or "own"
-    count = 0
+    count, detected = 0, False
     with new_folder(folder) as part:
         for scene in scenes:
             require_period(scene.time, card, f"scene {scene.name!r}")
             save_scene(scene, part, card.task.classes, form)
-            count += 1
+            count, detected = count + 1, detected or bool(scene.detector)
             done(scene.name)
-        own = card.with_files(part)
+        own = with_files(card, part)
         assert isinstance(own.source, FilesSource)
         source = own.source.model_copy(update={"folder": ".", "sha256": None, "ego_motion": posed})
         update = {"id": name, "summary": f"own scenes under the rules of {card.id}", "source": source}
+        if detected:  # else a simulated detector would stand in for these detections
+            update["detector"] = None
         write_text(part / f"{name}.toml", card_text(own.model_copy(update=update)))
     return count, folder / f"{name}.toml"
 

@@ -7,7 +7,16 @@ from typing import Any
 
 import pytest
 
-from mtp_bench.cards import changed_card, load_card, parse_card
+from mtp_bench.cards import (
+    changed_card,
+    load_card,
+    parse_card,
+    with_detections,
+    with_detector,
+    with_files,
+    with_scenes,
+    with_split,
+)
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import CardError, DataError, MtpBenchError, UnknownNameError
 from mtp_bench.sources.nuscenes.section import NuScenesSource
@@ -61,24 +70,24 @@ def test_other_stored_detections_of_nuscenes_by_name() -> None:
     assert isinstance(other.source, NuScenesSource)
     assert (other.source.detector, other.source.split, other.detector) == ("centerpoint", "val", None)
     assert other.detector_name == "centerpoint"
-    assert len({card.digest, card.with_split("val").digest, other.digest}) == 3
+    assert len({card.digest, with_split(card, "val").digest, other.digest}) == 3
 
 
 @pytest.mark.parametrize("name", ["", "../detections/megvii", "megvii*", "a b"])
 def test_a_name_that_no_file_can_have(name: str) -> None:
     with pytest.raises(CardError, match="expected the first part of the names of its files"):
-        load_card("MTP-nuScenes-mini-v0").with_detector(name)
+        with_detector(load_card("MTP-nuScenes-mini-v0"), name)
 
 
 def test_a_simulated_detector_needs_to_see_more_than_targets() -> None:
     with pytest.raises(CardError, match="would see nothing but the prediction targets"):
-        load_card("MTP-nuScenes-v0").with_detector("clean")
+        with_detector(load_card("MTP-nuScenes-v0"), "clean")
 
 
 @pytest.mark.parametrize("profile", ["clean", "nuscenes_megvii", "nuscenes_centerpoint"])
 def test_vehicle_detectors_know_all_classes_of_mini(profile: str) -> None:
     """Those who have only the free mini download have no detections."""
-    card = load_card("MTP-nuScenes-mini-v0").with_detector(profile)
+    card = with_detector(load_card("MTP-nuScenes-mini-v0"), profile)
     assert len(ab3dmot_parameters(card.detector_name, card.task.classes)) == 8
     assert card.detector is not None
     assert card.detector.field_of_view == 360.0
@@ -104,28 +113,28 @@ def test_a_file_of_detections_counts_by_its_content_not_by_its_place(tmp_path: P
         path.write_text(text)
     mine = changed_card(card, detection_file=str(here))
     assert mine.detector_name == "megvii-mine", "tracked with the settings of the detector that it stands in for"
-    assert mine.digest == card.with_detections(there).digest != card.digest
-    assert card.with_detections(other).digest != mine.digest
+    assert mine.digest == with_detections(card, there).digest != card.digest
+    assert with_detections(card, other).digest != mine.digest
     here.write_text("{}  ")
-    assert card.with_detections(here).digest != mine.digest
+    assert with_detections(card, here).digest != mine.digest
     assert str(tmp_path) not in str(mine.model_dump(mode="json"))
 
 
 def test_a_file_of_detections_that_cannot_be_used(tmp_path: Path) -> None:
     card = load_card("MTP-nuScenes-v0")
     with pytest.raises(DataError, match=r"detections .*none\.json: No such file"):
-        card.with_detections(tmp_path / "none.json")
+        with_detections(card, tmp_path / "none.json")
     with pytest.raises(DataError, match=r"none: No such file or directory; expected a folder of KITTI text"):
-        load_card("MTP-KITTI-v0").with_detections(tmp_path / "none")
+        with_detections(load_card("MTP-KITTI-v0"), tmp_path / "none")
     with pytest.raises(CardError, match="MTP-PETS-v0 takes no file of detections: only those of KITTI and nuScenes"):
-        load_card("MTP-PETS-v0").with_detections(tmp_path / "none.json")
+        with_detections(load_card("MTP-PETS-v0"), tmp_path / "none.json")
     with pytest.raises(CardError, match="takes no file of detections"):
         MTPEnv("MTP-Intersection-v0", detection_file="some.json")
 
 
 def test_another_detector_takes_the_place_of_wildtracks_stored_detections_too() -> None:
     card = load_card("MTP-WILDTRACK-v0")
-    other = card.with_detector("hard")
+    other = with_detector(card, "hard")
     assert isinstance(other.source, WildtrackSource)
     assert (other.source.detector, other.detector_name) == (None, "wildtrack_mvdet-hard")
     assert parse_card(other.stored()).digest == other.digest, "a stored run of it can be opened"
@@ -144,4 +153,13 @@ def test_wildtrack_needs_a_detector() -> None:
 )
 def test_an_unknown_split(env_id: str, split: str, known: str) -> None:
     with pytest.raises(UnknownNameError, match=known):
-        load_card(env_id).with_split(split)
+        with_split(load_card(env_id), split)
+
+
+def test_own_scenes_keep_the_detector_of_a_card(tmp_path: Path) -> None:
+    recorded, simulated = load_card("MTP-KITTI-v0"), with_detector(load_card("MTP-Intersection-v0"), "hard")
+    for own in (with_files(recorded, tmp_path), with_scenes(recorded, [])):
+        assert own.detector is None
+    for own in (with_files(simulated, tmp_path), with_scenes(simulated, [])):
+        assert (own.detector, own.detector_name) == (simulated.detector, "nuscenes_megvii-hard")
+        assert parse_card(own.stored()).digest == own.digest

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mtp_bench import load_submission
-from mtp_bench.cards import load_card
+from mtp_bench.cards import load_card, with_detector, with_split
 from mtp_bench.env import MTPEnv
 from mtp_bench.running.run import jobs_of, run_jobs
 from mtp_bench.scoring import score_scene
@@ -73,7 +73,7 @@ def test_noise_is_not_fitted_where_only_targets_are_known(cli: CommandLine) -> N
 
 
 def test_simulated_people_stand_where_people_were(data_root: Path) -> None:
-    card = load_card("MTP-PETS-v0").with_detector("wildtrack_mvdet")
+    card = with_detector(load_card("MTP-PETS-v0"), "wildtrack_mvdet")
     source = open_source(card, data_root)
     scene = source.load(source.names[0])
     assert scene.simulated
@@ -96,7 +96,7 @@ def test_the_clock_does_not_run_ahead(data_root: Path) -> None:
 
 
 def test_silence_is_worst_where_only_targets_are_known(data_root: Path) -> None:
-    card = load_card("MTP-nuScenes-v0").with_split("train")
+    card = with_split(load_card("MTP-nuScenes-v0"), "train")
     keywords = {"data": str(data_root), "split": "train"}
     names = MTPEnv(card.id, **keywords).scene_names[:1]  # type: ignore[arg-type]
     jobs = jobs_of(load_submission("stp"), card.id, keywords, names)

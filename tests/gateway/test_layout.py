@@ -12,7 +12,7 @@ from typing import Any
 import pyseccomp
 import pytest
 
-from mtp_bench.cards import card_text, load_card
+from mtp_bench.cards import card_text, load_card, with_files
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import SubmissionError
 from mtp_bench.gateway import filter, mechanism, run_isolated
@@ -132,7 +132,7 @@ def test_own_files_inside_a_submission_are_a_secret(tmp_path: Path) -> None:
 
 def test_scenes_inside_a_submission_are_no_scenes_for_it(tmp_path: Path) -> None:
     folder = submission(tmp_path / "mine")
-    card = load_card("MTP-nuScenes-v0").with_files(write_long_log(folder / "log", frames=20))
+    card = with_files(load_card("MTP-nuScenes-v0"), write_long_log(folder / "log", frames=20))
     (tmp_path / "own.toml").write_text(card_text(card.model_copy(update={"id": "own"})))
     with pytest.raises(
         SubmissionError, match=r"log holds data inside .*mine, which agents see: move the data elsewhere"

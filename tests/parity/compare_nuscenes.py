@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from mtp_bench import __version__
-from mtp_bench.cards import Card, load_card, parse_card
+from mtp_bench.cards import Card, load_card, parse_card, with_split
 from mtp_bench.errors import DataError
 from mtp_bench.scoring.targets import find_targets
 from mtp_bench.sources import open_source
@@ -39,7 +39,7 @@ from tests.parity.nuscenes_export import Export, official_classes, official_scen
 def challenge_check(export: Export, card: Card, split: str, data: Path) -> Check:
     """Targets of a split of the challenge over all scenes that both sides have; ours has no split without scenes."""
     what, scenes = f"challenge split {split}", export.challenge_scenes(split)
-    card = card.with_split(split)
+    card = with_split(card, split)
     try:
         source = open_source(card, data)
     except DataError:
@@ -104,7 +104,7 @@ def mini_checks(out: Path, data: Path) -> Iterator[Check]:
 
 def trainval_checks(out: Path, data: Path, split: str) -> Iterator[Check]:
     """Everything of one split of v1.0-trainval; splits without scenes in the tables must have none on both sides."""
-    card = load_card("MTP-nuScenes-v0").with_split(split)
+    card = with_split(load_card("MTP-nuScenes-v0"), split)
     export = Export(out, "v1.0-trainval", card.task.classes, NEUTRAL_OF)
     listed = official_scenes(out)[split]
     yield scene_check("scenes", [name for name in export.scenes if name in listed], card, data)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.cards import load_card
+from mtp_bench.cards import load_card, with_split
 from mtp_bench.errors import CardError, DataError, ShapeError
 from mtp_bench.running import stored
 from mtp_bench.running.challenge import export_predictions, score_predictions
@@ -163,7 +163,7 @@ def test_a_run_as_a_submission_scores_as_the_run_does(cli: CommandLine, data_roo
 
 @pytest.mark.data
 def test_the_truth_itself_has_no_error(data_root: Path, tmp_path: Path) -> None:
-    card = load_card(ENV).with_split(SPLIT)
+    card = with_split(load_card(ENV), SPLIT)
     source = NuScenes(card, data_root)
     scene = source.names[0]
     targets, arrays = find_targets(source.load(scene), card), source.tables.arrays(scene)

@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 
 import mtp_bench
-from mtp_bench.cards import load_card
+from mtp_bench.cards import load_card, with_files, with_scenes
 from mtp_bench.errors import CardError, DataError, MtpBenchError
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run
@@ -34,7 +34,7 @@ def logs(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def scene(logs: Path) -> Scene:
-    (scene,) = mtp_bench.load_scenes(load_card(ENV).with_files(logs))
+    (scene,) = mtp_bench.load_scenes(with_files(load_card(ENV), logs))
     return scene
 
 
@@ -81,7 +81,7 @@ def test_from_a_folder_to_a_score_in_any_working_directory(
 def test_a_card_file_in_any_working_directory(
     cli: CommandLine, logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    text = mtp_bench.cards.card_text(load_card(ENV).with_files(logs))
+    text = mtp_bench.cards.card_text(with_files(load_card(ENV), logs))
     (tmp_path / "mine.toml").write_text(text.replace(ENV, "mine").replace(str(logs), "logs"))
     monkeypatch.chdir(tmp_path)
     cli.ok("run", "stp", "--env", "mine.toml", "-o", "run", "--jobs", 1)
@@ -97,9 +97,9 @@ def test_scenes_in_memory_play_run_compare_and_score(scene: Scene, logs: Path, t
     assert env.scene_names == ("one", "two")
     env.reset(seed=0, options={"scene": "two"})
     assert env.scene.name == "two"
-    card = load_card(ENV).with_scenes([scene])
+    card = with_scenes(load_card(ENV), [scene])
     mtp_bench.run("stp", card, tmp_path / "memory")
-    mtp_bench.run("stp", load_card(ENV).with_files(logs), tmp_path / "files")
+    mtp_bench.run("stp", with_files(load_card(ENV), logs), tmp_path / "files")
     first, second = (load_run(tmp_path / name) for name in ("memory", "files"))
     assert first.rollouts[0].forecast.tobytes() == second.rollouts[0].forecast.tobytes()
     assert first.info.card_digest != second.info.card_digest
@@ -112,10 +112,10 @@ def test_scenes_in_memory_play_run_compare_and_score(scene: Scene, logs: Path, t
 
 
 def test_the_run_keeps_its_card_and_where_its_scenes_are(logs: Path, tmp_path: Path) -> None:
-    mtp_bench.run("stp", load_card(ENV).with_files(logs), tmp_path / "run")
+    mtp_bench.run("stp", with_files(load_card(ENV), logs), tmp_path / "run")
     kept = json.loads((tmp_path / "run" / "run.json").read_text())["info"]["card"]
     assert kept["source"]["folder"] == str(logs)
-    assert mtp_bench.cards.parse_card(kept).digest == load_card(ENV).with_files(logs).digest
+    assert mtp_bench.cards.parse_card(kept).digest == with_files(load_card(ENV), logs).digest
 
 
 def test_a_simulated_detector_on_own_truth(logs: Path, cli: CommandLine, tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mtp_bench.cards import Card
+from mtp_bench.cards import Card, with_detector, with_files, with_scenes, with_split
 from mtp_bench.cards.own import folder_digest
 from mtp_bench.errors import CardError, DataError, MtpBenchError, UnknownNameError
 from mtp_bench.files import file_stem
@@ -48,7 +48,7 @@ def base(tmp_path_factory: pytest.TempPathFactory) -> Card:
 
 def only(card: Card, folder: Path) -> Scene:
     """The only scene of a folder."""
-    (scene,) = load_scenes(card.with_files(folder))
+    (scene,) = load_scenes(with_files(card, folder))
     return scene
 
 
@@ -60,7 +60,7 @@ def test_a_whole_scene_is_read_as_it_was_written(tmp_path: Path, base: Card) -> 
     path = save_scene(scene, tmp_path / "own", CLASSES)
     assert path == tmp_path / "own" / "one.npz"
     assert_same(only(base, tmp_path / "own"), scene)
-    (again,) = load_scenes(base.with_scenes([scene]))
+    (again,) = load_scenes(with_scenes(base, [scene]))
     assert_same(again, scene)
 
 
@@ -164,7 +164,7 @@ def test_what_is_no_scene_is_one_clear_error(change: dict[str, Any], said: str, 
     rows = {name: value for name, value in change.items() if name in ("class_id", "start")}
     wrong = replace(scene, truth=replace(scene.truth, **rows)) if rows else replace(scene, **change)
     with pytest.raises(DataError, match=re.escape(f"scene 'one': {said}")):
-        list(load_scenes(base.with_scenes([wrong])))
+        list(load_scenes(with_scenes(base, [wrong])))
 
 
 # --- what is left out ------------------------------------------------------------------------------------------------
@@ -236,7 +236,7 @@ def test_a_copy_beside_a_table_is_not_read(tmp_path: Path, base: Card) -> None:
 @pytest.mark.parametrize("name", ["detections_old", "detections_pp", "my_detections", "directions", "ego2"])
 def test_other_tables_of_a_user_are_left_alone(name: str, tmp_path: Path, base: Card) -> None:
     folder = write_tables(tmp_path, detections=None, **{name: DETECTIONS})
-    (scene,) = load_scenes(base.with_files(folder).with_detector("kitti_pointrcnn"))
+    (scene,) = load_scenes(with_detector(with_files(base, folder), "kitti_pointrcnn"))
     assert scene.simulated
 
 
@@ -248,24 +248,24 @@ def test_rows_of_other_classes_are_left_out_and_counted(tmp_path: Path, base: Ca
 
 
 def test_targets_alone_are_no_complete_truth(tmp_path: Path, base: Card) -> None:
-    card = base.with_files(write_tables(tmp_path))
+    card = with_files(base, write_tables(tmp_path))
     card = card.model_copy(update={"source": card.source.model_copy(update={"truth": "targets"})})
     (scene,) = load_scenes(card)
     assert not scene.truth_complete
     with pytest.raises(CardError, match="would see nothing but the prediction targets"):
-        card.with_detector("kitti_pointrcnn")
+        with_detector(card, "kitti_pointrcnn")
 
 
 def test_a_simulated_detector_takes_the_place_of_the_files(tmp_path: Path, base: Card) -> None:
-    card = base.with_files(write_tables(tmp_path, detections=None)).with_detector("kitti_pointrcnn")
+    card = with_detector(with_files(base, write_tables(tmp_path, detections=None)), "kitti_pointrcnn")
     (scene,) = load_scenes(card)
     assert (scene.simulated, scene.detector) == (True, "kitti_pointrcnn, simulated detections")
-    (memory,) = load_scenes(base.with_scenes([whole_scene()]).with_detector("kitti_pointrcnn"))
+    (memory,) = load_scenes(with_detector(with_scenes(base, [whole_scene()]), "kitti_pointrcnn"))
     assert memory.simulated
 
 
 def test_a_simulated_detector_on_targets_alone_is_refused(base: Card) -> None:
-    card = base.with_scenes([replace(whole_scene(), truth_complete=False)]).with_detector("kitti_pointrcnn")
+    card = with_detector(with_scenes(base, [replace(whole_scene(), truth_complete=False)]), "kitti_pointrcnn")
     with pytest.raises(DataError, match="scene 'one': its truth has prediction targets only"):
         next(load_scenes(card))
 
@@ -284,22 +284,22 @@ def test_splits_are_sub_folders(tmp_path: Path, base: Card) -> None:
     for name in ("train", "val"):
         save_scene(replace(make_scene(name), detector="mine"), tmp_path / name, CLASSES)
     save_scene(replace(make_scene("top"), detector="mine"), tmp_path, CLASSES)
-    card = base.with_files(tmp_path)
+    card = with_files(base, tmp_path)
     assert open_source(card).names == ("top",)
-    assert open_source(card.with_split("train")).names == ("train",)
-    assert len({card.digest, card.with_split("train").digest, card.with_split("val").digest}) == 3
+    assert open_source(with_split(card, "train")).names == ("train",)
+    assert len({card.digest, with_split(card, "train").digest, with_split(card, "val").digest}) == 3
     with pytest.raises(DataError, match=r"no folder .*test, expected NPZ files of one scene each"):
-        open_source(card.with_split("test"))
+        open_source(with_split(card, "test"))
 
 
 def test_the_digest_holds_what_the_files_hold_and_not_where_they_are(tmp_path: Path, base: Card) -> None:
     here, there = write_tables(tmp_path / "a"), write_tables(tmp_path / "b" / "deep")
-    card = base.with_files(here)
-    assert card.digest == base.with_files(there).digest != base.digest
+    card = with_files(base, here)
+    assert card.digest == with_files(base, there).digest != base.digest
     (here / "notes.txt").write_text("not a scene")
-    assert base.with_files(here).digest == card.digest
+    assert with_files(base, here).digest == card.digest
     write_tables(here, detections=DETECTIONS[:2])
-    assert base.with_files(here).digest != card.digest
+    assert with_files(base, here).digest != card.digest
     with pytest.raises(DataError, match="they are not those of MTP-Small-v0, or were changed after it was used"):
         open_source(card)
     assert str(tmp_path) not in str(card.model_dump(mode="json"))
@@ -307,8 +307,8 @@ def test_the_digest_holds_what_the_files_hold_and_not_where_they_are(tmp_path: P
 
 def test_the_digest_of_scenes_in_memory_holds_everything(base: Card) -> None:
     scene = whole_scene()
-    digest = base.with_scenes([scene]).digest
-    assert base.with_scenes([whole_scene()]).digest == digest
+    digest = with_scenes(base, [scene]).digest
+    assert with_scenes(base, [whole_scene()]).digest == digest
     moved = replace(scene, truth=replace(scene.truth, box=scene.truth.box + 1e-12))
     image = scene.image
     assert image is not None
@@ -318,14 +318,14 @@ def test_the_digest_of_scenes_in_memory_holds_everything(base: Card) -> None:
         replace(scene, lanes=scene.lanes[:2]),
         replace(scene, image=replace(image, size=(1, 2))),
     ]
-    assert len({digest, *(base.with_scenes([other]).digest for other in others)}) == 5
-    assert base.with_scenes([scene, moved_name(scene)]).digest != base.with_scenes([moved_name(scene), scene]).digest
+    assert len({digest, *(with_scenes(base, [other]).digest for other in others)}) == 5
+    assert with_scenes(base, [scene, moved_name(scene)]).digest != with_scenes(base, [moved_name(scene), scene]).digest
 
 
 def test_an_array_of_objects_has_no_digest(base: Card) -> None:
     scene = whole_scene()
     with pytest.raises(CardError, match="a scene has an array of objects, expected numbers"):
-        base.with_scenes([replace(scene, time=scene.time.astype(object))])
+        with_scenes(base, [replace(scene, time=scene.time.astype(object))])
 
 
 def moved_name(scene: Scene) -> Scene:
@@ -503,7 +503,7 @@ def test_files_that_are_none(tmp_path: Path, base: Card) -> None:
         only(base, tmp_path)
     (tmp_path / "two.npz").write_bytes(b"PK and more")
     with pytest.raises(DataError, match=r"two\.npz: no NPZ file, or a broken one"):
-        list(load_scenes(base.with_files(tmp_path), names=["two"]))
+        list(load_scenes(with_files(base, tmp_path), names=["two"]))
 
 
 def test_texts_where_parquet_should_have_numbers(tmp_path: Path, base: Card) -> None:
@@ -533,8 +533,8 @@ def test_parquet_without_its_library(tmp_path: Path, base: Card, monkeypatch: py
 
 def test_a_folder_without_scenes(tmp_path: Path, base: Card) -> None:
     with pytest.raises(DataError, match=r"no folder .*none, expected one with scenes"):
-        base.with_files(tmp_path / "none")
-    card = base.with_files(tmp_path)
+        with_files(base, tmp_path / "none")
+    card = with_files(base, tmp_path)
     with pytest.raises(DataError, match="has no scene, expected NPZ files of one scene each, or a sub-folder for each"):
         open_source(card)
     assert describe(card).missing
@@ -625,16 +625,16 @@ def test_names_that_two_scenes_would_have(tmp_path: Path, base: Card) -> None:
 @pytest.mark.parametrize("name", ["", "x" * 201, "\udcff", 3])
 def test_names_that_no_file_of_a_run_could_have(name: str, base: Card) -> None:
     with pytest.raises(DataError, match=r"a scene is called .*, expected a text of 1 to 200 characters"):
-        open_source(base.with_scenes([replace(make_scene(), detector="mine", name=name)]))
+        open_source(with_scenes(base, [replace(make_scene(), detector="mine", name=name)]))
 
 
 def test_what_is_hidden_is_no_scene(tmp_path: Path, base: Card) -> None:
-    card = base.with_files(write_tables(tmp_path))
+    card = with_files(base, write_tables(tmp_path))
     write_tables(tmp_path / "other")
     (tmp_path / "other" / "one").rename(tmp_path / ".checkpoint")
     (tmp_path / "other").rmdir()
-    assert open_source(base.with_files(tmp_path)).names == ("one",)
-    assert base.with_files(tmp_path).digest == card.digest
+    assert open_source(with_files(base, tmp_path)).names == ("one",)
+    assert with_files(base, tmp_path).digest == card.digest
 
 
 def test_names_do_not_stand_for_contents(tmp_path: Path) -> None:
@@ -669,7 +669,7 @@ def test_ids_of_a_scene_in_memory(number: int, tmp_path: Path, base: Card) -> No
     object_id = np.where(scene.truth.object_id == scene.truth.object_id[0], number, scene.truth.object_id)
     wrong = replace(scene, detector="mine", truth=replace(scene.truth, object_id=object_id))
     for attempt in (
-        lambda: list(load_scenes(base.with_scenes([wrong]))),
+        lambda: list(load_scenes(with_scenes(base, [wrong]))),
         lambda: save_scene(wrong, tmp_path, CLASSES),
     ):
         with pytest.raises(DataError, match=r"scene 'one': truth\.object_id has .*, expected whole numbers from 0 to"):
@@ -681,16 +681,16 @@ def test_a_scene_in_memory_far_away(base: Card) -> None:
     scene = replace(make_scene(), detector="mine")
     moved = replace(scene, truth=replace(scene.truth, box=scene.truth.box + 5e5 * np.eye(7)[0]))
     with pytest.raises(DataError, match=r"scene 'one', array 'truth_box', row 0 \(x\): 5000.*subtract a fixed origin"):
-        list(load_scenes(base.with_scenes([moved])))
+        list(load_scenes(with_scenes(base, [moved])))
 
 
 def test_scenes_in_memory_have_no_splits(base: Card) -> None:
-    card = base.with_scenes([replace(make_scene(), detector="mine")])
-    assert card.with_split("all").digest == card.digest
+    card = with_scenes(base, [replace(make_scene(), detector="mine")])
+    assert with_split(card, "all").digest == card.digest
     with pytest.raises(
         CardError, match="its scenes are objects in memory, which have no split 'train', expected 'all'"
     ):
-        card.with_split("train")
+        with_split(card, "train")
 
 
 def test_an_archive_of_objects_is_not_opened(tmp_path: Path, base: Card) -> None:
@@ -750,20 +750,20 @@ def test_a_scene_in_memory_that_is_wrong(base: Card) -> None:
     truth = scene.truth
     short = replace(scene, truth=replace(truth, start=truth.start[:-1]))
     with pytest.raises(DataError, match=r"scene 'one': truth\.start does not divide the 24 rows into 8 frames"):
-        next(load_scenes(base.with_scenes([short])))
+        next(load_scenes(with_scenes(base, [short])))
     strange = replace(scene, truth=replace(truth, class_id=truth.class_id + 1))
     with pytest.raises(DataError, match=r"truth\.class_id has 1 to 2, expected places among 2 classes"):
-        next(load_scenes(base.with_scenes([strange])))
+        next(load_scenes(with_scenes(base, [strange])))
     with pytest.raises(CardError, match="two scenes are called 'one', expected a name of its own for each"):
-        base.with_scenes([scene, scene])
+        with_scenes(base, [scene, scene])
     with pytest.raises(CardError, match="scenes holds str, expected Scene objects only, or names only"):
-        base.with_scenes([scene, "one"])  # type: ignore[list-item]
+        with_scenes(base, [scene, "one"])  # type: ignore[list-item]
     with pytest.raises(DataError, match="no scene in the list, expected at least one"):
-        open_source(base.with_scenes([]))
+        open_source(with_scenes(base, []))
     unseen = replace(scene, detections=scene.detections.those(scene.detections.score > 9))
-    assert not len(next(load_scenes(base.with_scenes([unseen]))).detections.box), "detected, and nothing found"
+    assert not len(next(load_scenes(with_scenes(base, [unseen]))).detections.box), "detected, and nothing found"
     with pytest.raises(DataError, match="scene 'one': no detections; without them a simulated detector runs at once"):
-        next(load_scenes(base.with_scenes([replace(unseen, detector="")])))
+        next(load_scenes(with_scenes(base, [replace(unseen, detector="")])))
 
 
 def test_two_clips_are_no_scene(tmp_path: Path, base: Card) -> None:

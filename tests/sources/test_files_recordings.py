@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mtp_bench import load_submission
-from mtp_bench.cards import Card, changed_card, load_card
+from mtp_bench.cards import Card, changed_card, load_card, with_detector, with_files, with_scenes
 from mtp_bench.env import MTPEnv
 from mtp_bench.env.rollouts import digest
 from mtp_bench.running.run import run_scene
@@ -51,9 +51,9 @@ def test_a_recording_scores_as_its_original(env_id: str, name: str | None, tmp_p
     card, data = load_card(env_id), str(data_root)
     scene = next(load_scenes(card, data, None if name is None else [name]))
     save_scene(scene, tmp_path, card.task.classes)
-    own = card.with_files(tmp_path)
+    own = with_files(card, tmp_path)
     original, said, score = played(card, scene.name, data)
-    for other in (own, card.with_scenes([scene])):
+    for other in (own, with_scenes(card, [scene])):
         found, rollout, found_score = played(other, scene.name, data)
         assert_same(found, original)
         assert digest(rollout) == digest(said)
@@ -68,7 +68,7 @@ def test_tables_of_a_recording_score_as_its_original(form: str, tmp_path: Path, 
     (scene,) = load_scenes(card, data, ["scene-0553"])
     save_scene(scene, tmp_path, card.task.classes, form)  # type: ignore[arg-type]
     _, said, score = played(card, scene.name, data)
-    found, rollout, found_score = played(card.with_files(tmp_path), scene.name, data)
+    found, rollout, found_score = played(with_files(card, tmp_path), scene.name, data)
     assert digest(rollout) == digest(said)
     assert_scores_alike(replace(found_score), score)
     assert found.detector == scene.detector
@@ -138,5 +138,5 @@ def test_imported_text_of_kitti_has_what_the_image_can_confirm(data_root: Path, 
     for name, value in vars(original.image).items():
         np.testing.assert_allclose(getattr(found.image, name), value, atol=1e-6, err_msg=name)
     save_scene(found, tmp_path / "own", card.task.classes)
-    (own,) = load_scenes(card.with_files(tmp_path / "own").with_detector("kitti_pointrcnn"))
+    (own,) = load_scenes(with_detector(with_files(card, tmp_path / "own"), "kitti_pointrcnn"))
     assert own.image is not None

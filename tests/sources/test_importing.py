@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtp_bench.cards import load_card
+from mtp_bench.cards import load_card, with_detections, with_split
 from mtp_bench.errors import DataError, MtpBenchError
 from mtp_bench.running.rollout_files import load_run
 from mtp_bench.sources import load_scenes
@@ -251,7 +251,7 @@ def test_detections_of_kittis_text_are_those_of_the_original(tmp_path: Path, dat
     (original,) = load_scenes(card, data_root, ["0012"])
     digests = {card.digest}
     for folder in (stored, tmp_path / "mine"):
-        other = card.with_detections(folder)
+        other = with_detections(card, folder)
         (scene,) = load_scenes(other, data_root, ["0012"])
         for name in ("start", "box", "score", "class_id"):
             found, expected = (getattr(one.detections, name) for one in (scene, original))
@@ -266,7 +266,7 @@ def test_a_nuscenes_submission_becomes_own_scenes(tmp_path: Path, data_root: Pat
     file = data_root / "nuscenes" / "detections" / "centerpoint_mini_val.json"
     cli.ok("import", "nuscenes", file, "--split", "mini_val", "--data", data_root, "-o", tmp_path / "own")
     card = load_card(tmp_path / "own" / "own.toml")
-    given = load_card("MTP-nuScenes-mini-v0").with_split("mini_val").with_detections(file)
+    given = with_detections(with_split(load_card("MTP-nuScenes-mini-v0"), "mini_val"), file)
     for own, original in zip(load_scenes(card), load_scenes(given, data_root), strict=True):
         np.testing.assert_array_equal(own.detections.box, original.detections.box)
         np.testing.assert_array_equal(own.truth.box, original.truth.box)

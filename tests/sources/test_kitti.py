@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.cards import Card
+from mtp_bench.cards import Card, with_detector, with_files, with_scenes
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import CardError, DataError, UnknownNameError
 from mtp_bench.sources import describe, load_scenes, open_source
@@ -301,12 +301,12 @@ def test_a_velocity_that_is_shown_tells_nothing_of_the_next_frame(
         card = kitti_card()
         scenes = list(load_scenes(card, root, ["0000"]))
         if again == "scenes":
-            card = card.with_scenes(scenes)
+            card = with_scenes(card, scenes)
         elif again == "files":
             save_scene(scenes[0], tmp_path / str(places[-1]), card.task.classes)
-            card = card.with_files(tmp_path / str(places[-1]))
+            card = with_files(card, tmp_path / str(places[-1]))
         own = scenes if again == "scenes of an env" else None
-        env = MTPEnv(card.with_detector("clean"), data=None if own else str(root), observe=observe, scenes=own)
+        env = MTPEnv(with_detector(card, "clean"), data=None if own else str(root), observe=observe, scenes=own)
         first, _ = env.reset(options={"scene": "0000"})
         return [first, *(env.step(empty_action(env.task))[0] for _ in range(2))]
 
@@ -324,7 +324,7 @@ def test_truth_is_as_it_was_where_no_velocity_is_shown(root: Path) -> None:
     write(root / LABELS, *rows)
     stored, simulated = (
         open_source(card, root).load("0000").truth
-        for card in (kitti_card(), kitti_card().with_detector("kitti_pointrcnn"))
+        for card in (kitti_card(), with_detector(kitti_card(), "kitti_pointrcnn"))
     )
     np.testing.assert_array_equal(simulated.velocity, stored.velocity)
 

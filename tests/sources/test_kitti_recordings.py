@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtp_bench.cards import load_card
+from mtp_bench.cards import load_card, with_split
 from mtp_bench.scoring import evaluated, find_targets, match, unconfirmable
 from mtp_bench.scoring.pairs import box_pairs
 from mtp_bench.sources import describe, open_source
@@ -46,7 +46,7 @@ def test_counts_of_the_benchmark(data_root: Path, scenes: dict[str, Scene]) -> N
         assert sum(len(ids) for ids in own) == boxes
         assert sum(len(np.unique(ids)) for ids in own) == tracks
     assert all(scene.skipped == {} for scene in scenes.values())
-    train = open_source(CARD.with_split("train"), data_root)
+    train = open_source(with_split(CARD, "train"), data_root)
     assert len(train.names) == 10
     assert sum(train.load(name).frames for name in train.names) == 8008 - 3908
 
@@ -71,7 +71,7 @@ def medians(folder: Path, names: Iterable[str]) -> dict[str, list[float]]:
 
 
 def test_sizes_of_classes_are_medians_outside_the_validation_split(data_root: Path) -> None:
-    names = open_source(CARD.with_split("train"), data_root).names
+    names = open_source(with_split(CARD, "train"), data_root).names
     want = medians(data_root / "kitti_tracking", names)
     assert {name: list(size) for name, size in BOX_SIZES.items()} == want
 
@@ -80,7 +80,7 @@ def test_image_sizes_are_where_labels_end(data_root: Path) -> None:
     """Boxes of objects end a pixel before the border, regions at it; most sequences have both at the right end."""
     reached = 0
     for split in ("val", "train"):
-        source = open_source(CARD.with_split(split), data_root)
+        source = open_source(with_split(CARD, split), data_root)
         for name in source.names:
             image = source.load(name).image
             assert image is not None

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtp_bench.cards import Card, load_card
+from mtp_bench.cards import Card, load_card, with_split
 from mtp_bench.scoring import find_targets
 from mtp_bench.sources import describe, open_source
 from mtp_bench.types import Floats, Scene
@@ -87,7 +87,7 @@ def test_scenes_of_the_card(data_root: Path, scenes: dict[str, Scene]) -> None:
     first = {"train": [1, 141], "val": [281, 421, 561, 701]}
     parts: list[Scene] = []
     for split, numbers in first.items():
-        source = open_source(card.with_split(split), data_root)
+        source = open_source(with_split(card, split), data_root)
         assert source.names == tuple(f"PETS09-S2L1-{number:04d}" for number in numbers)
         parts += [source.load(name) for name in source.names]
     assert [scene.frames for scene in parts] == [140, 140, 140, 140, 140, 95]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from mtp_bench.cards import Card, load_card
+from mtp_bench.cards import Card, load_card, with_split
 from mtp_bench.errors import DataError
 from mtp_bench.geometry import center_distance, wrap_angle
 from mtp_bench.scoring.targets import find_targets
@@ -27,7 +27,7 @@ def changed(card: Card, **source: Any) -> Card:
     return card.model_copy(update={"source": card.source.model_copy(update=source)})
 
 
-MINI, TRAIN = load_card("MTP-nuScenes-mini-v0"), load_card("MTP-nuScenes-v0").with_split("train")
+MINI, TRAIN = load_card("MTP-nuScenes-mini-v0"), with_split(load_card("MTP-nuScenes-v0"), "train")
 CENTERPOINT = changed(MINI, detector="centerpoint", split="val")
 
 
@@ -88,7 +88,7 @@ def test_targets_of_mini(data_root: Path) -> None:
 def test_splits(data_root: Path) -> None:
     sizes = {"all": 10, "train": 5, "train_val": 1, "val": 4, "mini_train": 8, "mini_val": 2}
     for split, count in sizes.items():
-        assert len(open_source(MINI.with_split(split), data_root).names) == count
+        assert len(open_source(with_split(MINI, split), data_root).names) == count
 
 
 def test_centerpoint_covers_four_scenes(data_root: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
-from mtp_bench.cards import load_card
+from mtp_bench.cards import load_card, with_split
 from mtp_bench.detector import load_profile
 from mtp_bench.detector.fit.errors import robust_deviation
 from mtp_bench.detector.fit.samples import RADIAL, TANGENTIAL, collect
@@ -34,7 +34,7 @@ CAMERAS = ("CVLab1", "CVLab2", "CVLab3", "CVLab4", "IDIAP1", "IDIAP2", "IDIAP3")
 
 @pytest.fixture(scope="module")
 def scenes(data_root: Path) -> dict[str, Scene]:
-    sources = [Wildtrack(load_card("MTP-WILDTRACK-v0").with_split(split), data_root) for split in ("train", "val")]
+    sources = [Wildtrack(with_split(load_card("MTP-WILDTRACK-v0"), split), data_root) for split in ("train", "val")]
     return {name: source.load(name) for source in sources for name in source.names}
 
 

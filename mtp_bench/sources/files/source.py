@@ -82,7 +82,7 @@ def _readers(section: FilesSource, card: Card) -> dict[str, Callable[[], Content
     if section.folder is None:
         raise DataError(
             f"{card.id}: its scenes were objects in memory, which are not here; give them again "
-            "(Card.with_scenes), or name a folder of scenes with --files"
+            "(cards.with_scenes), or name a folder of scenes with --files"
         )
     folder = split_folder(Path(section.folder), section.split)
     if not folder.is_dir():

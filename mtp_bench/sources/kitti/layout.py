@@ -82,7 +82,7 @@ def require_detector(root: Path, card: Card) -> Path:
 
 
 def _own_detections(card: Card, section: KittiSource) -> Path:
-    """The folder of detections that stands in for the detector's; see `Card.with_detections`."""
+    """The folder of detections that stands in for the detector's; see `cards.with_detections`."""
     if section.detections_file is None:
         raise DataError(
             f"{card.id} has the detections of a folder with sha256 {section.detections_sha256}: "

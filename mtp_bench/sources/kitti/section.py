@@ -15,7 +15,7 @@ class KittiSource(SourceSection):
     splits = ("train", "val")
 
     detector: str = "pointrcnn"  # folder under detections/
-    detections_sha256: str | None = None  # of a folder that replaces the detector's; see Card.with_detections
+    detections_sha256: str | None = None  # of a folder that replaces the detector's; see cards.with_detections
     detections_file: LocalPath = None  # that folder
     ego_motion: bool = True  # False: every frame in its own camera frame, as without ego-motion compensation
     stride: Annotated[int, Field(ge=1)] = 1  # keep every n-th frame

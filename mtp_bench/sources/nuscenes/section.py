@@ -16,7 +16,7 @@ class NuScenesSource(SourceSection):
 
     version: Annotated[str, Field(pattern=r"^v1\.0-[A-Za-z0-9_.-]+$")] = "v1.0-trainval"  # folder of the tables
     detector: Annotated[str, Field(pattern=STORED_DETECTOR)] = "megvii"  # detections/<detector>*.json
-    detections_sha256: str | None = None  # of a file that replaces the detector's; see Card.with_detections
+    detections_sha256: str | None = None  # of a file that replaces the detector's; see cards.with_detections
     detections_file: LocalPath = None  # that file
     velocity: bool = False  # show the velocities of the detections, if the file has them
     truth: Literal["targets", "all"] = "all"

@@ -1,0 +1,84 @@
+"""Cards as TOML: by env id, from a file, and back to text."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from .._bundle import bundled, card_ids
+from ..detector.profile import toml_table, toml_values
+from ..errors import CardError, UnknownNameError
+from ..strict import read_toml, validate
+from .card import Card, check_consistency
+from .own import resolve_folder
+from .sections import FilesSource
+from .source import read_source
+
+
+def load_card(name: str | Path) -> Card:
+    """Read a card by env id or from a TOML file.
+
+    Raises UnknownNameError for an id that does not exist and CardError for content that is wrong, naming the key.
+    """
+    if not isinstance(name, (str, os.PathLike)):
+        raise CardError(f"the env is {name!r}, expected its id, the path of a card, or a card")
+    path = Path(name)
+    if path.suffix == ".toml":
+        if not path.is_file():
+            raise CardError(f"no card file at {path}")
+    else:
+        if str(name) not in card_ids():
+            raise UnknownNameError("environment", str(name), card_ids(), "`mtp-bench envs` lists them")
+        path = bundled("envs") / f"{name}.toml"
+    card = parse_card(read_toml(path, CardError), where=path.name)
+    if card.id != path.stem:
+        raise CardError(f"{path.name}: id is {card.id!r}, expected the file's stem {path.stem!r}")
+    if isinstance(card.source, FilesSource):
+        return card.model_copy(update={"source": resolve_folder(card.source, path.parent)})
+    return card
+
+
+def parse_card(content: dict[str, Any], where: str = "card") -> Card:
+    """Validate the content of a card; errors name it by ``where``."""
+    content = {**content, "source": read_source(content.get("source"), where)}
+    card = validate(Card, _spread_scalars(content), where, CardError)
+    check_consistency(card, where)
+    return card
+
+
+def card_text(card: Card) -> str:
+    """TOML of a card that `load_card` reads again.
+
+    Of own scenes it names the folder, not the digest, which is computed again.
+    """
+    content = card.model_dump(exclude_none=True, exclude={"source": {"sha256"}})
+    tables = {name: content.pop(name) for name in ("source", "detector", "task", "size") if name in content}
+    if isinstance(card.source, FilesSource) and card.source.folder is not None:
+        tables["source"]["folder"] = card.source.folder
+    lines = toml_values(content)
+    for name, table in tables.items():
+        lines += toml_table(name, table)
+    return "\n".join(lines) + "\n"
+
+
+def _spread_scalars(content: dict[str, Any]) -> dict[str, Any]:
+    """Write a single number in place of a per-class table as a table with every class."""
+    task = content.get("task")
+    if not isinstance(task, dict):
+        return content
+    classes = task.get("classes")
+    names = [name for name in classes if isinstance(name, str)] if isinstance(classes, list) else []
+
+    def spread(table: Any, keys: tuple[str, ...]) -> Any:
+        if not isinstance(table, dict):
+            return table
+        return {
+            key: dict.fromkeys(names, value) if key in keys and type(value) in (int, float) else value
+            for key, value in table.items()
+        }
+
+    task = spread(task, ("forecast_gate", "miss_error"))
+    if "event_gate" in task:
+        task["event_gate"] = spread(task["event_gate"], ("threshold",))
+    return {**content, "task": task}
