@@ -18,17 +18,16 @@ def page() -> str:
 
 
 def _commands() -> list[tuple[str, Any]]:
-    """Names and commands, those of groups after their group; hidden ones left out."""
+    """Names and commands; those of a group stand in place of the group."""
     from typer.main import get_command
 
     from mtp_bench.commands.app import app
 
     def walk(name: str, command: Any) -> list[tuple[str, Any]]:
-        parts = getattr(command, "commands", None)
-        if parts is None:
+        if not hasattr(command, "list_commands"):
             return [(name, command)]
-        shown = {part: inner for part, inner in parts.items() if not inner.hidden}
-        return [found for part, inner in shown.items() for found in walk(f"{name} {part}".strip(), inner)]
+        parts = [(part, command.get_command(None, part)) for part in command.list_commands(None)]
+        return [entry for part, inner in parts for entry in walk(f"{name} {part}".strip(), inner)]
 
     return walk("", get_command(app))
 

@@ -7,37 +7,15 @@ import os
 import sys
 import warnings
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import typer
-from typer.core import TyperGroup
 
 from .._version import __version__
 from ..errors import MtpBenchError
 from ..files import clean_text
-from .board import board
-from .challenge import challenge
-from .check import check
-from .compare import compare
-from .data import data
-from .envs import envs
-from .events import events
-from .export import export
-from .fit_noise import fit_noise
-from .freeze import freeze
-from .import_ import import_
-from .new import new
-from .options import Command, opened
+from .lazy import LazyGroup
 from .output import fail, said_of, say
-from .run import run
-from .score import score
-from .seal import seal
-from .study import study
-from .submit import submit
-from .train import train
-from .verify import verify
-from .video import video
-from .view import view
 
 INTERRUPTED = 130  # exit status, as shells have it
 AFTER = {  # command -> what is said after Ctrl-C
@@ -54,15 +32,38 @@ class InterruptedCommandError(Exception):
     """Someone pressed Ctrl-C."""
 
 
-class Commands(TyperGroup):
-    """All commands; an interruption is told by `main`, in one line, and wrong usage with what was got."""
+class Commands(LazyGroup):
+    """All commands; `main` reports an interruption in one line, and wrong usage with the value that was got."""
+
+    summaries: ClassVar[dict[str, str]] = {
+        "envs": "List the environments.",
+        "data": "Show which data is found, what is missing and how to get it.",
+        "run": "Run an agent and store its rollouts.",
+        "score": "Score stored rollouts.",
+        "compare": "Compare agents on the same scenes.",
+        "study": "Measure what tracking errors cost on an environment: tables, figures and a page.",
+        "view": "Show stored rollouts in rerun, or draw them.",
+        "events": "List identity switches and other events with their cost.",
+        "video": "Write a video of a scene.",
+        "train": "Fit predictors and other parameters on training splits.",
+        "fit-noise": "Fit the noise of the simulated detector to real detections.",
+        "new": "Create a folder with a new submission.",
+        "check": "Check a submission or a card.",
+        "submit": "Make a leaderboard record of a submission.",
+        "verify": "Check records, and run their submissions again.",
+        "board": "Show the leaderboard.",
+        "import": "Turn recordings of other formats into own scenes and a card.",
+        "export": "Write stored rollouts in the formats of other benchmarks.",
+        "challenge": "Score predictions of the nuScenes prediction challenge.",
+        "maintain": "Commands of the maintainers.",
+    }
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command that was chosen."""
+        """Run the chosen command."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
-            raise InterruptedCommandError(AFTER.get(ctx.invoked_subcommand, "nothing was written")) from None
+            raise InterruptedCommandError(AFTER.get(ctx.invoked_subcommand, "no file was written")) from None
         except typer.BadParameter as error:
             _say_what_was_got(error)
             raise
@@ -77,7 +78,7 @@ def _say_what_was_got(error: typer.BadParameter) -> None:
         error.message = f"got {got}: {error.message}"
 
 
-app = typer.Typer(cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False)
+app = typer.Typer(cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
 def _version(asked: bool) -> None:
@@ -93,16 +94,6 @@ def about(
     ] = False,
 ) -> None:
     """Tracking and prediction together: your agent sees detections, not the truth."""
-
-
-for command in (
-    envs, data, run, score, compare, study, view, events, video, fit_noise, new, check, submit, verify, seal, board,
-    export, challenge,
-):  # fmt: skip
-    app.command(cls=Command)(opened(command))
-app.add_typer(train, name="train")
-app.add_typer(import_, name="import")
-app.command(hidden=True)(opened(freeze))
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""``mtp-bench freeze``, for maintainers."""
+"""``mtp-bench maintain freeze``."""
 
 from __future__ import annotations
 

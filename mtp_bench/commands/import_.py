@@ -24,7 +24,12 @@ FormOption = Annotated[
     typer.Option("--form", help="npz (whole scenes), or csv or parquet (tables).", autocompletion=words(*FORMS)),
 ]
 
-import_ = typer.Typer(no_args_is_help=True, help="Make a folder of own scenes, and a card for them, of other forms.")
+import_ = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    help="Turn other recordings into own scenes.",
+)
 
 
 @import_.command()

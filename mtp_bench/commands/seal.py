@@ -1,4 +1,4 @@
-"""``mtp-bench seal``, for maintainers."""
+"""``mtp-bench maintain seal``."""
 
 from __future__ import annotations
 

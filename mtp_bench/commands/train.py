@@ -160,7 +160,7 @@ def _of_detector(detector: str, data: str | None, output: Path | None, fit: Call
     print_or_write(output, text)
 
 
-train = typer.Typer(help="Fit the parameters of a baseline on training splits.", no_args_is_help=True)
+train = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None, help="Fit predictors and more.")
 train.command("motion-noise")(opened(motion_noise))
 train.command("predictor")(opened(predictor))
 train.command("presence")(opened(presence))

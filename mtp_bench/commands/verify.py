@@ -39,7 +39,8 @@ class RunningAgain:
         Path | None, typer.Option(help="Folder of the submissions to run again, each by its name.")
     ] = None
     hidden: Annotated[
-        Path | None, typer.Option(help="Secret of `mtp-bench seal`, or a folder of them: with --rerun, run its scenes.")
+        Path | None,
+        typer.Option(help="Secret of `maintain seal`, or a folder of them: with --rerun, run its scenes."),
     ] = None
     commitment: Annotated[
         Path | None, typer.Option(help="What the secret was promised with. Default: the file beside it.")

@@ -29,7 +29,7 @@ from .storage import read_as
 from .trust import Trust
 
 SEALS = Path("leaderboard", "seals")  # relative to the working folder: the checkout
-_ABSENT = "no such file; `mtp-bench seal` makes a secret and its commitment"
+_ABSENT = "no such file; `mtp-bench maintain seal` makes a secret and its commitment"
 
 
 class RetiredSealError(RecordError):
@@ -120,7 +120,7 @@ def open_seal(path: str | Path, commitment: str | Path | None = None, trust: Tru
     listed = None if trust is None else trust.listed.get(found)
     if retired_path(path).exists() or (listed is not None and listed.retired):
         raise RetiredSealError(
-            f"{path}: this seal is retired, its scenes are public: draw another with `mtp-bench seal`"
+            f"{path}: this seal is retired, its scenes are public: draw another with `mtp-bench maintain seal`"
         )
     return Sealed(seeds, found, weights_path(path))
 

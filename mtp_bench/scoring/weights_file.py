@@ -66,7 +66,7 @@ def read_reference(path: str | Path) -> Reference:
     if reference.definitions != DEFINITIONS:
         raise DataError(
             f"{path}: definitions is {reference.definitions!r}, expected {DEFINITIONS!r}: "
-            f"mtp-bench freeze --env {reference.env}"
+            f"mtp-bench maintain freeze --env {reference.env}"
         )
     return reference
 

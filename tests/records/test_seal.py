@@ -88,13 +88,19 @@ def test_no_public_number_tells_a_hidden_scene(tmp_path: Path) -> None:
 def test_errors_of_seals(cli: CommandLine, tmp_path: Path) -> None:
     out = tmp_path / "s.json"
     assert "MTP-KITTI-v0 is recorded, expected a simulated env" in (
-        cli("seal", "--env", "MTP-KITTI-v0", "--count", 2, "-o", out).error
+        cli("maintain", "seal", "--env", "MTP-KITTI-v0", "--count", 2, "-o", out).error
     )
-    assert cli("seal", "--env", ENV, "--count", 0, "-o", out).status == 2
-    assert "there is no folder" in cli("seal", "--env", ENV, "--count", 2, "-o", tmp_path / "no" / "s.json").error
+    assert cli("maintain", "seal", "--env", ENV, "--count", 0, "-o", out).status == 2
+    assert (
+        "there is no folder"
+        in cli("maintain", "seal", "--env", ENV, "--count", 2, "-o", tmp_path / "no" / "s.json").error
+    )
     assert cli("verify", tmp_path, "--hidden", out).status == 2
     assert cli("verify", tmp_path, "--rerun", "--commitment", out).status == 2
-    assert "no such file; `mtp-bench seal`" in cli("verify", tmp_path / "a.json", "--rerun", "--hidden", out).error
+    assert (
+        "no such file; `mtp-bench maintain seal`"
+        in cli("verify", tmp_path / "a.json", "--rerun", "--hidden", out).error
+    )
     assert not list(tmp_path.iterdir())
 
 
@@ -113,7 +119,7 @@ def test_a_submission_on_hidden_scenes(
 ) -> None:
     """From the seal to a signed level; the signer's key and the commitment are in the leaderboard."""
     secret = tmp_path / "s.json"
-    said = cli.ok("seal", "--env", short, "--count", SCENES, "-o", secret)
+    said = cli.ok("maintain", "seal", "--env", short, "--count", SCENES, "-o", secret)
     assert f"publish this commitment to {SCENES} hidden scenes of MTP-Merge-v0 in leaderboard/seals, sha256 " in said
     assert f"for trials alone: {SCENES} scenes rank nobody, ranks need 50" in said
     shutil.copy(tmp_path / "s.commitment.json", leaderboard / "seals")
@@ -150,7 +156,7 @@ def test_a_submission_on_hidden_scenes(
     assert f"hidden since {signed.statement.date}, signed by tester" in said
     cli.ok("verify", path, "--env", short, "--jobs", 1)  # the times are still those of its own rollouts
     scenes_stay_until_a_round_ends(path, short, sealed, signed)
-    said = cli.ok("seal", "--retire", secret, "-o", leaderboard / "seals")
+    said = cli.ok("maintain", "seal", "--retire", secret, "-o", leaderboard / "seals")
     assert "the secret is public from now on" in said
     signed, _ = read_level(path, made, trusted(leaderboard))
     assert signed is not None
@@ -167,7 +173,7 @@ def test_nothing_is_run_for_a_level_that_nobody_would_be_shown(
     cli: CommandLine, tmp_path: Path, leaderboard: Path, key: Path
 ) -> None:
     secret = tmp_path / "s.json"
-    cli.ok("seal", "--env", ENV, "--count", SCENES, "-o", secret)
+    cli.ok("maintain", "seal", "--env", ENV, "--count", SCENES, "-o", secret)
     arguments = ("verify", tmp_path / "a.json", "--rerun", "--hidden", secret, "--base", leaderboard)
     signing = ("--sign", key, "--signer", "tester")
     assert f"the seal of {ENV} with the sha256 " in (said := cli(*arguments, *signing).error)

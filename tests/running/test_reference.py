@@ -48,7 +48,7 @@ def test_what_is_frozen_is_found_again(cli: CommandLine, shipped: str, kitti: st
     assert not made.frozen
     mask = os.umask(0o077)
     try:
-        said = cli.ok("freeze", "--env", shipped, "--data", kitti, "--jobs", 1)
+        said = cli.ok("maintain", "freeze", "--env", shipped, "--data", kitti, "--jobs", 1)
     finally:
         os.umask(mask)
     path = frozen_path(shipped)
@@ -183,7 +183,7 @@ def test_a_file_of_another_env_is_refused(shipped: str, kitti: str) -> None:
 def test_only_what_ships_is_frozen(cli: CommandLine, card: str, kitti: str) -> None:
     with pytest.raises(UnknownNameError, match="only those that ship have frozen event weights"):
         freeze(card, RunOptions(kitti))
-    assert "only those that ship" in cli("freeze", "--env", card, "--data", kitti).error
+    assert "only those that ship" in cli("maintain", "freeze", "--env", card, "--data", kitti).error
 
 
 def test_a_failed_freeze_leaves_the_earlier_file(cli: CommandLine, shipped: str, tmp_path: Path, kitti: str) -> None:
@@ -191,7 +191,7 @@ def test_a_failed_freeze_leaves_the_earlier_file(cli: CommandLine, shipped: str,
     before = path.read_bytes()
     broken = Path(write_kitti(tmp_path / "broken"))
     (broken / "kitti_tracking/training/calib/0006.txt").unlink()
-    assert "calib/0006.txt" in cli("freeze", "--env", shipped, "--data", broken, "--jobs", 1).error
+    assert "calib/0006.txt" in cli("maintain", "freeze", "--env", shipped, "--data", broken, "--jobs", 1).error
     assert path.read_bytes() == before
     assert [p.name for p in path.parent.iterdir()] == [path.name]
 

@@ -108,7 +108,7 @@ def test_a_stored_run_says_what_was_trained_on_its_scenes(tmp_path: Path, card: 
 def test_a_stored_run_scores_as_in_a_comparison(
     agent: str, seed: int, cli: CommandLine, tmp_path: Path, shipped: str, kitti: str
 ) -> None:
-    cli.ok("freeze", "--env", shipped, "--data", kitti, "--jobs", 1)
+    cli.ok("maintain", "freeze", "--env", shipped, "--data", kitti, "--jobs", 1)
     cli.ok("run", agent, "--env", shipped, "--data", kitti, "-o", tmp_path / "run", "--jobs", 1, "--seed", seed)
     scored = stored.score(tmp_path / "run", RunOptions(kitti)).report.to_json()["rows"]
     rows = compare([agent], shipped, RunOptions(kitti, seeds=[seed])).report.to_json()["rows"]

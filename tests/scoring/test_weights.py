@@ -200,5 +200,5 @@ def test_a_missing_file_and_other_definitions(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"reference\.json: cannot be read"):
         read_reference(path)
     write_reference(path, reference_of_streams(definitions="0.1"))
-    with pytest.raises(DataError, match=f"definitions is '0.1', expected '{DEFINITIONS}': mtp-bench freeze"):
+    with pytest.raises(DataError, match=f"definitions is '0.1', expected '{DEFINITIONS}': mtp-bench maintain freeze"):
         read_reference(path)
