@@ -1,4 +1,4 @@
-"""Where the cards, baselines and records are: in the checkout or, once installed, inside the wheel."""
+"""Folders of the bundled cards, baselines and records: those of the checkout or, once installed, of the wheel."""
 
 from __future__ import annotations
 

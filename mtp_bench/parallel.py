@@ -1,4 +1,4 @@
-"""The one parallel map: calls spread over processes of this machine or over the workers of a Dask cluster."""
+"""A parallel map over processes of this machine or over the workers of a Dask cluster."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from typing import Any
 from ._version import __version__
 from .errors import MtpBenchError
 
-Started = Callable[[int], object]  # is told how many pieces of work there are
-Done = Callable[[str], object]  # is told the name of every piece that is done
+Started = Callable[[int], object]  # called with the number of work items
+Done = Callable[[str], object]  # called with the name of every finished item
 
 BACKENDS = ("loky", "dask")
-_CONNECT = 10  # s to wait for the scheduler
-_WORKERS = 30  # s to wait for its first worker: those that died may be starting anew
-_one_at_a_time = threading.Lock()  # of a worker process: agents need not be safe among threads
+_CONNECT_SECONDS = 10  # wait for the scheduler
+_WORKER_SECONDS = 30  # wait for its first worker: workers that died may be restarting
+_one_at_a_time = threading.Lock()  # one call per worker process: agents need not be thread-safe
 
 
-def _silent(_: object) -> None:
-    """Say nothing."""
+def _ignore(_: object) -> None:
+    """Do nothing."""
 
 
 def _require_backend(backend: str, scheduler: str | None) -> None:
@@ -41,17 +41,17 @@ def _require_backend(backend: str, scheduler: str | None) -> None:
 
 @dataclass(frozen=True)
 class Progress:
-    """Who is told how the work goes on."""
+    """Progress callbacks."""
 
-    started: Started = _silent
-    done: Done = _silent
+    started: Started = _ignore
+    done: Done = _ignore
 
 
 @dataclass(frozen=True)
 class Workers:
-    """Who does the work: ``count`` processes of this machine, or all workers of a Dask scheduler at an address.
+    """The workers of a parallel map: ``count`` processes of this machine, or all workers of a Dask scheduler.
 
-    Raises MtpBenchError unless the backend is known, installed and told the address that it needs.
+    Raises MtpBenchError unless the backend is known and installed and has the address that it needs.
     """
 
     count: int = 1
@@ -64,7 +64,7 @@ class Workers:
         _require_backend(self.backend, self.scheduler)
 
 
-QUIET = Progress()  # nobody is told
+NO_PROGRESS = Progress()
 
 
 def cores() -> int:
@@ -72,39 +72,39 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-ALONE = Workers()  # in this process, one call after the other
+SERIAL = Workers()  # in this process, one call after the other
 
 
 def parallel_map(
     function: Callable[..., Any],
     calls: Sequence[tuple[Any, ...]],
-    workers: Workers = ALONE,
-    done: Callable[[int], object] = _silent,
+    workers: Workers = SERIAL,
+    done: Callable[[int], object] = _ignore,
 ) -> list[Any]:
-    """Results of ``function(*call)`` for every call, in the order of ``calls``; the same whoever does the work.
+    """Results of ``function(*call)`` for every call, in the order of ``calls``, the same for all backends.
 
-    ``done`` is told the place of every call that is done, in the order of completion. For more than one worker
-    function, arguments and results must pickle. Raises what a call raises; of Dask also as `_cluster_map`.
+    ``done`` is called with the index of every finished call, in the order of completion. For more than one worker
+    function, arguments and results must pickle. Raises what a call raises; with Dask also as `_cluster_map`.
     """
     results: dict[int, Any] = {}
-    for place, result in unordered_map(function, calls, workers):
-        results[place] = result
-        done(place)
-    return [results[place] for place in range(len(calls))]
+    for index, result in unordered_map(function, calls, workers):
+        results[index] = result
+        done(index)
+    return [results[index] for index in range(len(calls))]
 
 
 def unordered_map(
-    function: Callable[..., Any], calls: Sequence[tuple[Any, ...]], workers: Workers = ALONE
+    function: Callable[..., Any], calls: Sequence[tuple[Any, ...]], workers: Workers = SERIAL
 ) -> Iterator[tuple[int, Any]]:
-    """`parallel_map`, but place and result of every call as they come.
+    """Index and result of every call of `parallel_map`, in the order of completion.
 
-    Raises MtpBenchError where a process of this machine died, or where what it raised or returned cannot be sent back.
+    Raises MtpBenchError if a process of this machine died, or if its result or exception cannot be pickled.
     """
-    placed = [(place, function, call) for place, call in enumerate(calls)]
+    indexed = [(index, function, call) for index, call in enumerate(calls)]
     if workers.scheduler is not None:
-        yield from _cluster_map(_placed, placed, workers.scheduler)
+        yield from _cluster_map(_indexed, indexed, workers.scheduler)
     elif workers.count == 1 or len(calls) < 2:
-        yield from (_placed(*call) for call in placed)
+        yield from (_indexed(*call) for call in indexed)
     else:
         from concurrent.futures.process import BrokenProcessPool
 
@@ -114,20 +114,20 @@ def unordered_map(
         count = min(workers.count, len(calls))
         parallel: Any = Parallel(n_jobs=count, backend="loky", return_as="generator_unordered")
         try:
-            yield from parallel(delayed(_placed)(*call) for call in placed)
+            yield from parallel(delayed(_indexed)(*call) for call in indexed)
         except TerminatedWorkerError:
             raise MtpBenchError(
                 f"one of {count} processes died, most likely because memory ran out: take fewer (--jobs)"
             ) from None
         except BrokenProcessPool:
             raise MtpBenchError(
-                f"what one of {count} processes raised or returned cannot be sent back to this one: take one process, "
-                "which shows it (--jobs 1)"
+                f"the result or exception of one of {count} processes cannot be sent back to this one: "
+                "take one process, which shows it (--jobs 1)"
             ) from None
 
 
-def _placed(place: int, function: Callable[..., Any], call: tuple[Any, ...]) -> tuple[int, Any]:
-    return place, function(*call)
+def _indexed(index: int, function: Callable[..., Any], call: tuple[Any, ...]) -> tuple[int, Any]:
+    return index, function(*call)
 
 
 def _cluster_map(function: Callable[..., Any], calls: Sequence[tuple[Any, ...]], scheduler: str) -> Iterator[Any]:
@@ -163,7 +163,7 @@ def _connect(scheduler: str) -> tuple[Any, Any]:
 
     untyped: Any = distributed
     try:
-        return untyped, untyped.Client(scheduler, timeout=_CONNECT, set_as_default=False)
+        return untyped, untyped.Client(scheduler, timeout=_CONNECT_SECONDS, set_as_default=False)
     except (OSError, TimeoutError, ValueError, TypeError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
     # The client that was begun is closed here and now. Closed by the collector while another one or a cluster starts,
@@ -174,7 +174,7 @@ def _connect(scheduler: str) -> tuple[Any, Any]:
 
 def _require_workers(client: Any, scheduler: str) -> None:
     try:
-        client.wait_for_workers(1, timeout=_WORKERS)
+        client.wait_for_workers(1, timeout=_WORKER_SECONDS)
     except TimeoutError:
         raise MtpBenchError(
             f"the Dask scheduler at {scheduler} has no workers: start some with `dask worker {scheduler}`"

@@ -15,7 +15,7 @@ from ..cards import Card
 from ..env.building import make_action
 from ..env.environment import MTPEnv
 from ..errors import SubmissionError
-from ..parallel import ALONE, QUIET, Progress, Workers, unordered_map
+from ..parallel import NO_PROGRESS, SERIAL, Progress, Workers, unordered_map
 from ..running.run import agent_task, derived_seed
 from ..sources.digest import scene_digest
 from ..submission.loader import load_submission
@@ -92,8 +92,8 @@ def run_isolated_scenes(
     limits: Limits = Limits(),  # noqa: B008  (frozen)
     *,
     scenes: Sequence[str],
-    workers: Workers = ALONE,
-    progress: Progress = QUIET,
+    workers: Workers = SERIAL,
+    progress: Progress = NO_PROGRESS,
     finished: Callable[[SceneRun], None] = lambda run: None,
 ) -> list[SceneRun]:
     """`run_isolated` of every scene, in the order of ``scenes``.

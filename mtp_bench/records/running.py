@@ -15,7 +15,7 @@ from ..env.rollouts import digest
 from ..errors import MtpBenchError
 from ..files import clean_text, content_digest
 from ..gateway import Image, Limits, SceneRun, image_of, run_isolated_scenes
-from ..parallel import QUIET
+from ..parallel import NO_PROGRESS
 from ..running.options import RunOptions
 from ..running.reference import ranked_scenes
 from ..running.rollout_files import RunInfo
@@ -130,7 +130,7 @@ def evaluate_plan(
     plan: Plan, runs: Mapping[int, Sequence[SceneRun]], reference: Reference, *, watched: bool = False
 ) -> Evaluation:
     """Numbers of the runs of a plan; ``watched``: the progress is told each scene that is scored."""
-    setting, options = plan.setting, plan.options if watched else replace(plan.options, progress=QUIET)
+    setting, options = plan.setting, plan.options if watched else replace(plan.options, progress=NO_PROGRESS)
     name, rollouts = plan.submission.name, rollouts_of(runs)
     return evaluate(name, plan.card, options, rollouts, reference, setting.hypotheses, setting.ideal)
 

@@ -12,7 +12,7 @@ import numpy as np
 from ..cards import Card
 from ..errors import CardError, DataError
 from ..files import require_file, whole_file
-from ..parallel import QUIET, Progress
+from ..parallel import NO_PROGRESS, Progress
 from ..scoring import evaluated, find_targets, live_frames
 from ..scoring.additions import final_match
 from ..scoring.challenge import KS, challenge_errors
@@ -75,7 +75,7 @@ def score_predictions(path: str | Path, env_id: str, options: RunOptions = DEFAU
     return ChallengeScore(len(future), len(found), elsewhere, errors.means())
 
 
-def export_predictions(opened: OpenedRun, path: str | Path, progress: Progress = QUIET) -> Exported:
+def export_predictions(opened: OpenedRun, path: str | Path, progress: Progress = NO_PROGRESS) -> Exported:
     """Write the forecasts of a stored run as a submission to the challenge; ``progress`` is told each scene.
 
     The forecast of a target is the one that the scorer matches to it when all are kept; a target without one is not in

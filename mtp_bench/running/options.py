@@ -8,7 +8,7 @@ from typing import Any
 
 from ..cards import Card, changed_card, load_card
 from ..errors import MtpBenchError
-from ..parallel import ALONE, QUIET, Progress, Workers
+from ..parallel import NO_PROGRESS, SERIAL, Progress, Workers
 from ..submission.loader import Submission
 from .folds import Fold, held_out
 
@@ -50,8 +50,8 @@ class RunOptions:
     fold: Fold | None = None
     detection_file: str | None = None
     track_file: str | None = None
-    workers: Workers = ALONE
-    progress: Progress = QUIET
+    workers: Workers = SERIAL
+    progress: Progress = NO_PROGRESS
     files: str | None = None
 
     def __post_init__(self) -> None:

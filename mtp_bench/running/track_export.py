@@ -12,7 +12,7 @@ import numpy as np
 from ..cards import Card
 from ..errors import CardError
 from ..files import new_folder, whole_file
-from ..parallel import QUIET, Progress
+from ..parallel import NO_PROGRESS, Progress
 from ..sources.kitti.layout import TYPES
 from ..sources.kitti.section import KittiSource
 from ..sources.kitti.tracks import poses_of, result_lines
@@ -68,7 +68,7 @@ def _scores(rows: TrackRows, scene: Scene, gate: Floats) -> Floats:
     return score
 
 
-def export_tracks(opened: OpenedRun, path: str | Path, table: bool = False, progress: Progress = QUIET) -> int:
+def export_tracks(opened: OpenedRun, path: str | Path, table: bool = False, progress: Progress = NO_PROGRESS) -> int:
     """Write the tracks of a stored run to ``path``; how many boxes that are. ``progress`` is told each scene.
 
     nuScenes: a .json file in the submission form of the tracking task. KITTI: a folder of the benchmark's results. With
