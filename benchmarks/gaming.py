@@ -1,4 +1,4 @@
-"""What cheating earns: STP with dishonest answers, and honest agents, under the numbers that rank.
+"""The gain from cheating: STP with dishonest answers, and honest agents, under the ranking error.
 
     python benchmarks/gaming.py --env MTP-nuScenes-mini-v0 [--scenes N] [--data ROOT] [--jobs N] [--json FILE]
 
@@ -131,7 +131,7 @@ def crowded(scene: Scene, rollout: Rollout) -> NDArray[np.float64]:
 
 
 def moving(scene: Scene, rollout: Rollout) -> NDArray[np.float64]:
-    """How far each forecast goes, as a share of 10 m."""
+    """The length of each forecast, as a share of 10 m."""
     end = rollout.forecast[:, :, -1].astype(np.float64).mean(axis=1) / 100.0
     return np.asarray(np.minimum(np.hypot(end[:, 0], end[:, 1]) / 10.0, 1.0))
 

@@ -1,4 +1,4 @@
-"""What the gateway costs: milliseconds per frame, and seconds until an agent is built.
+"""Costs of the gateway: milliseconds per frame, and seconds until an agent is built.
 
     python benchmarks/gateway.py [--frames 300] [--json FILE]
 

@@ -38,7 +38,7 @@ class Watched(HypothesisTracker):
 
 
 def fits(before: Tracks, now: Tracks) -> bool:
-    """Whether every track that the parent of its hypothesis held too goes on from what it was there.
+    """True if every track that the parent hypothesis held too continues its state there.
 
     Tracks that are new, or that the parent had not seen often enough to output them, have nothing to fit.
     """

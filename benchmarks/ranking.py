@@ -1,4 +1,4 @@
-"""Whether ranks and intervals hold what they promise: null test of ranks, coverage of the interval of the mean.
+"""Checks of the statistics: null test of ranks, coverage of the interval of the mean.
 
     python benchmarks/ranking.py --env MTP-Intersection-v0 [--agent stp] [--seeds 12] [--scenes N] [--data ROOT]
 

@@ -1,4 +1,4 @@
-"""Do two versions of the library say and score the same? Contents of rollouts and every number of `compare`.
+"""Compare two versions of the library: contents of rollouts and every number of `compare`.
 
     python benchmarks/same_results.py -o before.json --checkout ../old   # a checkout of the older commit
     python benchmarks/same_results.py -o after.json --against before.json
@@ -84,7 +84,7 @@ def rows(path: Path) -> list[dict[str, Any]]:
 
 
 def results(checkout: Path, data: str, scenes: dict[str, int | None], quick: bool = False) -> dict[str, Any]:
-    """What every baseline says and is worth on every environment, from `run` and `compare` of a checkout."""
+    """Rollouts and scores of every baseline on every environment, from `run` and `compare` of a checkout."""
     made: dict[str, Any] = {}
     for env, count in scenes.items():
         some = [] if count is None else ["--scenes", str(count)]

@@ -1,4 +1,4 @@
-"""How fast the scorer is: `tracking_counts` beside motmetrics and TrackEval, and what ranks beside one plain matching.
+"""Speed of the scorer: `tracking_counts` beside motmetrics and TrackEval, bADE beside one plain matching.
 
     python benchmarks/scorer.py [--scenes 10] [--frames 300] [--objects 20] [--area 80] [--json FILE]
     python benchmarks/scorer.py --env MTP-Intersection-v0 [--agent mtp] [--scenes 3] [--data ROOT]

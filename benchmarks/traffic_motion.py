@@ -1,4 +1,4 @@
-"""How the objects of a scene move and how close they are: samples that recorded and simulated traffic share.
+"""Samples of motion and of distances between objects, comparable for recorded and simulated traffic.
 
 Everything is measured at 2 Hz, of objects within `REACH` of the sensor; the velocity of a frame is that since the frame
 before.
@@ -123,7 +123,7 @@ def following(box: Floats, speed: Floats, vehicle: Bools) -> Floats:
 
 
 def use(moved: Motion, speed: Floats) -> Samples:
-    """What vehicles and people do, by box."""
+    """Motion of vehicles and people, by box."""
     there = known(speed)
     place = moved.box[..., :2]
     first = np.argmax(known(place[..., 0]), axis=1)

@@ -1,4 +1,4 @@
-"""What was learnt on simulated detections, on recorded ones: presence and a predictor of tracklets.
+"""Presence and a predictor trained on simulated detections, measured on recorded ones.
 
     python benchmarks/transfer.py presence [--data ROOT]
     python benchmarks/transfer.py predictor --data TRAINVAL [--split val] [--scenes 100] [--also-scenes 130]

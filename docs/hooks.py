@@ -1,4 +1,4 @@
-"""What mkdocs calls while it builds the site: generated pages and files of the repository join those of docs/.
+"""Hooks of mkdocs: add generated pages and files of the repository to those of docs/.
 
 No document is kept twice. A page that is a file of the repository is read from there (`generate/repository.py`);
 the pages of environments, of the reference and of the commands are made from the library.

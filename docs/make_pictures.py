@@ -1,4 +1,4 @@
-"""Makes the pictures of `docs/seeing/why.md`: the costliest event of a kind, by the plain baseline.
+"""Makes the pictures of `docs/visualization/why.md`: the costliest event of a kind, by the plain baseline.
 
     python docs/make_pictures.py               # simulated traffic, into docs/pictures
     python docs/make_pictures.py --real FOLDER # recordings under MTP_BENCH_DATA, into FOLDER
@@ -58,7 +58,7 @@ def take(shot: Shot, path: Path) -> str:
 
 def main() -> None:
     """Make all pictures of one of the two sets."""
-    parser = argparse.ArgumentParser(description="pictures of docs/seeing/why.md")
+    parser = argparse.ArgumentParser(description="pictures of docs/visualization/why.md")
     parser.add_argument("--real", type=Path, metavar="FOLDER", help="pictures of recordings, into this folder")
     folder = parser.parse_args().real
     for name, shot in (SIMULATED if folder is None else REAL).items():

@@ -2,7 +2,7 @@
 
     python examples/own_csv.py
 
-Tables and columns: docs/data/own.md. What the picture shows: docs/seeing/why.md.
+Tables and columns: docs/data/own.md. What the picture shows: docs/visualization/why.md.
 """
 
 import subprocess

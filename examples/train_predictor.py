@@ -28,7 +28,7 @@ task = found.task
 
 
 def features(windows):
-    """What the network gets [n, 2 P], and the future that it is to say [n, T, 2]."""
+    """Inputs of the network [n, 2 P], and the futures to predict [n, T, 2]."""
     seen = local_inputs(windows)  # also: yaw, velocity, score, size, counts, class_id
     past = seen["position"] * seen["alive"][:, :, None]  # masks, never padding
     return torch.from_numpy(past.reshape(len(past), -1)), torch.from_numpy(local_future(windows, windows.future))

@@ -125,14 +125,14 @@ def test_every_environment_has_its_page(site: Path, env_id: str) -> None:
 
 
 def test_failures_in_recordings_are_shown_where_the_data_is(site: Path) -> None:
-    page = Page(site / "seeing" / "why.html")
+    page = Page(site / "visualization" / "why.html")
     found = [f"../pictures/{name}.png" in page.loaded for name in REAL]
     assert ("They are not shown here" in page.file.read_text()) is not any(found)
 
 
 @pytest.mark.data
 def test_real_failures_are_in_the_site(site: Path) -> None:
-    page = Page(site / "seeing" / "why.html")
+    page = Page(site / "visualization" / "why.html")
     assert {f"../pictures/{name}.png" for name in REAL} <= set(page.loaded)
     assert re.search(r"pedestrian \d+ loses track \d+, which goes to pedestrian", page.file.read_text())
 

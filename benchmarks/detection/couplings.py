@@ -1,4 +1,4 @@
-"""How scores, errors, misses and false positives of a detector hang together, real or simulated.
+"""Correlations of scores, errors, misses and false positives of a detector, real or simulated.
 
 These figures say what a tracker meets: whether a low score tells of a large error or of a miss to come, whether
 neighbours fail together, whether false positives stand in groups and stay.

@@ -23,7 +23,7 @@ NUSCENES: tuple[str, ...] = ("car", "truck", "bus", "trailer", "construction_veh
 
 @dataclass(frozen=True)
 class Recordings:
-    """What a detector was run on."""
+    """The recordings that a detector was run on."""
 
     name: str
     env: str

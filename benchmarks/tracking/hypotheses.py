@@ -1,4 +1,4 @@
-"""What hypotheses cost and hold: against H, against objects, joint and per cluster."""
+"""Cost and content of hypotheses, against H and against objects."""
 
 from __future__ import annotations
 

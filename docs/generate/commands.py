@@ -47,7 +47,7 @@ def _section(name: str, command: Any) -> str:
 
 
 def _record(part: Any, context: Any) -> tuple[str, str] | None:
-    """How a parameter is written, and what it means."""
+    """Name and help text of a parameter; None if it is hidden."""
     if getattr(part, "hidden", False):
         return None
     record = part.get_help_record(context)

@@ -95,7 +95,7 @@ def coverage() -> str:
 
 
 def miss_error() -> str:
-    """What targets cost: the best sample, at most c; c without a forecast."""
+    """The cost of targets: the best sample, at most c; c without a forecast."""
     true = [(5.0, 17.0), (5.0, 10.0), (5.0, 4.0)]
     samples = [
         [[(3 * t, slope * t) for t in (1, 2, 3)] for slope in (-1.2, -0.5, 0.3, 1.0)],
@@ -156,7 +156,7 @@ def budgets() -> str:
 
 
 def gap() -> str:
-    """How much of the way from STP to true pasts an agent goes."""
+    """The share of the gap from STP to ground-truth tracks that an agent closes."""
     away = np.linspace(-0.1, 0.1, 8)  # eight units, one target each
     errors = {"true pasts": 0.6 + away, "agent": 1.1 + 0.5 * away, "STP": 1.6 + away}
     found = gap_closed(errors["agent"], errors["STP"], errors["true pasts"], np.ones(8))

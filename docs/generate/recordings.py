@@ -16,7 +16,7 @@ from mtp_bench import MtpBenchError, card_ids, load_card
 
 from .pictures import picture_of
 
-WHY = "seeing/why.md"  # the page with failures
+WHY = "visualization/why.md"  # the page with failures
 FRAMES, FAILURES = "environment/pictures", "pictures"
 OWN = "drawn from the data of whoever built this copy of the site; the dataset's licence does not let it be published"
 NOT_SHOWN = (  # the line of the page that gives way to the pictures
@@ -68,7 +68,7 @@ def _drawn(env_id: str) -> bytes | None:
 
 
 def _has_data() -> bool:
-    """Whether data was named: what lies in the user's data folder gets into no site unasked."""
+    """True if a data root was named; the user's own data folder is never published unasked."""
     root = os.environ.get("MTP_BENCH_DATA")
     if root and not Path(root).expanduser().is_dir():
         raise SystemExit(f"MTP_BENCH_DATA is {root}, expected a folder with datasets")

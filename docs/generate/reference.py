@@ -73,7 +73,7 @@ def pages() -> dict[str, str]:
 
 
 def public_names() -> list[str]:
-    """Names of `mtp_bench` that are no modules, sorted."""
+    """Names of `mtp_bench` other than modules, sorted."""
     root = importlib.import_module("mtp_bench")
     names = [name for name in dir(root) if not name.startswith("_")]
     return [name for name in names if not inspect.ismodule(getattr(root, name))]
@@ -119,7 +119,7 @@ def _names(group: Group) -> list[str]:
 
 
 def _offered(name: str, value: Any) -> bool:
-    """Whether a package offers a name of its namespace: no module, nothing of Python itself."""
+    """True for a public name of a package that is not a module and not a name of Python."""
     return not name.startswith("_") and not inspect.ismodule(value) and name != "annotations"
 
 

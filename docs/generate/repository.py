@@ -58,7 +58,7 @@ def source_of(place: str) -> str:
 
 
 def place_of(source: str) -> str | None:
-    """Where a file of the repository lies in the site; None where it does not."""
+    """The page of the site for a file of the repository; None if it has none."""
     if source in PLACES:
         return PLACES[source]
     return source.removeprefix("docs/") if source.startswith("docs/") else None

@@ -10,7 +10,7 @@ from mtp_bench.tracking import BirdsEye, OnlineDetections, OnlineTracker
 SECONDS = 1.0  # that a track is kept without a detection
 
 
-class Wrapped:
+class MotpyTracker:
     """motpy's ``step``: its tracks hold filtered rectangles and do not say which detection they took."""
 
     def __init__(self, task: Task, min_iou: float) -> None:
@@ -35,5 +35,5 @@ class Wrapped:
 
 def build(task: Task, padding: float = 0.5, min_iou: float = 0.1) -> Agent:
     """``padding``: m around every box; ``min_iou``: of rectangles, from which on a track may take a detection."""
-    wrapped = OnlineTracker(lambda task: Wrapped(task, min_iou), per_class=True, view=BirdsEye(10.0, padding))
+    wrapped = OnlineTracker(lambda task: MotpyTracker(task, min_iou), per_class=True, view=BirdsEye(10.0, padding))
     return Pipeline(wrapped, KinematicPredictor(), KMeansSampler(), presence=LearnedPresence())

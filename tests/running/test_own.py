@@ -50,7 +50,7 @@ def test_the_example_is_short_and_shows_something(
     with Image.open(tmp_path / "failure.png") as picture:
         pixels, sentence = np.asarray(picture), picture.info["Description"]
     assert "lost-0: at 6.5 s car 0 loses track" in str(sentence)
-    (block,) = blocks(repository / "docs" / "seeing" / "why.md", "python")  # the same from Python
+    (block,) = blocks(repository / "docs" / "visualization" / "why.md", "python")  # the same from Python
     page: dict[str, Any] = {}
     exec(compile(block, "why.md", "exec"), page)
     assert page["picture_of"]("runs/two_cars", "one", "lost-0", "same.png") == sentence

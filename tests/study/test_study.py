@@ -48,8 +48,8 @@ OURS = ("surface", "k_curve", "causes", "gaps", "since", "age", "bins", "budgets
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory, repository: Path, card: str, kitti: str) -> Study:
-    """The study of docs/seeing/study.md, of the small card; tests must not change its folder."""
-    (block,) = blocks(repository / "docs" / "seeing" / "study.md", "python")
+    """The study of docs/visualization/study.md, of the small card; tests must not change its folder."""
+    (block,) = blocks(repository / "docs" / "visualization" / "study.md", "python")
     folder = tmp_path_factory.mktemp("study")
     here = {'"MTP-Intersection-v0"': repr(card), '"study"': repr(str(folder)), "RunOptions(": f"RunOptions({kitti!r}, "}
     for shown, ours in here.items():

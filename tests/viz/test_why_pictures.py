@@ -1,4 +1,4 @@
-"""The pictures of `docs/seeing/why.md`: what they say is still so, and they are small."""
+"""The pictures of `docs/visualization/why.md`: what they say is still so, and they are small."""
 
 from __future__ import annotations
 
@@ -23,6 +23,6 @@ def test_a_committed_picture_says_what_would_be_drawn_today(name: str, repositor
 
 
 def test_the_page_shows_every_committed_picture(repository: Path) -> None:
-    page = (repository / "docs" / "seeing" / "why.md").read_text()
+    page = (repository / "docs" / "visualization" / "why.md").read_text()
     assert all(f"../pictures/{name}.png" in page for name in PICTURES)
     assert sorted(path.stem for path in (repository / "docs" / "pictures").glob("focus_*.png")) == sorted(PICTURES)
