@@ -25,8 +25,8 @@ from mtp_bench.gateway import Limits, run_isolated
 from mtp_bench.gateway.exchange import Exchange, answer_bytes
 from mtp_bench.gateway.image import image_of
 from mtp_bench.gateway.layout import layout_for
-from mtp_bench.gateway.mechanism import mechanism
-from mtp_bench.gateway.process import AgentProcess, Cell
+from mtp_bench.gateway.process import AgentProcess, SandboxSpec
+from mtp_bench.gateway.sandbox import sandbox_backend
 
 CARDS = ("MTP-KITTI-v0", "MTP-Intersection-v0", "MTP-nuScenes-mini-v0")
 STARTED = ("stp", "mtp", "mtp_modes")
@@ -62,8 +62,8 @@ def measured(env_id: str, frames: int) -> dict[str, float]:
         (folder / "agent.py").write_text(AGENT.format(shapes=shapes))
         (folder / "submission.toml").write_text(MANIFEST)
         image = image_of(load_submission(folder), env_id)
-        cell = Cell(layout_for(image, None), image, mechanism())
-        with AgentProcess(limits, cell, answer_bytes(space, limits)) as process:
+        spec = SandboxSpec(layout_for(image, None), image, sandbox_backend())
+        with AgentProcess(limits, spec, answer_bytes(space, limits)) as process:
             exchange = Exchange(process, limits, space, b"")
             exchange.open(process.setup({}), asdict(replace(task, seed=0)))
             seconds: list[float] = []
@@ -103,7 +103,7 @@ def main() -> None:
         times = f"{row['median_ms']:6.2f} ms (p95 {row['p95_ms']:.2f})"
         print(f"{env_id:22} {times}  {row['observation_kib']:.0f} KiB asked, {row['answer_kib']:.0f} KiB answered")
     starts = {name: start_seconds(name) for name in STARTED}
-    print("; ".join(f"{name} starts in {seconds:.2f} s" for name, seconds in starts.items()), f"({mechanism()})")
+    print("; ".join(f"{name} starts in {seconds:.2f} s" for name, seconds in starts.items()), f"({sandbox_backend()})")
     if given.json is not None:
         given.json.write_text(json.dumps({"frames": found, "start_s": starts}, indent=2) + "\n")
 

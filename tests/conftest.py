@@ -195,6 +195,6 @@ def leaderboard(key: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def light_stems(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Stems load what every agent needs and not the trackers: half a second less for each submission."""
-    monkeypatch.setattr("mtp_bench.gateway.stems.LOADED", {"mtp_bench.submission.loader": ()})
+def light_fork_servers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fork servers load what every agent needs without the trackers: half a second less for each submission."""
+    monkeypatch.setattr("mtp_bench.gateway.fork_server.LOADED", {"mtp_bench.submission.loader": ()})

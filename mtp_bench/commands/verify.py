@@ -49,9 +49,9 @@ class RunningAgain:
         bool,
         typer.Option("--stated-limits", help="Also under higher limits, which records of the open division may state."),
     ] = False
-    unheld: Annotated[
+    no_sandbox: Annotated[
         bool,
-        typer.Option("--unheld", help="Also where this system can hold no agent: it then runs with your rights."),
+        typer.Option("--no-sandbox", help="Run the agent without a sandbox, with your rights, if none works here."),
     ] = False
     only_hidden: Annotated[
         bool,
@@ -105,7 +105,7 @@ def verify(
         ("--hidden", again.hidden, "--rerun", again.rerun),
         ("--commitment", again.commitment, "--hidden", again.hidden),
         ("--stated-limits", again.stated_limits or None, "--rerun", again.rerun),
-        ("--unheld", again.unheld or None, "--rerun", again.rerun),
+        ("--no-sandbox", again.no_sandbox or None, "--rerun", again.rerun),
         ("--only-hidden", again.only_hidden or None, "--hidden", again.hidden),
         ("--sign", signing.sign, "--signer", signing.signer),
         ("--signer", signing.signer, "--sign", signing.sign),
@@ -122,7 +122,7 @@ def verify(
         _intake(record, trust, taking.owner, json_file)
         return
     seals = _seals(again.hidden, again.commitment, trust)
-    how = (again.stated_limits, again.unheld, again.only_hidden)
+    how = (again.stated_limits, again.no_sandbox, again.only_hidden)
     asked = Round(again.rerun, seals, again.submissions, again.submission, *how)
     options = RunOptions(root, track_file=absolute(tracks), workers=WorkerChoice(jobs).workers())
     _check_all(record, _Work(asked, trust, options, env, write, signing.sign, signing.signer or ""), json_file)
@@ -200,7 +200,7 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Line:
         known = {"record": str(path), "digest": record.digest, "level": done.level, "hidden_error": error}
         return _Line(path, {**known, "holds": True})
     with working(f"verify {record.submission.name} on {record.env.id}", work.options) as watched:
-        again = (asked.folder(record), asked.rerun, asked.sealed(record), ends, asked.stated_limits, asked.unheld)
+        again = (asked.folder(record), asked.rerun, asked.sealed(record), ends, asked.stated_limits, asked.no_sandbox)
         checked = check_record(path, watched, work.env, *again, asked.shown(path, record, work.trust))
     if checked.differences:
         show_numbers(_difference_table(checked))

@@ -3,11 +3,11 @@
 An agent's process gets detections frame by frame and sends answers; rewards, ``info`` and the truth stay with the
 judge. A hash chain covers all answers, unchanged and in order. What an agent does ends at most its scene.
 
-Who does what: `image` copies and hashes the submission, `layout` lists what the agent sees, `filter` the calls that it
-may not make, `mechanism` chooses who shuts it in (bubblewrap, or `namespaces`), `launch` starts it or a `stem` of which
-it is a fork (`stems` keeps these), `child` runs in it; `process` starts, watches and ends it, `channel` exchanges
-messages (`wire`), `exchange` asks frame by frame. ``SECURITY.md`` says what holds,
-and what does not. Where a system cannot isolate, agents run with limits only, and `SceneRun.isolation` says so.
+`image` copies and hashes the submission, `layout` lists the files that an agent sees, `filter` the system calls that it
+may not make, `sandbox` runs bubblewrap with both. A `fork_server` per submission makes the agent processes
+(`fork_server_main` and `child` run inside the sandbox). `process` starts, watches and ends one, `channel` exchanges
+messages (`wire`), `exchange` asks frame by frame. ``SECURITY.md`` says which attacks the sandbox stops. Without
+bubblewrap agents run with limits alone, and `SceneRun.isolation` says so.
 """
 
 from .image import Image as Image

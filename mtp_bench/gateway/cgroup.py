@@ -29,7 +29,7 @@ class Group:
     folders: tuple[Path, ...]
 
     @property
-    def doors(self) -> list[str]:
+    def members(self) -> list[str]:
         """Files into which a process writes 0 to join."""
         return [str(folder / "cgroup.procs") for folder in self.folders]
 

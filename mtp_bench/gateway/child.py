@@ -1,13 +1,17 @@
-"""The agent's side of the gateway: started as a script, shut in, with two descriptors.
+"""The agent's side of the gateway: answers the judge's orders over two pipes.
 
-Until the code of the submission is imported, all that runs here is the library's own.
+Started as a script, or called in a fork of `fork_server_main`. Only the library's own code runs here before the code of
+the submission is imported.
 """
 
 from __future__ import annotations
 
+import ctypes
 import importlib.util
 import json
 import os
+import platform
+import signal
 import struct
 import sys
 from collections.abc import Mapping
@@ -17,26 +21,58 @@ from typing import Any
 
 _PREFIX = struct.Struct("<IQ")  # as in wire.py, which needs numpy
 _SITE = ("site-packages", "dist-packages")
+_PDEATHSIG = 1  # of prctl
+_KEYCTL, _JOIN_SESSION_KEYRING = {"x86_64": 250, "aarch64": 219}, 1
 
 
 def main(orders: int, answers: int) -> None:
-    """Take orders from one descriptor and answer into the other until there are none."""
+    """Take orders from one descriptor and answer into the other until the judge closes it."""
     setup = json.loads(_read(orders)[0])
+    if setup["unsandboxed"] is not None:
+        end_with(setup["unsandboxed"]["judge"])
+        join_new_keyring()
+        for members in setup["unsandboxed"]["groups"]:
+            Path(members).write_text("0")
     _limit(setup["limits"])
     prepare(setup)
     _serve(orders, answers, setup)
 
 
 def prepare(setup: dict[str, Any]) -> None:
-    """Find the library, and the kernels that are compiled already."""
+    """Make the library and the compiled kernels importable."""
     _link_kernels(setup["kernels"], os.environ["NUMBA_CACHE_DIR"])
     _extend_path(setup["path"])
 
 
+def end_with(parent: int | None) -> None:
+    """Ask Linux to kill this process when its parent ends; exit if it is no longer ``parent``."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
+        if parent is not None and os.getppid() != parent:
+            sys.exit()
+
+
+def join_new_keyring() -> None:
+    """Enter a new session keyring, where the number of that call is known: keys outlive a process."""
+    if sys.platform == "linux" and platform.machine() in _KEYCTL:
+        number = ctypes.c_long(_KEYCTL[platform.machine()])
+        ctypes.CDLL(None).syscall(number, _JOIN_SESSION_KEYRING, None)
+
+
+def module_beside(name: str) -> Any:
+    """A module of this folder without its package, which belongs to the judge."""
+    spec = importlib.util.spec_from_file_location(f"mtp_bench_{name}", Path(__file__).with_name(f"{name}.py"))
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{name}.py is missing")
+    sys.modules[spec.name] = module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 def _serve(orders: int, answers: int, setup: dict[str, Any]) -> None:
-    where = "the agent cannot be built"
+    stage = "the agent cannot be built"
     try:
-        wire = _wire()
+        wire = module_beside("wire")
         from mtp_bench import Task, load_submission
 
         agent: Any = None
@@ -47,34 +83,24 @@ def _serve(orders: int, answers: int, setup: dict[str, Any]) -> None:
                 case "build":
                     task = _task(Task, header["task"])
                     agent = load_submission(setup["submission"]).build(task, **setup["parameters"])
-                    _say(answers, {"kind": "built"})
+                    _send(answers, {"kind": "built"})
                 case "reset":
-                    where = "reset failed"
+                    stage = "reset failed"
                     agent.reset(_task(Task, header["task"]))
-                    _say(answers, {"kind": "ready"})
+                    _send(answers, {"kind": "ready"})
                 case _:
-                    where = f"frame {header['frame']} failed"
+                    stage = f"frame {header['frame']} failed"
                     action = agent.act(wire.arrays_of(header, body))
                     reply = {"kind": "answer", "frame": header["frame"], "token": header["token"]}
-                    _write(answers, _packed(wire, reply, action, header["fields"], header["most"]))
+                    _write(answers, _answer_message(wire, reply, action, header["fields"], header["most"]))
     except EOFError:
         return
     except BaseException as error:
-        _say(answers, {"kind": "error", "text": f"{where}: {_text(error)}"[:2000]})
+        _send(answers, {"kind": "error", "text": f"{stage}: {_error_text(error)}"[:2000]})
 
 
-def _wire() -> Any:
-    """The module wire.py, alone: its package is the judge's."""
-    spec = importlib.util.spec_from_file_location("mtp_bench_wire", Path(__file__).with_name("wire.py"))
-    if spec is None or spec.loader is None:
-        raise ImportError("wire.py is not there")
-    sys.modules[spec.name] = module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def _packed(wire: Any, reply: dict[str, Any], action: object, fields: list[str], most: int) -> bytes:
-    """The message of an answer; without arrays, and with the reason, where it cannot be sent."""
+def _answer_message(wire: Any, reply: dict[str, Any], action: object, fields: list[str], most: int) -> bytes:
+    """The message of an answer; without arrays, and with the reason, if it cannot be sent."""
     arrays, malformed = {}, ""
     if isinstance(action, Mapping):
         arrays = {name: wire.plain(action[name]) for name in fields if name in action}
@@ -87,8 +113,9 @@ def _packed(wire: Any, reply: dict[str, Any], action: object, fields: list[str],
     return message
 
 
-def _text(error: BaseException) -> str:
-    known = any(kind.__name__ == "MtpBenchError" for kind in type(error).__mro__)  # the library may not be importable
+def _error_text(error: BaseException) -> str:
+    # by name: the library itself may fail to import
+    known = any(kind.__name__ == "MtpBenchError" for kind in type(error).__mro__)
     return str(error) if known else f"{type(error).__name__}: {error}"
 
 
@@ -97,7 +124,7 @@ def _task(make: Any, content: dict[str, Any]) -> Any:
 
 
 def _limit(limits: dict[str, int]) -> None:
-    """Limits of the system for this process and each that it starts; what follows cannot take them back.
+    """Set limits of the system for this process and those that it starts, which cannot raise them again.
 
     ``NPROC`` counts the processes and threads of this user: in a user namespace those inside it.
     """
@@ -114,17 +141,14 @@ def _limit(limits: dict[str, int]) -> None:
 
 
 def _extend_path(path: list[str]) -> None:
-    """Find the library where the judge has it, after the standard library and before other packages."""
+    """Add the judge's copy of the library after the standard library, and installed packages at the end."""
     first = next((i for i, entry in enumerate(sys.path) if entry.endswith(_SITE)), len(sys.path))
     sys.path[first:first] = [entry for entry in path[:1] if entry not in sys.path]
     sys.path += [entry for entry in path[1:] if entry not in sys.path]
 
 
 def _link_kernels(source: str | None, target: str) -> None:
-    """A cache of compiled kernels that can be written: what is there is linked, what is new is this process's own.
-
-    Numba takes no cache that it cannot write to.
-    """
+    """Link the read-only compiled kernels into a writable folder: numba refuses a cache that it cannot write to."""
     for folder, _, names in os.walk(source) if source else ():
         own = folder.replace(str(source), target, 1)
         os.makedirs(own, exist_ok=True)  # noqa: PTH103  (paths as text are faster)
@@ -133,22 +157,22 @@ def _link_kernels(source: str | None, target: str) -> None:
 
 
 def _read(descriptor: int) -> tuple[bytearray, bytearray]:
-    header, body = _PREFIX.unpack(_exactly(descriptor, _PREFIX.size))
-    return _exactly(descriptor, header), _exactly(descriptor, body)
+    header, body = _PREFIX.unpack(_read_exactly(descriptor, _PREFIX.size))
+    return _read_exactly(descriptor, header), _read_exactly(descriptor, body)
 
 
-def _exactly(descriptor: int, size: int) -> bytearray:
-    found = bytearray(size)
-    view, at = memoryview(found), 0
-    while at < size:
-        count = os.readv(descriptor, [view[at:]])
+def _read_exactly(descriptor: int, size: int) -> bytearray:
+    content = bytearray(size)
+    view, position = memoryview(content), 0
+    while position < size:
+        count = os.readv(descriptor, [view[position:]])
         if count == 0:
             raise EOFError
-        at += count
-    return found
+        position += count
+    return content
 
 
-def _say(descriptor: int, header: dict[str, Any]) -> None:
+def _send(descriptor: int, header: dict[str, Any]) -> None:
     text = json.dumps({**header, "arrays": []}).encode()
     _write(descriptor, _PREFIX.pack(len(text), 0) + text)
 

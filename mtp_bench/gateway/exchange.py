@@ -169,7 +169,7 @@ class Exchange:
             message = self._process.receive(deadline)
         except EndedError:
             said = self._process.printed()
-            reason = f"the process {self._process.end()}" + (f"; it last said {said!r}" if said else "")
+            reason = f"the process {self._process.exit_text()}" + (f"; it last said {said!r}" if said else "")
             raise SceneOverError("crashed", reason) from None
         except ExcessError as error:
             raise SceneOverError("rejected", str(error)) from None

@@ -1,8 +1,8 @@
-"""What an agent's process sees: a list of what is there, and nothing else.
+"""The files that an agent's process sees: an allow-list.
 
-Shown, read-only: the interpreter and its standard library, the shared libraries of the system, installed packages, the
-part of this library that players use, the image of the submission, and the compiled kernels. Its own: a temporary
-folder of bounded size. Everything else of the machine is not hidden but absent.
+Read-only: the interpreter and its standard library, the shared libraries of the system, installed packages, the
+part of this library that players use, the image of the submission, and the compiled kernels. Writable: a
+temporary folder of bounded size. All other files of the machine are not hidden but absent.
 """
 
 from __future__ import annotations
@@ -23,13 +23,12 @@ from ..sources.cache import cache_root
 from ..sources.dataset import data_root
 from .image import Image
 
-SUBMISSION, NETWORKS, KERNELS, TEMPORARY = "/submission", "/networks", "/kernels", "/tmp"
+SUBMISSION, NETWORKS, KERNELS, TEMPORARY = "/submission", "/networks", "/kernels", "/scratch"
 LIBRARY = (  # of the package: what agents are made of, without judge, sources, cards and training
     "__init__.py", "_bundle.py", "_version.py", "errors.py", "files.py", "geometry.py", "networks.py", "shapes.py",
     "similar.py", "strict.py", "tracks.py", "types.py", "agent", "submission", "tracking", "prediction",
     "env/__init__.py", "env/action.py", "env/building.py", "env/checks.py", "env/problems.py",
-    "gateway/child.py", "gateway/wire.py", "gateway/stem.py", "gateway/launch.py",
-    "gateway/namespaces.py",
+    "gateway/child.py", "gateway/wire.py", "gateway/fork_server_main.py",
 )  # fmt: skip
 # Files of /proc that tell of the kernel, of keys or of the whole machine: empty there.
 _TELLING = (
@@ -49,7 +48,7 @@ _KERNELS = {  # those that baselines need
     "prediction.greedy": ("k_medians",),
     "prediction.k_means": ("k_means",),
 }
-LOADED = {  # what a stem imports, and the kernels that it loads
+LOADED = {  # modules that a fork server imports, and the kernels that it loads
     "mtp_bench.submission.loader": (),
     "mtp_bench.tracking": (),
     "mtp_bench.prediction": (),
@@ -88,7 +87,13 @@ def layout_for(image: Image, data: str | None, cuda: bool = False, own: Sequence
     if cuda:
         devices += _graphics_cards()
         shown.append(("/sys", "/sys"))
-    return Layout(tuple(shown), tuple(links), tuple(covered), devices)
+    return Layout(tuple(shown), _with_tmp(links, shown), tuple(covered), devices)
+
+
+def _with_tmp(links: Sequence[tuple[str, str]], shown: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
+    """``links``, and /tmp as another name of the temporary folder unless something is shown below /tmp."""
+    below = any(there.startswith("/tmp/") for _, there in shown)
+    return tuple(links) if below else (*links, (TEMPORARY.removeprefix("/"), "/tmp"))
 
 
 def _with_bytecode(path: Path) -> tuple[Path, ...]:
@@ -100,7 +105,7 @@ def bare_layout() -> Layout:
     """As much as the interpreter needs to start: to try whether isolation works here."""
     links, shown = _system_libraries()
     _add(shown, (os.fspath(interpreter()), *_standard_library()))
-    return Layout(tuple(shown), tuple(links))
+    return Layout(tuple(shown), _with_tmp(links, shown))
 
 
 def environment(isolated: bool, work: str = TEMPORARY, networks: str = NETWORKS) -> dict[str, str]:

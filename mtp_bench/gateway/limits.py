@@ -1,4 +1,4 @@
-"""What an agent may use, and what came of its scene."""
+"""Limits of an agent process, and the finished scene."""
 
 from __future__ import annotations
 
@@ -7,49 +7,48 @@ from typing import Literal
 
 from ..types import Rollout
 
-Mechanism = Literal["bubblewrap", "namespaces", "none"]
 PATIENCE = 10  # late answers in a row after which an agent counts as hung
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds of one agent on one scene; generous but finite. All times are measured outside the agent's process."""
+    """Bounds of one agent on one scene. All times are measured outside the agent's process."""
 
     start: float = 120.0  # s until the agent is built (imports, compilation)
     reset: float = 60.0  # s for reset(task)
     first_frame: float = 60.0  # s for the first answer (compilation)
-    frame: float = 5.0  # s for any other answer; a later one leaves that frame unanswered
-    scene: float = 1800.0  # s in all
+    frame: float = 5.0  # s for any other answer; a later answer leaves its frame unanswered
+    scene: float = 1800.0  # s in total
     memory: int = 8 << 30  # bytes of address space of each of the agent's processes
     disk: int = 64 << 20  # bytes it may write: in all where it has a file system of its own, else per file
     answer: int = 64 << 20  # bytes of one answer
-    cuda: bool = False  # it is given the graphics cards; its memory is then bounded for all its processes only
+    cuda: bool = False  # the agent gets the graphics cards; memory is then bounded for all its processes together only
 
 
 @dataclass(frozen=True)
 class Isolation:
-    """What held an agent: see ``SECURITY.md``."""
+    """How an agent's process was sandboxed, see ``SECURITY.md``."""
 
-    mechanism: Mechanism = "none"  # who shut it in
-    memory: Literal["cgroup", "watch"] = "watch"  # who bounds the memory of all its processes together
+    mechanism: Literal["bubblewrap", "none"] = "none"
+    memory: Literal["cgroup", "watch"] = "watch"  # what bounds the memory of all its processes together
 
     @property
-    def holds(self) -> bool:
-        """Whether it was kept from truth, network and other processes; without that nothing can be confirmed."""
+    def sandboxed(self) -> bool:
+        """Whether it could not reach truth, network and other processes; required for the level "re-run"."""
         return self.mechanism != "none"
 
 
 @dataclass(frozen=True, eq=False)
 class SceneRun:
-    """One scene answered by an agent in a process of its own."""
+    """A finished scene, answered by an agent in a process of its own."""
 
     rollout: Rollout  # frames without an answer have no rows
-    seal: str  # hex; the hash chain over all answers as they came, in order
-    status: str  # "finished", "crashed", "hung" or "rejected" (broke the rules of the gateway)
-    reason: str  # "" or one sentence for people
+    seal: str  # hex; hash chain over all answers in order
+    status: str  # "finished", "crashed", "hung" or "rejected" (it broke the rules of the gateway)
+    reason: str  # empty, or one sentence
     late: int  # frames unanswered because the answer came too late
-    malformed: int  # frames unanswered because the answer was none: too large, other shapes, no arrays, not finite
-    peak_memory: int  # bytes resident, of the agent's process; 0 where the system does not tell
+    malformed: int  # frames unanswered because the answer was malformed: too large, other shapes, no arrays, not finite
+    peak_memory: int  # resident memory of the agent's process, bytes; 0 if unknown
     started: float  # s until the agent was built
     isolation: Isolation = Isolation()
-    scene_digest: str = ""  # hex; of the data that was shown
+    scene_digest: str = ""  # hex; of the data that the agent was shown

@@ -22,9 +22,9 @@ from ..submission.loader import load_submission
 from .exchange import Exchange, answer_bytes
 from .image import image_of
 from .layout import compile_kernels, layout_for
-from .limits import Limits, Mechanism, SceneRun
-from .mechanism import mechanism
-from .process import AgentProcess, Cell
+from .limits import Limits, SceneRun
+from .process import AgentProcess, SandboxSpec
+from .sandbox import SandboxBackend, sandbox_backend
 
 
 def run_isolated(
@@ -36,7 +36,7 @@ def run_isolated(
     parameters: dict[str, Any] | None = None,
     limits: Limits = Limits(),  # noqa: B008  (frozen)
     digest: str | None = None,
-    way: Mechanism | None = None,
+    backend: SandboxBackend | None = None,
 ) -> SceneRun:
     """One scene of an env in evaluation mode, answered by a submission in a process of its own.
 
@@ -49,7 +49,7 @@ def run_isolated(
         parameters: Of the agent; None: those of the manifest.
         limits: What the agent may use.
         digest: Of the submission as it must be (`image_of`); None: as it is.
-        way: Who shuts it in; None: the best that works here.
+        backend: The sandbox; None: the one that works here, if any.
 
     The rollout of an agent that keeps the rules is that of `running.run.run_scene`, but for the times, which are
     measured outside the agent. An unanswered frame has no rows: everything in it is uncovered.
@@ -65,8 +65,8 @@ def run_isolated(
     if digest is not None and image.digest != digest:
         raise SubmissionError(f"{loaded.path}: its files changed while it ran; run it again")
     layout = layout_for(image, keywords.get("data"), limits.cuda, _own(env.card, keywords))
-    cell = Cell(layout, image, way or mechanism())
-    with AgentProcess(limits, cell, answer_bytes(env.action_space, limits)) as process:
+    spec = SandboxSpec(layout, image, backend or sandbox_backend())
+    with AgentProcess(limits, spec, answer_bytes(env.action_space, limits)) as process:
         setup = process.setup(loaded.parameters if parameters is None else parameters)
         exchange = Exchange(process, limits, env.action_space, seal_start(env.card.digest, scene, seed))
         exchange.open(setup, asdict(agent_task(env, seed)))
@@ -104,9 +104,9 @@ def run_isolated_scenes(
     """
     compile_kernels()
     digest = image_of(load_submission(submission), MTPEnv(env_id, **env_keywords).card.id).digest
-    # Decided once: no worker falls back to less because the machine is busy. Other machines decide for themselves.
-    way = mechanism() if workers.scheduler is None else None
-    calls = [(submission, env_id, env_keywords, scene, seed, parameters, limits, digest, way) for scene in scenes]
+    # Decided once, so that all scenes run in the same sandbox; other machines decide for themselves.
+    backend = sandbox_backend() if workers.scheduler is None else None
+    calls = [(submission, env_id, env_keywords, scene, seed, parameters, limits, digest, backend) for scene in scenes]
     runs: dict[int, SceneRun] = {}
     for place, run in unordered_map(run_isolated, calls, workers):
         runs[place] = run

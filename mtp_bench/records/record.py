@@ -18,7 +18,7 @@ from ..submission.manifest import NAME_PATTERN
 from .canonical import Date, Sha256
 
 Division = Literal["closed", "open"]
-Mechanism = Literal["bubblewrap", "namespaces", "none"]
+Mechanism = Literal["bubblewrap", "none"]
 Status = Literal["finished", "partial", "crashed", "rejected"]
 EARLIER, EARLIER_VERSIONS = "0.2", ("0.1.", "0.2.")  # label of what these versions of the package made
 TOLERANCE = 1e-9  # of a number that is scored again, absolute and relative
@@ -140,8 +140,8 @@ class IsolationPart(Section):
     memory: Literal["cgroup", "watch"]
 
     @property
-    def holds(self) -> bool:
-        """Whether it was kept from truth, network and other processes."""
+    def sandboxed(self) -> bool:
+        """Whether the agent could not reach truth, network and other processes."""
         return self.mechanism != "none"
 
 

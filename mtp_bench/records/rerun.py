@@ -81,7 +81,7 @@ def worse_when_moved(record: Record, rows: Sequence[Row]) -> Difference | None:
 def why_not_isolated(record: Record, held: IsolationPart) -> str:
     """Why a run again proves nothing, in a few words: what held the agent then, and now; empty where it proves."""
     for when, part in (("when the record was made", record.isolation), ("in this run", held)):
-        if not part.holds:
+        if not part.sandboxed:
             return f"nothing held the agent {when} (isolation {part.mechanism!r})"
     return ""
 

@@ -22,7 +22,7 @@ class Round:
     submissions: Path | None = None  # folder of submissions by their names
     submission: Path | None = None  # the one to run, whatever its name
     stated_limits: bool = False  # run again under the limits that a record states
-    unheld: bool = False  # run again also where nothing holds an agent
+    no_sandbox: bool = False  # run again also where nothing holds an agent
     only_hidden: bool = False  # what a signed level shows to have been run again is run on hidden scenes alone
 
     def sealed(self, record: Record) -> Sealed | None:

@@ -173,7 +173,7 @@ def unanswered(runs: Mapping[int, Sequence[SceneRun]]) -> MissedPart:
 def isolation(runs: Mapping[int, Sequence[SceneRun]]) -> IsolationPart:
     """What held the agent in every run: the weakest of them."""
     every = [run.isolation for results in runs.values() for run in results]
-    weakest = min(every, key=lambda held: (held.holds, held.memory == "cgroup"))
+    weakest = min(every, key=lambda held: (held.sandboxed, held.memory == "cgroup"))
     return IsolationPart(**asdict(weakest))
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from ..cards import Card
 from ..errors import RecordError
 from ..gateway import Limits
-from ..gateway.mechanism import mechanism
+from ..gateway.sandbox import sandbox_backend
 from ..running.options import DEFAULTS, RunOptions
 from ..running.reference import reference_for
 from ..scoring import DEFINITIONS, Reference
@@ -67,7 +67,7 @@ def verify(
     sealed: Sealed | None = None,
     ends: ExitStack | None = None,
     stated_limits: bool = False,
-    unheld: bool = False,
+    no_sandbox: bool = False,
     shown: SignedLevel | None = None,
 ) -> Verification:
     """Check a record by its stored rollouts: scored again they must give its numbers ("re-scored").
@@ -84,7 +84,7 @@ def verify(
             the end of this check.
         stated_limits: Run it again with all seeds and under the limits that it states, also where these are more than
             those of records that rank; graphics cards are one.
-        unheld: Run it again also where this system can hold no agent: it then has the rights of whoever runs it.
+        no_sandbox: Run it again also where this system can hold no agent: it then has the rights of whoever runs it.
         shown: A signed level of this record that ran it again. Where the scorer and the event weights are still those
             of the record, that is not repeated: it runs on the hidden scenes of ``sealed`` alone.
 
@@ -99,7 +99,7 @@ def verify(
     if stale:
         return Verification(path, record, "scored", stale, ())
     again = rerun or sealed is not None
-    if again and not unheld:
+    if again and not no_sandbox:
         _require_held(path, record, options)
     limits = _limits(path, record, stated_limits) if again else Limits()
     plan = _plan(path, record, env_id, submission, options) if again else None
@@ -228,11 +228,11 @@ def _hidden_alone(
 def _require_held(path: Path, record: Record, options: RunOptions) -> None:
     """Raise RecordError before a stranger's code is run where nothing would hold it."""
     known = baseline_digest(record.submission.name, record.submission.networks) == record.submission.digest
-    if known or options.workers.scheduler is not None or mechanism() != "none":
+    if known or options.workers.scheduler is not None or sandbox_backend() != "none":
         return
     raise RecordError(
-        f"{path}: this system can hold no agent (see SECURITY.md), so {record.submission.name!r} would run with your "
-        "rights: do it on Linux with bubblewrap, or say --unheld for code that you trust"
+        f"{path}: no sandbox is available here, so {record.submission.name!r} would run with your rights; install "
+        "bubblewrap, or pass --no-sandbox if you trust this code"
     )
 
 

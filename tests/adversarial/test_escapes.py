@@ -19,14 +19,11 @@ import pytest
 from mtp_bench.env.rollouts import digest
 from mtp_bench.gateway import SceneRun, run, run_isolated
 from mtp_bench.gateway.filter import system_call_filter
-from mtp_bench.gateway.limits import Mechanism
-from mtp_bench.gateway.mechanism import _works
+from mtp_bench.gateway.sandbox import sandbox_backend
 from tests.support.hostile import HONEST, QUICK, SCENE, Court, submission
 from tests.support.runs import PATIENT, move_home
 
-WAYS: tuple[Mechanism, ...] = ("bubblewrap", "namespaces")
-
-pytestmark = pytest.mark.usefixtures("light_stems")
+pytestmark = pytest.mark.usefixtures("light_fork_servers")
 
 
 @pytest.fixture
@@ -34,19 +31,17 @@ def court(card: str, kitti: str, tmp_path: Path) -> Court:
     return Court(card, kitti, tmp_path)
 
 
-@pytest.fixture(params=WAYS)
-def held(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Agents are shut in, in one way after the other."""
-    if not _works(request.param):
-        pytest.skip(f"{request.param} does not work on this system")
-    monkeypatch.setattr(run, "mechanism", lambda: request.param)
-    return str(request.param)
+@pytest.fixture
+def sandboxed() -> None:
+    """Agents run in the sandbox."""
+    if sandbox_backend() == "none":
+        pytest.skip("no sandbox works on this system")
 
 
 @pytest.fixture
 def loose(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing holds agents."""
-    monkeypatch.setattr(run, "mechanism", lambda: "none")
+    """Agents run without a sandbox."""
+    monkeypatch.setattr(run, "sandbox_backend", lambda: "none")
 
 
 def act(code: str) -> str:
@@ -58,7 +53,7 @@ def act(code: str) -> str:
 def expect_no_gain(court: Court, found: SceneRun) -> None:
     assert (found.status, found.reason) == ("finished", "")
     assert digest(found.rollout) == digest(court.honest())
-    assert found.isolation.holds
+    assert found.isolation.sandboxed
 
 
 SYSTEM = """
@@ -199,7 +194,7 @@ for path in (Path("/kernels"), Path(association.__file__), Path("/submission/age
         raise AssertionError(f"can write {target}")
 """
 LINKS_OUT = """
-for target in ("/proc/self/root/../..", "/proc/1/cwd/../../..", "/tmp/../..", "/dev/../.."):
+for target in ("/proc/self/root/../..", "/proc/1/cwd/../../..", "/scratch/../..", "/dev/../.."):
     assert os.listdir(target) == os.listdir("/"), target
 Path("/tmp/way").unlink(missing_ok=True)
 os.symlink("/" + self.given["folder"].lstrip("/"), "/tmp/way")
@@ -219,7 +214,7 @@ MOUNT_POINTS = """
 bad = []
 for line in Path("/proc/self/mountinfo").read_text().splitlines():
     place, options = line.split()[4:6]
-    if place not in ("/tmp", "/dev/null", "/dev/zero", "/dev/urandom") and "ro" not in options.split(","):
+    if place not in ("/scratch", "/dev/null", "/dev/zero", "/dev/urandom") and "ro" not in options.split(","):
         bad.append(place)
 assert not bad, f"can be written: {bad}"
 """
@@ -295,12 +290,12 @@ TRICKS: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 @pytest.mark.parametrize("name", TRICKS)
-def test_it_gets_nowhere(held: str, court: Court, name: str) -> None:
+def test_it_gets_nowhere(sandboxed: None, court: Court, name: str) -> None:
     code, given = TRICKS[name]
     expect_no_gain(court, court.run(act(code), **given))
 
 
-def test_it_follows_no_path_out(held: str, court: Court) -> None:
+def test_it_follows_no_path_out(sandboxed: None, court: Court) -> None:
     expect_no_gain(court, court.run(act(LINKS_OUT), folder=str(court.folder)))
 
 
@@ -328,11 +323,11 @@ def secret(court: Court, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
         file.unlink()
 
 
-def test_a_seal_is_nowhere_to_be_found(held: str, court: Court, secret: str) -> None:
+def test_a_seal_is_nowhere_to_be_found(sandboxed: None, court: Court, secret: str) -> None:
     expect_no_gain(court, court.run(act(SEARCH), PATIENT, secret=secret))
 
 
-def test_no_socket_and_no_fifo_leads_out(held: str, court: Court) -> None:
+def test_no_socket_and_no_fifo_leads_out(sandboxed: None, court: Court) -> None:
     place, abstract, fifo = str(court.folder / "s"), f"\0mtp-{os.getpid()}", str(court.folder / "fifo")
     os.mkfifo(fifo)
     reader = os.open(fifo, os.O_RDONLY | os.O_NONBLOCK)
@@ -345,14 +340,14 @@ def test_no_socket_and_no_fifo_leads_out(held: str, court: Court) -> None:
     os.close(reader)
 
 
-def test_data_behind_a_link_is_not_there(held: str, court: Court) -> None:
+def test_data_behind_a_link_is_not_there(sandboxed: None, court: Court) -> None:
     link = court.folder / "link"
     link.symlink_to(court.data)
     there = Court(court.card, str(link), court.folder)
     expect_no_gain(court, there.run(act(LINKED), link=str(link), data=str(Path(court.data).resolve())))
 
 
-def test_what_the_digest_leaves_out_is_not_there(held: str, court: Court) -> None:
+def test_what_the_digest_leaves_out_is_not_there(sandboxed: None, court: Court) -> None:
     folder = submission(court.folder / "hostile", act("""
 here = Path(__file__).parent
 assert sorted(os.listdir(here)) == ["agent.py", "submission.toml"], os.listdir(here)
@@ -389,7 +384,7 @@ for place in ("/tmp/left", "/dev/shm/left", "/submission/left", "/kernels/left")
 )
 
 
-def test_nothing_is_left_for_the_next_run(held: str, court: Court) -> None:
+def test_nothing_is_left_for_the_next_run(sandboxed: None, court: Court) -> None:
     court.run(act(LEAVES), leave=True)
     expect_no_gain(court, court.run(act(FINDS)))
 
@@ -416,7 +411,7 @@ for i in range(200_000):
 @pytest.mark.parametrize("grouped", [True, False], ids=["cgroup", "watch"])
 @pytest.mark.parametrize("what", HOARDS)
 def test_what_it_hoards_is_counted(
-    held: str, court: Court, what: str, grouped: bool, monkeypatch: pytest.MonkeyPatch
+    sandboxed: None, court: Court, what: str, grouped: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not grouped:
         monkeypatch.setattr("mtp_bench.gateway.process.make_group", lambda *_: None)
@@ -431,7 +426,7 @@ def test_what_it_hoards_is_counted(
     assert court.error(found.rollout) > court.error(court.honest())
 
 
-def test_its_name_says_nothing_of_its_memory(held: str, court: Court) -> None:
+def test_its_name_says_nothing_of_its_memory(sandboxed: None, court: Court) -> None:
     code = "import ctypes\nctypes.CDLL(None).prctl(15, b'VmHWM: 1', 0, 0, 0)"
     found = court.run(act(code))
     assert found.status == "finished", found
@@ -465,7 +460,7 @@ time.sleep(0.2)
     assert court.error(found.rollout) > court.error(court.honest())
 
 
-def test_half_a_letter_in_its_last_words_is_no_trouble(held: str, court: Court) -> None:
+def test_half_a_letter_in_its_last_words_is_no_trouble(sandboxed: None, court: Court) -> None:
     found = court.run(act("raise ValueError('\\\\ud800 \\\\x1b[31m red')"))
     assert found.status == "crashed"
     assert "red" in found.reason
@@ -502,7 +497,7 @@ def test_the_tricks_work_where_nothing_holds_them(loose: None, court: Court, sec
         found = court.run(act(code), **given)
     assert found.status == "crashed"
     assert said in found.reason
-    assert not found.isolation.holds
+    assert not found.isolation.sandboxed
 
 
 def _accept(listener: socket.socket) -> None:
@@ -511,10 +506,10 @@ def _accept(listener: socket.socket) -> None:
 
 
 def test_where_nothing_can_be_filtered_nothing_holds(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mtp_bench.gateway.mechanism.system_call_filter", lambda: None)
-    assert not any(_works(way) for way in WAYS)
+    monkeypatch.setattr("mtp_bench.gateway.sandbox.system_call_filter", lambda: None)
+    assert sandbox_backend.__wrapped__() == "none"
     assert system_call_filter()
-    monkeypatch.setattr(run, "mechanism", lambda: "none")
+    monkeypatch.setattr(run, "sandbox_backend", lambda: "none")
     found = court.run(HONEST)
     assert digest(found.rollout) == digest(court.honest())
-    assert not found.isolation.holds
+    assert not found.isolation.sandboxed

@@ -213,17 +213,17 @@ def test_a_stranger_is_not_run_where_nothing_holds_it(
     echo: tuple[Path, Path], card: str, kitti: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder, genuine = echo
-    monkeypatch.setattr("mtp_bench.records.verifying.mechanism", lambda: "none")
+    monkeypatch.setattr("mtp_bench.records.verifying.sandbox_backend", lambda: "none")
     run = functools.partial(verify, genuine, RunOptions(kitti), card, submission=folder, rerun=True)
     with monkeypatch.context() as patch:
         patch.setattr("mtp_bench.records.verifying.run_again", lambda *_: pytest.fail("it was run"))
-        with pytest.raises(RecordError, match=r"can hold no agent .*'echo' would run with your rights: .*--unheld"):
+        with pytest.raises(RecordError, match=r"no sandbox .*'echo' would run with your rights; .*--no-sandbox"):
             run()
-    assert run(unheld=True).holds
+    assert run(no_sandbox=True).holds
 
 
 def test_a_run_that_nothing_held_proves_no_record() -> None:
-    record, held = write_record(1.0), IsolationPart(mechanism="namespaces", memory="watch")
+    record, held = write_record(1.0), IsolationPart(mechanism="bubblewrap", memory="watch")
     assert why_not_isolated(record, held) == ""
     assert "in this run" in why_not_isolated(record, held.model_copy(update={"mechanism": "none"}))
 

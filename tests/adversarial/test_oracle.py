@@ -11,7 +11,7 @@ import pytest
 from mtp_bench.cards import load_card
 from mtp_bench.env.rollouts import digest
 from mtp_bench.gateway import SceneRun, run, run_isolated
-from mtp_bench.gateway.mechanism import mechanism
+from mtp_bench.gateway.sandbox import sandbox_backend
 from mtp_bench.records import open_seal, seal
 from mtp_bench.records.seal import Sealed
 from mtp_bench.scoring import mean_plain_error, score_scene
@@ -21,7 +21,7 @@ from tests.support.command_line import write_submission
 from tests.support.runs import PATIENT, move_home
 from tests.support.small_scenes import write_short_card
 
-pytestmark = pytest.mark.usefixtures("light_stems")
+pytestmark = pytest.mark.usefixtures("light_fork_servers")
 ENV = "MTP-Merge-v0"
 ORACLE = '''
 """Finds a seal and knows the future by it."""
@@ -141,19 +141,19 @@ def hall(tmp_path: Path, short: str, monkeypatch: pytest.MonkeyPatch) -> Hall:
 
 
 def test_a_seal_that_lies_about_is_of_no_use(hall: Hall) -> None:
-    if mechanism() == "none":
-        pytest.skip("this system cannot isolate agents")
+    if sandbox_backend() == "none":
+        pytest.skip("no sandbox works here")
     honest, error = hall.run(hall.honest)
     oracle, same = hall.run(hall.oracle)
     assert (oracle.status, oracle.reason) == ("finished", "")
-    assert oracle.isolation.holds
+    assert oracle.isolation.sandboxed
     assert same == error > 0.01
     assert digest(oracle.rollout) == digest(honest.rollout)
 
 
 def test_it_wins_where_nothing_holds_it(hall: Hall, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(run, "mechanism", lambda: "none")
+    monkeypatch.setattr(run, "sandbox_backend", lambda: "none")
     oracle, error = hall.run(hall.oracle)
     assert (oracle.status, oracle.reason) == ("finished", "")
     assert error < 0.01
-    assert not oracle.isolation.holds
+    assert not oracle.isolation.sandboxed

@@ -33,7 +33,7 @@ from tests.support.disks import mounted
 from tests.support.runs import remembered_reference
 from tests.support.small_scenes import CARD_ID, write_kitti
 
-pytestmark = pytest.mark.usefixtures("light_stems")
+pytestmark = pytest.mark.usefixtures("light_fork_servers")
 
 SEEDS = (0, 1)
 NAMES = ("0001", "0006", "0008")
@@ -43,9 +43,9 @@ WEIGHTS = "MTP_BENCH_TESTS_WEIGHTS"  # names the file of event weights for comma
 LIGHT = """
 import os, pickle
 from pathlib import Path
-from mtp_bench.gateway import layout, stems
+from mtp_bench.gateway import fork_server, layout
 from mtp_bench.records import submitting
-stems.LOADED = {"mtp_bench.submission.loader": ()}
+fork_server.LOADED = {"mtp_bench.submission.loader": ()}
 layout._KERNELS.clear()  # else their compiler is loaded, and no agent here tracks
 submitting.reference_for = lambda *_: pickle.loads(Path(os.environ["{weights}"]).read_bytes())
 from mtp_bench.commands.app import main

@@ -18,7 +18,7 @@ from tests.support.command_line import CommandLine, read_json
 from tests.support.runs import run_scenes
 from tests.support.small_scenes import make_echo
 
-pytestmark = pytest.mark.usefixtures("light_stems")
+pytestmark = pytest.mark.usefixtures("light_fork_servers")
 ACT = '        """Answer this frame, before the next one is known."""\n'
 
 

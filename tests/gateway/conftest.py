@@ -12,7 +12,7 @@ from tests.support.hostile import Court
 
 @pytest.fixture(scope="session", autouse=True)
 def _compiled() -> None:
-    """Else every stem compiles all kernels for itself."""
+    """Else every fork server compiles all kernels for itself."""
     compile_kernels()
 
 

@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 
 from mtp_bench.env.rollouts import digest
-from mtp_bench.gateway import SceneRun, run_isolated, run_isolated_scenes, stems
-from mtp_bench.gateway.family import children
+from mtp_bench.gateway import SceneRun, fork_server, run_isolated, run_isolated_scenes
+from mtp_bench.gateway.processes import children
 from mtp_bench.parallel import Progress, Workers
 from tests.support.hostile import FRAMES, HONEST, HURRIED, QUICK, SCENE, Court, submission
 
-pytestmark = pytest.mark.usefixtures("light_stems")
+pytestmark = pytest.mark.usefixtures("light_fork_servers")
 
 
 def at_frame_two(what: str) -> str:
@@ -123,13 +123,14 @@ def left_over(folder: str) -> list[str]:
                 found.append(entry.name)
         except OSError:
             continue
-    own = {os.getpid(), *stem_processes()}  # what the next agent is a fork of is the judge's
+    own = {os.getpid(), *server_processes()}
     return [name for name in found if int(name) not in own]
 
 
-def stem_processes() -> list[int]:
-    """The process that shuts the stem in, and the stem."""
-    return [number for stem in stems._planted.values() for number in (stem._process.pid, *children(stem._process.pid))]
+def server_processes() -> list[int]:
+    """Bubblewrap and the fork server in it, per server."""
+    started = [server._process.pid for server in fork_server._servers.values()]
+    return [pid for outer in started for pid in (outer, *children(outer))]
 
 
 def test_processes_of_agents_can_be_found(court: Court) -> None:
@@ -197,7 +198,7 @@ def test_compiled_code_that_the_digest_does_not_cover_is_not_run(court: Court) -
     compiled = importlib.util.cache_from_source(str(folder / "agent.py"))
     py_compile.compile(str(other), compiled, invalidation_mode=py_compile.PycInvalidationMode.UNCHECKED_HASH)
     run = run_isolated(folder, court.card, {"data": court.data}, SCENE, limits=QUICK)
-    if not run.isolation.holds:
+    if not run.isolation.sandboxed:
         pytest.skip("this system allows no file system of one's own")
     assert run.status == "finished", run.reason
 

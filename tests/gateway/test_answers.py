@@ -10,7 +10,7 @@ import pytest
 from mtp_bench.env.rollouts import digest
 from tests.support.hostile import FRAMES, HURRIED, SLOW, Court
 
-pytestmark = pytest.mark.usefixtures("light_stems")
+pytestmark = pytest.mark.usefixtures("light_fork_servers")
 
 LATE = f"""
 def act(self, observation):

@@ -15,11 +15,10 @@ import pytest
 from mtp_bench.cards import card_text, load_card, with_files
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import SubmissionError
-from mtp_bench.gateway import filter, mechanism, run_isolated
+from mtp_bench.gateway import filter, run_isolated, sandbox
 from mtp_bench.gateway.cgroup import Group, _places, make_group
 from mtp_bench.gateway.image import image_of
 from mtp_bench.gateway.layout import LIBRARY, LOADED, environment, layout_for, library, python
-from mtp_bench.gateway.limits import Mechanism
 from mtp_bench.networks import VARIABLE, file_name
 from mtp_bench.running.run import agent_task
 from mtp_bench.submission import load_submission
@@ -242,10 +241,11 @@ def test_the_order_of_a_set_is_the_same_in_every_judge() -> None:
 
 
 def test_a_busy_machine_is_no_system_without_isolation(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mechanism, "_TRY", 1e-4)
-    way: Mechanism = "bubblewrap" if shutil.which("bwrap") else "namespaces"
+    if shutil.which("bwrap") is None:
+        pytest.skip("bubblewrap is not installed")
+    monkeypatch.setattr(sandbox, "_TRIAL_SECONDS", 1e-4)
     with pytest.raises(SubmissionError, match="try again when the machine is less busy"):
-        mechanism._works(way)
+        sandbox.bubblewrap_works()
 
 
 def test_every_forbidden_call_has_a_number() -> None:

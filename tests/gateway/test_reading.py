@@ -12,7 +12,7 @@ from mtp_bench.env.rollouts import digest
 from mtp_bench.gateway import SceneRun
 from tests.support.hostile import Court
 
-pytestmark = pytest.mark.usefixtures("light_stems")
+pytestmark = pytest.mark.usefixtures("light_fork_servers")
 
 MEMORY = """
 def act(self, observation):
@@ -58,7 +58,7 @@ FILES = """
 def act(self, observation):
     data = Path(self.given["data"])
     assert not data.exists() or not any(data.rglob("*")), "read the data"
-    assert Path.cwd() == Path("/tmp"), Path.cwd()
+    assert Path.cwd() == Path("/scratch"), Path.cwd()
     given = self.given["submission"], self.given["cache"]
     for folder in (data, *given, "/", "/submission", "/networks", "/dev", "/usr"):
         try:
@@ -113,7 +113,7 @@ def test_data_is_not_there_and_nothing_else_can_be_written(court: Court, cache: 
     (cache / "kernels-kept").mkdir(exist_ok=True)
     hostile = str(court.folder / "hostile")
     run = court.run(FILES, data=court.data, submission=hostile, cache=str(cache / "kernels-kept"))
-    if not run.isolation.holds:
+    if not run.isolation.sandboxed:
         pytest.skip("this system allows no file system of one's own")
     expect_nothing_found(court, run)
 
@@ -124,13 +124,13 @@ def test_there_is_no_network(court: Court) -> None:
         local.bind(name)
         local.listen()
         run = court.run(NETWORK, port=server.getsockname()[1], name=name)
-    if not run.isolation.holds:
+    if not run.isolation.sandboxed:
         pytest.skip("this system allows no network of one's own")
     expect_nothing_found(court, run)
 
 
 def test_the_judge_is_out_of_reach_of_signals(court: Court) -> None:
     run = court.run(SIGNALS, judge=os.getpid())
-    if not run.isolation.holds:
+    if not run.isolation.sandboxed:
         pytest.skip("this system allows no processes of one's own")
     expect_nothing_found(court, run)

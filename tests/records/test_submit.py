@@ -30,7 +30,7 @@ from tests.support.command_line import CommandLine, read_json, write_submission
 from tests.support.small_scenes import CARD, CARD_ID, write_card
 from tests.support.stored_records import write_record
 
-pytestmark = pytest.mark.usefixtures("light_stems")
+pytestmark = pytest.mark.usefixtures("light_fork_servers")
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Agents as forks of a process that has loaded the library: as shut in as one that loads it itself, and as fresh."""
+"""Agents as forks of a fork server: each is sandboxed, and starts from the same state."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from typing import Any
 
 import pytest
 
-from mtp_bench.env.rollouts import digest
-from mtp_bench.gateway import SceneRun, mechanism, stems
-from mtp_bench.gateway.family import children
+from mtp_bench.gateway import SceneRun, fork_server
+from mtp_bench.gateway.fork_server import ForkServer, ForkServerError, discard
 from mtp_bench.gateway.image import image_of
-from mtp_bench.gateway.layout import Layout, layout_for
+from mtp_bench.gateway.layout import Layout, _with_tmp, layout_for, library
 from mtp_bench.gateway.process import AgentProcess
-from mtp_bench.gateway.stems import StemError, can_stem, stem_of, uproot
+from mtp_bench.gateway.processes import children
+from mtp_bench.gateway.sandbox import sandbox_backend
 from mtp_bench.submission import load_submission
 from tests.support.hostile import HONEST, QUICK, Court, submission
 
 pytestmark = [
-    pytest.mark.skipif(mechanism.mechanism() != "bubblewrap", reason="a stem needs bubblewrap"),
-    pytest.mark.usefixtures("light_stems"),
+    pytest.mark.skipif(sandbox_backend() == "none", reason="no sandbox works on this system"),
+    pytest.mark.usefixtures("light_fork_servers"),
 ]
 
 ASKS = """
@@ -54,22 +54,19 @@ def said(court: Court, asks: str) -> str:
 
 
 @pytest.fixture(autouse=True)
-def _with_a_stem(court: Court) -> Iterator[None]:
-    """A library below /tmp cannot be shown to forks: then nothing here is tested."""
-    if not can_stem(layout_for(image_of(load_submission(submission(court.folder / "any")), "MTP-X-v0"), None)):
-        pytest.skip("the library is in /tmp")
+def _no_server_remains() -> Iterator[None]:
     yield
-    uproot()
+    discard()
 
 
-def planted() -> stems.Stem:
-    """The stem of this thread."""
-    return stems._planted[threading.get_native_id()]
+def running_server() -> ForkServer:
+    """The fork server of this thread."""
+    return fork_server._servers[threading.get_native_id()]
 
 
-def inside(stem: stems.Stem) -> int:
-    """The number of the stem's own process, which bubblewrap started."""
-    return children(stem._process.pid)[0]
+def inner_pid(server: ForkServer) -> int:
+    """Pid of the server's own process, which bubblewrap started."""
+    return children(server._process.pid)[0]
 
 
 def open_files() -> int:
@@ -78,37 +75,26 @@ def open_files() -> int:
 
 
 def forks_made(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """The numbers of the forks from here on."""
+    """Pids of the forks from here on."""
     made: list[int] = []
-    grow = stems.Stem.grow
+    fork = ForkServer.fork
 
-    def counted(stem: stems.Stem, descriptors: list[int], space: int) -> int:
-        made.append(grow(stem, descriptors, space))
+    def counted(server: ForkServer, descriptors: list[int], space: int) -> int:
+        made.append(fork(server, descriptors, space))
         return made[-1]
 
-    monkeypatch.setattr(stems.Stem, "grow", counted)
+    monkeypatch.setattr(ForkServer, "fork", counted)
     return made
 
 
-def test_a_fork_answers_as_a_process_of_its_own(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
-    made = forks_made(monkeypatch)
-    grown = court.run(HONEST)
-    assert len(made) == 1
-    monkeypatch.setattr("mtp_bench.gateway.process.stem_of", lambda _: None)
-    alone = court.again()
-    assert len(made) == 1
-    assert (grown.status, grown.seal, digest(grown.rollout)) == (alone.status, alone.seal, digest(alone.rollout))
-    assert grown.isolation == alone.isolation
-
-
-def test_one_stem_serves_a_submission(court: Court) -> None:
+def test_one_server_serves_a_submission(court: Court) -> None:
     court.run(HONEST)
-    first = planted()
+    first = running_server()
     court.again()
-    assert planted() is first
+    assert running_server() is first
     court.run("def act(self, observation):\n    return self.honest(observation)  # another submission")
-    assert planted() is not first
-    assert not first.lives
+    assert running_server() is not first
+    assert not first.running
 
 
 HELD = {
@@ -160,7 +146,7 @@ LEAVES = {
 
 @pytest.mark.parametrize(("leaves", "finds"), LEAVES.values(), ids=LEAVES)
 def test_nothing_survives_a_scene(court: Court, leaves: str, finds: str) -> None:
-    """The same submission twice, so the same stem: what it finds at its first frame, then leaves."""
+    """The same submission twice, so the same server: what it finds at its first frame, then leaves."""
     trick = f"""
 def act(self, observation):
     found = {finds}
@@ -168,69 +154,67 @@ def act(self, observation):
     raise RuntimeError(f"{{found}} {{{finds}}}")
 """
     runs: list[SceneRun] = [court.run(trick)]
-    first = planted()
+    first = running_server()
     runs.append(court.again())
-    assert planted() is first
+    assert running_server() is first
     assert [run.reason.split("RuntimeError: ")[1] for run in runs] == ["False True", "False True"]
 
 
 def test_unseeded_draws_differ_between_agents(court: Court) -> None:
     asks = "said = str(np.random.random()) + ' ' + str(__import__('random').random())"
-    one, first = said(court, asks).split(), planted()
+    one, first = said(court, asks).split(), running_server()
     other = court.again().reason.split("RuntimeError: ")[1].split()
-    assert planted() is first
+    assert running_server() is first
     assert one[0] != other[0]
     assert one[1] != other[1]
 
 
-def test_a_stem_that_died_is_planted_again(court: Court) -> None:
+def test_a_server_that_ended_is_replaced(court: Court) -> None:
     court.run(HONEST)
-    os.killpg(planted()._process.pid, signal.SIGKILL)
-    planted()._process.wait()
+    os.killpg(running_server()._process.pid, signal.SIGKILL)
+    running_server()._process.wait()
     assert court.again().status == "finished"
 
 
-def test_without_a_fork_it_starts_alone(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
-    tried: list[stems.Stem] = []
+def test_a_server_that_cannot_fork_is_replaced_once(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
+    refused: list[ForkServer] = []
 
-    def refuse(stem: stems.Stem, descriptors: list[int], space: int) -> int:
-        tried.append(stem)
-        raise StemError("no")
+    def refuse(server: ForkServer, descriptors: list[int], space: int) -> int:
+        refused.append(server)
+        raise ForkServerError("no")
 
-    monkeypatch.setattr(stems.Stem, "grow", refuse)
-    assert court.run(HONEST).status == "finished"
-    assert court.again().status == "finished"
-    assert len(tried) == 1, "each trial may take as long as the first"
-    assert not tried[0].lives
+    monkeypatch.setattr(ForkServer, "fork", refuse)
+    with pytest.raises(ForkServerError):
+        court.run(HONEST)
+    assert len(set(refused)) == 2
+    assert not any(server.running for server in refused)
 
 
-def test_a_stem_that_hangs_costs_one_wait(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_server_that_hangs_is_replaced(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
     court.run(HONEST)
-    monkeypatch.setattr(stems, "_GROW", 0.5)
-    first = planted()
-    os.kill(inside(first), signal.SIGSTOP)
+    first = running_server()
+    os.kill(inner_pid(first), signal.SIGSTOP)
+    monkeypatch.setattr(fork_server, "_FORK_SECONDS", 2.0)
     assert court.again().status == "finished"
-    assert not first.lives
-    assert not stems._planted
+    assert not first.running
 
 
-def test_an_interruption_leaves_no_stem_that_says_what_nobody_waits_for(
-    court: Court, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interruption_discards_the_server(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else its next message would be about the interrupted fork."""
     court.run(HONEST)
-    first, said_ready = planted(), stems.Stem._hear
+    first, read_pid = running_server(), ForkServer._read_pid
 
-    def interrupted(stem: stems.Stem, expected: bytes, seconds: float) -> int:
-        time.sleep(0.5)  # until it has said where it is
+    def interrupted(server: ForkServer, expected: bytes, seconds: float) -> int:
+        time.sleep(0.5)  # until the fork has sent its message
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(stems.Stem, "_hear", interrupted)
+    monkeypatch.setattr(ForkServer, "_read_pid", interrupted)
     before = open_files()
     with pytest.raises(KeyboardInterrupt):
         court.again()
-    assert not first.lives
-    assert open_files() == before - 1, "but for the socket of the stem"
-    monkeypatch.setattr(stems.Stem, "_hear", said_ready)
+    assert not first.running
+    assert open_files() == before - 1, "all but the socket of the server"
+    monkeypatch.setattr(ForkServer, "_read_pid", read_pid)
     made = forks_made(monkeypatch)
     assert court.again().status == "finished"
     assert len(made) == 1
@@ -244,29 +228,29 @@ def act(self, observation):
 
 
 def test_the_end_of_another_thread_ends_no_agent(court: Court) -> None:
-    """What bubblewrap made ends with the thread that started it."""
+    """A sandbox of bubblewrap ends with the thread that started it."""
     court.run(SLOW_AGENT)
-    uproot()
+    discard()
     ready, over = threading.Event(), threading.Event()
     found: list[SceneRun] = []
 
-    def plant() -> None:
+    def start_server() -> None:
         court.again()
         ready.set()
         over.wait()
 
-    planter = threading.Thread(target=plant)
-    planter.start()
+    starter = threading.Thread(target=start_server)
+    starter.start()
     ready.wait()
     user = threading.Thread(target=lambda: found.append(court.again()))
     user.start()
-    time.sleep(1.0)  # in the middle of the scene, where both had the same stem
+    time.sleep(1.0)  # in the middle of the scene, where both had the same server
     over.set()
-    planter.join()
+    starter.join()
     user.join()
     assert [run.status for run in found] == ["finished"]
     court.again()
-    assert list(stems._planted) == [threading.get_native_id()], "those of threads that ended are forgotten"
+    assert list(fork_server._servers) == [threading.get_native_id()], "servers of threads that ended are stopped"
 
 
 def test_threads_with_two_submissions_do_not_end_each_other(court: Court, tmp_path: Path) -> None:
@@ -281,7 +265,7 @@ def test_threads_with_two_submissions_do_not_end_each_other(court: Court, tmp_pa
     assert [run.status for run in found] == ["finished", "finished"]
 
 
-def test_another_environment_needs_another_stem(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_environment_needs_another_server(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
     asks = "said = os.environ.get('MKL_NUM_THREADS')"
     monkeypatch.setenv("MKL_NUM_THREADS", "1")
     assert said(court, asks) == "1"
@@ -289,16 +273,14 @@ def test_another_environment_needs_another_stem(court: Court, monkeypatch: pytes
     assert court.again().reason.endswith("RuntimeError: 2")
 
 
-def test_planting_takes_none_of_the_time_of_an_agent(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
-    plant = stems.Stem.__init__
+def test_starting_the_server_takes_none_of_the_time_of_an_agent(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
+    start, quick = ForkServer.__init__, replace(QUICK, start=5.0)
 
-    quick = replace(QUICK, start=5.0)
-
-    def slowly(stem: stems.Stem, layout: Layout) -> None:
+    def slowly(server: ForkServer, layout: Layout) -> None:
         time.sleep(quick.start)
-        plant(stem, layout)
+        start(server, layout)
 
-    monkeypatch.setattr(stems.Stem, "__init__", slowly)
+    monkeypatch.setattr(ForkServer, "__init__", slowly)
     run = court.run(HONEST, quick)
     assert run.status == "finished"
     assert run.started < quick.start
@@ -341,8 +323,8 @@ def test_a_fork_is_in_its_control_groups_and_does_not_see_their_names(
     entered: list[bool] = []
 
     def spied(process: AgentProcess, parameters: dict[str, Any]) -> dict[str, Any]:
-        doors = process._group.doors if process._group else []
-        entered.extend(Path(door).read_text().split() == [str(process._pid)] for door in doors)
+        groups = process._group.members if process._group else []
+        entered.extend(Path(group).read_text().split() == [str(process._pid)] for group in groups)
         return setup(process, parameters)
 
     monkeypatch.setattr(AgentProcess, "setup", spied)
@@ -354,9 +336,10 @@ def test_a_fork_is_in_its_control_groups_and_does_not_see_their_names(
     assert entered
 
 
-def test_no_stem_where_its_folder_would_hide_what_is_shown(court: Court) -> None:
-    layout = layout_for(image_of(load_submission(submission(court.folder / "mine")), "MTP-X-v0"), None)
-    below = replace(layout, shown=(*layout.shown, (str(Path.home()), "/tmp/library")))
-    assert can_stem(layout)
-    assert not can_stem(below)
-    assert stem_of(below) is None
+def test_a_library_below_tmp_is_shown_there(tmp_path: Path) -> None:
+    """The temporary folder of agents is then at /scratch alone; else /tmp is another name of it."""
+    image = image_of(load_submission(submission(tmp_path / "mine")), "MTP-X-v0")
+    assert ("scratch", "/tmp") in layout_for(image, None).links or str(library()).startswith("/tmp/")
+    shown = [("/elsewhere", "/tmp/library")]
+    assert _with_tmp([], shown) == ()
+    assert _with_tmp([], []) == (("scratch", "/tmp"),)

@@ -1,0 +1,189 @@
+"""Fork server of one submission: a process that loads the library once and forks an agent process for every scene.
+
+Started as ``python fork_server_main.py SETUP SOCKET`` inside a sandbox of bubblewrap, with capabilities over that
+sandbox alone and a socket to the judge. It imports the library, nothing of the submission. Each fork gets namespaces, a
+temporary folder and a /proc of its own, drops all capabilities, installs the system call filter, and only then reads
+which agent it runs. So all agents start from the same state, and what one leaves behind ends with its namespaces.
+"""
+
+from __future__ import annotations
+
+import base64
+import ctypes
+import gc
+import importlib
+import importlib.util
+import itertools
+import json
+import os
+import resource
+import socket
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+READY, FORKED = b"ready", b"forked"
+MOST_REQUEST = 1 << 20  # bytes
+MOST_FILES = 1024  # open files of a process
+_NEW_NAMESPACES = 0x20000000 | 0x40000000 | 0x8000000 | 0x4000000 | 0x20000  # pid, net, ipc, uts, mnt of <sched.h>
+_NEW_CGROUP_NAMESPACE = 0x2000000
+# <sys/mount.h>; MOUNT_ATTR_RDONLY, _NOSUID and _NODEV have the same values
+_READ_ONLY, _NOSUID, _NODEV, _NOEXEC, _BIND, _RECURSIVE, _PRIVATE = 1, 2, 4, 8, 0x1000, 0x4000, 0x40000
+_MOUNT_SETATTR, _AT_FDCWD = 442, -100
+_SECCOMP, _CAPBSET_DROP, _NO_NEW_PRIVS, _FILTER_MODE = 22, 24, 38, 2  # of prctl
+_libc = ctypes.CDLL(None, use_errno=True)
+
+
+class _MountAttributes(ctypes.Structure):
+    _fields_ = tuple((name, ctypes.c_uint64) for name in ("attr_set", "attr_clr", "propagation", "userns_fd"))
+
+
+class _Program(ctypes.Structure):
+    _fields_ = (("length", ctypes.c_ushort), ("steps", ctypes.c_char_p))
+
+
+def main() -> None:
+    """Load the library, then fork for every request of the judge."""
+    setup, given = json.loads(sys.argv[1]), int(sys.argv[2])
+    resource.setrlimit(resource.RLIMIT_NOFILE, (MOST_FILES, MOST_FILES))
+    judge = socket.socket(fileno=os.dup(given))  # a number below the limit, so that forks close it
+    os.close(given)
+    gc.disable()
+    child = _module_beside("child")
+    child.prepare(setup)
+    for name, kernels in setup["modules"].items():
+        module = importlib.import_module(name)
+        for kernel in kernels:
+            getattr(module, kernel).compiled()
+    _require_no_shared_memory()
+    gc.freeze()  # forks share these objects: collecting would copy their pages
+    gc.enable()
+    judge.send(READY)
+    while True:
+        text, descriptors, _, _ = socket.recv_fds(judge, MOST_REQUEST, 8)
+        if not text:
+            return
+        if os.fork() == 0:
+            _exit_after_fork(child, json.loads(text), descriptors, judge)
+        for descriptor in descriptors:
+            os.close(descriptor)
+        with suppress(ChildProcessError):
+            while os.waitpid(-1, os.WNOHANG)[0]:
+                pass
+
+
+def _exit_after_fork(child: Any, request: dict[str, Any], descriptors: list[int], judge: socket.socket) -> None:
+    """Run the fork and exit, also after an error: a fork never continues as the server."""
+    code = 1
+    try:
+        _run_fork(child, request, descriptors, judge)
+        code = 0
+    except BaseException as error:
+        with suppress(OSError):
+            os.write(2, f"{type(error).__name__}: {error}\n".encode())
+    finally:
+        os._exit(code)
+
+
+def _run_fork(child: Any, request: dict[str, Any], descriptors: list[int], judge: socket.socket) -> None:
+    """Fork again into new namespaces: the inner process runs the agent, the outer one reports its exit code."""
+    stdin, orders, answers, log, news, *groups = descriptors
+    child.end_with(None)
+    _call("unshare", _NEW_NAMESPACES)
+    agent = os.fork()
+    if agent:
+        _close_all_but(news)
+        _, status = os.waitpid(agent, 0)
+        os.write(news, json.dumps({"ended": os.waitstatus_to_exitcode(status)}).encode())
+        return
+    for descriptor, number in ((stdin, 0), (log, 1), (log, 2)):
+        os.dup2(descriptor, number)
+    for group in groups:
+        os.write(group, b"0")  # this process
+    _call("unshare", _NEW_CGROUP_NAMESPACE)  # after it joined: the names of the groups contain the judge's pid
+    _enter_sandbox(child, request)
+    judge.send(FORKED)  # the kernel adds the pid of this process, as the judge sees it
+    _close_all_but(0, 1, 2, orders, answers)
+    _seed_numpy()
+    sys.argv[1:] = [str(orders), str(answers)]
+    child.main(orders, answers)
+
+
+def _enter_sandbox(child: Any, request: dict[str, Any]) -> None:
+    """Replace what the server's sandbox shares with it, then drop capabilities and install the filter."""
+    child.end_with(None)
+    os.setsid()
+    child.join_new_keyring()
+    _mount("none", "/", "", _RECURSIVE | _PRIVATE)
+    _mount("tmpfs", request["temporary"], "tmpfs", _NOSUID | _NODEV, f"size={request['space']}")
+    _mount("proc", "/proc", "proc", _NOSUID | _NODEV | _NOEXEC)
+    for path in request["masked"]:
+        _mount("/dev/null", path, "", _BIND | _RECURSIVE)
+        _restrict_mount(path, _NOSUID | _READ_ONLY)
+    _restrict_mount("/proc", _READ_ONLY)
+    _drop_capabilities()
+    program = base64.b64decode(request["filter"])
+    _call("prctl", _SECCOMP, _FILTER_MODE, ctypes.byref(_Program(len(program) // 8, program)), 0, 0)
+    os.chdir(request["temporary"])
+
+
+def _mount(source: str, target: str, kind: str, flags: int, options: str = "") -> None:
+    _call("mount", os.fsencode(source), os.fsencode(target), kind.encode(), flags, options.encode())
+
+
+def _restrict_mount(path: str, flags: int) -> None:
+    wanted = _MountAttributes(attr_set=flags)
+    _call("syscall", _MOUNT_SETATTR, _AT_FDCWD, path.encode(), 0, ctypes.byref(wanted), ctypes.sizeof(wanted))
+
+
+def _drop_capabilities() -> None:
+    for capability in range(64):  # there are fewer
+        _libc.prctl(_CAPBSET_DROP, capability, 0, 0, 0)
+    header = (ctypes.c_uint32 * 2)(0x20080522, 0)  # version 3, this process
+    _call("capset", ctypes.byref(header), ctypes.byref((ctypes.c_uint32 * 6)()))
+    _call("prctl", _NO_NEW_PRIVS, 1, 0, 0, 0)
+
+
+def _call(name: str, *arguments: Any) -> None:
+    """Call a function of the C library; raises OSError where it fails."""
+    converted = [ctypes.c_ulong(value) if isinstance(value, int) else value for value in arguments]
+    if getattr(_libc, name)(*converted) != 0:
+        number = ctypes.get_errno()
+        raise OSError(number, f"{name}: {os.strerror(number)}", str(arguments[:3]))
+
+
+def _seed_numpy() -> None:
+    """Seed NumPy's global generator anew: forks would draw the same numbers. The standard library does it itself."""
+    import numpy as np
+
+    np.random.seed()  # noqa: NPY002
+
+
+def _require_no_shared_memory() -> None:
+    """Refuse writable memory that forks would share: one agent could leave data there for the next."""
+    for line in Path("/proc/self/maps").read_text().splitlines():
+        permissions = line.split()[1]
+        if permissions[1] == "w" and permissions[3] == "s":
+            raise SystemExit(f"shared memory: {line}")
+
+
+def _close_all_but(*kept: int) -> None:
+    """Close all other descriptors, without /proc/self/fd, which a new /proc replaces."""
+    for one, other in itertools.pairwise([-1, *sorted(kept), MOST_FILES]):
+        if one + 1 < other:  # an empty range would close all of them
+            os.closerange(one + 1, other)
+
+
+def _module_beside(name: str) -> Any:
+    """A module of this folder without its package, which belongs to the judge."""
+    spec = importlib.util.spec_from_file_location(f"mtp_bench_{name}", Path(__file__).with_name(f"{name}.py"))
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{name}.py is missing")
+    sys.modules[spec.name] = module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+if __name__ == "__main__":
+    main()
