@@ -1,11 +1,10 @@
-"""Simulated detectors: how long model 1 and model 2 take, and how near their couplings are to those of real ones.
+"""Simulated detectors: their time per scene, and their couplings beside those of real ones.
 
     python benchmarks/detector.py [--data ROOT] [--repeat 5]
     python benchmarks/detector.py --couplings [--set nuscenes] [--seeds 3] [--profiles FOLDER] [--json FILE]
 
-Couplings: for every fold of scenes a profile of model 2 is fitted to all others; ``--profiles`` keeps these and takes
-them from there. Model 1 is shown with its shipped profile, which was fitted to scenes that are checked here. Simulated
-figures are the mean over seeds and, after ±, the deviation.
+Couplings: for every fold of scenes a profile is fitted to all others; ``--profiles`` keeps these and takes them from
+there. Simulated figures are the mean over seeds and, after ±, the deviation.
 """
 
 from __future__ import annotations
@@ -19,18 +18,18 @@ from pathlib import Path
 from benchmarks.detection.folds import SETS, Recordings, folds
 from benchmarks.detection.table import Row, rows_of, tracker_rows
 from mtp_bench.detector import load_profile
-from mtp_bench.detector.sight import sight
 from mtp_bench.detector.simulate import simulate
+from mtp_bench.detector.visibility import visibility_of
 
-TIMED = {"nuscenes": ("v1/nuscenes_megvii", "nuscenes_megvii", "nuscenes_megvii_raw"),
-         "kitti": ("v1/kitti_pointrcnn", "kitti_pointrcnn", "kitti_pointrcnn_raw")}  # fmt: skip
+TIMED = {"nuscenes": ("nuscenes_megvii", "nuscenes_megvii_raw"),
+         "kitti": ("kitti_pointrcnn", "kitti_pointrcnn_raw")}  # fmt: skip
 
 
 def timed(recordings: Recordings, data: str | None, repeat: int) -> list[list[str]]:
     """CPU milliseconds and detections per scene of each profile, the least over repetitions."""
     classes, scenes = recordings.read(data)
     scenes = scenes[:8]
-    seen = [sight(one.truth, one.ego, recordings.sensor, one.visible) for one in scenes]
+    seen = [visibility_of(one.truth, one.ego, recordings.sensor, one.visible) for one in scenes]
     profiles = {name: load_profile(name) for name in TIMED[recordings.name]}
     spent: dict[str, list[float]] = {name: [] for name in profiles}
     count = dict.fromkeys(profiles, 0)
@@ -42,10 +41,8 @@ def timed(recordings: Recordings, data: str | None, repeat: int) -> list[list[st
                 count[name] += len(simulate(*args).box)
             spent[name].append(time.process_time() - start)
     best = {name: min(times[1:]) for name, times in spent.items()}  # the first call loads what is loaded late
-    first = next(iter(best.values()))
     return [
-        [name, f"{1000 * least / len(scenes):.2f}", f"{count[name] / len(scenes):.0f}", f"{least / first:.2f}"]
-        for name, least in best.items()
+        [name, f"{1000 * least / len(scenes):.2f}", f"{count[name] / len(scenes):.0f}"] for name, least in best.items()
     ]
 
 
@@ -76,11 +73,9 @@ def show(title: str, columns: tuple[str, ...], rows: list[list[str]]) -> None:
 
 def cells(row: Row) -> list[str]:
     """A row as text."""
-
-    def spread(value: tuple[float, float] | None) -> str:
-        return "" if value is None else f"{value[0]:.3g} ±{value[1]:.2g}"
-
-    return [row.what, f"{row.real:.3g}", spread(row.model1), spread(row.model2), row.within, "" if row.met else "no"]
+    mean, deviation = row.simulated
+    met = "" if row.met else "no"
+    return [row.what, f"{row.real:.3g}", f"{mean:.3g} ±{deviation:.2g}", row.within, met]
 
 
 def main() -> None:
@@ -96,13 +91,13 @@ def main() -> None:
     if not given.couplings:
         for name in TIMED:
             rows = timed(SETS[name], given.data, given.repeat)
-            show(f"{name}: CPU per scene", ("profile", "ms", "detections", "x model 1"), rows)
+            show(f"{name}: CPU per scene", ("profile", "ms", "detections"), rows)
         return
     content = {}
     for name in given.set or SETS:
         content[name] = coupled(SETS[name], given)
         for title, table in content[name].items():
-            columns = ("figure", "real", "model 1", "model 2", "wanted", "met")
+            columns = ("figure", "real", "simulated", "wanted", "met")
             show(f"{name}, {title}", columns, [cells(row) for row in table])
     if given.json:
         text = {

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtp_bench.detector.sight import VISIBLE, visible_fraction
+from mtp_bench.detector.visibility import VISIBLE, visible_fraction
 from mtp_bench.geometry import wrap_angle
 from mtp_bench.types import Bools, Floats, Scene
 

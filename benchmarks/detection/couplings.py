@@ -140,14 +140,14 @@ def _correlation(value: Floats, one: Ints, other: Ints) -> float:
 def _errors_together(objects: ObjectSamples) -> float:
     one, other = _pairs(objects, 0.0, _CLOSE)
     both = objects.hit[one] & objects.hit[other]
-    off = np.clip(rotate(objects.error[:, :2], objects.toward), -_BOUND, _BOUND)
+    off = np.clip(rotate(objects.error[:, :2], objects.direction), -_BOUND, _BOUND)
     of_x = _correlation(off[:, 0], one[both], other[both])
     return (of_x + _correlation(off[:, 1], one[both], other[both])) / 2
 
 
 def _change(objects: ObjectSamples) -> float:
     earlier, later = objects.hit_pairs()
-    off = rotate(objects.error[:, :2], objects.toward)
+    off = rotate(objects.error[:, :2], objects.direction)
     return float(np.median(np.hypot(*(off[later] - off[earlier]).T))) if len(earlier) >= _FEW else float("nan")
 
 

@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from mtp_bench.cards import load_card, with_detector, with_split
-from mtp_bench.detector import Profile, Profile1, load_profile
-from mtp_bench.detector.model2.fit import fit_profile
-from mtp_bench.detector.profile import profile_text
-from mtp_bench.detector.sight import Sensor, Sight, sight, visible_fractions
+from mtp_bench.detector import Profile, load_profile
+from mtp_bench.detector.fit import fit_profile
+from mtp_bench.detector.profile_file import profile_text
 from mtp_bench.detector.simulate import simulate
-from mtp_bench.errors import MtpBenchError
+from mtp_bench.detector.visibility import Sensor, Visibility, visibility_of, visible_fractions
 from mtp_bench.sources import open_source
 from mtp_bench.types import Scene
 
@@ -23,28 +22,21 @@ NUSCENES: tuple[str, ...] = ("car", "truck", "bus", "trailer", "construction_veh
 
 @dataclass(frozen=True)
 class Recordings:
-    """The recordings that a detector was run on."""
+    """Scenes with the detections of one detector."""
 
     name: str
     env: str
     splits: tuple[str, ...]
     sensor: Sensor
     pooled: dict[str, str]
-    first: str  # the profile of model 1
+    shipped: str  # profile with the operating point of a tracker
     folds: int
     detector: str | None = None  # another one than the card's
 
-    @property
-    def model1(self) -> Profile1:
-        """The profile of model 1, whose floors are the operating point of a tracker."""
-        profile = load_profile(self.first)
-        if not isinstance(profile, Profile1):
-            raise MtpBenchError(f"detector profile {self.first!r} is of model {profile.model}, expected one of model 1")
-        return profile
-
     def floors(self, classes: Sequence[str]) -> dict[str, float]:
-        """The operating point of a tracker."""
-        return {name: self.model1.noise(name).score.floor for name in classes}
+        """Least scores per class at the operating point of a tracker."""
+        profile = load_profile(self.shipped)
+        return {name: profile.noise(name).quality.floor for name in classes}
 
     def read(self, data: str | None) -> tuple[tuple[str, ...], list[Scene]]:
         """Classes, and the scenes with what is visible in them."""
@@ -61,11 +53,11 @@ class Recordings:
 _AROUND, _AHEAD = Sensor(60.0, 2 * np.pi), Sensor(80.0, np.pi / 2)
 _VEHICLES: dict[str, str] = dict.fromkeys(NUSCENES[1:], "car")
 SETS = {
-    "nuscenes": Recordings("nuscenes", "MTP-nuScenes-mini-v0", ("all",), _AROUND, _VEHICLES, "v1/nuscenes_megvii", 5),
+    "nuscenes": Recordings("nuscenes", "MTP-nuScenes-mini-v0", ("all",), _AROUND, _VEHICLES, "nuscenes_megvii", 5),
     "centerpoint": Recordings(
-        "centerpoint", "MTP-nuScenes-mini-v0", ("val",), _AROUND, _VEHICLES, "v1/nuscenes_centerpoint", 4, "centerpoint"
+        "centerpoint", "MTP-nuScenes-mini-v0", ("val",), _AROUND, _VEHICLES, "nuscenes_centerpoint", 4, "centerpoint"
     ),
-    "kitti": Recordings("kitti", "MTP-KITTI-v0", ("train", "val"), _AHEAD, {}, "v1/kitti_pointrcnn", 3),
+    "kitti": Recordings("kitti", "MTP-KITTI-v0", ("train", "val"), _AHEAD, {}, "kitti_pointrcnn", 3),
 }
 
 
@@ -74,7 +66,7 @@ class Fold:
     """Scenes that are checked, and a profile fitted to all others."""
 
     scenes: list[Scene]
-    sights: list[Sight]
+    visibilities: list[Visibility]
     profile: Profile
 
 
@@ -92,24 +84,20 @@ def folds(
             profile = fit(recordings, classes, rest)
             if path is not None:
                 path.write_text(profile_text(profile), encoding="utf-8")
-        assert isinstance(profile, Profile)
-        seen = [sight(one.truth, one.ego, recordings.sensor, one.visible) for one in held]
+        seen = [visibility_of(one.truth, one.ego, recordings.sensor, one.visible) for one in held]
         yield Fold(held, seen, profile)
 
 
 def fit(recordings: Recordings, classes: Sequence[str], scenes: Sequence[Scene]) -> Profile:
     """The profile of some scenes at all scores."""
-    dt = recordings.model1.dt
+    dt = load_profile(recordings.shipped).dt
     return fit_profile(scenes, classes, dt, recordings.sensor, recordings.name, "", "", None, recordings.pooled)
 
 
-def detected(
-    fold: Fold, recordings: Recordings, classes: Sequence[str], profile: Profile | Profile1, seed: int
-) -> list[Scene]:
-    """The scenes of a fold as the simulated detector sees them."""
-    return [
-        replace(one, detections=simulate(
-            one.truth, one.ego, classes, profile, recordings.sensor, 1000 * seed + i, profile.dt, seen
-        ))
-        for i, (one, seen) in enumerate(zip(fold.scenes, fold.sights, strict=True))
-    ]  # fmt: skip
+def detected(fold: Fold, recordings: Recordings, classes: Sequence[str], seed: int) -> list[Scene]:
+    """The scenes of a fold with the detections of its profile."""
+    profile, sensor, scenes = fold.profile, recordings.sensor, []
+    for i, (scene, visibility) in enumerate(zip(fold.scenes, fold.visibilities, strict=True)):
+        args = (scene.truth, scene.ego, classes, profile, sensor, 1000 * seed + i, profile.dt, visibility)
+        scenes.append(replace(scene, detections=simulate(*args)))
+    return scenes

@@ -1,13 +1,14 @@
-"""The couplings of a detector: real, by model 1, by model 2, and how near model 2 is wanted."""
+"""Couplings of a detector, real and simulated, and the wanted tolerance."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 
 import numpy as np
 
-from mtp_bench.detector.fit.samples import Samples, at_floor, collect
+from mtp_bench.detector.fit.samples import Samples, above_floor, collect_samples
 from mtp_bench.types import Scene
 
 from .couplings import DISTANCES, Couplings, couplings
@@ -33,9 +34,8 @@ class Row:
 
     what: str
     real: float
-    model1: tuple[float, float] | None
-    model2: tuple[float, float]
-    within: str  # what is wanted; empty: nothing
+    simulated: tuple[float, float]
+    within: str  # wanted tolerance; empty: none
     met: bool
 
 
@@ -50,24 +50,20 @@ def rows_of(
 
     def measured(of: Callable[[Fold], list[Scene]]) -> Figures:
         scenes = [scene for fold in found for scene in of(fold)]
-        samples = collect(scenes, classes, recordings.sensor, floor, pooled=recordings.pooled)
+        samples = collect_samples(scenes, classes, recordings.sensor, floor, pooled=recordings.pooled)
         figures = {name: _numbers(couplings(*one)) for name, one in samples.items() if _enough(one)}
         return {**figures, EVERY: {"duplicates": [_duplicates(list(samples.values()))]}}
 
-    def simulated(seed: int, first: bool) -> Figures:
-        return measured(
-            lambda fold: detected(fold, recordings, classes, recordings.model1 if first else fold.profile, seed)
-        )
-
     real = measured(lambda fold: fold.scenes)
-    second = [simulated(seed, first=False) for seed in range(seeds)]
-    first = [simulated(seed, first=True) for seed in range(seeds)] if operating else []  # it has no raw profile
+    simulated = [
+        measured(partial(detected, recordings=recordings, classes=classes, seed=seed)) for seed in range(seeds)
+    ]
     rows = []
     for name, figures in real.items():
         for what, numbers in figures.items():
-            runs = [[run[name][what] for run in model if name in run] for model in (first, second)]
+            runs = [run[name][what] for run in simulated if name in run]
             wanted = what if what != "duplicates" or name == EVERY else ""  # of one class they are few
-            rows += _rows(f"{name}: {what}", wanted, numbers, *runs)
+            rows += _rows(f"{name}: {what}", wanted, numbers, runs)
     return rows
 
 
@@ -85,15 +81,15 @@ def _numbers(figures: Couplings) -> dict[str, list[float]]:
     return {name: list(value) if isinstance(value, tuple) else [value] for name, value in values.items()}
 
 
-def _rows(what: str, name: str, real: list[float], first: list[list[float]], second: list[list[float]]) -> list[Row]:
+def _rows(what: str, name: str, real: list[float], runs: list[list[float]]) -> list[Row]:
     rows = []
     for i, true in enumerate(real):
         if not np.isfinite(true):
             continue
         where = f", {DISTANCES[i]:g} to {DISTANCES[i + 1]:g} m" if len(real) > 1 else ""
-        one, two = (_summary([run[i] for run in runs]) for runs in (first, second))
-        if two is not None:
-            rows.append(row(what + where, name, true, one, two))
+        simulated = _summary([run[i] for run in runs])
+        if simulated is not None:
+            rows.append(row(what + where, name, true, simulated))
     return rows
 
 
@@ -102,14 +98,14 @@ def _summary(value: list[float]) -> tuple[float, float] | None:
     return (float(np.mean(known)), float(np.std(known))) if known else None
 
 
-def row(what: str, name: str, real: float, one: tuple[float, float] | None, two: tuple[float, float]) -> Row:
-    """A row with what is wanted of the figure ``name``."""
+def row(what: str, name: str, real: float, simulated: tuple[float, float]) -> Row:
+    """A row with the wanted tolerance of the figure ``name``."""
     if name in ABSOLUTE:
-        return Row(what, real, one, two, f"±{ABSOLUTE[name]:g}", abs(two[0] - real) <= ABSOLUTE[name])
+        return Row(what, real, simulated, f"±{ABSOLUTE[name]:g}", abs(simulated[0] - real) <= ABSOLUTE[name])
     if name in RELATIVE:
-        met = abs(two[0] - real) <= RELATIVE[name] * abs(real)
-        return Row(what, real, one, two, f"±{100 * RELATIVE[name]:.0f} %", met)
-    return Row(what, real, one, two, "", True)
+        met = abs(simulated[0] - real) <= RELATIVE[name] * abs(real)
+        return Row(what, real, simulated, f"±{100 * RELATIVE[name]:.0f} %", met)
+    return Row(what, real, simulated, "", True)
 
 
 def tracker_rows(
@@ -121,20 +117,14 @@ def tracker_rows(
 
     def events(of: Callable[[Fold], list[Scene]]) -> tuple[int, int]:
         scenes = [scene for fold in found for scene in of(fold)]
-        kept = [replace(one, detections=at_floor(one.detections, classes, floor)) for one in scenes]
+        kept = [replace(one, detections=above_floor(one.detections, classes, floor)) for one in scenes]
         return switches_and_losses(recordings.env, data, kept)
 
-    def simulated(seed: int, first: bool) -> tuple[int, int]:
-        return events(
-            lambda fold: detected(fold, recordings, classes, recordings.model1 if first else fold.profile, seed)
-        )
-
     real = events(lambda fold: fold.scenes)
-    one = [simulated(seed, True) for seed in range(seeds)] if operating else []
-    two = [simulated(seed, False) for seed in range(seeds)]
+    runs = [events(partial(detected, recordings=recordings, classes=classes, seed=seed)) for seed in range(seeds)]
     rows = []
     for i, name in enumerate(("switches", "losses")):
-        second = _summary([float(run[i]) for run in two])
-        assert second is not None
-        rows.append(row(f"STP: {name}", name, float(real[i]), _summary([float(run[i]) for run in one]), second))
+        simulated = _summary([float(run[i]) for run in runs])
+        assert simulated is not None
+        rows.append(row(f"STP: {name}", name, float(real[i]), simulated))
     return rows

@@ -66,7 +66,6 @@ class Card(Section):
         if self.detector is not None:
             noise = self.detector.resolved
             content["detector"]["noise"] = noise.model_dump(mode="json", exclude_none=True)
-            content["detector"]["model"] = noise.model
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..detector import load_profile, profile_names
+from ..detector.profile_file import profile_for
 from ..errors import CardError, DataError, MtpBenchError, UnknownNameError
 from ..strict import read_toml, validate
 from ..types import Scene
@@ -16,10 +17,6 @@ from .sections import DetectorSection, FilesSource
 from .source import STORED_DETECTOR
 
 VARIANTS = ("iid", "hard")  # of a card's own simulated detector
-SIMULATED = {  # profile that simulates a stored detector, or the one that is most like it
-    "megvii": "nuscenes_megvii", "centerpoint": "nuscenes_centerpoint", "pointrcnn": "kitti_pointrcnn",
-    "mvdet": "wildtrack_mvdet", "acf": "wildtrack_mvdet",
-}  # fmt: skip
 
 
 def changed_card(
@@ -70,7 +67,7 @@ def with_detector(card: Card, name: str) -> Card:
         update = {"variant": name}
     elif name.endswith(".toml"):
         update = {"variant": "as_fitted", **_section_of(Path(name)), "profile": None, "noise": load_profile(name)}
-    elif name in (*profile_names(), *profile_names(1)):
+    elif name in profile_names():
         update = {"profile": name, "noise": None, "variant": "as_fitted"}
     elif source.traits.other_detections and card.detector is None:
         if not re.fullmatch(STORED_DETECTOR, name):
@@ -152,8 +149,7 @@ def instead_of_stored(card: Card) -> str:
 
 def profile_of_stored(card: Card) -> str:
     """The detector profile that stands in for a card's stored detections; empty if none can."""
-    family = card.detector_name.split("-", maxsplit=1)[0]
-    profile = family if family in profile_names() else SIMULATED.get(family, "")
+    profile = profile_for(card.detector_name.split("-", maxsplit=1)[0])
     try:
         with_detector(card, profile)
     except MtpBenchError:  # its truth is not complete, or no profile has its classes

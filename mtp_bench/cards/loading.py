@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from .._bundle import bundled, card_ids
-from ..detector.profile import toml_table, toml_values
+from ..detector.profile_file import toml_table, toml_values
 from ..errors import CardError, UnknownNameError
 from ..strict import read_toml, validate
 from .card import Card, check_consistency

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, InstanceOf, Tag
+from pydantic import AfterValidator, Field, InstanceOf
 
-from ..detector import Profile, Profile1, Variant, load_profile
+from ..detector import Profile, Variant, load_profile
 from ..errors import CardError
 from ..strict import Section
 from ..types import Scene
@@ -55,15 +55,6 @@ def _name(profile: str) -> str:
     return profile
 
 
-def _model(content: object) -> str:
-    """Which class of profiles the content is of; those of model 1 have no key ``model``."""
-    of_model1 = "model" not in content if isinstance(content, dict) else isinstance(content, Profile1)
-    return "Profile1" if of_model1 else "Profile"
-
-
-Noise = Annotated[Annotated[Profile, Tag("Profile")] | Annotated[Profile1, Tag("Profile1")], Discriminator(_model)]
-
-
 def _corners(area: tuple[float, float, float, float] | None) -> tuple[float, float, float, float] | None:
     if area is not None and not (area[0] < area[2] and area[1] < area[3]):
         raise ValueError("expected least x and y, then largest x and y")
@@ -74,7 +65,7 @@ class DetectorSection(Section):
     """A simulated detector in place of stored detections: a shipped profile by name, or ``noise`` of one's own."""
 
     profile: Annotated[str, AfterValidator(_name)] | None = None
-    noise: Noise | None = None
+    noise: Profile | None = None
     variant: Variant = "as_fitted"
     reach: Annotated[float, Field(gt=0)] = 80.0  # m
     field_of_view: Annotated[float, Field(gt=0, le=360)] = 90.0  # degrees, centred on the ego's heading
@@ -88,7 +79,7 @@ class DetectorSection(Section):
         return self.resolved.name
 
     @property
-    def resolved(self) -> Profile | Profile1:
+    def resolved(self) -> Profile:
         """The noise that is meant; raises CardError or UnknownNameError where it is not there."""
         if (self.profile is None) == (self.noise is None):
             raise CardError("[detector] has both or none of 'profile' and 'noise', expected one of them")

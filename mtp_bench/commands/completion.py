@@ -21,7 +21,7 @@ def submissions(incomplete: str) -> list[str]:
 
 def detectors(incomplete: str) -> list[str]:
     """Names of the shipped profiles and of the variants that stand alone, and files of profiles."""
-    from ..detector.profile import profile_names
+    from ..detector import profile_names
 
     return _offered(["iid", "hard", *profile_names(), *_beside(incomplete, "*.toml")], incomplete)
 

@@ -1,96 +1,204 @@
-"""Profiles of detectors: those that ship, and their text in TOML."""
+"""Parameters of a simulated detector, as stored in a profile file.
+
+``README.md`` beside this file explains the model and its symbols. Distances d are in units of 10 m.
+"""
 
 from __future__ import annotations
 
-import json
-import re
-from functools import cache
-from pathlib import Path
-from typing import Any, Literal
+import itertools
+from typing import Annotated, Literal
 
-from ..errors import CardError, UnknownNameError
-from ..strict import read_toml, validate
-from .model1.profile import Profile1
-from .model2.profile import Profile
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
-_STORE = Path(__file__).parent / "profiles"
-_COMMENTS = {
-    "miss.first": "1, distance / 10 m, partly occluded, largely occluded, hidden, truncated",
-    "miss.later": "the same, and: undetected in the frame before",
-    "size.mean": "length, width, height, m",
-    "score.quadratic": "constant, per 10 m, per (10 m)^2",
-}
+from ..errors import UnknownNameError
+from ..strict import Section
+
+LOCATION = 7  # features that the mean quality depends on
+QUANTILES = 11  # of distances: at 0, 10, ..., 100 %
+RANKS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.997, 1.0)  # of scores: denser where scores are high
+SLOTS = 2  # places beside every true box at which a false positive can appear
+_SIMILAR = {  # for profiles without a class
+    "cyclist": "bicycle", "bicycle": "motorcycle", "construction_vehicle": "truck"
+}  # fmt: skip
 
 
-def profile_names(model: Literal[1, 2] = 2) -> list[str]:
-    """Names of the profiles of a model that ship; those of model 1 begin with "v1/"."""
-    folder = "" if model == 2 else "v1/"
-    return sorted(folder + path.stem for path in (_STORE / folder).glob("*.toml"))
+def _ascending(values: tuple[float, ...]) -> tuple[float, ...]:
+    if any(later < earlier for earlier, later in itertools.pairwise(values)):
+        raise ValueError("expected ascending numbers")
+    return values
 
 
-def load_profile(name: str) -> Profile | Profile1:
-    """A shipped profile by name, or one from a TOML file; raises UnknownNameError or CardError.
+Variant = Literal["as_fitted", "iid", "hard"]
+Share = Annotated[float, Field(ge=0, le=1)]
+Scale = Annotated[float, Field(ge=0)]
+Correlation = Annotated[float, Field(gt=-1, lt=1)]
+Three = Annotated[tuple[float, float, float], Field(strict=False)]
+Quantiles = Annotated[
+    tuple[float, ...], Field(min_length=QUANTILES, max_length=QUANTILES, strict=False), AfterValidator(_ascending)
+]
+Curve = Annotated[tuple[float, ...], Field(min_length=2, strict=False), AfterValidator(_ascending)]
 
-    A file with ``model = 2`` is of that model, one without the key of model 1.
+
+class LatentMemory(Section):
+    """Correlation of a latent number over the frames of an object; the three shares of its variance sum to 1."""
+
+    bias: Share  # constant over the object's life
+    ar: Share  # autoregressive
+    phi: Correlation  # of the autoregression, from frame to frame
+    white: Share  # new in every frame
+
+    @field_validator("white")
+    @classmethod
+    def _shares_are_complete(cls, white: float, info: ValidationInfo) -> float:
+        total = white + info.data.get("bias", 0.0) + info.data.get("ar", 0.0)
+        if {"bias", "ar"} <= set(info.data) and abs(total - 1.0) > 0.01:
+            raise ValueError(f"bias + ar + white is {total:.4g}, expected 1")
+        return white
+
+
+class SharedMemory(LatentMemory):
+    """Memory of a latent number whose lasting part is shared with close neighbours."""
+
+    shared: Share = 0.0  # weight of a neighbour at distance 0; the object itself has weight 1
+
+
+class Lapses(Section):
+    """The skewed part of the quality: usually close to 0, sometimes a large loss that lasts."""
+
+    share: Annotated[float, Field(ge=0, lt=1)]  # of the variance of the random part of the quality
+    bias: Share  # share of the latent number that is constant over the object's life; the rest is autoregressive
+    phi: Correlation  # of the autoregression, from frame to frame
+    shared: Share  # weight of a neighbour at distance 0; the object itself has weight 1
+
+
+class Quality(SharedMemory):
+    """Quality of an object's detection in a frame, which decides its score and whether it is detected."""
+
+    location: Annotated[tuple[float, ...], Field(min_length=LOCATION, max_length=LOCATION, strict=False)]
+    # mean: 1, d, d^2, partly occluded, largely occluded, hidden, truncated; the random part has variance 1
+    lapses: Lapses
+    latent: Curve  # qualities
+    score: Curve  # their scores; linear between them
+    floor: float  # operating point: detections with lower scores are not reported
+
+    @field_validator("floor")
+    @classmethod
+    def _fits_the_curve(cls, floor: float, info: ValidationInfo) -> float:
+        latent, score = info.data.get("latent", ()), info.data.get("score", ())
+        if len(latent) != len(score):
+            raise ValueError(f"latent has {len(latent)} numbers and score {len(score)}, expected as many of both")
+        if score and floor > score[-1]:
+            raise ValueError(f"expected at most the highest score, {score[-1]:g}")
+        return floor
+
+
+class PositionNoise(SharedMemory):
+    """Position error along one axis: ``(s0 + s1 d) exp(-quality q) H z``, with q the random part of the quality.
+
+    H turns normal errors into Student's t; it lasts, and both axes have the same one.
     """
-    return _read(Path(name)) if name.endswith(".toml") else _shipped(name)
+
+    s0: Scale  # m
+    s1: Scale  # m per 10 m
+    quality: float = 0.0  # decrease of the error with the quality
 
 
-@cache
-def _shipped(name: str) -> Profile | Profile1:
-    """Read and checked once: a card asks for its profile many times."""
-    if name not in (known := [*profile_names(), *profile_names(1)]):
-        raise UnknownNameError("detector profile", name, known)
-    return _read(_STORE / f"{name}.toml")
+class HeadingNoise(Section):
+    """Heading error: Student's t with 4 degrees of freedom, and turns by pi as a two-state Markov chain."""
+
+    scale: Scale  # rad, robust standard deviation (1.4826 x median absolute deviation) of the unflipped error
+    flip: Share  # chance of a flip after a frame without one
+    flip_again: Share  # chance of a flip after a flip
 
 
-def _read(path: Path) -> Profile | Profile1:
-    content = read_toml(path, CardError)
-    if isinstance(content.get("detector"), dict):  # a section of a card, as fit-noise writes it
-        if not isinstance(content["detector"].get("noise"), dict):
-            raise CardError(f"{path.name}: its [detector] has no [detector.noise], expected the figures of a profile")
-        content = content["detector"]["noise"]
-    if "model" in content:
-        return validate(Profile, content, path.name, CardError)
-    return validate(Profile1, content, path.name, CardError)
+class SizeNoise(Section):
+    """Error of length, width and height: normal; all of it but the share ``white`` is constant over a life."""
+
+    mean: Three  # m
+    deviation: Three  # m
+    white: Share = 0.1  # share of the variance that changes from frame to frame
 
 
-def profile_text(profile: Profile | Profile1) -> str:
-    """TOML of a profile, every figure with all its digits: what is read back is equal."""
-    content = profile.model_dump(exclude_none=True)
-    classes, alike = content.pop("classes"), content.pop("alike")
-    lines = toml_values(content)
-    if alike:
-        lines += ["", "[alike]", *toml_values(alike)]
-    for name, noise in classes.items():
-        lines += toml_table(f"classes.{_key(name)}", noise)
-    return "\n".join(lines) + "\n"
+class FalsePositives(LatentMemory):
+    """False positives of one kind: each has a lasting quality and is visible while that is high enough.
+
+    The constant share ``bias`` of the quality is exponential: few are good, and those stay good.
+    """
+
+    chance: Annotated[float, Field(gt=0, le=1)]  # share of the frames of its life in which one is visible
+    score: Quantiles  # of the visible ones, at the ranks `RANKS`
 
 
-def toml_table(heading: str, content: dict[str, Any], section: str = "") -> list[str]:
-    """Lines of TOML of a table and of those in it; lists are tuples."""
-    inner = {key: value for key, value in content.items() if isinstance(value, dict)}
-    own = {key: value for key, value in content.items() if key not in inner}
-    lines = ["", f"[{heading}]", *toml_values(own, section)]
-    for key, value in inner.items():
-        lines += toml_table(f"{heading}.{key}", value, key)
-    return lines
+class FreeFalsePositives(FalsePositives):
+    """False positives away from all objects: born in families, standing still."""
+
+    rate: Scale  # visible per frame over the profile's whole field of view
+    dispersion: Annotated[float, Field(ge=1)]  # variance over mean of the count per frame, as far as scenes differ
+    survive: Annotated[float, Field(ge=0, lt=1)]  # chance to live on for another frame, visible or not
+    siblings: Scale  # mean number born together with the first one of a family
+    spread: Scale  # m, deviation of their places per axis
+    family: Share  # share of the quality that siblings have in common
+    size: Three  # m, mean length, width, height
+    distance: Quantiles  # m from the sensor, at 0, 10, ..., 100 %
 
 
-def toml_values(content: dict[str, Any], section: str = "") -> list[str]:
-    """Lines of TOML of what is no table, with what the figures of a profile mean."""
-    comments = {key: _COMMENTS.get(f"{section}.{key}") for key in content}
-    return [f"{_key(key)} = {_value(value)}" + (f"  # {comments[key]}" if comments[key] else "")
-            for key, value in content.items()]  # fmt: skip
+class NearFalsePositives(FalsePositives):
+    """False positives that follow a true box: duplicates, shadows, boxes of a wrong class."""
+
+    offset: Quantiles  # m from the centre of the true box, at 0, 10, ..., 100 %
+    same: Annotated[tuple[Share, Share, Share], Field(strict=False)]
+    # share with the class of the object: within 0.75 m, within 1.5 m, beyond
+    duplicates: Quantiles | None = None  # scores of those of the object's class within 0.75 m; None: same as all
+    parent: Correlation = 0.0  # correlation of their quality with that of the object
 
 
-def _key(name: str) -> str:
-    return name if re.fullmatch("[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
+class ClassNoise(Section):
+    """All noise of one class."""
+
+    quality: Quality
+    radial: PositionNoise
+    tangential: PositionNoise
+    nu: Annotated[float, Field(gt=1)]  # degrees of freedom of Student's t, of both position errors
+    heading: HeadingNoise
+    size: SizeNoise
+    free: FreeFalsePositives | None = None
+    near: NearFalsePositives | None = None
+    velocity: Scale | None = None  # m/s per axis; None: velocities are not measured
+    z: Annotated[tuple[float, float], Field(strict=False)] = (0.0, 0.0)  # m, height of the centre: mean, deviation
 
 
-def _value(value: str | bool | int | float | tuple[str | float, ...]) -> str:
-    if isinstance(value, str | int):  # also true and false
-        return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, tuple):
-        return f"[{', '.join(_value(one) for one in value)}]"
-    return repr(float(value))
+class Profile(Section):
+    """A detector: noise per class at one frame period."""
+
+    name: str
+    summary: str
+    source: str  # data that the parameters were fitted to
+    stands_for: Annotated[tuple[str, ...], Field(strict=False)] = ()  # stored detectors that it can replace
+    dt: Annotated[float, Field(gt=0)]  # s between frames at which the memory was fitted
+    field_of_view: Annotated[float, Field(gt=0, le=360)] = 360.0  # degrees in which false positives were counted
+    neighbours: Annotated[float, Field(gt=0)] = 20.0  # m; objects farther apart share no noise
+    classes: dict[str, ClassNoise]
+    # Further classes and the class whose noise they have.
+    alike: dict[str, str] = Field(default_factory=dict)
+
+    @field_validator("alike")
+    @classmethod
+    def _have_noise(cls, alike: dict[str, str], info: ValidationInfo) -> dict[str, str]:
+        classes: dict[str, object] = info.data.get("classes", {})
+        for name in alike.values():
+            if classes and name not in classes:
+                raise ValueError(f"{name!r} has no noise; expected one of {', '.join(map(repr, classes))}")
+        return alike
+
+    def noise(self, class_name: str) -> ClassNoise:
+        """Noise of a class, or of a similar one; raises UnknownNameError for an unknown class."""
+        return self.classes[self.noise_name(class_name)]
+
+    def noise_name(self, class_name: str) -> str:
+        """Name of the class whose noise a class has; raises UnknownNameError for an unknown class."""
+        name = self.alike.get(class_name, class_name)
+        if name in self.classes:
+            return name
+        if name in _SIMILAR:
+            return self.noise_name(_SIMILAR[name])
+        raise UnknownNameError(f"class of detector profile {self.name!r}", class_name, [*self.classes, *self.alike])

@@ -1,4 +1,4 @@
-"""Detections that a simulated detector makes of true boxes; ``README.md`` beside this file describes the models."""
+"""Simulation of a detector; ``README.md`` beside this file describes the model."""
 
 from __future__ import annotations
 
@@ -8,44 +8,63 @@ import numpy as np
 
 from ..shapes import require_shape
 from ..types import Detections, Floats, Truth
-from .model1.profile import Profile1
-from .model1.simulate import simulate1
-from .model2.profile import Profile
-from .model2.simulate import simulate2
-from .sight import Sensor, Sight
-from .sight import sight as sight_of
-from .surroundings import Surroundings
+from .draws import Draws
+from .errors import estimated_boxes, measured_velocities, position_errors
+from .false_positives import DetectedRows, SensedScene, reported_classes, sorted_detections
+from .free import free_false_positives
+from .grid import truth_grid, truth_neighbours
+from .near import classes_of_same_noise, near_false_positives
+from .profile import Profile
+from .quality import draw_qualities
+from .visibility import Sensor, Visibility, visibility_of
 
 
 def simulate(
     truth: Truth,
     ego: Floats,
     classes: Sequence[str],
-    profile: Profile | Profile1,
+    profile: Profile,
     sensor: Sensor,
     seed: int,
     dt: float,
-    sight: Sight | None = None,
+    visibility: Visibility | None = None,
 ) -> Detections:
-    """What a detector with the noise of ``profile`` reports of a scene, the same for the same arguments.
+    """Simulate the detections of a scene; equal arguments give equal detections.
 
     Args:
-        truth: true boxes, the neutral ones included; ``class_id`` is an index into ``classes``.
+        truth: true boxes with the neutral ones; ``class_id`` is an index into ``classes``.
         ego: ``[F, 4]`` x y z yaw of the sensor, in the truth's frame of reference.
-        classes: names that the profile must know, else UnknownNameError.
+        classes: class names; UnknownNameError for a class that the profile does not have.
         profile: the noise.
-        sensor: what is covered; nothing else is ever detected.
-        seed: not negative. Every kind of noise has its own stream: a changed level leaves all other draws alone.
-        dt: s between frames. Where it differs from the profile's, memory decays accordingly.
-        sight: `sight(truth, ego, sensor)` if known already.
+        sensor: its coverage; objects outside are never detected.
+        seed: not negative. Kinds of noise have separate random numbers: a changed level leaves all other draws alone.
+        dt: s between frames. Where it differs from the profile's, the memory decays accordingly.
+        visibility: `visibility_of` the truth, if it is already known.
 
-    Rows within a frame are by descending score, ties by x.
+    Rows within a frame are sorted by descending score, then by x.
     """
     require_shape("ego", ego, (truth.frames, 4))
-    steps = dt / profile.dt
-    sight = sight_of(truth, ego, sensor) if sight is None else sight
-    wider = min(sensor.field_of_view, 2 * np.pi) / np.deg2rad(profile.field_of_view)
-    around = Surroundings(truth, ego, sensor, steps, float(wider))
-    if isinstance(profile, Profile1):
-        return simulate1(truth, classes, profile, around, sight, seed)
-    return simulate2(truth, classes, profile, around, sight, seed)
+    visibility = visibility_of(truth, ego, sensor) if visibility is None else visibility
+    field_ratio = float(min(sensor.field_of_view, 2 * np.pi) / np.deg2rad(profile.field_of_view))
+    scene = SensedScene(truth, ego, sensor, dt / profile.dt, field_ratio)
+    draws = Draws(seed)
+    grid = truth_grid(truth, [profile.noise(name) for name in classes], scene.steps)
+    neighbours = truth_neighbours(grid, truth.box[:, :2], profile.neighbours)
+    qualities = draw_qualities(grid, visibility, neighbours, draws)
+    direction = visibility.bearing + ego[grid.frame, 3]
+    offset = position_errors(grid, visibility.distance, direction, qualities.random, neighbours, draws)
+    hit = np.flatnonzero(qualities.reported & sensor.covers(visibility.distance, visibility.bearing))
+    hits = grid.select(hit)
+    box = estimated_boxes(truth.box[hit], offset[hit], hits, draws)
+    velocity = measured_velocities(truth.velocity[hit], hits, direction[hit], draws)
+    objects = DetectedRows(hits.frame, box, velocity, truth.class_id[hit], qualities.score[hit])
+    noise_names = [profile.noise_name(name) for name in classes]
+    similar = classes_of_same_noise(truth, noise_names)
+    rows = [objects, near_false_positives(grid, scene, qualities, similar, seed)]
+    for number, (name, noise) in enumerate(profile.classes.items()):
+        if noise.free is None:
+            continue
+        reported = reported_classes(truth, classes, noise_names, name, noise.free.size)
+        if reported is not None:
+            rows.append(free_false_positives(noise, reported, scene, number, seed))
+    return sorted_detections(rows, len(ego))

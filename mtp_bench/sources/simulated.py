@@ -25,8 +25,8 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
     reference, false boxes that stand do so in the world, if the scene says where that is, else in the sensor's frame;
     velocities are measured in the world and told in the frames.
     """
-    from ..detector.sight import Sensor, sight, visible_fractions
     from ..detector.simulate import simulate
+    from ..detector.visibility import Sensor, visibility_of, visible_fractions
 
     if card.detector is None or (scene.detector and not scene.simulated):
         return scene
@@ -51,7 +51,7 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
         sensor,
         _seed(section.seed, scene.name) if seed is None else seed,
         dt=1.0 / card.task.rate,
-        sight=sight(there.truth, there.ego, sensor, visible),
+        visibility=visibility_of(there.truth, there.ego, sensor, visible),
     )
     if scene.world is not None:
         seen = in_frames(seen, scene.world, scene.time)

@@ -38,9 +38,9 @@ def fit_noise(
 
     Raises MtpBenchError for whatever the user can mend.
     """
-    from ..detector.model2.fit import fit_profile
-    from ..detector.profile import profile_text
-    from ..detector.sight import Sensor
+    from ..detector.fit import fit_profile
+    from ..detector.profile_file import profile_text
+    from ..detector.visibility import Sensor
 
     split = open_split(env_id, options)
     card = split.card

@@ -11,7 +11,7 @@ import pytest
 from mtp_bench._bundle import bundled
 from mtp_bench.cards import changed_card, load_card, parse_card, with_detector, with_split
 from mtp_bench.detector import load_profile
-from mtp_bench.detector.profile import profile_text
+from mtp_bench.detector.profile_file import profile_text
 from mtp_bench.errors import CardError, MtpBenchError, UnknownNameError
 from mtp_bench.sources.highway.section import GENERATOR, HighwaySource
 from tests.cards.test_cards import Content, put
@@ -161,7 +161,7 @@ def test_a_profile_from_a_file(tmp_path: Path) -> None:
     card = load_card("MTP-Roundabout-v0")
     section = tmp_path / "section.toml"
     section.write_text('[detector]\nprofile = "clean"\n')
-    with pytest.raises(CardError, match=r"section\.toml: its \[detector\] has no \[detector\.noise\]"):
+    with pytest.raises(CardError, match=r"section\.toml: \[detector\] has no table 'noise'"):
         with_detector(card, str(section))
     with pytest.raises(CardError, match=r"mine\.toml: cannot be read"):
         with_detector(card, str(tmp_path / "mine.toml"))

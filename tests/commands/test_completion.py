@@ -13,7 +13,7 @@ from mtp_bench._bundle import baseline_names, card_ids
 from mtp_bench.commands.export import WHAT
 from mtp_bench.commands.import_ import FORMS
 from mtp_bench.commands.submit import DIVISIONS
-from mtp_bench.detector.profile import profile_names
+from mtp_bench.detector import profile_names
 from mtp_bench.training.predictors import ON
 from mtp_bench.viz.replay import KINDS
 from mtp_bench.viz.rerun.arrays import LEVELS

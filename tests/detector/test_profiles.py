@@ -1,39 +1,50 @@
-"""Profiles of either model: what ships, what is read and written, variants, and cards that take them."""
+"""Profiles: the shipped ones, reading and writing, wrong ones, variants, and cards that use them."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card, with_detector
-from mtp_bench.detector import Profile, Profile1, load_profile, profile_names
-from mtp_bench.detector.profile import profile_text
+from mtp_bench.detector import Profile, load_profile, profile_names
+from mtp_bench.detector.profile_file import profile_for, profile_text
 from mtp_bench.detector.variants import with_variant
-from mtp_bench.errors import UnknownNameError
-from tests.support.detector_scenes import crowd, detect, seen_at
+from mtp_bench.errors import CardError, UnknownNameError
+from tests.support.detector_scenes import FREE, LASTING, NEAR, cars, detect, on_grid, profile_of, seen_at
+
+FULL = profile_of(quality=LASTING, radial={**LASTING, "s0": 0.2}, free=FREE, near=NEAR)
 
 
-def test_the_shipped_profiles_are_those_of_the_documentation() -> None:
-    fitted = ["kitti_pointrcnn", "nuscenes_centerpoint", "nuscenes_megvii", "wildtrack_mvdet"]
-    assert profile_names() == sorted(["clean", "kitti_pointrcnn_raw", "nuscenes_megvii_raw", *fitted])
-    assert profile_names(1) == [f"v1/{name}" for name in ("clean", *fitted)]
-    for name in (*profile_names(), *profile_names(1)):
-        assert load_profile(name).name == name.removeprefix("v1/")
-        assert load_profile(name).source
-        assert load_profile(name) is load_profile(name), "read once"
+def read_back(profile: Profile, folder: Path) -> Profile:
+    path = folder / "profile.toml"
+    path.write_text(profile_text(profile), encoding="utf-8")
+    return load_profile(str(path))
 
 
-@pytest.mark.parametrize("name", [*profile_names(), *profile_names(1)])
-def test_what_ships_is_read_and_written_equal(name: str, tmp_path: Path) -> None:
-    assert read_back(load_profile(name), tmp_path) == load_profile(name)
-
-
-@pytest.mark.parametrize("name", ["nuscenes_megvii", "v1/nuscenes_megvii"])
-def test_odd_names_and_absent_parts_are_read_back_equal(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", profile_names())
+def test_a_shipped_profile_is_complete_and_read_back_equal(name: str, tmp_path: Path) -> None:
     profile = load_profile(name)
+    assert profile.name == name
+    assert profile.source
+    assert load_profile(name) is profile, "read once"
+    assert read_back(profile, tmp_path) == profile
+    for variant in ("iid", "hard"):
+        changed = with_variant(profile, variant)
+        assert changed.name == f"{name}-{variant}"
+        assert Profile.model_validate(changed.model_dump()) == changed
+    assert with_variant(profile, "as_fitted") is profile
+
+
+def test_an_unknown_name_is_answered_with_the_nearest_one() -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'nuscenes_megvii'"):
+        load_profile("nuscenes_megvi")
+
+
+def test_odd_names_and_absent_parts_are_read_back_equal(tmp_path: Path) -> None:
+    profile = load_profile("nuscenes_megvii")
     odd = profile.classes["car"].model_copy(update={"velocity": None})
     names = {"truck": "car", 'a "quoted" one': "car"}
     changed = profile.model_copy(
@@ -42,60 +53,79 @@ def test_odd_names_and_absent_parts_are_read_back_equal(name: str, tmp_path: Pat
     assert read_back(changed, tmp_path) == changed
 
 
-def read_back(profile: Profile | Profile1, folder: Path) -> Profile | Profile1:
-    path = folder / "profile.toml"
-    path.write_text(profile_text(profile), encoding="utf-8")
-    return load_profile(str(path))
+@pytest.mark.parametrize(
+    ("detector", "profile"),
+    [("megvii", "nuscenes_megvii"), ("acf", "wildtrack_mvdet"), ("kitti_pointrcnn", "kitti_pointrcnn"), ("new", "")],
+)
+def test_a_stored_detector_has_a_profile_that_can_replace_it(detector: str, profile: str) -> None:
+    assert profile_for(detector) == profile
 
 
-def test_coefficients_are_explained() -> None:
-    assert "# the same, and: undetected in the frame before" in profile_text(load_profile("v1/nuscenes_megvii"))
-    assert "# length, width, height, m" in profile_text(load_profile("nuscenes_megvii"))
+WRONG: dict[str, tuple[str, dict[str, Any], str]] = {
+    "scores that sink": ("quality", {"score": (0.1, 0.3, 0.2, 0.9, 1.0)}, "expected ascending numbers"),
+    "other lengths": ("quality", {"score": (0.1, 1.0)}, "latent has 5 numbers and score 2"),
+    "floor": ("quality", {"floor": 1.5}, "expected at most the highest score, 1"),
+    "shares": ("quality", {"white": 0.5}, r"bias \+ ar \+ white is 1.3, expected 1"),
+    "duplicates that sink": ("near", {"duplicates": tuple(np.linspace(0.9, 0.1, 11))}, "expected ascending numbers"),
+}
 
 
-def test_a_profile_without_the_key_is_of_model_1() -> None:
-    assert all(isinstance(load_profile(name), Profile) for name in profile_names())
-    assert all(isinstance(load_profile(name), Profile1) for name in profile_names(1))
-    with pytest.raises(UnknownNameError, match="did you mean 'nuscenes_megvii'"):
-        load_profile("nuscenes_megvi")
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_parameter_is_one_clear_error(name: str, tmp_path: Path) -> None:
+    section, change, text = WRONG[name]
+    car = FULL.classes["car"]
+    car = car.model_copy(update={section: getattr(car, section).model_copy(update=change)})
+    with pytest.raises(CardError, match=text):
+        read_back(FULL.model_copy(update={"classes": {"car": car}}), tmp_path)
 
 
-def test_the_variants_of_no_noise_are_no_noise() -> None:
-    truth = crowd(20, 30)
-    for profile in (load_profile("clean"), load_profile("v1/clean")):
-        for variant in ("as_fitted", "iid", "hard"):
-            found = detect(truth, with_variant(profile, variant), seen_at(truth, 20.0, occlusion=3))
-            np.testing.assert_allclose(found.box, truth.box)
+@pytest.mark.parametrize("variant", ["as_fitted", "iid", "hard"])
+def test_the_variants_of_no_noise_are_no_noise(variant: Literal["as_fitted", "iid", "hard"]) -> None:
+    truth = cars(20, 30)
+    found = detect(truth, with_variant(load_profile("clean"), variant), visibility=seen_at(truth, 20.0, occlusion=3))
+    np.testing.assert_allclose(found.box, truth.box)
 
 
-@pytest.mark.parametrize("name", ["nuscenes_megvii", "v1/nuscenes_megvii"])
-def test_as_fitted_is_the_profile_itself(name: str) -> None:
-    assert with_variant(load_profile(name), "as_fitted") is load_profile(name)
+def test_iid_keeps_recall_and_scores_without_memory() -> None:
+    profile = profile_of(quality={**LASTING, "lapses": {"share": 0.4, "bias": 0.5, "phi": 0.9, "shared": 0.5}})
+    hits, scores = [], []
+    for one in (profile, with_variant(profile, "iid")):
+        hit, score, _ = on_grid(detect(cars(300, 150, 30.0), one), 30.0, 150)
+        hits.append(hit)
+        scores.append(score)
+    assert hits[1].mean() == pytest.approx(hits[0].mean(), abs=0.015)
+    assert np.nanmean(scores[1]) == pytest.approx(float(np.nanmean(scores[0])), abs=0.02)
+    assert abs(np.corrcoef(hits[1][:-1].ravel(), hits[1][1:].ravel())[0, 1]) < 0.02
+    assert np.corrcoef(hits[0][:-1].ravel(), hits[0][1:].ravel())[0, 1] > 0.3
 
 
-@pytest.mark.parametrize("name", [*profile_names(), *profile_names(1)])
-@pytest.mark.parametrize("variant", ["iid", "hard"])
-def test_variants_are_valid_profiles_of_their_own_name(name: str, variant: Literal["iid", "hard"]) -> None:
-    profile = load_profile(name)
-    changed = with_variant(profile, variant)
-    assert changed.name == f"{profile.name}-{variant}"
-    assert type(profile).model_validate(changed.model_dump()) == changed
+def test_hard_misses_more_errs_more_and_invents_more() -> None:
+    truth = cars(200, 60, 30.0)
+    odds, deviation, false = [], [], []
+    for profile in (FULL, with_variant(FULL, "hard")):
+        alone = profile.classes["car"].model_copy(update={"free": None, "near": None})
+        objects = detect(truth, profile.model_copy(update={"classes": {"car": alone}}))
+        hit, _, box = on_grid(objects, 30.0, 60)
+        odds.append(np.log((1 - hit.mean()) / hit.mean()))
+        deviation.append(np.nanstd(box[..., 0] - 30.0 * np.arange(60)))
+        false.append(len(detect(truth, profile).box) - len(objects.box))
+    assert odds[1] - odds[0] == pytest.approx(1.0, abs=0.15)
+    assert deviation[1] / deviation[0] == pytest.approx(2.0, rel=0.1)
+    assert false[1] / false[0] == pytest.approx(2.0, rel=0.3)
 
 
-def test_a_card_digests_the_profile_and_its_model() -> None:
+def test_a_card_digests_its_profile() -> None:
     card = load_card("MTP-Intersection-v0")
-    names = ("nuscenes_megvii", "nuscenes_megvii_raw", "v1/nuscenes_megvii")
+    names = ("nuscenes_megvii", "nuscenes_megvii_raw", "clean")
     cards = [with_detector(card, name) for name in names]
     assert len({one.digest for one in cards}) == 3
-    assert all(one.velocity for one in cards)
-    assert [one.detector_name for one in cards] == [name.removeprefix("v1/") for name in names]
+    assert [one.detector_name for one in cards] == list(names)
 
 
-@pytest.mark.parametrize("name", ["nuscenes_megvii", "v1/nuscenes_megvii"])
-def test_a_file_of_either_model_is_a_card_s_own_noise(name: str, tmp_path: Path) -> None:
+def test_a_profile_file_is_a_card_s_own_noise(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
-    path.write_text(profile_text(load_profile(name)), encoding="utf-8")
+    path.write_text(profile_text(load_profile("nuscenes_megvii")), encoding="utf-8")
     card = with_detector(load_card("MTP-Intersection-v0"), str(path))
     assert card.detector is not None
-    assert card.detector.noise == load_profile(name)
+    assert card.detector.noise == load_profile("nuscenes_megvii")
     assert type(card).model_validate(card.model_dump()).detector == card.detector

@@ -49,7 +49,7 @@ def test_no_missing_velocity_tells_a_true_box_from_a_false_one() -> None:
     unknown = truth.velocity.copy()
     unknown[truth.frame_of_rows % 7 == 0] = np.nan
     scene = Scene("a", np.arange(30) / 2, np.zeros((30, 4)), truth, no_detections(30))
-    for profile in ("nuscenes_megvii_raw", "v1/nuscenes_megvii"):
+    for profile in ("nuscenes_megvii_raw", "nuscenes_megvii"):
         card = with_detector(load_card("MTP-nuScenes-mini-v0"), profile)
         part = replace(scene, truth=replace(truth, velocity=unknown, class_id=np.zeros(len(truth.box), dtype=int)))
         seen = detected(part, card, seed=0)

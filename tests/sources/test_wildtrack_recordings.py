@@ -14,10 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from mtp_bench.cards import load_card, with_split
 from mtp_bench.detector import load_profile
-from mtp_bench.detector.fit.errors import robust_deviation
-from mtp_bench.detector.fit.samples import RADIAL, TANGENTIAL, collect
-from mtp_bench.detector.sight import Sensor, sight
+from mtp_bench.detector.fit.objects import robust_deviation
+from mtp_bench.detector.fit.samples import RADIAL, TANGENTIAL, collect_samples
 from mtp_bench.detector.simulate import simulate
+from mtp_bench.detector.visibility import Sensor, visibility_of
 from mtp_bench.scoring import find_targets
 from mtp_bench.sources.wildtrack.files import read_annotations
 from mtp_bench.sources.wildtrack.source import ANNOTATIONS, SCENES, SPLITS, STORED, Wildtrack
@@ -148,11 +148,11 @@ def test_feet_project_to_the_lower_edges_of_the_pixel_boxes(data_root: Path) -> 
 def test_the_profile_makes_what_the_last_frames_have(scenes: dict[str, Scene]) -> None:
     """MVDet's detections and simulated ones of the same frames: misses, errors, false positives."""
     scene, profile = scenes[STORED], load_profile("wildtrack_mvdet")
-    people, clutter = collect([scene], PEOPLE, SENSOR)["pedestrian"]
+    people, clutter = collect_samples([scene], PEOPLE, SENSOR)["pedestrian"]
     assert (len(people.hit), int(people.hit.sum()), len(clutter.score)) == (952, 911, 55)
-    look = sight(scene.truth, scene.ego, SENSOR, scene.visible)
-    runs = [simulate(scene.truth, scene.ego, PEOPLE, profile, SENSOR, seed, 0.5, sight=look) for seed in range(30)]
-    made, false = collect([replace(scene, detections=run) for run in runs], PEOPLE, SENSOR)["pedestrian"]
+    look = visibility_of(scene.truth, scene.ego, SENSOR, scene.visible)
+    runs = [simulate(scene.truth, scene.ego, PEOPLE, profile, SENSOR, seed, 0.5, visibility=look) for seed in range(30)]
+    made, false = collect_samples([replace(scene, detections=run) for run in runs], PEOPLE, SENSOR)["pedestrian"]
     assert made.hit.mean() == pytest.approx(people.hit.mean(), abs=0.015)
     assert len(false.score) / len(runs) == pytest.approx(len(clutter.score), rel=0.25)
     for column in (RADIAL, TANGENTIAL):
@@ -167,8 +167,8 @@ def test_simulated_detections_are_as_good_as_stored_ones(scenes: dict[str, Scene
     for seed, (name, scene) in enumerate(scenes.items()):
         if name == STORED:
             continue
-        look = sight(scene.truth, scene.ego, SENSOR, scene.visible)
-        seen = simulate(scene.truth, scene.ego, PEOPLE, profile, SENSOR, seed, 0.5, sight=look)
+        look = visibility_of(scene.truth, scene.ego, SENSOR, scene.visible)
+        seen = simulate(scene.truth, scene.ego, PEOPLE, profile, SENSOR, seed, 0.5, visibility=look)
         assert (seen.score == 1.0).all()
         found, true = found + len(seen.box), true + len(scene.truth.box)
         pairs += hits(scene.truth, seen)

@@ -7,9 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtp_bench.detector.fit.errors import robust_deviation
-from mtp_bench.detector.fit.samples import HEADING, RADIAL, TANGENTIAL, FalsePositiveSamples, ObjectSamples, collect
-from mtp_bench.detector.sight import Sensor
+from mtp_bench.detector.fit.objects import robust_deviation
+from mtp_bench.detector.fit.samples import (
+    HEADING,
+    RADIAL,
+    TANGENTIAL,
+    FalsePositiveSamples,
+    ObjectSamples,
+    collect_samples,
+)
+from mtp_bench.detector.visibility import Sensor
 from mtp_bench.types import Bools, Floats, Ints, Scene
 
 
@@ -40,7 +47,7 @@ def detector_statistics(
 
     ``floor`` is the operating point per class: detections with a lower score do not count.
     """
-    samples = collect(scenes, classes, sensor, floor, features=False)
+    samples = collect_samples(scenes, classes, sensor, floor)
     return {name: class_statistics(*samples[name]) for name in classes}
 
 

@@ -1,1 +1,3 @@
-"""What detections show of known objects: matches, errors, and how they hang together."""
+"""Fit of a noise profile to the detections of a real detector."""
+
+from .profile import fit_profile as fit_profile

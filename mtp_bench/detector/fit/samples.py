@@ -1,51 +1,51 @@
-"""What a detector made of the true boxes of a class, over all scenes: hits, errors, scores, false positives."""
+"""Samples to fit a detector to: hits and errors of the true boxes of each class, and its false positives."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from ...errors import DataError
 from ...geometry import center_distance, wrap_angle
-from ...types import Bools, Detections, Floats, Ints, Scene, Truth, joined, starts_of_sorted
-from ..sight import Sensor, covered, polar, sight, within
-from ..sight import features as features_of
+from ...types import Bools, Detections, Floats, Ints, Scene, Truth, joined, starts_of_sorted, those
+from ..quality import quality_features
+from ..visibility import Sensor, covered, polar, visibility_of
 
 RADIAL, TANGENTIAL, HEIGHT, HEADING, SIZE = 0, 1, 2, 3, slice(4, 7)  # columns of ``ObjectSamples.error``
 
 _GATES = {"pedestrian": 1.0, "cyclist": 1.5, "bicycle": 1.5, "motorcycle": 1.5}
 _VEHICLE_GATE = 2.0
-_BESIDE = 0.75  # m: a second detection that near to the first one is of the same object
+_DUPLICATE = 0.75  # m: a second detection this near to the matched one belongs to the same object
 
 
 @dataclass(frozen=True, eq=False)
 class ObjectSamples:
-    """The covered true boxes of a class, neutral ones left out, sorted by object and frame."""
+    """Covered true boxes of a class without the neutral ones, sorted by object and frame."""
 
     object: Ints  # [R] unique over scenes
     frame: Ints  # [R] within the scene
     hit: Bools  # [R]
-    feature: Floats  # [R, 6] 1, distance / 10 m, partly occluded, largely occluded, hidden, truncated
+    feature: Floats  # [R, 7] see `quality_features`
     error: Floats  # [R, 7] detected less true: radial, tangential, z m, heading rad, l w h m; NaN where undetected
     velocity_error: Floats  # [R, 2] m/s; NaN where undetected or not measured
     score: Floats  # [R] NaN where undetected
     scene: Ints  # [R] number of the scene
     place: Floats  # [R, 2] m, of the true box
-    toward: Floats  # [R] rad, from the sensor to it
+    direction: Floats  # [R] rad, from the sensor to it
 
     def pairs(self, lag: int = 1) -> tuple[Ints, Ints]:
         """Rows of the same object, earlier and later, ``lag`` frames apart."""
         width = int(self.frame.max(initial=0)) + lag + 1
         key = self.object * width + self.frame
         later = np.searchsorted(key, key + lag)
-        found = np.flatnonzero(later < len(key))
-        found = found[key[later[found]] == key[found] + lag]
-        return found, later[found]
+        earlier = np.flatnonzero(later < len(key))
+        earlier = earlier[key[later[earlier]] == key[earlier] + lag]
+        return earlier, later[earlier]
 
     def hit_pairs(self, lag: int = 1) -> tuple[Ints, Ints]:
-        """The pairs of which both were hit."""
+        """The pairs with two hits."""
         earlier, later = self.pairs(lag)
         both = self.hit[earlier] & self.hit[later]
         return earlier[both], later[both]
@@ -53,7 +53,7 @@ class ObjectSamples:
 
 @dataclass(frozen=True, eq=False)
 class FalsePositiveSamples:
-    """The false positives of a class inside the sensor's coverage."""
+    """False positives of a class inside the sensor's coverage."""
 
     count: Ints  # [F] per frame, all scenes one after another
     duplicate: Bools  # [D] a second detection of an object
@@ -63,7 +63,7 @@ class FalsePositiveSamples:
     scene: Ints  # [D] number of the scene
     frame: Ints  # [D] within the scene
     place: Floats  # [D, 2] m
-    beside: Floats  # [D] m to the nearest true box of the class, or of one that is pooled with it; inf without any
+    beside: Floats  # [D] m to the nearest true box of the pooled classes; inf without one
     of_class: Bools  # [D] that box has the class of the detection
     parent: Floats  # [D] score of that box' own detection, NaN where it is undetected
 
@@ -71,162 +71,137 @@ class FalsePositiveSamples:
 Samples = tuple[ObjectSamples, FalsePositiveSamples]
 
 
-def collect(
+def collect_samples(
     scenes: Iterable[Scene],
     classes: Sequence[str],
     sensor: Sensor,
     floor: Mapping[str, float] | None = None,
-    features: bool = True,
     pooled: Mapping[str, str] | None = None,
 ) -> dict[str, Samples]:
-    """Samples per class over ``scenes``; only detections with a score of at least ``floor`` of their class count.
+    """Samples per class over ``scenes``.
 
-    ``classes``: the task's, in the order of class indices; ``sensor``: what the detector can see, in metres and
-    radians. Without ``features``, which take half of the time, those are 0. ``pooled``: classes, and the class whose
-    samples theirs are added to; boxes are matched class by class all the same. Raises DataError without a scene.
+    ``classes``: the task's, in the order of class indices; ``floor``: least score per class of the detections that
+    count; ``pooled``: classes, and the class whose samples theirs are added to. Boxes are matched class by class in any
+    case. Raises DataError without a scene.
     """
     pooled = pooled or {}
     parts: dict[str, list[Samples]] = {name: [] for name in classes if name not in pooled}
-    objects = 0  # in the scenes so far
-    for number_of_scene, scene in enumerate(scenes):
-        found = at_floor(scene.detections, classes, floor)
-        matches = match(scene.truth, found, classes)
-        known, number = np.unique(scene.truth.object_id, return_inverse=True)
-        seen: Floats = np.zeros((len(number), 6))
-        if features:
-            seen = features_of(sight(scene.truth, scene.ego, sensor, scene.visible))
-        every = _objects(scene, found, matches.detection, objects + number, seen, number_of_scene)
-        inside = covered(scene.truth, scene.ego, sensor) & ~scene.truth.neutral
+    object_count = 0  # in the scenes so far
+    for scene_number, scene in enumerate(scenes):
+        detections = above_floor(scene.detections, classes, floor)
+        matches = match_boxes(scene.truth, detections, classes)
+        ids, number = np.unique(scene.truth.object_id, return_inverse=True)
+        rows = _object_samples(scene, detections, matches.detection, object_count + number, sensor, scene_number)
+        kept = covered(scene.truth, scene.ego, sensor) & ~scene.truth.neutral
         for name, samples in parts.items():
-            own = [i for i, one in enumerate(classes) if pooled.get(one, one) == name]
-            row = np.flatnonzero(inside & np.isin(scene.truth.class_id, own))
-            row = row[np.lexsort((every.frame[row], number[row]))]
-            false = _false_positives(scene, found, matches, own, sensor, number_of_scene)
-            samples.append((_selected(every, row), false))
-        objects += len(known)
+            class_ids = [k for k, other in enumerate(classes) if pooled.get(other, other) == name]
+            row = np.flatnonzero(kept & np.isin(scene.truth.class_id, class_ids))
+            row = row[np.lexsort((rows.frame[row], number[row]))]
+            false = _false_positive_samples(scene, detections, matches, class_ids, sensor, scene_number)
+            samples.append((those(rows, row), false))
+        object_count += len(ids)
     if not any(parts.values()):
         raise DataError("no scenes to compare detections with true boxes in, expected at least one")
     return {name: (joined([a for a, _ in part]), joined([b for _, b in part])) for name, part in parts.items()}
 
 
-def _objects(
-    scene: Scene, detections: Detections, detection: Ints, number: Ints, feature: Floats, number_of_scene: int
+def _object_samples(
+    scene: Scene, detections: Detections, detection: Ints, number: Ints, sensor: Sensor, scene_number: int
 ) -> ObjectSamples:
     """Samples of all true rows, with the detections ``detection`` (-1: undetected)."""
     true, frame, hit = scene.truth.box, scene.truth.frame_of_rows, detection >= 0
-    found, velocity, score = (np.full((len(true), *shape), np.nan) for shape in ((7,), (2,), ()))
-    found[hit] = detections.box[detection[hit]]
+    box, velocity, score = (np.full((len(true), *shape), np.nan) for shape in ((7,), (2,), ()))
+    box[hit] = detections.box[detection[hit]]
     score[hit] = detections.score[detection[hit]]
-    if detections.velocity.any():  # zeros everywhere: some formats write them where nothing was measured
+    if detections.velocity.any():  # some formats write zeros everywhere where velocities were not measured
         velocity[hit] = detections.velocity[detection[hit]]
-    off, away = found[:, :2] - true[:, :2], true[:, :2] - scene.ego[frame, :2]
+    offset, away = box[:, :2] - true[:, :2], true[:, :2] - scene.ego[frame, :2]
     away = away / np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-9)[:, None]
+    radial = (away * offset).sum(axis=1)
+    tangential = away[:, 0] * offset[:, 1] - away[:, 1] * offset[:, 0]
+    heading = wrap_angle(box[:, 3] - true[:, 3])
     return ObjectSamples(
         object=number,
         frame=frame,
         hit=hit,
-        feature=feature,
-        error=np.column_stack(
-            [
-                (away * off).sum(axis=1),
-                away[:, 0] * off[:, 1] - away[:, 1] * off[:, 0],
-                found[:, 2] - true[:, 2],
-                wrap_angle(found[:, 3] - true[:, 3]),
-                found[:, 4:] - true[:, 4:],
-            ]
-        ),
+        feature=quality_features(visibility_of(scene.truth, scene.ego, sensor, scene.visible)),
+        error=np.column_stack([radial, tangential, box[:, 2] - true[:, 2], heading, box[:, 4:] - true[:, 4:]]),
         velocity_error=velocity - scene.truth.velocity,
         score=score,
-        scene=np.full(len(true), number_of_scene),
+        scene=np.full(len(true), scene_number),
         place=true[:, :2],
-        toward=np.arctan2(away[:, 1], away[:, 0]),
+        direction=np.arctan2(away[:, 1], away[:, 0]),
     )
 
 
-def _false_positives(
-    scene: Scene, detections: Detections, matches: Matches, class_ids: Sequence[int], sensor: Sensor, number: int
+def _false_positive_samples(
+    scene: Scene, detections: Detections, matches: Matches, class_ids: Sequence[int], sensor: Sensor, scene_number: int
 ) -> FalsePositiveSamples:
-    frame = detections.frame_of_rows
+    all_frames, truth = detections.frame_of_rows, scene.truth
     row = np.flatnonzero(matches.false & np.isin(detections.class_id, class_ids))
-    distance, bearing = polar(detections.box[row, :2], scene.ego[frame[row]])
-    inside = within(distance, bearing, sensor)
-    row, distance = row[inside], distance[inside]
-    frame, place = frame[row], detections.box[row, :2]
-    first = starts_of_sorted(frame, scene.frames)
-    beside, of_class, parent = _parents(scene, detections, matches, row, class_ids)
+    distance, bearing = polar(detections.box[row, :2], scene.ego[all_frames[row]])
+    inside = sensor.covers(distance, bearing)
+    row = row[inside]
+    frame, box = all_frames[row], detections.box[row]
+    nearest, beside = nearest_true_boxes(truth, np.isin(truth.class_id, class_ids), frame, box)
     return FalsePositiveSamples(
-        count=np.diff(first),
+        count=np.diff(starts_of_sorted(frame, scene.frames)),
         duplicate=matches.duplicate[row],
         score=detections.score[row],
-        size=detections.box[row, 4:7],
-        distance=distance,
-        scene=np.full(len(row), number),
+        size=box[:, 4:7],
+        distance=distance[inside],
+        scene=np.full(len(row), scene_number),
         frame=frame,
-        place=place,
+        place=box[:, :2],
         beside=beside,
-        of_class=of_class,
-        parent=parent,
+        of_class=np.append(truth.class_id, -1)[nearest] == detections.class_id[row],
+        parent=np.append(detections.score, np.nan)[np.append(matches.detection, -1)[nearest]],
     )
 
 
-def _parents(
-    scene: Scene, detections: Detections, matches: Matches, row: Ints, class_ids: Sequence[int]
-) -> tuple[Floats, Bools, Floats]:
-    """Of detections ``row``: distance to the nearest true box of the classes, whether of its class, its score."""
-    truth, frame = scene.truth, detections.frame_of_rows[row]
-    nearest, beside = nearest_true(truth, np.isin(truth.class_id, class_ids), frame, detections.box[row])
-    of_class = np.append(truth.class_id, -1)[nearest] == detections.class_id[row]
-    detection = np.append(matches.detection, -1)[nearest]
-    return beside, of_class, np.append(detections.score, np.nan)[detection]
+def nearest_true_boxes(truth: Truth, kept: Bools, frame: Ints, box: Floats) -> tuple[Ints, Floats]:
+    """Row of the nearest true box of ``kept`` ``[R]`` in the frame of each box ``[D, 7]``, and the distance in m.
 
-
-def nearest_true(truth: Truth, own: Bools, frame: Ints, box: Floats) -> tuple[Ints, Floats]:
-    """The nearest of the true boxes ``own`` ``[R]`` in the frame of each box ``[D, 7]``: its row, and m to it.
-
-    -1, an index of what is appended, and inf where the frame has none.
+    -1 (the index of an appended value) and inf in frames without one.
     """
     nearest, distance = np.full(len(box), -1), np.full(len(box), np.inf)
     for t in np.unique(frame):
         rows = truth.rows(int(t))
-        true = rows.start + np.flatnonzero(own[rows])
+        true = rows.start + np.flatnonzero(kept[rows])
         if len(true):
-            here = np.flatnonzero(frame == t)
-            off = center_distance(box[here, None], truth.box[None, true])
-            nearest[here], distance[here] = true[off.argmin(axis=1)], off.min(axis=1)
+            index = np.flatnonzero(frame == t)
+            distances = center_distance(box[index, None], truth.box[None, true])
+            nearest[index], distance[index] = true[distances.argmin(axis=1)], distances.min(axis=1)
     return nearest, distance
-
-
-def _selected(record: ObjectSamples, row: Ints) -> ObjectSamples:
-    return ObjectSamples(**{one.name: getattr(record, one.name)[row] for one in fields(record)})
 
 
 @dataclass(frozen=True, eq=False)
 class Matches:
     """Pairs of true boxes and detections of a scene."""
 
-    detection: Ints  # [R] per true box: row of its detection, -1 where it is undetected
-    false: Bools  # [D] detections without a true box, those beside neutral true boxes left out
+    detection: Ints  # [R] row of each true box' detection, -1 where it is undetected
+    false: Bools  # [D] detections without a true box, except those beside neutral true boxes
     duplicate: Bools  # [D] false ones beside the detection of a true box
 
 
-def gate(class_name: str) -> float:
-    """Largest distance (BEV, metres) of a detection from its true box; 2 m unless the class is a small one."""
+def match_gate(class_name: str) -> float:
+    """Largest BEV distance in m of a detection from its true box; 2 m for vehicles."""
     return _GATES.get(class_name, _VEHICLE_GATE)
 
 
-def at_floor(detections: Detections, classes: Sequence[str], floor: Mapping[str, float] | None) -> Detections:
-    """The detections whose score reaches the ``floor`` of their class; classes without one keep all."""
+def above_floor(detections: Detections, classes: Sequence[str], floor: Mapping[str, float] | None) -> Detections:
+    """Detections with at least the score ``floor`` of their class; a class without one keeps all."""
     if not floor:
         return detections
     least = np.array([floor.get(name, -np.inf) for name in classes])
     return detections.those(detections.score >= least[detections.class_id])
 
 
-def match(truth: Truth, detections: Detections, classes: Sequence[str]) -> Matches:
+def match_boxes(truth: Truth, detections: Detections, classes: Sequence[str]) -> Matches:
     """Match true boxes and detections one to one, frame by frame within each class.
 
-    As many pairs as the gates allow, and among those answers the least sum of BEV distances. Neutral true boxes take
-    part, so that they absorb detections that are theirs.
+    As many pairs as the gates allow, then the least sum of BEV distances. Neutral true boxes take part, so that their
+    detections are not false positives.
     """
     detection = np.full(len(truth.box), -1)
     false = np.ones(len(detections.box), dtype=bool)
@@ -239,22 +214,22 @@ def match(truth: Truth, detections: Detections, classes: Sequence[str]) -> Match
             if not len(i) or not len(j):
                 continue
             distance = center_distance(truth.box[i, None], detections.box[None, j])
-            pair_i, pair_j = _assign(distance, gate(name))
+            near = distance <= match_gate(name)
+            pair_i, pair_j = _assign(distance, match_gate(name))
             detection[i[pair_i]] = j[pair_j]
-            near = distance <= gate(name)
             false[j[pair_j]] = False
             false[j[near[truth.neutral[i]].any(axis=0)]] = False
-            beside = center_distance(detections.box[j[pair_j], None], detections.box[None, j]) <= _BESIDE
+            beside = center_distance(detections.box[j[pair_j], None], detections.box[None, j]) <= _DUPLICATE
             duplicate[j[beside.any(axis=0)]] = True
     return Matches(detection=detection, false=false, duplicate=duplicate & false)
 
 
-def _assign(distance: Floats, largest: float) -> tuple[Ints, Ints]:
-    """Rows and columns of the pairs within ``largest``: the most pairs first, then the least sum."""
+def _assign(distance: Floats, gate: float) -> tuple[Ints, Ints]:
+    """Rows and columns of pairs within the gate: the most pairs, then the least sum of distances."""
     from scipy.optimize import linear_sum_assignment
 
-    near = distance <= largest
-    beyond = (min(distance.shape) + 1) * (largest + 1.0)  # dearer than all pairs together
+    near = distance <= gate
+    beyond = (min(distance.shape) + 1) * (gate + 1.0)  # more than all pairs together
     row, column = linear_sum_assignment(np.where(near, distance, beyond))
     kept = near[row, column]
     return row[kept], column[kept]

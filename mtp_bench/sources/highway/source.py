@@ -47,7 +47,7 @@ class HighwayTraffic:
             self.store.path(seed_of(name)).unlink(missing_ok=True)
 
     def _cut(self, name: str, world: World) -> Scene:
-        from ...detector.sight import Sensor, covered
+        from ...detector.visibility import Sensor, covered
 
         detector = self.card.detector
         if detector is None:

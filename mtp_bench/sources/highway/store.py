@@ -88,7 +88,7 @@ class WorldStore:
             yield seeds[place]
 
     def _make(self, seed: int) -> World:
-        from ...detector.sight import visible_fractions
+        from ...detector.visibility import visible_fractions
         from .simulate import simulate_world
 
         world = simulate_world(self.traffic, seed)

@@ -1,0 +1,162 @@
+"""Random numbers of a scene, and two-state Markov chains.
+
+A number is a hash of the seed, the kind of noise, the object and the frame. Neither the order nor the presence of other
+objects changes it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..types import Bools, Floats, Ints
+
+Keys = NDArray[np.uint64]  # what numbers are drawn for
+
+_GOLDEN, _FIRST, _SECOND = (np.uint64(n) for n in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
+_SHIFTS = np.uint64(30), np.uint64(27), np.uint64(31)
+_LOW_BITS = np.uint64(11)  # more than a float can hold
+_VERSION = 2  # of the hashed numbers
+_TINY = 1e-300
+_WHOLE = 1e-6  # tolerance: frame periods are quotients of decimal numbers
+
+
+class NoiseKind(IntEnum):
+    """Kinds of noise. The values are part of every hash: a change of one would change the simulated detections."""
+
+    QUALITY = 0
+    RADIAL = 1
+    TANGENTIAL = 2
+    HEADING = 3
+    FLIP = 4
+    SIZE = 5
+    Z = 6
+    VELOCITY = 7
+    PLACE = 8
+    SCENE = 9
+    BIRTH = 10
+    LIFE = 11
+    CLASS = 12
+    FAMILY = 13
+    LAPSE = 14
+    TAIL = 15
+
+
+class Subject(IntEnum):
+    """Boxes that noise is drawn for: objects, false positives near them, free false positives."""
+
+    OBJECTS = 0
+    NEAR = 1
+    FREE = 2
+
+
+class Component(IntEnum):
+    """Index of a draw within its noise kind."""
+
+    BIAS = 0
+    PUSH = 1
+    WHITE = 2
+    OTHER = 3
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Random numbers of one subject in a scene."""
+
+    seed: int
+    subject: Subject = Subject.OBJECTS
+    number: int = 0  # of the class noise, for free false positives; 0 for all others
+
+    @cached_property
+    def _key(self) -> int:
+        words = [self.seed, _VERSION, int(self.subject), self.number]
+        return int(np.random.SeedSequence(words).generate_state(1, np.uint64)[0])
+
+    def generator(self, kind: NoiseKind) -> np.random.Generator:
+        """A generator for noise that belongs to the scene as a whole."""
+        return np.random.default_rng([self.seed, _VERSION, int(self.subject), self.number, int(kind)])
+
+    def uniform(self, kind: NoiseKind, component: int, keys: Keys) -> Floats:
+        """Uniform numbers in (0, 1), one for each key of `keys_of`."""
+        offset = self._key + (64 * int(kind) + component + 1) * int(_GOLDEN)
+        bits = _mixed(keys + _mixed(np.array([offset % 2**64], dtype=np.uint64)))
+        bits >>= _LOW_BITS
+        number = bits.astype(np.float64)
+        number += 0.5
+        number *= 2.0**-53
+        return number
+
+    def normal(self, kind: NoiseKind, component: int, keys: Keys) -> Floats:
+        """Standard normal numbers, one for each key of `keys_of`."""
+        from scipy.special import ndtri
+
+        return np.asarray(ndtri(self.uniform(kind, component, keys)))
+
+
+def keys_of(*index: Ints | Keys) -> Keys:
+    """A key for each tuple of whole numbers, which have a common shape; a key can itself be one of the numbers."""
+    state = np.zeros(1, dtype=np.uint64)
+    for number in index:
+        state = extended_key(state, number)
+    return state
+
+
+def extended_key(key: Keys, index: Ints | Keys) -> Keys:
+    """The key of `keys_of` for one more number."""
+    return _mixed(key + (np.asarray(index).astype(np.uint64) * _GOLDEN + _GOLDEN))
+
+
+def _mixed(state: Keys) -> Keys:
+    """Mix all bits of ``state`` in place and return it (the finaliser of SplitMix64)."""
+    for shift, factor in ((_SHIFTS[0], _FIRST), (_SHIFTS[1], _SECOND)):
+        state ^= state >> shift
+        state *= factor
+    state ^= state >> _SHIFTS[2]
+    return state
+
+
+def stationary(after_no: Floats, after_yes: Floats) -> Floats:
+    """Long-run chance of "yes" in a chain with these chances of "yes" after a "no" and after a "yes"."""
+    return after_no / np.maximum(1.0 - after_yes + after_no, _TINY)
+
+
+def at_period(after_no: Floats, after_yes: Floats, steps: float) -> tuple[Floats, Floats]:
+    """Both chances of a chain that is observed every ``steps`` frames.
+
+    The long-run chance stays and the correlation decays. Exact for whole steps.
+    """
+    if steps == 1.0:
+        return after_no, after_yes
+    long_run = stationary(after_no, after_yes)
+    correlation = decayed(after_yes - after_no, steps)
+    return long_run * (1.0 - correlation), long_run + (1.0 - long_run) * correlation
+
+
+def decayed(correlation: Floats, steps: float) -> Floats:
+    """Correlation over ``steps`` frames of a process with this correlation between neighbouring frames.
+
+    A negative correlation keeps its sign where ``steps`` is not a whole number.
+    """
+    whole = np.isfinite(steps) and abs(steps - round(steps)) < _WHOLE
+    sign = np.sign(correlation) ** round(steps) if whole else np.sign(correlation)
+    return np.asarray(sign * np.abs(correlation) ** steps)
+
+
+def two_state_chains(chance: tuple[Floats, Floats, Floats], begins: Bools, uniform: Floats) -> Bools:
+    """States of J two-state chains over F frames ``[F, J]``.
+
+    ``chance`` of "yes" where a chain begins, after a "no" and after a "yes", ``[J]`` each; ``begins`` ``[F, J]``;
+    ``uniform`` ``[F, J]`` in [0, 1).
+    """
+    first, after_no, after_yes = chance
+    yes_after_no = uniform < np.where(begins, first, after_no)
+    yes_after_yes = uniform < np.where(begins, first, after_yes)
+    state = np.zeros(uniform.shape, dtype=bool)
+    previous = np.zeros(uniform.shape[1:], dtype=bool)
+    for t in range(len(state)):
+        previous = state[t] = np.where(previous, yes_after_yes[t], yes_after_no[t])
+    return state

@@ -1,0 +1,153 @@
+"""Common parts of both kinds of false positives: places, classes, sizes and their detections."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..types import Detections, Floats, Ints, Truth, joined, starts_of
+from .draws import Draws
+from .errors import estimated_boxes, measured_velocities, position_errors
+from .grid import Grid, Neighbours
+from .visibility import Sensor, polar
+
+_SPREAD = 0.1  # deviation of each side, share of its mean
+_SMALLEST = 0.3  # least side, share of its mean
+_TRIES = 100  # bearings drawn until a place is inside the area
+_POOR = -1.0  # random part of the quality that decides the errors of false positives
+
+
+@dataclass(frozen=True, eq=False)
+class SensedScene:
+    """True boxes of a scene and the sensor that observes them."""
+
+    truth: Truth
+    ego: Floats  # [F, 4] x y z yaw of the sensor
+    sensor: Sensor
+    steps: float  # frame periods of the profile per frame of the scene
+    field_ratio: float  # field of view of the sensor over that of the profile
+
+
+@dataclass(frozen=True, eq=False)
+class DetectedRows:
+    """Detected boxes of a scene in any order."""
+
+    frame: Ints  # [R]
+    box: Floats  # [R, 7]
+    velocity: Floats  # [R, 2] m/s, NaN where not measured
+    class_id: Ints  # [R]
+    score: Floats  # [R]
+
+    @classmethod
+    def none(cls) -> DetectedRows:
+        """No rows."""
+        no_ints = np.zeros(0, dtype=np.int64)
+        return cls(no_ints, np.zeros((0, 7)), np.zeros((0, 2)), no_ints, np.zeros(0))
+
+
+def sorted_detections(parts: Sequence[DetectedRows], frames: int) -> Detections:
+    """Detections sorted by frame, descending score and x, so that their order does not show which are false."""
+    rows = joined(parts)
+    order = np.lexsort((rows.box[:, 0], -rows.score, rows.frame))
+    start = starts_of(np.bincount(rows.frame, minlength=frames))
+    return Detections(start, rows.box[order], rows.velocity[order], rows.class_id[order], rows.score[order])
+
+
+def detect_false_positives(grid: Grid, visible: DetectedRows, scene: SensedScene, draws: Draws) -> DetectedRows:
+    """Detections of the visible false positives that the sensor covers, with the errors of poor quality.
+
+    ``visible``: before any error; ``grid``: their noise, possibly with other frame numbers.
+    """
+    distance, bearing = polar(visible.box[:, :2], scene.ego[visible.frame])
+    kept = scene.sensor.covers(distance, bearing)
+    grid = grid.select(np.flatnonzero(kept))
+    frame, distance = visible.frame[kept], distance[kept]
+    direction, quality = bearing[kept] + scene.ego[frame, 3], np.full(len(frame), _POOR)
+    offset = position_errors(grid, distance, direction, quality, Neighbours.none(), draws)
+    box = estimated_boxes(visible.box[kept], offset, grid, draws)
+    velocity = measured_velocities(visible.velocity[kept], grid, direction, draws)
+    return DetectedRows(frame, box, velocity, visible.class_id[kept], visible.score[kept])
+
+
+def draw_places(quantiles: Sequence[float], sensor: Sensor, ego: Floats, rng: np.random.Generator) -> Floats:
+    """Draw places ``[B, 2]`` around sensor poses ``[B, 4]``, at distances with these quantiles.
+
+    A place outside the sensor's area gets a new bearing; if no bearing fits, also a new distance.
+    """
+    uniform = rng.random((len(ego), 2))
+    place = _placed(quantiles, sensor, ego, uniform)
+    if sensor.area is None:
+        return place
+    low, high = sensor.area[:2], sensor.area[2:]
+    for attempt in range(2 * _TRIES):
+        outside = ((place < low) | (place > high)).any(axis=1)
+        if not outside.any():
+            break
+        redrawn = rng.random((len(ego), 2))
+        uniform[outside, 1] = redrawn[outside, 1]
+        if attempt >= _TRIES:
+            uniform[outside, 0] = redrawn[outside, 0]
+        place = _placed(quantiles, sensor, ego, uniform)
+    return place
+
+
+def _placed(quantiles: Sequence[float], sensor: Sensor, ego: Floats, uniform: Floats) -> Floats:
+    distance = np.interp(uniform[:, 0], np.linspace(0.0, 1.0, len(quantiles)), quantiles)
+    direction = ego[:, 3] + min(sensor.field_of_view, 2 * np.pi) * (uniform[:, 1] - 0.5)
+    return np.asarray(ego[:, :2] + distance[:, None] * np.stack([np.cos(direction), np.sin(direction)], axis=-1))
+
+
+def ground_height(place: Floats, frame: Ints, scene: SensedScene) -> Floats:
+    """Height of the ground at places ``[B, 2]``: the underside of the nearest true box of the frame.
+
+    In a frame without true boxes: as high above the ego as the median underside in the scene.
+    """
+    truth, ego = scene.truth, scene.ego
+    underside = truth.box[:, 2] - truth.box[:, 6] / 2
+    above = underside - ego[truth.frame_of_rows, 2]
+    ground = ego[frame, 2] + (np.median(above) if len(above) else 0.0)
+    order = np.argsort(frame, kind="stable")
+    start = np.searchsorted(frame[order], np.arange(truth.frames + 1))
+    for t in np.flatnonzero(np.diff(start)):
+        rows, index = truth.rows(int(t)), order[start[t] : start[t + 1]]
+        if rows.stop > rows.start:
+            offset = place[index, :, None] - truth.box[rows, :2].T
+            offset *= offset
+            ground[index] = underside[rows][(offset[:, 0] + offset[:, 1]).argmin(axis=1)]
+    return np.asarray(ground)
+
+
+@dataclass(frozen=True, eq=False)
+class ReportedClasses:
+    """Classes that false positives of one noise are reported as."""
+
+    class_id: Ints  # [K]
+    share: Floats  # [K] sum 1
+    size: Floats  # [K, 3] m, mean length, width, height
+
+
+def reported_classes(
+    truth: Truth, classes: Sequence[str], noise_names: Sequence[str], noise_name: str, size: Sequence[float]
+) -> ReportedClasses | None:
+    """The ``classes`` that have the noise ``noise_name``, in proportion to their true boxes in the scene.
+
+    ``noise_names``: of each class. Without such boxes: the class of that name, or the first one with this noise, with
+    ``size``; None if no class has the noise.
+    """
+    candidates = [class_id for class_id, name in enumerate(noise_names) if name == noise_name]
+    if not candidates:
+        return None
+    boxes = np.bincount(truth.class_id, minlength=len(classes))
+    present = [class_id for class_id in candidates if boxes[class_id]]
+    if present:
+        means = [truth.box[truth.class_id == class_id, 4:].mean(axis=0) for class_id in present]
+        return ReportedClasses(np.array(present), boxes[present] / boxes[present].sum(), np.array(means))
+    single = next((class_id for class_id in candidates if classes[class_id] == noise_name), candidates[0])
+    return ReportedClasses(np.array([single]), np.ones(1), np.array([size]))
+
+
+def spread_sizes(size: Floats, normal: Floats) -> Floats:
+    """Sizes ``[B, 3]`` of false positives around mean sizes, from standard normal numbers."""
+    return np.asarray(size * np.maximum(1.0 + _SPREAD * normal, _SMALLEST))

@@ -1,0 +1,139 @@
+"""False positives away from objects: families that are born together, stand still and are visible now and then."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..geometry import wrap_angle
+from ..types import Floats, Ints, Ragged
+from .draws import Draws, NoiseKind, Subject, decayed
+from .false_positives import (
+    DetectedRows,
+    ReportedClasses,
+    SensedScene,
+    detect_false_positives,
+    draw_places,
+    ground_height,
+    spread_sizes,
+)
+from .grid import Grid
+from .profile import ClassNoise, FreeFalsePositives
+from .quality import best_ranks, score_by_rank
+from .skewed import exponential, skewed
+from .visibility import polar
+
+
+@dataclass(frozen=True, eq=False)
+class _Members:
+    """Members of families; each lives for some frames."""
+
+    birth: Ints  # [B] frame
+    life: Ints  # [B] frames, at most to the end of the scene
+    family: Ints  # [B]
+    box: Floats  # [B, 7]
+    class_id: Ints  # [B]
+
+
+def free_false_positives(
+    noise: ClassNoise, classes: ReportedClasses, scene: SensedScene, number: int, seed: int
+) -> DetectedRows:
+    """Detections of the free false positives of one noise over a scene; members born beyond reach are dropped.
+
+    ``number`` separates the random numbers of several noises.
+    """
+    parameters = noise.free
+    if parameters is None or parameters.rate == 0:
+        return DetectedRows.none()
+    draws = Draws(seed, Subject.FREE, number)
+    members = _draw_members(parameters, classes, scene, draws)
+    rows = Ragged.of_counts(members.life)
+    member = rows.frame_of_rows
+    age = np.arange(len(member)) - rows.start[member]
+    count, longest = len(members.life), int(members.life.max(initial=0))  # frames of the grid are ages
+    grid = Grid(longest, np.arange(count), age, member, (noise,), np.zeros(count, dtype=np.int64), scene.steps)
+    visible, rank = _visible(parameters, members, grid, draws)
+    in_reach = polar(members.box[:, :2], scene.ego[members.birth])[0] <= scene.sensor.reach
+    score = score_by_rank(rank, parameters.score)
+    reported = in_reach[member[visible]] & (score >= noise.quality.floor)
+    visible, score = visible[reported], score[reported]
+    member = member[visible]
+    frame = members.birth[member] + age[visible]
+    box, still = _on_the_ground(members, member, scene), np.zeros((len(member), 2))
+    candidates = DetectedRows(frame, box, still, members.class_id[member], score)
+    return detect_false_positives(grid.select(visible), candidates, scene, draws)
+
+
+def _on_the_ground(members: _Members, member: Ints, scene: SensedScene) -> Floats:
+    """Boxes ``[R, 7]`` of the members ``member`` ``[R]`` at the height of the ground in the frame of their birth."""
+    used = np.flatnonzero(np.bincount(member))
+    ground = np.zeros(len(members.birth))
+    ground[used] = ground_height(members.box[used, :2], members.birth[used], scene)
+    box = members.box[member]
+    box[:, 2] = ground[member] + box[:, 6] / 2
+    return box
+
+
+def _visible(parameters: FreeFalsePositives, members: _Members, grid: Grid, draws: Draws) -> tuple[Ints, Floats]:
+    """Visible rows of the grid and the ranks of their quality; siblings share a part of it."""
+    families = int(members.family.max(initial=-1)) + 1
+    family_grid = replace(
+        grid,
+        ids=np.arange(families),
+        column=members.family[grid.column],
+        noise_number=np.zeros(families, dtype=np.int64),
+    )
+    own, own_constant = _latent(parameters, grid, draws, NoiseKind.QUALITY)
+    common, common_constant = _latent(parameters, family_grid, draws, NoiseKind.FAMILY)
+    share, rest = np.sqrt(parameters.family), np.sqrt(1 - parameters.family)
+    positive = exponential(share * common_constant[members.family] + rest * own_constant)
+    quality = skewed(share * common + rest * own, positive[grid.column], parameters.bias)
+    return best_ranks(quality, parameters.bias, parameters.chance)
+
+
+def _latent(parameters: FreeFalsePositives, grid: Grid, draws: Draws, kind: NoiseKind) -> tuple[Floats, Floats]:
+    """Normal numbers that change over frames ``[R]``, and those behind the constant share ``[J]``."""
+    ar = parameters.ar / max(1 - parameters.bias, 1e-12)
+    rng = draws.generator(kind)  # hashing so many numbers would take long
+    constant, (push, white) = rng.standard_normal(len(grid.ids)), rng.standard_normal((2, len(grid.cells[0])))
+    new = grid.on_grid(white)[grid.frame, grid.column]  # siblings share the numbers of their family
+    series = grid.autoregression(np.full(len(grid.ids), parameters.phi), push)
+    return np.sqrt(ar) * series + np.sqrt(1 - ar) * new, constant
+
+
+def _draw_members(
+    parameters: FreeFalsePositives, classes: ReportedClasses, scene: SensedScene, draws: Draws
+) -> _Members:
+    """Draw the members of all families, also those beyond the sensor's reach."""
+    frames = len(scene.ego)
+    survive = float(decayed(np.asarray(parameters.survive), scene.steps))
+    birth = _draw_births(parameters, survive, scene, draws)
+    life = np.minimum(draws.generator(NoiseKind.LIFE).geometric(1.0 - survive, len(birth)), frames - birth)
+    rng = draws.generator(NoiseKind.FAMILY)
+    family = np.repeat(np.arange(len(birth)), 1 + rng.poisson(parameters.siblings, len(birth)))
+    first = np.append(True, family[1:] != family[:-1])[: len(family)]
+    place_rng = draws.generator(NoiseKind.PLACE)
+    place = draw_places(parameters.distance, scene.sensor, scene.ego[birth], place_rng)[family]
+    place = place + np.where(first[:, None], 0.0, parameters.spread * rng.standard_normal(place.shape))
+    heading = wrap_angle(2 * np.pi * draws.generator(NoiseKind.HEADING).random(len(birth)))[family]
+    kind = draws.generator(NoiseKind.CLASS).choice(len(classes.share), len(family), p=classes.share)
+    size = spread_sizes(classes.size[kind], draws.generator(NoiseKind.SIZE).standard_normal((len(family), 3)))
+    box = np.column_stack([place, np.zeros(len(place)), heading, size])
+    return _Members(birth[family], life[family], family, box, classes.class_id[kind])
+
+
+def _draw_births(parameters: FreeFalsePositives, survive: float, scene: SensedScene, draws: Draws) -> Ints:
+    """Draw the frame of every family's birth, ascending: Poisson, with a Gamma factor per scene.
+
+    The first frame is in equilibrium.
+    """
+    factor = 1.0
+    if parameters.dispersion > 1.0:
+        shape = parameters.rate / (parameters.dispersion - 1.0)
+        factor = float(draws.generator(NoiseKind.SCENE).gamma(shape) / shape)
+    rate = parameters.rate * scene.field_ratio
+    alive = rate * factor / parameters.chance / (1.0 + parameters.siblings)
+    mean = np.full(len(scene.ego), alive * (1.0 - survive))
+    mean[:1] = alive
+    return np.repeat(np.arange(len(scene.ego)), draws.generator(NoiseKind.BIRTH).poisson(mean))

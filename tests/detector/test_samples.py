@@ -1,0 +1,200 @@
+"""Matching of detections to true boxes, and the statistics of a detector, on scenes that can be counted by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mtp_bench.detector.fit.samples import above_floor, collect_samples, match_boxes, match_gate
+from mtp_bench.detector.visibility import Sensor
+from mtp_bench.errors import DataError
+from mtp_bench.types import Detections, Floats, Scene, Truth
+from tests.support.detector_statistics import ClassStatistics, detector_statistics
+
+AHEAD = Sensor(reach=50.0, field_of_view=np.pi / 2)
+CLASSES = ("car", "pedestrian")
+ROW = tuple[float, float]  # x, y
+
+
+def boxes(*places: ROW) -> Floats:
+    box = np.tile([0.0, 0.0, 0.8, 0.0, 4.0, 2.0, 1.6], (len(places), 1))
+    if places:
+        box[:, :2] = places
+    return box
+
+
+def detections(*frames: list[ROW], class_id: int = 0, score: float = 1.0) -> Detections:
+    rows = sum(map(len, frames))
+    return Detections(
+        start=np.cumsum([0, *map(len, frames)]),
+        box=boxes(*(place for places in frames for place in places)),
+        velocity=np.full((rows, 2), np.nan),
+        class_id=np.full(rows, class_id),
+        score=np.full(rows, score),
+    )
+
+
+def truth(*frames: list[ROW], class_id: int = 0, neutral: tuple[int, ...] = ()) -> Truth:
+    """Object j is the j-th place of every frame; those in ``neutral`` are neutral."""
+    same = detections(*frames, class_id=class_id)
+    object_id = np.concatenate([np.arange(len(places)) for places in frames])
+    beside = np.isin(object_id, neutral)
+    return Truth(same.start, same.box, same.velocity, same.class_id, object_id, ~beside, beside)
+
+
+def scene(true: Truth, found: Detections) -> Scene:
+    frames = len(true.start) - 1
+    return Scene("drawn", 0.1 * np.arange(frames), np.zeros((frames, 4)), true, found)
+
+
+def of_car(true: Truth, found: Detections) -> ClassStatistics:
+    return detector_statistics([scene(true, found)], CLASSES, AHEAD)["car"]
+
+
+def pattern(*objects: str) -> Scene:
+    """Objects 15 m apart; a letter per frame: ``+`` hit, ``-`` undetected, a blank: not there."""
+    frames = len(objects[0])
+    places = [(15.0 * (j + 1), 0.0) for j in range(len(objects))]
+    there = [[j for j, marks in enumerate(objects) if marks[t] != " "] for t in range(frames)]
+    hit = [[places[j] for j in row if objects[j][t] == "+"] for t, row in enumerate(there)]
+    true = truth(*([places[j] for j in row] for row in there))
+    return scene(replace(true, object_id=np.array([j for row in there for j in row])), detections(*hit))
+
+
+@pytest.mark.parametrize(
+    ("true", "found", "expected"),
+    [
+        pytest.param([(10, 0)], [(11.9, 0)], [0], id="inside the gate"),
+        pytest.param([(10, 0)], [(12.1, 0)], [-1], id="beyond it"),
+        # The nearest pair is 0.5 m apart, but then the second object would be left alone.
+        pytest.param([(10, 0), (12, 0)], [(11.5, 0), (13.5, 0)], [0, 1], id="the most pairs first"),
+        pytest.param([(10, 0), (11, 0)], [(10.9, 0), (10.1, 0)], [1, 0], id="then the least sum"),
+        pytest.param([(10, 0), (11, 0)], [(10.9, 0)], [-1, 0], id="the nearer one"),
+        pytest.param([(10, 0)], [], [-1], id="nothing detected"),
+    ],
+)
+def test_match(true: list[ROW], found: list[ROW], expected: list[int]) -> None:
+    assert match_boxes(truth(true), detections(found), CLASSES).detection.tolist() == expected
+
+
+def test_gates_are_tighter_for_small_classes() -> None:
+    assert [match_gate(name) for name in ("car", "truck", "cyclist", "pedestrian")] == [2.0, 2.0, 1.5, 1.0]
+    walker = truth([(10, 0)], class_id=1)
+    assert match_boxes(walker, detections([(11.1, 0)], class_id=1), CLASSES).detection.tolist() == [-1]
+    assert match_boxes(walker, detections([(10.9, 0)], class_id=1), CLASSES).detection.tolist() == [0]
+
+
+def test_classes_do_not_mix() -> None:
+    matches = match_boxes(truth([(10, 0)]), detections([(10, 0)], class_id=1), CLASSES)
+    assert matches.detection.tolist() == [-1]
+    assert matches.false.tolist() == [True]
+
+
+def test_a_neutral_box_absorbs_its_detections_and_counts_nowhere() -> None:
+    true, found = truth([(10, 0), (30, 0)], neutral=(1,)), detections([(10, 0), (30.1, 0), (31, 0)])
+    matches = match_boxes(true, found, CLASSES)
+    assert matches.false.tolist() == [False, False, False]
+    statistics = of_car(true, found)
+    assert (statistics.boxes, statistics.recall, statistics.false_positives) == (1, 1.0, 0.0)
+
+
+def test_a_second_detection_of_an_object_is_a_duplicate() -> None:
+    matches = match_boxes(truth([(10, 0)]), detections([(10.1, 0), (10.3, 0), (11.5, 0)]), CLASSES)
+    assert matches.false.tolist() == [False, True, True]
+    assert matches.duplicate.tolist() == [False, True, False]
+
+
+def test_floor_drops_the_weaker_detections_of_its_class_only() -> None:
+    found = replace(
+        detections([(1, 0), (2, 0)], [], [(3, 0), (4, 0)]),
+        class_id=np.array([0, 1, 0, 0]),
+        score=np.array([0.1, 0.1, 0.1, 0.5]),
+    )
+    kept = above_floor(found, CLASSES, {"car": 0.5})
+    assert kept.start.tolist() == [0, 1, 1, 2]
+    assert kept.box[:, 0].tolist() == [2, 4]
+    assert above_floor(found, CLASSES, None) is found
+
+
+def test_recall_gaps_and_odds() -> None:
+    drawn = pattern(
+        "+--+-++-",  # gaps of 2 and 1 frames; the last frame is no gap
+        "-+  +-+-",  # not there for two frames: no gap; then one of 1
+        "--------",
+    )
+    figures = detector_statistics([drawn], CLASSES, AHEAD)["car"]
+    assert figures.boxes == 22
+    assert figures.recall == pytest.approx(7 / 22)
+    assert figures.gaps == 3
+    assert figures.gap_length == pytest.approx(4 / 3)
+    # Consecutive frames: hit-hit 1, hit-none 5, none-hit 4, none-none 1 + 7; half a case more of each.
+    assert figures.undetected_odds_ratio == pytest.approx((8.5 * 1.5) / (5.5 * 4.5))
+
+
+def test_only_what_the_sensor_covers_counts() -> None:
+    behind, far, seen = (-10.0, 0.0), (60.0, 0.0), (10.0, 0.0)
+    figures = of_car(truth([behind, far, seen]), detections([(-20.0, 0.0), (70.0, 0.0), (20.0, 0.0), (10.0, 0.0)]))
+    assert (figures.boxes, figures.recall, figures.false_positives) == (1, 1.0, 1.0)
+
+
+def test_false_positives_vary() -> None:
+    stays, moves = (20.0, 0.0), [(30.0, 0.0), (32.0, 0.0), (34.0, 0.0)]
+    found = detections([stays, moves[0]], [(20.4, 0.0), moves[1]], [moves[2]], [])
+    figures = of_car(truth([], [], [], []), replace(found, score=np.array([1.0, 2.0, 3.0, 4.0, 5.0])))
+    assert figures.false_positives == 5 / 4
+    assert figures.dispersion == pytest.approx(np.var([2, 2, 1, 0]) / 1.25)
+    assert figures.score_false == 3.0
+    assert figures.recall is None
+    assert figures.score_true is None
+
+
+def test_error_scale_and_autocorrelation() -> None:
+    rng = np.random.default_rng(0)
+    frames, objects = 400, 8
+    latent = rng.normal(size=(frames, objects, 2))
+    for t in range(1, frames):
+        latent[t, :, 0] = 0.8 * latent[t - 1, :, 0] + 0.6 * latent[t, :, 0]
+    radial, across = 0.2 * np.sinh(latent[..., 0]), 0.1 * latent[..., 1]  # the tails do not matter to ranks
+    bearing = np.linspace(-0.7, 0.7, objects)
+    toward = np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
+    place = 30 * toward
+    off = radial[..., None] * toward + across[..., None] * toward[:, ::-1] * [-1, 1]
+    true = truth(*([tuple(xy) for xy in place] for _ in range(frames)))
+    found = detections(*([tuple(xy) for xy in place + off[t]] for t in range(frames)))
+    figures = of_car(true, found)
+    assert figures.radial_autocorrelation == pytest.approx(0.8, abs=0.03)
+    assert figures.tangential_autocorrelation == pytest.approx(0.0, abs=0.04)
+    assert figures.tangential_scale == pytest.approx(0.1, rel=0.05)
+    assert figures.radial_scale == pytest.approx(0.2 * 1.4826 * np.sinh(0.6745), rel=0.06)
+
+
+def test_flips_are_turns_by_more_than_a_right_angle() -> None:
+    places = [(10.0, 0.0), (20.0, 0.0), (30.0, 0.0), (40.0, 0.0)]
+    found = detections(places)
+    found.box[:, 3] = [0.3, np.pi - 0.2, -1.5, -1.7]
+    assert of_car(truth(places), found).flips == 0.5
+
+
+def test_a_perfect_detector_has_no_error_to_correlate() -> None:
+    places: list[ROW] = [(10.0, 0.0), (20.0, 5.0)]
+    figures = of_car(truth(*[places] * 5), detections(*[places] * 5))
+    assert (figures.recall, figures.gaps, figures.gap_length) == (1.0, 0, None)
+    assert figures.radial_autocorrelation is None
+    assert figures.radial_scale == 0.0
+
+
+def test_objects_of_different_scenes_are_different_ones() -> None:
+    first, second = pattern("+--"), pattern("--+")
+    figures = detector_statistics([first, second], CLASSES, AHEAD)["car"]
+    assert (figures.boxes, figures.gaps) == (6, 0)
+    with pytest.raises(DataError, match="no scenes"):
+        detector_statistics([], CLASSES, AHEAD)
+
+
+def test_known_visibility_is_used() -> None:
+    plain = pattern("+++")
+    hidden = replace(plain, visible=np.zeros(len(plain.truth.box)))
+    levels = [collect_samples([one], CLASSES, AHEAD)["car"][0].feature[:, 5] for one in (plain, hidden)]
+    assert [level.tolist() for level in levels] == [[0, 0, 0], [1, 1, 1]]
