@@ -29,12 +29,11 @@ STAGES: Pieces = (
     (HypothesisTracker, "step", "track"),
     (pipeline_module, "group", "group"),
     (LearnedPredictor, "predict", "forecast"),
-    (KinematicPredictor, "begin", "forecast"),
-    (KinematicPredictor, "sample", "forecast"),
+    (KinematicPredictor, "predict", "forecast"),
     (GreedySampler, "reduce", "reduce"),
     (KMeansSampler, "reduce", "reduce"),
     (LearnedPresence, "probability", "presence"),
-    (pipeline_module, "answer", "answer"),
+    (pipeline_module, "make_action", "action"),
 )
 
 

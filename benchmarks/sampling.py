@@ -29,11 +29,12 @@ from sklearn.cluster import KMeans
 
 from benchmarks.tracking.report import show
 from benchmarks.tracking.scenes import KITTI, NUSCENES, Row, recordings
-from mtp_bench.agent import Sampler
+from mtp_bench.agent import Forecasts, Frame, Sampler
+from mtp_bench.agent.pools import make_pools, normalised, padded
 from mtp_bench.errors import DataError
 from mtp_bench.prediction import GreedySampler, KinematicPredictor, KMeansSampler
 from mtp_bench.tracking import HypothesisTracker
-from mtp_bench.tracks import Objects, Tracks, group
+from mtp_bench.tracks import group
 from mtp_bench.types import Floats, Observation, Task
 
 HYPOTHESES = 20
@@ -72,28 +73,15 @@ def samplers() -> dict[str, Sampler]:
     }
 
 
-def of_hypotheses(task: Task, predictor: KinematicPredictor, tracks: Tracks, objects: Objects) -> Pool:
-    """Samples of each hypothesis, of draws of its own."""
-    row, hypothesis = np.nonzero(objects.leaf >= 0)
-    shape = (*objects.leaf.shape, task.k)
-    pool, log_weight = np.zeros((*shape, task.future, 2)), np.full(shape, -np.inf)
-    pool[row, hypothesis] = predictor.sample(tracks, objects.leaf[row, hypothesis], hypothesis, task.k)
-    log_weight[row, hypothesis] = tracks.log_weight[hypothesis][:, None]
-    return pool.reshape(len(pool), -1, task.future, 2), log_weight.reshape(len(pool), -1)
+def of_hypotheses(task: Task, predictor: KinematicPredictor, frame: Frame) -> Forecasts:
+    """K samples of each track in each hypothesis, all of their own draws."""
+    return predictor.predict(frame)
 
 
-def of_tracks(task: Task, predictor: KinematicPredictor, tracks: Tracks, objects: Objects) -> Pool:
-    """Samples of each distinct track, all of the same draws."""
-    distinct = [np.unique(leaf[leaf >= 0]) for leaf in objects.leaf]
-    most = max(map(len, distinct), default=1)
-    pool = np.zeros((len(distinct), most, task.k, task.future, 2))
-    log_weight = np.full(pool.shape[:3], -np.inf)
-    for o, leaf in enumerate(distinct):
-        held = objects.leaf[o] == leaf[:, None]
-        mass = np.logaddexp.reduce(np.where(held, tracks.log_weight, -np.inf), axis=1)
-        pool[o, : len(leaf)] = predictor.sample(tracks, leaf, np.zeros_like(leaf), task.k)
-        log_weight[o, : len(leaf)] = mass[:, None] - np.log(task.k)
-    return pool.reshape(len(pool), -1, task.future, 2), log_weight.reshape(len(pool), most * task.k)
+def of_tracks(task: Task, predictor: KinematicPredictor, frame: Frame) -> Forecasts:
+    """K samples of each distinct track, all of the same draws."""
+    track = np.arange(len(frame.tracks.box))
+    return Forecasts(predictor.futures(frame, track, np.zeros_like(track), task.k))
 
 
 KINDS = {"all hypotheses": of_hypotheses, "distinct tracks": of_tracks}
@@ -107,11 +95,13 @@ def pools(task: Task, observations: list[Observation], every: int) -> dict[str, 
     made: dict[str, list[Pool]] = {kind: [] for kind in KINDS}
     for t, observation in enumerate(observations):
         tracks = tracker.step(observation)
-        predictor.begin(tracks)
-        objects = group(tracks, task.objects, 0.5)
-        if t % every == every - 1 and len(objects.box):
+        leaf = group(tracks, task.objects, 0.5).leaf
+        if t % every == every - 1 and len(leaf):
             for kind, make in KINDS.items():
-                made[kind].append(make(task, predictor, tracks, objects))
+                forecasts = make(task, predictor, Frame(t, tracks, (observation,)))
+                row = np.where(leaf >= 0, forecasts.rows_of(tracks)[np.arange(leaf.shape[1]), leaf], -1)
+                entries = make_pools(row, tracks.log_weight)
+                made[kind].append(padded(entries, np.arange(len(leaf)), forecasts.samples, normalised(forecasts)))
     return made
 
 

@@ -18,6 +18,7 @@ from ._version import __version__ as __version__
 from .agent import Agent as Agent
 from .agent import Forecasts as Forecasts
 from .agent import Frame as Frame
+from .agent import FunctionPredictor as FunctionPredictor
 from .agent import Pipeline as Pipeline
 from .agent import Predictor as Predictor
 from .agent import Sampler as Sampler

@@ -27,7 +27,7 @@ from mtp_bench.running.options import RunOptions
 
 PUBLIC = {
     "Action", "ActionError", "Agent", "CardError", "DataError", "Detections", "MtpBenchError", "Objects", "Observation",
-    "Forecasts", "Frame", "Pipeline", "Predictor", "RecordError", "Rollout", "RolloutError", "Sampler", "Scene",
+    "Forecasts", "Frame", "FunctionPredictor", "Pipeline", "Predictor", "RecordError", "Rollout", "RolloutError", "Sampler", "Scene",
     "ShapeError", "SubmissionError", "Task", "Tracker", "Tracks", "Truth", "UnknownNameError", "card_ids",
     "make_action",
 }  # fmt: skip

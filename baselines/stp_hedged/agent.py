@@ -1,14 +1,10 @@
-"""Control: one hypothesis, its samples spread over several readings of the past."""
+"""Control: one hypothesis, its samples spread over several lengths of the past."""
 
 from mtp_bench import Agent, Pipeline, Task
-from mtp_bench.prediction import HedgedPredictor, KinematicPredictor, KMeansSampler, LearnedPresence, StandingStill
+from mtp_bench.prediction import HedgedPredictor, KMeansSampler, LearnedPresence
 from mtp_bench.tracking import HypothesisTracker
-
-PASTS = (2, 3, 5, 10)
 
 
 def build(task: Task) -> Agent:
-    """Equal shares for each past window that the env has, and one sample that stands still."""
-    readings = [KinematicPredictor(past=past) for past in sorted({min(past, task.past) for past in PASTS})]
-    predictor = HedgedPredictor(readings, once=[StandingStill()])
-    return Pipeline(HypothesisTracker(1), predictor, KMeansSampler(), presence=LearnedPresence())
+    """Equal shares for pasts of 2, 3, 5 and 10 frames, and one sample that stands still."""
+    return Pipeline(HypothesisTracker(1), HedgedPredictor(), KMeansSampler(), presence=LearnedPresence())

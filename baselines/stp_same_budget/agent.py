@@ -10,4 +10,4 @@ from mtp_bench.tracking import HypothesisTracker
 def build(task: Task, draws: int = 20, min_detection_score: float | Mapping[str, float] | None = None) -> Agent:
     """``draws`` x k samples from one hypothesis, reduced to k; ``min_detection_score`` as of stp."""
     tracker = HypothesisTracker(1, min_detection_score=min_detection_score)
-    return Pipeline(tracker, KinematicPredictor(), KMeansSampler(), presence=LearnedPresence(), draws=draws)
+    return Pipeline(tracker, KinematicPredictor(draws=draws), KMeansSampler(), presence=LearnedPresence())

@@ -7,4 +7,4 @@ from mtp_bench.tracking import TruthTracker
 
 def build(task: Task, draws: int = 1) -> Agent:
     """``draws`` x k samples from the true past, reduced to k."""
-    return Pipeline(TruthTracker(), KinematicPredictor(), KMeansSampler(), draws=draws)
+    return Pipeline(TruthTracker(), KinematicPredictor(draws=draws), KMeansSampler())

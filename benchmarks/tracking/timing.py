@@ -35,9 +35,9 @@ TRACKER_STAGES: Pieces = (
 AGENT_STAGES: Pieces = (
     (HypothesisTracker, "step", "track"),
     (agent_module, "group", "group"),
-    (KinematicPredictor, "sample", "forecast"),
+    (KinematicPredictor, "predict", "forecast"),
     (KMeansSampler, "reduce", "reduce samples"),
-    (agent_module, "answer", "answer"),
+    (agent_module, "make_action", "action"),
 )
 
 

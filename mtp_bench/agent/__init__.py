@@ -1,4 +1,4 @@
-"""Agents: what they must be able to do, and the usual one, made of a tracker, a predictor and a sampler."""
+"""Agents: their interface, and the usual one, made of a tracker, a predictor and a sampler."""
 
 from ..tracks import Objects as Objects
 from ..tracks import Tracks as Tracks
@@ -8,9 +8,8 @@ from .pipeline import Pipeline as Pipeline
 from .protocols import Agent as Agent
 from .protocols import Forecasts as Forecasts
 from .protocols import Frame as Frame
-from .protocols import FramePredictor as FramePredictor
+from .protocols import FunctionPredictor as FunctionPredictor
 from .protocols import Predictor as Predictor
 from .protocols import Presence as Presence
 from .protocols import Sampler as Sampler
-from .protocols import SamplingPredictor as SamplingPredictor
 from .protocols import Tracker as Tracker

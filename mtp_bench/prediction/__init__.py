@@ -1,10 +1,9 @@
 """Predictors and samplers, for agents; the judge never imports them."""
 
 from .greedy import GreedySampler as GreedySampler
-from .hedged import HedgedPredictor as HedgedPredictor
-from .hedged import StandingStill as StandingStill
 from .k_means import KMeansSampler as KMeansSampler
 from .kalman import NoiseTable as NoiseTable
+from .kinematic import HedgedPredictor as HedgedPredictor
 from .kinematic import KinematicPredictor as KinematicPredictor
 from .learned.local import local_future as local_future
 from .learned.local import local_inputs as local_inputs

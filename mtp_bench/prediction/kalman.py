@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..errors import ShapeError
+from ..shapes import require_finite, require_shape
 from ..tracking.kernels.compile import kernel
 from ..types import Bools, Floats, Ints
 
@@ -22,6 +24,19 @@ class NoiseTable:
     jerkiness: Floats  # [C, 2] m/s^1.5, white acceleration while the past is filtered
     speed: Floats  # [C, 2] m/s, prior standard deviation of a velocity never seen
     acceleration: Floats  # [C, 2] m/s^2, standard deviation of the acceleration over the future
+
+
+def require_noise(noise: NoiseTable) -> None:
+    """Raise ShapeError unless the covariances of all states can be positive definite."""
+    classes = len(noise.measurement)
+    for name, shape in (("measurement", ()), ("jerkiness", (2,)), ("speed", (2,)), ("acceleration", (2,))):
+        values = getattr(noise, name)
+        require_shape(f"noise.{name}", values, (classes, *shape))
+        require_finite(f"noise.{name}", values)
+        positive = name in ("measurement", "speed")  # others may be 0
+        if not (values > 0 if positive else values >= 0).all():
+            expected = "above 0" if positive else "of at least 0"
+            raise ShapeError(f"noise.{name} contains {values.min()}, expected numbers {expected}")
 
 
 @dataclass(frozen=True, eq=False)

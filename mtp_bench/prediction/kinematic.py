@@ -1,96 +1,141 @@
-"""The predictor without learning: constant velocity, with calibrated spread."""
+"""Predictors without learning: constant velocity, with calibrated spread."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from ..agent import Tracks
+from ..agent import Forecasts, Frame, Tracks
+from ..errors import ShapeError
 from ..tracking.kernels.compile import kernel
 from ..types import Floats, Ints, Task
-from .kalman import NoiseTable, Posterior, filtered, heading_frame
+from .kalman import NoiseTable, filtered, heading_frame, require_noise
 from .motion_noise import stored_noise
-from .noise_checks import require_classes, require_noise, require_past
 
-_NUMBERS = 7  # standard normal numbers per sample: of the state 4, of the acceleration 2, and one that is not used:
-# with another number of them every sample that was ever drawn would be another
-_AXES = {"measurement": (), "jerkiness": (2,), "speed": (2,), "acceleration": (2,)}
+_NUMBERS = 7  # standard normal numbers per sample: 4 of the state, 2 of the acceleration; the last one is unused, but
+# without it every seed would draw other samples
 
 
 class KinematicPredictor:
-    """Samples futures from the state's posterior and a fitted motion noise; a single sample is the mean.
+    """Draw futures from the state's posterior and a fitted motion noise; a single sample is the mean.
 
     ``noise``: a row per class of the task; None takes what was fitted to the task's detector. ``past``: frames of
-    history to use, None for all that the task gives.
+    history to use, None for all that the task gives. ``draws``: each hypothesis that holds a track draws so many times
+    k samples of it. Hypotheses draw different random numbers, and all tracks of a hypothesis the same ones.
 
     Raises ShapeError for noise that no motion can have, and at ``reset`` for noise of another number of classes.
     """
 
-    def __init__(self, noise: NoiseTable | None = None, past: int | None = None) -> None:
-        require_past(past)
+    def __init__(self, noise: NoiseTable | None = None, past: int | None = None, draws: int = 1) -> None:
+        if past is not None and past < 1:
+            raise ShapeError(f"past is {past}, expected 1 or more frames")
+        if isinstance(draws, bool) or not isinstance(draws, int | np.integer) or draws < 1:
+            raise ShapeError(f"draws is {draws!r}, expected a whole number of at least 1")
         if noise is not None:
-            require_noise(noise, _AXES)
-        self._given = noise
+            require_noise(noise)
+        self._given, self._draws = noise, draws
         self._past = past or 0  # 0: all
 
     def reset(self, task: Task) -> None:
-        """Forget everything."""
+        """Begin a new scene."""
         self._task = task
         self._noise = self._given or stored_noise(task)
-        require_classes(self._noise, task)
-        self._tau = task.dt * np.arange(1, task.future + 1)
-        self._frame = 0
+        if len(self._noise.measurement) != len(task.classes):
+            got, expected = len(self._noise.measurement), len(task.classes)
+            raise ShapeError(f"noise has {got} classes, expected {expected}, the classes of {task.env_id}")
 
-    def begin(self, tracks: Tracks) -> None:
-        """Filter the distinct tracks of the next frame, once for all their samples."""
-        self._frame += 1
-        self._normal = np.zeros((0, 0, _NUMBERS))
-        position = heading_frame(tracks.past[:, -self._past :], tracks.box[:, 3])
-        state = filtered(position, tracks.past_valid[:, -self._past :], tracks.class_id, self._noise, self._task.dt)
-        self._table = _table(tracks, state, self._noise)
+    def predict(self, frame: Frame) -> Forecasts:
+        """A row of draws x k samples for each track in each hypothesis that holds it."""
+        hypothesis, track = np.nonzero(frame.tracks.member)
+        k, draws = self._task.k, self._draws
+        draw = hypothesis[:, None] * draws + np.arange(draws)
+        futures = self.futures(frame, np.repeat(track, draws), draw.ravel(), k)
+        row = np.full(frame.tracks.member.shape, -1)
+        row[hypothesis, track] = np.arange(len(track))
+        return Forecasts(futures.reshape(len(track), draws * k, self._task.future, 2), row=row)
 
-    def sample(self, tracks: Tracks, leaf: Ints, draw: Ints, samples: int) -> Floats:
-        """Futures [Q, samples, T, 2] in absolute x y of the tracks ``leaf`` [Q], with the draws ``draw`` [Q]."""
-        future = np.empty((len(leaf), samples, self._task.future, 2))
-        normal = self._draws(int(draw.max(initial=-1)) + 1, samples)
-        expand(self._table, leaf.astype(np.int64), draw.astype(np.int64), normal, self._tau, future)
+    def futures(self, frame: Frame, track: Ints, draw: Ints, samples: int) -> Floats:
+        """Futures [Q, samples, T, 2], absolute x y, of the tracks ``track`` [Q]; equal ``draw`` [Q], equal numbers."""
+        task = self._task
+        tau = task.dt * np.arange(1, task.future + 1)
+        normal = self._normal(frame, int(draw.max(initial=-1)) + 1, samples)
+        future = np.empty((len(track), samples, task.future, 2))
+        expand(self._states(frame.tracks), track.astype(np.int64), draw.astype(np.int64), normal, tau, future)
         return future
 
-    def _draws(self, draws: int, samples: int) -> Floats:
-        """At least ``draws`` rows [draws, samples, 7]: the same numbers for every agent with this seed, however many.
+    def _normal(self, frame: Frame, draws: int, samples: int) -> Floats:
+        """Standard normal numbers [draws, samples, 7] of a frame: the same for every agent with this seed.
 
-        One sample is the point forecast: all numbers are 0, for a random one would be a worse guess than the mean.
+        A single sample is the point forecast: all its numbers are 0, since a random future is worse than the mean.
         """
         if samples == 1:
             return np.zeros((draws, 1, _NUMBERS))
-        if len(self._normal) < draws or self._normal.shape[1] != samples:  # kept for the other objects of the frame
-            rng = np.random.default_rng([self._task.seed, self._frame])
-            self._normal = rng.standard_normal((draws, samples, _NUMBERS))
-        return self._normal
+        rng = np.random.default_rng([self._task.seed, frame.number + 1])
+        return rng.standard_normal((draws, samples, _NUMBERS))
+
+    def _states(self, tracks: Tracks) -> Floats:
+        """Rows [N, 16] of tracks as `expand` reads them.
+
+        For each of two axes position, velocity, the three numbers of the covariance's Cholesky factor and the deviation
+        of the acceleration; then cosine and sine of the heading, and x and y of the last box.
+        """
+        heading, past = tracks.box[:, 3], tracks.past[:, -self._past :]
+        position = heading_frame(past, heading)
+        state = filtered(position, tracks.past_valid[:, -self._past :], tracks.class_id, self._noise, self._task.dt)
+        low, axis = np.linalg.cholesky(state.covariance), np.empty((len(heading), 2, 6))
+        axis[..., 0], axis[..., 1] = state.position, state.velocity
+        axis[..., 2], axis[..., 3], axis[..., 4] = low[..., 0, 0], low[..., 1, 0], low[..., 1, 1]
+        axis[..., 5] = self._noise.acceleration[tracks.class_id]
+        origin = np.stack([np.cos(heading), np.sin(heading), *past[:, -1, :2].T], axis=1)
+        return np.concatenate([axis.reshape(-1, 12), origin], axis=1)
 
 
-def _table(tracks: Tracks, state: Posterior, noise: NoiseTable) -> Floats:
-    """What `expand` reads of each track: [N, 16].
+class HedgedPredictor:
+    """Spread k samples over several lengths of the past, and one sample that stands still: the control without cost.
 
-    For each of two axes position, velocity, the three numbers of the covariance's Cholesky factor and the deviation of
-    the acceleration; then the heading's cosine and sine, and x and y of the last box.
+    Protocol, "Controls". ``pasts``: frames of history, as far as the task gives them; they share the samples evenly,
+    the shortest ones get what is left over. Each past draws random numbers of its own.
     """
-    low, axis = np.linalg.cholesky(state.covariance), np.empty((len(tracks.box), 2, 6))
-    axis[..., 0], axis[..., 1] = state.position, state.velocity
-    axis[..., 2], axis[..., 3], axis[..., 4] = low[..., 0, 0], low[..., 1, 0], low[..., 1, 1]
-    axis[..., 5] = noise.acceleration[tracks.class_id]
-    heading = tracks.box[:, 3]
-    frame = np.stack([np.cos(heading), np.sin(heading), *tracks.past[:, -1, :2].T], axis=1)
-    return np.concatenate([axis.reshape(-1, 12), frame], axis=1)
+
+    def __init__(self, pasts: Sequence[int] = (2, 3, 5, 10)) -> None:
+        if not pasts:
+            raise ShapeError("pasts is empty, expected at least one number of frames")
+        self._pasts = pasts
+
+    def reset(self, task: Task) -> None:
+        """Begin a new scene."""
+        self._task = task
+        pasts = sorted({min(past, task.past) for past in self._pasts})
+        self._readings = [KinematicPredictor(past=past) for past in pasts]
+        for reading in self._readings:
+            reading.reset(task)
+
+    def predict(self, frame: Frame) -> Forecasts:
+        """A row of k samples for each track in each hypothesis that holds it."""
+        hypothesis, track = np.nonzero(frame.tracks.member)
+        count, still = len(self._readings), min(1, self._task.k - 1)
+        share, rest = divmod(self._task.k - still, count)
+        parts = [
+            reading.futures(frame, track, hypothesis * count + i, share + (i < rest))
+            for i, reading in enumerate(self._readings)
+            if share + (i < rest)
+        ]
+        here = frame.tracks.past[track, -1, :2][:, None, None]
+        parts.append(np.broadcast_to(here, (len(track), still, self._task.future, 2)))
+        row = np.full(frame.tracks.member.shape, -1)
+        row[hypothesis, track] = np.arange(len(track))
+        return Forecasts(np.concatenate(parts, axis=1), row=row)
 
 
 @kernel("void(f8[:, ::1], i8[::1], i8[::1], f8[:, :, ::1], f8[::1], f8[:, :, :, ::1])", vectorize=True)
-def expand(table: Floats, leaf: Ints, draw: Ints, normal: Floats, tau: Floats, future: Floats) -> None:
+def expand(table: Floats, track: Ints, draw: Ints, normal: Floats, tau: Floats, future: Floats) -> None:
     """Positions [Q, S, T, 2] at the times ``tau`` [T] of motions with constant acceleration, drawn by ``normal``.
 
-    ``table`` [N, 16], see `_table`; ``leaf`` [Q]: its rows; ``draw`` [Q]: rows of the normal numbers [D, S, 7].
+    ``table`` [N, 16]: states of tracks; ``track`` [Q]: its rows; ``draw`` [Q]: rows of the normal numbers [D, S, 7].
     """
-    for q in range(len(leaf)):
-        px, vx, xx, xv, vvx, ax, py, vy, yy, yv, vvy, ay, c, s, x, y = table[leaf[q]]
+    for q in range(len(track)):
+        px, vx, xx, xv, vvx, ax, py, vy, yy, yv, vvy, ay, c, s, x, y = table[track[q]]
         for k in range(future.shape[1]):
             z, path = normal[draw[q], k], future[q, k]
             p0, v0, a0 = px + xx * z[0], vx + xv * z[0] + vvx * z[1], ax * z[4]

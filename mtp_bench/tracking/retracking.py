@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..agent import Frame, FramePredictor, Observation, Predictor, SamplingPredictor, Tracker, Tracks
+from ..agent import Frame, Observation, Predictor, Tracker, Tracks
 from ..errors import ShapeError
 from ..types import Bools, Floats, Ints, Task, joined, those
 from .joint import k_best
@@ -49,8 +49,8 @@ class ReTracker:
     the sum of distance - ``gate`` is least, pairs beyond the gate do not match, and pairs closer than 0.15 m match
     first. Gaps in the past are then bridged, for whoever predicts from these tracks.
 
-    ``predictor``: forecasts, one sample each or the likeliest one; a copy is used, so the predictor of a pipeline may
-    be given.
+    ``predictor``: asked for one sample of each track (k = 1), and asked twice per frame: for the tracks of ``tracker``
+    and for those that are kept. A copy is used, so the predictor of a pipeline may be given.
     ``max_misses``: frames without an observation that a track survives.
     ``min_hits``: after a gap a track is output again from so many observations in a row on.
     ``coasting``: frames without an observation in which it is still output.
@@ -64,7 +64,7 @@ class ReTracker:
     def __init__(
         self,
         tracker: Tracker,
-        predictor: Predictor | SamplingPredictor,
+        predictor: Predictor,
         max_misses: int = 8,
         min_hits: int = 1,
         coasting: int = 1,
@@ -82,7 +82,7 @@ class ReTracker:
     def reset(self, task: Task) -> None:
         """Forget everything."""
         self._tracker.reset(task)
-        self._predictor.reset(task)
+        self._predictor.reset(replace(task, k=1))  # one forecast of each track, which is its likeliest future
         self._past, self._frame = task.past, 0
         self._observed: deque[Observation] = deque(maxlen=task.past)
         none = np.zeros(0, dtype=np.int64)
@@ -118,14 +118,12 @@ class ReTracker:
 
     def _forecast(self, tracks: Tracks, leaf: Ints) -> Floats:
         """One future [n, T, 2] of each track ``leaf`` [n]."""
-        if isinstance(self._predictor, Predictor):
-            said = self._predictor.predict(Frame(self._frame - 1, tracks.those(leaf), tuple(self._observed)))
-            weight = np.zeros(said.samples.shape[:2]) if said.log_weight is None else said.log_weight
-            likeliest: Floats = said.samples[np.arange(len(weight)), weight.argmax(axis=1)]
-            return np.asarray(likeliest[said.rows_of(len(leaf))])
-        if isinstance(self._predictor, FramePredictor):
-            self._predictor.begin(tracks)
-        return self._predictor.sample(tracks, leaf, np.zeros(len(leaf), dtype=np.int64), 1)[:, 0]
+        part = tracks.those(leaf)
+        forecasts = self._predictor.predict(Frame(self._frame - 1, part, tuple(self._observed)))
+        weight = np.zeros(forecasts.samples.shape[:2]) if forecasts.log_weight is None else forecasts.log_weight
+        likeliest: Floats = forecasts.samples[np.arange(len(weight)), weight.argmax(axis=1)]
+        heaviest = part.member.argmax(axis=0)  # of the hypotheses that hold each track
+        return np.asarray(likeliest[forecasts.rows_of(part)[heaviest, np.arange(len(leaf))]])
 
     def _gains(self, class_id: Ints, path: Floats) -> Floats:
         """Costs [R, L] below 0 of matching a kept track with one of ``class_id`` [L] seen on ``path`` [L, 1 + T, 2]."""

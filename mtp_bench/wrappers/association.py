@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import reprlib
-from typing import TYPE_CHECKING, Any, SupportsFloat, final
+from typing import Any, SupportsFloat, final
 
 import gymnasium
 import numpy as np
@@ -17,9 +17,6 @@ from ..geometry import rotate
 from ..types import Action, Floats, Ints, Observation
 from .slots import FREE, Slots
 from .wrapped import require_own_space, require_positive, task_of
-
-if TYPE_CHECKING:
-    from ..agent import SamplingPredictor
 
 IGNORE = 0  # the choice that leaves a detection out
 NEW = 1  # the choice that begins a track
@@ -64,7 +61,7 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
     def __init__(
         self,
         env: gymnasium.Env[Observation, Action],
-        predictor: Predictor | SamplingPredictor | None = None,
+        predictor: Predictor | None = None,
         detections: int = 24,
         choices: int = 2,
         near: float = 10.0,

@@ -10,20 +10,24 @@ import numpy as np
 import pytest
 
 from mtp_bench import load_submission
-from mtp_bench.agent import Action, Agent, Pipeline
+from mtp_bench.agent import Action, Agent, Forecasts, Frame, FunctionPredictor, Pipeline
+from mtp_bench.agent.pools import make_pools, reduce_pools
 from mtp_bench.env.action import FORECAST_LIMIT
 from mtp_bench.errors import ShapeError
-from mtp_bench.prediction import KinematicPredictor, KMeansSampler, StandingStill
+from mtp_bench.prediction import KinematicPredictor, KMeansSampler
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.tracks import Tracks, group
-from mtp_bench.types import Floats, Ints, Task
-from tests.support.tracking_scenes import CYCLIST, Frame, at_once, frame, kitti_task, observation, random_frames
+from mtp_bench.types import Floats, Task
+from tests.support import tracking_scenes
+from tests.support.tracking_scenes import CYCLIST, at_once, frame, kitti_task, observation, random_frames
 
 TASK = kitti_task(seed=3)
-CROWD = random_frames(np.random.default_rng(2), 30, objects=12, area=7.0)
+SMALL = kitti_task(k=2, samples=2, future=3)
+CROWD = random_frames(np.random.default_rng(2), 25, objects=12, area=7.0)
+PAIR = [frame((0, 0, 0), (10, 0, 1))]
 
 
-def answers(agent: Agent, task: Task = TASK, frames: Iterable[Frame] = CROWD) -> list[Any]:
+def answers(agent: Agent, task: Task = TASK, frames: Iterable[tracking_scenes.Frame] = CROWD) -> list[Any]:
     """Actions; Any stands for their arrays of numbers, which NumPy's types cannot tell from others."""
     agent.reset(task)
     return [agent.act(observation(detections)) for detections in frames]
@@ -36,8 +40,33 @@ def assert_equal_actions(first: list[Action], second: list[Action]) -> None:
             np.testing.assert_array_equal(a[key], b[key], err_msg=key)
 
 
-def pipeline(hypotheses: int, **settings: Any) -> Pipeline:
-    return Pipeline(HypothesisTracker(hypotheses, at_once()), KinematicPredictor(), KMeansSampler(), **settings)
+def pipeline(hypotheses: int, draws: int = 1, **settings: Any) -> Pipeline:
+    tracker = HypothesisTracker(hypotheses, at_once())
+    return Pipeline(tracker, KinematicPredictor(draws=draws), KMeansSampler(), **settings)
+
+
+def still(tracks: Tracks, task: Task) -> Floats:
+    """Objects that stay where they are."""
+    return np.repeat(tracks.past[:, -1:, None, :2], task.future, axis=2)
+
+
+class Recorder:
+    """A predictor that keeps the frames it is given."""
+
+    def __init__(self, forecast: Any = None) -> None:
+        self.forecast = forecast or (lambda frame, task: Forecasts(still(frame.tracks, task)))
+
+    def reset(self, task: Task) -> None:
+        self.task, self.frames = task, list[Frame]()
+
+    def predict(self, frame: Frame) -> Forecasts:
+        self.frames.append(frame)
+        forecasts: Forecasts = self.forecast(frame, self.task)
+        return forecasts
+
+
+def play(predictor: Any, hypotheses: int = 1, frames: Any = CROWD, task: Task = SMALL) -> list[Any]:
+    return answers(Pipeline(HypothesisTracker(hypotheses, at_once()), predictor, KMeansSampler()), task, frames)
 
 
 def test_mtp_with_one_hypothesis_is_stp() -> None:
@@ -74,34 +103,27 @@ def test_the_order_of_the_actions_arrays() -> None:
 
 
 def test_all_samples_of_all_hypotheses_fit_into_a_larger_task() -> None:
-    free, equal = replace(TASK, samples=6 * 20), TASK
-    for all_samples, reduced in zip(answers(pipeline(6), free), answers(pipeline(6), equal), strict=True):
+    free = replace(TASK, samples=6 * 20)
+    for all_samples, reduced in zip(answers(pipeline(6), free), answers(pipeline(6)), strict=True):
         np.testing.assert_array_equal(all_samples["object_box"], reduced["object_box"])
         alive = int(np.isfinite(all_samples["hypothesis_log_weight"]).sum())
         drawn = np.isfinite(all_samples["forecast_log_weight"]).sum(axis=1)
         assert set(drawn.tolist()) <= {20 * h for h in range(alive + 1)}
         assert (np.isfinite(reduced["forecast_log_weight"]).sum(axis=1) <= 20).all()
-        if len(all_samples["object_valid"].nonzero()[0]):
+        if all_samples["object_valid"].any():
             assert drawn.max() == 20 * alive
             far = np.abs(all_samples["forecast"]).max(axis=(1, 2, 3))
             assert (np.abs(reduced["forecast"]).max(axis=(1, 2, 3)) <= far + 1e-4).all()  # centres lie among them
 
 
 def test_samples_weigh_as_much_as_their_hypothesis() -> None:
-    free = replace(TASK, samples=4 * 20)
-    posterior, uniform = answers(pipeline(4), free)[-1], answers(pipeline(4, weighting="uniform"), free)[-1]
-    np.testing.assert_array_equal(posterior["forecast"], uniform["forecast"])
-    weight = np.unique(posterior["forecast_log_weight"][0])
-    np.testing.assert_allclose(weight, np.sort(posterior["hypothesis_log_weight"][:4]))
-    assert np.unique(uniform["forecast_log_weight"][0]).tolist() == [0.0]
-
-
-def test_every_hypothesis_draws_as_often() -> None:
     free = replace(TASK, samples=4 * 3 * 20)
-    action = answers(pipeline(4, draws=3), free)[-1]
-    np.testing.assert_allclose(action["forecast_log_weight"][0], np.repeat(action["hypothesis_log_weight"][:4], 60))
-    samples = action["forecast"][0].reshape(240, -1)
-    assert len(np.unique(samples, axis=0)) == 240
+    posterior, uniform = (answers(pipeline(4, 3, weighting=name), free)[-1] for name in ("posterior", "uniform"))
+    np.testing.assert_array_equal(posterior["forecast"], uniform["forecast"])
+    expected = np.repeat(posterior["hypothesis_log_weight"][:4], 60)
+    np.testing.assert_allclose(posterior["forecast_log_weight"][0], expected)
+    assert np.unique(uniform["forecast_log_weight"][0]).tolist() == [0.0]
+    assert len(np.unique(posterior["forecast"][0].reshape(240, -1), axis=0)) == 240
 
 
 def test_objects_of_small_mass_are_left_out() -> None:
@@ -116,11 +138,9 @@ def test_objects_of_small_mass_are_left_out() -> None:
 class Halves:
     """Every second track is certainly there, the others by one half."""
 
-    def reset(self, task: Task) -> None:
-        self.frames = 0
+    def reset(self, task: Task) -> None: ...
 
     def probability(self, tracks: Tracks, observation: Any) -> Any:
-        self.frames += 1
         return np.where(np.arange(len(tracks.box)) % 2, 0.5, 1.0)
 
 
@@ -151,40 +171,11 @@ def test_without_presence_confidence_is_the_mass() -> None:
     assert any((values < 0.99).any() for values in confidence)
 
 
-def test_an_unknown_weighting_is_an_error() -> None:
-    with pytest.raises(ShapeError, match="weighting is 'equal'"):
-        pipeline(1, weighting="equal")
-
-
-@pytest.mark.parametrize("draws", [0, -1, 1.5, True])
-def test_draws_that_are_no_count_are_an_error(draws: float) -> None:
-    with pytest.raises(ShapeError, match="expected a whole number of at least 1"):
-        pipeline(1, draws=draws)
-
-
-def test_a_mass_that_is_no_weight_is_an_error() -> None:
-    with pytest.raises(ShapeError, match="min_mass is 50, expected a weight from 0 to 1"):
-        pipeline(1, min_mass=50)
-
-
-class Told(StandingStill):
-    """Counts the frames that it is told, and those that it is asked about."""
-
-    def __init__(self) -> None:
-        self.frames: list[Tracks] = []
-
-    def begin(self, tracks: Tracks) -> None:
-        self.frames.append(tracks)
-
-    def sample(self, tracks: Tracks, leaf: Any, draw: Any, samples: int) -> Any:
-        assert tracks is self.frames[-1]
-        return super().sample(tracks, leaf, draw, samples)
-
-
-def test_a_predictor_is_told_every_frame_once_before_it_is_asked() -> None:
-    told = Told()
-    answers(Pipeline(HypothesisTracker(3, at_once()), told, KMeansSampler()))
-    assert len(told.frames) == len(CROWD)
+@pytest.mark.parametrize("settings", [{"weighting": "equal"}, {"min_mass": 50}])
+def test_settings_outside_their_range(settings: dict[str, Any]) -> None:
+    name, value = next(iter(settings.items()))
+    with pytest.raises(ShapeError, match=f"{name} is {value!r}, expected"):
+        pipeline(1, **settings)
 
 
 def test_frames_without_detections() -> None:
@@ -194,24 +185,143 @@ def test_frames_without_detections() -> None:
         assert action["hypothesis_log_weight"][0] == 0.0
 
 
-def test_parts_can_be_exchanged() -> None:
-    agent = Pipeline(HypothesisTracker(1, at_once()), StandingStill(), KMeansSampler(iterations=0))
-    for action in answers(agent):
-        coasting = np.abs(action["forecast"]).max(axis=(1, 2, 3))
-        assert (coasting < 2.0).all()  # from the filtered box to the last detection
+def test_a_function_is_a_predictor() -> None:
+    for action in play(FunctionPredictor(still), task=TASK):
+        there = action["object_valid"] > 0
+        np.testing.assert_array_equal(action["forecast"][there], action["forecast"][there][:, :, :1].repeat(10, axis=2))
+        assert np.isfinite(action["forecast_log_weight"]).sum() == action["object_valid"].sum()
 
 
-def test_forecasts_end_where_no_answer_may_go_on() -> None:
-    class Far(StandingStill):
-        def sample(self, tracks: Tracks, leaf: Ints, draw: Ints, samples: int) -> Floats:
-            futures = super().sample(tracks, leaf, draw, samples)
-            futures[..., 1:, 0] += 400.0
-            return futures
+def test_forecasts_end_at_the_limit_of_an_action() -> None:
+    def far(tracks: Tracks, task: Task) -> Floats:
+        futures = still(tracks, task)
+        futures[..., 1:, 0] += 400.0
+        return futures
 
-    action = answers(Pipeline(HypothesisTracker(1, at_once()), Far(), KMeansSampler()))[-1]
-    offset = action["forecast"][action["object_valid"] == 1]
+    action = play(FunctionPredictor(far), task=TASK)[-1]
+    offset = action["forecast"][action["object_valid"] == 1][:, 0]
     assert len(offset)
     reach = np.linalg.norm(offset, axis=-1)
-    assert (reach[:, :, 0] < 1).all()
-    np.testing.assert_allclose(reach[:, :, 1:], 0.999 * FORECAST_LIMIT, rtol=1e-6)
-    assert (offset[..., 1:, 0] > 0).all()
+    assert (reach[:, 0] < 1).all()
+    np.testing.assert_allclose(reach[:, 1:], 0.999 * FORECAST_LIMIT, rtol=1e-6)
+    assert (offset[:, 1:, 0] > 0).all()
+
+
+def test_a_predictor_gets_the_tracks_that_stand_for_objects_once_per_frame() -> None:
+    recorder = Recorder()
+    actions = play(recorder, hypotheses=5)
+    for asked, action in zip(recorder.frames, actions, strict=True):
+        tracks = asked.tracks
+        assert len(tracks.box) <= int(action["track_valid"].sum())
+        assert tracks.member.shape == (len(tracks.log_weight), len(tracks.box))
+        assert tracks.past_detection is not None
+        for back in range(1, len(asked.seen) + 1):  # the rows taken are those of the observations
+            took = np.flatnonzero(tracks.past_detection[:, -back] >= 0)
+            box = asked.seen[-back]["detection_box"][tracks.past_detection[took, -back]]
+            np.testing.assert_array_equal(tracks.past[took, -back], box)
+    assert [f.number for f in recorder.frames] == list(range(len(CROWD)))
+    assert [len(f.seen) for f in recorder.frames[:12]] == [*range(1, 11), 10, 10]
+
+
+def test_trackers_state_covariance_and_affinities() -> None:
+    recorder = Recorder()
+    play(recorder, hypotheses=3)
+    tracks = recorder.frames[-1].tracks
+    assert tracks.covariance is not None
+    assert tracks.affinity is not None
+    assert (np.linalg.eigvalsh(tracks.covariance) > 0).all()
+    pairs = tracks.affinity
+    assert len(pairs.before) == len(tracks.box)
+    taken = np.flatnonzero((tracks.detection >= 0) & (pairs.before >= 0))
+    assert len(taken)
+    for row in taken:  # the detection that a track took is among the pairs of the track that it continues
+        mine = slice(pairs.start[pairs.before[row]], pairs.start[pairs.before[row] + 1])
+        assert tracks.detection[row] in pairs.detection[mine]
+    assert (pairs.gain > 0).all()
+
+
+def test_forecasts_may_move_an_object_state_its_presence_and_leave_it_out() -> None:
+    def forecast(frame: Frame, task: Task) -> Forecasts:
+        samples = np.repeat(still(frame.tracks, task), task.k, axis=1)
+        weight = np.where(frame.tracks.class_id[:, None] == 0, -np.inf, [[0.0, -np.inf]])
+        return Forecasts(samples, weight, frame.tracks.box[:, :2] + 1.0, np.full(len(samples), 0.25))
+
+    action = play(Recorder(forecast), frames=PAIR * 3)[-1]
+    there = action["object_valid"] > 0
+    assert there.sum() == 1  # there is no forecast of the car
+    np.testing.assert_allclose(action["object_box"][there, :2], [[11.0, 1.0]], atol=1e-3)
+    np.testing.assert_allclose(action["forecast"][there][0, 0], -1.0, atol=1e-3)
+    np.testing.assert_allclose(action["object_confidence"][there], 0.25)
+    assert action["forecast_log_weight"][there][0, 1] < -1e29
+
+
+@pytest.mark.parametrize("shape", [(2, 3, 2), (2, 3), ()])
+def test_forecasts_without_an_axis_of_samples(shape: tuple[int, ...]) -> None:
+    with pytest.raises(ShapeError, match=r"samples has shape .*, expected \[rows, samples, frames, 2\]"):
+        Forecasts(np.zeros(shape))
+
+
+@pytest.mark.parametrize(
+    ("shape", "row", "message"),
+    [
+        ((1, 2, 3, 2), [0], r"row has shape \(1,\), expected \(2,\) or \(1, 2\)"),
+        ((1, 2, 3, 2), [0, 1], "row is 1, expected 0 to 0"),
+        ((1, 2, 3, 2), [[0, -1]], "row is -1, expected 0 to 0"),
+        ((3, 2, 3, 2), None, "samples has 3 rows, expected 2: one for each track"),
+        ((2, 2, 4, 2), None, r"forecasts has shape \(2, 2, 4, 2\), expected \(2, k, 3, 2\)"),
+    ],
+)
+def test_forecasts_that_do_not_fit_the_frame(shape: tuple[int, ...], row: Any, message: str) -> None:
+    wrong = Forecasts(np.zeros(shape), row=None if row is None else np.array(row))
+    with pytest.raises(ShapeError, match=message):
+        play(Recorder(lambda *_: wrong), frames=PAIR)
+
+
+def test_forecasts_of_another_type_or_with_other_weights() -> None:
+    with pytest.raises(ShapeError, match=r"predict returned a ndarray, expected mtp_bench\.agent\.Forecasts"):
+        play(Recorder(lambda *_: np.zeros((2, 1, 3, 2))), frames=PAIR)
+    with pytest.raises(ShapeError, match=r"log_weight has shape \(2, 3\), expected \(2, 4\)"):
+        Forecasts(np.zeros((2, 4, 3, 2)), np.zeros((2, 3)))
+
+
+def test_a_pool_has_a_row_once_with_the_mass_of_its_hypotheses() -> None:
+    row = np.array([[3, 3, 1], [-1, 2, -1], [0, 0, 0]])
+    pools = make_pools(row, np.log([0.5, 0.3, 0.2]))
+    assert pools.start.tolist() == [0, 2, 3, 4]
+    assert pools.row.tolist() == [1, 3, 2, 0]
+    np.testing.assert_allclose(np.exp(pools.log_mass), [0.2, 0.8, 0.3, 1.0])
+    assert len(make_pools(np.zeros((0, 3), dtype=int), np.log([0.5, 0.3, 0.2])).row) == 0
+
+
+def test_only_pools_that_are_too_large_are_reduced() -> None:
+    samples = np.arange(4 * 2 * 3 * 2, dtype=float).reshape(4, 2, 3, 2)
+    forecasts = Forecasts(samples, np.log([[0.9, 0.1]] * 4))
+    pools = make_pools(np.array([[3, 1], [2, 2]]), np.log([0.6, 0.4]))
+    calls: list[Any] = []
+
+    class Spy(KMeansSampler):
+        def reduce(self, pool: Any, log_weight: Any, k: int, rng: Any) -> Any:
+            calls.append((pool, log_weight, k))
+            return super().reduce(pool, log_weight, k, rng)
+
+    reduced, weight = reduce_pools(pools, forecasts, SMALL, Spy(), np.random.default_rng(0))
+    np.testing.assert_array_equal(reduced[1], samples[2])
+    np.testing.assert_allclose(np.exp(weight[1]), [0.9, 0.1])
+    ((table, log_weight, k),) = calls
+    assert k == 2
+    np.testing.assert_array_equal(table, np.concatenate([samples[1], samples[3]])[None])
+    np.testing.assert_allclose(np.exp(log_weight), [[0.36, 0.04, 0.54, 0.06]])
+    np.testing.assert_allclose(np.exp(weight).sum(axis=1), 1.0)
+
+
+def test_earlier_observations_are_copies() -> None:
+    """An env may fill the same arrays anew for every frame."""
+    recorder = Recorder()
+    agent = Pipeline(HypothesisTracker(1, at_once()), recorder, KMeansSampler())
+    agent.reset(SMALL)
+    first = observation(frame((0.0, 0.0, 0)))
+    agent.act(first)
+    seen = first["detection_box"].copy()
+    first["detection_box"][:] = 9.0
+    agent.act(observation(frame((0.5, 0.0, 0))))
+    np.testing.assert_array_equal(recorder.frames[-1].seen[0]["detection_box"], seen)

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mtp_bench.agent import Frame
 from mtp_bench.errors import ShapeError
 from mtp_bench.geometry import transform_boxes
-from mtp_bench.prediction import KinematicPredictor, NoiseTable
+from mtp_bench.prediction import HedgedPredictor, KinematicPredictor, NoiseTable
 from mtp_bench.prediction.kalman import filtered, heading_frame
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.tracks import Tracks
@@ -46,14 +47,15 @@ def arc(speed: float, rate: float, heading: float = 0.3, frames: int = 10, first
     return box
 
 
-def predict(tracks: Tracks, samples: int = 20, draw: Any = None, leaf: Any = None, **settings: Any) -> Floats:
+def predict(
+    tracks: Tracks, samples: int = 20, draw: Any = None, track: Any = None, number: int = 0, **settings: Any
+) -> Floats:
     """Futures [Q, samples, T, 2] of a new predictor."""
     predictor = KinematicPredictor(**{"noise": NOISE, **settings})
     predictor.reset(TASK)
-    predictor.begin(tracks)
-    leaf = np.arange(len(tracks.box)) if leaf is None else np.array(leaf)
-    draw = np.zeros(len(leaf), dtype=np.int64) if draw is None else np.array(draw)
-    return predictor.sample(tracks, leaf, draw, samples)
+    track = np.arange(len(tracks.box)) if track is None else np.array(track)
+    draw = np.zeros(len(track), dtype=np.int64) if draw is None else np.array(draw)
+    return predictor.futures(Frame(number, tracks, ()), track, draw, samples)
 
 
 def textbook(position: Floats, valid: Bools, class_id: int, noise: NoiseTable) -> tuple[Floats, Floats]:
@@ -130,7 +132,7 @@ def test_a_single_sample_is_the_mean() -> None:
 
 def test_equal_windows_and_draws_give_equal_samples() -> None:
     past = np.stack([arc(3.0, 0.2), arc(3.0, 0.2), arc(2.0, 0.0)])
-    futures = predict(tracks_with_past(past), leaf=[0, 1, 2, 0, 1], draw=[0, 0, 0, 1, 1])
+    futures = predict(tracks_with_past(past), track=[0, 1, 2, 0, 1], draw=[0, 0, 0, 1, 1])
     np.testing.assert_array_equal(futures[0], futures[1])
     np.testing.assert_array_equal(futures[3], futures[4])
     assert not np.isclose(futures[0], futures[3]).any()
@@ -140,27 +142,63 @@ def test_equal_windows_and_draws_give_equal_samples() -> None:
 
 def test_more_draws_keep_the_first_ones() -> None:
     tracks = tracks_with_past(arc(3.0, 0.2)[None])
-    many = predict(tracks, leaf=[0] * 7, draw=range(7))
-    np.testing.assert_array_equal(many[:3], predict(tracks, leaf=[0] * 3, draw=range(3)))
-    np.testing.assert_array_equal(many[5:6], predict(tracks, leaf=[0], draw=[5]))
+    many = predict(tracks, track=[0] * 7, draw=range(7))
+    np.testing.assert_array_equal(many[:3], predict(tracks, track=[0] * 3, draw=range(3)))
+    np.testing.assert_array_equal(many[5:6], predict(tracks, track=[0], draw=[5]))
 
 
-def test_draws_differ_from_frame_to_frame_and_return_after_reset() -> None:
+def test_draws_depend_on_seed_and_frame_alone() -> None:
     tracks, predictor = tracks_with_past(arc(3.0, 0.2)[None]), KinematicPredictor(noise=NOISE)
-    leaf = np.zeros(1, dtype=np.int64)
 
-    def next_frame() -> Floats:
-        predictor.begin(tracks)
-        return predictor.sample(tracks, leaf, leaf, 4)
+    def samples(number: int, **changes: Any) -> Floats:
+        predictor.reset(replace(TASK, **changes))
+        return predictor.predict(Frame(number, tracks, ())).samples
 
-    predictor.reset(TASK)
-    first = next_frame()
-    np.testing.assert_array_equal(first, predictor.sample(tracks, leaf, leaf, 4))  # one frame may come in parts
-    assert not np.isclose(first, next_frame()).any()
-    predictor.reset(TASK)
-    np.testing.assert_array_equal(first, next_frame())
-    predictor.reset(kitti_task(dt=DT, seed=6))
-    assert not np.isclose(first, next_frame()).any()
+    first = samples(0)
+    np.testing.assert_array_equal(first, samples(0))
+    assert not np.array_equal(first, samples(1))
+    assert not np.array_equal(first, samples(0, seed=6))
+
+
+def test_each_hypothesis_draws_for_itself() -> None:
+    """Two hypotheses share track 0; the second one holds track 1 too."""
+    tracks = replace(
+        tracks_with_past(np.stack([arc(3.0, 0.2)] * 2)), member=np.array([[True, False], [True, True]]),
+        log_weight=np.log([0.5, 0.5]),
+    )  # fmt: skip
+    predictor = KinematicPredictor(noise=NOISE, draws=2)
+    predictor.reset(replace(TASK, k=4))
+    forecasts = predictor.predict(Frame(0, tracks, ()))
+    row = forecasts.rows_of(tracks)
+    assert (row[0, 0], row[1, 0], row[1, 1]) == (0, 1, 2)
+    assert forecasts.samples.shape == (3, 8, 10, 2)
+    expected = predictor.futures(Frame(0, tracks, ()), np.zeros(4, dtype=np.int64), np.arange(4), 4)
+    np.testing.assert_array_equal(forecasts.samples[:2].reshape(expected.shape), expected)
+    np.testing.assert_array_equal(forecasts.samples[1], forecasts.samples[2])
+
+
+def hedged(samples: int, pasts: Any = (2, 3, 5, 10), past: int = 10) -> Floats:
+    """Futures [samples, T, 2] of one track that is bent, of a hedged predictor."""
+    predictor = HedgedPredictor(pasts)
+    predictor.reset(replace(TASK, k=samples, samples=samples, past=past))
+    tracks = tracks_with_past(arc(3.0, 1.0)[None])
+    return np.asarray(predictor.predict(Frame(0, tracks, ())).samples[0])
+
+
+@pytest.mark.parametrize(("samples", "shares"), [(20, [5, 5, 5, 4]), (7, [2, 2, 1, 1]), (3, [1, 1]), (1, [1])])
+def test_hedged_samples_are_shared_by_the_pasts(samples: int, shares: list[int]) -> None:
+    futures = hedged(samples)
+    assert len(futures) == samples
+    still = (futures == arc(3.0, 1.0)[-1, :2]).all(axis=(1, 2))
+    assert still.tolist() == [False] * (samples - 1) + [samples > 1]
+    assert sum(shares) == samples - (samples > 1)
+    assert len(np.unique(futures[:, -1], axis=0)) == samples, "each past draws numbers of its own"
+
+
+def test_pasts_longer_than_the_task_gives_are_one() -> None:
+    np.testing.assert_array_equal(hedged(9, (2, 4, 5, 10), past=4), hedged(9, (2, 4), past=4))
+    with pytest.raises(ShapeError, match="pasts is empty"):
+        HedgedPredictor(())
 
 
 def test_a_straight_line_goes_on() -> None:
@@ -194,29 +232,35 @@ def test_a_shorter_past_is_the_past_cut_off() -> None:
     valid[0, :7] = False
     np.testing.assert_array_equal(predict(tracks_with_past(past), past=3), predict(tracks_with_past(past, valid)))
     np.testing.assert_array_equal(predict(tracks_with_past(past), past=10), predict(tracks_with_past(past)))
-    with pytest.raises(ShapeError, match="past is 0"):
-        KinematicPredictor(past=0)
 
 
-NO_NOISE = {
-    "measurement": (0.0, "noise.measurement holds 0.0, expected numbers above 0"),
-    "speed": (0.0, "noise.speed holds 0.0, expected numbers above 0"),
-    "jerkiness": (-1.0, "noise.jerkiness holds -1.0, expected numbers >= 0"),
-    "acceleration": (np.nan, r"noise.acceleration\[0, 0\] is nan, expected a finite number"),
+WRONG: dict[str, tuple[Any, str]] = {
+    "no measurement noise": (
+        replace(NOISE, measurement=np.zeros(3)),
+        "measurement contains 0.0, expected numbers above",
+    ),
+    "no prior speed": (replace(NOISE, speed=np.zeros((3, 2))), "speed contains 0.0, expected numbers above 0"),
+    "below 0": (replace(NOISE, jerkiness=-NOISE.jerkiness), "jerkiness contains -1.0, expected numbers of at least 0"),
+    "NaN": (replace(NOISE, acceleration=np.full((3, 2), np.nan)), r"acceleration\[0, 0\] is nan"),
+    "another form": (replace(NOISE, speed=NOISE.measurement), r"speed has shape \(3,\), expected \(3, 2\)"),
 }
 
 
-@pytest.mark.parametrize("name", NO_NOISE)
-def test_noise_that_no_motion_has_is_one_clear_error(name: str) -> None:
-    value, message = NO_NOISE[name]
-    with pytest.raises(ShapeError, match=message):
-        KinematicPredictor(replace(NOISE, **{name: np.full_like(getattr(NOISE, name), value)}))
+@pytest.mark.parametrize("case", WRONG)
+def test_noise_that_no_motion_has(case: str) -> None:
+    noise, message = WRONG[case]
+    with pytest.raises(ShapeError, match=f"noise.{message}"):
+        KinematicPredictor(noise)
 
 
-def test_noise_of_another_form_is_one_clear_error() -> None:
-    with pytest.raises(ShapeError, match=r"noise.speed has shape \(3,\), expected \(3, 2\)"):
-        KinematicPredictor(replace(NOISE, speed=NOISE.measurement))
-    with pytest.raises(ShapeError, match="got noise of 3 classes, test has 1"):
+@pytest.mark.parametrize("settings", [{"past": 0}, {"draws": 0}, {"draws": 1.5}, {"draws": True}])
+def test_settings_that_are_not_counts(settings: dict[str, Any]) -> None:
+    with pytest.raises(ShapeError, match=f"{next(iter(settings))} is "):
+        KinematicPredictor(**settings)
+
+
+def test_noise_of_other_classes() -> None:
+    with pytest.raises(ShapeError, match="noise has 3 classes, expected 1"):
         KinematicPredictor(NOISE).reset(kitti_task(classes=("car",)))
 
 
@@ -228,19 +272,16 @@ def test_noise_of_objects_that_never_change_their_motion() -> None:
     assert np.isfinite(predict(unseen, noise=still, past=2)).all()
 
 
-def test_everything_a_tracker_says_gets_finite_samples() -> None:
-    predictor = KinematicPredictor()
-    task = kitti_task()
+def test_all_tracks_of_a_tracker_get_finite_samples() -> None:
+    predictor, task = KinematicPredictor(), kitti_task()
     predictor.reset(task)
     frames = random_frames(np.random.default_rng(9), 25, objects=12, area=6.0)
     total = 0
-    for tracks in run(HypothesisTracker(6), frames, task):
-        leaf = np.arange(len(tracks.box))
-        predictor.begin(tracks)
-        futures = predictor.sample(tracks, leaf, leaf, 5)
-        assert futures.shape == (len(leaf), 5, 10, 2)
-        assert np.isfinite(futures).all()
-        total += len(leaf)
+    for number, tracks in enumerate(run(HypothesisTracker(6), frames, task)):
+        forecasts = predictor.predict(Frame(number, tracks, ()))
+        assert forecasts.samples.shape == (tracks.member.sum(), task.k, 10, 2)
+        assert np.isfinite(forecasts.samples).all()
+        total += len(tracks.box)
     assert total > 100
 
 

@@ -55,7 +55,7 @@ class Script:
             detection=np.array([places.index(row[1:]) for row in rows], dtype=np.int64),
             past=past,
             past_valid=valid,
-            member=np.array([[row in mine for row in rows] for mine in hypotheses]),
+            member=np.array([[row in mine for row in rows] for mine in hypotheses], dtype=bool),
             log_weight=np.full(len(hypotheses), -np.log(len(hypotheses))),
             parent=np.arange(len(hypotheses)) * (len(self._seen) > 1) if self._parents else None,
         )
@@ -173,8 +173,8 @@ def test_in_a_pipeline() -> None:
     assert answers[-1]["object_valid"].any()
 
 
-class AtOnce:
-    """Forecasts a frame at once what the kinematic predictor forecasts on demand; an unlikely sample stands first."""
+class Unlikely:
+    """The kinematic predictor, with an unlikely sample before its own."""
 
     def __init__(self) -> None:
         self.inner = KinematicPredictor(STEADY)
@@ -184,15 +184,14 @@ class AtOnce:
 
     def predict(self, frame: Frame) -> Forecasts:
         assert frame.seen
-        n = len(frame.tracks.box)
-        self.inner.begin(frame.tracks)
-        likely = self.inner.sample(frame.tracks, np.arange(n), np.zeros(n, dtype=np.int64), 1)
-        return Forecasts(np.concatenate([likely + 50.0, likely], axis=1), np.tile([-9.0, 0.0], (n, 1)))
+        likely = self.inner.predict(frame)
+        samples = np.concatenate([likely.samples + 50.0, likely.samples], axis=1)
+        return Forecasts(samples, np.tile([-9.0, 0.0], (len(samples), 1)), row=likely.row)
 
 
-def test_a_predictor_of_whole_frames_does_as_well() -> None:
+def test_the_likeliest_sample_counts() -> None:
     crowd = random_frames(np.random.default_rng(1), 20, objects=8, area=8.0)
-    given = [ReTracker(HypothesisTracker(3), predictor) for predictor in (AtOnce(), KinematicPredictor(STEADY))]
+    given = [ReTracker(HypothesisTracker(3), predictor) for predictor in (Unlikely(), KinematicPredictor(STEADY))]
     for one, other in zip(*(run(tracker, crowd, TASK) for tracker in given), strict=True):
         np.testing.assert_array_equal(one.track_id, other.track_id)
         np.testing.assert_array_equal(one.past, other.past)
