@@ -27,9 +27,9 @@ from mtp_bench.running.options import RunOptions
 
 PUBLIC = {
     "Action", "ActionError", "Agent", "CardError", "DataError", "Detections", "MtpBenchError", "Objects", "Observation",
-    "Forecasts", "Frame", "FunctionPredictor", "Pipeline", "Predictor", "RecordError", "Rollout", "RolloutError", "Sampler",
-    "Scene", "ShapeError", "SubmissionError", "Task", "Tracker", "Tracks", "Truth", "UnknownNameError", "card_ids",
-    "make_action",
+    "Forecasts", "Frame", "FunctionPredictor", "Pipeline", "Predictor", "RecordError", "Rollout", "RolloutError",
+    "Sampler", "Scene", "ShapeError", "SubmissionError", "Task", "Tracker", "Tracks", "Truth", "UnknownNameError",
+    "card_ids", "make_action",
 }  # fmt: skip
 LAZY_NAMES = {
     "Card",
