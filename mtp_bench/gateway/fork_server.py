@@ -14,6 +14,7 @@ import signal
 import socket
 import struct
 import subprocess
+import tempfile
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
@@ -49,20 +50,24 @@ class ForkServer:
         program = [*python(), script, json.dumps(setup), str(theirs.fileno())]
         stdin, end = os.pipe()
         os.close(end)
-        try:
-            self._process = subprocess.Popen(
-                bubblewrap_command(layout, program, _SPACE), cwd="/", env=self._environment, stdin=stdin,
-                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, pass_fds=(theirs.fileno(),),
-                start_new_session=True,
-            )  # fmt: skip
-        finally:
-            theirs.close()
-            os.close(stdin)
-        try:
-            self._read_pid(READY, _START_SECONDS)
-        except BaseException:  # an interruption too
-            self.stop()
-            raise
+        with tempfile.TemporaryFile() as log:
+            try:
+                self._process = subprocess.Popen(
+                    bubblewrap_command(layout, program, _SPACE), cwd="/", env=self._environment, stdin=stdin,
+                    stdout=subprocess.DEVNULL, stderr=log, pass_fds=(theirs.fileno(),), start_new_session=True,
+                )  # fmt: skip
+            finally:
+                theirs.close()
+                os.close(stdin)
+            try:
+                self._read_pid(READY, _START_SECONDS)
+            except BaseException as error:  # an interruption too
+                self.stop()
+                log.seek(0)
+                lines = log.read().decode(errors="replace").strip().splitlines()
+                if isinstance(error, ForkServerError) and lines:
+                    raise ForkServerError(f"the fork server of the sandbox does not start: {lines[-1]}") from None
+                raise
 
     @property
     def running(self) -> bool:
