@@ -80,16 +80,17 @@ def _score_table(checked: Checked) -> Table:
     from rich.markup import escape
 
     from ..records.checking import BESIDE
-    from ..viz.terminal.output import NOTHING, new_table, number
+    from ..tables import BLANK
+    from ..viz.terminal.output import new_table, number
 
     own = escape(checked.submission)
     headings = ("scene", "targets", own, BESIDE, "covered", f"false, {own}", f"false, {BESIDE}")
     table = new_table("plain error (m), lower is better, and false forecasts", headings, left=("scene",))
     for row in checked.scores:
-        covered = NOTHING if row["coverage"] is None else f"{row['coverage']:.0%}"
+        covered = BLANK if row["coverage"] is None else f"{row['coverage']:.0%}"
         errors = (number(row[key]) for key in ("plain_error", BESIDE))
         false = (
-            NOTHING if row[key] is None else str(row[key]) for key in ("false_forecasts", f"{BESIDE}_false_forecasts")
+            BLANK if row[key] is None else str(row[key]) for key in ("false_forecasts", f"{BESIDE}_false_forecasts")
         )
         table.add_row(escape(row["scene"]), str(row["targets"]), *errors, covered, *false)
     return table

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from .completion import submissions
-from .options import SEEDS, EnvScenes, FullOption, JsonOption, WorkerChoice
+from .options import SEEDS, EnvScenes, FullOption, JsonOption, TableOption, WorkerChoice
 from .output import prepare, require_writable, show_report, working, write_json
 
 
@@ -26,18 +26,19 @@ def compare(
             help="Also stp, mtp and their control with detections above these scores (.1,.3); alone: .1,.2,.3."
         ),
     ] = None,
+    table_file: TableOption = None,
     json_file: JsonOption = None,
 ) -> None:
-    """Run agents side by side, with true pasts and the controls beside them: the verdict, and one table."""
+    """Run agents side by side, with ground-truth tracks and the controls: the verdict, and one table."""
     from ..running.compare import CONTROLS
     from ..running.compare import compare as run_comparison
     from ..running.sensitivity import sensitivity
-    from ..viz.terminal.output import counted, show, show_lines, show_numbers
+    from ..viz.terminal.output import counted, report_table, show, show_lines, show_numbers
     from ..viz.terminal.tables import sensitivity_table
     from ..viz.terminal.verdict import verdict
 
     at = None if cuts is None else scores_of(cuts)
-    require_writable(json_file)
+    require_writable(json_file, table_file)
     options = on.options(workers, range(seeds))
     prepare(on.env, options, agents)
     with working("compare", options) as watched:
@@ -52,14 +53,14 @@ def compare(
     ran = dict.fromkeys(setting.submission.name for setting in result.settings)
     show_lines(verdict(result.report, [name for name in ran if name in agents or name not in CONTROLS]), "- ")
     show("")
-    show_report(result.report, counted(seeds, "seed"), result.skipped, full)
+    show_report(result.report, counted(seeds, "seed"), result.skipped, full, table_file)
     if rows is not None:
         show("")
-        show_numbers(sensitivity_table(rows))
+        show_numbers(report_table(sensitivity_table(rows)))
 
 
 def scores_of(text: str) -> list[float]:
-    """Scores as they are written on the command line, separated by commas; wrong usage for others."""
+    """Scores of a comma-separated text; wrong usage for others."""
     try:
         scores = [float(part) for part in text.split(",")]
     except ValueError:

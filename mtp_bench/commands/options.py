@@ -16,7 +16,7 @@ from typer.core import TyperCommand
 from ..errors import MtpBenchError, closest
 from ..parallel import Workers, cores
 from .completion import detectors, env_ids, submissions
-from .output import json_alone
+from .output import json_alone, table_file
 
 if TYPE_CHECKING:
     from ..running.options import RunOptions
@@ -29,6 +29,14 @@ DataOption = Annotated[
 JsonOption = Annotated[
     Path | None,
     typer.Option("--json", callback=json_alone, help="Write the table's content to this file; -: print it instead."),
+]
+TableOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--table",
+        callback=table_file,
+        help="Write the table to this file: .csv or .json with all numbers, .md or .tex as it is shown.",
+    ),
 ]
 FullOption = Annotated[bool, typer.Option("--full", help="All tables, not only the first.")]
 EnvOption = Annotated[

@@ -17,6 +17,7 @@ import typer
 
 from ..errors import MtpBenchError
 from ..files import clean_text, describe_write_error, require_file, write_text
+from ..tables import SUFFIXES, Table, tables_text
 
 if TYPE_CHECKING:
     from ..running.options import RunOptions
@@ -78,22 +79,41 @@ def say(text: str) -> None:
     Console(stderr=True, soft_wrap=True, markup=False, highlight=False).print(line)
 
 
-def show_report(report: Report, of: str, skipped: Mapping[str, int], full: bool) -> None:
-    """Print the table of a report ``of`` something, what its numbers hold for, and with ``full`` all other tables."""
+def show_report(report: Report, of: str, skipped: Mapping[str, int], full: bool, file: Path | None = None) -> None:
+    """Print the table of a report ``of`` something, the conditions of its numbers, and with ``full`` all other tables.
+
+    ``file``: where they are written too, in the format of its suffix.
+    """
     from ..running.reading import skipped_line
-    from ..viz.terminal.output import show, show_lines, show_numbers
-    from ..viz.terminal.tables import full_tables, main_table, notes
+    from ..viz.terminal.output import report_table, show, show_lines, show_numbers
+    from ..viz.terminal.tables import data_table, full_tables, main_table
+    from ..viz.terminal.verdict import notes
 
     condition = report.condition
-    show_numbers(main_table(report))
+    main, further = main_table(report), list(full_tables(report)) if full else []
+    write_table(file, [main, *further], data_table(report))
+    show_numbers(report_table(main, lambda row: "dim" if row.is_from_paper else ""))
     show_lines(notes(report))
     own = "own scenes, settings of the environment; " if condition["source"] == "files" else ""
     data = f"{own}split {condition['split']}, {condition['detections']}; truth: {condition['truth']}"
     show_lines([f"{of}; {data}", condition["weights"], *([condition["trained"]] if "trained" in condition else [])])
     show_lines([line for line in [skipped_line(skipped)] if line is not None])
-    for table in full_tables(report) if full else ():
+    for table in further:
         show("")
-        show_numbers(table)
+        show_numbers(report_table(table))
+
+
+def write_table(path: Path | None, shown: Sequence[Table], data: Table) -> None:
+    """Write tables to the file that is named, in the format of its suffix; see `tables_text`."""
+    if path is not None:
+        write_text(path, tables_text(path.suffix, shown, data))
+
+
+def table_file(path: Path | None) -> Path | None:
+    """Check the suffix of the file that ``--table`` names; wrong usage for another."""
+    if path is not None and path.suffix not in SUFFIXES:
+        raise typer.BadParameter(f"{path}: expected a name that ends in {', '.join(SUFFIXES)}")
+    return path
 
 
 def require_writable(*paths: Path | None) -> None:

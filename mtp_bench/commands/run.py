@@ -24,7 +24,7 @@ def run(
     from ..running.stored import require_free
     from ..running.stored import run as run_agent
     from ..viz.terminal.output import command_line, counted, show
-    from ..viz.terminal.tables import rejected_line
+    from ..viz.terminal.verdict import rejected_line
 
     options = on.options(workers, [seed])
     require_free(output, force)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .options import DataOption, FolderArgument, FullOption, JsonOption, RunCardOption
+from .options import DataOption, FolderArgument, FullOption, JsonOption, RunCardOption, TableOption
 from .output import require_writable, show_report, working, write_json
 
 
@@ -11,15 +11,16 @@ def score(
     root: DataOption = None,
     env: RunCardOption = None,
     full: FullOption = False,
+    table_file: TableOption = None,
     json_file: JsonOption = None,
 ) -> None:
     """Score stored rollouts."""
     from ..running.options import RunOptions
     from ..running.stored import score as score_run
 
-    require_writable(json_file)
+    require_writable(json_file, table_file)
     with working("score", RunOptions(root)) as options:
         scored = score_run(folder, options, env)
     report = scored.report
     write_json(json_file, {**report.to_json("condition", "details"), "skipped": scored.skipped})
-    show_report(report, folder.name, scored.skipped, full)
+    show_report(report, folder.name, scored.skipped, full, table_file)

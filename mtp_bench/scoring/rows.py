@@ -1,6 +1,6 @@
-"""The rows of a report: typed, checked when they are made, and written as JSON by `Report.to_json` alone.
+"""Rows of a report. Their fields are the keys of its JSON and declare the columns of its tables.
 
-The fields of a row are the keys of its JSON; None stands for undefined, never NaN.
+None stands for undefined, never NaN. `Report.to_json` writes them.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_serializer
 
 from ..strict import Section
+from ..tables import Column
 from .subsets import Subset
 
 Count = Annotated[int, Field(ge=0)]
@@ -18,63 +19,78 @@ Point = Annotated[tuple[float, float], Field(strict=False)]
 Budget = Literal["equal", "free"]
 
 
+Metres = Annotated[float | None, Column(unit="m", better="lower")]
+Share = Annotated[float | None, Column(unit="share", better="higher")]
+Part = Annotated[float | None, Column(unit="m", better="lower", optional=True)]
+Difference = Annotated[float | None, Column(unit="m", better="lower", format="+.3f")]
+Ends = Annotated[Interval | None, Column(interval=True, help="95 % interval.")]
+Score = Annotated[float | None, Column(better="higher")]
+Chance = Annotated[float | None, Column(format=".3f", help="Sign-flip test over units.")]
+
+
 class Setting(Section):
     """An agent in one setting."""
 
-    agent: str
-    hypotheses: Count
-    samples: Count  # per object
-    budget: Budget
+    agent: Annotated[str, Column()]
+    hypotheses: Annotated[Count, Column("H", help="Hypotheses of the tracker.")]
+    samples: Annotated[Count, Column("K", help="Samples per object.")]
+    budget: Annotated[Budget, Column("samples allowed", help="equal: k of the task; free: more.")]
 
 
 class Row(Setting):
-    """Numbers of one subset of the targets."""
+    """Numbers of one subset of the targets.
 
-    subset: Subset
-    minADE: float | None  # noqa: N815  (m, over covered targets; a fixed name of the files)
-    minFDE: float | None  # noqa: N815
-    error: float | None  # m, at the false-forecast budgets: what ranks
-    interval: Interval | None  # of error
-    localisation: float | None  # m, the part of error from targets with a forecast
-    missed: float | None  # m, the part of error from targets without one
-    error_by_score: float | None  # m, error with the nearest detection's score as the confidence
-    plain_error: float | None  # m, with every forecast kept
-    fixed_error: float | None  # m per target, at confidence 0.5; of "all" alone
-    energy_score: float | None
-    coverage: float | None
-    difference_to_stp: float | None  # m, of error
-    difference_interval: Interval | None
-    p: float | None  # sign-flip test of that difference over units
-    gap_closed: float | None  # between the kinematic ends
-    gap_interval: Interval | None
-    gap_closed_same_predictor: float | None  # between ends with the agent's own predictor and presence
-    gap_same_predictor_interval: Interval | None
-    rank: int | None  # None: shown, not ranked
-    unranked_because: str | None
-    targets: Count
-    effective_targets: float
-    events: float | None  # expected number in a run of the reference tracker; of "paper_" subsets those of plain STP
-    objects: Count
-    effective_objects: float
-    scenes: Count
-    effective_units: float
-    seeds: Count
-    ms_per_frame: float | None
+    A further metric is one field here, optional and None by default, and its value where the rows are made.
+    """
+
+    subset: Annotated[Subset, Column()]
+    minADE: Annotated[Metres, Column(help="Over covered targets.")]  # noqa: N815  (a fixed name of the files)
+    minFDE: Annotated[Metres, Column(help="Over covered targets.")]  # noqa: N815
+    error: Annotated[float | None, Column("bADE", "m", "lower", help="Budgeted ADE, which decides the rank.")]
+    interval: Ends
+    localisation: Annotated[Part, Column(help="Part of bADE from targets with a forecast.")]
+    missed: Annotated[Part, Column(help="Part of bADE from targets without a forecast.")]
+    error_by_score: Annotated[Part, Column(help="bADE with the score of the nearest detection as the confidence.")]
+    plain_error: Annotated[Part, Column(help="Error with every forecast kept.")]
+    fixed_error: Annotated[
+        Part, Column(help="Error per target with the forecasts of confidence 0.5 or more; all only.")
+    ]
+    energy_score: Part
+    coverage: Annotated[Share, Column(help="Targets that have a forecast.")]
+    difference_to_stp: Annotated[Difference, Column(help="Difference of bADE.")]
+    difference_interval: Ends
+    p: Chance
+    gap_closed: Annotated[Share, Column(help="Between stp and prediction on ground-truth tracks.")]
+    gap_interval: Ends
+    gap_closed_same_predictor: Annotated[Share, Column(help="Between a reference pair with the agent's predictor.")]
+    gap_same_predictor_interval: Ends
+    rank: Annotated[int | None, Column(better="lower", help="Missing: shown, not ranked.")]
+    unranked_because: Annotated[str | None, Column()]
+    targets: Annotated[Count, Column()]
+    effective_targets: Annotated[float, Column(format=".1f", help="Effective sample size (Kish).")]
+    # expected number in a run of the reference tracker; of "paper_" subsets those of plain STP
+    events: Annotated[float | None, Column(format=".1f", help="Expected number of events.")]
+    objects: Annotated[Count, Column()]
+    effective_objects: Annotated[float, Column(format=".1f", help="Effective sample size (Kish).")]
+    scenes: Annotated[Count, Column()]
+    effective_units: Annotated[float, Column(format=".1f", help="Effective number of blocks of at most 20 s.")]
+    seeds: Annotated[Count, Column()]
+    ms_per_frame: Annotated[float | None, Column("ms per frame", "ms", "lower", ".1f")]
 
 
 class PairedRow(Setting):
     """Differences of an agent to a control on one subset."""
 
-    other: str  # the control
-    subset: Subset
-    error: float | None
-    interval: Interval | None  # of error
-    p: float | None  # sign-flip test over units
-    minADE: float | None  # noqa: N815  (where both cover a target)
-    minADE_interval: Interval | None  # noqa: N815
-    targets: Count
-    shared: Count  # targets that both cover
-    scenes: Count
+    other: Annotated[str, Column("less", help="The control.")]
+    subset: Annotated[Subset, Column()]
+    error: Annotated[Difference, Column("bADE")]
+    interval: Ends
+    p: Chance
+    minADE: Annotated[Difference, Column(help="Over targets that both cover.")]  # noqa: N815
+    minADE_interval: Ends  # noqa: N815
+    targets: Annotated[Count, Column()]
+    shared: Annotated[Count, Column(help="Targets that both cover.")]
+    scenes: Annotated[Count, Column()]
 
 
 class Errors(Section):
@@ -110,16 +126,16 @@ class Clear(Section):
     TP: Count
     FP: Count | None
     FN: Count
-    IDS: Count
-    FRAG: Count
-    MOTA: float | None
+    IDS: Annotated[Count, Column("CLEAR IDS", better="lower")]
+    FRAG: Annotated[Count, Column("CLEAR FRAG", better="lower")]
+    MOTA: Score
     MOTP: float | None  # mean IoU or mean distance in metres, as the event gate measures
-    IDF1: float | None
-    HOTA: float | None
+    IDF1: Score
+    HOTA: Score
 
 
 class Tracking(Section):
-    """Tracking numbers of the first seed, and its false output."""
+    """Tracking numbers of the first seed."""
 
     all: Clear
     classes: dict[str, Clear]
@@ -142,18 +158,18 @@ class Reliability(Section):
 
 
 class Details(Setting):
-    """What lies behind the rows of an agent, over all targets."""
+    """Further numbers of an agent over all targets."""
 
     seeds: Count
-    silence: float | None  # m, what an agent that says nothing scores
-    miss_rate: float | None  # over all targets, uncovered ones missed
-    PI_ADE: float | None
-    EPA: float | None
-    AP_f: float | None
-    brier: float | None  # of the confidences in live frames
+    silence: float | None  # m, error if nothing is predicted
+    miss_rate: Annotated[float | None, Column("MR", "", "lower", help="Over all targets; uncovered ones are missed.")]
+    PI_ADE: Annotated[float | None, Column("PI-ADE", better="lower")]
+    EPA: Score
+    AP_f: Annotated[Score, Column("AP_f")]
+    brier: Annotated[float | None, Column("Brier", "", "lower", help="Of the confidences in live frames.")]
     reliability: list[Reliability]
-    forecasts_per_frame: float  # live frames
-    false_per_frame: float | None
+    forecasts_per_frame: Annotated[float, Column("forecasts", format=".1f", help="Per live frame.")]
+    false_per_frame: Annotated[float | None, Column("false", "", "lower", ".1f", help="Per live frame.")]
     curve: list[Point]  # false forecasts per target (forecasts per live frame where those cannot be known), error in m
     k_curve: dict[str, float | None]  # k -> expected minADE of k samples
     bins: list[Bin]

@@ -7,8 +7,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..tables import BLANK
 from ..viz.pages import source_of, templates_of, text_of
-from ..viz.terminal.output import NOTHING
 from .figures import Figure
 from .figures.style import DARK, LIGHT
 from .findings import Findings
@@ -107,7 +107,7 @@ def _cell(row: Any, column: Column, ends: tuple[Column, Column] | None) -> str:
 def shown(value: Value, unit: str = "") -> str:
     """A value as the page has it."""
     if value is None:
-        return NOTHING
+        return BLANK
     if isinstance(value, float):
         if unit == "share":
             return f"{100 * value:.1f}".replace("-", "−")

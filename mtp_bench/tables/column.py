@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 Value = str | int | float | tuple[float, float] | None
@@ -71,12 +71,21 @@ class Column:
 
 
 def columns_of(kind: type) -> tuple[Column, ...]:
-    """Columns that the annotated fields of a dataclass or a pydantic model declare, in the order of the fields."""
+    """Columns that the annotated fields of a dataclass or a pydantic model declare, in the order of the fields.
+
+    Of several declarations of one field, as where an alias declares a unit, a later one adds to the earlier ones.
+    """
     columns = []
     for name, hint in get_type_hints(kind, include_extras=True).items():
         declared = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
-        columns += [replace(part, key=part.key or name) for part in declared if isinstance(part, Column)][-1:]
+        parts = [vars(part) for part in declared if isinstance(part, Column)]
+        if parts:
+            given = {key: value for part in parts for key, value in part.items() if value != _DEFAULTS[key]}
+            columns.append(Column(**{"key": name, **given}))
     return tuple(columns)
+
+
+_DEFAULTS = vars(Column())
 
 
 def short(value: float | None) -> str:

@@ -39,6 +39,10 @@ class Table:
                 pairs.append((column, None))
         return pairs
 
+    def is_text(self, column: Column) -> bool:
+        """Whether a column holds words, which are aligned left; a text with a unit holds numbers."""
+        return not column.unit and any(isinstance(column.value(row), str) for row in self.rows)
+
     def cells(self, row: Any) -> list[str]:
         """Texts of one row, an interval in brackets behind its number."""
         return [cell_text(column, interval, row) for column, interval in self.pairs]

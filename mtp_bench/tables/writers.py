@@ -78,7 +78,7 @@ def to_markdown(table: Table) -> str:
     columns = [column for column, _ in table.pairs]
     lines = [
         [_markdown(f"{column.group} {_heading(column)}".strip()) for column in columns],
-        ["---" if _is_text(table, column) else "--:" for column in columns],
+        ["---" if table.is_text(column) else "--:" for column in columns],
         *([_markdown(cell) for cell in table.cells(row)] for row in table.rows),
     ]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
@@ -92,7 +92,7 @@ def _markdown(text: str) -> str:
 def to_latex(table: Table) -> str:
     """A LaTeX table; it needs the package ``booktabs``."""
     columns = [column for column, _ in table.pairs]
-    alignment = "".join("l" if _is_text(table, column) else "r" for column in columns)
+    alignment = "".join("l" if table.is_text(column) else "r" for column in columns)
     body = [_latex_line(table.cells(row)) for row in table.rows]
     lines = [
         r"\begin{table}",
@@ -135,7 +135,3 @@ def _latex(text: str) -> str:
 def _heading(column: Column) -> str:
     unit = f"({column.unit})" if column.unit not in ("", "share") else ""
     return " ".join(part for part in (column.title, unit, column.arrow) if part)
-
-
-def _is_text(table: Table, column: Column) -> bool:
-    return any(isinstance(column.value(row), str) for row in table.rows)

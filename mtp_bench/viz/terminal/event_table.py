@@ -6,17 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from ...tables import BLANK, Column, Table
 from ..replay import KINDS, Incident, Replay
-from .output import NOTHING, command_line, counted, number, slim_table
+from .output import command_line, counted, report_table
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from rich.table import Table as RichTable
 
 ORDERS = ("time", "cost")
 LONGEST = 3  # runs of false forecasts of a scene in the table, unless their kind is asked for
 SCENE_WIDTH = 20  # columns of names of scenes, so that those of the simulated ones can be copied in one piece
-_HEADINGS = ("scene", "frame", "event", "object", "track", "minADE", "error", "confi-\ndence")
-_LEFT = _FOLDED = ("scene", "object", "track")
 CAPTION = (
     "minADE: of the forecast made then, metres; – where the object is no target, or was not forecast. error: "
     "min(minADE, c), c where it was not forecast: what the event costs. confidence: that of the forecast; of a run "
@@ -112,15 +111,12 @@ def longest_only(rows: Sequence[EventRow]) -> list[EventRow]:
     return [row for row in rows if row.incident.kind != "spurious" or id(row) in kept[row.scene]]
 
 
-def event_table(rows: Sequence[EventRow]) -> Table:
+def event_table(rows: Sequence[EventRow]) -> RichTable:
     """One row per event, to be shown with CAPTION below."""
-    from rich.markup import escape
-
-    title = "Events of the best hypothesis, along its lineage"
-    table = slim_table(title, _HEADINGS, left=(*_LEFT, "event"), folded=_FOLDED)
-    table.columns[0].max_width = SCENE_WIDTH
-    for row in rows:
-        table.add_row(*(escape(cell) for cell in _cells(row)))
+    data = Table("events", "Events of the best hypothesis, along its lineage", "", rows, _COLUMNS)
+    table = report_table(data, first_width=SCENE_WIDTH)
+    for column in (table.columns[3], table.columns[4]):  # object, track
+        column.no_wrap = False
     return table
 
 
@@ -156,18 +152,28 @@ def events_json(rows: Sequence[EventRow], tally: Tally, env_id: str, agent: str)
     }
 
 
-def _cells(row: EventRow) -> tuple[str, ...]:
-    event = row.incident
-    return (
-        row.scene,
-        str(event.frame) if event.until == event.frame else f"{event.frame}–{event.until}",
-        event.name + ("*" if event.wrong else ""),
-        row.class_name + ("" if event.object_id < 0 else f" {event.object_id}"),
-        _id(event.new_id) if event.kind == "spurious" else f"{_id(event.old_id)} → {_id(event.new_id)}",
-        number(event.minADE, 2),
-        number(event.error, 2),
-        number(event.confidence, 2),
-    )
+def _frames(event: Incident) -> str:
+    return str(event.frame) if event.until == event.frame else f"{event.frame}–{event.until}"
+
+
+def _object(row: EventRow) -> str:
+    return row.class_name + ("" if row.incident.object_id < 0 else f" {row.incident.object_id}")
+
+
+def _track(event: Incident) -> str:
+    return _id(event.new_id) if event.kind == "spurious" else f"{_id(event.old_id)} → {_id(event.new_id)}"
+
+
+_COLUMNS = (
+    Column(key="scene", read=lambda row: row.scene),
+    Column(key="frame", read=lambda row: _frames(row.incident)),
+    Column(key="event", read=lambda row: row.incident.name + ("*" if row.incident.wrong else "")),
+    Column(key="object", read=_object),
+    Column(key="track", read=lambda row: _track(row.incident)),
+    Column(key="minADE", format=".2f", read=lambda row: row.incident.minADE),
+    Column(key="error", format=".2f", read=lambda row: row.incident.error),
+    Column("confi-\ndence", key="confidence", format=".2f", read=lambda row: row.incident.confidence),
+)
 
 
 def _record(row: EventRow) -> dict[str, Any]:
@@ -198,4 +204,4 @@ def _known(identity: int) -> int | None:
 
 
 def _id(identity: int) -> str:
-    return NOTHING if identity < 0 else str(identity)
+    return BLANK if identity < 0 else str(identity)

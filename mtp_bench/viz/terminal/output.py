@@ -5,23 +5,25 @@ from __future__ import annotations
 import shlex
 import sys
 import textwrap
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any
 
 from ...parallel import Progress
+from ...tables import BLANK, Column
+from ...tables import Table as Data
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.table import Table
 
-NOTHING = "–"  # where a number is not defined
 PIPE_WIDTH = 180  # columns where the output is a file or a pipe
 TEXT_WIDTH = 80  # columns of reports
 NAMES = ("agent", "H", "K")  # headings of columns that name a row; the first column does anyway
 NAME_WIDTH = 16  # columns of the first column of a report's table; longer names are folded
+HEADING_WIDTH = 12  # columns of a heading; longer ones are broken into lines
 
 
 def new_table(title: str, headings: Sequence[str], left: Collection[str] = (), whole: Collection[str] = ()) -> Table:
@@ -33,42 +35,57 @@ def new_table(title: str, headings: Sequence[str], left: Collection[str] = (), w
 
     table = Table(title=title, title_justify="left")
     for heading in headings:
-        justify: Literal["left", "right"] = "left" if heading in left else "right"
-        table.add_column(heading, justify=justify, no_wrap=heading in whole, overflow="fold")
+        justify = "left" if heading in left else "right"
+        table.add_column(heading, justify=justify, no_wrap=heading in whole, overflow="fold")  # type: ignore[arg-type]
     return table
 
 
-def slim_table(title: str, headings: Sequence[str], left: Collection[str] = (), folded: Collection[str] = ()) -> Table:
-    """An empty table without borders for a report, of at most TEXT_WIDTH columns where its cells are short.
+def report_table(data: Data, style: Callable[[Any], str] | None = None, first_width: int = NAME_WIDTH) -> Table:
+    """A table without borders for a report, of at most TEXT_WIDTH columns where its cells are short.
 
-    The first column and those of ``left`` are aligned left; names in the first are folded, and where it is narrow the
-    cells of the columns ``folded``. ``title`` is text.
+    Intervals stand below their numbers. Long texts of the first column are folded. ``style``: rich's style of a row.
     """
     from rich import box
     from rich.markup import escape
     from rich.table import Table
 
     table = Table(
-        title=escape(title), title_justify="left", title_style="bold", header_style="", box=box.SIMPLE_HEAD,
+        title=escape(data.title), title_justify="left", title_style="bold", header_style="", box=box.SIMPLE_HEAD,
         show_edge=False, padding=0,
     )  # fmt: skip
-    for place, heading in enumerate(headings):
-        justify: Literal["left", "right"] = "left" if place == 0 or heading in left else "right"
-        table.add_column(heading, justify=justify, no_wrap=place > 0 and heading not in folded, overflow="fold")
-    table.columns[0].max_width = NAME_WIDTH
+    pairs = data.pairs
+    headings = _headings([column for column, _ in pairs])
+    for place, ((column, _), heading) in enumerate(zip(pairs, headings, strict=True)):
+        justify = "left" if place == 0 or data.is_text(column) else "right"
+        table.add_column(heading, justify=justify, no_wrap=place > 0, overflow="fold")  # type: ignore[arg-type]
+    if table.columns:
+        table.columns[0].max_width = first_width
+    for row in data.rows:
+        cells = [escape(_cell(column, interval, row)) for column, interval in pairs]
+        table.add_row(*cells, style=style(row) if style else "")
     return table
 
 
-def short(value: float | None) -> str:
-    """A number in at most five letters, without sign and below ten thousand."""
-    if value is None:
-        return NOTHING
-    return f"{value:.{3 if abs(value) < 9.9995 else 2 if abs(value) < 99.995 else 1 if abs(value) < 999.95 else 0}f}"
+def _cell(column: Column, interval: Column | None, row: Any) -> str:
+    ends = None if interval is None else interval.value(row)
+    below = f"\n{column.text(ends[0])} {column.text(ends[1])}" if isinstance(ends, tuple) else ""
+    return column.shown(row) + below
+
+
+def _headings(columns: Sequence[Column]) -> list[str]:
+    """Headings of equally many lines; above the first of a group its name."""
+    lines = []
+    for before, column in zip([None, *columns], columns, strict=False):
+        group = column.group if before is None or before.group != column.group else ""
+        words = column.title.split("\n") if "\n" in column.title else textwrap.wrap(column.title, HEADING_WIDTH)
+        lines.append([*([group] if column.group else []), *words])
+    height = max(map(len, lines), default=0)
+    return ["\n".join([*[""] * (height - len(each)), *each]) for each in lines]
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A number with ``digits`` digits after the point; a dash where there is none."""
-    return NOTHING if value is None else f"{value:.{digits}f}"
+    """A number with ``digits`` digits after the point; a dash where it is missing."""
+    return BLANK if value is None else f"{value:.{digits}f}"
 
 
 def counted(number: int | None, noun: str) -> str:
@@ -102,7 +119,7 @@ def show_command(words: str) -> None:
 
 
 def show_numbers(table: Table, console: Console | None = None) -> None:
-    """Print a table of results; one that is too wide goes on below with its other columns, and no number is cut off."""
+    """Print a table of results. One that is too wide goes on below with its other columns; no number is cut off."""
     console = console or _console()
     for part in by_columns(table, console):
         console.width = max(console.width, _needed(part, console))  # one column alone may be too wide
@@ -113,16 +130,16 @@ def by_columns(table: Table, console: Console) -> list[Table]:
     """``table``, or its columns as several tables that fit into the console, each with the columns that name a row."""
     headings = [str(column.header).strip() for column in table.columns]
     names = next((i for i, heading in enumerate(headings) if i > 0 and heading not in NAMES), len(headings))
-    parts = [list(range(names))]
+    places = [list(range(names))]
     for place in range(names, len(headings)):
-        wider = _part(table, [*parts[-1], place])
-        if len(parts[-1]) > names and _needed(wider, console) > console.width:
-            parts.append(list(range(names)))
-        parts[-1].append(place)
-    found = [_part(table, part) for part in parts]
-    for later in found[1:]:
+        wider = _part(table, [*places[-1], place])
+        if len(places[-1]) > names and _needed(wider, console) > console.width:
+            places.append(list(range(names)))
+        places[-1].append(place)
+    parts = [_part(table, part) for part in places]
+    for later in parts[1:]:
         later.title = None
-    return found
+    return parts
 
 
 def _part(table: Table, places: Sequence[int]) -> Table:
@@ -139,7 +156,7 @@ def _needed(table: Table, console: Console) -> int:
 
 @contextmanager
 def progress_bar(label: str) -> Iterator[Progress]:
-    """Who drives a progress bar, which shows on the error stream, on a terminal."""
+    """Callbacks that drive a progress bar, which shows on the error stream if that is a terminal."""
     from rich import progress as bars
     from rich.console import Console
 

@@ -1,67 +1,71 @@
-"""What a comparison shows, in five sentences: what tracking errors cost, what wins it back, and who is ranked."""
+"""Sentences about a report: the verdict of a comparison, and the notes below its table."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from ...running.compare import STP, TRUTH
 from ...scoring import Report
 from ...scoring.definitions import FORECASTS_PER_FRAME, RANKED_SUBSETS, SIGNIFICANT
-from ...scoring.rows import Interval, Row
-from .paper import paper_gap, shipped_env
+from ...scoring.rank import NOT_CAUSAL
+from ...scoring.rows import Details, Interval, Row
+from ...scoring.subsets import Subset
+from ...tables import BLANK, Column, short
+from .output import counted
+from .paper import paper_figures, paper_gap, shipped_env
+from .tables import blocks_of
 
-SAW_TRUTH = "saw the truth"  # of `why_unranked`
+SAW_TRUTH = "saw the truth"  # reason of `why_unranked`
 CONTROL = "stp_same_budget"  # draws as many samples from one hypothesis as 20 hypotheses do
 CONTROL_DRAWS = 20  # times k samples
-_NO_OWN_GAP = "no share is given between its own ends: none are stated, or they do not differ significantly"
+_NO_OWN_GAP = "with its own predictor unknown: no reference pair is stated, or it does not differ significantly"
+_SIGNED = Column(format="+.3f")
 WHERE = {"all": "over all targets", "ids": "on ids", "reacquired": "on reacquired"}
 
 
 def verdict(report: Report, names: Sequence[str]) -> list[str]:
-    """Sentences about a report that speak of the submissions ``names``; those whose numbers are missing are left out.
+    """Sentences about the submissions ``names``; those whose numbers are missing are left out.
 
-    A submission with several settings is spoken of in the one with the most hypotheses, at equal k.
+    Of a submission with several settings they state the one with the most hypotheses, at equal k.
     """
-    speakers = [row for name in names if name not in (STP, TRUTH) and (row := _setting(report, name)) is not None]
+    rows = [row for name in names if name not in (STP, TRUTH) and (row := _main_row(report, name)) is not None]
     sentences = [_cost(report)]
-    for row in speakers:
+    for row in rows:
         sentences += [_against_stp(report, row), _against_control(report, row), _gap(report, row)]
-    sentences += [_ranks(report), _unknown(report)]
+    sentences += [_ranks(report), _unknown_false_forecasts(report)]
     return [sentence for sentence in sentences if sentence]
 
 
-def _setting(report: Report, name: str) -> Row | None:
-    """The row of all targets that speaks for the submission ``name``."""
+def _main_row(report: Report, name: str) -> Row | None:
+    """The row of all targets for the submission ``name``, in its main setting."""
     rows = [r for r in report.rows if r.subset == "all" and r.budget == "equal" and r.agent.split(" ")[0] == name]
     return max(rows, key=lambda row: (row.agent == name, row.hypotheses), default=None)
 
 
-def _beside(report: Report, row: Row | None, subset: str) -> Row | None:
+def _on_subset(report: Report, row: Row, subset: str) -> Row | None:
     """The row of the same agent and setting on another subset."""
-    if row is None:
-        return None
     key = (row.agent, row.hypotheses, row.samples, row.budget, subset)
     return next((r for r in report.rows if (r.agent, r.hypotheses, r.samples, r.budget, r.subset) == key), None)
 
 
 def _cost(report: Report) -> str | None:
-    real, ideal = _setting(report, STP), _setting(report, TRUTH)
+    real, ideal = _main_row(report, STP), _main_row(report, TRUTH)
     if real is None or ideal is None or ideal.difference_to_stp is None:
         return None
     return (
-        f"From true pasts the error {WHERE['all']} is {_metres(ideal.error)}, from the tracks of {STP} "
-        f"{_metres(real.error)} "
-        f"({_difference(ideal.difference_to_stp, ideal.difference_interval, ideal.p)}): that is what tracking errors "
-        f"cost. With every forecast kept (plain error): {_metres(ideal.plain_error)} and {_metres(real.plain_error)}."
+        f"bADE {WHERE['all']} is {_metres(ideal.error)} from ground-truth tracks and {_metres(real.error)} from the "
+        f"tracks of {STP} ({_difference(ideal.difference_to_stp, ideal.difference_interval, ideal.p)}): the cost of "
+        f"tracking errors. With every forecast kept (plain error): {_metres(ideal.plain_error)} and "
+        f"{_metres(real.plain_error)}."
     )
 
 
 def _against_stp(report: Report, row: Row) -> str | None:
-    other = _setting(report, STP)
+    other = _main_row(report, STP)
     if row.difference_to_stp is None or other is None:
         return None
     return (
-        f"{_who(row)} against {STP} {WHERE['all']}: {_metres(row.error)} instead of {_metres(other.error)} "
+        f"{_label(row)} against {STP} {WHERE['all']}: {_metres(row.error)} instead of {_metres(other.error)} "
         f"({_difference(row.difference_to_stp, row.difference_interval, row.p)})."
     )
 
@@ -77,74 +81,144 @@ def _against_control(report: Report, row: Row) -> str | None:
         return None
     as_many = row.hypotheses == CONTROL_DRAWS
     drawn = "as many samples from one hypothesis" if as_many else f"one hypothesis with {CONTROL_DRAWS} times k samples"
-    # with another predictor or another number of samples than the control's the difference is not of hypotheses alone
+    # with another predictor or number of samples the difference is not one of hypotheses alone
     alike = as_many and row.gap_closed is not None and row.gap_closed == row.gap_closed_same_predictor
     gain = f". This difference, not the one to {STP}, is the gain of hypotheses" if alike else ""
-    return f"{_who(row)} against {CONTROL}, {drawn}: {'; '.join(parts)}{gain}."
+    return f"{_label(row)} against {CONTROL}, {drawn}: {'; '.join(parts)}{gain}."
 
 
 def _gap(report: Report, row: Row) -> str | None:
-    """The share of the gap that is closed: between both kinds of ends, by the plain error, in the paper."""
-    rows = [row, _beside(report, row, "ids")]
-    low, high = (_setting(report, name) for name in (STP, TRUTH))
-    if low is None or high is None:
+    """The share of the gap that is closed: between both reference pairs, by the plain error, and in the paper."""
+    rows = [each for each in (row, _on_subset(report, row, "ids")) if each is not None]
+    stp, truth = _main_row(report, STP), _main_row(report, TRUTH)
+    if stp is None or truth is None:
         return None
-
-    def said(share: Callable[[Row], float | None], interval: Callable[[Row], Interval | None] = lambda _: None) -> str:
-        known = [(r, value, interval(r)) for r in rows if r is not None and (value := share(r)) is not None]
-        return " and ".join(f"{_percent(value)}{_percents(ends)} {WHERE[r.subset]}" for r, value, ends in known)
-
-    def plain(of: Row) -> float | None:
-        bad, good = (_beside(report, end, of.subset) for end in (low, high))
-        if not (bad and good) or None in (of.plain_error, bad.plain_error, good.plain_error):
-            return None
-        whole = (bad.plain_error or 0.0) - (good.plain_error or 0.0)
-        return ((bad.plain_error or 0.0) - (of.plain_error or 0.0)) / whole if whole > 0 else None
-
-    closed = said(lambda r: r.gap_closed, lambda r: r.gap_interval)
+    closed = _shares(rows, lambda r: r.gap_closed, lambda r: r.gap_interval)
     if not closed:
-        return f"{_who(row)}: no share of the gap is given, for {STP} is not significantly worse than true pasts."
-    parts = [f"{_who(row)} closes {closed} of the gap between {STP} and true pasts"]
-    own = said(lambda r: r.gap_closed_same_predictor, lambda r: r.gap_same_predictor_interval)
-    parts.append(f"between ends with its own predictor and presence {own}" if own else _NO_OWN_GAP)
-    parts.append(f"by the plain error {said(plain) or 'unknown'}")
+        return f"{_label(row)}: no gap to close, {STP} is not significantly worse than ground-truth tracks."
+    own = _shares(rows, lambda r: r.gap_closed_same_predictor, lambda r: r.gap_same_predictor_interval)
+    plain = _shares(rows, lambda r: _plain_share(report, r, stp, truth), lambda _: None)
+    parts = [
+        f"{_label(row)} closes {closed} of the gap between {STP} and ground-truth tracks",
+        f"between references with its own predictor and presence {own}" if own else _NO_OWN_GAP,
+        f"by the plain error {plain or 'unknown'}",
+    ]
     if (paper := paper_gap(shipped_env(report), row)) is not None:
         parts.append(f"in the paper, by minADE on IDS, {_percent(paper)}")
     return "; ".join(parts) + "."
 
 
+def _shares(
+    rows: Sequence[Row], share: Callable[[Row], float | None], interval: Callable[[Row], Interval | None]
+) -> str:
+    """Shares on the subsets of the rows, with intervals; empty where none is known."""
+    known = [(row, value) for row in rows if (value := share(row)) is not None]
+    return " and ".join(f"{_percent(value)}{_percents(interval(row))} {WHERE[row.subset]}" for row, value in known)
+
+
+def _plain_share(report: Report, row: Row, stp: Row, truth: Row) -> float | None:
+    errors = [None if each is None else each.plain_error for each in (row, *_references(report, row, stp, truth))]
+    if None in errors:
+        return None
+    own, high, low = (error or 0.0 for error in errors)
+    return (high - own) / (high - low) if high > low else None
+
+
+def _references(report: Report, row: Row, stp: Row, truth: Row) -> tuple[Row | None, Row | None]:
+    return _on_subset(report, stp, row.subset), _on_subset(report, truth, row.subset)
+
+
 def _ranks(report: Report) -> str | None:
-    """Who is ranked where, and why others are not."""
-    parts, nobody = [], []
+    """Ranks by subset, and reasons of missing ones."""
+    parts, unranked_subsets = [], []
     for subset in ("all", *RANKED_SUBSETS):
         rows = [row for row in report.rows if row.subset == subset and row.budget == "equal"]
         ranked = sorted((row for row in rows if row.rank is not None), key=lambda row: row.rank or 0)
-        left = [row for row in rows if row.unranked_because not in (None, SAW_TRUTH)]
+        others = [row for row in rows if row.unranked_because not in (None, SAW_TRUTH)]
         if ranked:
-            parts.append(f"Ranks {WHERE[subset]}: " + ", ".join(f"{row.rank} {_who(row)}" for row in ranked))
-            why = ", ".join(f"{_who(row)} ({row.unranked_because})" for row in left)
-            parts += [f"Not ranked there: {why}"] if left else []
-        elif left:
-            why = "; ".join(dict.fromkeys(str(row.unranked_because) for row in left))
-            nobody.append(f"{WHERE[subset]} ({why})")
-    parts += [f"Nobody is ranked {', '.join(nobody)}"] if nobody else []
-    never = dict.fromkeys(row.agent for row in report.rows if row.unranked_because == SAW_TRUTH)
-    parts += [f"Never ranked, as they saw the truth: {', '.join(never)}"] if never else []
+            parts.append(f"Ranks {WHERE[subset]}: " + ", ".join(f"{row.rank} {_label(row)}" for row in ranked))
+            reasons = ", ".join(f"{_label(row)} ({row.unranked_because})" for row in others)
+            parts += [f"Not ranked there: {reasons}"] if others else []
+        elif others:
+            reasons = "; ".join(dict.fromkeys(str(row.unranked_because) for row in others))
+            unranked_subsets.append(f"{WHERE[subset]} ({reasons})")
+    parts += [f"No agent is ranked {', '.join(unranked_subsets)}"] if unranked_subsets else []
+    ideal = dict.fromkeys(row.agent for row in report.rows if row.unranked_because == SAW_TRUTH)
+    parts += [f"Never ranked, as they saw the truth: {', '.join(ideal)}"] if ideal else []
     return ". ".join(parts) + "." if parts else None
 
 
-def _unknown(report: Report) -> str | None:
+def _unknown_false_forecasts(report: Report) -> str | None:
     if report.condition.get("truth", "complete") == "complete":
         return None
     own = next((f" ({d.forecasts_per_frame:.1f})" for d in report.details if d.agent == STP), "")
-    few = ", ".join(f"{budget:g}" for budget in FORECASTS_PER_FRAME)
+    budgets = ", ".join(f"{budget:g}" for budget in FORECASTS_PER_FRAME)
     return (
-        "The truth holds prediction targets only, so false forecasts cannot be known: the error is taken at budgets of "
-        f"forecasts per live frame, {few} and the number of {STP}{own}, on ids and reacquired at the last alone."
+        "The truth holds prediction targets only, so false forecasts are not known: bADE is taken at budgets of "
+        f"forecasts per live frame, {budgets} and the number of {STP}{own}, on ids and reacquired at the last alone."
     )
 
 
-def _who(row: Row) -> str:
+def notes(report: Report) -> list[str]:
+    """The meaning of the columns of the main table, its numbers of targets, and warnings."""
+    return [_about(report), *_sizes(report), *_warnings(report)]
+
+
+def _about(report: Report) -> str:
+    allowed = "averaged over allowed numbers of false forecasts, up to one per target or as many as STP makes"
+    if report.condition.get("truth", "complete") != "complete":
+        allowed = "averaged over budgets of forecasts per live frame"
+    empty = next((details.silence for details in report.details), None)
+    nothing = "" if empty is None else f" If nothing is predicted: {short(empty)}."
+    env = shipped_env(report)
+    paper = " Dim: the paper's numbers." if any(paper_figures(env, row) for row in report.rows) else ""
+    return (
+        f"minADE/FDE: of the targets with a forecast (cov.); IDS, FRAG: where plain STP has that event.{paper} bADE "
+        f"(budgeted ADE): {allowed}; on ids as many as STP makes.{nothing} #: rank, {BLANK} shown only. "
+        f"Definitions {report.definitions}."
+    )
+
+
+def _sizes(report: Report) -> Iterator[str]:
+    names: dict[Subset, str] = {"all": "all", "paper_ids": "IDS", "paper_frag": "FRAG", "ids": "ids"}
+    for rows in blocks_of(report)[:1]:
+        for subset, name in names.items():
+            row = rows[subset]
+            few = "" if subset != "ids" else f" ({row.effective_targets:.1f} and {row.effective_objects:.1f} effective)"
+            on = f"{counted(row.targets, 'target')} on {counted(row.objects, 'object')}{few}"
+            yield f"{name}: {on} in {counted(row.scenes, 'scene')}"
+
+
+def _warnings(report: Report) -> Iterator[str]:
+    honest = [row for row in report.rows if row.subset == "all" and row.unranked_because != SAW_TRUTH]
+    agents = {row.agent for row in honest}
+    details = [each for each in report.details if each.agent in agents]
+    if report.rows and not report.rows[0].targets:
+        yield "! there is no target: no object that may be one is present in all past and future frames"
+    elif report.rows and not any(row.coverage for row in honest) and any(d.forecasts_per_frame for d in details):
+        yield "! no forecast is near a target: are detections and truth in one frame of reference, in metres?"
+    for agent in dict.fromkeys(row.agent for row in report.rows if row.unranked_because == NOT_CAUSAL):
+        yield f"{agent}: never ranked, {NOT_CAUSAL}"
+    if dropped := max((each.dropped_detections for each in details), default=0):
+        yield f"! {counted(dropped, 'detection')} not shown to agents: beyond the range or the number of the task"
+    for each in report.details:
+        yield from _of_agent(each)
+
+
+def _of_agent(details: Details) -> Iterator[str]:
+    if details.guessed_parents:
+        share = f"{100 * details.guessed_parents:.0f} %"
+        yield f"* {details.agent} states no parents: the lineage of own events is guessed in {share} of frames"
+    if rejected := sum(details.invalid.values()):
+        yield rejected_line(details.agent, rejected)
+
+
+def rejected_line(agent: str, rejected: int) -> str:
+    """Note about rejected rows of an agent's actions."""
+    return f"! {agent}: {counted(rejected, 'row')} rejected; `mtp-bench check` explains the errors"
+
+
+def _label(row: Row) -> str:
     return f"{row.agent} (H = {row.hypotheses})" if row.hypotheses > 1 else row.agent
 
 
@@ -155,10 +229,10 @@ def _metres(value: float | None) -> str:
 def _difference(mean: float, interval: Interval | None, p: float | None) -> str:
     """A difference with its interval and p, in words where it could be chance."""
     if interval is None or p is None:
-        return f"{mean:+.3f} m, too few recordings for an interval"
+        return f"{_SIGNED.text(mean)} m, too few recordings for an interval"
     chance = ", could be chance" if p >= SIGNIFICANT else ""
-    said = "p < 0.001" if p < 0.001 else f"p = {p:.3f}"
-    return f"{mean:+.3f} m, 95 % {interval[0]:+.3f} to {interval[1]:+.3f}, {said}{chance}"
+    probability = "p < 0.001" if p < 0.001 else f"p = {p:.3f}"
+    return f"{_SIGNED.text(mean)} m, 95 % {_SIGNED.text(interval)}, {probability}{chance}"
 
 
 def _percent(share: float) -> str:
