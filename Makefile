@@ -3,7 +3,7 @@
 #             BESIDE=held adds, for root with bubblewrap, the tests of the gateway as an ordinary user
 # make lint   the same without tests, and pyright, which takes a minute alone: what users see in their editors
 # make docs   the site in site/: static, no server and no network needed; warnings are errors; DATA=folder or MTP_BENCH_DATA adds pictures of recordings
-# make pages  the board, RESULTS.md and the figures of the README, made anew from the records
+# make pages  the board, and the tables of RESULTS.md and the README, made anew from the records
 # All create .venv and install what they need the first time; PYTHON=python3.13 chooses another interpreter for it.
 
 DATA ?= $(MTP_BENCH_DATA)

@@ -38,7 +38,7 @@ UNITS = {FEW: 1}  # of a scene
 MOST_UNITS = 4
 
 HOSTILE = '</script><img src=x onerror="window.hacked=1">'
-_OLD = Path(__file__).parents[2] / "leaderboard" / "history" / "1.0" / "stp"
+_KNOWN = Path(__file__).parents[2] / "leaderboard" / "records" / "stp"
 
 
 def made_up(
@@ -79,11 +79,11 @@ def made_up(
 @cache
 def _weights(env_id: str) -> Mapping[str, Mapping[Subset, float]]:
     """Scenes of an env with the weight of their targets: those that ship, else some."""
-    known, old = shipped(env_id), _OLD / f"{env_id.replace('-k10', '')}.json"
+    known, record = shipped(env_id), _KNOWN / f"{env_id}.json"
     if known is None:
         return {f"{i:04d}": TARGETS for i in range(SCENES)}
-    if old.is_file() and env_id != SIMULATED:
-        names = [part["scene"] for part in json.loads(old.read_text())["per_scene"]]
+    if record.is_file() and env_id != SIMULATED:
+        names = [part["scene"] for part in json.loads(record.read_text())["per_scene"]]
     else:
         names = [f"{env_id.split('-')[1].lower()}-{seed:06d}" for seed in range(10_000, 10_000 + len(known.sums))]
     return {name: dict(known.sums[scene_key(env_id, name)]) for name in names}

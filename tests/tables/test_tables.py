@@ -109,3 +109,9 @@ def test_a_row_older_than_a_column_has_a_blank() -> None:
 @pytest.mark.parametrize(("suffix", "start"), [(".csv", "agent"), (".json", "{"), (".md", "**C"), (".tex", "\\begin")])
 def test_the_suffix_chooses_the_format(suffix: str, start: str) -> None:
     assert tables_text(suffix, [TABLE], TABLE).startswith(start)
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+a", "-a", "@x", "\t=x", "\r=1", "'=1"])
+def test_no_text_of_a_csv_is_a_formula(text: str) -> None:
+    (row,) = csv.DictReader(io.StringIO(to_csv(Table("x", "", "", [Cost(text, 1, -1.5, None, None)]))))
+    assert (row["agent"], row["error [m]"]) == (f"'{text.strip()}", "-1.5")

@@ -14,7 +14,8 @@ from typing import Any
 import pytest
 
 from mtp_bench.errors import MtpBenchError
-from mtp_bench.records import OldResult, Record, save_record
+from mtp_bench.records import Record, save_record
+from mtp_bench.records.attestation import Level
 from mtp_bench.scoring import SUBSETS
 from mtp_bench.scoring.statistics import PairedDifference, paired_difference
 from mtp_bench.submission.loader import ON_SCORED
@@ -28,24 +29,21 @@ from mtp_bench.viz.board import (
     entries_of,
     parts_folder,
     write_board,
-)  # fmt: skip
-from mtp_bench.viz.board.columns import percent
-from mtp_bench.viz.board.curves import curve_chart
-from mtp_bench.viz.board.leader import leader_of
-from mtp_bench.viz.board.overview import overview_of
-from mtp_bench.viz.board.page import MOST_AGENTS, MOST_ROWS
-from mtp_bench.viz.board.scale import (
+)
+from mtp_bench.viz.board.drawings import (
     BAR,
     MOST_SCENES,
     MOST_TICKS,
     PAD,
     WIDTH,
     bar_of,
+    curve_chart,
     nice_scale,
     scale_of,
     scene_chart,
 )
-from mtp_bench.viz.board.tables import to_csv
+from mtp_bench.viz.board.overview import leader_of, overview_of
+from mtp_bench.viz.board.page import MOST_AGENTS, MOST_ROWS
 from tests.support.board_records import HOSTILE, LEVELS_OF, board_of, made_up, made_up_board, thousand_entries
 from tests.support.command_line import CommandLine, on_terminal, read_json
 from tests.support.stored_records import hidden_part, signed_level, write_record
@@ -54,10 +52,6 @@ MOST_BYTES = 300_000  # of a page without records
 MOST_FIRST = 500_000  # of a page of a thousand
 MAIN, FEW = "MTP-WILDTRACK-k10-v0", "MTP-WILDTRACK-v0"
 LINKS = [f"records/{i}.json" for i in range(13)]
-EARLIER = OldResult(
-    path=Path("x"), definitions="1.0", submission="stp", env="MTP-nuScenes-v0", split="train", error=4.745,
-    interval=(4.48, 5.01), coverage=0.769, made="2026-11-20",
-)  # fmt: skip
 
 
 class Page(HTMLParser):
@@ -98,11 +92,13 @@ class Page(HTMLParser):
         return [attributes for name, attributes in self.tags if name == tag]
 
 
-def html_of(part: str) -> str:
-    """The HTML that a part hands to the page."""
-    found = re.fullmatch(r'mtpBoard\((".*?"), (".*")\);\n', part)
-    assert found
-    return str(json.loads(found[2]))
+PIECE = re.compile(r'mtpBoard\((".*?"), (".*")\);')
+
+
+def pieces_of(files: BoardFiles, env_id: str = MAIN) -> dict[str, str]:
+    """The pieces of HTML that the file of an environment hands to the page, by key."""
+    lines = files.parts[f"{env_id}.js"].splitlines()
+    return {json.loads(piece[1]): json.loads(piece[2]) for line in lines if (piece := PIECE.fullmatch(line))}
 
 
 @pytest.fixture(scope="module")
@@ -186,7 +182,7 @@ def test_hidden_scenes_rank_and_the_public_error_stands_beside(tmp_path: Path) -
     files = board_files(entries)
     (first, second) = Page(files.page).entries
     assert (first["level"], first["public"], second["public"]) == ("hidden by tester", "0.600", "0.500")
-    details = html_of(files.parts["entries/MTP-Merge-v0/honest.js"])
+    details = pieces_of(files, "MTP-Merge-v0")["MTP-Merge-v0/honest"]
     assert "2030-02-02 by tester; seal first of 2030-01-01, retired 2030-03-03" in details
     assert "Error per scene (m), public scenes" in details, "whose numbers are not those that rank"
     (row, _) = board_json(entries)["MTP-Merge-v0"]
@@ -275,7 +271,7 @@ def test_a_shared_rank_a_level_and_the_reason_show(html: str, files: BoardFiles)
     assert html.count("</b>=</td>") == 2
     assert all(f"</svg>{level}<" in html for level in ("scored", "re-scored", "re-run"))
     assert "the process ended by signal 9" in html
-    assert 'href="./records/0.json"' in html_of(files.parts[f"entries/{MAIN}/braided_paths.js"])
+    assert 'href="./records/0.json"' in pieces_of(files)[f"{MAIN}/braided_paths"]
 
 
 def test_equal_entries_give_equal_bytes(files: BoardFiles) -> None:
@@ -343,7 +339,7 @@ def test_what_was_trained_on_scored_scenes_is_said_where_ranks_are_shown() -> No
     assert re.findall(r'<span class="why"><bdi>(.*?)</bdi>', files.page) == [note]
     assert files.page.count("0.50†") == 1
     assert files.page.count("†") == 2  # the cell, and what the mark means
-    rows = json.loads(files.parts[f"tables/{MAIN}.json"])["rows"]
+    rows = json.loads(files.parts[f"{MAIN}.json"])["rows"]
     assert {row["submission"]: row["trained_on_scored"] for row in rows} == {"knows": note, "stp": None}
     assert f"{note}: knows" in board_tables(entries)[0][1]
     assert "†" not in board_files(board_of(made_up("stp", 1.0))).page
@@ -353,7 +349,7 @@ def test_the_overview_has_the_papers_environments_first_and_marks_simulated_ones
     envs = ["MTP-Merge-v0", "MTP-Own-v0", FEW, MAIN]
     entries = board_of(*(made_up("stp", 1.0, env_id=env_id) for env_id in envs))
     overview = overview_of(entries)
-    assert [head.env for head in overview.heads] == [FEW, MAIN, "MTP-Own-v0", "MTP-Merge-v0"]
+    assert [head.board for head in overview.heads] == [FEW, MAIN, "MTP-Own-v0", "MTP-Merge-v0"]
     assert overview.groups == [("recorded", 3), ("simulated", 1)]
     html = board_files(entries).page
     assert html.index(f'href="#{MAIN}/stp"') < html.index('href="#MTP-Merge-v0/stp"')
@@ -375,7 +371,7 @@ def test_links_lead_to_code_paper_and_licence() -> None:
     files = board_files(entries_of(found))
     links = [a["href"] for a in Page(files.page).all("a") if a.get("rel")]
     assert sorted(filter(None, links)) == ["./../baselines/stp", theirs["source"], theirs["paper"]]
-    details = html_of(files.parts[f"entries/{MAIN}/theirs.js"])
+    details = pieces_of(files)[f"{MAIN}/theirs"]
     assert "<bdi>MIT</bdi>" in details
     assert "<code>abcdef1</code>" in details
 
@@ -387,10 +383,10 @@ def test_a_curve_is_drawn_small_and_large_and_nonsense_is_not() -> None:
     records = [made_up(f"odd_{i}", 1.0, details={"curve": odd}) for i, odd in enumerate(nonsense)]
     files = board_files(board_of(made_up("stp", 1.5, details={"curve": curve}), *records))
     assert files.page.count("<polyline points=") == 1
-    large = html_of(files.parts[f"entries/{MAIN}/stp.js"])
+    large = pieces_of(files)[f"{MAIN}/stp"]
     assert 'class="curve large"' in large
     assert "false forecasts allowed per target" in large
-    assert "polyline" not in html_of(files.parts[f"entries/{MAIN}/odd_0.js"])
+    assert "polyline" not in pieces_of(files)[f"{MAIN}/odd_0"]
 
 
 def test_the_large_curve_of_an_entry_that_is_not_compared_has_room() -> None:
@@ -404,21 +400,16 @@ def test_the_large_curve_of_an_entry_that_is_not_compared_has_room() -> None:
 
 
 def test_every_table_is_a_csv_and_a_json_file(files: BoardFiles, entries: list[Entry], html: str) -> None:
-    rows = list(csv.DictReader(io.StringIO(files.parts[f"tables/{MAIN}.csv"])))
+    rows = list(csv.DictReader(io.StringIO(files.parts[f"{MAIN}.csv"])))
     assert [row["submission"] for row in rows] == [entry.name for entry in entries[3:]]
-    assert float(rows[0]["difference"]) == pytest.approx(0.742 - 1.068)
-    assert float(rows[0]["difference_interval_low"]) < float(rows[0]["difference"])
-    assert json.loads(files.parts[f"tables/{MAIN}.json"])["rows"] == board_json(entries)[MAIN]
+    assert float(rows[0]["difference [m]"]) == pytest.approx(0.742 - 1.068)
+    assert float(rows[0]["difference_interval_low"]) < float(rows[0]["difference [m]"])
+    listed = [row | {"env": None} for row in json.loads(files.parts[f"{MAIN}.json"])["rows"]]
+    assert listed == [row | {"env": None} for row in json.loads(json.dumps(board_json(entries)))[MAIN]]
     assert len(json.loads(files.parts["overview.json"])["rows"]) == 13
-    for path in (f"tables/{MAIN}.csv", f"tables/{FEW}.json", "overview.csv", "overview.json"):
+    for path in (f"{MAIN}.csv", f"{FEW}.json", "overview.csv", "overview.json"):
         assert f'href="index.parts/{path}"' in html
         assert path in files.parts
-
-
-@pytest.mark.parametrize("text", ["=1+1", "+a", "-a", "@x", "\t=x", "\r=1", "'=1"])
-def test_no_text_of_a_csv_is_a_formula(text: str) -> None:
-    (row,) = csv.DictReader(io.StringIO(to_csv([{"text": text, "number": -1.5, "none": None}])))
-    assert row == {"text": f"'{text.strip()}", "number": "-1.5", "none": ""}
 
 
 def test_two_entries_of_one_name_have_addresses_of_their_own() -> None:
@@ -427,14 +418,14 @@ def test_two_entries_of_one_name_have_addresses_of_their_own() -> None:
     ids = [entry["id"] for entry in Page(files.page).entries]
     assert len(set(ids)) == 2
     assert f"{MAIN}/a" in ids
-    assert {f"entries/{id_}.js" for id_ in ids} <= files.parts.keys()
+    assert set(ids) == pieces_of(files).keys()
 
 
 def test_parts_are_replaced_as_a_whole_and_nothing_else_ever_is(tmp_path: Path) -> None:
     page = tmp_path / "my page.html"
     write_board(page, board_files(board_of(made_up("a"), made_up("b")), folder=parts_folder(page).name))
     write_board(page, board_files(board_of(made_up("a")), folder=parts_folder(page).name))
-    assert sorted(path.name for path in parts_folder(page).rglob("*.js")) == ["a.js"]
+    assert sorted(path.name for path in parts_folder(page).rglob("*.js")) == [f"{MAIN}.js"]
     assert 'data-parts="my%20page.parts"' in page.read_text()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["my page.html", "my page.parts"]
     theirs = tmp_path / "theirs.parts"
@@ -446,12 +437,13 @@ def test_parts_are_replaced_as_a_whole_and_nothing_else_ever_is(tmp_path: Path) 
 
 
 def test_a_thousand_records_have_a_small_first_view() -> None:
-    files = board_files(thousand_entries(), [(EARLIER, None)] * 100)
+    files = board_files(thousand_entries())
     assert len(files.page.encode()) < MOST_FIRST
-    assert len(files.parts) > 1000
+    assert len(files.parts) == 1 + 3 + 3 * 14
     assert files.page.count('<tbody class="entry') == 14 * (MOST_ROWS // 14)
-    assert html_of(files.parts["tables/MTP-nuScenes-v0.js"]).count("<tbody") == 72 - MOST_ROWS // 14
-    assert html_of(files.parts["overview.js"]).count("<tr>") == 1000 - 13 - MOST_AGENTS  # stp is on all
+    later = pieces_of(files, "MTP-nuScenes-v0")["MTP-nuScenes-v0"]
+    assert later.count("<tbody") == 72 - MOST_ROWS // 14
+    assert pieces_of(files, "overview")["overview"].count("<tr>") == 1000 - 13 - MOST_AGENTS  # stp is on all
 
 
 def test_an_empty_board_says_how_to_take_part() -> None:
@@ -464,13 +456,21 @@ def test_an_empty_board_says_how_to_take_part() -> None:
     assert "not comparable" not in html
 
 
-def test_results_under_earlier_definitions_are_a_plain_table_without_ranks(entries: list[Entry], html: str) -> None:
-    files = board_files(entries, [(EARLIER, "history/1.0/stp/x.json")])
-    assert "Results under definitions 1.0: not ranked, not comparable" in files.page
-    table = html_of(files.parts["history.js"])
-    assert 'href="./history/1.0/stp/x.json"' in table
-    assert "<td>4.745</td><td>4.480 – 5.010</td><td>77 %</td><td><bdi>2026-11-20</bdi></td>" in table
-    assert Page(files.page).entries == Page(html).entries
+def test_records_of_version_0_2_stand_apart_with_their_ranks() -> None:
+    old = {"versions": {"mtp-bench": "0.2.5"}}
+    earlier = [made_up("stp", 1.0, **old), made_up("good", 0.5, **old)]
+    signed: dict[str, Level] = {"stp": "re-run", "good": "re-run"}
+    entries = board_of(made_up("stp", 0.9), *earlier, levels=signed)
+    assert [(entry.board, entry.name) for entry in entries] == [
+        (MAIN, "stp"), (f"{MAIN}@0.2", "good"), (f"{MAIN}@0.2", "stp"),
+    ]  # fmt: skip
+    assert [entry.rank for entry in entries[1:]] == [1, 2]
+    files = board_files(entries)
+    assert files.page.count(">Version 0.2</h2>") == 1
+    assert files.page.index(f'href="#{MAIN}/stp"') < files.page.index(">Version 0.2</h2>")
+    assert pieces_of(files).keys() == {f"{MAIN}/stp", f"{MAIN}@0.2/good", f"{MAIN}@0.2/stp"}
+    assert [row["version"] for row in board_json(entries)[MAIN]] == [None, "0.2", "0.2"]
+    assert [str(table.title).split(":")[0] for table, _ in board_tables(entries)] == [MAIN, f"{MAIN} (version 0.2)"]
 
 
 def test_the_page_reads_no_dataset(entries: list[Entry], html: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -508,9 +508,8 @@ def test_what_people_write_is_text(text: str) -> None:
         details={text: text},
         per_scene=[{"scene": text, "weight": sums, "error": sums}],
     )
-    harmless = board_files(board_of(made_up("a", status="partial", status_reason="b")), [(EARLIER, None)])
-    old = EARLIER.model_copy(update={"definitions": text, "submission": text, "env": text, "split": text, "made": text})
-    files = board_files(board_of(hostile, made_up("b"), links=[text, None]), [(old, text)])
+    harmless = board_files(board_of(made_up("a", status="partial", status_reason="b")))
+    files = board_files(board_of(hostile, made_up("b"), links=[text, None]))
     assert len(Page(files.page).all("script")) == 1
     known = {tag for html in html_of_all(harmless) for tag, _ in Page(html).tags}
     for html in html_of_all(files):
@@ -523,12 +522,12 @@ def test_what_people_write_is_text(text: str) -> None:
 
 
 def html_of_all(files: BoardFiles) -> list[str]:
-    return [files.page, *(html_of(part) for name, part in files.parts.items() if name.endswith(".js"))]
+    return [files.page, *(html for html in pieces_of(files).values())]
 
 
 @pytest.mark.parametrize("link", ["javascript:alert(1)", " javascript:alert(1)", "data:text/html,x", "//host/x", "a b"])
 def test_a_link_is_never_a_script(link: str) -> None:
-    details = html_of(board_files(board_of(made_up("a"), links=[link])).parts[f"entries/{MAIN}/a.js"])
+    details = pieces_of(board_files(board_of(made_up("a"), links=[link])))[f"{MAIN}/a"]
     (address,) = [a["href"] for a in Page(details).all("a") if not (a["href"] or "").startswith("#")]
     assert address is not None
     assert ":" not in address
@@ -589,7 +588,7 @@ def test_of_many_scenes_the_heaviest_are_drawn() -> None:
     (entry,) = board_of(write_record(*(float(i) for i in range(MOST_SCENES + 9)), name="many"))
     bars = scene_chart(entry, None)
     assert [bar.error for bar in bars] == list(range(9, MOST_SCENES + 9))
-    details = html_of(board_files([entry]).parts[f"entries/{entry.env}/many.js"])
+    details = pieces_of(board_files([entry]), entry.env)[f"{entry.env}/many"]
     assert f"the {MOST_SCENES} of {MOST_SCENES + 9} with most of it" in details
     late = [0.0] * (MOST_SCENES + 9)
     late[-2:] = [1.0, 2.0]
@@ -597,28 +596,22 @@ def test_of_many_scenes_the_heaviest_are_drawn() -> None:
     assert [bar.error for bar in scene_chart(entry, None)] == [0.0] * (MOST_SCENES - 2) + [1.0, 2.0]
 
 
-@pytest.mark.parametrize(("share", "text"), [(-0.004, "0 %"), (-0.006, "−1 %"), (0.499, "50 %"), (1.0, "100 %")])
-def test_shares_are_whole_percentages(share: float, text: str) -> None:
-    assert percent(share) == text
-
-
-def test_what_saying_nothing_scores_stands_above_the_table() -> None:
+def test_the_error_if_nothing_is_predicted_stands_above_the_table() -> None:
     known, unknown = made_up("one", 1.0, silence=2.0), made_up("two", 2.0)
     outside = made_up("one", 1.0, silence=2.0, division="open")
-    assert "saying nothing scores <b>2.000</b>" in board_files(board_of(known)).page
-    assert "saying nothing scores 2.000" in str(board_tables(board_of(known))[0][0].title)
+    assert "<b>2.000</b> if nothing is predicted" in board_files(board_of(known)).page
+    assert "2.000 if nothing is predicted" in board_tables(board_of(known))[0][0].title
     for entries in (board_of(unknown), board_of(outside)):
-        assert "saying nothing" not in board_files(entries).page
-        assert "saying nothing" not in str(board_tables(entries)[0][0].title)
+        assert "if nothing is" not in board_files(entries).page
+        assert "if nothing is" not in board_tables(entries)[0][0].title
 
 
 def test_tables_of_the_terminal(entries: list[Entry]) -> None:
-    (second, _), (first, said) = board_tables(entries)
-    assert first.row_count == 10
-    assert second.row_count == 3
-    assert list(first.columns[0].cells)[3] == "late_decider (added)"
-    assert next(iter(first.columns[4].cells)) == "−0.326*"
-    assert [note for note in said if "truth" in note] == ["not ranked (saw the truth): truth_past"]
+    (second, _), (first, notes) = board_tables(entries)
+    assert (len(first.rows), len(second.rows)) == (10, 3)
+    assert first.cells(first.rows[3])[0] == "late_decider (added)"
+    assert first.cells(first.rows[0])[4] == "−0.326*"
+    assert [note for note in notes if "truth" in note] == ["not ranked (saw the truth): truth_past"]
 
 
 def test_markup_and_escapes_do_not_reach_the_terminal() -> None:
@@ -632,7 +625,8 @@ def test_json_holds_what_the_tables_show(entries: list[Entry]) -> None:
     row = content["MTP-WILDTRACK-k10-v0"][6]
     assert (row["submission"], row["rank"], row["not_ranked_because"]) == ("truth_past", None, "saw the truth")
     assert row["error"] == pytest.approx(0.381)
-    assert len(row["interval"]) == len(row["difference_interval"]) == 2
+    intervals = row["interval"], row["difference_interval"]
+    assert [isinstance(each, tuple) and len(each) for each in intervals] == [2, 2]
 
 
 def write_records(folder: Path, *records: Record) -> list[Path]:
@@ -671,9 +665,9 @@ def test_the_command_prints_ranks_and_writes_a_page(
         ("mine", 2, True),
         ("poor", 3, False),
     ]
-    details = tmp_path / "out.parts" / "entries" / MAIN
-    assert "./my%20own/mine/MTP-WILDTRACK-k10-v0.json" in html_of((details / "mine.js").read_text())
-    assert "./records/good/MTP-WILDTRACK-k10-v0.json" in html_of((details / "good.js").read_text())
+    details = (tmp_path / "out.parts" / f"{MAIN}.js").read_text()
+    assert "./my%20own/mine/MTP-WILDTRACK-k10-v0.json" in details
+    assert "./records/good/MTP-WILDTRACK-k10-v0.json" in details
 
 
 def test_nothing_is_cut_off_at_80_columns(tmp_path: Path) -> None:
@@ -756,4 +750,4 @@ def test_the_command_names_a_missing_folder_and_a_broken_record(tmp_path: Path, 
 def test_a_page_that_cannot_be_written_is_refused_before(tmp_path: Path, cli: CommandLine) -> None:
     assert "there is no folder" in cli("board", "-o", tmp_path / "none" / "x.html").error
     (tmp_path / "x.parts").write_text("")
-    assert "it is no folder of its own" in cli("board", "-o", tmp_path / "x.html").error
+    assert "it is not a folder" in cli("board", "-o", tmp_path / "x.html").error

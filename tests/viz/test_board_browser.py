@@ -296,7 +296,7 @@ def test_a_thousand_entries_load_on_demand(browser: Browser, tmp_path: Path) -> 
         browser.type("#_text", "name_0017")
         assert browser.wait_for(f"{COUNT} === '1 of 1000 entries'")
         assert browser.script(COUNT) == "1 of 1000 entries"
-        browser.click('.more[data-part="overview"]')
+        browser.click('.more[data-key="overview"]')
         assert browser.wait_for("return document.querySelectorAll('.matrix tbody tr').length === 987")
         assert browser.script("return document.activeElement.closest('.matrix') !== null")
 

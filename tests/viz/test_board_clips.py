@@ -7,14 +7,12 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from mtp_bench.errors import RecordError
-from mtp_bench.records import load_record, save_record
+from mtp_bench.errors import MtpBenchError, RecordError
 from mtp_bench.running.opened import open_run
 from mtp_bench.viz.board import Found, board_files, entries_of
-from mtp_bench.viz.board.clips import MOST_BYTES, SIZE, can_have_clip, clip_path, draw_clip, worst_event, write_clip
+from mtp_bench.viz.board.clips import MOST_BYTES, SIZE, can_have_clip, draw_clip, worst_event, write_clip
 from mtp_bench.viz.replay import Replay, replay
 from tests.support.board_records import MAIN, made_up
-from tests.support.command_line import CommandLine
 from tests.support.stored_records import SIMULATED
 
 SWITCHED = "0001"  # the scene in which track 8 takes over from track 7
@@ -39,7 +37,7 @@ def test_the_costliest_identity_event_is_found(replays: list[Replay]) -> None:
 def test_a_clip_is_small_moves_and_is_the_same_again(replays: list[Replay], tmp_path: Path) -> None:
     worst = worst_event(replays)
     assert worst is not None
-    paths = [tmp_path / "a.clip.webp", tmp_path / "b.clip.webp"]
+    paths = [tmp_path / "a.webp", tmp_path / "b.webp"]
     for path in paths:
         draw_clip(path, *worst)
     assert paths[0].read_bytes() == paths[1].read_bytes()
@@ -49,46 +47,28 @@ def test_a_clip_is_small_moves_and_is_the_same_again(replays: list[Replay], tmp_
         assert image.n_frames > 1  # type: ignore[attr-defined]
 
 
-def test_no_clip_is_ever_made_or_shown_of_recorded_scenes(tmp_path: Path, cli: CommandLine) -> None:
+def test_no_clip_is_ever_made_or_shown_of_recorded_scenes(tmp_path: Path) -> None:
     record = made_up("a")
     path = tmp_path / "records" / "a" / f"{MAIN}.json"
-    save_record(record, path)
     (path.with_suffix(".rollouts") / "seed-0").mkdir(parents=True)
     assert not can_have_clip(path, record)
     with pytest.raises(RecordError, match="no picture of them may be published"):
-        write_clip(path, record)
-    assert "clip" not in cli.ok("board", "--records", path.parents[1], "--clips")
-    clip = clip_path(path, load_record(path))
-    assert not clip.exists()
-    clip.touch()
-    page = tmp_path / "x.html"
-    cli.ok("board", "--records", path.parents[1], "-o", page)
-    assert ".webp" not in (tmp_path / "x.parts" / "entries" / MAIN / "a.js").read_text()
+        write_clip(tmp_path / "clip.webp", path, record)
+    parts = board_files(entries_of([Found(record, clip="r/a.webp")])).parts
+    assert ".webp" not in parts[f"{MAIN}.js"]
 
 
-def test_a_simulated_entry_shows_the_clip_beside_its_record() -> None:
-    found = [Found(made_up(name, env_id=SIMULATED), clip=clip) for name, clip in (("a", "r/a.clip.webp"), ("b", None))]
-    parts = board_files(entries_of(found)).parts
-    assert 'src=\\"./r/a.clip.webp\\"' in parts[f"entries/{SIMULATED}/a.js"]
-    assert "<img" not in parts[f"entries/{SIMULATED}/b.js"].replace("\\u003c", "<")
+def test_a_simulated_entry_shows_its_clip() -> None:
+    found = [Found(made_up(name, env_id=SIMULATED), clip=clip) for name, clip in (("a", "r/a.webp"), ("b", None))]
+    script = board_files(entries_of(found)).parts[f"{SIMULATED}.js"]
+    assert script.count('src=\\"./r/a.webp\\"') == script.count("img src") == 1
 
 
-def test_rollouts_are_needed_and_those_of_the_record(tmp_path: Path, cli: CommandLine) -> None:
+def test_a_clip_needs_the_rollouts_of_its_record(tmp_path: Path) -> None:
     record = made_up("a", 0.1, env_id=SIMULATED)
     path = tmp_path / "records" / "a" / f"{SIMULATED}.json"
-    save_record(record, path)
     assert not can_have_clip(path, record)
     (path.with_suffix(".rollouts") / "seed-0").mkdir(parents=True)
     assert can_have_clip(path, record)
-    no_run = "no clip: " + str(path.with_suffix(".rollouts"))  # there is no run in the folder
-    assert no_run in cli.ok("board", "--records", path.parents[1], "--clips").replace("\n", "")
-    clip_path(path, load_record(path)).touch()  # of this record: kept
-    assert "no clip: " not in cli.ok("board", "--records", path.parents[1], "--clips")
-    page = tmp_path / "x.html"
-    entry = tmp_path / "x.parts" / "entries" / SIMULATED / "a.js"
-    cli.ok("board", "--records", path.parents[1], "-o", page)
-    assert ".webp" in entry.read_text()
-    save_record(made_up("a", 0.2, env_id=SIMULATED), path)  # another record: its clip is another one
-    cli.ok("board", "--records", path.parents[1], "-o", page)
-    assert ".webp" not in entry.read_text()
-    assert no_run in cli.ok("board", "--records", path.parents[1], "--clips").replace("\n", "")
+    with pytest.raises(MtpBenchError, match="seed-0"):  # there is no run in the folder
+        write_clip(tmp_path / "clip.webp", path, record)

@@ -4,21 +4,21 @@
   const one = (id) => document.getElementById(id);
   const parts = document.body.dataset.parts;
 
-  /* Parts of the page are scripts beside it, for a page from disk may read no other files: each calls mtpBoard. */
-  const waiting = new Map();
+  /* Parts of the page are scripts beside it, for a page from disk may read no other files: they call mtpBoard. */
+  const pieces = new Map();
   const asked = new Map();
-  window.mtpBoard = (key, html) => waiting.get(key)?.(html);
-  const load = (key) => {
-    if (!asked.has(key)) {
-      asked.set(key, new Promise((resolve, reject) => {
-        waiting.set(key, resolve);
+  window.mtpBoard = (key, html) => pieces.set(key, html);
+  const load = (file, key) => {
+    if (!asked.has(file)) {
+      asked.set(file, new Promise((resolve, reject) => {
         const script = document.createElement("script");
-        script.src = `${parts}/${key.split("/").map(encodeURIComponent).join("/")}.js`;
+        script.src = `${parts}/${encodeURIComponent(file)}.js`;
+        script.onload = resolve;
         script.onerror = reject;
         document.head.append(script);
       }));
     }
-    return asked.get(key);
+    return asked.get(file).then(() => pieces.get(key) ?? missing);
   };
   const missing = `<p class="note">This part is missing: the folder ${parts} belongs beside the page.</p>`;
 
@@ -29,7 +29,7 @@
     row.append(document.createElement("td"));
     row.firstChild.colSpan = entry.rows[0].cells.length;
     entry.append(row);
-    load(`entries/${entry.id}`).catch(() => missing).then((html) => { row.firstChild.innerHTML = html; });
+    load(entry.closest(".board").dataset.env, entry.id).catch(() => missing).then((html) => { row.firstChild.innerHTML = html; });
     return row;
   };
   const setOpen = (entry, open) => {
@@ -38,16 +38,16 @@
   };
   const isOpen = (entry) => entry.querySelector(".open").getAttribute("aria-expanded") === "true";
 
-  /* The rest of a table, of the overview or of the page: what a button with data-part stands for. */
-  const places = { overview: ".matrix tbody", history: ".history" };
+  /* The rest of a table or of an overview: a button names the file and the key of the piece. */
   const more = async (button) => {
-    const key = button.dataset.part;
-    const place = places[key] ? document.querySelector(places[key]) : button.closest(".board").querySelector("table");
-    if (button.disabled) return load(key).catch(() => {});
+    const { part, key } = button.dataset;
+    const overview = button.closest(".overview");
+    const place = overview ? overview.querySelector("tbody") : button.closest(".board").querySelector("table");
+    if (button.disabled) return load(part, key).catch(() => {});
     const focused = document.activeElement === button;
     button.disabled = true;
     try {
-      const html = await load(key);
+      const html = await load(part, key);
       if (!button.isConnected) return;
       button.remove();
       const last = place.lastElementChild;

@@ -1,4 +1,4 @@
-"""A short clip of the costliest event of an entry, beside its record: of simulated scenes alone.
+"""A short clip of the costliest event of an entry, made when the site is built: of simulated scenes alone.
 
 Recorded scenes belong to their datasets: no picture of them is ever made for the leaderboard.
 """
@@ -16,28 +16,23 @@ from ...running.opened import open_run
 from ..replay import Incident, Replay, replay
 from .order import simulated
 
-SUFFIX = ".clip.webp"  # of the file beside a record
+SUFFIX = ".webp"
 MOST_BYTES = 150_000
 SIZE = (760, 500)  # pixels
 _MOST_FRAMES = 16
 _QUALITIES = (60, 45, 30, 20, 10)  # of WebP, until it is small enough
 
 
-def clip_path(path: Path, record: Record) -> Path:
-    """Where the clip of the record at ``path`` is; its name tells of which record it is."""
-    return path.with_name(f"{path.stem}.{record.digest[:12]}{SUFFIX}")
-
-
 def can_have_clip(path: Path, record: Record) -> bool:
-    """Whether scenes of the env may be shown, and what the agent said on them is stored."""
+    """Whether scenes of the env may be shown, and the rollouts of the record at ``path`` are stored."""
     return simulated(record.env.id) and rollouts_folder(path, record.seeds[0]).is_dir()
 
 
-def write_clip(path: Path, record: Record) -> Path | None:
-    """Write the clip of the record at ``path`` from its rollouts of the first seed; None without an event.
+def write_clip(clip: Path, path: Path, record: Record) -> bool:
+    """Write the clip of the record at ``path`` from its rollouts of the first seed; False without an event.
 
-    Raises RecordError where the scenes are not simulated or the rollouts are of another submission, and what
-    `open_run` raises.
+    Raises RecordError where the scenes are not simulated or the rollouts are of another submission, and the errors of
+    `open_run`.
     """
     if not simulated(record.env.id):
         raise RecordError(f"{path}: scenes of {record.env.id} are recorded, and no picture of them may be published")
@@ -45,21 +40,15 @@ def write_clip(path: Path, record: Record) -> Path | None:
     if opened.run.info.submission_digest != record.submission.digest:
         raise RecordError(f"{opened.folder}: made with another submission than the record {path.name}")
     name = record.submission.name
-    worst = worst_event(
-        replay(opened.scene(rollout.scene), rollout, opened.card, name) for rollout in opened.rollouts()
-    )
-    if worst is None:
-        return None
-    clip = clip_path(path, record)
-    draw_clip(clip, *worst)
-    for other in path.parent.glob(f"{path.stem}.*{SUFFIX}"):  # of earlier records
-        if other != clip:
-            other.unlink()
-    return clip
+    replays = (replay(opened.scene(rollout.scene), rollout, opened.card, name) for rollout in opened.rollouts())
+    worst = worst_event(replays)
+    if worst is not None:
+        draw_clip(clip, *worst)
+    return worst is not None
 
 
 def worst_event(replays: Iterable[Replay]) -> tuple[Replay, Incident] | None:
-    """The identity event that costs most; of equal ones that whose error rose most, then the first."""
+    """The costliest identity event; of equal ones the one with the largest rise of the error, then the first."""
     worst: tuple[Replay, Incident] | None = None
     most = (-1.0, 0.0)
     for played in replays:

@@ -1,136 +1,169 @@
-"""The columns of a leaderboard beyond rank and name: what each shows, how it sorts, which direction is better."""
+"""Columns of a leaderboard: those of rows, as the scorer declares them, and those of records and comparisons."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import replace
+from typing import Any
 
+from ...records.evaluation import rounded
+from ...scoring.rows import Row
 from ...scoring.subsets import Subset
-from ..terminal.output import NOTHING
+from ...tables import Column, Table, Value, columns_of
 from .entries import Entry
 
-Value = Callable[[Entry], float | None]
+_ROW = {column.key: column for column in columns_of(Row)}
+# Columns of the page, each with the class of its cells there: "wide" and "mid" are left out on narrower screens.
+PAGE = {
+    "error": "error", "difference": "difference", "public": "wide", "ids": "mid", "reacquired": "mid",
+    "minADE": "wide", "minFDE": "wide", "paper_ids_minADE": "wide", "paper_ids_minFDE": "wide",
+    "paper_frag_minADE": "wide", "paper_frag_minFDE": "wide", "same_gap": "mid", "coverage": "mid", "ms": "wide",
+}  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Column:
-    """A column of numbers."""
-
-    key: str
-    label: str
-    title: str  # for those who hover, focus or listen
-    better: Literal["lower", "higher", ""]
-    value: Value  # what it is sorted by
-    text: Callable[[float], str]
-    group: str = ""  # heading above several columns
-    kind: str = ""  # class of its cells on the page: "wide" and "mid" are left out on narrower screens
-    page: bool = True  # in the table of the page; the others are in its details and files
-
-    @property
-    def arrow(self) -> str:
-        """The direction that is better."""
-        return {"lower": "↓", "higher": "↑", "": ""}[self.better]
+def _of_row(name: str, subset: Subset = "all", **changes: Any) -> Column:
+    """A column of rows as one of entries, on one subset."""
+    column = _ROW[name]
+    return replace(column, **{"read": lambda entry: column.value(entry.row_of(subset)), **changes})
 
 
-def fixed(digits: int) -> Callable[[float], str]:
-    """Numbers with as many digits after the point."""
-    return lambda value: f"{value:.{digits}f}"
+def _of(key: str, heading: str, read: Callable[[Entry], Value], **declared: Any) -> Column:
+    return Column(heading, key=key, read=read, **declared)
 
 
-def signed(value: float) -> str:
-    """A difference with its sign and three digits."""
-    text = f"{value:+.3f}".replace("-", "−")
-    return text if float(f"{value:.3f}") else "0.000"
+def _text(key: str, read: Callable[[Entry], Value]) -> Column:
+    return Column(key=key, read=read)
 
 
-def percent(value: float) -> str:
-    """A share as a percentage."""
-    return f"{round(100 * value)} %".replace("-", "−")  # round: a whole number has no -0
+def _event(subset: Subset, what: str) -> Column:
+    title = f"Error over targets that {what}, weighted by how often that happens to the reference tracker, metres."
+    return _of_row("error", subset, key=subset, heading=subset, format=".2f", group="bADE where STP errs", help=title)
 
 
-def _difference(entry: Entry) -> float | None:
+def _paper(subset: Subset, group: str, where: str) -> list[Column]:
+    """The two numbers of the paper on a subset."""
+    prefix = "" if subset == "all" else f"{subset}_"
+    return [
+        _of_row(
+            name, subset, key=f"{prefix}{name}", format=".2f", group=group,
+            help=f"{distance} distance of the best sample over {where} that have a forecast, metres.",
+        )
+        for name, distance in (("minADE", "Mean"), ("minFDE", "Final"))
+    ]  # fmt: skip
+
+
+def _mean_difference(entry: Entry) -> float | None:
     found = entry.difference()
     return None if found is None else found.mean
 
 
-def _error_on(subset: Subset, targets: str) -> Column:
-    title = f"Error over targets that {targets}, weighted by how often that happens to the reference tracker, metres."
-    group = "error where STP errs"
-    return Column(subset, subset, title, "lower", lambda entry: entry.row_of(subset).error, fixed(2), group, "mid")
-
-
-def _paper(subset: Subset, name: str, where: str) -> tuple[Column, Column]:
-    """The two numbers of the paper on a subset."""
-    prefix = "" if subset == "all" else f"{subset}_"
-    title = f"{{}} of the best sample over {where} that have a forecast, metres."
-    return (
-        Column(f"{prefix}minADE", "minADE", title.format("Mean distance"), "lower",
-               lambda entry: entry.row_of(subset).minADE, fixed(2), name, "wide"),
-        Column(f"{prefix}minFDE", "minFDE", title.format("Final distance"), "lower",
-               lambda entry: entry.row_of(subset).minFDE, fixed(2), name, "wide"),
-    )  # fmt: skip
+def _difference_interval(entry: Entry) -> Value:
+    found = entry.difference()
+    return None if found is None else found.interval
 
 
 _ERROR = (
-    "Error over all targets, averaged over how many false forecasts one allows; where it cannot be known which are "
-    "false, as on nuScenes, over how many forecasts per frame. Metres. This ranks."
+    "Budgeted ADE over all targets: averaged over allowed numbers of false forecasts; where it is not known which are "
+    "false, as on nuScenes, over forecasts per frame. Metres. It decides the rank."
 )
 _DIFFERENCE = (
-    "Error minus that of the single-hypothesis pipeline (stp) on the same targets, metres, with the 95 % interval of "
+    "bADE minus that of the single-hypothesis pipeline (stp) on the same targets, metres, with the 95 % interval of "
     "the paired difference over units of at most 20 s. Left of the line: better than stp."
 )
-_PUBLIC = "Error on the scenes that everybody knows, where hidden ones rank, metres."
-_PLAIN = "Error with every forecast kept, however many are false, metres."
-_COVERAGE = "Share of the targets that have a forecast."
-_MEMORY = "Peak memory of the agent's process, MiB."
-_GAP = "How far towards prediction on true pasts (100 %), from stp (0 %), with the predictor of stp at both ends."
+_GAP = "Share of the way from stp (0 %) to prediction on ground-truth tracks (100 %), both with the predictor of stp."
 _SAME_GAP = (
-    "How far towards prediction on true pasts (100 %), from the single-hypothesis pipeline (0 %), both with the "
-    "predictor of the entry itself."
+    "Share of the way from the single-hypothesis pipeline (0 %) to prediction on ground-truth tracks (100 %), both "
+    "with the predictor of the entry itself."
 )
-_P50 = "Median time of one frame, milliseconds."
+_MS = "Mean time of one frame on the machine that made the record, milliseconds."
 _P95 = "Time within which 95 % of the frames are answered, milliseconds."
-_MS = "Mean time of one frame on the machine of whoever made the record, milliseconds."
 
-COLUMNS: Sequence[Column] = (
-    Column("error", "error", _ERROR, "lower", lambda e: e.error, fixed(3), "ranks (m)"),
-    Column("difference", "to stp", _DIFFERENCE, "lower", _difference, signed, "difference to stp (m)"),
-    Column("public", "public", _PUBLIC, "lower", lambda e: e.public_error, fixed(3), "", "wide"),
-    _error_on("ids", "change identity"),
-    _error_on("reacquired", "are lost and found again"),
+_NUMBERS: Sequence[Column] = (
+    _of_row("error", format=".3f", group="ranks (m)", help=_ERROR),
+    _of_row("interval"),
+    _of("difference", "to stp", _mean_difference, unit="m", better="lower", format="+.3f",
+        group="difference to stp (m)", help=_DIFFERENCE),
+    Column(key="difference_interval", interval=True, read=_difference_interval),
+    _of("public", "public", lambda e: e.public_error, unit="m", better="lower", format=".3f",
+        help="bADE on the public scenes, where hidden ones rank, metres."),
+    _event("ids", "change identity"),
+    _event("reacquired", "are lost and found again"),
     *_paper("all", "all targets", "all targets"),
     *_paper("paper_ids", "IDS", "targets with an identity switch of stp, the paper's subset,"),
     *_paper("paper_frag", "FRAG", "targets with a fragmentation of stp, the paper's subset,"),
-    Column("same_gap", "same predictor", _SAME_GAP, "higher", lambda e: e.same_predictor_gap("all"), percent,
-           "gap closed", "mid"),
-    Column("coverage", "covered", _COVERAGE, "higher", lambda e: e.row.coverage, percent, "", "mid"),
-    Column("ms", "ms", _MS, "lower", lambda e: e.record.measured.ms_per_frame, fixed(1), "", "wide"),
-    Column("plain", "plain", _PLAIN, "lower", lambda e: e.row.plain_error, fixed(3), page=False),
-    Column("gap", "gap closed", _GAP, "higher", lambda e: e.standing.gaps.get("all"), percent, page=False),
-    Column("hypotheses", "H", "Hypotheses of the tracker.", "", lambda e: e.record.hypotheses, fixed(0), page=False),
-    Column("samples", "K", "Samples per object.", "", lambda e: e.record.samples, fixed(0), page=False),
-    Column("p50", "p50", _P50, "lower", lambda e: e.record.measured.latency.p50_ms, fixed(1), page=False),
-    Column("p95", "p95", _P95, "lower", lambda e: e.record.measured.latency.p95_ms, fixed(1), page=False),
-    Column("memory", "MiB", _MEMORY, "lower", lambda e: e.record.measured.peak_memory_mib, fixed(0), page=False),
+    _of("same_gap", "same predictor", lambda e: e.same_predictor_gap("all"), unit="share", better="higher",
+        group="gap closed", help=_SAME_GAP),
+    _of_row("coverage", heading="covered", help="Share of the targets that have a forecast."),
+    _of("ms", "ms", lambda e: e.record.measured.ms_per_frame, unit="ms", better="lower", format=".1f", help=_MS),
+    _of("gap", "gap closed", lambda e: e.standing.gaps.get("all"), unit="share", better="higher", help=_GAP),
+    _of("hypotheses", "H", lambda e: e.record.hypotheses, help="Hypotheses of the tracker."),
+    _of("samples", "K", lambda e: e.record.samples, help="Samples per object."),
+    _of("p50", "p50", lambda e: e.record.measured.latency.p50_ms, unit="ms", better="lower", format=".1f",
+        help="Median time of one frame, milliseconds."),
+    _of("p95", "p95", lambda e: e.record.measured.latency.p95_ms, unit="ms", better="lower", format=".1f", help=_P95),
+    _of("memory", "memory", lambda e: e.record.measured.peak_memory_mib, unit="MiB", better="lower", format=".0f",
+        help="Peak memory of the agent's process."),
 )  # fmt: skip
-COLUMN = {column.key: column for column in COLUMNS}
+COLUMN = {column.key: column for column in _NUMBERS}
+_FIRST = (
+    _text("version", lambda e: e.version or None),
+    _text("rank", lambda e: e.rank),
+    _text("submission", lambda e: e.name),
+    _text("not_ranked_because", lambda e: e.why or None),
+    _text("trained_on_scored", lambda e: e.trained_on_scored or None),
+    _text("added", lambda e: e.added),
+)
+_LAST = (
+    Column(key="p", format=".3f", read=lambda e: d.p if (d := e.difference()) else None),
+    _text("division", lambda e: e.record.division),
+    _text("status", lambda e: e.record.status),
+    _text("digest", lambda e: e.record.digest),
+    _text("level", lambda e: e.level),
+    _text("checked", lambda e: e.checked or None),
+    _text("made", lambda e: e.record.measured.made),
+)
 
 
-def columns_of(entries: Collection[Entry]) -> list[Column]:
-    """The columns of the table of one environment: those in which an entry has a number."""
-    return [column for column in COLUMNS if column.page and any(column.value(entry) is not None for entry in entries)]
+def further_columns(entries: Collection[Entry]) -> list[Column]:
+    """Further numbers of rows: the optional columns of the scorer."""
+    kind = type(next(iter(entries)).row) if entries else Row
+    return [column for column in columns_of(kind) if column.optional]
 
 
-def shown(column: Column, entry: Entry) -> str:
-    """The text of one cell."""
-    value = column.value(entry)
-    return NOTHING if value is None else column.text(value)
+def _over_all(column: Column) -> Column:
+    """A column of rows as one of entries, over all targets."""
+    return replace(column, read=lambda entry: column.value(entry.row))
 
 
-def best_texts(column: Column, entries: Sequence[Entry]) -> str | None:
-    """What the best of the compared entries shows in a column; None where nothing is better or worse."""
-    values = [value for entry in entries if entry.compared and (value := column.value(entry)) is not None]
-    if not column.better or len(values) < 2:
+def page_columns(entries: Collection[Entry]) -> list[Column]:
+    """The columns of a table of the page: those in which an entry has a number."""
+    return [COLUMN[key] for key in PAGE if any(COLUMN[key].value(entry) is not None for entry in entries)]
+
+
+def data_table(entries: Sequence[Entry], name: str) -> Table:
+    """Every number of the entries, rounded as records are, for CSV, JSON and other programs."""
+    env = _text("env", lambda e: e.env)
+    further = [_over_all(column) for column in further_columns(entries)]
+    columns = [env, *_FIRST, *_NUMBERS, *further, *_LAST]
+    return Table(name, "Leaderboard", "", entries, [replace(c, read=_rounded(c)) for c in columns])
+
+
+def _rounded(column: Column) -> Callable[[Entry], Value]:
+    return lambda entry: rounded(column.value(entry))
+
+
+def board_json(entries: Sequence[Entry]) -> dict[str, list[dict[str, Value]]]:
+    """The content of ``board --json``: a list of rows per environment, None where a value is missing."""
+    boards: dict[str, list[dict[str, Value]]] = {}
+    for record in data_table(entries, "board").records:
+        boards.setdefault(str(record.pop("env")), []).append(record)
+    return boards
+
+
+def best_text(column: Column, entries: Sequence[Entry]) -> str | None:
+    """Text of the best value of the compared entries in a column; None where neither direction is better."""
+    values = [column.value(entry) for entry in entries if entry.compared]
+    numbers = [value for value in values if isinstance(value, (int, float))]
+    if not column.better or len(numbers) < 2:
         return None
-    return column.text(min(values) if column.better == "lower" else max(values))
+    return column.text(min(numbers) if column.better == "lower" else max(numbers))

@@ -16,7 +16,7 @@ from ...submission.loader import ON_SCORED
 from .order import env_place
 
 LEVEL_TEXT: dict[Level, str] = {
-    "scored": "checked by nobody but the authors",
+    "scored": "checked by its authors alone",
     "re-scored": "scored again from the stored rollouts",
     "re-run": "run again from the submission",
     "hidden": "run again, and on scenes that were not public",
@@ -25,11 +25,11 @@ LEVEL_TEXT: dict[Level, str] = {
 
 @dataclass(frozen=True, eq=False)
 class Found(Checked):
-    """A record of a leaderboard, and what is known of it."""
+    """A record of a leaderboard with its addresses."""
 
     link: str | None = None  # relative address of its file
-    added: bool = False  # not part of the leaderboard: where it would stand
-    note: str = ""  # why the level beside it is not shown
+    added: bool = False  # not part of the leaderboard, shown at its place there
+    note: str = ""  # reason why the level beside it is not shown
     code: str | None = None  # relative address of its folder, where that ships
     clip: str | None = None  # relative address of a clip of its costliest event
 
@@ -46,6 +46,16 @@ class Entry(Found):
         return self.record.env.id
 
     @property
+    def version(self) -> str:
+        """Earlier version of the package that made it, "0.2"; empty for one whose numbers compare with today's."""
+        return self.record.earlier_version
+
+    @property
+    def board(self) -> str:
+        """Id of its table: that of the environment, with the version where that is an earlier one."""
+        return f"{self.env}@{self.version}" if self.version else self.env
+
+    @property
     def name(self) -> str:
         """Name of the submission."""
         return self.record.submission.name
@@ -57,7 +67,7 @@ class Entry(Found):
 
     @property
     def why(self) -> str:
-        """Why it has none; empty where it has one."""
+        """Reason why it has no rank; empty where it has one."""
         return self.standing.places["all"].why
 
     @property
@@ -67,7 +77,7 @@ class Entry(Found):
 
     @property
     def seal(self) -> str:
-        """The seal of its hidden scenes, and when it was retired, for people; empty where there are none."""
+        """The seal of its hidden scenes, and when it was retired; empty where there are none."""
         seal = None if self.signed is None else self.signed.seal
         if seal is None:
             return ""
@@ -75,39 +85,39 @@ class Entry(Found):
 
     @property
     def trained_on_scored(self) -> str:
-        """What of it was trained on the scenes that are scored, as it declares; empty where nothing was."""
-        return next((said for said in self.record.training_data if said.endswith(ON_SCORED)), "")
+        """The part of it that was trained on the scored scenes, as it declares; empty where no part was."""
+        return next((text for text in self.record.training_data if text.endswith(ON_SCORED)), "")
 
     @property
     def checked(self) -> str:
-        """By whom and when, and of which seal, for people; empty where it was not."""
+        """Date and signer of its level, and the seal; empty where it was not checked."""
         if self.signed is None:
             return ""
         by = f"{self.signed.statement.date} by {self.signed.signer}"
         return f"{by}; seal {self.seal}" if self.seal else by
 
     def row_of(self, subset: Subset) -> Row:
-        """What ranks on a subset."""
+        """The ranking numbers of a subset."""
         return self.sums.row_of(subset)
 
     @property
     def row(self) -> Row:
-        """What ranks over all targets."""
+        """The ranking numbers of all targets."""
         return self.row_of("all")
 
     @property
     def rows(self) -> list[Row]:
-        """What ranks, one per subset."""
+        """The ranking numbers of each subset."""
         return [self.row_of(row.subset) for row in self.record.rows]
 
     @property
     def error(self) -> float | None:
-        """What ranks over all targets, metres."""
+        """The ranking error over all targets, metres."""
         return self.row.error
 
     @property
     def public_error(self) -> float | None:
-        """The error on the scenes that everybody knows, metres, where hidden ones rank."""
+        """The error on the public scenes, metres, where hidden ones rank."""
         return self.record.row.error if self.on_hidden else None
 
     def difference(self, subset: Subset = "all") -> PairedDifference | None:
@@ -116,39 +126,40 @@ class Entry(Found):
 
     @property
     def verdict(self) -> str:
-        """Whether it is "better" or "worse" than STP by the test that ranks; empty where that cannot tell."""
+        """Return "better" or "worse" than STP by the test that ranks; empty where that cannot tell."""
         difference = self.difference()
         if difference is None or difference.p >= SIGNIFICANT:
             return ""
         return "better" if difference.mean < 0 else "worse"
 
     def same_predictor_gap(self, subset: Subset) -> float | None:
-        """What it closes of the gap between ends with its own predictor, where that is known."""
+        """Share that it closes of the gap between references with its own predictor, where that is known."""
         return self.standing.own_gaps.get(subset, self.row_of(subset).gap_closed_same_predictor)
 
 
 def entries_of(found: Sequence[Found]) -> list[Entry]:
-    """The entries in the order of the leaderboard: by environment, rank, error and name."""
+    """The entries in the order of the leaderboard: by version, environment, rank, error and name."""
     levels = {each.record.digest: each.signed for each in found if each.signed is not None}
     places = standings([each.record for each in found], levels)
     entries = (Entry(**vars(each), standing=places[each.record.digest]) for each in found)
     return sorted(entries, key=_order)
 
 
-def silence_of(entries: Sequence[Entry]) -> float | None:
-    """What an agent that says nothing scores in one environment, metres; None where it is not known."""
+def empty_error(entries: Sequence[Entry]) -> float | None:
+    """Error in one environment if nothing is predicted, metres; None where it is not known."""
     return next((entry.sums.silence for entry in entries if entry.compared), None)
 
 
-def by_env(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
-    """The entries of each environment, in their order."""
+def by_board(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
+    """The entries of each table, in their order."""
     boards: dict[str, list[Entry]] = {}
     for entry in entries:
-        boards.setdefault(entry.env, []).append(entry)
+        boards.setdefault(entry.board, []).append(entry)
     return boards
 
 
-def _order(entry: Entry) -> tuple[tuple[int, str], float, bool, float, str, str]:
+def _order(entry: Entry) -> tuple[str, tuple[int, str], float, bool, float, str, str]:
     rank = math.inf if entry.rank is None else entry.rank
     error = math.inf if entry.error is None else entry.error
-    return env_place(entry.env), rank, not entry.compared, error, entry.name, entry.record.digest
+    place = env_place(entry.env)
+    return entry.version, place, rank, not entry.compared, error, entry.name, entry.record.digest

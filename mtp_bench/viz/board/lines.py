@@ -1,4 +1,4 @@
-"""What the templates show of one environment and of each entry in it."""
+"""Content of the templates for one table of the page, and for each entry in it."""
 
 from __future__ import annotations
 
@@ -13,104 +13,127 @@ from ...files import clean_text
 from ...records.attestation import LEVELS
 from ...records.ranking import STP
 from ...scoring.definitions import DEFINITIONS
+from ...scoring.rows import Row
 from ...scoring.subsets import SUBSETS
 from ...sources import about
-from .columns import COLUMNS, best_texts, columns_of, shown, signed
-from .curves import Frame, curve_chart, curve_of, small_frame
-from .entries import Entry, silence_of
+from ...tables import Column, Table, Value
+from .columns import COLUMN, PAGE, best_text, further_columns, page_columns
+from .drawings import Frame, bar_of, curve_chart, curve_of, scale_of, scene_chart, small_frame, zero_of
+from .entries import Entry, empty_error
 from .order import simulated
-from .scale import bar_of, scale_of, scene_chart, zero_of
+from .overview import p_value
 
 _SHORT = 120  # letters of a text in a row: all of it is in the details
+_SIGNED = COLUMN["difference"]
 
 Ids = Mapping[Entry, str]
 Line = dict[str, Any]
 
 
-def board_of(env_id: str, entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
-    """What the template of a table shows of one environment."""
+def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
+    """Content of the template of one table."""
+    env_id = entries[0].env
     compared = [entry for entry in entries if entry.compared]
-    scored = next(iter(compared), entries[0])
+    first = next(iter(compared), entries[0])
     reference = next((entry for entry in compared if entry.name == STP), None)
-    columns, scale, frame = columns_of(entries), scale_of(entries), small_frame(entries)
+    columns, scale, frame = page_columns(entries), scale_of(entries), small_frame(entries)
     ranks = [entry.rank for entry in entries if entry.rank is not None]
-    found: dict[str, Any] = {
-        "id": env_id,
+    board: dict[str, Any] = {
+        "id": entries[0].board,
+        "env": env_id,
+        "version": entries[0].version,
         "about": _about(env_id),
         "simulated": simulated(env_id),
         "card": sorted({entry.record.env.card_digest for entry in entries} - {""}),
-        "split": scored.record.env.split,
+        "split": first.record.env.split,
         "total": len(entries),
         "ranked": len(ranks),
-        "nobody": scored.why if compared and not ranks else "",
-        "sizes": {row.subset: row for row in scored.rows},
-        "silence": silence_of(entries),
+        "unranked_because": first.why if compared and not ranks else "",
+        "sizes": {row.subset: row for row in first.rows},
+        "empty_error": empty_error(entries),
         "few": {name for name in SUBSETS[1:] if all(each.standing.places[name].rank is None for each in entries)},
         "columns": columns,
-        "groups": [(group, list(each)) for (group, _), each in groupby(columns, key=lambda c: (c.group, c.kind))],
+        "groups": [(group, list(each)) for (group, _), each in groupby(columns, lambda c: (c.group, PAGE[c.key]))],
         "scale": scale,
         "zero": zero_of(scale),
         "reference": reference,
         "curves": frame is not None,
         "stp_curve": "" if frame is None or reference is None else frame.line(curve_of(reference)),
     }
-    best = {column.key: best_texts(column, entries) for column in columns}
+    best = {column.key: best_text(column, entries) for column in columns}
     shared = {rank for rank in ranks if ranks.count(rank) > 1}
-    found["lines"] = [_line(entry, found, best, shared, frame) | {"id": ids[entry]} for entry in entries]
-    return found
+    board["lines"] = [_line(entry, board, best, shared, frame) | {"id": ids[entry]} for entry in entries]
+    return board
 
 
 def details_of(line: Line, board: Mapping[str, Any]) -> Line:
-    """What the template of an entry shows beyond its line."""
+    """Content of the template of an entry beyond its line."""
     entry: Entry = line["entry"]
-    standing, reference = entry.standing, board["reference"]
+    reference = board["reference"]
     return line | {
-        "cells": {column.key: shown(column, entry) for column in COLUMNS},
+        "cells": {key: column.shown(entry) for key, column in COLUMN.items()},
         "link": address_of(entry.link),
         "all_links": _links(entry),
         "clip": address_of(entry.clip) if board["simulated"] else None,
         "chart": curve_chart(entry, reference),
-        "subsets": [
-            (
-                row,
-                standing.places[row.subset],
-                entry.difference(row.subset),
-                standing.gaps.get(row.subset),
-                entry.same_predictor_gap(row.subset),
-            )
-            for row in entry.rows
-        ],
+        "subsets": subset_table(entry),
         "parts": [(name, value) for name in ("localisation", "missed") if (value := getattr(entry.row, name))],
         "scenes": scene_chart(entry, reference),
     }
 
 
+def subset_table(entry: Entry) -> Table:
+    """The numbers of an entry on each subset."""
+    standing = entry.standing
+
+    def paired(name: str) -> dict[str, Value]:
+        return {subset: getattr(each, name) for subset, each in standing.differences.items()}
+
+    differences, intervals, chances = paired("mean"), paired("interval"), paired("p")
+    columns = [
+        Column("subset", key="subset", read=lambda row: row.subset),
+        Column("rank", key="rank", read=lambda row: standing.places[row.subset].rank),
+        Column("bADE", better="lower", format=".3f", key="error", read=lambda row: row.error),
+        Column("95 % interval", format=".3f", key="interval", read=lambda row: row.interval),
+        Column("to stp", better="lower", format="+.3f", key="difference", read=lambda row: differences.get(row.subset)),
+        Column("95 % interval", format="+.3f", key="ends", read=lambda row: intervals.get(row.subset)),
+        Column("p", key="p", read=lambda row: None if (p := chances.get(row.subset)) is None else p_value(p)),  # type: ignore[arg-type]
+        Column("minADE", better="lower", format=".3f", key="minADE", read=lambda row: row.minADE),
+        Column("minFDE", better="lower", format=".3f", key="minFDE", read=lambda row: row.minFDE),
+        Column("covered", "share", "higher", key="coverage", read=lambda row: row.coverage),
+        Column("gap closed", "share", "higher", key="gap", read=lambda row: standing.gaps.get(row.subset)),
+        Column("same predictor", "share", "higher", key="own", read=lambda row: entry.same_predictor_gap(row.subset)),
+        Column("events / objects / scenes", "-", key="sizes", read=_sizes),
+        *further_columns([entry]),
+    ]
+    return Table("subsets", "Errors in metres", "", entry.rows, columns)
+
+
+def _sizes(row: Row) -> str:
+    return f"{Column(format='.0f').text(row.events)} / {row.objects} / {row.scenes}"
+
+
 def difference_text(entry: Entry) -> str:
-    """The difference to STP in words, for those who listen; empty without one."""
+    """The difference to STP in words, for screen readers; empty without one."""
     found = entry.difference()
     if found is None:
         return ""
-    within = f", 95 % interval {signed(found.interval[0])} to {signed(found.interval[1])}" if found.interval else ""
-    return f"{signed(found.mean)} m{within}, p {p_value(found.p)}"
-
-
-def p_value(p: float) -> str:
-    """A p value with the sign of its relation."""
-    return "< .001" if p < 0.001 else f"= {p:.3f}".replace("0.", ".", 1)
+    within = f", 95 % interval {_SIGNED.text(found.interval)}" if found.interval else ""
+    return f"{_SIGNED.text(found.mean)} m{within}, p {p_value(found.p)}"
 
 
 def address_of(link: str | None) -> str | None:
-    """A way to a file as a relative address: it is never taken for a script or another host, whatever it is called."""
+    """The relative address of a file: never that of a script or another host, whatever the name of the file."""
     return None if link is None else "./" + quote(link.lstrip("/"), safe="/", errors="surrogateescape")
 
 
 def _line(
     entry: Entry, board: Mapping[str, Any], best: Mapping[str, str | None], shared: set[int], frame: Frame | None
 ) -> Line:
-    """What the template shows of one entry in its table."""
+    """Content of the template of one entry in its table."""
     record, curve = entry.record, curve_of(entry)
     authors = ", ".join(record.submission.authors)
-    cells = {column.key: shown(column, entry) for column in board["columns"]}
+    cells = {column.key: column.shown(entry) for column in board["columns"]}
     return {
         "entry": entry,
         "record": record,
@@ -134,18 +157,18 @@ def _line(
 
 
 def _links(entry: Entry) -> list[tuple[str, str]]:
-    """Where the code and the paper of an entry are; the code of a baseline is that which ships."""
+    """Addresses of the code and the paper of an entry; the code of a baseline is that which ships."""
     submission = entry.record.submission
     code = submission.source or address_of(entry.code)
     return [(label, address) for label, address in (("code", code), ("paper", submission.paper)) if address]
 
 
 def _about(env_id: str) -> dict[str, str] | None:
-    """What a card that ships says of its environment; None for another."""
+    """Description of an environment by its card; None for one that does not ship."""
     if env_id not in card_ids():
         return None
     card = load_card(env_id)
     data = about(card)
-    how = "simulated" if card.detector is not None else "stored"
-    detections = f"{how} ({card.detector_name})" if card.detector_name else how
+    kind = "simulated" if card.detector is not None else "stored"
+    detections = f"{kind} ({card.detector_name})" if card.detector_name else kind
     return {"summary": card.summary, "detections": detections, "dataset": data.name, "licence": data.licence}

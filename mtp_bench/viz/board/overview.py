@@ -1,64 +1,160 @@
-"""The overview: agents by environments, with rank and error in each cell."""
+"""The overview of agents by environments, the leader of the first one, and the picture of it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Annotated, Any
 
-from .entries import Entry, by_env
+from ...files import clean_text
+from ...records.ranking import difference_of
+from ...scoring.statistics import PairedDifference
+from ...tables import Column, Table, columns_of
+from .entries import Entry, by_board
 from .order import short_name, simulated
+
+_NAMED = 3  # leaders
+_BARS = 5  # of the picture
+_WIDTH = 400  # of its longest bar
+_NAME = 24  # letters that fit beside the bars
 
 
 @dataclass(frozen=True)
 class Head:
     """A column of the overview."""
 
-    env: str
+    board: str
     name: str
     simulated: bool
 
 
 @dataclass(frozen=True)
 class Overview:
-    """Agents by environments."""
+    """Agents by environments, of one version."""
 
+    version: str
     heads: list[Head]
     rows: list[tuple[str, list[Entry | None]]]  # name of an agent, its entry per environment
 
     @property
     def marked(self) -> bool:
-        """Whether something in an agent was trained on scenes that are scored."""
+        """Whether a part of an agent was trained on scenes that are scored."""
         return any(entry is not None and entry.trained_on_scored for _, row in self.rows for entry in row)
 
     @property
     def groups(self) -> list[tuple[str, int]]:
         """Headings above the columns, with their number."""
         made = sum(head.simulated for head in self.heads)
-        found = [("recorded", len(self.heads) - made), ("simulated", made)]
-        return [(name, count) for name, count in found if count]
+        counts = [("recorded", len(self.heads) - made), ("simulated", made)]
+        return [(name, count) for name, count in counts if count]
+
+
+@dataclass(frozen=True)
+class OverviewRow:
+    """A cell of the overview as a row of its file."""
+
+    agent: Annotated[str, Column()]
+    env: Annotated[str, Column()]
+    version: Annotated[str | None, Column()]
+    rank: Annotated[int | None, Column()]
+    error: Annotated[float | None, Column("bADE", "m", "lower")]
 
 
 def overview_of(entries: Sequence[Entry]) -> Overview:
-    """The overview of ``entries`` (from `entries_of`), the best of the first environment first."""
-    boards = by_env(entries)
-    found: dict[str, dict[str, Entry]] = {}
+    """The overview of ``entries`` of one version (from `entries_of`), the best of the first environment first."""
+    boards = by_board(entries)
+    agents: dict[str, dict[str, Entry]] = {}
     for entry in entries:
-        found.setdefault(entry.name, {}).setdefault(entry.env, entry)  # of several of one name the first
-    names = sorted(found, key=lambda name: (*_places(found[name], boards), name))
-    rows = [(name, [found[name].get(env) for env in boards]) for name in names]
-    return Overview([Head(env, short_name(env), simulated(env)) for env in boards], rows)
+        agents.setdefault(entry.name, {}).setdefault(entry.board, entry)  # of several of one name the first
+    names = sorted(agents, key=lambda name: (*(_place(agents[name].get(board)) for board in boards), name))
+    rows = [(name, [agents[name].get(board) for board in boards]) for name in names]
+    heads = [Head(board, short_name(listed[0].env), simulated(listed[0].env)) for board, listed in boards.items()]
+    return Overview(entries[0].version if entries else "", heads, rows)
 
 
-def _places(mine: Mapping[str, Entry], boards: Mapping[str, Sequence[Entry]]) -> tuple[tuple[float, float], ...]:
-    """Rank and error in each environment; what has none comes last."""
-    return tuple(_place(mine.get(env)) for env in boards)
+def overview_table(overviews: Sequence[Overview]) -> Table:
+    """A row per agent and environment."""
+    rows = [
+        OverviewRow(name, entry.env, entry.version or None, entry.rank, entry.error)
+        for overview in overviews
+        for name, row in overview.rows
+        for entry in row
+        if entry is not None
+    ]
+    return Table("overview", "All environments", "", rows, columns_of(OverviewRow))
 
 
 def _place(entry: Entry | None) -> tuple[float, float]:
+    """Rank and error in one environment; a missing entry comes last."""
     if entry is None:
         return math.inf, math.inf
     return (
         math.inf if entry.rank is None else entry.rank,
         math.inf if entry.error is None or not entry.compared else entry.error,
     )
+
+
+def _ranked_first(entries: Sequence[Entry]) -> list[Entry]:
+    """The ranked entries of the first table."""
+    return [entry for entry in next(iter(by_board(entries).values()), []) if entry.rank is not None]
+
+
+def leader_of(entries: Sequence[Entry], ids: Mapping[Entry, str]) -> dict[str, Any] | None:
+    """Content of the head of the page: the leader of the first table; None where that has no ranks."""
+    ranked = _ranked_first(entries)
+    best = [entry for entry in ranked if entry.rank == 1]
+    if not best:
+        return None
+    leader, row = best[0], best[0].row
+    following = ranked[len(best)] if len(ranked) > len(best) else None
+    return {
+        "board": leader.board,
+        "name": short_name(leader.env),
+        "version": leader.version,
+        "first": [(entry, ids[entry]) for entry in best[:_NAMED]],
+        "more": len(best[_NAMED:]),
+        "error": f"{leader.error:.3f}",
+        "less_stp": _lead(leader.difference()),
+        "next": None if following is None else (following, ids[following]),
+        "less_next": None if following is None else _lead(difference_of(leader, following, "all")),
+        "ranked": len(ranked),
+        "targets": f"{row.targets:,}".replace(",", " "),
+        "scenes": row.scenes,
+    }
+
+
+def _lead(difference: PairedDifference | None) -> dict[str, str] | None:
+    """A difference in words, above 0 whatever its direction, with its interval and p; None without an interval."""
+    if difference is None or difference.interval is None:
+        return None
+    sign = -1 if difference.mean < 0 else 1
+    low, high = sorted(sign * end for end in difference.interval)
+    return {
+        "by": f"{abs(difference.mean):.3f} m {'lower' if difference.mean < 0 else 'higher'}",
+        "interval": f"{low:.3f} to {high:.3f}".replace("-", "−"),
+        "p": f"p {p_value(difference.p)}",
+    }
+
+
+def p_value(p: float) -> str:
+    """A p value with the sign of its relation."""
+    return "< .001" if p < 0.001 else f"= {p:.3f}".replace("0.", ".", 1)
+
+
+def preview_rows(entries: Sequence[Entry]) -> dict[str, Any]:
+    """Content of the picture that other pages show of the leaderboard; no rows without a ranked entry."""
+    ranked = [entry for entry in _ranked_first(entries) if entry.error is not None][:_BARS]
+    most = max((entry.error or 0.0 for entry in ranked), default=0.0) or 1.0
+    return {
+        "env": short_name(entries[0].env) if entries else "",
+        "rows": [
+            {
+                "rank": entry.rank,
+                "name": clean_text(entry.name, _NAME),
+                "width": round(_WIDTH * (entry.error or 0.0) / most),
+                "error": f"{entry.error:.3f}",
+            }
+            for entry in ranked
+        ],
+    }

@@ -11,35 +11,32 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
+from ...errors import MtpBenchError
+from ...files import require_folder, whole_folder, write_text
 from ...records.attestation import LEVELS
-from ...records.history import OldResult
 from ...scoring.definitions import DEFINITIONS, RANKED_OBJECTS, RANKED_UNITS
+from ...tables import BLANK, Column, to_csv, to_json
 from ..pages import source_of, templates_of, text_of
-from ..terminal.output import NOTHING, number
-from .columns import COLUMNS, percent, signed
-from .entries import LEVEL_TEXT, Entry, by_env
-from .leader import leader_of
-from .lines import Ids, address_of, board_of, details_of, p_value
-from .overview import overview_of
-from .preview import preview_rows
-from .scale import WIDTH
-from .tables import overview_files, table_files
+from .columns import COLUMN, PAGE, data_table
+from .drawings import WIDTH
+from .entries import LEVEL_TEXT, Entry, by_board
+from .lines import Ids, address_of, board_of, details_of
+from .overview import Overview, leader_of, overview_of, overview_table, preview_rows
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 _HERE = Path(__file__).parent
+SUFFIX = ".parts"  # of the folder beside a page
+_MARK = "overview.json"  # in every such folder
 MOST_ENTRIES, MOST_ROWS = 25, 266  # of a table, and of all tables, before more are asked for
-MOST_AGENTS = 60  # of the overview
+MOST_AGENTS = 60  # of an overview
 _FURTHER = {
     "rank": ("#", "1 + the number of entries that are significantly better: sign-flip test over units, p below .05."),
     "name": ("submission", "Open it for its details. Below its name: authors, code and paper."),
-    "curve": (
-        "curve",
-        "The error on public scenes over how many false forecasts are allowed, from none on; dashed: stp.",
-    ),
+    "curve": ("curve", "bADE on public scenes over the number of allowed false forecasts, from none on; dashed: stp."),
     "level": ("verified", " ".join(f"{name}: {LEVEL_TEXT[name]}." for name in LEVELS)),
-}  # what stands in a table beside the columns of numbers
+}  # columns of a table beside those of numbers
 
 
 @dataclass(frozen=True)
@@ -50,56 +47,50 @@ class BoardFiles:
     parts: dict[str, str]
 
 
-def board_files(
-    entries: Sequence[Entry],
-    history: Sequence[tuple[OldResult, str | None]] = (),
-    folder: str = "index.parts",
-    guide: str | None = None,
-) -> BoardFiles:
-    """The page of ``entries`` (from `entries_of`): an overview, then a table per environment.
+def board_files(entries: Sequence[Entry], folder: str = "index.parts", guide: str | None = None) -> BoardFiles:
+    """The page of ``entries`` (from `entries_of`): an overview, then a table per environment; earlier versions last.
 
-    ``history``: results under earlier definitions with the links to them. ``folder``: name of the folder of the parts,
-    beside the page. ``guide``: relative address of what says how to submit. No date, path or random id is added.
+    ``folder``: name of the folder of the parts, beside the page. ``guide``: relative address of the guide to
+    submitting. No date, path or random id is added.
     """
     ids = _ids(entries)
-    boards = [board_of(env_id, listed, ids) for env_id, listed in by_env(entries).items()]
-    overview = overview_of(entries)
+    boards = [board_of(listed, ids) for listed in by_board(entries).values()]
+    versions = [
+        (overview_of([entry for entry in entries if entry.version == version]),
+         [board for board in boards if board["version"] == version])
+        for version in dict.fromkeys(entry.version for entry in entries)
+    ]  # fmt: skip
     known = {
-        "parts": quote(folder),
-        "boards": boards,
-        "overview": overview,
-        "ids": ids,
-        "history": [(old, address_of(link)) for old, link in history],
-        "levels": LEVELS,
+        "parts": quote(folder), "boards": boards, "versions": versions, "ids": ids, "levels": LEVELS,
         "most": _most([len(board["lines"]) for board in boards]),
-    }
-    parts = {f"overview.{suffix}": text for suffix, text in overview_files(overview).items()}
-    parts["preview.svg"] = _render("preview.svg", **preview_rows(entries))
-    if len(overview.rows) > MOST_AGENTS:
-        parts["overview.js"] = _part("overview", "overview_rows.html", known, agents=overview.rows[MOST_AGENTS:])
-    if history:
-        parts["history.js"] = _part("history", "history.html", known)
-    for board, (env_id, listed) in zip(boards, by_env(entries).items(), strict=True):
-        parts |= {f"tables/{env_id}.{suffix}": text for suffix, text in table_files(env_id, listed).items()}
-        parts |= _scripts(board, known)
+    }  # fmt: skip
+    table = overview_table([overview for overview, _ in versions])
+    parts = {"preview.svg": _render("preview.svg", **preview_rows(entries))}
+    parts |= {"overview.csv": to_csv(table), _MARK: to_json(table)}
+    later = [_piece(_overview_key(o), "overview_rows.html", known, agents=o.rows[MOST_AGENTS:])
+             for o, _ in versions if len(o.rows) > MOST_AGENTS]  # fmt: skip
+    if later:
+        parts["overview.js"] = "".join(later)
+    for env_id in sorted({entry.env for entry in entries}):
+        data = data_table([entry for entry in entries if entry.env == env_id], env_id)
+        parts |= {f"{env_id}.csv": to_csv(data), f"{env_id}.json": to_json(data)}
+        parts[f"{env_id}.js"] = "".join(_pieces(board, known) for board in boards if board["env"] == env_id)
     return BoardFiles(_page(entries, known, address_of(guide)), parts)
 
 
 def _most(lines: Sequence[int]) -> int:
-    """How many lines of each table are shown before more are asked for, of tables of so many ``lines``."""
+    """Number of lines of each table that are shown before more are asked for, of tables of so many ``lines``."""
     fitting = (most for most in range(1, MOST_ENTRIES + 1) if sum(min(count, most) for count in lines) <= MOST_ROWS)
     return max(fitting, default=1)
 
 
 def _page(entries: Sequence[Entry], known: dict[str, Any], guide: str | None) -> str:
     style, script = text_of(_HERE, "board.css"), text_of(_HERE, "board.js")
-    overview = known["overview"]
     return _render(
         "page.html",
         **known,
-        agents=overview.rows[:MOST_AGENTS],
         leader=leader_of(entries, known["ids"]),
-        columns=[column for column in COLUMNS if any(column in board["columns"] for board in known["boards"])],
+        columns=[COLUMN[key] for key in PAGE if any(COLUMN[key] in board["columns"] for board in known["boards"])],
         further=_FURTHER,
         few_objects=RANKED_OBJECTS,
         few_units=RANKED_UNITS,
@@ -114,21 +105,22 @@ def _page(entries: Sequence[Entry], known: dict[str, Any], guide: str | None) ->
     )
 
 
-def _scripts(board: dict[str, Any], known: dict[str, Any]) -> dict[str, str]:
-    """What is loaded on demand of one environment: the details of each entry, and the entries that come later."""
-    found = {}
+def _pieces(board: dict[str, Any], known: dict[str, Any]) -> str:
+    """Pieces of a table that are loaded on demand: its later entries, and the details of each."""
     later = board["lines"][known["most"] :]
-    if later:
-        key = f"tables/{board['id']}"
-        found[f"{key}.js"] = _part(key, "rows.html", known, board=board, lines=later)
+    pieces = [_piece(board["id"], "rows.html", known, board=board, lines=later)] if later else []
     for line in board["lines"]:
-        key = f"entries/{line['id']}"
-        found[f"{key}.js"] = _part(key, "entry.html", known, board=board, line=details_of(line, board))
-    return found
+        pieces.append(_piece(line["id"], "entry.html", known, board=board, line=details_of(line, board)))
+    return "".join(pieces)
 
 
-def _part(key: str, template: str, known: dict[str, Any], **more: Any) -> str:
-    """A script that hands a piece of HTML to the page. JSON in ASCII without "<" ends no script early."""
+def _overview_key(overview: Overview) -> str:
+    """Key of the later rows of an overview."""
+    return f"overview@{overview.version}" if overview.version else "overview"
+
+
+def _piece(key: str, template: str, known: dict[str, Any], **more: Any) -> str:
+    """A call that hands a piece of HTML to the page. JSON in ASCII without "<" ends no script early."""
     html = _render(template, **known, **more)
     return f"mtpBoard({json.dumps(key)}, {json.dumps(html)});\n".replace("<", "\\u003c")
 
@@ -138,17 +130,17 @@ def _render(template: str, **content: Any) -> str:
 
 
 def _ids(entries: Sequence[Entry]) -> Ids:
-    """The place of each entry in addresses: "env/submission"; of several of one name the first."""
+    """The address of each entry in the page, "table/submission"; a further one of the same name has its digest."""
     ids, seen = dict[Entry, str](), Counter[str]()
     for entry in entries:
-        name = f"{entry.env}/{entry.name}"
+        name = f"{entry.board}/{entry.name}"
         ids[entry] = f"{name}~{entry.record.digest[:8]}" if seen[name.lower()] else name
         seen[name.lower()] += 1
     return ids
 
 
 def _policy(style: str, script: str) -> str:
-    """A content security policy: this style, this script and what it loads itself, pictures beside the page."""
+    """A content security policy: this style, this script and its own parts, pictures beside the page."""
     return (
         f"default-src 'none'; style-src {source_of(style)}; script-src {source_of(script)} 'strict-dynamic'; "
         "img-src 'self' data:; base-uri 'none'; form-action 'none'"
@@ -158,11 +150,34 @@ def _policy(style: str, script: str) -> str:
 @cache
 def _templates() -> Environment:
     environment = templates_of(_HERE)
-    environment.globals.update(width=WIDTH, nothing=NOTHING, level_text=LEVEL_TEXT)
-    environment.filters.update(
-        number=number,
-        signed=signed,
-        p_value=p_value,
-        percent=lambda share: NOTHING if share is None else percent(share),
+    environment.globals.update(
+        width=WIDTH, nothing=BLANK, level_text=LEVEL_TEXT, page_class=PAGE, overview_key=_overview_key
     )
+    environment.filters["number"] = lambda value, digits=3: Column(format=f".{digits}f").text(value)
     return environment
+
+
+def parts_folder(page: Path) -> Path:
+    """The folder of the parts of ``page``."""
+    return page.with_name(page.stem + SUFFIX)
+
+
+def require_parts(page: Path) -> None:
+    """Raise MtpBenchError unless the folder of the parts can be written, and holds earlier parts alone."""
+    folder = parts_folder(page)
+    require_folder(folder)
+    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+        raise MtpBenchError(f"cannot write {folder}: it is not a folder; remove it")
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / _MARK).is_file():
+        raise MtpBenchError(
+            f"cannot write {folder}: it holds other files than parts of a page; write the page elsewhere"
+        )
+
+
+def write_board(page: Path, files: BoardFiles) -> None:
+    """Write a page and its parts in place of earlier ones. Raises MtpBenchError where that fails."""
+    require_parts(page)
+    with whole_folder(parts_folder(page)) as folder:
+        for name, text in files.parts.items():
+            (folder / name).write_text(text, encoding="utf-8")
+    write_text(page, files.page)

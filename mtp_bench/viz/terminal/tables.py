@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from ...running.sensitivity import AtCut
 from ...scoring import Report
 from ...scoring.definitions import RANKED_SUBSETS
-from ...scoring.rows import Clear, Details, Interval, PairedRow, Row, Setting
+from ...scoring.rows import Clear, Details, PairedRow, Row, Setting
 from ...scoring.subsets import SUBSETS, Subset
 from ...scoring.weights import EVENTS
 from ...tables import Column, Table, Value, columns_of, short
@@ -47,6 +47,7 @@ class MainRow:
 
 
 IN_PAPER = "  in the paper"
+_main_row: Callable[..., MainRow] = MainRow
 
 
 @dataclass(frozen=True)
@@ -69,11 +70,11 @@ def main_table(report: Report) -> Table:
     rows = []
     for block in [each for each in blocks if each["all"].budget == "equal"] or blocks:
         first, ids = block["all"], block["ids"]
-        values = [f"{short(block[subset].minADE)}/{short(block[subset].minFDE)}" for subset in PAPER_SUBSETS]
-        numbers = first.coverage, first.error, first.rank, ids.error, ids.rank
-        rows.append(MainRow(first.agent, first.hypotheses, *values, *numbers))
+        displacements = [f"{short(block[subset].minADE)}/{short(block[subset].minFDE)}" for subset in PAPER_SUBSETS]
+        ranked = first.coverage, first.error, first.rank, ids.error, ids.rank
+        rows.append(_main_row(first.agent, first.hypotheses, *displacements, *ranked))
         if figures := paper_figures(env, first):
-            rows.append(MainRow(IN_PAPER, None, *(_of_paper(figures, name) for name in PAPER_SUBSETS.values())))
+            rows.append(_main_row(IN_PAPER, None, *(_of_paper(figures, name) for name in PAPER_SUBSETS.values())))
     title = f"{report.env}{'' if env else ', changed'}: m, less is better"
     return Table("main", title, "", rows, columns_of(MainRow))
 
@@ -153,37 +154,30 @@ def _bin_error(by: str, place: int) -> Callable[[Line], Value]:
     return lambda line: [part for part in line.details.bins if part.by == by][place].errors.error
 
 
-@dataclass(frozen=True)
-class CutRow:
-    """Errors with detections above one score."""
-
-    cut: Annotated[float, Column("score", format="g")]
-    switches: Annotated[int, Column("of stp", group="switches")]
-    switches_on_targets: Annotated[int, Column("on targets", group="switches")]
-    ids_stp: Annotated[float | None, Column("stp", group="ids")]
-    ids_mtp: Annotated[float | None, Column("mtp", group="ids")]
-    all_stp: Annotated[float | None, Column("stp", group="all")]
-    all_mtp: Annotated[float | None, Column("mtp", group="all")]
-    ids_less: Annotated[float | None, Column("ids", format="+.3f", group="mtp less control")]
-    ids_interval: Annotated[Interval | None, Column(interval=True)]
-    all_less: Annotated[float | None, Column("all", format="+.3f", group="mtp less control")]
-    all_interval: Annotated[Interval | None, Column(interval=True)]
-
-
 def sensitivity_table(cuts: Sequence[AtCut]) -> Table:
     """Errors against the score threshold of the input, with the difference of mtp to its control stp_same_budget."""
-    rows = [
-        CutRow(
-            at.cut,
-            at.switches,
-            at.switches_on_targets,
-            *(errors.get(agent) for errors in (at.ids, at.all) for agent in ("stp", "mtp")),
-            *(part.get(subset) for subset in ("ids", "all") for part in (at.beyond_control, at.interval)),  # type: ignore[arg-type]
-        )
-        for at in cuts
+    group = "mtp less control"
+    signed = Column(format="+.3f", group=group)
+    columns = [
+        Column("score", format="g", key="cut"),
+        Column("of stp", group="switches", key="switches"),
+        Column("on targets", group="switches", key="switches_on_targets"),
+        *(
+            Column(agent, group=subset, key=f"{subset}_{agent}", read=_cut_error(subset, agent))
+            for subset in ("ids", "all")
+            for agent in ("stp", "mtp")
+        ),
+        replace(signed, key="ids", read=lambda at: at.beyond_control.get("ids")),
+        Column(key="ids_interval", format="+.3f", interval=True, read=lambda at: at.interval.get("ids")),
+        replace(signed, key="all", read=lambda at: at.beyond_control.get("all")),
+        Column(key="all_interval", format="+.3f", interval=True, read=lambda at: at.interval.get("all")),
     ]
     title = "Detections above a score: bADE (m); control: stp_same_budget, 95 % interval"
-    return Table("cuts", title, "", rows, columns_of(CutRow))
+    return Table("cuts", title, "", cuts, columns)
+
+
+def _cut_error(subset: str, agent: str) -> Callable[[AtCut], Value]:
+    return lambda at: (at.ids if subset == "ids" else at.all).get(agent)
 
 
 def blocks_of(report: Report) -> list[dict[Subset, Row]]:
@@ -196,7 +190,12 @@ def _row_columns(report: Report) -> tuple[Column, ...]:
     return columns_of(type(report.rows[0]) if report.rows else Row)
 
 
-_NAMES = [replace(c, read=lambda line, key=c.key: getattr(line.all, key)) for c in columns_of(Row)[:3]]
+def _of_all(column: Column) -> Column:
+    """A column of rows as one of lines, on all targets."""
+    return replace(column, read=lambda line: column.value(line.all))
+
+
+_NAMES = [_of_all(column) for column in columns_of(Row)[:3]]
 
 
 def _lines_table(title: str, lines: Sequence[Line], columns: Sequence[Column], names: Sequence[Column] = ()) -> Table:

@@ -1,0 +1,219 @@
+"""Drawings of a leaderboard: scales, intervals of differences, errors per scene, and errors over false forecasts."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+from pydantic import TypeAdapter, ValidationError
+
+from ...records.record import ScenePart
+from ...scoring.rows import Point
+from ...scoring.statistics import PairedDifference
+from .entries import Entry
+
+WIDTH = 150.0  # of a drawing, user units
+BAR = 120.0  # width of the longest bar of a scene, user units
+PAD = 9.0  # left and right of the scale
+MOST_TICKS = 5
+FARTHEST = 3.0
+MARGIN = 0.04  # of a scale beyond what it holds, on each side
+MOST_SCENES = 40  # of an entry
+_POINTS = TypeAdapter(list[Point])
+_MOST_POINTS = 50
+_LARGEST = 1e9  # of what is drawn: a record may say anything here
+_TICKS = {True: (0.0, 0.2, 0.5, 1.0, 2.0, 5.0), False: (1.0, 5.0, 10.0, 20.0, 40.0, 80.0)}
+_LABEL = {True: "false forecasts allowed per target", False: "forecasts allowed per frame"}
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A linear scale from ``low`` to ``high`` metres."""
+
+    low: float
+    high: float
+    ticks: tuple[float, ...]
+
+    def x(self, value: float) -> float:
+        """Where a value is drawn; values off the scale stay at its ends."""
+        share = (min(max(value, self.low), self.high) - self.low) / (self.high - self.low)
+        return round(PAD + share * (WIDTH - 2 * PAD), 1)
+
+
+@dataclass(frozen=True)
+class Bar:
+    """One interval as it is drawn."""
+
+    low: float
+    high: float
+    at: float
+    below: bool  # some of it lies off the scale: an arrow says so
+    above: bool
+
+
+def scale_of(entries: Sequence[Entry]) -> Scale | None:
+    """A scale around 0 that holds the differences to STP of the compared entries (of all, where none is).
+
+    What reaches more than FARTHEST times as far as the median is left off, so that the others can be told apart.
+    """
+    shown = [entry for entry in entries if entry.compared and entry.difference()] or entries
+    ends = [_ends(difference) for entry in shown if (difference := entry.difference()) is not None]
+    if not ends:
+        return None
+    farthest = FARTHEST * statistics.median_high([max(abs(low), abs(high)) for low, high in ends])
+    within = [0.0, *(value for pair in ends for value in pair if abs(value) <= farthest)]
+    return nice_scale(min(within), max(within))
+
+
+def bar_of(scale: Scale | None, difference: PairedDifference | None) -> Bar | None:
+    """How a difference and its interval are drawn; without an interval as a point."""
+    if scale is None or difference is None:
+        return None
+    low, high = _ends(difference)
+    return Bar(scale.x(low), scale.x(high), scale.x(difference.mean), low < scale.low, high > scale.high)
+
+
+def zero_of(scale: Scale | None) -> float:
+    """Where no difference is drawn."""
+    return WIDTH / 2 if scale is None else scale.x(0.0)
+
+
+def nice_scale(low: float, high: float) -> Scale:
+    """A little more than from ``low`` to ``high``, with at least one and few round ticks."""
+    span = max(high - low, 1e-3 * max(abs(high), abs(low), 1.0))
+    middle, half = (low + high) / 2, span * (0.5 + MARGIN)
+    step = _step(span / (MOST_TICKS - 1))
+    first, last = math.ceil((middle - half) / step), math.floor((middle + half) / step)
+    return Scale(middle - half, middle + half, tuple(round(i * step, 9) for i in range(first, last + 1)))
+
+
+def _ends(difference: PairedDifference) -> tuple[float, float]:
+    return difference.interval or (difference.mean, difference.mean)
+
+
+def _step(least: float) -> float:
+    """The smallest 1, 2 or 5 times a power of ten that is not less than ``least``."""
+    power = 10.0 ** math.floor(math.log10(least))
+    return next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= least * (1 - 1e-9))
+
+
+@dataclass(frozen=True)
+class SceneBar:
+    """One scene of an entry."""
+
+    scene: str
+    targets: int
+    error: float | None  # m
+    width: float  # of its bar, user units
+    reference: float | None  # where the reference's error in this scene is marked
+
+
+def scene_chart(entry: Entry, reference: Entry | None) -> list[SceneBar]:
+    """Bars of scenes, in the order of the record; those of ``reference`` where it has the same scenes.
+
+    Of many scenes the MOST_SCENES with the largest sums of errors.
+    """
+    beside = {} if reference is None or reference is entry else _errors(reference)
+    errors = _errors(entry)
+    most = max([*errors.values(), *(beside[name] for name in errors if name in beside)], default=0.0)
+    unit = BAR / most if most > 0 else 0.0
+    return [
+        SceneBar(
+            scene=part.scene,
+            targets=part.targets,
+            error=part.mean_error,
+            width=round(unit * errors.get(part.scene, 0.0), 1),
+            reference=round(unit * beside[part.scene], 1) if part.scene in beside else None,
+        )
+        for part in _heaviest(entry)
+    ]
+
+
+def _heaviest(entry: Entry) -> list[ScenePart]:
+    """In the order of the record; of equal ones the first."""
+    scenes = entry.record.per_scene
+    places = sorted(range(len(scenes)), key=lambda place: -sum(scenes[place].error["all"]))[:MOST_SCENES]
+    return [scenes[place] for place in sorted(places)]
+
+
+def _errors(entry: Entry) -> dict[str, float]:
+    return {part.scene: error for part in entry.record.per_scene if (error := part.mean_error) is not None}
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A drawing of curves: its size in user units, and what its axes reach to."""
+
+    width: float
+    height: float
+    left: float
+    bottom: float
+    most: float  # of the horizontal axis, which is one of square roots: it begins at 0
+    scale: Scale  # of the vertical axis, m
+
+    def x(self, value: float) -> float:
+        """Where a number of false forecasts is drawn."""
+        share = math.sqrt(min(max(value, 0.0), self.most) / self.most)
+        return round(self.left + share * (self.width - self.left - 1.0), 1)
+
+    def y(self, value: float) -> float:
+        """Where an error is drawn."""
+        share = (min(max(value, self.scale.low), self.scale.high) - self.scale.low) / (self.scale.high - self.scale.low)
+        return round(1.0 + (1.0 - share) * (self.height - self.bottom - 2.0), 1)
+
+    def line(self, curve: Sequence[Point]) -> str:
+        """Points of a line; of a level stretch its ends."""
+        points = [(self.x(at), self.y(error)) for at, error in curve]
+        stretches = [list(each) for _, each in groupby(points, key=lambda point: point[1])]
+        ends = [point for each in stretches for point in (each[0], *each[1:][-1:])]
+        return " ".join(f"{x:g},{y:g}" for x, y in ends)
+
+
+@dataclass(frozen=True)
+class CurveChart:
+    """The larger drawing of one entry."""
+
+    frame: Frame
+    label: str  # of the horizontal axis
+    ticks: tuple[float, ...]
+    own: str
+    reference: str  # of STP; empty where there is none, or the entry is STP
+
+
+def curve_of(entry: Entry) -> list[Point]:
+    """False forecasts and errors of the record, as its scorer wrote them; empty where it has no such curve."""
+    try:
+        curve = _POINTS.validate_python(entry.record.details.get("curve", []))
+    except ValidationError:
+        return []
+    sound = all(0 <= number <= _LARGEST for point in curve for number in point)
+    return sorted(curve)[:_MOST_POINTS] if sound else []
+
+
+def small_frame(entries: Sequence[Entry]) -> Frame | None:
+    """The frame that all small drawings of one environment share; None without a curve."""
+    shown = [entry for entry in entries if entry.compared] or entries  # what is not may have any error
+    return _frame([curve_of(entry) for entry in shown], 64.0, 20.0, 1.0, 0.0)
+
+
+def curve_chart(entry: Entry, reference: Entry | None) -> CurveChart | None:
+    """The larger drawing of an entry, with the curve of ``reference`` beside it; None without a curve."""
+    own = curve_of(entry)
+    beside = [] if reference is None or reference is entry else curve_of(reference)
+    frame = _frame([own, beside], 340.0, 180.0, 34.0, 20.0)
+    if frame is None or not own:
+        return None
+    known = entry.record.env.truth_complete
+    ticks = tuple(tick for tick in _TICKS[known] if tick <= frame.most)
+    return CurveChart(frame, _LABEL[known], ticks, frame.line(own), frame.line(beside))
+
+
+def _frame(curves: Sequence[list[Point]], width: float, height: float, left: float, bottom: float) -> Frame | None:
+    most = max((at for curve in curves for at, _ in curve), default=0.0)
+    if most <= 0:
+        return None
+    errors = [error for curve in curves for _, error in curve]
+    return Frame(width, height, left, bottom, most, nice_scale(min(errors), max(errors)))

@@ -1,0 +1,72 @@
+"""A metric as a stranger adds it: one declared field, shown in every table; rows without it have a blank."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import Annotated
+
+import pytest
+from rich.console import Console
+
+from mtp_bench.records import Record
+from mtp_bench.scoring.rows import Row
+from mtp_bench.tables import Column, to_csv, to_latex, to_markdown
+from mtp_bench.viz.board import board_files, board_json, data_table, entries_of
+from mtp_bench.viz.board.entries import Found
+from mtp_bench.viz.terminal import tables
+from mtp_bench.viz.terminal.output import report_table
+from tests.support.board_records import MAIN, made_up
+from tests.support.report_rows import rows
+from tests.viz.test_verdict import report
+
+SETTING = ("mine", 3, 20, "equal")
+
+
+class FurtherRow(Row):
+    """A row with one more metric."""
+
+    jerk: Annotated[float | None, Column("jerk", "m/s³", "lower", optional=True)] = None
+
+
+def further(row: Row, jerk: float | None) -> FurtherRow:
+    return FurtherRow.model_validate({**row.model_dump(), **({} if jerk is None else {"jerk": jerk})})
+
+
+@pytest.mark.parametrize(("jerk", "text"), [(4.321, "4.321"), (None, "–")])
+def test_a_report_shows_it(jerk: float | None, text: str) -> None:
+    known = report(
+        [further(row, jerk) for row in rows(SETTING)] + [further(row, 9.0) for row in rows(("b", 1, 20, "equal"))]
+    )
+    (parts,) = [table for table in tables.full_tables(known) if table.title.startswith("What the error is made of")]
+    console = Console(record=True, width=100, file=io.StringIO())
+    console.print(report_table(parts))
+    (line,) = [line for line in console.export_text().splitlines() if line.startswith("mine")]
+    assert line.split()[-1] == text
+    assert to_latex(parts).splitlines()[-5].split(" & ")[-1] == rf"{text.replace('–', '--')} \\"
+    assert to_markdown(parts).splitlines()[2].endswith(f"| {text} |")
+    (first, *_) = csv.DictReader(io.StringIO(to_csv(tables.data_table(known))))
+    assert first["jerk [m/s³]"] == ("" if jerk is None else text)
+
+
+def test_the_board_shows_it_and_records_without_it_load() -> None:
+    plain = made_up("plain")
+    entry_with = made_up("with_it", 0.5)
+    entry_with = entry_with.model_copy(update={"rows": [further(row, 4.321) for row in entry_with.rows]})
+    entries = entries_of([Found(entry_with), Found(plain)])
+    assert [row.get("jerk") for row in board_json(entries)[MAIN]] == [4.321, None]
+    assert [line["jerk [m/s³]"] for line in csv.DictReader(io.StringIO(to_csv(data_table(entries, MAIN))))] == [
+        "4.321",
+        "",
+    ]
+    script = board_files(entries).parts[f"{MAIN}.js"]
+    with_it, without = script.splitlines()
+    assert "jerk" in with_it
+    assert "4.321" in with_it
+    assert "jerk" not in without
+
+
+def test_a_stored_row_without_the_metric_loads() -> None:
+    stored = rows(SETTING)[0].model_dump(mode="json")
+    assert FurtherRow.model_validate(stored).jerk is None
+    assert Record.model_fields["rows"].annotation == list[Row]

@@ -1,0 +1,70 @@
+"""Tables of the leaderboard in Markdown pages."""
+
+from __future__ import annotations
+
+import pytest
+
+from mtp_bench.errors import MtpBenchError
+from mtp_bench.viz.board import Entry
+from mtp_bench.viz.board.markdown import filled
+from tests.support.board_records import FEW, MAIN, board_of, made_up, made_up_board
+
+
+@pytest.fixture(scope="module")
+def entries() -> list[Entry]:
+    return board_of(*made_up_board())
+
+
+def marked(name: str) -> str:
+    return f"before\n<!-- table: {name} -->\nold\n<!-- /table -->\nafter\n"
+
+
+def rows_of(text: str) -> list[list[str]]:
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:1] == "|"]
+
+
+def test_an_environment_has_a_row_per_entry(entries: list[Entry]) -> None:
+    text = filled(marked(f"env {MAIN}"), entries, "page.md")
+    assert text.startswith(f"before\n<!-- table: env {MAIN} -->\n\n| agent |")
+    assert text.endswith("\n\n<!-- /table -->\nafter\n")
+    headings, _, first, *_ = rows_of(text)
+    assert headings[:4] == ["agent", "all bADE (m) ↓", "all rank", "ids bADE (m) ↓"]
+    assert first[0] == "`braided_paths`"
+    assert first[1].startswith("0.742 [0.")
+    assert first[2] == "1"
+    assert [row[0] for row in rows_of(text)[2:]] == [f"`{entry.name}`" for entry in entries if entry.env == MAIN]
+    assert filled(text, entries, "page.md") == text
+
+
+def test_agents_stand_side_by_side_on_the_environments_that_all_of_them_have(entries: list[Entry]) -> None:
+    rows = rows_of(filled(marked("all of stp calm_hedge"), entries, "page.md"))
+    assert rows[0] == ["environment", "`stp` (m) ↓", "`calm_hedge` (m) ↓", "effective objects", "effective units"]
+    assert [row[0] for row in rows[2:]] == [FEW, MAIN]
+    (only,) = rows_of(filled(marked("ids of stp straight_on"), entries, "page.md"))[2:]
+    assert only[0] == MAIN
+
+
+def test_records_of_an_earlier_version_fill_a_table_that_has_no_others() -> None:
+    old = made_up("old", 0.5, versions={"mtp-bench": "0.2.0"})
+    assert "`old`" in filled(marked(f"env {MAIN}"), board_of(old), "page.md")
+    new = filled(marked(f"env {MAIN}"), board_of(old, made_up("new")), "page.md")
+    assert [row[0] for row in rows_of(new)[2:]] == ["`new`"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("no table\n", "no table to fill in"),
+        (f"<!-- table: env {MAIN} -->\n", "expected them in pairs"),
+        ("<!-- /table -->\n", "expected them in pairs"),
+        (marked(marked("env x")), "expected them in pairs"),
+        (marked("env"), "expected `env ID` or"),
+        (marked("most of stp"), "expected `env ID` or"),
+        (marked("ids of"), "expected `env ID` or"),
+        (marked("env MTP-WILDTRAK-v0"), "unknown environment"),
+        (marked("ids of spt"), "unknown agent"),
+    ],
+)
+def test_a_wrong_marker_stops_the_page(entries: list[Entry], text: str, message: str) -> None:
+    with pytest.raises(MtpBenchError, match=message):
+        filled(text, entries, "page.md")
