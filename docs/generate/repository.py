@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 
 from mtp_bench.commands.board import read_board
-from mtp_bench.parallel import QUIET
+from mtp_bench.parallel import NO_PROGRESS
 from mtp_bench.records import load_record, record_paths, trusted
 from mtp_bench.viz.board import board_files
 from mtp_bench.viz.board.clips import can_have_clip, write_clip
@@ -88,7 +88,7 @@ def _clip_of(link: str) -> str:
 
 def _board_with(clips: dict[str, bytes]) -> dict[str, str]:
     """The board made anew, with links to clips."""
-    content = read_board(ROOT / "leaderboard" / "records", (), None, ROOT / BOARD, trusted(None), QUIET)
+    content = read_board(ROOT / "leaderboard" / "records", (), None, ROOT / BOARD, trusted(None), NO_PROGRESS)
     entries = [
         replace(entry, clip=clip if entry.link and (clip := _clip_of(entry.link)) in clips else None)
         for entry in content.entries

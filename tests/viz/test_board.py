@@ -186,7 +186,8 @@ def test_hidden_scenes_rank_and_the_public_error_stands_beside(tmp_path: Path) -
     assert "2030-02-02 by tester; seal first of 2030-01-01, retired 2030-03-03" in details
     assert "Error per scene (m), public scenes" in details, "whose numbers are not those that rank"
     (row, _) = board_json(entries)["MTP-Merge-v0"]
-    assert (row["level"], row["public"]) == ("hidden", pytest.approx(0.6))
+    assert row["level"] == "hidden"
+    assert row["public"] == pytest.approx(0.6)
     (alone,) = entries_of([Found(records[0])])
     assert (alone.rank, alone.why, alone.public_error) == (None, "not scored on hidden scenes yet", None)
 
@@ -457,8 +458,8 @@ def test_an_empty_board_says_how_to_take_part() -> None:
 
 
 def test_records_of_version_0_2_stand_apart_with_their_ranks() -> None:
-    old = {"versions": {"mtp-bench": "0.2.5"}}
-    earlier = [made_up("stp", 1.0, **old), made_up("good", 0.5, **old)]
+    old = {"mtp-bench": "0.2.5"}
+    earlier = [made_up("stp", 1.0, versions=old), made_up("good", 0.5, versions=old)]
     signed: dict[str, Level] = {"stp": "re-run", "good": "re-run"}
     entries = board_of(made_up("stp", 0.9), *earlier, levels=signed)
     assert [(entry.board, entry.name) for entry in entries] == [
