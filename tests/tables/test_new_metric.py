@@ -29,7 +29,7 @@ class FurtherRow(Row):
     jerk: Annotated[float | None, Column("jerk", "m/s³", "lower", optional=True)] = None
 
 
-def further(row: Row, jerk: float | None) -> FurtherRow:
+def further(row: Row, jerk: float | None) -> Row:
     return FurtherRow.model_validate({**row.model_dump(), **({} if jerk is None else {"jerk": jerk})})
 
 
